@@ -1,0 +1,29 @@
+//! What can go wrong at a device, with both numbers and the way out.
+
+use crate::units::Steps;
+
+#[derive(Debug, thiserror::Error)]
+pub enum DeviceError {
+    #[error("{device}: cannot open {address}: {why}. {remedy}")]
+    Open { device: &'static str, address: String, why: String, remedy: &'static str },
+    #[error("{device}: no answer to {request:?} within {waited_ms} ms. Check power and cable, then reference the axis again")]
+    Silent { device: &'static str, request: String, waited_ms: u128 },
+    #[error("{device}: the connection is gone ({why}). Check power and cable")]
+    Gone { device: &'static str, why: String },
+    #[error("{device}: expected {expected}, got {found:?}")]
+    Unexpected { device: &'static str, expected: String, found: String },
+    #[error("{device}: {name} is {found}, the configuration says {expected}; the axis will not move until they agree")]
+    Mismatch { device: &'static str, name: String, expected: String, found: String },
+    #[error("{device}: the controller reports {what}. Clear the cause, then reference the axis again")]
+    Alarm { device: &'static str, what: String },
+    #[error("rotation axis: not referenced; its position is not known, so it refuses to move")]
+    NotReferenced,
+    #[error("rotation axis: sent to {target}, stands at {achieved}")]
+    Missed { target: Steps, achieved: Steps },
+    #[error("rotation axis: stopped")]
+    Stopped,
+    #[error("camera: no whole frame within {waited_ms} ms after {attempts} triggers; last: {last}")]
+    NoFrame { waited_ms: u128, attempts: u32, last: String },
+    #[error("camera: {what}: {why}")]
+    Camera { what: &'static str, why: String },
+}

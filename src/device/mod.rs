@@ -1,0 +1,97 @@
+//! The instrument's devices behind narrow traits. They know units and raw frames, nothing of the science.
+//!
+//! ```text
+//! acquisition ── RotationAxis ── grbl ── link (one owner per serial port) ── /dev/tty...
+//!             └─ Camera ──────── aravis (one owner per camera) ──────────── GigE
+//! ```
+//! `stop` of an axis is reachable from any thread at any moment, through its [`StopHandle`].
+
+pub mod camera;
+pub mod rotation;
+
+mod error;
+
+pub use error::DeviceError;
+
+use crate::frame::RawFrame;
+use crate::units::Steps;
+use std::time::Duration;
+
+/// What is known of an axis' position. A number alone is not knowledge: a controller that restarted counts from 0 again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Position {
+    /// Never referenced since the port was opened.
+    Unknown,
+    /// Referenced; every view of one model must carry the same epoch.
+    Referenced { steps: Steps, epoch: u32 },
+    /// Something happened that the controller may not have noticed (a restart, an unexplained position).
+    Suspect { epoch: u32 },
+}
+
+/// Where a move ended, by the controller's own account.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Achieved {
+    pub steps: Steps,
+    pub epoch: u32,
+}
+
+/// The axis that turns the capillary.
+pub trait RotationAxis: Send {
+    /// What the controller says of itself, for the record.
+    fn identity(&self) -> &str;
+    /// Finds the axis' reference and makes it step 0 of a new epoch.
+    fn reference(&mut self) -> Result<Achieved, DeviceError>;
+    /// Moves to an absolute position and returns once the axis has arrived.
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError>;
+    fn position(&self) -> Position;
+    /// A handle by which any thread stops the motor at once, also while `move_to` is waiting.
+    fn stop_handle(&self) -> StopHandle;
+}
+
+/// Stops a motor from any thread.
+#[derive(Clone)]
+pub struct StopHandle(std::sync::Arc<dyn Fn() + Send + Sync>);
+
+impl StopHandle {
+    pub fn new(stop: impl Fn() + Send + Sync + 'static) -> Self {
+        Self(std::sync::Arc::new(stop))
+    }
+
+    /// Puts the stop on the wire; the axis then refuses to move until it is referenced again.
+    pub fn stop(&self) {
+        (self.0)();
+    }
+}
+
+/// A frame that passed the acceptance rule: whole, of the configured geometry and format.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Grabbed {
+    pub frame: RawFrame,
+    /// The stream's own number of the frame.
+    pub frame_id: u64,
+    /// Software triggers that this frame took; more than 1 after a lost frame.
+    pub attempts: u32,
+}
+
+/// What the stream counted since it was opened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct StreamCounters {
+    pub completed: u64,
+    pub failed: u64,
+    pub underrun: u64,
+    pub resent_packets: u64,
+    pub missing_packets: u64,
+    pub ignored_packets: u64,
+}
+
+/// The camera that looks at the capillary.
+pub trait Camera: Send {
+    /// Vendor, model and serial number, for the record.
+    fn identity(&self) -> &str;
+    /// Starts the one acquisition of a run: the camera then waits for triggers.
+    fn arm(&mut self) -> Result<(), DeviceError>;
+    /// Triggers one exposure and returns its frame; a lost frame is triggered again until the deadline has passed.
+    fn grab(&mut self, deadline: Duration) -> Result<Grabbed, DeviceError>;
+    fn counters(&self) -> StreamCounters;
+    fn disarm(&mut self) -> Result<(), DeviceError>;
+}

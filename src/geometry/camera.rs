@@ -1,0 +1,125 @@
+//! The parameter vector psi of the camera (paper, section 2.2; the orbiting form of the projection).
+
+use super::Projection;
+use nalgebra::{Matrix3, Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
+
+/// psi without its angles omega: they come from the ledger, view by view.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Distance of the projection centre from the axis, um. Sets only the strength of the perspective.
+    pub f: f64,
+    /// Scale at the axis along the capillary, px/um.
+    pub kx: f64,
+    /// Scale at the axis across the capillary, px/um. Differs from `kx` where glass refracts.
+    pub ky: f64,
+    /// Principal point, px.
+    pub ux: f64,
+    pub uy: f64,
+    /// Skew, px/um.
+    #[serde(default)]
+    pub s: f64,
+    /// Tilt of the capillary towards the camera, rad; positive brings its +x end nearer.
+    #[serde(default)]
+    pub alpha: f64,
+    /// Roll of the capillary in the image, rad; positive lowers its +x end.
+    #[serde(default)]
+    pub gamma: f64,
+    /// Elevation of the projection centre, rad; nominally a quarter turn.
+    #[serde(default = "quarter_turn")]
+    pub phi: f64,
+    /// Sensor size, px.
+    pub width: u32,
+    pub height: u32,
+}
+
+fn quarter_turn() -> f64 {
+    std::f64::consts::FRAC_PI_2
+}
+
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum CameraError {
+    #[error("camera: {name} is {found}; it must be a finite number{rule}")]
+    Value { name: &'static str, found: f64, rule: &'static str },
+    #[error("camera: the sensor is {width} x {height} px; both must be at least 1")]
+    Sensor { width: u32, height: u32 },
+}
+
+impl Camera {
+    /// # Errors
+    /// Names the first value that no camera can have.
+    pub fn check(&self) -> Result<(), CameraError> {
+        for (name, found) in [("f", self.f), ("kx", self.kx), ("ky", self.ky)] {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(CameraError::Value { name, found, rule: " above 0" });
+            }
+        }
+        for (name, found) in
+            [("ux", self.ux), ("uy", self.uy), ("s", self.s), ("alpha", self.alpha), ("gamma", self.gamma), ("phi", self.phi)]
+        {
+            if !found.is_finite() {
+                return Err(CameraError::Value { name, found, rule: "" });
+            }
+        }
+        if self.width == 0 || self.height == 0 {
+            return Err(CameraError::Sensor { width: self.width, height: self.height });
+        }
+        Ok(())
+    }
+
+    /// The 3 x 4 projection of the view at angle `omega` (rad).
+    pub fn projection(&self, omega: f64) -> Projection {
+        let k = Matrix3::new(self.f * self.kx, self.s, self.ux, 0.0, self.f * self.ky, self.uy, 0.0, 0.0, 1.0);
+        let r = Rotation3::from_axis_angle(&Vector3::y_axis(), self.alpha)
+            * Rotation3::from_axis_angle(&Vector3::z_axis(), self.gamma)
+            * Rotation3::from_axis_angle(&Vector3::x_axis(), omega);
+        let centre = Vector3::new(0.0, self.phi.cos(), self.phi.sin()) * self.f;
+        let mut p = nalgebra::Matrix3x4::zeros();
+        p.fixed_columns_mut::<3>(0).copy_from(&(k * r.matrix()));
+        p.set_column(3, &(k * centre));
+        Projection::from_rows(std::array::from_fn(|i| std::array::from_fn(|j| p[(i, j)])))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pub(crate) fn nominal() -> Camera {
+        Camera {
+            f: 60_000.0,
+            kx: 1.0 / 5.5,
+            ky: 1.0 / 5.5,
+            ux: 511.5,
+            uy: 511.5,
+            s: 0.0,
+            alpha: 0.0,
+            gamma: 0.0,
+            phi: quarter_turn(),
+            width: 1024,
+            height: 1024,
+        }
+    }
+
+    #[test]
+    fn the_signs_are_those_of_the_conventions() {
+        let cam = nominal();
+        let at = |c: &Camera, omega: f64, x: [f64; 3]| c.projection(omega).project(x).unwrap();
+        let near = [0.0, 0.0, -275.0];
+        assert!(at(&cam, 0.1, near).1 > at(&cam, 0.0, near).1, "positive omega moves the near wall to larger v");
+        let right_end = [1000.0, 0.0, 0.0];
+        let rolled = Camera { gamma: 0.01, ..cam.clone() };
+        assert!(at(&rolled, 0.0, right_end).1 > 511.5, "positive gamma lowers the +x end");
+        let tilted = Camera { alpha: 0.01, ..cam.clone() };
+        assert!(tilted.projection(0.0).depth(right_end) < cam.projection(0.0).depth(right_end), "positive alpha brings the +x end nearer");
+        let (u, v) = at(&cam, 1.0, [55.0, 0.0, 0.0]);
+        assert!((u - 521.5).abs() < 1e-9 && (v - 511.5).abs() < 1e-9, "55 um on the axis are 10 px");
+    }
+
+    #[test]
+    fn values_no_camera_can_have_are_named() {
+        let bad = Camera { ky: -1.0, ..nominal() };
+        assert_eq!(bad.check(), Err(CameraError::Value { name: "ky", found: -1.0, rule: " above 0" }));
+        assert!(nominal().check().is_ok());
+    }
+}

@@ -1,0 +1,83 @@
+//! A binary mask: which pixels a profile covers.
+
+/// Inside is 255, outside 0; pixel (u, v) is at `v * width + u`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mask {
+    width: usize,
+    height: usize,
+    data: Vec<u8>,
+}
+
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[error("a {width} x {height} mask has {expected} pixels, found {found}")]
+pub struct WrongMaskSize {
+    pub width: usize,
+    pub height: usize,
+    pub expected: usize,
+    pub found: usize,
+}
+
+impl Mask {
+    pub fn empty(width: usize, height: usize) -> Self {
+        Self { width, height, data: vec![0; width * height] }
+    }
+
+    /// Takes 8-bit coverage and calls a pixel inside from `128` on.
+    ///
+    /// # Errors
+    /// Refuses data that is not `width * height` long.
+    pub fn from_coverage(width: usize, height: usize, mut data: Vec<u8>) -> Result<Self, WrongMaskSize> {
+        if data.len() != width * height {
+            return Err(WrongMaskSize { width, height, expected: width * height, found: data.len() });
+        }
+        for p in &mut data {
+            *p = if *p >= 128 { 255 } else { 0 };
+        }
+        Ok(Self { width, height, data })
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    pub fn data(&self) -> &[u8] {
+        &self.data
+    }
+
+    pub fn row(&self, v: usize) -> &[u8] {
+        &self.data[v * self.width..(v + 1) * self.width]
+    }
+
+    /// Whether the pixel whose centre is nearest to `(u, v)` is inside; outside the image nothing is.
+    pub fn covers(&self, u: f64, v: f64) -> bool {
+        let (u, v) = ((u + 0.5).floor(), (v + 0.5).floor());
+        u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64 && self.get(u as usize, v as usize)
+    }
+
+    pub fn get(&self, u: usize, v: usize) -> bool {
+        self.data[v * self.width + u] != 0
+    }
+
+    pub fn set(&mut self, u: usize, v: usize, inside: bool) {
+        self.data[v * self.width + u] = if inside { 255 } else { 0 };
+    }
+
+    /// Number of pixels inside.
+    pub fn area_px(&self) -> usize {
+        self.data.iter().filter(|&&p| p != 0).count()
+    }
+
+    /// Intersection over union; two empty masks agree.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let (mut both, mut either) = (0usize, 0usize);
+        for (a, b) in self.data.iter().zip(&other.data) {
+            both += usize::from(*a != 0 && *b != 0);
+            either += usize::from(*a != 0 || *b != 0);
+        }
+        if either == 0 { 1.0 } else { both as f64 / either as f64 }
+    }
+}

@@ -1,0 +1,43 @@
+//! A frame as colours: what segmentation reads, whatever the sensor's layout was.
+
+use crate::frame::{PixelFormat, RawFrame};
+
+/// Three planes of 8-bit colour, row by row: red, green, blue.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Picture {
+    width: usize,
+    height: usize,
+    planes: [Vec<u8>; 3],
+}
+
+impl Picture {
+    /// Mono frames give three equal planes; Bayer frames are demosaiced bilinearly.
+    pub fn from_frame(frame: &RawFrame) -> Self {
+        let (width, height) = (frame.width() as usize, frame.height() as usize);
+        let planes = match frame.format() {
+            PixelFormat::Mono8 => [frame.bytes().to_vec(), frame.bytes().to_vec(), frame.bytes().to_vec()],
+            PixelFormat::RGB8Packed => std::array::from_fn(|c| frame.bytes().iter().skip(c).step_by(3).copied().collect()),
+            PixelFormat::BayerRG8 => super::bayer::demosaic_rg(frame.bytes(), width, height),
+        };
+        Self { width, height, planes }
+    }
+
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Red, green and blue.
+    pub fn planes(&self) -> &[Vec<u8>; 3] {
+        &self.planes
+    }
+
+    /// Interleaved bytes, red first.
+    pub fn to_rgb(&self) -> Vec<u8> {
+        let [r, g, b] = &self.planes;
+        r.iter().zip(g).zip(b).flat_map(|((r, g), b)| [*r, *g, *b]).collect()
+    }
+}

@@ -1,0 +1,93 @@
+//! Units that stand in types where a mix-up would turn a motor or spoil a number.
+//!
+//! Angles reach the science as `f64` radians (`omega`), as the formulas have them; lengths carry `_um` in their names.
+
+use serde::{Deserialize, Serialize};
+
+/// A position of a stepper axis, counted in whole motor steps from the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Default, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Steps(pub i64);
+
+impl std::fmt::Display for Steps {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} steps", self.0)
+    }
+}
+
+/// Motor steps that turn the capillary once, as the exact ratio `num / den` (microsteps times gear), never a float.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "[u32; 2]", into = "[u32; 2]")]
+pub struct StepsPerRevolution {
+    num: u32,
+    den: u32,
+}
+
+/// Why a ratio is not a number of steps per revolution.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[error("steps_per_revolution is [{num}, {den}]; both numbers must be at least 1")]
+pub struct BadStepsPerRevolution {
+    num: u32,
+    den: u32,
+}
+
+impl StepsPerRevolution {
+    /// # Errors
+    /// Refuses a zero on either side of the ratio.
+    pub fn new(num: u32, den: u32) -> Result<Self, BadStepsPerRevolution> {
+        if num == 0 || den == 0 {
+            return Err(BadStepsPerRevolution { num, den });
+        }
+        Ok(Self { num, den })
+    }
+
+    /// The step nearest to the fraction `part / of` of one revolution. Rounding each absolute target errs by at most
+    /// half a step and closes the turn; rounding relative moves does not.
+    pub fn nearest(self, part: u32, of: u32) -> Steps {
+        let (num, den) = (i128::from(self.num) * i128::from(part), i128::from(self.den) * i128::from(of));
+        Steps(((2 * num + den).div_euclid(2 * den)) as i64)
+    }
+
+    /// The angle in radians that `steps` steps turn the capillary, positive for positive steps.
+    pub fn angle(self, steps: Steps) -> f64 {
+        std::f64::consts::TAU * steps.0 as f64 * f64::from(self.den) / f64::from(self.num)
+    }
+}
+
+impl TryFrom<[u32; 2]> for StepsPerRevolution {
+    type Error = BadStepsPerRevolution;
+    fn try_from([num, den]: [u32; 2]) -> Result<Self, Self::Error> {
+        Self::new(num, den)
+    }
+}
+
+impl From<StepsPerRevolution> for [u32; 2] {
+    fn from(s: StepsPerRevolution) -> Self {
+        [s.num, s.den]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn absolute_targets_err_by_at_most_half_a_step_and_close_the_turn() {
+        let spr = StepsPerRevolution::new(500, 1).unwrap();
+        for of in [4, 7, 12, 14, 21, 28, 42, 84] {
+            for part in 0..=of {
+                let exact = 500.0 * f64::from(part) / f64::from(of);
+                assert!((spr.nearest(part, of).0 as f64 - exact).abs() <= 0.5, "{part}/{of}");
+            }
+            assert_eq!(spr.nearest(of, of), Steps(500));
+        }
+    }
+
+    #[test]
+    fn a_gear_ratio_stays_exact_over_many_turns() {
+        let spr = StepsPerRevolution::new(64_000, 3).unwrap();
+        assert_eq!(spr.nearest(3, 1), Steps(64_000));
+        assert!((spr.angle(Steps(64_000)) - 3.0 * std::f64::consts::TAU).abs() < 1e-12);
+        assert!(StepsPerRevolution::new(500, 0).is_err());
+    }
+}
