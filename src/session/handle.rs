@@ -1,0 +1,230 @@
+//! How the edges reach the session: commands enter a mailbox and are accepted or refused by name; everyone else reads
+//! snapshots. The driver is the only one that changes anything.
+
+use super::{Event, FieldError, RunPlan, State, Status};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+use tokio::sync::{broadcast, mpsc, oneshot, watch};
+
+/// Why a command was not taken.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    #[error("the plan has {} mistake(s)", .0.len())]
+    InvalidPlan(Vec<FieldError>),
+    #[error("run {id} exists with another plan; name the new run otherwise")]
+    OtherPlan { id: String },
+    #[error("the instrument is in state {state:?}; this command is accepted in {accepted_in:?}")]
+    WrongState { state: State, accepted_in: Vec<State> },
+    #[error("no run {id}; the newest is {newest:?}")]
+    UnknownRun { id: String, newest: Option<String> },
+    #[error("run {run} has no well {well} that waits to be loaded")]
+    UnexpectedWell { run: String, well: String },
+    #[error("the store did not take it: {why}")]
+    Store { why: String },
+    #[error("the instrument is shutting down")]
+    ShuttingDown,
+}
+
+/// What `put_run` did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Accepted {
+    /// A new run was journalled and will start.
+    Created,
+    /// This very run had been accepted before; nothing changed.
+    Same,
+}
+
+/// A command with its way to answer.
+pub enum Command {
+    PutRun { id: String, plan: RunPlan, answer: oneshot::Sender<Result<Accepted, Refusal>> },
+    Abort { id: String, answer: oneshot::Sender<Result<(), Refusal>> },
+    Loaded { run: String, well: String, answer: oneshot::Sender<Result<(), Refusal>> },
+}
+
+/// The newest frame, its profile and the live model, encoded for the page.
+#[derive(Debug, Clone, Default)]
+pub struct Live {
+    /// JPEG of the newest frame, in colour.
+    pub frame_jpg: Option<Arc<Vec<u8>>>,
+    /// PNG of the frame's size, transparent but for the profile's edge.
+    pub profile_png: Option<Arc<Vec<u8>>>,
+    /// Binary glTF of the live hull, in um.
+    pub mesh_glb: Option<Arc<Vec<u8>>>,
+}
+
+/// A view of the session that can be given to anyone.
+#[derive(Clone)]
+pub struct SessionHandle {
+    commands: mpsc::Sender<Command>,
+    status: watch::Receiver<Arc<Status>>,
+    live: Arc<Mutex<Live>>,
+    events: Arc<EventLog>,
+    booted: Instant,
+}
+
+impl SessionHandle {
+    /// The newest snapshot, its clocks set.
+    pub fn status(&self) -> Status {
+        self.stamp(&self.status.borrow().clone())
+    }
+
+    fn stamp(&self, snapshot: &Status) -> Status {
+        let mut status = snapshot.clone();
+        status.server_time = jiff::Timestamp::now().to_string();
+        status.uptime_s = self.booted.elapsed().as_secs_f64();
+        status
+    }
+
+    /// Waits until the revision is above `after`; the caller bounds the wait.
+    pub async fn status_after(&self, after: u64) -> Status {
+        let mut watch = self.status.clone();
+        let newer = watch.wait_for(|s| s.revision > after).await.map(|s| s.clone());
+        newer.map_or_else(|_| self.status(), |s| self.stamp(&s))
+    }
+
+    pub fn live(&self) -> Live {
+        self.live.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub fn events(&self) -> &EventLog {
+        &self.events
+    }
+
+    async fn ask<T>(&self, make: impl FnOnce(oneshot::Sender<Result<T, Refusal>>) -> Command) -> Result<T, Refusal> {
+        let (answer, answered) = oneshot::channel();
+        self.commands.send(make(answer)).await.map_err(|_| Refusal::ShuttingDown)?;
+        answered.await.unwrap_or(Err(Refusal::ShuttingDown))
+    }
+
+    /// Registers a run under the client's own name for it; the answer comes after it is on disk.
+    pub async fn put_run(&self, id: String, plan: RunPlan) -> Result<Accepted, Refusal> {
+        self.ask(|answer| Command::PutRun { id, plan, answer }).await
+    }
+
+    /// Ends a run: acknowledged at once; motors stop before anything else happens.
+    pub async fn abort(&self, id: String) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Abort { id, answer }).await
+    }
+
+    /// The loader says that the specimen of this well is in the capillary.
+    pub async fn loaded(&self, run: String, well: String) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Loaded { run, well, answer }).await
+    }
+}
+
+/// What the driver holds: the writing end of everything the handle reads.
+pub struct Publisher {
+    status: watch::Sender<Arc<Status>>,
+    live: Arc<Mutex<Live>>,
+    events: Arc<EventLog>,
+}
+
+impl Publisher {
+    /// Publishes `change` as one new revision.
+    pub fn publish(&self, change: impl FnOnce(&mut Status)) {
+        self.status.send_modify(|current| {
+            let mut next = Status::clone(current);
+            change(&mut next);
+            next.revision += 1;
+            *current = Arc::new(next);
+        });
+    }
+
+    pub fn status(&self) -> Arc<Status> {
+        self.status.borrow().clone()
+    }
+
+    pub fn set_live(&self, change: impl FnOnce(&mut Live)) {
+        change(&mut self.live.lock().unwrap_or_else(PoisonError::into_inner));
+    }
+
+    /// Hands an event that is already on disk to everyone who listens.
+    pub fn announce(&self, event: Event) {
+        self.events.push(event);
+    }
+}
+
+/// Newest events kept in memory for readers that come back.
+const KEPT_EVENTS: usize = 2000;
+
+/// The tail of the event journal and its live continuation.
+pub struct EventLog {
+    tail: Mutex<std::collections::VecDeque<Arc<Event>>>,
+    live: broadcast::Sender<Arc<Event>>,
+}
+
+/// What a reader that has seen events up to some id still has to see.
+pub enum Missed {
+    /// These, then the live ones.
+    Events(Vec<Arc<Event>>),
+    /// More than is kept: read the status anew, then go on live.
+    Resync,
+}
+
+impl EventLog {
+    pub fn new(tail: Vec<Event>) -> Self {
+        let skip = tail.len().saturating_sub(KEPT_EVENTS);
+        Self { tail: Mutex::new(tail.into_iter().skip(skip).map(Arc::new).collect()), live: broadcast::channel(256).0 }
+    }
+
+    fn push(&self, event: Event) {
+        let event = Arc::new(event);
+        let mut tail = self.tail.lock().unwrap_or_else(PoisonError::into_inner);
+        if tail.len() == KEPT_EVENTS {
+            tail.pop_front();
+        }
+        tail.push_back(event.clone());
+        // Sent under the lock, so that a reader that subscribes gets each event once: missed or live.
+        let _nobody_listens = self.live.send(event);
+    }
+
+    /// Live events, and those since `after` (none asked: only live ones).
+    pub fn subscribe(&self, after: Option<u64>) -> (Missed, broadcast::Receiver<Arc<Event>>) {
+        let tail = self.tail.lock().unwrap_or_else(PoisonError::into_inner);
+        let live = self.live.subscribe();
+        let Some(after) = after else { return (Missed::Events(Vec::new()), live) };
+        let oldest = tail.front().map(|e| e.id);
+        let newest = tail.back().map_or(0, |e| e.id);
+        // An id from the future belongs to another journal; one before the tail has a gap that cannot be filled.
+        if after > newest || oldest.is_some_and(|o| after + 1 < o) {
+            return (Missed::Resync, live);
+        }
+        (Missed::Events(tail.iter().filter(|e| e.id > after).cloned().collect()), live)
+    }
+}
+
+/// The two ends: the handle for the edges, mailbox and publisher for the driver.
+pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receiver<Command>, Publisher) {
+    let (commands, mailbox) = mpsc::channel(16);
+    let (status, watch) = watch::channel(Arc::new(first));
+    let live = Arc::new(Mutex::new(Live::default()));
+    let events = Arc::new(EventLog::new(tail));
+    let handle = SessionHandle { commands, status: watch, live: live.clone(), events: events.clone(), booted: Instant::now() };
+    (handle, mailbox, Publisher { status, live, events })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(id: u64) -> Event {
+        Event { id, time: "2026-01-01T00:00:00Z".into(), kind: "test".into(), run: None, well: None, data: serde_json::Value::Null }
+    }
+
+    #[test]
+    fn a_returning_reader_gets_each_event_once_or_is_told_to_resync() {
+        let log = EventLog::new((5..8).map(event).collect());
+        let ids = |after| match log.subscribe(after).0 {
+            Missed::Events(list) => Some(list.iter().map(|e| e.id).collect::<Vec<_>>()),
+            Missed::Resync => None,
+        };
+        assert_eq!(ids(Some(5)), Some(vec![6, 7]));
+        assert_eq!(ids(Some(4)), Some(vec![5, 6, 7]));
+        assert_eq!(ids(Some(3)), None, "event 4 is not kept any more");
+        assert_eq!(ids(Some(99)), None, "an id this journal never gave");
+        assert_eq!(ids(None), Some(vec![]));
+        let (_, mut live) = log.subscribe(Some(7));
+        log.push(event(8));
+        assert_eq!(live.try_recv().unwrap().id, 8);
+    }
+}

@@ -1,0 +1,241 @@
+//! What the instrument says of itself: one snapshot, published whole, never patched by a reader.
+//!
+//! Four things are kept apart: the `state` of the instrument, the `phase` of a specimen, the `outcome` of what has ended,
+//! and the `faults`. Clocks (`server_time`, `uptime_s`, `eta_s`) are filled in when a snapshot is read; they do not change
+//! its revision.
+
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// State of the instrument, in PackML's words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub enum State {
+    Stopped,
+    Idle,
+    Starting,
+    Execute,
+    Holding,
+    Held,
+    Unholding,
+    Suspending,
+    Suspended,
+    Unsuspending,
+    Completing,
+    Complete,
+    Stopping,
+    Aborting,
+    Aborted,
+    Clearing,
+    Resetting,
+}
+
+/// Phase within one specimen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Phase {
+    Load,
+    Detect,
+    Position,
+    Revolve,
+    Reconstruct,
+    Measure,
+    Eject,
+    Wash,
+}
+
+/// How a run ended. `null` until it has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum RunOutcome {
+    Succeeded,
+    Partial,
+    Failed,
+    Aborted,
+    Interrupted,
+}
+
+/// How a specimen ended. `null` until it has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SpecimenOutcome {
+    Succeeded,
+    Failed,
+    Aborted,
+    Interrupted,
+    Skipped,
+}
+
+/// What the scheduler does about a fault.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SchedulerAction {
+    Retry,
+    SkipWell,
+    RejectPlate,
+    AbortPlate,
+    PauseInstrument,
+    EscalateOperator,
+}
+
+/// Whether numbers come from an instrument or from the emulated rig; stamped into every output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    Hardware,
+    Simulated,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Fault {
+    pub seq: u64,
+    pub code: String,
+    pub category: String,
+    pub message: String,
+    pub recoverable: bool,
+    pub scheduler_action: SchedulerAction,
+    pub operator_required: bool,
+    /// RFC 3339, UTC.
+    pub since: String,
+}
+
+/// Commands that were accepted and are still under way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+pub struct Pending {
+    pub hold: bool,
+    pub stop: bool,
+    pub abort: bool,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub struct Plate {
+    pub barcode: Option<String>,
+    pub present: bool,
+    /// No specimen in the capillary and everything of this plate on disk.
+    pub removable: bool,
+    /// What the instrument waits for from the loader, in words, if anything.
+    pub needs: Option<String>,
+}
+
+/// Disjoint counts of a run's wells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+pub struct WellCounts {
+    pub succeeded: u32,
+    pub flagged: u32,
+    pub failed: u32,
+    pub skipped: u32,
+    pub interrupted: u32,
+    pub pending: u32,
+    pub total: u32,
+}
+
+/// Seconds until the run is done.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Eta {
+    pub p50: f64,
+    pub p90: f64,
+}
+
+/// One well of the run, as far as it has come.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct WellStatus {
+    pub well: String,
+    /// What the plate map says is in it.
+    pub specimen: super::SpecimenKind,
+    pub dpf: Option<f64>,
+    pub outcome: Option<SpecimenOutcome>,
+    /// Why a skipped or failed well has no number.
+    pub reason: Option<String>,
+    pub flags: Vec<String>,
+    pub volume_um3: Option<f64>,
+    pub area_um2: Option<f64>,
+    /// Of the fitted sphere, for beads.
+    pub diameter_um: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct RunStatus {
+    pub id: String,
+    pub external_id: Option<String>,
+    pub method: String,
+    pub operator: String,
+    pub wells: WellCounts,
+    pub results: Vec<WellStatus>,
+    /// RFC 3339, UTC.
+    pub started: String,
+    pub ended: Option<String>,
+    pub eta_s: Option<Eta>,
+    pub outcome: Option<RunOutcome>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct SpecimenStatus {
+    pub well: String,
+    pub in_capillary: bool,
+    pub phase: Phase,
+    /// Views taken so far.
+    pub view: u32,
+    pub views_planned: u32,
+    /// Volume of the live hull after the newest view.
+    pub volume_um3: Option<f64>,
+    /// Its uncertainty; `null` where none is known yet.
+    pub volume_sd_um3: Option<f64>,
+    pub converged: Option<bool>,
+    /// Live hull volume after each view, oldest first.
+    pub volumes_um3: Vec<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub struct CameraStatus {
+    pub identity: Option<String>,
+    pub connected: bool,
+    pub completed_frames: u64,
+    pub failed_frames: u64,
+    pub missing_packets: u64,
+    pub resent_packets: u64,
+    pub ignored_packets: u64,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub struct RotationStatus {
+    pub identity: Option<String>,
+    pub connected: bool,
+    pub referenced: bool,
+    pub position_steps: Option<i64>,
+    pub position_deg: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub struct HardwareStatus {
+    pub rotation: RotationStatus,
+    /// `null` on a rig without a linear axis.
+    pub translation: Option<RotationStatus>,
+    pub camera: CameraStatus,
+    pub disk_free_bytes: Option<u64>,
+}
+
+/// `GET /v1/status`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Status {
+    pub schema: String,
+    pub revision: u64,
+    pub boot_id: String,
+    pub server_time: String,
+    pub uptime_s: f64,
+    pub version: String,
+    pub mode: Mode,
+    pub ready: bool,
+    /// Why the instrument would not start a run now.
+    pub not_ready_reason: Option<String>,
+    pub state: State,
+    /// What the instrument is doing, in one sentence.
+    pub doing: String,
+    pub pending: Pending,
+    pub plate: Plate,
+    /// The run under way, or the last one until the next starts.
+    pub run: Option<RunStatus>,
+    pub specimen: Option<SpecimenStatus>,
+    pub hardware: HardwareStatus,
+    /// `null` until a rig calibration is recorded.
+    pub calibration: Option<serde_json::Value>,
+    pub faults: Vec<Fault>,
+}
