@@ -49,8 +49,10 @@ impl Projection {
         &self.rows
     }
 
+    /// The order of these operations is part of the definition of the carver: it takes the part of y, z and the offset
+    /// once per row of voxels, and must round as this does.
     fn homogeneous(&self, x: [f64; 3]) -> [f64; 3] {
-        self.rows.map(|r| r[0] * x[0] + r[1] * x[1] + r[2] * x[2] + r[3])
+        self.rows.map(|r| r[0] * x[0] + ((r[1] * x[1] + r[2] * x[2]) + r[3]))
     }
 
     /// Depth of a point in front of the camera; not positive behind it.
