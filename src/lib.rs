@@ -11,6 +11,7 @@
 //! sides; `http` sees the session's handle and snapshots. `tests/house.rs` holds these rules.
 
 pub mod acquisition;
+pub mod cancel;
 pub mod carver;
 pub mod cli;
 pub mod config;

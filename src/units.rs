@@ -54,6 +54,51 @@ impl StepsPerRevolution {
     }
 }
 
+/// Which way positive motor steps turn the capillary: `1` moves the near wall to larger v, `-1` to smaller. It cannot be
+/// told from silhouettes, so it is verified once per rig with a marked capillary and then configured.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(try_from = "i8", into = "i8")]
+pub enum Sense {
+    #[default]
+    Positive,
+    Negative,
+}
+
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[error("sense is {0}; it must be 1 or -1")]
+pub struct BadSense(i8);
+
+impl Sense {
+    /// The angle omega of the view taken at `steps`, rad.
+    pub fn omega(self, steps: Steps, per_revolution: StepsPerRevolution) -> f64 {
+        match self {
+            Self::Positive => per_revolution.angle(steps),
+            // 0 - x, not -x: the first view's angle is 0, never -0.
+            Self::Negative => 0.0 - per_revolution.angle(steps),
+        }
+    }
+}
+
+impl TryFrom<i8> for Sense {
+    type Error = BadSense;
+    fn try_from(sign: i8) -> Result<Self, BadSense> {
+        match sign {
+            1 => Ok(Self::Positive),
+            -1 => Ok(Self::Negative),
+            other => Err(BadSense(other)),
+        }
+    }
+}
+
+impl From<Sense> for i8 {
+    fn from(s: Sense) -> Self {
+        match s {
+            Sense::Positive => 1,
+            Sense::Negative => -1,
+        }
+    }
+}
+
 impl TryFrom<[u32; 2]> for StepsPerRevolution {
     type Error = BadStepsPerRevolution;
     fn try_from([num, den]: [u32; 2]) -> Result<Self, Self::Error> {
@@ -89,5 +134,13 @@ mod tests {
         assert_eq!(spr.nearest(3, 1), Steps(64_000));
         assert!((spr.angle(Steps(64_000)) - 3.0 * std::f64::consts::TAU).abs() < 1e-12);
         assert!(StepsPerRevolution::new(500, 0).is_err());
+    }
+
+    #[test]
+    fn the_sense_turns_the_sign_of_omega_and_nothing_else_is_a_sense() {
+        let spr = StepsPerRevolution::new(500, 1).unwrap();
+        assert!((Sense::Negative.omega(Steps(125), spr) + std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+        assert!(Sense::Negative.omega(Steps(0), spr).is_sign_positive());
+        assert_eq!(Sense::try_from(0), Err(BadSense(0)));
     }
 }

@@ -6,6 +6,10 @@ use crate::units::Steps;
 pub enum DeviceError {
     #[error("{device}: cannot open {address}: {why}. {remedy}")]
     Open { device: &'static str, address: String, why: String, remedy: &'static str },
+    #[error("{device}: this build has no driver for {driver:?}. {remedy}")]
+    NotBuilt { device: &'static str, driver: &'static str, remedy: &'static str },
+    #[error("{device}: {name} = {found} in the configuration; {rule}")]
+    Setting { device: &'static str, name: &'static str, found: String, rule: String },
     #[error("{device}: no answer to {request:?} within {waited_ms} ms. Check power and cable, then reference the axis again")]
     Silent { device: &'static str, request: String, waited_ms: u128 },
     #[error("{device}: the connection is gone ({why}). Check power and cable")]
@@ -18,12 +22,20 @@ pub enum DeviceError {
     Alarm { device: &'static str, what: String },
     #[error("rotation axis: not referenced; its position is not known, so it refuses to move")]
     NotReferenced,
-    #[error("rotation axis: sent to {target}, stands at {achieved}")]
+    #[error("rotation axis: its position cannot be trusted ({why}). Reference the axis again")]
+    Suspect { why: String },
+    #[error("rotation axis: sent to {target}, stands at {achieved}. Look for a slipping or blocked shaft, then reference the axis again")]
     Missed { target: Steps, achieved: Steps },
     #[error("rotation axis: stopped")]
     Stopped,
+    #[error("camera: {address} is controlled by another program. Close it, or wait until the camera's heartbeat has run out")]
+    NotController { address: String },
+    #[error("camera: control of the camera was lost; another program took it, or the cable is out")]
+    ControlLost,
+    #[error("camera: not armed")]
+    NotArmed,
     #[error("camera: no whole frame within {waited_ms} ms after {attempts} triggers; last: {last}")]
     NoFrame { waited_ms: u128, attempts: u32, last: String },
     #[error("camera: {what}: {why}")]
-    Camera { what: &'static str, why: String },
+    Camera { what: String, why: String },
 }

@@ -10,8 +10,10 @@ pub mod camera;
 pub mod rotation;
 
 mod error;
+mod rig;
 
 pub use error::DeviceError;
+pub use rig::Rig;
 
 use crate::frame::RawFrame;
 use crate::units::Steps;

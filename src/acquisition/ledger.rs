@@ -1,0 +1,150 @@
+//! The account of a revolution: where each view was taken, by the axis' own word, and which frame it is.
+
+use crate::units::Steps;
+use serde::{Deserialize, Serialize};
+
+/// One view. Angles of the science come from here, from the achieved steps.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LedgerEntry {
+    /// Number of the view around the turn, from 0.
+    pub view: u32,
+    pub commanded_steps: Steps,
+    pub achieved_steps: Steps,
+    /// Epoch of the axis' reference. Views of two epochs share no zero.
+    pub epoch: u32,
+    /// Angle of the view from the achieved steps and the rig's sense, rad.
+    pub omega: f64,
+    /// Time from the command to the axis' arrival, ms.
+    pub moved_ms: f64,
+    /// Rest between arrival and trigger, ms.
+    pub settle_ms: f64,
+    /// Time from the first trigger to the accepted frame, ms.
+    pub grab_ms: f64,
+    /// The camera stream's own number of the frame.
+    pub frame_id: u64,
+    /// Software triggers that the frame took.
+    pub attempts: u32,
+    /// SHA-256 of the frame's raw bytes, in hexadecimal.
+    pub sha256: String,
+    /// The view at 360 degrees; compared with view 0, never carved.
+    pub closure: bool,
+}
+
+/// Entries of one revolution in the order in which they were taken, all of one epoch, no view twice.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(try_from = "Vec<LedgerEntry>", into = "Vec<LedgerEntry>")]
+pub struct Ledger {
+    entries: Vec<LedgerEntry>,
+}
+
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum LedgerError {
+    #[error("view {view} belongs to epoch {found} of the axis' reference, the revolution to epoch {expected}; its angle has another zero")]
+    EpochChanged { view: u32, expected: u32, found: u32 },
+    #[error("view {view} stands twice in the ledger")]
+    Repeated { view: u32 },
+    #[error("view {view} has the angle {found} rad; it must be a finite number")]
+    Angle { view: u32, found: String },
+}
+
+impl Ledger {
+    /// # Errors
+    /// Refuses a view of another epoch, a view that is already there, and an angle that is not a number.
+    pub fn push(&mut self, entry: LedgerEntry) -> Result<(), LedgerError> {
+        self.check(&entry)?;
+        self.entries.push(entry);
+        Ok(())
+    }
+
+    pub fn entries(&self) -> &[LedgerEntry] {
+        &self.entries
+    }
+
+    /// The views that are carved: all but the closure view.
+    pub fn carved(&self) -> impl Iterator<Item = &LedgerEntry> {
+        self.entries.iter().filter(|e| !e.closure)
+    }
+
+    /// The view at 360 degrees, once it has been taken.
+    pub fn closure(&self) -> Option<&LedgerEntry> {
+        self.entries.iter().find(|e| e.closure)
+    }
+
+    fn check(&self, entry: &LedgerEntry) -> Result<(), LedgerError> {
+        let view = entry.view;
+        if let Some(first) = self.entries.first()
+            && first.epoch != entry.epoch
+        {
+            return Err(LedgerError::EpochChanged { view, expected: first.epoch, found: entry.epoch });
+        }
+        if self.entries.iter().any(|e| e.view == view) {
+            return Err(LedgerError::Repeated { view });
+        }
+        if !entry.omega.is_finite() {
+            return Err(LedgerError::Angle { view, found: entry.omega.to_string() });
+        }
+        Ok(())
+    }
+}
+
+impl TryFrom<Vec<LedgerEntry>> for Ledger {
+    type Error = LedgerError;
+    fn try_from(entries: Vec<LedgerEntry>) -> Result<Self, LedgerError> {
+        let mut ledger = Self::default();
+        for entry in entries {
+            ledger.push(entry)?;
+        }
+        Ok(ledger)
+    }
+}
+
+impl From<Ledger> for Vec<LedgerEntry> {
+    fn from(ledger: Ledger) -> Self {
+        ledger.entries
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn entry(view: u32, epoch: u32) -> LedgerEntry {
+        LedgerEntry {
+            view,
+            commanded_steps: Steps(24 * i64::from(view)),
+            achieved_steps: Steps(24 * i64::from(view)),
+            epoch,
+            omega: 0.1 + f64::from(view) / 3.0,
+            moved_ms: 41.25,
+            settle_ms: 10.0,
+            grab_ms: 33.3,
+            frame_id: u64::from(view) + 1,
+            attempts: 1,
+            sha256: "00".repeat(32),
+            closure: false,
+        }
+    }
+
+    #[test]
+    fn a_ledger_survives_its_file_to_the_last_bit() {
+        let mut ledger = Ledger::default();
+        for view in 0..3 {
+            ledger.push(entry(view, 4)).unwrap();
+        }
+        let text = serde_json::to_string(&ledger).unwrap();
+        assert_eq!(serde_json::from_str::<Ledger>(&text).unwrap(), ledger);
+    }
+
+    #[test]
+    fn views_of_two_epochs_never_share_a_ledger_not_even_in_a_file() {
+        let mut ledger = Ledger::default();
+        ledger.push(entry(0, 4)).unwrap();
+        let refusal = LedgerError::EpochChanged { view: 1, expected: 4, found: 5 };
+        assert_eq!(ledger.push(entry(1, 5)), Err(refusal));
+        assert_eq!(ledger.push(entry(0, 4)), Err(LedgerError::Repeated { view: 0 }));
+        let text = serde_json::to_string(&vec![entry(0, 4), entry(1, 5)]).unwrap();
+        let said = serde_json::from_str::<Ledger>(&text).unwrap_err().to_string();
+        assert!(said.contains("epoch 5") && said.contains("epoch 4"), "{said}");
+    }
+}

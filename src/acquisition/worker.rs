@@ -1,0 +1,323 @@
+//! The blocking engine that carries out a plan: move, settle, trigger, hand on.
+//!
+//! ```text
+//! move_to ──► rest (settle) ──► grab ──► hash ──► ledger ──► sink
+//!    ▲                                                        │
+//!    └────────────────────── next stop ◄──────────────────────┘        any other way out: stop the motor
+//! ```
+//! Whoever wants a revolution to end cancels the token *and* calls the rig's stop handle: the token ends it at the next
+//! boundary, the handle ends a move that is under way. Nothing resumes after a change of epoch: the error is final and
+//! the next revolution begins at a new reference.
+
+use super::{Ledger, LedgerEntry, LedgerError, RevolutionPlan, Stop};
+use crate::cancel::CancelToken;
+use crate::device::{DeviceError, Rig, StopHandle};
+use crate::frame::RawFrame;
+use crate::units::Sense;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::time::{Duration, Instant};
+
+/// How the stops of a plan are carried out.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AcquisitionSettings {
+    /// Rest between arrival and trigger, ms: time for the specimen to come to rest in its liquid.
+    pub settle_ms: u32,
+    /// Time for one whole frame with all its repeated triggers, ms.
+    pub grab_deadline_ms: u32,
+    /// Which way positive steps turn the capillary, 1 or -1.
+    #[serde(default)]
+    pub sense: Sense,
+}
+
+/// The receiver of the views has gone away.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SinkClosed;
+
+#[derive(Debug, thiserror::Error)]
+pub enum AcquisitionError {
+    #[error("view {view}: {source}")]
+    Device { view: u32, source: DeviceError },
+    #[error(transparent)]
+    Ledger(#[from] LedgerError),
+    #[error("the revolution was cancelled before view {view}")]
+    Cancelled { view: u32 },
+    #[error("view {view} was taken, but nobody receives the views any more")]
+    SinkClosed { view: u32 },
+}
+
+/// Takes every view of `plan` on an armed camera and a referenced axis. `sink` receives each view before the next move
+/// begins and must not wait for the science: give it a bounded channel that holds a revolution.
+///
+/// # Errors
+/// The first device error, change of epoch, cancellation or closed sink ends the revolution; the motor is stopped and
+/// the axis then wants a new reference.
+pub fn revolve(
+    rig: &mut Rig,
+    plan: &RevolutionPlan,
+    settings: &AcquisitionSettings,
+    cancel: &CancelToken,
+    mut sink: impl FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>,
+) -> Result<Ledger, AcquisitionError> {
+    let guard = StopUnlessDone(Some(rig.rotation.stop_handle()));
+    let mut ledger = Ledger::default();
+    for stop in plan.stops() {
+        let (entry, frame) = take_view(rig, plan, settings, cancel, *stop)?;
+        ledger.push(entry.clone())?;
+        sink(entry, frame).map_err(|SinkClosed| AcquisitionError::SinkClosed { view: stop.view })?;
+    }
+    guard.done();
+    Ok(ledger)
+}
+
+fn take_view(
+    rig: &mut Rig,
+    plan: &RevolutionPlan,
+    settings: &AcquisitionSettings,
+    cancel: &CancelToken,
+    stop: Stop,
+) -> Result<(LedgerEntry, RawFrame), AcquisitionError> {
+    let view = stop.view;
+    let unless_cancelled = |cancelled: bool| if cancelled { Err(AcquisitionError::Cancelled { view }) } else { Ok(()) };
+    // A device that fails because the revolution was cancelled says less than the cancellation does.
+    let failed = |source| match cancel.is_cancelled() {
+        true => AcquisitionError::Cancelled { view },
+        false => AcquisitionError::Device { view, source },
+    };
+
+    unless_cancelled(cancel.is_cancelled())?;
+    let began = Instant::now();
+    let achieved = rig.rotation.move_to(stop.target).map_err(failed)?;
+    let arrived = Instant::now();
+    unless_cancelled(cancel.rest(Duration::from_millis(settings.settle_ms.into())))?;
+    let settled = Instant::now();
+    let grabbed = rig.camera.grab(Duration::from_millis(settings.grab_deadline_ms.into())).map_err(failed)?;
+    let grabbed_at = Instant::now();
+
+    let entry = LedgerEntry {
+        view,
+        commanded_steps: stop.target,
+        achieved_steps: achieved.steps,
+        epoch: achieved.epoch,
+        omega: settings.sense.omega(achieved.steps, plan.steps_per_revolution()),
+        moved_ms: milliseconds(arrived - began),
+        settle_ms: milliseconds(settled - arrived),
+        grab_ms: milliseconds(grabbed_at - settled),
+        frame_id: grabbed.frame_id,
+        attempts: grabbed.attempts,
+        sha256: hex(&Sha256::digest(grabbed.frame.bytes())),
+        closure: stop.closure,
+    };
+    tracing::debug!(view, steps = achieved.steps.0, moved_ms = entry.moved_ms, grab_ms = entry.grab_ms, attempts = entry.attempts, "view");
+    Ok((entry, grabbed.frame))
+}
+
+fn milliseconds(d: Duration) -> f64 {
+    d.as_secs_f64() * 1e3
+}
+
+fn hex(bytes: &[u8]) -> String {
+    use std::fmt::Write;
+    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
+        // Writing to a String cannot fail.
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+/// Stops the motor on every way out, a panic included, but the one that says `done`.
+struct StopUnlessDone(Option<StopHandle>);
+
+impl StopUnlessDone {
+    fn done(mut self) {
+        self.0 = None;
+    }
+}
+
+impl Drop for StopUnlessDone {
+    fn drop(&mut self) {
+        if let Some(stop) = self.0.take() {
+            stop.stop();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::acquisition::ViewOrder;
+    use crate::device::{Achieved, Camera, Grabbed, Position, RotationAxis, StreamCounters};
+    use crate::frame::PixelFormat;
+    use crate::units::{Steps, StepsPerRevolution};
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
+
+    /// What the fake devices share: the camera sees where the axis stands.
+    #[derive(Default)]
+    struct Bench {
+        steps: AtomicI64,
+        stops: AtomicU32,
+        moves: AtomicU32,
+    }
+
+    struct FakeAxis {
+        bench: Arc<Bench>,
+        epoch_rises_at_move: u32,
+    }
+
+    impl RotationAxis for FakeAxis {
+        fn identity(&self) -> &'static str {
+            "fake"
+        }
+        fn reference(&mut self) -> Result<Achieved, DeviceError> {
+            Ok(Achieved { steps: Steps(0), epoch: 1 })
+        }
+        fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+            if self.bench.stops.load(Ordering::SeqCst) > 0 {
+                return Err(DeviceError::Stopped);
+            }
+            let moves = self.bench.moves.fetch_add(1, Ordering::SeqCst) + 1;
+            self.bench.steps.store(target.0, Ordering::SeqCst);
+            Ok(Achieved { steps: target, epoch: 1 + u32::from(moves >= self.epoch_rises_at_move) })
+        }
+        fn position(&self) -> Position {
+            Position::Referenced { steps: Steps(self.bench.steps.load(Ordering::SeqCst)), epoch: 1 }
+        }
+        fn stop_handle(&self) -> StopHandle {
+            let bench = Arc::clone(&self.bench);
+            StopHandle::new(move || {
+                bench.stops.fetch_add(1, Ordering::SeqCst);
+            })
+        }
+    }
+
+    struct FakeCamera {
+        bench: Arc<Bench>,
+        frames: u32,
+        fails_at: u32,
+    }
+
+    impl Camera for FakeCamera {
+        fn identity(&self) -> &'static str {
+            "fake"
+        }
+        fn arm(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn grab(&mut self, deadline: Duration) -> Result<Grabbed, DeviceError> {
+            self.frames += 1;
+            if self.frames == self.fails_at {
+                return Err(DeviceError::NoFrame { waited_ms: deadline.as_millis(), attempts: 3, last: "nothing".into() });
+            }
+            let pixel = (self.bench.steps.load(Ordering::SeqCst) % 251) as u8;
+            let frame = RawFrame::new(2, 1, PixelFormat::Mono8, vec![pixel; 2]).unwrap();
+            Ok(Grabbed { frame, frame_id: self.frames.into(), attempts: 1 })
+        }
+        fn counters(&self) -> StreamCounters {
+            StreamCounters::default()
+        }
+        fn disarm(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+    }
+
+    const NEVER: u32 = u32::MAX;
+
+    fn rig(epoch_rises_at_move: u32, fails_at: u32) -> (Rig, Arc<Bench>) {
+        let bench = Arc::new(Bench::default());
+        let rotation = Box::new(FakeAxis { bench: Arc::clone(&bench), epoch_rises_at_move });
+        let camera = Box::new(FakeCamera { bench: Arc::clone(&bench), frames: 0, fails_at });
+        (Rig { rotation, camera }, bench)
+    }
+
+    fn plan(order: ViewOrder) -> RevolutionPlan {
+        RevolutionPlan::new(21, StepsPerRevolution::new(500, 1).unwrap(), order).unwrap()
+    }
+
+    fn settings() -> AcquisitionSettings {
+        AcquisitionSettings { settle_ms: 0, grab_deadline_ms: 100, sense: Sense::Negative }
+    }
+
+    #[test]
+    fn each_view_carries_the_frame_of_its_own_angle_in_either_order() {
+        for order in [ViewOrder::Sequential, ViewOrder::CoarseToFine] {
+            let (mut rig, bench) = rig(NEVER, NEVER);
+            let mut seen = Vec::new();
+            let ledger = revolve(&mut rig, &plan(order), &settings(), &CancelToken::new(), |entry, frame| {
+                seen.push((entry, frame));
+                Ok(())
+            })
+            .unwrap();
+            assert_eq!(ledger.carved().count(), 21);
+            assert_eq!(ledger.closure().unwrap().achieved_steps, Steps(500));
+            assert!(ledger.entries().iter().eq(seen.iter().map(|(entry, _)| entry)));
+            for (entry, frame) in &seen {
+                assert_eq!(i64::from(frame.bytes()[0]), entry.achieved_steps.0 % 251);
+                assert!((entry.omega + std::f64::consts::TAU * entry.achieved_steps.0 as f64 / 500.0).abs() < 1e-12);
+                assert_eq!(entry.sha256, hex(&Sha256::digest(frame.bytes())));
+            }
+            assert_eq!(bench.stops.load(Ordering::SeqCst), 0, "a finished revolution keeps its reference");
+        }
+    }
+
+    #[test]
+    fn the_hash_is_sha_256_in_hexadecimal() {
+        // FIPS 180-2, appendix B.1.
+        assert_eq!(hex(&Sha256::digest(b"abc")), "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+    }
+
+    #[test]
+    fn a_change_of_epoch_ends_the_revolution_and_stops_the_motor() {
+        let (mut rig, bench) = rig(8, NEVER);
+        let mut views = 0;
+        let refusal = revolve(&mut rig, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| {
+            views += 1;
+            Ok(())
+        });
+        assert!(matches!(refusal, Err(AcquisitionError::Ledger(LedgerError::EpochChanged { view: 7, expected: 1, found: 2 }))));
+        assert_eq!((views, bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (7, 8, 1));
+    }
+
+    #[test]
+    fn a_lost_frame_ends_the_revolution_at_its_view_and_stops_the_motor() {
+        let (mut rig, bench) = rig(NEVER, 3);
+        let refusal = revolve(&mut rig, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| Ok(()));
+        assert!(matches!(refusal, Err(AcquisitionError::Device { view: 2, source: DeviceError::NoFrame { .. } })));
+        assert_eq!((bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (3, 1));
+    }
+
+    #[test]
+    fn a_cancellation_or_a_closed_sink_ends_it_before_the_next_move() {
+        let cancel = CancelToken::new();
+        let (mut cancelled, bench) = rig(NEVER, NEVER);
+        let refusal = revolve(&mut cancelled, &plan(ViewOrder::Sequential), &settings(), &cancel, |entry, _| {
+            if entry.view == 4 {
+                cancel.cancel();
+            }
+            Ok(())
+        });
+        assert!(matches!(refusal, Err(AcquisitionError::Cancelled { view: 5 })));
+        assert_eq!((bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (5, 1));
+
+        let (mut unheard, bench) = rig(NEVER, NEVER);
+        let refusal = revolve(&mut unheard, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| Err(SinkClosed));
+        assert!(matches!(refusal, Err(AcquisitionError::SinkClosed { view: 0 })));
+        assert_eq!(bench.stops.load(Ordering::SeqCst), 1);
+    }
+
+    #[test]
+    fn a_cancellation_during_a_long_settle_is_not_waited_out() {
+        let (mut rig, bench) = rig(NEVER, NEVER);
+        let cancel = CancelToken::new();
+        let settings = AcquisitionSettings { settle_ms: 3_600_000, ..settings() };
+        std::thread::scope(|scope| {
+            let running = scope.spawn(|| revolve(&mut rig, &plan(ViewOrder::Sequential), &settings, &cancel, |_, _| Ok(())));
+            while bench.moves.load(Ordering::SeqCst) == 0 {
+                std::thread::yield_now();
+            }
+            cancel.cancel();
+            assert!(matches!(running.join().unwrap(), Err(AcquisitionError::Cancelled { view: 0 })));
+        });
+    }
+}

@@ -1,0 +1,74 @@
+//! A request to stop working, shared between who may ask and who works.
+//!
+//! Science asks [`CancelToken::is_cancelled`] between pieces of work; a blocking worker rests with
+//! [`CancelToken::rest`], which a cancellation ends at once.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Clones share one flag. Once cancelled, a token stays cancelled.
+#[derive(Debug, Clone, Default)]
+pub struct CancelToken(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    cancelled: AtomicBool,
+    // Holds no data: it orders the flag against those who are about to rest.
+    gate: Mutex<()>,
+    woken: Condvar,
+}
+
+impl CancelToken {
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    pub fn cancel(&self) {
+        let _gate = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        self.0.cancelled.store(true, Ordering::Release);
+        self.0.woken.notify_all();
+    }
+
+    pub fn is_cancelled(&self) -> bool {
+        self.0.cancelled.load(Ordering::Acquire)
+    }
+
+    /// Rests for `duration`; returns true as soon as the token is cancelled.
+    pub fn rest(&self, duration: Duration) -> bool {
+        let until = Instant::now() + duration;
+        let mut gate = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        while !self.is_cancelled() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return false;
+            }
+            gate = self.0.woken.wait_timeout(gate, left).unwrap_or_else(PoisonError::into_inner).0;
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn clones_share_the_flag_and_a_rest_that_nobody_ends_says_so() {
+        let token = CancelToken::new();
+        assert!(!token.rest(Duration::from_millis(1)));
+        token.clone().cancel();
+        assert!(token.is_cancelled() && token.rest(Duration::from_secs(3600)));
+    }
+
+    #[test]
+    fn a_cancellation_ends_a_rest() {
+        let token = CancelToken::new();
+        let resting = std::thread::spawn({
+            let token = token.clone();
+            move || token.rest(Duration::from_secs(3600))
+        });
+        token.cancel();
+        assert!(resting.join().unwrap());
+    }
+}
