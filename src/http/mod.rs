@@ -1,1 +1,112 @@
-//! http
+//! The HTTP edge: what the plate-loader, the operator's page, the CLI and Prometheus talk to.
+//!
+//! ```text
+//! TCP ─> accept loop (serve) ─> count ─> headers ─> access ─> route ─> SessionHandle ─> driver
+//!        slots, head timeout     metrics            Host,      status, runs, events,      │
+//!        joined at the end                          Origin,    live, health, page   <─────┘ snapshots
+//!                                                   token
+//! ```
+//! Nothing here touches hardware or disk: reads come from the session's snapshots, commands go to its mailbox and are
+//! answered when the driver has. Every error is a [`Problem`]. The contract is served as `/openapi.json`, made from the
+//! handlers themselves.
+
+#![allow(clippy::result_large_err, reason = "a problem is made once per refused request and goes straight out")]
+
+mod access;
+mod body;
+mod conditional;
+mod docs;
+mod events;
+mod health;
+mod live;
+mod metrics;
+mod openapi;
+mod page;
+mod problem;
+mod runs;
+mod serve;
+mod settings;
+mod status;
+
+pub use problem::Problem;
+pub use serve::serve;
+pub use settings::{HttpError, HttpSettings};
+
+use crate::session::SessionHandle;
+use axum::body::Bytes;
+use axum::extract::Request;
+use axum::http::header::{self, HeaderName};
+use axum::http::{HeaderValue, StatusCode};
+use axum::middleware::{Next, from_fn, from_fn_with_state};
+use axum::response::Response;
+use axum::{Router, http::Uri};
+use settings::Guard;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::watch;
+
+/// What the handlers share.
+struct App {
+    session: SessionHandle,
+    guard: Guard,
+    body_timeout: Duration,
+    /// Schemas of the contract by name; bodies are explained by them.
+    schemas: serde_json::Value,
+    contract: Bytes,
+    docs: Bytes,
+    requests: metrics::Requests,
+    /// Becomes true when the server is to end: streams and long polls end with it.
+    closing: watch::Receiver<bool>,
+}
+
+type AppState = Arc<App>;
+
+/// Resolves when the server is to end.
+async fn closed(mut closing: watch::Receiver<bool>) {
+    // An error means that the server itself is gone, which is an end as well.
+    let _ended = closing.wait_for(|closing| *closing).await;
+}
+
+fn router(session: SessionHandle, settings: &HttpSettings, guard: Guard, closing: watch::Receiver<bool>) -> Router {
+    let (routes, contract) = openapi::routes().split_for_parts();
+    let contract = openapi::complete(&contract);
+    let app = Arc::new(App {
+        session,
+        guard,
+        body_timeout: settings.body_timeout(),
+        schemas: contract["components"]["schemas"].clone(),
+        docs: docs::render(&contract).into(),
+        contract: contract.to_string().into(),
+        requests: metrics::Requests::default(),
+        closing,
+    });
+    routes
+        .fallback(page::asset)
+        .method_not_allowed_fallback(method_not_allowed)
+        .layer(from_fn_with_state(app.clone(), access::check))
+        .layer(from_fn(secure_headers))
+        .layer(from_fn_with_state(app.clone(), metrics::count))
+        .with_state(app)
+}
+
+async fn method_not_allowed(method: axum::http::Method, uri: Uri) -> Problem {
+    let detail = format!("{} does not take {method}; the Allow header lists what it takes", uri.path());
+    Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", detail)
+}
+
+/// What every answer carries unless its handler said otherwise: it is not kept, not framed, and nobody guesses its type.
+async fn secure_headers(request: Request, next: Next) -> Response {
+    let mut response = next.run(request).await;
+    let defaults: [(HeaderName, &str); 6] = [
+        (header::CACHE_CONTROL, "no-store"),
+        (header::CONTENT_SECURITY_POLICY, "default-src 'none'; frame-ancestors 'none'"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::X_FRAME_OPTIONS, "DENY"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
+    ];
+    for (name, value) in defaults {
+        response.headers_mut().entry(name).or_insert(HeaderValue::from_static(value));
+    }
+    response
+}

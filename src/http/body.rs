@@ -1,0 +1,254 @@
+//! Request bodies: bounded in size and time, JSON by their content type, and refused with every wrong field named.
+//!
+//! serde decides what is right. Where it refuses, the published schema of the same type is walked to say everything that
+//! is wrong, not only the first thing serde met.
+
+use super::AppState;
+use super::problem::Problem;
+use crate::session::FieldError;
+use axum::extract::{FromRequest, Request};
+use axum::http::{HeaderMap, StatusCode, header};
+use futures::StreamExt;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use serde_path_to_error::Segment;
+use utoipa::ToSchema;
+
+/// Limit of a body.
+pub(super) const SMALL: usize = 64 * 1024;
+/// Limit of the one body that carries a plate map.
+pub(super) const PLATE_MAP: usize = 1024 * 1024;
+
+/// A JSON body of at most `LIMIT` bytes.
+pub(super) struct Body<T, const LIMIT: usize>(pub T);
+
+impl<T: DeserializeOwned + ToSchema, const LIMIT: usize> FromRequest<AppState> for Body<T, LIMIT> {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &AppState) -> Result<Self, Problem> {
+        require_json(request.headers())?;
+        within(request.headers(), LIMIT)?;
+        let bytes = tokio::time::timeout(app.body_timeout, read(request, LIMIT))
+            .await
+            .map_err(|_| Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", "the body did not arrive in time").come_back())??;
+        parse(&bytes, &app.schemas).map(Self)
+    }
+}
+
+fn require_json(headers: &HeaderMap) -> Result<(), Problem> {
+    let found = headers.get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or_default();
+    let media = found.split(';').next().unwrap_or_default().trim();
+    if media.eq_ignore_ascii_case("application/json") {
+        return Ok(());
+    }
+    let detail = format!("the body's content type is {found:?}; send application/json");
+    Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_json", detail))
+}
+
+fn too_large(limit: usize) -> Problem {
+    Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", format!("the body is larger than {limit} bytes"))
+}
+
+/// Refuses a body by its announced length, before any of it is read.
+pub(super) fn within(headers: &HeaderMap, limit: usize) -> Result<(), Problem> {
+    let announced = headers.get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok()).and_then(|v| v.parse::<u64>().ok());
+    if announced.is_some_and(|length| length > limit as u64) { Err(too_large(limit)) } else { Ok(()) }
+}
+
+async fn read(request: Request, limit: usize) -> Result<Vec<u8>, Problem> {
+    let mut stream = request.into_body().into_data_stream();
+    let mut bytes = Vec::new();
+    while let Some(chunk) = stream.next().await {
+        let chunk = chunk.map_err(|why| Problem::bad_request("broken_body", format!("the body broke off: {why}")))?;
+        if bytes.len() + chunk.len() > limit {
+            return Err(too_large(limit));
+        }
+        bytes.extend_from_slice(&chunk);
+    }
+    Ok(bytes)
+}
+
+fn parse<T: DeserializeOwned + ToSchema>(bytes: &[u8], schemas: &Value) -> Result<T, Problem> {
+    let refusal = match serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_slice(bytes)) {
+        Ok(value) => {
+            // What follows the value is no part of it and nothing that could be guessed at.
+            return match serde_json::from_slice::<serde::de::IgnoredAny>(bytes) {
+                Ok(_) => Ok(value),
+                Err(why) => Err(malformed(&why)),
+            };
+        }
+        Err(refusal) => refusal,
+    };
+    let value: Value = serde_json::from_slice(bytes).map_err(|why| malformed(&why))?;
+    let mut errors = Vec::new();
+    explain(&schemas[T::name().as_ref()], schemas, &value, &mut String::new(), &mut errors);
+    if errors.is_empty() {
+        let pointer = refusal.path().iter().fold(String::new(), |pointer, segment| match segment {
+            Segment::Seq { index } => format!("{pointer}/{index}"),
+            Segment::Map { key } | Segment::Enum { variant: key } => format!("{pointer}/{}", escape(key)),
+            Segment::Unknown => pointer,
+        });
+        errors.push(FieldError { pointer, detail: refusal.into_inner().to_string() });
+    }
+    Err(Problem::unprocessable("invalid_body", errors))
+}
+
+fn malformed(why: &serde_json::Error) -> Problem {
+    Problem::bad_request("malformed_json", format!("the body is not JSON: {why}"))
+}
+
+/// A key as a JSON pointer has it (RFC 6901).
+fn escape(key: &str) -> String {
+    key.replace('~', "~0").replace('/', "~1")
+}
+
+/// Holds `value` against `schema` and lists everything that does not fit.
+fn explain(schema: &Value, schemas: &Value, value: &Value, at: &mut String, errors: &mut Vec<FieldError>) {
+    if let Some(name) = schema["$ref"].as_str().and_then(|r| r.rsplit('/').next()) {
+        return explain(&schemas[name], schemas, value, at, errors);
+    }
+    let mut wrong = |at: &str, detail: String| errors.push(FieldError { pointer: at.to_owned(), detail });
+    if let Some(choices) = schema["oneOf"].as_array() {
+        // `null` or a type: what is not null is held against the type.
+        let nullable = choices.iter().any(|c| c["type"] == "null");
+        if let Some(choice) = choices.iter().find(|c| c["type"] != "null" && !(nullable && value.is_null())) {
+            explain(choice, schemas, value, at, errors);
+        }
+        return;
+    }
+    if let Some(words) = schema["enum"].as_array() {
+        if !words.contains(value) {
+            wrong(at, format!("{value} is none of {}", words.iter().map(Value::to_string).collect::<Vec<_>>().join(", ")));
+        }
+        return;
+    }
+    if !type_fits(&schema["type"], value) {
+        wrong(at, format!("expected {}, found {}", words(&schema["type"]), kind(value)));
+        return;
+    }
+    match value {
+        Value::Object(fields) => explain_fields(schema, schemas, fields, at, errors),
+        Value::Array(items) => {
+            for (i, item) in items.iter().enumerate() {
+                descend(&i.to_string(), at, |at| explain(&schema["items"], schemas, item, at, errors));
+            }
+        }
+        _ => {}
+    }
+}
+
+fn explain_fields(schema: &Value, schemas: &Value, fields: &serde_json::Map<String, Value>, at: &mut String, errors: &mut Vec<FieldError>) {
+    for (key, value) in fields {
+        descend(key, at, |at| match schema["properties"].get(key) {
+            Some(property) => explain(property, schemas, value, at, errors),
+            None if schema["additionalProperties"] == false => {
+                let known = schema["properties"].as_object().map(|p| p.keys().cloned().collect::<Vec<_>>().join(", "));
+                let detail = format!("unknown field; the known ones are {}", known.unwrap_or_default());
+                errors.push(FieldError { pointer: at.clone(), detail });
+            }
+            None => {}
+        });
+    }
+    for key in schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        if !fields.contains_key(key) {
+            descend(key, at, |at| errors.push(FieldError { pointer: at.clone(), detail: "this field is missing".into() }));
+        }
+    }
+}
+
+fn descend(key: &str, at: &mut String, inside: impl FnOnce(&mut String)) {
+    let length = at.len();
+    at.push('/');
+    at.push_str(&escape(key));
+    inside(at);
+    at.truncate(length);
+}
+
+fn type_fits(wanted: &Value, value: &Value) -> bool {
+    match wanted {
+        Value::Array(any) => any.iter().any(|one| type_fits(one, value)),
+        Value::String(name) => match name.as_str() {
+            "integer" => value.is_i64() || value.is_u64(),
+            name => name == kind(value),
+        },
+        _ => true,
+    }
+}
+
+fn words(wanted: &Value) -> String {
+    match wanted {
+        Value::Array(any) => any.iter().map(words).collect::<Vec<_>>().join(" or "),
+        other => other.as_str().unwrap_or("something else").to_owned(),
+    }
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "boolean",
+        Value::Number(_) => "number",
+        Value::String(_) => "string",
+        Value::Array(_) => "array",
+        Value::Object(_) => "object",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::{PlannedWell, RunPlan, SpecimenKind};
+    use serde_json::json;
+    use utoipa::PartialSchema;
+
+    fn schemas() -> Value {
+        json!({ "RunPlan": RunPlan::schema(), "PlannedWell": PlannedWell::schema(), "SpecimenKind": SpecimenKind::schema() })
+    }
+
+    fn refuse(body: &str) -> Problem {
+        parse::<RunPlan>(body.as_bytes(), &schemas()).unwrap_err()
+    }
+
+    const SOUND: &str = r#"{"plate_barcode": "P", "method": "m", "operator": "o", "plate_map": [{"well": "A01"}]}"#;
+
+    #[test]
+    fn every_wrong_field_is_named() {
+        let body = r#"{"plate_barcode": 7, "methud": "m", "operator": null, "external_id": [],
+                       "plate_map": [{"well": "A01", "specimen": "worm"}, {"dpf": "3"}, 4, {"well": "B01", "a/b": 1}]}"#;
+        let problem = refuse(body);
+        assert_eq!((problem.status, problem.code.as_str()), (422, "invalid_body"));
+        let mut pointers: Vec<_> = problem.errors.iter().map(|e| e.pointer.as_str()).collect();
+        pointers.sort_unstable();
+        let expected = [
+            "/external_id",
+            "/method",
+            "/methud",
+            "/operator",
+            "/plate_barcode",
+            "/plate_map/0/specimen",
+            "/plate_map/1/dpf",
+            "/plate_map/1/well",
+            "/plate_map/2",
+            "/plate_map/3/a~1b",
+        ];
+        assert_eq!(pointers, expected);
+    }
+
+    #[test]
+    fn what_only_serde_sees_is_named_with_its_place() {
+        let twice = refuse(&SOUND.replace(r#""well": "A01""#, r#""well": "A01", "well": "A02""#));
+        assert_eq!(twice.errors.len(), 1);
+        assert!(twice.errors[0].pointer.starts_with("/plate_map/0"), "{:?}", twice.errors);
+        assert!(twice.errors[0].detail.contains("duplicate"), "{:?}", twice.errors);
+    }
+
+    #[test]
+    fn what_is_not_json_is_malformed() {
+        for body in ["", "{", "nonsense", r#"{"operator": }"#, &format!("{SOUND} x"), "\u{0}"] {
+            assert_eq!(refuse(body).status, 400, "{body:?}");
+        }
+        parse::<RunPlan>(SOUND.as_bytes(), &schemas()).unwrap();
+        assert_eq!(refuse("[]").errors[0].pointer, "");
+        let nothing = SOUND.replace(r#""operator": "o""#, r#""operator": "o", "external_id": null"#);
+        parse::<RunPlan>(nothing.as_bytes(), &schemas()).unwrap();
+    }
+}

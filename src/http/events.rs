@@ -1,0 +1,92 @@
+//! `GET /v1/events`: the journal as server-sent events.
+//!
+//! ```text
+//! Last-Event-ID: 41 ──> 42, 43 (kept) ──> 44 ... (live)
+//! too old, or not of this journal ──> event: resync ──> live
+//! ```
+//! `data` is the event as JSON; its kind stands inside, so that one listener sees all. Only `resync` has a name of its own:
+//! the client reads the status anew and goes on.
+
+use super::{AppState, closed};
+use crate::session::{Event, Missed};
+use axum::extract::State;
+use axum::http::HeaderMap;
+use axum::response::sse::{Event as Sent, KeepAlive, Sse};
+use futures::stream::{self, Stream};
+use std::collections::VecDeque;
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::broadcast::{Receiver, error::RecvError};
+
+/// A comment this often keeps proxies from closing a quiet stream.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+/// Pause before a browser connects again.
+const RETRY: Duration = Duration::from_secs(2);
+
+/// Everything that happens, as it happens; `Last-Event-ID` asks for what was missed.
+#[utoipa::path(
+    get, path = "/v1/events", tag = "status",
+    params(("Last-Event-ID" = Option<u64>, Header, description = "Id of the newest event that the client has seen")),
+    responses((status = 200, description = "Server-sent events: `id`, and an Event as JSON in `data`; an event named `resync` where the gap is too old", body = Event, content_type = "text/event-stream"))
+)]
+pub(super) async fn get(State(app): State<AppState>, headers: HeaderMap) -> Sse<impl Stream<Item = Result<Sent, Infallible>>> {
+    let asked = headers.get("last-event-id").map(|v| v.to_str().unwrap_or_default().trim()).filter(|v| !v.is_empty());
+    // An id that is no number was never given by this journal: to be told apart from no id at all.
+    let feed = Feed::open(app, asked.map(|id| id.parse().unwrap_or(u64::MAX)));
+    let hello = stream::iter([Ok(Sent::default().retry(RETRY).comment("carved"))]);
+    let events = stream::unfold(feed, |mut feed| async move { feed.next().await.map(|sent| (Ok(sent), feed)) });
+    Sse::new(stream::StreamExt::chain(hello, events)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))
+}
+
+/// One reader's place in the journal.
+struct Feed {
+    app: AppState,
+    /// Newest id that this reader was given.
+    seen: Option<u64>,
+    missed: VecDeque<Arc<Event>>,
+    resync: bool,
+    live: Receiver<Arc<Event>>,
+}
+
+impl Feed {
+    fn open(app: AppState, seen: Option<u64>) -> Self {
+        let (missed, live) = app.session.events().subscribe(seen);
+        let (missed, resync) = match missed {
+            Missed::Events(events) => (events.into(), false),
+            Missed::Resync => (VecDeque::new(), true),
+        };
+        Self { app, seen, missed, resync, live }
+    }
+
+    /// The next thing to send; `None` when the server ends.
+    async fn next(&mut self) -> Option<Sent> {
+        loop {
+            if std::mem::take(&mut self.resync) {
+                let status = self.app.session.status();
+                let place = serde_json::json!({ "boot_id": status.boot_id, "revision": status.revision });
+                return Some(Sent::default().event("resync").data(place.to_string()));
+            }
+            if let Some(event) = self.missed.pop_front() {
+                return Some(self.send(&event));
+            }
+            let received = tokio::select! {
+                received = self.live.recv() => received,
+                () = closed(self.app.closing.clone()) => return None,
+            };
+            match received {
+                Ok(event) => return Some(self.send(&event)),
+                // A slow reader fell out of the live channel; the journal's tail reaches further back.
+                Err(RecvError::Lagged(_)) if self.seen.is_some() => *self = Self::open(self.app.clone(), self.seen),
+                Err(RecvError::Lagged(_)) => self.resync = true,
+                Err(RecvError::Closed) => return None,
+            }
+        }
+    }
+
+    fn send(&mut self, event: &Event) -> Sent {
+        self.seen = Some(event.id);
+        let data = serde_json::to_string(event).unwrap_or_default();
+        Sent::default().id(event.id.to_string()).data(data)
+    }
+}

@@ -1,0 +1,74 @@
+//! The contract: routes and their description come from one list, so neither can miss one of the other's.
+
+use super::{AppState, access, docs, events, health, live, metrics, page, problem, runs, status};
+use axum::extract::State;
+use axum::http::header;
+use axum::response::{IntoResponse, Response};
+use serde_json::{Value, json};
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+
+#[derive(OpenApi)]
+#[openapi(
+    info(title = "carved", description = "The instrument as its plate-loader, its page and its operators' programs see it."),
+    components(schemas(problem::Problem))
+)]
+struct Contract;
+
+pub(super) fn routes() -> OpenApiRouter<AppState> {
+    OpenApiRouter::with_openapi(Contract::openapi())
+        .routes(routes!(status::get))
+        .routes(routes!(runs::put))
+        .routes(routes!(runs::abort))
+        .routes(routes!(runs::loaded))
+        .routes(routes!(events::get))
+        .routes(routes!(live::frame))
+        .routes(routes!(live::profile))
+        .routes(routes!(live::mesh))
+        .routes(routes!(health::live))
+        .routes(routes!(health::ready))
+        .routes(routes!(metrics::get))
+        .routes(routes!(get))
+        .routes(routes!(docs::get))
+        .routes(routes!(page::index))
+}
+
+/// This description.
+#[utoipa::path(get, path = "/openapi.json", tag = "contract", responses((status = 200, description = "OpenAPI 3.1", body = Value, content_type = "application/json")))]
+pub(super) async fn get(State(app): State<AppState>) -> Response {
+    ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], app.contract.clone()).into_response()
+}
+
+/// Adds what the layers in front of the routes and the body reader answer, once for all operations.
+pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
+    let mut contract = serde_json::to_value(contract).unwrap_or_default();
+    contract["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
+    for (path, item) in contract["paths"].as_object_mut().into_iter().flatten() {
+        for operation in item.as_object_mut().into_iter().flat_map(|operations| operations.values_mut()) {
+            let mut refusals = vec![("403", "The Host is not in the list, or a page of another origin sent it")];
+            if !access::is_open(path) {
+                operation["security"] = json!([{}, { "token": [] }]);
+                refusals.push(("401", "The token that this instrument asks for is missing or wrong"));
+            }
+            if operation.get("requestBody").is_some() {
+                refusals.extend([
+                    ("400", "The body or the path is malformed"),
+                    ("408", "The body did not arrive in time"),
+                    ("413", "The body is too large"),
+                    ("415", "The body is not application/json"),
+                    ("422", "Fields of the body are wrong: `errors` lists every one"),
+                ]);
+            }
+            for (status, description) in refusals {
+                operation["responses"][status] = refusal(description);
+            }
+        }
+    }
+    contract
+}
+
+fn refusal(description: &str) -> Value {
+    let schema = json!({ "$ref": "#/components/schemas/Problem" });
+    json!({ "description": description, "content": { problem::CONTENT_TYPE: { "schema": schema } } })
+}

@@ -1,0 +1,130 @@
+//! Every error that leaves the server: `application/problem+json` (RFC 9457) with what the scheduler does about it.
+
+use crate::session::{FieldError, Refusal, SchedulerAction, State, Status};
+use axum::Json;
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+pub(super) const CONTENT_TYPE: &str = "application/problem+json";
+
+/// What went wrong, for a program (`code`, `scheduler_action`) and for a person (`title`, `detail`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Problem {
+    /// `urn:carved:problem:` and the code.
+    #[serde(rename = "type")]
+    pub kind: String,
+    pub title: String,
+    pub status: u16,
+    pub detail: String,
+    /// Stable word to branch on.
+    pub code: String,
+    pub scheduler_action: SchedulerAction,
+    /// Number of the fault behind it, as listed in the status; `null` where there is none.
+    pub fault_seq: Option<u64>,
+    /// Every wrong field of the body, with a 422.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub errors: Vec<FieldError>,
+    /// States that accept the command, with a 409 for a wrong state.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub accepted_in: Vec<State>,
+    #[serde(skip)]
+    pub(super) retry_after_s: Option<u32>,
+}
+
+/// A client that is told to come back is told when.
+const RETRY_AFTER_S: u32 = 5;
+
+impl Problem {
+    pub(super) fn new(status: StatusCode, code: &str, detail: impl Into<String>) -> Self {
+        Self {
+            kind: format!("urn:carved:problem:{code}"),
+            title: status.canonical_reason().unwrap_or("Error").to_owned(),
+            status: status.as_u16(),
+            detail: detail.into(),
+            code: code.to_owned(),
+            scheduler_action: SchedulerAction::EscalateOperator,
+            fault_seq: None,
+            errors: Vec::new(),
+            accepted_in: Vec::new(),
+            retry_after_s: None,
+        }
+    }
+
+    pub(super) fn action(mut self, action: SchedulerAction) -> Self {
+        self.scheduler_action = action;
+        self
+    }
+
+    pub(super) fn come_back(mut self) -> Self {
+        self.retry_after_s = Some(RETRY_AFTER_S);
+        self.action(SchedulerAction::Retry)
+    }
+
+    pub(super) fn bad_request(code: &str, detail: impl Into<String>) -> Self {
+        Self::new(StatusCode::BAD_REQUEST, code, detail)
+    }
+
+    pub(super) fn unprocessable(code: &str, errors: Vec<FieldError>) -> Self {
+        let detail = errors.iter().map(|e| format!("{}: {}", e.pointer, e.detail)).collect::<Vec<_>>().join("; ");
+        Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }.action(SchedulerAction::RejectPlate)
+    }
+
+    /// Names the newest fault where the refusal comes from the instrument's condition, and passes its advice on.
+    fn behind(mut self, status: &Status) -> Self {
+        if let Some(fault) = status.faults.last() {
+            self.fault_seq = Some(fault.seq);
+            self.scheduler_action = fault.scheduler_action;
+        }
+        self
+    }
+
+    /// The session's refusal in the words of HTTP.
+    pub(super) fn refused(refusal: Refusal, status: &Status) -> Self {
+        let detail = refusal.to_string();
+        let conflict = |code| Self::new(StatusCode::CONFLICT, code, detail.clone());
+        let unavailable = |code| Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail.clone()).come_back();
+        match refusal {
+            Refusal::InvalidPlan(errors) => Self::unprocessable("invalid_plan", errors),
+            Refusal::OtherPlan { .. } => conflict("other_plan"),
+            Refusal::WrongState { accepted_in, .. } => {
+                Self { accepted_in, ..conflict("wrong_state").action(SchedulerAction::Retry) }.behind(status)
+            }
+            Refusal::UnknownRun { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_run", detail),
+            Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),
+            Refusal::Store { .. } => unavailable("store").behind(status),
+            Refusal::ShuttingDown => unavailable("shutting_down"),
+        }
+    }
+}
+
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let status = StatusCode::from_u16(self.status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        let retry_after = self.retry_after_s;
+        let mut response = (status, Json(self)).into_response();
+        let headers = response.headers_mut();
+        headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(CONTENT_TYPE));
+        if let Some(seconds) = retry_after {
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(seconds));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        response
+    }
+}
+
+impl From<PathRejection> for Problem {
+    fn from(rejection: PathRejection) -> Self {
+        Self::bad_request("bad_path", rejection.body_text())
+    }
+}
+
+impl From<QueryRejection> for Problem {
+    fn from(rejection: QueryRejection) -> Self {
+        Self::bad_request("bad_query", rejection.body_text())
+    }
+}

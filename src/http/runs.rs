@@ -1,0 +1,118 @@
+//! Commands: each is answered after the driver has journalled or refused it. All may be sent again.
+
+use super::AppState;
+use super::body::{self, Body};
+use super::problem::Problem;
+use crate::session::{Accepted, FieldError, Refusal, RunPlan, is_plain_name};
+use axum::Json;
+use axum::extract::rejection::PathRejection;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// The command was taken; the status from this revision on shows what became of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(super) struct Acknowledged {
+    run: String,
+    revision: u64,
+}
+
+/// Body of `PUT /v1/runs/{run_id}/wells/{well}`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WellLoaded {
+    /// `true`: the specimen of this well is in the capillary.
+    loaded: bool,
+}
+
+fn refused(app: &AppState, refusal: Refusal) -> Problem {
+    Problem::refused(refusal, &app.session.status())
+}
+
+fn acknowledged(app: &AppState, run: String) -> Json<Acknowledged> {
+    Json(Acknowledged { run, revision: app.session.status().revision })
+}
+
+/// Registers a run under the client's own name for it, and starts it.
+///
+/// The answer comes after the plan is on disk. The same plan again answers 200 and changes nothing.
+#[utoipa::path(
+    put, path = "/v1/runs/{run_id}", tag = "commands", request_body = RunPlan,
+    params(("run_id" = String, Path, description = "1 to 64 letters, digits, '-', '_' or '.', the first not a '.'")),
+    responses(
+        (status = 201, description = "The run is on disk and will start", body = Acknowledged, headers(("Location" = String))),
+        (status = 200, description = "This very run had been taken before", body = Acknowledged),
+        (status = 409, description = "Another plan has this name, or the state does not accept it", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn put(
+    State(app): State<AppState>,
+    path: Result<Path<String>, PathRejection>,
+    Body(plan): Body<RunPlan, { body::PLATE_MAP }>,
+) -> Result<Response, Problem> {
+    let Path(id) = path?;
+    if !is_plain_name(&id) {
+        let detail = format!("{id:?} is not a run id: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
+        return Err(Problem { detail, ..Problem::unprocessable("invalid_run_id", Vec::new()) });
+    }
+    let accepted = app.session.put_run(id.clone(), plan).await.map_err(|refusal| refused(&app, refusal))?;
+    let location = format!("/v1/runs/{id}");
+    let body = acknowledged(&app, id);
+    Ok(match accepted {
+        Accepted::Created => (StatusCode::CREATED, [("location", location)], body).into_response(),
+        Accepted::Same => body.into_response(),
+    })
+}
+
+/// Ends a run; motors stop before anything else happens.
+///
+/// Acknowledged at once. A repeat answers 200.
+#[utoipa::path(
+    post, path = "/v1/runs/{run_id}/abort", tag = "commands", params(("run_id" = String, Path)),
+    responses(
+        (status = 200, description = "The run ends, or had ended", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
+        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn abort(
+    State(app): State<AppState>,
+    path: Result<Path<String>, PathRejection>,
+    headers: HeaderMap,
+) -> Result<Json<Acknowledged>, Problem> {
+    // The command is in the path. Its body, if any, is not waited for: an abort is not to hang on a slow client.
+    body::within(&headers, body::SMALL)?;
+    let Path(id) = path?;
+    app.session.abort(id.clone()).await.map_err(|refusal| refused(&app, refusal))?;
+    Ok(acknowledged(&app, id))
+}
+
+/// The loader says that the specimen of this well is in the capillary.
+#[utoipa::path(
+    put, path = "/v1/runs/{run_id}/wells/{well}", tag = "commands", request_body = WellLoaded,
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`")),
+    responses(
+        (status = 200, description = "The run goes on with this well, or had done so", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The run does not wait for this well", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn loaded(
+    State(app): State<AppState>,
+    path: Result<Path<(String, String)>, PathRejection>,
+    Body(said): Body<WellLoaded, { body::SMALL }>,
+) -> Result<Json<Acknowledged>, Problem> {
+    let Path((run, well)) = path?;
+    if !said.loaded {
+        let detail = "only `true` can be said here; a specimen leaves the capillary when the run says so".to_owned();
+        return Err(Problem::unprocessable("invalid_body", vec![FieldError { pointer: "/loaded".into(), detail }]));
+    }
+    app.session.loaded(run.clone(), well).await.map_err(|refusal| refused(&app, refusal))?;
+    Ok(acknowledged(&app, run))
+}

@@ -1,0 +1,119 @@
+//! The accept loop: a slot per connection, a deadline for every head, and nothing left running at the end.
+//!
+//! ```text
+//! slot free? ─> accept ─> task: hyper http1 ─┬─ client closes, or dribbles its head past the deadline
+//!      ^                                     └─ shutdown: finish the request under way
+//!      └───────────── slot back ─────────────┘        then join all; after `drain_ms` cut what is left
+//! ```
+//! hyper's builder is used directly because `axum::serve` gives a client that dribbles its head all the time it wants.
+
+use super::{HttpError, HttpSettings, closed, router};
+use crate::session::SessionHandle;
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use std::pin::pin;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::task::{JoinError, JoinSet};
+
+/// Largest request head.
+const HEAD_BYTES: usize = 16 * 1024;
+/// Pause after a failed accept (no descriptors left), in which connections end and give theirs back.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Serves until `shutdown` resolves, then ends what is open within the settings' `drain_ms`. Every task is joined.
+///
+/// # Errors
+/// Refuses a listener that other machines reach when no token is set, and settings that make no sense.
+pub async fn serve(
+    listener: std::net::TcpListener,
+    session: SessionHandle,
+    settings: HttpSettings,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), HttpError> {
+    let guard = settings.guard(listener.local_addr()?)?;
+    listener.set_nonblocking(true)?;
+    let listener = TcpListener::from_std(listener)?;
+    let (close, closing) = watch::channel(false);
+    let router = router(session, &settings, guard, closing.clone());
+    let slots = Arc::new(Semaphore::new(settings.max_connections));
+    let mut connections = JoinSet::new();
+    let mut shutdown = pin!(shutdown);
+    loop {
+        tokio::select! {
+            accepted = next_client(&listener, &slots) => match accepted {
+                Ok((stream, slot)) => {
+                    let served = connection(stream, slot, builder(&settings), router.clone(), closing.clone());
+                    connections.spawn(served);
+                }
+                Err(why) => {
+                    tracing::warn!(%why, "could not accept a connection");
+                    tokio::time::sleep(ACCEPT_PAUSE).await;
+                }
+            },
+            Some(ended) = connections.join_next() => note(ended),
+            () = &mut shutdown => break,
+        }
+    }
+    drop(listener);
+    close.send_replace(true);
+    drain(connections, Duration::from_millis(settings.drain_ms)).await;
+    Ok(())
+}
+
+async fn next_client(listener: &TcpListener, slots: &Arc<Semaphore>) -> std::io::Result<(TcpStream, OwnedSemaphorePermit)> {
+    let slot = slots.clone().acquire_owned().await.map_err(std::io::Error::other)?;
+    let (stream, _peer) = listener.accept().await?;
+    // Answers are small and awaited.
+    stream.set_nodelay(true)?;
+    Ok((stream, slot))
+}
+
+fn builder(settings: &HttpSettings) -> http1::Builder {
+    let mut builder = http1::Builder::new();
+    builder.timer(TokioTimer::new()).header_read_timeout(Duration::from_millis(settings.head_timeout_ms)).max_buf_size(HEAD_BYTES);
+    builder
+}
+
+async fn connection(
+    stream: TcpStream,
+    slot: OwnedSemaphorePermit,
+    builder: http1::Builder,
+    router: Router,
+    closing: watch::Receiver<bool>,
+) {
+    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)));
+    let ended = tokio::select! {
+        ended = connection.as_mut() => ended,
+        () = closed(closing) => {
+            connection.as_mut().graceful_shutdown();
+            connection.await
+        }
+    };
+    if let Err(why) = ended {
+        tracing::debug!(%why, "a connection broke off");
+    }
+    drop(slot);
+}
+
+async fn drain(mut connections: JoinSet<()>, deadline: Duration) {
+    let all = async {
+        while let Some(ended) = connections.join_next().await {
+            note(ended);
+        }
+    };
+    if tokio::time::timeout(deadline, all).await.is_err() {
+        tracing::warn!(open = connections.len(), "cutting connections that did not end in time");
+        connections.shutdown().await;
+    }
+}
+
+fn note(ended: Result<(), JoinError>) {
+    if let Err(why) = ended {
+        tracing::error!(%why, "a connection's task ended badly");
+    }
+}

@@ -1,0 +1,202 @@
+//! What the operator may say about the server, and the checks before a port is opened.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::io;
+use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::os::unix::fs::PermissionsExt;
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// The `[http]` table of a configuration.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HttpSettings {
+    /// Where to listen. Off loopback a `token_file` is mandatory.
+    pub listen: SocketAddr,
+    /// Host names under which clients may address the instrument, besides the loopback names and the address it listens on.
+    pub allowed_hosts: Vec<String>,
+    /// File with the bearer token that every client must send; readable by the daemon alone (mode 0600).
+    pub token_file: Option<PathBuf>,
+    /// Time that a client has to send a request's head, ms.
+    pub head_timeout_ms: u64,
+    /// Time that a client has to send a request's body, ms.
+    pub body_timeout_ms: u64,
+    /// Connections served at a time; more wait to be accepted.
+    pub max_connections: usize,
+    /// Time that open requests have to end after a shutdown was asked for, ms.
+    pub drain_ms: u64,
+}
+
+impl Default for HttpSettings {
+    fn default() -> Self {
+        Self {
+            listen: SocketAddr::from(([127, 0, 0, 1], 8420)),
+            allowed_hosts: Vec::new(),
+            token_file: None,
+            // Schedulers back off to one poll in 5 s, and the same clock bounds the pause between two requests of a
+            // connection: so above 5 s, and below the 10 s after which a client that dribbles is to be gone.
+            head_timeout_ms: 8_000,
+            body_timeout_ms: 8_000,
+            // 1000 pollers and 2000 dribblers at once leave room for the operator.
+            max_connections: 4_096,
+            // The whole daemon has 5 s to end.
+            drain_ms: 2_000,
+        }
+    }
+}
+
+/// A token shorter than this is guessed.
+const TOKEN_BYTES: usize = 32;
+
+/// Why the server does not start, or had to end.
+#[derive(Debug, thiserror::Error)]
+pub enum HttpError {
+    #[error(
+        "http: refuses to listen on {listen}, which other machines reach, without a bearer token. Listen on 127.0.0.1, or make one \
+         (`openssl rand -hex 32 > token; chmod 600 token`) and name it as token_file in [http]"
+    )]
+    TokenMandatory { listen: SocketAddr },
+    #[error("http: cannot read token_file {}: {why}", path.display())]
+    TokenFile { path: PathBuf, why: io::Error },
+    #[error("http: token_file {} has mode {mode:04o}, so others on this machine can read it. Run `chmod 600 {}`", path.display(), path.display())]
+    TokenExposed { path: PathBuf, mode: u32 },
+    #[error(
+        "http: the token in {} has {found} characters, at least {TOKEN_BYTES} printable ones without blanks are needed. Make one with `openssl rand -hex 32`",
+        path.display()
+    )]
+    TokenWeak { path: PathBuf, found: usize },
+    #[error("http: {name:?} in allowed_hosts is not a bare host name; write it without scheme, port or path")]
+    AllowedHost { name: String },
+    #[error("http: cannot listen on {listen}: {why}. Another program may hold the port; choose another with --listen ADDRESS:PORT")]
+    Bind { listen: SocketAddr, why: io::Error },
+    #[error("http: the listening socket failed: {0}")]
+    Socket(#[from] io::Error),
+}
+
+impl HttpSettings {
+    /// Opens the port, or says why it must not be opened.
+    pub fn bind(&self) -> Result<TcpListener, HttpError> {
+        self.guard(self.listen)?;
+        TcpListener::bind(self.listen).map_err(|why| HttpError::Bind { listen: self.listen, why })
+    }
+
+    /// Everything that decides who may ask what, checked for a listener at `local`.
+    pub(super) fn guard(&self, local: SocketAddr) -> Result<Guard, HttpError> {
+        let token = self.token_file.clone().map(read_token).transpose()?;
+        if token.is_none() && !local.ip().is_loopback() {
+            return Err(HttpError::TokenMandatory { listen: local });
+        }
+        let mut hosts: BTreeSet<String> = ["localhost", "127.0.0.1", "[::1]"].map(String::from).into();
+        if !local.ip().is_unspecified() {
+            hosts.insert(host_of(local.ip()));
+        }
+        for name in &self.allowed_hosts {
+            let bare =
+                name.parse::<axum::http::uri::Authority>().is_ok_and(|a| a.host() == name && a.port().is_none() && !name.contains('*'));
+            if !bare {
+                return Err(HttpError::AllowedHost { name: name.clone() });
+            }
+            hosts.insert(name.to_ascii_lowercase());
+        }
+        Ok(Guard { hosts, token })
+    }
+
+    pub(super) fn body_timeout(&self) -> Duration {
+        Duration::from_millis(self.body_timeout_ms)
+    }
+}
+
+/// Hosts that may be asked for, and the token that must be shown.
+#[derive(Debug, Clone)]
+pub(super) struct Guard {
+    pub hosts: BTreeSet<String>,
+    pub token: Option<String>,
+}
+
+/// An address as it stands in a `Host` header.
+fn host_of(ip: IpAddr) -> String {
+    match ip {
+        IpAddr::V4(ip) => ip.to_string(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+    }
+}
+
+fn read_token(path: PathBuf) -> Result<String, HttpError> {
+    let read = || -> io::Result<(u32, String)> {
+        let mode = std::fs::metadata(&path)?.permissions().mode() & 0o7777;
+        Ok((mode, std::fs::read_to_string(&path)?))
+    };
+    let (mode, text) = match read() {
+        Ok(found) => found,
+        Err(why) => return Err(HttpError::TokenFile { path, why }),
+    };
+    if mode & 0o077 != 0 {
+        return Err(HttpError::TokenExposed { path, mode });
+    }
+    let token = text.trim();
+    if token.len() < TOKEN_BYTES || !token.bytes().all(|b| b.is_ascii_graphic()) {
+        return Err(HttpError::TokenWeak { path, found: token.len() });
+    }
+    Ok(token.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::Write;
+
+    fn token_file(text: &str, mode: u32) -> tempfile::NamedTempFile {
+        let mut file = tempfile::NamedTempFile::new().unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+        file.as_file().set_permissions(std::fs::Permissions::from_mode(mode)).unwrap();
+        file
+    }
+
+    #[test]
+    fn listens_off_loopback_only_with_a_token() {
+        let open = HttpSettings { listen: SocketAddr::from(([0, 0, 0, 0], 0)), ..HttpSettings::default() };
+        let error = open.bind().unwrap_err();
+        assert!(matches!(error, HttpError::TokenMandatory { .. }));
+        assert!(error.to_string().contains("token_file"), "{error}");
+        let file = token_file(&"k".repeat(32), 0o600);
+        HttpSettings { token_file: Some(file.path().into()), ..open }.bind().unwrap();
+        HttpSettings { listen: SocketAddr::from(([127, 0, 0, 1], 0)), ..HttpSettings::default() }.bind().unwrap();
+    }
+
+    #[test]
+    fn a_token_that_others_can_read_or_guess_is_refused() {
+        let with = |file: &tempfile::NamedTempFile| HttpSettings { token_file: Some(file.path().into()), ..HttpSettings::default() };
+        let local = SocketAddr::from(([127, 0, 0, 1], 1));
+        let exposed = token_file(&"k".repeat(32), 0o640);
+        assert!(matches!(with(&exposed).guard(local), Err(HttpError::TokenExposed { mode: 0o640, .. })));
+        for weak in ["", "short", &format!("{} {}", "k".repeat(20), "k".repeat(20))] {
+            let file = token_file(weak, 0o600);
+            assert!(matches!(with(&file).guard(local), Err(HttpError::TokenWeak { .. })), "{weak:?}");
+        }
+        let gone = HttpSettings { token_file: Some("/nonexistent/token".into()), ..HttpSettings::default() };
+        assert!(gone.guard(local).unwrap_err().to_string().contains("/nonexistent/token"));
+        let good = token_file(&format!("{}\n", "k".repeat(32)), 0o600);
+        assert_eq!(with(&good).guard(local).unwrap().token.unwrap(), "k".repeat(32), "the line's end is no part of it");
+    }
+
+    #[test]
+    fn allowed_hosts_are_bare_names() {
+        let with = |name: &str| {
+            let settings = HttpSettings { allowed_hosts: vec![name.into()], ..HttpSettings::default() };
+            settings.guard(SocketAddr::from(([127, 0, 0, 1], 1)))
+        };
+        assert!(with("Carved.lab").unwrap().hosts.contains("carved.lab"));
+        for wrong in ["http://carved.lab", "carved.lab:80", "carved.lab/", "", "*", "a b", "me@carved.lab"] {
+            assert!(with(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_port_that_is_taken_is_said_with_the_way_out() {
+        let held = TcpListener::bind("127.0.0.1:0").unwrap();
+        let settings = HttpSettings { listen: held.local_addr().unwrap(), ..HttpSettings::default() };
+        let said = settings.bind().unwrap_err().to_string();
+        assert!(said.contains(&settings.listen.to_string()) && said.contains("--listen"), "{said}");
+    }
+}
