@@ -22,6 +22,7 @@ pub mod geometry;
 pub mod http;
 pub mod measure;
 pub mod profile;
+pub mod reconstruction;
 pub mod session;
 pub mod store;
 pub mod surface;

@@ -1,1 +1,29 @@
-//! surface
+//! The surface of the hull as a mesh.
+//!
+//! ```text
+//!  Carver ── Occupancy (binary, the paper's) ─┐
+//!         └─ Coarse (share of live voxels) ───┤
+//!  any other Field (distance, coverage) ──────┴─ extract ── Mesh ── fair ── Mesh      Mesh + Projection ── silhouette
+//! ```
+//! A [`Field`] gives samples on a lattice, block by block; [`extract`] welds marching cubes over the blocks that can hold
+//! surface, so a continuous field needs no more than a further `Field`. Meshes are closed, and their triangles turn
+//! counter-clockwise seen from outside.
+
+mod cube;
+mod fairing;
+mod field;
+mod marching;
+mod mesh;
+mod occupancy;
+mod silhouette;
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
+mod tests;
+
+pub use fairing::{Fairing, FairingError, fair};
+pub use field::{Field, SIDE, Samples};
+pub use marching::extract;
+pub use mesh::{Mesh, Topology};
+pub use occupancy::{Coarse, Occupancy};
+pub use silhouette::silhouette;

@@ -1,0 +1,231 @@
+//! From profiles to a measured model: the one path of a live run, of replay and of offline work.
+//!
+//! ```text
+//!  (Mask, omega) per view ── observe ── LiveVolume           after each view
+//!                               │ └──── live_mesh            coarse, for the page
+//!                             finish ── Model                mesh and measurement
+//! ```
+//! The same views in any order give the same model bit for bit, on any number of threads.
+
+use crate::carver::{CarveError, Carver};
+use crate::geometry::{Camera, CameraError, Projection, VoxelGrid};
+use crate::measure::{self, AreaMethod, Measurement, SphereError};
+use crate::profile::Mask;
+use crate::surface::{self, Coarse, Fairing, FairingError, Mesh, Occupancy};
+use serde::{Deserialize, Serialize};
+
+/// How the surface is made of the voxels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SurfaceSettings {
+    /// Weight of the umbrella operator in one iteration of the implicit fairing.
+    pub fairing_lambda: f64,
+    /// Iterations of the implicit fairing.
+    pub fairing_iterations: usize,
+}
+
+impl Default for SurfaceSettings {
+    /// The paper's ten iterations; the weight that reproduces its areas.
+    fn default() -> Self {
+        Self { fairing_lambda: 0.8, fairing_iterations: 10 }
+    }
+}
+
+/// What the model depends on besides views, camera and grid.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ReconstructionSettings {
+    /// Share of the planned views that may miss a voxel of the hull.
+    pub epsilon: f64,
+    pub surface: SurfaceSettings,
+}
+
+impl Default for ReconstructionSettings {
+    fn default() -> Self {
+        Self { epsilon: 0.05, surface: SurfaceSettings::default() }
+    }
+}
+
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ReconstructionError {
+    #[error(transparent)]
+    Camera(#[from] CameraError),
+    #[error(transparent)]
+    Carve(#[from] CarveError),
+    #[error("the mask is {width} x {height} px, the camera's sensor {sensor_width} x {sensor_height}")]
+    MaskSize { width: usize, height: usize, sensor_width: u32, sensor_height: u32 },
+    #[error("omega is {found}; an angle is a finite number of rad")]
+    Omega { found: f64 },
+    #[error("{observed} of {planned} planned views were observed; nothing is measured before the first")]
+    NoViews { observed: usize, planned: usize },
+    #[error(
+        "no voxel of the grid is left after {observed} views: the profiles do not agree on a body. Check masks, angles, camera and box"
+    )]
+    EmptyHull { observed: usize },
+    #[error(transparent)]
+    Fairing(#[from] FairingError),
+    #[error("sphere: {0}")]
+    Sphere(#[from] SphereError),
+}
+
+/// The hull after a view; its volume only falls.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LiveVolume {
+    /// Views observed so far.
+    pub views: usize,
+    pub voxels: u64,
+    pub volume_um3: f64,
+}
+
+/// What is left when all views are in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// The faired surface.
+    pub mesh: Mesh,
+    pub measurement: Measurement,
+}
+
+/// A model of views through projections of any origin.
+#[derive(Debug, Clone)]
+pub struct HullModel {
+    carver: Carver,
+    settings: ReconstructionSettings,
+}
+
+impl HullModel {
+    /// # Errors
+    /// Refuses settings that make no model, before any view is taken.
+    pub fn new(grid: VoxelGrid, planned_views: usize, settings: ReconstructionSettings) -> Result<Self, ReconstructionError> {
+        let found = settings.surface.fairing_lambda;
+        if !(found.is_finite() && found >= 0.0) {
+            return Err(FairingError::Lambda { found }.into());
+        }
+        Ok(Self { carver: Carver::new(grid, planned_views, settings.epsilon)?, settings })
+    }
+
+    /// # Errors
+    /// Refuses what the carver refuses; the model is then unchanged.
+    pub fn observe(&mut self, mask: &Mask, projection: &Projection) -> Result<LiveVolume, ReconstructionError> {
+        self.carver.observe(mask, projection)?;
+        Ok(self.live())
+    }
+
+    pub fn live(&self) -> LiveVolume {
+        let carver = &self.carver;
+        LiveVolume { views: carver.observed_views(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
+    }
+
+    pub fn carver(&self) -> &Carver {
+        &self.carver
+    }
+
+    /// The hull's surface on a lattice four times as wide as the grid's.
+    pub fn live_mesh(&self) -> Mesh {
+        surface::extract(&Coarse::new(&self.carver))
+    }
+
+    /// The hull's surface voxel by voxel, before fairing.
+    pub fn unfaired_mesh(&self) -> Mesh {
+        surface::extract(&Occupancy(&self.carver))
+    }
+
+    /// Makes the surface and measures it; `sphere` fits one, for beads.
+    ///
+    /// # Errors
+    /// Says so when no view was observed, no voxel is left, or no sphere is determined.
+    pub fn finish(&self, sphere: bool) -> Result<Model, ReconstructionError> {
+        let carver = &self.carver;
+        let LiveVolume { views, voxels, volume_um3 } = self.live();
+        if views == 0 {
+            return Err(ReconstructionError::NoViews { observed: views, planned: carver.planned_views() });
+        }
+        let SurfaceSettings { fairing_lambda: lambda, fairing_iterations: iterations } = self.settings.surface;
+        let unfaired = self.unfaired_mesh();
+        let mesh = surface::fair(&unfaired, Fairing { lambda, iterations })?;
+        let empty = ReconstructionError::EmptyHull { observed: views };
+        let (Some(centroid_um), Some(extents)) = (measure::centroid(&mesh), measure::extents(&mesh)) else { return Err(empty) };
+        let mesh_volume_um3 = measure::volume(&mesh);
+        let extent_um = extents.sides();
+        let measurement = Measurement {
+            voxels,
+            voxel_size_um: carver.grid().size(),
+            views,
+            planned_views: carver.planned_views(),
+            epsilon: self.settings.epsilon,
+            volume_um3,
+            mesh_volume_um3,
+            fairing_volume_loss: 1.0 - mesh_volume_um3 / measure::volume(&unfaired),
+            area_um2: measure::area(&mesh),
+            unfaired_area_um2: measure::area(&unfaired),
+            area_method: AreaMethod { operator: "umbrella".into(), lambda, iterations },
+            centroid_um,
+            extent_um,
+            length_um: extent_um[0],
+            sphere: if sphere { Some(measure::fit_sphere(&mesh.vertices)?) } else { None },
+        };
+        Ok(Model { mesh, measurement })
+    }
+}
+
+/// A model of the views of one camera at known angles.
+#[derive(Debug, Clone)]
+pub struct Reconstruction {
+    camera: Camera,
+    hull: HullModel,
+}
+
+impl Reconstruction {
+    /// # Errors
+    /// Refuses a camera, a plan or settings that make no model, before any view is taken.
+    pub fn new(
+        camera: &Camera,
+        grid: VoxelGrid,
+        planned_views: usize,
+        settings: ReconstructionSettings,
+    ) -> Result<Self, ReconstructionError> {
+        camera.check()?;
+        Ok(Self { camera: camera.clone(), hull: HullModel::new(grid, planned_views, settings)? })
+    }
+
+    /// Takes the view at angle `omega` (rad).
+    ///
+    /// # Errors
+    /// Refuses a mask that is not of the sensor's size, and what the carver refuses; the model is then unchanged.
+    pub fn observe(&mut self, mask: &Mask, omega: f64) -> Result<LiveVolume, ReconstructionError> {
+        let Camera { width, height, .. } = self.camera;
+        if (mask.width(), mask.height()) != (width as usize, height as usize) {
+            return Err(ReconstructionError::MaskSize {
+                width: mask.width(),
+                height: mask.height(),
+                sensor_width: width,
+                sensor_height: height,
+            });
+        }
+        if !omega.is_finite() {
+            return Err(ReconstructionError::Omega { found: omega });
+        }
+        self.hull.observe(mask, &self.camera.projection(omega))
+    }
+
+    /// The model so far: its live volume, its carver.
+    pub fn hull(&self) -> &HullModel {
+        &self.hull
+    }
+
+    /// The hull's surface on a lattice four times as wide as the grid's: small and quick, for the page.
+    pub fn live_mesh(&self) -> Mesh {
+        self.hull.live_mesh()
+    }
+
+    /// Makes the surface and measures it; `sphere` fits one, for beads.
+    ///
+    /// # Errors
+    /// As [`HullModel::finish`].
+    pub fn finish(&self, sphere: bool) -> Result<Model, ReconstructionError> {
+        self.hull.finish(sphere)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
+mod tests;

@@ -1,0 +1,126 @@
+use super::*;
+use crate::geometry::BoxUm;
+use std::f64::consts::{PI, TAU};
+
+fn camera() -> Camera {
+    Camera {
+        f: 60_000.0,
+        kx: 1.0 / 5.5,
+        ky: 1.0 / 5.5,
+        ux: 80.0,
+        uy: 70.0,
+        s: 0.0,
+        alpha: 0.0,
+        gamma: 0.0,
+        phi: std::f64::consts::FRAC_PI_2,
+        width: 160,
+        height: 144,
+    }
+}
+
+/// Silhouette of a ball: a pixel is inside where its centre's ray passes the ball's centre within the radius.
+fn bead(omega: f64, [x, y, z]: [f64; 3], radius: f64) -> Mask {
+    let cam = camera();
+    let (sin, cos) = omega.sin_cos();
+    let at = [x, cos * y - sin * z, sin * y + cos * z + cam.f];
+    let mut mask = Mask::empty(160, 144);
+    for v in 0..144 {
+        for u in 0..160 {
+            let ray = [(u as f64 - cam.ux) / (cam.kx * cam.f), (v as f64 - cam.uy) / (cam.ky * cam.f), 1.0];
+            let dot: f64 = (0..3).map(|a| ray[a] * at[a]).sum();
+            let (ray2, at2): (f64, f64) = (ray.iter().map(|c| c * c).sum(), at.iter().map(|c| c * c).sum());
+            mask.set(u, v, at2 - dot * dot / ray2 <= radius * radius);
+        }
+    }
+    mask
+}
+
+const CENTRE: [f64; 3] = [40.0, 21.0, -13.0];
+
+fn views(asd: u32) -> Vec<(Mask, f64)> {
+    (0..asd).map(|i| TAU * f64::from(i) / f64::from(asd)).map(|omega| (bead(omega, CENTRE, 250.0), omega)).collect()
+}
+
+fn started(planned: usize) -> Reconstruction {
+    let grid = VoxelGrid::new(BoxUm { min: [-350.0; 3], max: [350.0; 3] }, 6.93).unwrap();
+    Reconstruction::new(&camera(), grid, planned, ReconstructionSettings::default()).unwrap()
+}
+
+fn made(views: &[(Mask, f64)]) -> Model {
+    let mut model = started(views.len());
+    for (mask, omega) in views {
+        model.observe(mask, *omega).unwrap();
+    }
+    model.finish(true).unwrap()
+}
+
+/// The hull of 21 views with one miss exceeds a disc's area, and a ball's volume, by 1.31 %. The method promises that to
+/// 0.6 %: here an outline errs by up to half a pixel, evenly, a tenth of one on average over 42 directions: 0.2 % of the
+/// radius of 45 px, 0.6 % of volume. The diameter has a third of all that, less the third of fairing's loss: within 1 %.
+#[test]
+fn a_bead_has_its_size() {
+    let Model { mesh, measurement: m } = made(&views(21));
+    let sphere = m.sphere.unwrap();
+    assert!((sphere.diameter_um / 500.0 - 1.0).abs() < 0.01, "{sphere:?}");
+    assert!(sphere.rms_um < 0.02 * 250.0, "{sphere:?}");
+    // Half a voxel is what a centre can be off by when every view errs alike.
+    assert!((0..3).all(|a| (sphere.centre_um[a] - CENTRE[a]).abs() < 3.5 && (m.centroid_um[a] - CENTRE[a]).abs() < 3.5), "{m:?}");
+    let truth = 4.0 / 3.0 * PI * 250f64.powi(3);
+    assert!((m.volume_um3 / truth - 1.0131).abs() < 0.006, "{}", m.volume_um3 / truth);
+    assert!((m.area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.02, "{}", m.area_um2);
+    assert!(m.unfaired_area_um2 > 1.06 * m.area_um2, "fairing takes the staircase off");
+    assert!((0.0..0.02).contains(&m.fairing_volume_loss), "{}", m.fairing_volume_loss);
+    assert_eq!(m.volume_um3, m.voxels as f64 * 6.93f64.powi(3));
+    assert_eq!(mesh.topology().euler_characteristic(), 2);
+    assert!(mesh.topology().is_closed());
+}
+
+#[test]
+fn the_order_of_views_and_the_number_of_threads_do_not_matter() {
+    let mut views = views(7);
+    let model = made(&views);
+    views.reverse();
+    views.swap(1, 4);
+    assert_eq!(made(&views), model);
+    for threads in [1, 5] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        assert_eq!(pool.install(|| made(&views)), model, "{threads} threads");
+    }
+}
+
+#[test]
+fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
+    let views = views(12);
+    let mut model = started(12);
+    let mut last = f64::INFINITY;
+    for (mask, omega) in &views {
+        let live = model.observe(mask, *omega).unwrap();
+        assert!(live.volume_um3 <= last);
+        last = live.volume_um3;
+        let mesh = model.live_mesh();
+        assert!(mesh.topology().is_closed());
+        // The coarse surface cuts the hull's edges by a part of its 28 um.
+        let share = measure::volume(&mesh) / last;
+        assert!((0.85..1.05).contains(&share), "{share}");
+    }
+    assert_eq!(model.finish(false).unwrap().measurement.volume_um3, last);
+}
+
+#[test]
+fn what_makes_no_model_is_refused_by_name() {
+    let mut model = started(2);
+    assert_eq!(model.finish(false), Err(ReconstructionError::NoViews { observed: 0, planned: 2 }));
+    let small = ReconstructionError::MaskSize { width: 9, height: 9, sensor_width: 160, sensor_height: 144 };
+    assert_eq!(model.observe(&Mask::empty(9, 9), 0.0), Err(small));
+    assert!(matches!(model.observe(&bead(0.0, CENTRE, 250.0), f64::NAN), Err(ReconstructionError::Omega { .. })));
+    assert_eq!(model.hull().live().views, 0, "refused views don't count");
+    model.observe(&Mask::empty(160, 144), 0.0).unwrap();
+    assert_eq!(model.finish(false), Err(ReconstructionError::EmptyHull { observed: 1 }));
+
+    let grid = *model.hull().carver().grid();
+    let lambda = SurfaceSettings { fairing_lambda: -0.1, ..SurfaceSettings::default() };
+    let settings = ReconstructionSettings { surface: lambda, ..ReconstructionSettings::default() };
+    assert!(matches!(Reconstruction::new(&camera(), grid, 4, settings), Err(ReconstructionError::Fairing(_))));
+    let camera = Camera { kx: 0.0, ..camera() };
+    assert!(matches!(Reconstruction::new(&camera, grid, 4, ReconstructionSettings::default()), Err(ReconstructionError::Camera(_))));
+}
