@@ -81,10 +81,8 @@ fn take_view(
     let view = stop.view;
     let unless_cancelled = |cancelled: bool| if cancelled { Err(AcquisitionError::Cancelled { view }) } else { Ok(()) };
     // A device that fails because the revolution was cancelled says less than the cancellation does.
-    let failed = |source| match cancel.is_cancelled() {
-        true => AcquisitionError::Cancelled { view },
-        false => AcquisitionError::Device { view, source },
-    };
+    let failed =
+        |source| if cancel.is_cancelled() { AcquisitionError::Cancelled { view } } else { AcquisitionError::Device { view, source } };
 
     unless_cancelled(cancel.is_cancelled())?;
     let began = Instant::now();

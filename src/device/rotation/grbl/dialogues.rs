@@ -1,0 +1,464 @@
+//! Dialogues with a scripted controller on a pty: what the driver says, and what it makes of each answer.
+
+use super::*;
+use proptest::prelude::*;
+use serialport::{SerialPort, TTYPort};
+use std::io::{ErrorKind, Read, Write};
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::JoinHandle;
+
+const GREETING: &str = "\r\nGrbl 1.1h ['$' for help]\r\n";
+const VERSION: &str = "[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n";
+const SETTINGS: &str = "$10=1\r\n$13=0\r\n$100=1.389\r\n$110=3600.000\r\n$120=200.000\r\nok\r\n";
+const RESET: &str = "\x18";
+/// Closes the controller's side of the pty.
+const HANG_UP: &str = "hang up";
+/// Far longer than any dialogue here takes, so that a broken driver fails and does not hang.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+type Step<'a> = (&'a str, String);
+
+fn step<'a>(expected: &'a str, reply: &str) -> Step<'a> {
+    (expected, reply.to_owned())
+}
+
+fn idle(x: &str) -> String {
+    format!("<Idle|MPos:{x},0.000,0.000|FS:0,0>\r\n")
+}
+
+fn opening() -> Vec<Step<'static>> {
+    vec![step(RESET, GREETING), step("$I", VERSION), step("$$", SETTINGS)]
+}
+
+/// Opening and a reference "here" at the controller's position `x`.
+fn referenced(x: &str) -> Vec<Step<'static>> {
+    let mut steps = opening();
+    steps.extend([step(RESET, GREETING), step("$$", SETTINGS)]);
+    steps.extend((0..3).map(|_| ("?", idle(x))));
+    steps
+}
+
+/// 500 steps per revolution of 360 units: view 1 of 21 is step 24, 17.28 units.
+const MOVE_24: &str = "G21G90G53G1X17.280F3600.000";
+
+fn settings(port: &str) -> GrblSettings {
+    GrblSettings {
+        port: port.into(),
+        baud: 115_200,
+        axis: AxisLetter::X,
+        steps_per_unit: [500, 360],
+        max_rate_units_per_min: 3600.0,
+        acceleration_units_per_s2: 200.0,
+        reference: Reference::Here,
+        answer_timeout_ms: 400,
+        homing_timeout_ms: 400,
+    }
+}
+
+/// A controller that knows only its script.
+struct Scripted {
+    name: String,
+    // Keeps the pty alive until the driver has opened it.
+    slave: TTYPort,
+    reached: Receiver<usize>,
+    thread: JoinHandle<Result<(), String>>,
+}
+
+impl Scripted {
+    fn play(script: Vec<Step<'static>>) -> Self {
+        let (mut master, slave) = TTYPort::pair().unwrap();
+        master.set_timeout(Duration::from_millis(50)).unwrap();
+        let (reach, reached) = channel();
+        let name = slave.name().unwrap();
+        let thread = std::thread::spawn(move || run(master, script, &reach));
+        Self { name, slave, reached, thread }
+    }
+
+    fn open(&self) -> Result<Grbl, DeviceError> {
+        Grbl::open(settings(&self.name))
+    }
+
+    fn await_step(&self, number: usize) {
+        while self.reached.recv_timeout(PATIENCE).unwrap() < number {}
+    }
+
+    /// Both sides are done: the script was followed to its end.
+    fn followed(self, grbl: Grbl) {
+        self.thread.join().unwrap().unwrap();
+        drop((grbl, self.slave));
+    }
+}
+
+fn run(mut master: TTYPort, script: Vec<Step>, reach: &Sender<usize>) -> Result<(), String> {
+    let mut heard = Vec::new();
+    for (number, (expected, reply)) in script.into_iter().enumerate() {
+        let said = hear(&mut master, &mut heard).map_err(|e| format!("step {number}: {e}, expected {expected:?}"))?;
+        if said != expected {
+            return Err(format!("step {number}: expected {expected:?}, heard {said:?}"));
+        }
+        if reply == HANG_UP {
+            return Ok(());
+        }
+        master.write_all(reply.as_bytes()).map_err(|e| e.to_string())?;
+        // Nobody need listen.
+        let _ = reach.send(number);
+    }
+    // Whatever the driver still says by itself is more than the script has; the owner of the script keeps the pty open.
+    match master.read(&mut [0; 64]) {
+        Ok(n) if n > 0 => Err("more was said than the script has".into()),
+        _ => Ok(()),
+    }
+}
+
+/// The next line or real-time byte.
+fn hear(master: &mut TTYPort, heard: &mut Vec<u8>) -> Result<String, String> {
+    let until = Instant::now() + PATIENCE;
+    loop {
+        if let Some(byte) = heard.first().copied().filter(|b| b"?!\x18".contains(b)) {
+            heard.remove(0);
+            return Ok(char::from(byte).to_string());
+        }
+        if let Some(end) = heard.iter().position(|b| *b == b'\n') {
+            let line: Vec<u8> = heard.drain(..=end).collect();
+            return Ok(String::from_utf8_lossy(&line).trim_end().to_owned());
+        }
+        if Instant::now() > until {
+            return Err("nothing heard".into());
+        }
+        let mut bytes = [0; 256];
+        match master.read(&mut bytes) {
+            Ok(n) => heard.extend_from_slice(&bytes[..n]),
+            Err(e) if e.kind() == ErrorKind::TimedOut => {}
+            Err(e) => return Err(e.to_string()),
+        }
+    }
+}
+
+/// Plays a move to step 24 that goes wrong after `script`, and returns the error and what is then known.
+fn failed_move(script: Vec<Step<'static>>) -> (DeviceError, Position) {
+    let mut steps = referenced("0.000");
+    steps.extend(script);
+    let controller = Scripted::play(steps);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference().unwrap();
+    let error = grbl.move_to(Steps(24)).unwrap_err();
+    let known = grbl.position();
+    assert!(grbl.move_to(Steps(24)).is_err(), "a suspect axis refuses to move");
+    controller.followed(grbl);
+    (error, known)
+}
+
+fn move_begins() -> Vec<Step<'static>> {
+    vec![("?", idle("0.000")), step(MOVE_24, "ok\r\n")]
+}
+
+fn halted() -> Vec<Step<'static>> {
+    vec![step("!", ""), step(RESET, "")]
+}
+
+#[test]
+fn a_move_is_stated_absolutely_awaited_by_the_barrier_and_read_back() {
+    let mut script = referenced("0.000");
+    script.extend(move_begins());
+    script.push(step("G4P0.01", "ok\r\n"));
+    script.push(("?", idle("17.280")));
+    script.push(("?", idle("17.280")));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    assert_eq!(grbl.position(), Position::Unknown);
+    assert!(matches!(grbl.move_to(Steps(24)), Err(DeviceError::NotReferenced)));
+    assert_eq!(grbl.reference().unwrap(), Achieved { steps: Steps(0), epoch: 1 });
+    assert_eq!(grbl.move_to(Steps(24)).unwrap(), Achieved { steps: Steps(24), epoch: 1 });
+    assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24), "no way to go, but the place is looked at");
+    assert!(grbl.identity().starts_with("Grbl 1.1h [VER:1.1h.20190830:]"), "{}", grbl.identity());
+    controller.followed(grbl);
+}
+
+#[test]
+fn step_0_is_where_the_reference_was_taken() {
+    // Machine step 100 is 72 units; 24 steps further is machine step 124, 89.28 units.
+    let mut script = referenced("72.000");
+    script.push(("?", idle("72.000")));
+    script.push(step("G21G90G53G1X89.280F3600.000", "ok\r\n"));
+    script.push(step("G4P0.01", "ok\r\n"));
+    script.push(("?", idle("89.280")));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference().unwrap();
+    assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
+    controller.followed(grbl);
+}
+
+#[test]
+fn homing_takes_the_reported_place_as_step_0_and_raises_the_epoch() {
+    let mut script = opening();
+    for _ in 0..2 {
+        script.extend([step(RESET, GREETING), step("$$", SETTINGS), step("$H", "ok\r\n")]);
+        script.extend((0..2).map(|_| ("?", idle("-0.720"))));
+    }
+    let controller = Scripted::play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    assert_eq!(grbl.reference().unwrap().epoch, 1);
+    assert_eq!(grbl.reference().unwrap(), Achieved { steps: Steps(0), epoch: 2 });
+    controller.followed(grbl);
+}
+
+#[test]
+fn an_alarm_is_unlocked_only_by_a_reference() {
+    let mut script = opening();
+    script.extend([step(RESET, GREETING), step("$$", SETTINGS), step("?", "<Alarm|MPos:0.000,0.000,0.000>\r\n")]);
+    script.push(step("$X", "[MSG:Caution: Unlocked]\r\nok\r\n"));
+    script.extend((0..2).map(|_| ("?", idle("0.000"))));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference().unwrap();
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_restart_in_the_middle_of_a_move_makes_the_position_suspect() {
+    let mut script = move_begins();
+    script.push(step("G4P0.01", GREETING));
+    script.extend(halted());
+    let (error, known) = failed_move(script);
+    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+    assert_eq!(known, Position::Suspect { epoch: 2 });
+}
+
+#[test]
+fn a_restart_between_moves_is_noticed_by_its_greeting_or_by_its_place() {
+    let mut at_24 = referenced("0.000");
+    at_24.extend(move_begins());
+    at_24.push(step("G4P0.01", "ok\r\n"));
+    for greets in [true, false] {
+        let mut script = at_24.clone();
+        script.push(("?", if greets { idle("17.280") + GREETING } else { idle("17.280") }));
+        if !greets {
+            // The greeting was lost with the cable; the controller counts from 0 again.
+            script.extend([("?", idle("0.000")), ("?", idle("0.000"))]);
+        }
+        let controller = Scripted::play(script);
+        let mut grbl = controller.open().unwrap();
+        grbl.reference().unwrap();
+        grbl.move_to(Steps(24)).unwrap();
+        if greets {
+            controller.await_step(11);
+        }
+        let error = grbl.move_to(Steps(48)).unwrap_err();
+        match error {
+            DeviceError::Suspect { .. } => assert!(greets),
+            DeviceError::Missed { target: Steps(24), achieved: Steps(0) } => assert!(!greets),
+            other => panic!("{other}"),
+        }
+        assert_eq!(grbl.position(), Position::Suspect { epoch: 2 });
+        controller.followed(grbl);
+    }
+}
+
+#[test]
+fn a_late_ok_is_never_taken_for_the_answer_to_something_else() {
+    let mut script = move_begins();
+    script.push(step("G4P0.01", ""));
+    // The answer to the barrier comes only after the driver has given up and halted.
+    script.extend([step("!", ""), step(RESET, "ok\r\n")]);
+    // The next reference must not take that ok for the answer to $$.
+    script.extend([step(RESET, GREETING), step("$$", SETTINGS)]);
+    script.extend((0..3).map(|_| ("?", idle("3.600"))));
+    let mut steps = referenced("0.000");
+    steps.extend(script);
+    let controller = Scripted::play(steps);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference().unwrap();
+    let error = grbl.move_to(Steps(24)).unwrap_err();
+    assert!(matches!(&error, DeviceError::Silent { request, .. } if request == "G4P0.01"), "{error}");
+    assert_eq!(grbl.reference().unwrap(), Achieved { steps: Steps(0), epoch: 3 });
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_flipped_bit_that_parses_is_asked_again_and_not_believed() {
+    let mut script = referenced("0.000");
+    script.extend(move_begins());
+    script.push(step("G4P0.01", "ok\r\n"));
+    script.extend([("?", idle("1.280")), ("?", idle("17.280"))]);
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference().unwrap();
+    assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_place_that_is_not_the_target_twice_is_a_miss() {
+    let mut script = move_begins();
+    script.push(step("G4P0.01", "ok\r\n"));
+    script.extend([("?", idle("16.560")), ("?", idle("16.560"))]);
+    script.extend(halted());
+    let (error, known) = failed_move(script);
+    assert!(matches!(error, DeviceError::Missed { target: Steps(24), achieved: Steps(23) }), "{error}");
+    assert_eq!(known, Position::Suspect { epoch: 2 });
+}
+
+#[test]
+fn a_place_between_two_steps_is_no_place() {
+    let mut script = move_begins();
+    script.push(step("G4P0.01", "ok\r\n"));
+    script.extend([("?", idle("17.600")), ("?", idle("17.600"))]);
+    script.extend(halted());
+    assert!(matches!(failed_move(script).0, DeviceError::Suspect { .. }));
+}
+
+#[test]
+fn garbage_around_and_inside_the_answers_is_survived() {
+    let mut script = referenced("0.000");
+    script.push(("?", format!("\u{1}\u{fffd}{{~\r\n<Idle|MP\r\n{}", "")));
+    script.push(("?", idle("0.000")));
+    script.push(step(MOVE_24, "[GC:G0 G54]\r\n#%&\r\nok\r\n"));
+    script.push(step("G4P0.01", "[MSG:'$H'|'$X' to unlock]\r\nok\r\n"));
+    script.push(("?", idle("17.280")));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference().unwrap();
+    assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
+    controller.followed(grbl);
+}
+
+#[test]
+fn an_alarm_in_the_middle_of_a_move_is_named() {
+    let mut script = move_begins();
+    script.push(step("G4P0.01", "ALARM:1\r\n[MSG:Reset to continue]\r\n"));
+    script.extend(halted());
+    let (error, known) = failed_move(script);
+    assert!(matches!(&error, DeviceError::Alarm { what, .. } if what.contains("hard limit")), "{error}");
+    assert_eq!(known, Position::Suspect { epoch: 2 });
+}
+
+#[test]
+fn a_refused_line_is_named_with_its_reason() {
+    let mut script = vec![("?", idle("0.000")), step(MOVE_24, "error:9\r\n")];
+    script.extend(halted());
+    let (error, _) = failed_move(script);
+    assert!(error.to_string().contains("locked by an alarm"), "{error}");
+}
+
+#[test]
+fn a_cable_pulled_in_the_middle_of_a_move_is_gone_and_not_waited_for() {
+    let mut script = move_begins();
+    script.push(step("G4P0.01", HANG_UP));
+    let (error, known) = failed_move(script);
+    assert!(matches!(error, DeviceError::Gone { .. }), "{error}");
+    assert_eq!(known, Position::Suspect { epoch: 2 });
+}
+
+#[test]
+fn a_stop_reaches_the_wire_while_a_move_waits_and_stays_until_the_reference() {
+    let mut script = referenced("0.000");
+    script.extend(move_begins());
+    script.push(step("G4P0.01", ""));
+    let barrier = script.len() - 1;
+    script.extend([step("!", ""), step(RESET, GREETING)]);
+    // The driver's own halt after the failed move, then the reference.
+    script.extend([step("!", ""), step(RESET, GREETING)]);
+    script.extend([step(RESET, GREETING), step("$$", SETTINGS)]);
+    script.extend((0..3).map(|_| ("?", idle("3.600"))));
+    let controller = Scripted::play(script);
+    // A deadline of minutes: only the stop can end this move in time.
+    let mut grbl = Grbl::open(GrblSettings { answer_timeout_ms: 600_000, ..settings(&controller.name) }).unwrap();
+    grbl.reference().unwrap();
+    let stop = grbl.stop_handle();
+    let mut grbl = std::thread::scope(|scope| {
+        let moving = scope.spawn(|| {
+            let error = grbl.move_to(Steps(24)).unwrap_err();
+            assert!(matches!(error, DeviceError::Stopped), "{error}");
+            grbl
+        });
+        controller.await_step(barrier);
+        stop.stop();
+        moving.join().unwrap()
+    });
+    assert!(grbl.move_to(Steps(48)).is_err());
+    grbl.reference().unwrap();
+    assert_eq!(grbl.position(), Position::Referenced { steps: Steps(0), epoch: 3 });
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_stop_handle_that_outlives_its_axis_holds_no_port_open() {
+    let controller = Scripted::play(opening());
+    let grbl = controller.open().unwrap();
+    let stop = grbl.stop_handle();
+    drop(grbl);
+    stop.stop();
+    let again = SerialLink::open(DEVICE, &controller.name, 115_200, STOP);
+    assert!(again.is_ok(), "the port is free again");
+    assert!(SerialLink::open(DEVICE, &controller.name, 115_200, STOP).is_err(), "one owner per port");
+}
+
+#[test]
+fn a_controller_with_other_settings_is_refused_by_both_numbers() {
+    for (settings, named) in [
+        (SETTINGS.replace("1.389", "250.000"), ["$100", "250", "1.389"]),
+        (SETTINGS.replace("3600.000", "500.000"), ["$110", "500", "3600"]),
+        (SETTINGS.replace("$10=1", "$10=0"), ["$10 ", "0", "odd"]),
+    ] {
+        let controller = Scripted::play(vec![step(RESET, GREETING), step("$I", VERSION), ("$$", settings)]);
+        let said = controller.open().err().unwrap();
+        assert!(matches!(said, DeviceError::Mismatch { .. }));
+        assert!(named.iter().all(|part| said.to_string().contains(part)), "{said}");
+    }
+}
+
+#[test]
+fn a_deaf_moment_at_power_up_is_waited_out_but_not_for_ever() {
+    let mut script = vec![step(RESET, ""), step(RESET, "")];
+    script.extend(opening());
+    let controller = Scripted::play(script);
+    let grbl = controller.open().unwrap();
+    controller.followed(grbl);
+
+    let old = Scripted::play(vec![step(RESET, "Grbl 0.9j ['$' for help]\r\n")]);
+    let said = old.open().err().unwrap().to_string();
+    assert!(said.contains("Grbl 1.1") && said.contains("Grbl 0.9j"), "{said}");
+}
+
+#[test]
+fn a_port_that_is_not_there_is_named() {
+    let said = Grbl::open(settings("/dev/no-such-port")).err().unwrap().to_string();
+    assert!(said.contains("/dev/no-such-port") && said.contains("cable"), "{said}");
+}
+
+#[test]
+fn settings_that_no_axis_can_have_are_refused() {
+    let good = settings("x");
+    for (bad, name) in [
+        (GrblSettings { steps_per_unit: [500, 0], ..good.clone() }, "steps_per_unit"),
+        (GrblSettings { steps_per_unit: [401, 1], ..good.clone() }, "steps_per_unit"),
+        (GrblSettings { max_rate_units_per_min: 0.0, ..good.clone() }, "max_rate_units_per_min"),
+        (GrblSettings { acceleration_units_per_s2: f64::NAN, ..good.clone() }, "acceleration_units_per_s2"),
+        (GrblSettings { answer_timeout_ms: 0, ..good.clone() }, "answer_timeout_ms"),
+    ] {
+        assert!(bad.check().unwrap_err().to_string().contains(name));
+    }
+    assert!(good.check().is_ok());
+    assert!(serde_json::from_str::<GrblSettings>(r#"{"port":"x","colour":1}"#).is_err(), "unknown keys are refused");
+}
+
+proptest! {
+    /// What the driver sends in thousandths of a unit is the same whole step again when it is read back.
+    #[test]
+    fn a_step_survives_three_decimals(num in 1_u32..40_000, den in 1_u32..1000, steps in -200_000_i64..200_000) {
+        prop_assume!(f64::from(num) / f64::from(den) <= 400.0);
+        let settings = GrblSettings { steps_per_unit: [num, den], ..settings("x") };
+        let printed: f64 = three_decimals(settings.units(steps)).parse().unwrap();
+        prop_assert_eq!(settings.machine_steps(printed), Some(steps));
+    }
+
+    /// The deadline of a move is longer than the trapezoid takes, however short or long the way.
+    #[test]
+    fn a_deadline_leaves_room_for_the_move(steps in 1_i64..100_000) {
+        let settings = settings("x");
+        let (way, v, a) = (settings.units(steps), 60.0, 200.0);
+        let exact = if way < v * v / a { 2.0 * (way / a).sqrt() } else { way / v + v / a };
+        prop_assert!(settings.travel_time(steps).as_secs_f64() > exact + 0.3);
+    }
+}

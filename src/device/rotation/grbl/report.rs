@@ -1,0 +1,168 @@
+//! What Grbl says, line by line.
+
+/// One line from the controller.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Line {
+    /// The line it answers was understood and queued; a motion is not finished by it.
+    Ok,
+    Error(u16),
+    Alarm(u16),
+    Status(Status),
+    /// A line that began as a status report and is not one.
+    BrokenStatus(String),
+    /// `Grbl 1.1h ['$' for help]`: the controller has just (re)started.
+    Greeting(String),
+    Setting {
+        number: u16,
+        value: f64,
+    },
+    /// `[...]`: messages, version, parser state.
+    Message(String),
+    /// Empty lines and noise.
+    Other(String),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Status {
+    pub state: State,
+    /// Machine position by axis, in units; absent where the controller reports work positions.
+    pub machine: Option<Vec<f64>>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum State {
+    Idle,
+    Run,
+    Jog,
+    Home,
+    Hold,
+    Alarm,
+    /// `Door`, `Check`, `Sleep`: nothing this driver brings about.
+    Elsewhere,
+}
+
+impl Line {
+    pub fn parse(text: &str) -> Self {
+        let text = text.trim();
+        let number = |rest: &str| rest.parse::<u16>().ok();
+        if text == "ok" {
+            Self::Ok
+        } else if let Some(n) = text.strip_prefix("error:").and_then(number) {
+            Self::Error(n)
+        } else if let Some(n) = text.strip_prefix("ALARM:").and_then(number) {
+            Self::Alarm(n)
+        } else if text.starts_with('<') {
+            Status::parse(text).map_or_else(|| Self::BrokenStatus(text.into()), Self::Status)
+        } else if text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl")) {
+            Self::Greeting(text.into())
+        } else if let Some((number, value)) = setting(text) {
+            Self::Setting { number, value }
+        } else if text.starts_with('[') && text.ends_with(']') {
+            Self::Message(text.into())
+        } else {
+            Self::Other(text.into())
+        }
+    }
+}
+
+impl Status {
+    fn parse(text: &str) -> Option<Self> {
+        let mut fields = text.strip_prefix('<')?.strip_suffix('>')?.split('|');
+        let state = match fields.next()?.split(':').next()? {
+            "Idle" => State::Idle,
+            "Run" => State::Run,
+            "Jog" => State::Jog,
+            "Home" => State::Home,
+            "Hold" => State::Hold,
+            "Alarm" => State::Alarm,
+            "Door" | "Check" | "Sleep" | "Tool" => State::Elsewhere,
+            _ => return None,
+        };
+        let mut machine = None;
+        // Fields come and go from report to report; only the position matters here.
+        for field in fields {
+            if let Some(list) = field.strip_prefix("MPos:") {
+                machine = Some(list.split(',').map(finite).collect::<Option<Vec<f64>>>()?);
+            }
+        }
+        Some(Self { state, machine })
+    }
+}
+
+fn setting(text: &str) -> Option<(u16, f64)> {
+    let (number, value) = text.strip_prefix('$')?.split_once('=')?;
+    Some((number.parse().ok()?, finite(value)?))
+}
+
+fn finite(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|v: &f64| v.is_finite())
+}
+
+/// What an `error:` number means, for those an operator can meet.
+pub(super) fn error_text(number: u16) -> String {
+    let meaning = match number {
+        5 => "homing is switched off in the controller, $22=0",
+        7 => "the controller's settings memory was erased; write its settings again",
+        8 => "not idle",
+        9 => "locked by an alarm",
+        11 => "the line was too long",
+        15 => "the target is beyond the soft limits",
+        _ => "see Grbl's list of errors",
+    };
+    format!("error:{number} ({meaning})")
+}
+
+/// What an `ALARM:` number means.
+pub(super) fn alarm_text(number: u16) -> String {
+    let meaning = match number {
+        1 => "hard limit",
+        2 => "soft limit",
+        3 => "reset in motion",
+        6..=9 => "homing failed",
+        _ => "see Grbl's list of alarms",
+    };
+    format!("ALARM:{number} ({meaning})")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn lines_of_a_session_are_told_apart() {
+        assert_eq!(Line::parse("ok"), Line::Ok);
+        assert_eq!(Line::parse("error:9"), Line::Error(9));
+        assert_eq!(Line::parse("ALARM:1"), Line::Alarm(1));
+        assert_eq!(Line::parse("$100=17.778"), Line::Setting { number: 100, value: 17.778 });
+        assert!(matches!(Line::parse("Grbl 1.1h ['$' for help]"), Line::Greeting(_)));
+        assert!(matches!(Line::parse("GrblHAL 1.1f ['$' or '$HELP' for help]"), Line::Greeting(_)));
+        assert!(matches!(Line::parse("[GC:G0 G54 G17]"), Line::Message(_)));
+        for noise in ["", "o", "okk", "error:", "ALARM:x", "$100=nan", "\u{fffd}ok", "[MSG:"] {
+            assert!(matches!(Line::parse(noise), Line::Other(_)), "{noise}");
+        }
+    }
+
+    #[test]
+    fn a_status_is_read_whatever_optional_fields_it_carries() {
+        let plain = Status { state: State::Idle, machine: Some(vec![0.72, 0.0, -1.5]) };
+        for text in [
+            "<Idle|MPos:0.720,0.000,-1.500|FS:0,0>",
+            "<Idle|MPos:0.720,0.000,-1.500|Bf:15,128|FS:0,0|WCO:0.000,0.000,0.000|Ov:100,100,100|A:S|H:1>",
+        ] {
+            assert_eq!(Line::parse(text), Line::Status(plain.clone()));
+        }
+        assert_eq!(Line::parse("<Hold:0|WPos:1.0,2.0,3.0>"), Line::Status(Status { state: State::Hold, machine: None }));
+        for broken in ["<Idle|MPos:0.7x0,0,0>", "<Idl", "<|MPos:1>", "<Idle|MPos:1.000,2.0", "<Idle|MPos:inf,0,0>", "<>"] {
+            assert!(matches!(Line::parse(broken), Line::BrokenStatus(_)), "{broken}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_line_whatever_panics(text in "\\PC*", printable in "[<$\\[eAGo][ -~]{0,40}") {
+            Line::parse(&text);
+            Line::parse(&printable);
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! One serial port, its lines and its stop.
+//!
+//! ```text
+//! rig worker ── send / line ──► reader ◄── tty
+//!                  │              
+//!                  ▼
+//!           transmitter (mutex: port, latch) ──► tty
+//!                  ▲
+//! any thread ── Stopper
+//! ```
+//! The one owner of a port is the rig worker, which blocks anyway; there is no thread per port. Reading needs no lock.
+//! Every write takes the transmitter's lock for one short line (at most 80 bytes into a kernel buffer of 4096), so a stop
+//! is on the wire at once even while the owner waits for an answer. Latch and bytes change under the same lock: a command
+//! either precedes the stop on the wire, and the stop ends it, or it finds the latch and is never sent.
+//!
+//! The port is opened exclusively. Closing the owner closes the port, whatever stop handles are still about.
+
+use crate::device::DeviceError;
+use serialport::{SerialPort, TTYPort};
+use std::io::{ErrorKind, Read, Write};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How often a wait looks at the latch. Bytes wake it at once.
+const LATCH_LOOK: Duration = Duration::from_millis(50);
+/// Longest wait for the kernel to take a few bytes; it takes them at once unless the device is dead.
+const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
+/// No controller sends longer lines; more without a line end is noise.
+const LONGEST_LINE: usize = 512;
+
+pub(super) struct SerialLink {
+    device: &'static str,
+    reader: TTYPort,
+    /// Bytes after the last line end.
+    pending: Vec<u8>,
+    transmitter: Arc<Transmitter>,
+}
+
+struct Transmitter {
+    device: &'static str,
+    /// What stops the motor on this protocol.
+    stop_bytes: &'static [u8],
+    state: Mutex<State>,
+}
+
+struct State {
+    /// None once the owner has closed the port.
+    port: Option<TTYPort>,
+    latched: bool,
+}
+
+/// Stops the motor from any thread and keeps it stopped until the owner lifts the latch.
+#[derive(Clone)]
+pub(super) struct Stopper(Arc<Transmitter>);
+
+impl Stopper {
+    pub fn stop(&self) {
+        let mut state = self.0.lock();
+        state.latched = true;
+        if let Err(e) = self.0.write(&mut state, self.0.stop_bytes) {
+            tracing::error!(device = self.0.device, error = %e, "stop could not be sent");
+        }
+    }
+}
+
+impl Transmitter {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self, state: &mut State, bytes: &[u8]) -> Result<(), DeviceError> {
+        tracing::trace!(device = self.device, "> {}", bytes.escape_ascii());
+        let gone = |why| DeviceError::Gone { device: self.device, why };
+        let port = state.port.as_mut().ok_or_else(|| gone("the port has been closed".into()))?;
+        port.write_all(bytes).map_err(|e| gone(e.to_string()))
+    }
+}
+
+impl SerialLink {
+    pub fn open(device: &'static str, path: &str, baud: u32, stop_bytes: &'static [u8]) -> Result<Self, DeviceError> {
+        let refused = |e: &serialport::Error| {
+            let why = e.to_string();
+            let remedy = match e.kind() {
+                serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => "Add the daemon's user to the group dialout",
+                serialport::ErrorKind::NoDevice => "Close the other program that has the port open",
+                _ => "Check the cable and the name of the port in the configuration",
+            };
+            DeviceError::Open { device, address: path.into(), why, remedy }
+        };
+        let mut reader = serialport::new(path, baud).exclusive(true).timeout(WRITE_TIMEOUT).open_native().map_err(|e| refused(&e))?;
+        // A pty has no modem lines; on an Arduino this line may restart the controller, which the handshake awaits.
+        if let Err(e) = reader.write_data_terminal_ready(true) {
+            tracing::debug!(device, error = %e, "the port has no DTR line");
+        }
+        let port = reader.try_clone_native().map_err(|e| refused(&e))?;
+        let transmitter = Transmitter { device, stop_bytes, state: Mutex::new(State { port: Some(port), latched: false }) };
+        Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
+    }
+
+    pub fn stopper(&self) -> Stopper {
+        Stopper(Arc::clone(&self.transmitter))
+    }
+
+    /// Sends bytes unless the stop is latched.
+    pub fn send(&mut self, bytes: &[u8]) -> Result<(), DeviceError> {
+        let mut state = self.transmitter.lock();
+        if state.latched {
+            return Err(DeviceError::Stopped);
+        }
+        self.transmitter.write(&mut state, bytes)
+    }
+
+    /// Stops the motor without latching: the owner's own reaction to a fault.
+    pub fn halt(&mut self) {
+        let mut state = self.transmitter.lock();
+        if let Err(e) = self.transmitter.write(&mut state, self.transmitter.stop_bytes) {
+            tracing::warn!(device = self.device, error = %e, "halt could not be sent");
+        }
+    }
+
+    /// Lifts a latched stop.
+    pub fn release(&mut self) {
+        self.transmitter.lock().latched = false;
+    }
+
+    /// The next line without its line end; `None` when `until` has passed. Ends early when the stop is latched.
+    pub fn line(&mut self, until: Instant) -> Result<Option<String>, DeviceError> {
+        loop {
+            // Before any line: what a controller says after a stop is of no use to a request that the stop has ended.
+            if self.transmitter.lock().latched {
+                return Err(DeviceError::Stopped);
+            }
+            if let Some(line) = self.take_line() {
+                return Ok(Some(line));
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            self.receive(left.min(LATCH_LOOK))?;
+        }
+    }
+
+    /// A line that has already arrived, or `None`.
+    pub fn line_now(&mut self) -> Result<Option<String>, DeviceError> {
+        if self.transmitter.lock().latched {
+            return Err(DeviceError::Stopped);
+        }
+        self.receive(Duration::ZERO)?;
+        Ok(self.take_line())
+    }
+
+    /// Forgets whatever arrives until the line has been silent for `silence`, at most until `until`.
+    pub fn quiet(&mut self, silence: Duration, until: Instant) -> Result<(), DeviceError> {
+        while Instant::now() < until && self.receive(silence)? {
+            tracing::trace!(device = self.device, "< (dropped) {}", self.pending.escape_ascii());
+            self.pending.clear();
+        }
+        self.pending.clear();
+        Ok(())
+    }
+
+    fn take_line(&mut self) -> Option<String> {
+        let end = self.pending.iter().position(|b| *b == b'\n')?;
+        let line: Vec<u8> = self.pending.drain(..=end).collect();
+        tracing::trace!(device = self.device, "< {}", line.escape_ascii());
+        // Noise need not be UTF-8; what replaces it matches no answer.
+        Some(String::from_utf8_lossy(&line).trim_end_matches(['\r', '\n']).to_owned())
+    }
+
+    /// Waits at most `wait` for bytes and keeps them; false when none came.
+    fn receive(&mut self, wait: Duration) -> Result<bool, DeviceError> {
+        let gone = |device, why| Err(DeviceError::Gone { device, why });
+        let mut bytes = [0; LONGEST_LINE];
+        if let Err(e) = self.reader.set_timeout(wait) {
+            return gone(self.device, e.to_string());
+        }
+        match self.reader.read(&mut bytes) {
+            // A tty at its end reads as empty, at once and for ever.
+            Ok(0) => gone(self.device, "end of file".into()),
+            Ok(n) => {
+                if self.pending.len() + n > 2 * LONGEST_LINE {
+                    tracing::debug!(device = self.device, "noise without a line end dropped: {}", self.pending.escape_ascii());
+                    self.pending.clear();
+                }
+                self.pending.extend_from_slice(&bytes[..n]);
+                Ok(true)
+            }
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock) => Ok(false),
+            Err(e) => gone(self.device, e.to_string()),
+        }
+    }
+}
+
+impl Drop for SerialLink {
+    fn drop(&mut self) {
+        self.transmitter.lock().port = None;
+    }
+}
