@@ -1,0 +1,139 @@
+//! Who may ask. Routes come from the served contract, so that none is forgotten.
+
+use crate::rig::{PLAN, Rig, settings};
+use crate::wire::exchange;
+use carved::http::{HttpError, HttpSettings, serve};
+use carved::session::channel;
+use std::io::Write;
+use std::net::SocketAddr;
+use std::os::unix::fs::PermissionsExt;
+
+/// Every operation of the contract, its parameters filled in.
+fn operations(rig: &Rig) -> Vec<(String, String)> {
+    let paths = rig.contract()["paths"].as_object().unwrap();
+    let fill = |path: &String| path.replace("{run_id}", "r").replace("{well}", "A01");
+    paths.iter().flat_map(|(p, item)| item.as_object().unwrap().keys().map(move |m| (m.to_uppercase(), fill(p)))).collect()
+}
+
+fn mutating(rig: &Rig) -> Vec<(String, String)> {
+    let all: Vec<_> = operations(rig).into_iter().filter(|(method, _)| method != "GET").collect();
+    assert!(all.len() >= 3, "{all:?}");
+    all
+}
+
+const JSON: (&str, &str) = ("Content-Type", "application/json");
+
+#[test]
+fn no_attack_reaches_the_driver_on_any_mutating_route() {
+    let rig = Rig::start();
+    let port = rig.address.port();
+    let own = rig.address.to_string();
+    let attacks: Vec<(&str, Vec<(&str, String)>)> = vec![
+        ("wrong_host", vec![("Host", "evil.example".into())]),
+        // DNS rebinding: the hostile page's own name leads here, so Host and Origin agree.
+        ("wrong_host", vec![("Host", format!("evil.example:{port}")), ("Origin", format!("http://evil.example:{port}"))]),
+        ("wrong_host", vec![("Host", format!("localhost.evil.example:{port}"))]),
+        ("wrong_host", vec![("Host", "localhost@evil.example".into())]),
+        ("wrong_host", vec![("Host", format!("evil@localhost:{port}"))]),
+        ("wrong_host", vec![("Host", "localhost".into()), ("Host", "evil.example".into())]),
+        ("wrong_host", vec![("Host", String::new())]),
+        ("wrong_host", vec![("Host", "[::1".into())]),
+        ("wrong_origin", vec![("Host", own.clone()), ("Origin", "http://evil.example".into())]),
+        ("wrong_origin", vec![("Host", own.clone()), ("Origin", "null".into())]),
+        ("wrong_origin", vec![("Host", own.clone()), ("Origin", String::new())]),
+        // Another program's page on this machine is another origin.
+        ("wrong_origin", vec![("Host", own.clone()), ("Origin", "http://127.0.0.1:1".into())]),
+        ("wrong_origin", vec![("Host", own.clone()), ("Origin", format!("ftp://{own}"))]),
+        ("wrong_origin", vec![("Host", own.clone()), ("Origin", format!("http://{own}")), ("Origin", "http://evil.example".into())]),
+        ("wrong_origin", vec![("Host", own.clone()), ("Sec-Fetch-Site", "cross-site".into())]),
+        ("wrong_origin", vec![("Host", own.clone()), ("Sec-Fetch-Site", "same-site".into())]),
+    ];
+    for (method, path) in mutating(&rig) {
+        for (code, attack) in &attacks {
+            let mut headers: Vec<(&str, &str)> = attack.iter().map(|(name, value)| (*name, value.as_str())).collect();
+            headers.push(JSON);
+            let answer = rig.send(&method, &path, &headers, PLAN);
+            assert_eq!((answer.status, answer.problem().as_str()), (403, *code), "{method} {path} {attack:?}");
+        }
+    }
+    assert!(rig.commands.lock().unwrap().is_empty(), "an attack reached the driver");
+}
+
+#[test]
+fn the_host_list_stands_in_front_of_everything() {
+    let rig = Rig::start();
+    let unknown = [("GET".to_owned(), "/nowhere".to_owned()), ("DELETE".to_owned(), "/v1/status".to_owned())];
+    for (method, path) in operations(&rig).into_iter().chain(unknown) {
+        let answer = rig.send(&method, &path, &[("Host", "evil.example")], "");
+        assert_eq!((answer.status, answer.problem().as_str()), (403, "wrong_host"), "{method} {path}");
+    }
+    let absolute = exchange(rig.address, b"GET http://evil.example/v1/status HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    assert_eq!(absolute.problem(), "wrong_host");
+    let none = exchange(rig.address, b"GET /v1/status HTTP/1.0\r\n\r\n");
+    assert_eq!(none.problem(), "wrong_host");
+}
+
+#[test]
+fn the_names_of_this_machine_and_of_the_list_are_answered() {
+    let rig = Rig::with(HttpSettings { allowed_hosts: vec!["carved.lab".into()], ..settings() }, Vec::new());
+    for host in ["localhost", "LOCALHOST:8420", "127.0.0.1", "[::1]:99", "carved.lab", "Carved.Lab:443"] {
+        assert_eq!(rig.send("GET", "/v1/status", &[("Host", host)], "").status, 200, "{host}");
+    }
+    let page = [("Host", "carved.lab"), ("Origin", "https://carved.lab"), ("Sec-Fetch-Site", "same-origin"), JSON];
+    assert_eq!(rig.send("PUT", "/v1/runs/r", &page, PLAN).status, 201);
+}
+
+fn with_token(token: &str) -> (Rig, tempfile::NamedTempFile) {
+    let mut file = tempfile::NamedTempFile::new().unwrap();
+    file.as_file().set_permissions(std::fs::Permissions::from_mode(0o600)).unwrap();
+    writeln!(file, "{token}").unwrap();
+    (Rig::with(HttpSettings { token_file: Some(file.path().into()), ..settings() }, Vec::new()), file)
+}
+
+#[test]
+fn a_token_is_asked_for_wherever_the_contract_says_so() {
+    let token = "0123456789abcdef0123456789abcdef";
+    let (rig, _file) = with_token(token);
+    let wrong = [
+        String::new(),
+        format!("Bearer {}", &token[..31]),
+        format!("Bearer {token}0"),
+        format!("Bearer {}", token.to_uppercase()),
+        format!("Basic {token}"),
+        token.to_owned(),
+        "Bearer ".to_owned(),
+    ];
+    let mut asked = 0;
+    for (method, path) in operations(&rig) {
+        let pattern = path.replace("/runs/r", "/runs/{run_id}").replace("/A01", "/{well}");
+        let secured = rig.contract()["paths"][&pattern][method.to_lowercase()].get("security").is_some();
+        if !secured {
+            assert_eq!((rig.send(&method, &path, &[], "").status, method.as_str()), (200, "GET"), "{path}");
+            continue;
+        }
+        asked += 1;
+        for value in &wrong {
+            let headers = if value.is_empty() { vec![JSON] } else { vec![JSON, ("Authorization", value.as_str())] };
+            let answer = rig.send(&method, &path, &headers, PLAN);
+            assert_eq!((answer.status, answer.problem().as_str()), (401, "unauthorized"), "{method} {path} {value:?}");
+            assert_eq!(answer.header("www-authenticate"), Some("Bearer"));
+        }
+        if path != "/v1/events" {
+            let right = format!("bearer {token}");
+            let answer = rig.send(&method, &path, &[JSON, ("Authorization", &right)], PLAN);
+            assert_ne!(answer.status, 401, "{method} {path}");
+        }
+    }
+    assert!(asked >= 9, "{asked}");
+    assert!(mutating(&rig).iter().all(|(_, path)| path.starts_with("/v1/")), "what changes something stands under /v1");
+    assert_eq!(rig.send("POST", "/", &[], "").status, 401, "an unknown command is asked for a token too");
+}
+
+#[test]
+fn refuses_to_serve_other_machines_without_a_token() {
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let open = std::net::TcpListener::bind(SocketAddr::from(([0, 0, 0, 0], 0))).unwrap();
+    let (session, _mailbox, _driver) = channel(crate::rig::status(), Vec::new());
+    let refused = runtime.block_on(serve(open, session, settings(), std::future::pending()));
+    assert!(matches!(refused, Err(HttpError::TokenMandatory { .. })), "{refused:?}");
+}

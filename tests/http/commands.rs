@@ -1,0 +1,150 @@
+//! Commands and every way in which they are refused.
+
+use crate::rig::{PLAN, Rig, settings};
+use crate::wire::{connect, read_answer};
+use carved::http::HttpSettings;
+use carved::session::{Fault, Refusal, SchedulerAction, State};
+use std::io::Write;
+
+fn pointers(answer: &crate::wire::Answer) -> Vec<String> {
+    let mut found: Vec<_> = answer.json()["errors"].as_array().unwrap().iter().map(|e| e["pointer"].as_str().unwrap().to_owned()).collect();
+    found.sort();
+    found
+}
+
+#[test]
+fn a_run_is_created_once_and_known_again() {
+    let rig = Rig::start();
+    let created = rig.put("/v1/runs/plate-1.a", PLAN);
+    assert_eq!((created.status, created.header("location")), (201, Some("/v1/runs/plate-1.a")));
+    assert_eq!((&created.json()["run"], &created.json()["revision"]), (&"plate-1.a".into(), &41.into()));
+    assert_eq!(rig.put("/v1/runs/plate-1.a", PLAN).status, 200);
+    let other = rig.put("/v1/runs/plate-1.a", &PLAN.replace("kim", "lee"));
+    assert_eq!((other.status, other.problem().as_str()), (409, "other_plan"));
+    assert_eq!(rig.put("/v1/runs/plate-2", PLAN).status, 201);
+}
+
+#[test]
+fn every_wrong_field_of_a_plan_is_named() {
+    let rig = Rig::start();
+    let shape = r#"{"plate_barcode": 7, "methud": "x", "operator": "kim", "plate_map": [{"well": "A01"}, {"wel": "A02"}]}"#;
+    let answer = rig.put("/v1/runs/r", shape);
+    assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_body"));
+    assert_eq!(pointers(&answer), ["/method", "/methud", "/plate_barcode", "/plate_map/1/wel", "/plate_map/1/well"]);
+    let meaning = PLAN.replace("standard", "fast").replace("A02", "Z99");
+    let answer = rig.put("/v1/runs/r", &meaning);
+    assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_plan"));
+    assert_eq!(pointers(&answer), ["/method", "/plate_map/1/well"]);
+    assert_eq!(answer.json()["scheduler_action"], "reject_plate");
+    assert_eq!(*rig.commands.lock().unwrap(), ["put r"], "a body of the wrong shape never reaches the driver");
+}
+
+#[test]
+fn names_that_could_leave_their_folder_are_refused() {
+    let rig = Rig::start();
+    for id in ["..", "%2e%2e", "a%2fb", ".hidden", "a%20b", "%00", &"x".repeat(65)] {
+        let answer = rig.put(&format!("/v1/runs/{id}"), PLAN);
+        assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_run_id"), "{id}");
+    }
+    let answer = rig.put("/v1/runs/%ff", PLAN);
+    assert_eq!((answer.status, answer.problem().as_str()), (400, "bad_path"));
+    assert!(rig.commands.lock().unwrap().is_empty());
+}
+
+#[test]
+fn bodies_that_are_no_json_are_refused() {
+    let rig = Rig::start();
+    for path in ["/v1/runs/r", "/v1/runs/r/wells/A01"] {
+        for body in ["", "{", "nonsense", "{} {}", "\u{7f}"] {
+            let answer = rig.put(path, body);
+            assert_eq!((answer.status, answer.problem().as_str()), (400, "malformed_json"), "{path} {body:?}");
+        }
+        for kind in [&[][..], &[("Content-Type", "text/plain")], &[("Content-Type", "application/x-www-form-urlencoded")]] {
+            let answer = rig.send("PUT", path, kind, PLAN);
+            assert_eq!((answer.status, answer.problem().as_str()), (415, "not_json"), "{path} {kind:?}");
+        }
+    }
+    let charset = [("Content-Type", "application/json; charset=utf-8")];
+    assert_eq!(rig.send("PUT", "/v1/runs/r", &charset, PLAN).status, 201);
+}
+
+#[test]
+fn a_run_is_aborted_by_its_name() {
+    let rig = Rig::start();
+    let unknown = rig.send("POST", "/v1/runs/r/abort", &[], "");
+    assert_eq!((unknown.status, unknown.problem().as_str()), (404, "unknown_run"));
+    rig.put("/v1/runs/r", PLAN);
+    for _again in 0..2 {
+        let aborted = rig.send("POST", "/v1/runs/r/abort", &[], "");
+        assert_eq!((aborted.status, &aborted.json()["run"]), (200, &"r".into()));
+    }
+}
+
+#[test]
+fn an_abort_does_not_wait_for_a_slow_body() {
+    let rig = Rig::start();
+    rig.put("/v1/runs/r", PLAN);
+    let mut stream = connect(rig.address);
+    write!(stream, "POST /v1/runs/r/abort HTTP/1.1\r\nHost: localhost\r\nContent-Length: 10\r\n\r\n{{").unwrap();
+    assert_eq!(read_answer(&mut stream).status, 200);
+}
+
+#[test]
+fn the_loader_says_what_is_in_the_capillary() {
+    let rig = Rig::start();
+    let say = |path: &str, body: &str| rig.put(path, body);
+    let loaded = r#"{"loaded": true}"#;
+    assert_eq!(say("/v1/runs/r/wells/A01", loaded).problem(), "unknown_run");
+    rig.put("/v1/runs/r", PLAN);
+    assert_eq!(say("/v1/runs/r/wells/A01", loaded).status, 200);
+    let unexpected = say("/v1/runs/r/wells/H12", loaded);
+    assert_eq!((unexpected.status, unexpected.problem().as_str()), (409, "unexpected_well"));
+    for (body, pointer) in
+        [(r#"{"loaded": false}"#, "/loaded"), (r#"{"loaded": 1}"#, "/loaded"), ("{}", "/loaded"), (r#"{"loaded": true, "x": 1}"#, "/x")]
+    {
+        let answer = say("/v1/runs/r/wells/A01", body);
+        assert_eq!((answer.status, pointers(&answer)), (422, vec![pointer.to_owned()]), "{body}");
+    }
+}
+
+#[test]
+fn a_refusal_names_the_states_and_the_fault_behind_it() {
+    let rig = Rig::start();
+    rig.refuse(Refusal::WrongState { state: State::Execute, accepted_in: vec![State::Idle, State::Complete] });
+    let busy = rig.put("/v1/runs/r", PLAN);
+    assert_eq!((busy.status, busy.problem().as_str()), (409, "wrong_state"));
+    let problem = busy.json();
+    assert_eq!(problem["accepted_in"], serde_json::json!(["Idle", "Complete"]));
+    assert_eq!((&problem["scheduler_action"], &problem["fault_seq"]), (&"retry".into(), &serde_json::Value::Null));
+
+    rig.driver.publish(|s| {
+        s.faults.push(Fault {
+            seq: 17,
+            code: "disk_full".into(),
+            category: "store".into(),
+            message: "no space".into(),
+            recoverable: true,
+            scheduler_action: SchedulerAction::PauseInstrument,
+            operator_required: true,
+            since: "2026-01-01T00:00:00Z".into(),
+        });
+    });
+    rig.refuse(Refusal::Store { why: "no space".into() });
+    for answer in
+        [rig.put("/v1/runs/r", PLAN), rig.send("POST", "/v1/runs/r/abort", &[], ""), rig.put("/v1/runs/r/wells/A01", r#"{"loaded": true}"#)]
+    {
+        assert_eq!((answer.status, answer.problem().as_str()), (503, "store"));
+        assert!(answer.header("retry-after").is_some());
+        assert_eq!((&answer.json()["scheduler_action"], &answer.json()["fault_seq"]), (&"pause_instrument".into(), &17.into()));
+    }
+}
+
+#[test]
+fn a_body_that_does_not_come_is_not_waited_for_for_ever() {
+    let rig = Rig::with(HttpSettings { body_timeout_ms: 50, ..settings() }, Vec::new());
+    let mut stream = connect(rig.address);
+    let head = "PUT /v1/runs/r HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nContent-Length: 100\r\n\r\n{";
+    stream.write_all(head.as_bytes()).unwrap();
+    let answer = read_answer(&mut stream);
+    assert_eq!((answer.status, answer.problem().as_str()), (408, "slow_body"));
+}

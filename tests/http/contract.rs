@@ -1,0 +1,106 @@
+//! The served description, the page, and what every answer carries.
+
+use crate::rig::Rig;
+use serde_json::Value;
+
+fn references(value: &Value, found: &mut Vec<String>) {
+    match value {
+        Value::Object(fields) => {
+            found.extend(fields.get("$ref").and_then(Value::as_str).map(str::to_owned));
+            fields.values().for_each(|v| references(v, found));
+        }
+        Value::Array(items) => items.iter().for_each(|v| references(v, found)),
+        _ => {}
+    }
+}
+
+#[test]
+fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
+    let rig = Rig::start();
+    let contract = rig.contract();
+    assert!(contract["openapi"].as_str().unwrap().starts_with("3.1"));
+    let routes: Vec<String> = contract["paths"]
+        .as_object()
+        .unwrap()
+        .iter()
+        .flat_map(|(path, item)| item.as_object().unwrap().keys().map(move |method| format!("{method} {path}")))
+        .collect();
+    let mut expected = vec![
+        "get /",
+        "get /docs",
+        "get /livez",
+        "get /metrics",
+        "get /openapi.json",
+        "get /readyz",
+        "get /v1/events",
+        "get /v1/live/frame.jpg",
+        "get /v1/live/mesh.glb",
+        "get /v1/live/profile.png",
+        "get /v1/status",
+        "post /v1/runs/{run_id}/abort",
+        "put /v1/runs/{run_id}",
+        "put /v1/runs/{run_id}/wells/{well}",
+    ];
+    expected.sort_unstable();
+    let mut routes: Vec<&str> = routes.iter().map(String::as_str).collect();
+    routes.sort_unstable();
+    assert_eq!(routes, expected);
+
+    let mut found = Vec::new();
+    references(contract, &mut found);
+    assert!(found.len() > 20);
+    for reference in found {
+        let pointer = reference.strip_prefix('#').unwrap();
+        assert!(contract.pointer(pointer).is_some(), "{reference} leads nowhere");
+    }
+    let put = &contract["paths"]["/v1/runs/{run_id}"]["put"];
+    assert_eq!(put["requestBody"]["content"]["application/json"]["schema"]["$ref"], "#/components/schemas/RunPlan");
+    assert_eq!(contract["components"]["schemas"]["RunPlan"]["additionalProperties"], false);
+    for status in ["400", "401", "403", "409", "413", "415", "422", "503"] {
+        let schema = &put["responses"][status]["content"]["application/problem+json"]["schema"]["$ref"];
+        assert_eq!(schema, "#/components/schemas/Problem", "{status}");
+    }
+}
+
+#[test]
+fn unknown_routes_and_methods_are_problems() {
+    let rig = Rig::start();
+    for path in ["/nowhere", "/v1", "/v1/", "/v1/status/", "/v2/status", "/../Cargo.toml", "/%2e%2e/Cargo.toml", "//", "/v1/runs/r/hold"] {
+        for method in ["GET", "PUT", "POST", "DELETE"] {
+            let answer = rig.send(method, path, &[], "");
+            assert_eq!((answer.status, answer.problem().as_str()), (404, "unknown_route"), "{method} {path}");
+        }
+    }
+    let wrong = rig.send("DELETE", "/v1/runs/r", &[], "");
+    assert_eq!((wrong.header("allow"), wrong.problem().as_str()), (Some("PUT"), "method_not_allowed"));
+    assert_eq!(wrong.status, 405);
+    assert_eq!(rig.send("POST", "/v1/status", &[], "").header("allow"), Some("GET,HEAD"));
+}
+
+#[test]
+fn the_description_is_readable_without_a_script_or_a_network() {
+    let rig = Rig::start();
+    let docs = rig.get("/docs");
+    assert_eq!(docs.header("content-type"), Some("text/html; charset=utf-8"));
+    let text = docs.text();
+    for path in rig.contract()["paths"].as_object().unwrap().keys() {
+        assert!(text.contains(path.as_str()), "{path}");
+    }
+    assert!(!text.contains("<script") && !text.contains("http://") && !text.contains("https://"));
+    assert!(docs.header("content-security-policy").unwrap().starts_with("default-src 'none'"));
+}
+
+#[test]
+fn the_page_is_served_with_a_policy_and_every_answer_with_its_headers() {
+    let rig = Rig::start();
+    let page = rig.get("/");
+    assert_eq!((page.status, page.header("content-type")), (200, Some("text/html; charset=utf-8")));
+    let policy = page.header("content-security-policy").unwrap();
+    assert!(policy.contains("default-src 'self'") && policy.contains("frame-ancestors 'none'"), "{policy}");
+    for answer in [page, rig.get("/v1/status"), rig.get("/nowhere"), rig.send("GET", "/", &[("Host", "evil.example")], "")] {
+        assert_eq!(answer.header("x-content-type-options"), Some("nosniff"));
+        assert_eq!(answer.header("cross-origin-resource-policy"), Some("same-origin"));
+        assert!(answer.header("cache-control").is_some());
+        assert_eq!(answer.header("access-control-allow-origin"), None);
+    }
+}

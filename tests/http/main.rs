@@ -1,0 +1,12 @@
+//! The HTTP edge over real sockets, with a driver of the tests' own at the session's other end.
+//!
+//! Every answer that any of these tests gets is held against the served contract: a status that it does not declare for
+//! the route fails the test.
+
+mod access;
+mod commands;
+mod contract;
+mod limits;
+mod reading;
+mod rig;
+mod wire;

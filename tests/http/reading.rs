@@ -1,0 +1,218 @@
+//! Snapshots, long polls, live pictures, events, probes and metrics.
+
+use crate::rig::{BOOT, Rig, event, settings};
+use crate::wire::{connect, read_answer, read_until};
+use carved::session::{Mode, RunOutcome, RunStatus, State, WellCounts};
+use std::io::Write;
+use std::net::TcpStream;
+use std::sync::Arc;
+
+#[test]
+fn the_status_is_the_snapshot_and_its_tag_changes_with_the_state_alone() {
+    let rig = Rig::start();
+    let first = rig.get("/v1/status");
+    assert_eq!(first.status, 200);
+    let status = first.json();
+    assert_eq!((&status["boot_id"], &status["revision"], &status["state"]), (&BOOT.into(), &41.into(), &"Idle".into()));
+    assert_eq!(status["mode"], serde_json::to_value(Mode::Simulated).unwrap());
+    assert!(status["server_time"].as_str().unwrap().ends_with('Z'), "{status}");
+    let tag = first.header("etag").unwrap().to_owned();
+    assert_eq!(tag, format!("\"{BOOT}-41\""));
+
+    let again = rig.send("GET", "/v1/status", &[("If-None-Match", &tag)], "");
+    assert_eq!((again.status, again.body.len(), again.header("etag")), (304, 0, Some(&*tag)));
+    rig.driver.publish(|s| s.state = State::Starting);
+    let newer = rig.send("GET", "/v1/status", &[("If-None-Match", &tag)], "");
+    assert_eq!((newer.status, &newer.json()["state"]), (200, &"Starting".into()));
+    assert_ne!(newer.header("etag"), Some(&*tag));
+}
+
+fn ask(rig: &Rig, path: &str, headers: &str) -> TcpStream {
+    let mut stream = connect(rig.address);
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\n{headers}\r\n").unwrap();
+    stream
+}
+
+#[test]
+fn a_long_poll_answers_when_the_revision_rises() {
+    let rig = Rig::start();
+    let mut waiting = ask(&rig, "/v1/status?wait=25&after=41", "");
+    rig.driver.publish(|s| s.state = State::Execute);
+    let woken = read_answer(&mut waiting).json();
+    assert_eq!((&woken["revision"], &woken["state"]), (&42.into(), &"Execute".into()));
+    // Already past it, or from before a restart that counted further: both are answered at once.
+    assert_eq!(rig.get("/v1/status?wait=30&after=41").json()["revision"], 42);
+    assert_eq!(rig.get("/v1/status?wait=30&after=5000").json()["revision"], 42);
+    // Nothing happens: the same snapshot when the time is over, or 304 to a client that has it.
+    assert_eq!(rig.get("/v1/status?wait=0.01&after=42").json()["revision"], 42);
+    let tag = format!("\"{BOOT}-42\"");
+    assert_eq!(rig.send("GET", "/v1/status?wait=0.01&after=42", &[("If-None-Match", &tag)], "").status, 304);
+}
+
+#[test]
+fn a_query_that_makes_no_sense_is_refused() {
+    let rig = Rig::start();
+    for query in ["wait=abc", "wait=-1&after=3", "wait=NaN&after=3", "wait=1e300&after=3", "wait=5", "after=-3", "wait=5&after=x"] {
+        let answer = rig.get(&format!("/v1/status?{query}"));
+        assert_eq!((answer.status, answer.problem().as_str()), (400, "bad_query"), "{query}");
+    }
+}
+
+#[test]
+fn live_pictures_come_when_there_are_any() {
+    let rig = Rig::start();
+    let routes = [
+        ("/v1/live/frame.jpg", "image/jpeg", "jpeg bytes"),
+        ("/v1/live/profile.png", "image/png", "png bytes"),
+        ("/v1/live/mesh.glb", "model/gltf-binary", "glb bytes"),
+    ];
+    for (path, ..) in routes {
+        let none = rig.get(path);
+        assert_eq!((none.status, none.problem().as_str()), (404, "none_yet"), "{path}");
+    }
+    rig.driver.set_live(|live| {
+        live.frame_jpg = Some(Arc::new(b"jpeg bytes".to_vec()));
+        live.profile_png = Some(Arc::new(b"png bytes".to_vec()));
+        live.mesh_glb = Some(Arc::new(b"glb bytes".to_vec()));
+    });
+    for (path, content_type, content) in routes {
+        let found = rig.get(path);
+        assert_eq!((found.status, found.header("content-type"), &*found.text()), (200, Some(content_type), content));
+        assert_eq!(found.header("cache-control"), Some("no-store"));
+        let tag = found.header("etag").unwrap();
+        assert_eq!(rig.send("GET", path, &[("If-None-Match", tag)], "").status, 304);
+    }
+    let old = rig.get("/v1/live/frame.jpg").header("etag").unwrap().to_owned();
+    rig.driver.set_live(|live| live.frame_jpg = Some(Arc::new(b"newer bytes".to_vec())));
+    assert_eq!(rig.send("GET", "/v1/live/frame.jpg", &[("If-None-Match", &old)], "").text(), "newer bytes");
+}
+
+/// The fields of the next event on a stream, comments and chunk sizes left out.
+fn next_event(stream: &mut TcpStream) -> Vec<String> {
+    loop {
+        let block = String::from_utf8(read_until(stream, b"\n\n")).unwrap();
+        let fields: Vec<String> = ["event: ", "id: ", "data: "]
+            .iter()
+            .flat_map(|name| block.lines().filter(move |line| line.starts_with(name)).map(str::to_owned))
+            .collect();
+        if !fields.is_empty() {
+            return fields;
+        }
+    }
+}
+
+fn id_of(fields: &[String]) -> u64 {
+    fields.iter().find_map(|f| f.strip_prefix("id: ")).unwrap().parse().unwrap()
+}
+
+#[test]
+fn events_are_replayed_from_the_id_on_and_go_on_live() {
+    let rig = Rig::with(settings(), (5..8).map(event).collect());
+    let mut stream = ask(&rig, "/v1/events", "Last-Event-ID: 5\r\n");
+    let head = String::from_utf8(read_until(&mut stream, b"\r\n\r\n")).unwrap();
+    assert!(head.starts_with("HTTP/1.1 200") && head.to_lowercase().contains("content-type: text/event-stream"), "{head}");
+    let replayed = next_event(&mut stream);
+    assert_eq!(id_of(&replayed), 6);
+    let data = replayed.iter().find_map(|f| f.strip_prefix("data: ")).unwrap();
+    assert_eq!(serde_json::from_str::<carved::session::Event>(data).unwrap(), event(6));
+    assert_eq!(id_of(&next_event(&mut stream)), 7);
+    rig.driver.announce(event(8));
+    assert_eq!(id_of(&next_event(&mut stream)), 8);
+}
+
+#[test]
+fn a_reader_without_an_id_sees_only_what_happens_from_now_on() {
+    let rig = Rig::with(settings(), (5..8).map(event).collect());
+    let mut stream = ask(&rig, "/v1/events", "");
+    // The hello is sent after the reader was entered in the list, so event 8 reaches it.
+    read_until(&mut stream, b"retry: 2000");
+    rig.driver.announce(event(8));
+    assert_eq!(id_of(&next_event(&mut stream)), 8);
+}
+
+#[test]
+fn a_gap_that_cannot_be_filled_is_said() {
+    let rig = Rig::with(settings(), (5..8).map(event).collect());
+    for id in ["3", "99", "not-a-number", "18446744073709551615", "-1"] {
+        let mut stream = ask(&rig, "/v1/events", &format!("Last-Event-ID: {id}\r\n"));
+        let told = next_event(&mut stream);
+        assert_eq!(told[0], "event: resync", "{id}: {told:?}");
+        assert!(told[1].contains("\"revision\":41"), "{told:?}");
+    }
+    let mut stream = ask(&rig, "/v1/events", "Last-Event-ID: 3\r\n");
+    next_event(&mut stream);
+    rig.driver.announce(event(8));
+    assert_eq!(id_of(&next_event(&mut stream)), 8, "the stream goes on live after a resync");
+}
+
+#[test]
+fn a_reader_that_falls_behind_misses_nothing() {
+    let rig = Rig::with(settings(), vec![event(1)]);
+    let mut stream = ask(&rig, "/v1/events", "Last-Event-ID: 1\r\n");
+    read_until(&mut stream, b"retry: 2000");
+    // More than the live channel holds (256), and fewer than the journal keeps (2000).
+    for id in 2..=1500 {
+        rig.driver.announce(event(id));
+    }
+    for id in 2..=1500 {
+        assert_eq!(id_of(&next_event(&mut stream)), id);
+    }
+}
+
+#[test]
+fn the_probes_tell_living_from_ready() {
+    let rig = Rig::start();
+    assert_eq!((rig.get("/livez").status, rig.get("/readyz").status), (200, 200));
+    rig.driver.publish(|s| {
+        s.ready = false;
+        s.not_ready_reason = Some("the axis is not referenced".into());
+    });
+    let unready = rig.get("/readyz");
+    assert_eq!((unready.status, unready.problem().as_str()), (503, "not_ready"));
+    assert!(unready.header("retry-after").unwrap().parse::<u32>().unwrap() > 0);
+    assert_eq!(unready.json()["detail"], "the axis is not referenced");
+    assert_eq!(rig.get("/livez").status, 200);
+}
+
+#[test]
+fn metrics_are_the_snapshots_numbers() {
+    let rig = Rig::start();
+    rig.driver.publish(|s| {
+        s.state = State::Execute;
+        s.hardware.camera.completed_frames = 1234;
+        s.hardware.disk_free_bytes = Some(5_000_000_000);
+        let wells = WellCounts { succeeded: 3, skipped: 1, pending: 2, total: 6, ..WellCounts::default() };
+        s.run = Some(RunStatus {
+            id: "r".into(),
+            external_id: None,
+            method: "standard".into(),
+            operator: "kim".into(),
+            wells,
+            results: Vec::new(),
+            started: "2026-01-01T00:00:00Z".into(),
+            ended: None,
+            eta_s: None,
+            outcome: None::<RunOutcome>,
+        });
+    });
+    for n in 0..3 {
+        rig.get(&format!("/nowhere/{n}"));
+    }
+    let answer = rig.get("/metrics");
+    assert!(answer.header("content-type").unwrap().starts_with("application/openmetrics-text"));
+    let text = answer.text();
+    for line in [
+        "carved_build_info{version=\"1.2.3\",mode=\"simulated\"} 1",
+        "carved_state{state=\"Execute\"} 1",
+        "carved_ready 1",
+        "carved_status_revision 42",
+        "carved_run_wells{outcome=\"succeeded\"} 3",
+        "carved_run_wells{outcome=\"pending\"} 2",
+        "carved_camera_frames_completed_total 1234",
+        "carved_disk_free_bytes 5000000000",
+        "carved_http_requests_total{method=\"GET\",route=\"unmatched\",status=\"404\"} 3",
+        "# EOF",
+    ] {
+        assert!(text.lines().any(|l| l == line), "{line} is not in\n{text}");
+    }
+}

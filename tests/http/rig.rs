@@ -1,0 +1,179 @@
+//! A running server, and the driver at its other end that the tests hold in their hands.
+
+use crate::wire::{self, Answer};
+use carved::http::{HttpError, HttpSettings, serve};
+use carved::session::{
+    Accepted, Command, Event, HardwareStatus, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State, Status, channel,
+};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex};
+use tokio::runtime::Runtime;
+use tokio::sync::{mpsc, oneshot};
+use tokio::task::JoinHandle;
+
+pub const BOOT: &str = "boot-7f";
+pub const PLAN: &str =
+    r#"{"plate_barcode": "P-1", "method": "standard", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}, {"well": "A02"}]}"#;
+
+pub struct Rig {
+    pub address: SocketAddr,
+    pub driver: Arc<Publisher>,
+    /// What the driver answers instead, when set.
+    pub refusal: Arc<Mutex<Option<Refusal>>>,
+    /// Commands that reached the driver.
+    pub commands: Arc<Mutex<Vec<String>>>,
+    contract: Value,
+    runtime: Runtime,
+    server: Option<JoinHandle<Result<(), HttpError>>>,
+    stop: Option<oneshot::Sender<()>>,
+}
+
+pub fn status() -> Status {
+    Status {
+        schema: "carved/status/1".into(),
+        revision: 41,
+        boot_id: BOOT.into(),
+        server_time: String::new(),
+        uptime_s: 0.0,
+        version: "1.2.3".into(),
+        mode: Mode::Simulated,
+        ready: true,
+        not_ready_reason: None,
+        state: State::Idle,
+        doing: "Waiting for a run.".into(),
+        pending: Pending::default(),
+        plate: Plate::default(),
+        run: None,
+        specimen: None,
+        hardware: HardwareStatus::default(),
+        calibration: None,
+        faults: Vec::new(),
+    }
+}
+
+pub fn event(id: u64) -> Event {
+    Event { id, time: "2026-01-01T00:00:00Z".into(), kind: "view.taken".into(), run: None, well: None, data: Value::Null }
+}
+
+pub fn settings() -> HttpSettings {
+    HttpSettings { listen: SocketAddr::from(([127, 0, 0, 1], 0)), ..HttpSettings::default() }
+}
+
+impl Rig {
+    pub fn start() -> Self {
+        Self::with(settings(), Vec::new())
+    }
+
+    pub fn with(settings: HttpSettings, tail: Vec<Event>) -> Self {
+        let runtime = Runtime::new().unwrap();
+        let (session, mailbox, driver) = channel(status(), tail);
+        let (refusal, commands) = <(Arc<Mutex<Option<Refusal>>>, Arc<Mutex<Vec<String>>>)>::default();
+        runtime.spawn(drive(mailbox, refusal.clone(), commands.clone()));
+        let listener = settings.bind().unwrap();
+        let address = listener.local_addr().unwrap();
+        let (stop, stopped) = oneshot::channel::<()>();
+        let server = runtime.spawn(async move {
+            let shutdown = async { drop(stopped.await) };
+            serve(listener, session, settings, shutdown).await
+        });
+        let contract = wire::exchange(address, b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n").json();
+        let driver = Arc::new(driver);
+        Self { address, driver, refusal, commands, contract, runtime, server: Some(server), stop: Some(stop) }
+    }
+
+    pub fn contract(&self) -> &Value {
+        &self.contract
+    }
+
+    pub fn get(&self, path: &str) -> Answer {
+        self.send("GET", path, &[], "")
+    }
+
+    pub fn put(&self, path: &str, body: &str) -> Answer {
+        self.send("PUT", path, &[("Content-Type", "application/json")], body)
+    }
+
+    /// Sends an ordinary request and holds the answer against the contract.
+    pub fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
+        let mut request = format!("{method} {path} HTTP/1.1\r\n");
+        if !headers.iter().any(|(name, _)| name.eq_ignore_ascii_case("host")) {
+            request += &format!("Host: {}\r\n", self.address);
+        }
+        for (name, value) in headers {
+            request += &format!("{name}: {value}\r\n");
+        }
+        request += &format!("Content-Length: {}\r\n\r\n{body}", body.len());
+        let answer = wire::exchange(self.address, request.as_bytes());
+        if let Some(operation) = self.operation(method, path) {
+            let declared = operation["responses"].get(answer.status.to_string());
+            assert!(declared.is_some(), "{method} {path}: the contract does not declare {answer:?}");
+        }
+        answer
+    }
+
+    /// The contract's operation behind a path.
+    fn operation(&self, method: &str, path: &str) -> Option<&Value> {
+        let path = path.split('?').next()?;
+        let fits = |pattern: &str| {
+            let (mut a, mut b) = (pattern.split('/'), path.split('/'));
+            a.clone().count() == b.clone().count() && a.all(|part| b.next().is_some_and(|found| part.starts_with('{') || part == found))
+        };
+        let (_, item) = self.contract["paths"].as_object()?.iter().find(|(pattern, _)| fits(pattern))?;
+        item.get(method.to_lowercase())
+    }
+
+    pub fn refuse(&self, refusal: Refusal) {
+        *self.refusal.lock().unwrap() = Some(refusal);
+    }
+
+    /// Asks the server to end; `finish` waits for it.
+    pub fn stop(&mut self) {
+        drop(self.stop.take());
+    }
+
+    pub fn finish(mut self) -> Result<(), HttpError> {
+        self.stop();
+        let server = self.server.take().unwrap();
+        self.runtime.block_on(async { tokio::time::timeout(wire::PATIENCE, server).await }).unwrap().unwrap()
+    }
+}
+
+async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<Refusal>>>, commands: Arc<Mutex<Vec<String>>>) {
+    let methods = BTreeMap::from([("standard".to_owned(), ())]);
+    let mut runs: BTreeMap<String, RunPlan> = BTreeMap::new();
+    while let Some(command) = mailbox.recv().await {
+        let refusal = refusal.lock().unwrap().clone();
+        match command {
+            Command::PutRun { id, plan, answer } => {
+                commands.lock().unwrap().push(format!("put {id}"));
+                let verdict = match (refusal, runs.get(&id)) {
+                    (Some(refusal), _) => Err(refusal),
+                    (None, Some(known)) if *known == plan => Ok(Accepted::Same),
+                    (None, Some(_)) => Err(Refusal::OtherPlan { id }),
+                    (None, None) => plan.check(&methods).map_err(Refusal::InvalidPlan).map(|()| {
+                        runs.insert(id, plan);
+                        Accepted::Created
+                    }),
+                };
+                answer.send(verdict).unwrap();
+            }
+            Command::Abort { id, answer } => {
+                commands.lock().unwrap().push(format!("abort {id}"));
+                let known = runs.contains_key(&id);
+                let unknown = Refusal::UnknownRun { id, newest: runs.keys().next_back().cloned() };
+                answer.send(refusal.map_or(if known { Ok(()) } else { Err(unknown) }, Err)).unwrap();
+            }
+            Command::Loaded { run, well, answer } => {
+                commands.lock().unwrap().push(format!("loaded {run} {well}"));
+                let verdict = match runs.get(&run) {
+                    None => Err(Refusal::UnknownRun { id: run, newest: None }),
+                    Some(plan) if plan.plate_map.iter().any(|w| w.well == well) => Ok(()),
+                    Some(_) => Err(Refusal::UnexpectedWell { run, well }),
+                };
+                answer.send(refusal.map_or(verdict, Err)).unwrap();
+            }
+        }
+    }
+}
