@@ -1,0 +1,63 @@
+// Keeps the page live: one long poll after the other, and the truth about it when they stop.
+//
+//   first ──ok──> poll(after) ──ok──> poll(after) ...
+//     ^              │ error, silence
+//     └── pause <── lost
+
+import { fetchStatus, Refused } from "./api.ts";
+import type { Status } from "./status.ts";
+
+/** Seconds the daemon may hold a poll. Short, so that a pulled cable is noticed soon. */
+const WAIT_S = 5;
+/** Silence beyond a poll's own wait that means the connection is gone, ms. */
+const GRACE_MS = 3000;
+/** Pauses between attempts, ms; the last one repeats. */
+const PAUSES_MS = [250, 500, 1000, 2000];
+/** Least time between polls, ms: a page needs no more than 10 pictures of the state a second. */
+const LEAST_GAP_MS = 100;
+
+export type Link = { kind: "connecting" } | { kind: "live" } | { kind: "lost"; why: string; tokenWanted: boolean };
+
+export interface Listener {
+  status(status: Status): void;
+  link(link: Link): void;
+}
+
+const pause = (ms: number) => new Promise<void>((resolve) => setTimeout(resolve, ms));
+
+function reason(error: unknown): string {
+  if (error instanceof Refused) return error.code === 0 ? error.message : `the daemon answered: ${error.message}`;
+  if (error instanceof DOMException) return "the daemon does not answer";
+  throw error;
+}
+
+export async function keepLive(listener: Listener): Promise<never> {
+  listener.link({ kind: "connecting" });
+  let after: number | null = null;
+  let failures = 0;
+  for (;;) {
+    const patience = new AbortController();
+    const timer = setTimeout(() => patience.abort(), GRACE_MS + (after === null ? 0 : WAIT_S * 1000));
+    try {
+      const started = performance.now();
+      const status = await fetchStatus(after, WAIT_S, patience.signal);
+      const unchanged = status.revision === after;
+      after = status.revision;
+      failures = 0;
+      listener.link({ kind: "live" });
+      listener.status(status);
+      // An answer without news that came at once would make this loop spin.
+      const gap = unchanged ? 1000 : LEAST_GAP_MS;
+      await pause(Math.max(0, gap - (performance.now() - started)));
+    } catch (error) {
+      // A daemon that was restarted counts its revisions anew: ask without `after`.
+      after = null;
+      const tokenWanted = error instanceof Refused && error.code === 401;
+      listener.link({ kind: "lost", why: reason(error), tokenWanted });
+      await pause(PAUSES_MS[Math.min(failures, PAUSES_MS.length - 1)]!);
+      failures += 1;
+    } finally {
+      clearTimeout(timer);
+    }
+  }
+}

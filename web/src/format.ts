@@ -1,0 +1,93 @@
+// Numbers and times as an operator reads them. Pure: the same text on every machine, whatever its locale.
+
+const MINUS = "\u2212";
+const THIN = "\u202f";
+
+/** Rounds to `digits` decimals and separates thousands with commas. */
+export function grouped(value: number, digits = 0): string {
+  const text = Math.abs(value).toFixed(digits);
+  const [whole = "", fraction] = text.split(".");
+  const separated = whole.replace(/\B(?=(\d{3})+$)/g, ",");
+  const sign = value < 0 && Number(text) !== 0 ? MINUS : "";
+  return sign + separated + (fraction === undefined ? "" : `.${fraction}`);
+}
+
+/** Four significant digits at least, never an exponent: 0.06545, 65.45, 243.1, 1,204. */
+export function significant(value: number, digits = 4): string {
+  if (value === 0) return "0";
+  const magnitude = Math.floor(Math.log10(Math.abs(value)));
+  return grouped(value, Math.min(12, Math.max(0, digits - 1 - magnitude)));
+}
+
+/** 1 nL is 10^6 um^3. */
+export const UM3_PER_NL = 1e6;
+
+export function nanolitres(um3: number): string {
+  return `${significant(um3 / UM3_PER_NL)}${THIN}nL`;
+}
+
+export function cubicMicrometres(um3: number): string {
+  return `${grouped(um3)}${THIN}µm³`;
+}
+
+export function squareMillimetres(um2: number): string {
+  return `${significant(um2 / 1e6)}${THIN}mm²`;
+}
+
+export function squareMicrometres(um2: number): string {
+  return `${grouped(um2)}${THIN}µm²`;
+}
+
+export function micrometres(um: number, digits = 0): string {
+  return `${grouped(um, digits)}${THIN}µm`;
+}
+
+export function percentChange(from: number, to: number): string {
+  const change = ((to - from) / from) * 100;
+  const text = grouped(change, 2);
+  return `${change > 0 ? "+" : ""}${text}${THIN}%`;
+}
+
+/** How long, in the largest unit that still says something: 8 s, 3 min 20 s, 2 h 5 min. */
+export function duration(seconds: number): string {
+  const s = Math.max(0, Math.round(seconds));
+  if (s < 60) return `${s} s`;
+  const minutes = Math.floor(s / 60);
+  if (minutes < 60) return s % 60 === 0 ? `${minutes} min` : `${minutes} min ${s % 60} s`;
+  const hours = Math.floor(minutes / 60);
+  return minutes % 60 === 0 ? `${hours} h` : `${hours} h ${minutes % 60} min`;
+}
+
+/** An estimate, rounded as coarsely as it is known. */
+export function aboutDuration(seconds: number): string {
+  if (seconds < 45) return "less than a minute";
+  const minutes = Math.round(seconds / 60);
+  return minutes < 60 ? `about ${minutes} min` : `about ${duration(Math.round(minutes / 5) * 300)}`;
+}
+
+export function bytes(count: number): string {
+  const units = ["B", "kB", "MB", "GB", "TB"];
+  let value = count;
+  let unit = 0;
+  while (value >= 1000 && unit < units.length - 1) {
+    value /= 1000;
+    unit += 1;
+  }
+  return `${significant(value, 3)} ${units[unit]}`;
+}
+
+/** `brief_reason` -> `brief reason`. */
+export function words(name: string): string {
+  return name.replaceAll("_", " ");
+}
+
+export function capitalised(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
+/** Wall-clock time of the browser's zone, seconds included; the text as it came where it is no time. */
+export function clockTime(rfc3339: string): string {
+  const date = new Date(rfc3339);
+  if (Number.isNaN(date.getTime())) return rfc3339;
+  return [date.getHours(), date.getMinutes(), date.getSeconds()].map((n) => String(n).padStart(2, "0")).join(":");
+}

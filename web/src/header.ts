@@ -1,0 +1,52 @@
+// The top of the page: which instrument, simulated or not, and whether what is shown is live.
+
+import type { Link } from "./connection.ts";
+import { setText, show } from "./dom.ts";
+import { clockTime, duration } from "./format.ts";
+import type { Status } from "./status.ts";
+
+export class HeaderView {
+  readonly #stamp: HTMLElement;
+  readonly #version: HTMLElement;
+  readonly #link: HTMLElement;
+  readonly #lost: HTMLElement;
+  #state: Link = { kind: "connecting" };
+  #received: { at: number; serverTime: string } | null = null;
+
+  constructor(root: { stamp: HTMLElement; version: HTMLElement; link: HTMLElement; lost: HTMLElement }) {
+    this.#stamp = root.stamp;
+    this.#version = root.version;
+    this.#link = root.link;
+    this.#lost = root.lost;
+    setInterval(() => this.#say(), 1000);
+  }
+
+  status(status: Status): void {
+    show(this.#stamp, status.mode === "simulated");
+    setText(this.#version, status.version);
+    document.title = `${status.mode === "simulated" ? "SIMULATED " : ""}${status.state} – carved`;
+    this.#received = { at: performance.now(), serverTime: status.server_time };
+    this.#say();
+  }
+
+  link(link: Link): void {
+    this.#state = link;
+    document.body.classList.toggle("stale", link.kind === "lost");
+    this.#say();
+  }
+
+  #say(): void {
+    const kind = this.#state.kind;
+    this.#link.dataset["link"] = kind;
+    setText(this.#link, kind === "live" ? "Live" : kind === "lost" ? "Connection lost" : "Connecting…");
+    show(this.#lost, kind === "lost");
+    if (this.#state.kind === "lost") setText(this.#lost, this.#lostWords(this.#state.why));
+  }
+
+  #lostWords(why: string): string {
+    const head = `Connection lost: ${why}. `;
+    if (!this.#received) return `${head}No status has come yet. Trying again.`;
+    const age = duration((performance.now() - this.#received.at) / 1000);
+    return `${head}What is shown below is ${age} old (from ${clockTime(this.#received.serverTime)}) and may no longer hold. Trying again.`;
+  }
+}

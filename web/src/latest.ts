@@ -1,0 +1,32 @@
+// Runs a task for the newest state only: never two at once, and once more if news came meanwhile.
+
+import { Refused } from "./api.ts";
+
+export class Latest {
+  #running = false;
+  #again = false;
+  readonly #task: () => Promise<void>;
+
+  constructor(task: () => Promise<void>) {
+    this.#task = task;
+  }
+
+  async ask(): Promise<void> {
+    if (this.#running) {
+      this.#again = true;
+      return;
+    }
+    this.#running = true;
+    try {
+      do {
+        this.#again = false;
+        await this.#task();
+      } while (this.#again);
+    } catch (error) {
+      // Where the daemon is away or busy, the connection says so and the next status asks again.
+      if (!(error instanceof Refused)) throw error;
+    } finally {
+      this.#running = false;
+    }
+  }
+}

@@ -1,0 +1,279 @@
+// The growing model in 3D: one mesh, replaced when a new one has been parsed, drawn only when something changed.
+//
+// The camera is orthographic, so that the scale bar holds over the whole picture. The first look is that of the
+// instrument's own camera at angle 0: x (the capillary) to the right, y down, the camera at negative z.
+
+import {
+  Box3,
+  Color,
+  DirectionalLight,
+  HemisphereLight,
+  Mesh,
+  MeshStandardMaterial,
+  OrthographicCamera,
+  Scene,
+  Spherical,
+  Quaternion,
+  Vector3,
+  WebGLRenderer,
+  type BufferGeometry,
+} from "three";
+import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
+import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
+import { fetchLive } from "./api.ts";
+import { setText, show } from "./dom.ts";
+import { grouped, micrometres } from "./format.ts";
+import { Latest } from "./latest.ts";
+import { roundBelow } from "./ticks.ts";
+
+/** Directions from the specimen to the eye. */
+const LOOKS = {
+  camera: new Vector3(0, 0, -1),
+  oblique: new Vector3(0.55, -0.45, -1).normalize(),
+  along: new Vector3(1, 0, 0),
+  above: new Vector3(0, -1, 0),
+} as const;
+
+export type Look = keyof typeof LOOKS;
+
+/** Share of the picture that the specimen's longer side takes. */
+const FILL = 0.86;
+const KEY_STEP_RAD = Math.PI / 24;
+const KEY_ZOOM = 1.2;
+const TARGET_BAR_PX = 140;
+
+export class ModelView {
+  readonly #box: HTMLElement;
+  readonly #caption: HTMLElement;
+  readonly #bar: HTMLElement;
+  readonly #barLabel: HTMLElement;
+  readonly #empty: HTMLElement;
+  readonly #renderer: WebGLRenderer;
+  readonly #scene = new Scene();
+  readonly #camera = new OrthographicCamera();
+  readonly #controls: OrbitControls;
+  readonly #material = new MeshStandardMaterial({ color: 0x6f9fb8, roughness: 0.62, metalness: 0 });
+  readonly #mesh = new Mesh<BufferGeometry, MeshStandardMaterial>(undefined, this.#material);
+  readonly #loader = new GLTFLoader();
+  readonly #refresh = new Latest(() => this.#load());
+  #extent: Box3 | null = null;
+  #tag: string | null = null;
+  #label: string | null = null;
+  #nextLabel = "";
+  #drawAsked = false;
+  /** The operator has turned or zoomed: the view is theirs until they ask for a look. */
+  #held = false;
+
+  constructor(root: {
+    box: HTMLElement;
+    caption: HTMLElement;
+    bar: HTMLElement;
+    barLabel: HTMLElement;
+    empty: HTMLElement;
+  }) {
+    this.#box = root.box;
+    this.#caption = root.caption;
+    this.#bar = root.bar;
+    this.#barLabel = root.barLabel;
+    this.#empty = root.empty;
+    this.#renderer = new WebGLRenderer({ antialias: true });
+    const canvas = this.#renderer.domElement;
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "img");
+    canvas.setAttribute(
+      "aria-label",
+      "Model of the specimen in 3D. Arrow keys turn it, plus and minus zoom, Home resets the view.",
+    );
+    this.#box.prepend(canvas);
+
+    this.#scene.background = new Color(0xf7f9fb);
+    const key = new DirectionalLight(0xffffff, 2.2);
+    // From above the eye's left shoulder, and so far away that neither eye nor model count for its direction.
+    key.position.set(-0.5, 0.9, 1).multiplyScalar(1e6);
+    this.#camera.add(key);
+    const sky = new HemisphereLight(0xffffff, 0x8899aa, 1.3);
+    sky.position.set(0, -1, 0);
+    this.#scene.add(this.#camera, sky, this.#mesh);
+    this.#mesh.visible = false;
+
+    this.#camera.up.set(0, -1, 0);
+    this.#controls = new OrbitControls(this.#camera, canvas);
+    this.#controls.addEventListener("change", () => this.#draw());
+    this.#controls.addEventListener("start", () => (this.#held = true));
+    canvas.addEventListener("keydown", (event) => this.#key(event));
+    canvas.addEventListener("webglcontextrestored", () => this.#draw());
+    new ResizeObserver(() => this.#resize()).observe(this.#box);
+    this.look("oblique");
+  }
+
+  /** Fetches the newest mesh; `label` says what it will show: well and number of views. */
+  update(label: string): Promise<void> {
+    this.#nextLabel = label;
+    return this.#refresh.ask();
+  }
+
+  look(name: Look): void {
+    this.#held = false;
+    this.#camera.position.copy(this.#controls.target).addScaledVector(LOOKS[name], this.#distance());
+    this.#frame();
+  }
+
+  async #load(): Promise<void> {
+    const label = this.#nextLabel;
+    const fetched = await fetchLive("/v1/live/mesh.glb", this.#tag);
+    if (fetched.kind === "same") return;
+    if (fetched.kind === "none") {
+      this.#clear();
+      return;
+    }
+    const parsed = await this.#loader.parseAsync(await fetched.body.arrayBuffer(), "");
+    parsed.scene.updateMatrixWorld(true);
+    let geometry: BufferGeometry | null = null;
+    parsed.scene.traverse((node) => {
+      if (geometry || !(node instanceof Mesh)) return;
+      const found = node as Mesh<BufferGeometry>;
+      geometry = found.geometry;
+      geometry.applyMatrix4(found.matrixWorld);
+    });
+    if (!geometry) throw new Error("mesh.glb holds no mesh");
+    this.#put(geometry, label);
+    this.#tag = fetched.tag;
+  }
+
+  #put(geometry: BufferGeometry, label: string): void {
+    if (!geometry.getAttribute("normal")) geometry.computeVertexNormals();
+    geometry.computeBoundingBox();
+    const old = this.#mesh.geometry;
+    this.#mesh.geometry = geometry;
+    this.#mesh.visible = true;
+    old.dispose();
+    this.#extent = geometry.boundingBox!.clone();
+    this.#label = label;
+    if (!this.#held) this.#recentre();
+    this.#describe(geometry);
+    this.#draw();
+  }
+
+  #clear(): void {
+    this.#mesh.visible = false;
+    this.#extent = null;
+    this.#tag = null;
+    this.#label = null;
+    setText(this.#caption, "");
+    show(this.#empty, true);
+    show(this.#bar, false);
+    this.#draw();
+  }
+
+  #describe(geometry: BufferGeometry): void {
+    const size = this.#extent!.getSize(new Vector3());
+    const dimensions = `${grouped(size.x)} × ${grouped(size.y)} × ${micrometres(size.z)}`;
+    setText(this.#caption, `${this.#label}: ${dimensions} (x along the capillary, y, z).`);
+    show(this.#empty, false);
+    show(this.#bar, true);
+    const index = geometry.getIndex();
+    const corners = index ? index.count : geometry.getAttribute("position").count;
+    this.#box.dataset["triangles"] = String(corners / 3);
+  }
+
+  #distance(): number {
+    return this.#extent ? this.#extent.getSize(new Vector3()).length() * 2 : 10_000;
+  }
+
+  /** Moves target and eye to the model's middle, keeping the direction. */
+  #recentre(): void {
+    if (!this.#extent) return;
+    const middle = this.#extent.getCenter(new Vector3());
+    const direction = this.#camera.position.clone().sub(this.#controls.target).normalize();
+    this.#controls.target.copy(middle);
+    this.#camera.position.copy(middle).addScaledVector(direction, this.#distance());
+    this.#frame();
+  }
+
+  /** Sets zoom so that the model's box, seen from here, fills the picture. */
+  #frame(): void {
+    const camera = this.#camera;
+    const distance = this.#distance();
+    camera.near = -distance;
+    camera.far = distance * 4;
+    this.#controls.update();
+    if (this.#extent) {
+      camera.updateMatrixWorld(true);
+      const inverse = camera.matrixWorldInverse;
+      const seen = this.#extent.clone().applyMatrix4(inverse).getSize(new Vector3());
+      const { clientWidth: width, clientHeight: height } = this.#box;
+      camera.zoom = FILL * Math.min(width / Math.max(seen.x, 1), height / Math.max(seen.y, 1));
+    }
+    camera.updateProjectionMatrix();
+    this.#draw();
+  }
+
+  /** At zoom 1, one unit of the scene (um) is one pixel of the page. */
+  #resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.#box;
+    if (width === 0 || height === 0) return;
+    this.#renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.#renderer.setSize(width, height);
+    Object.assign(this.#camera, { left: -width / 2, right: width / 2, top: height / 2, bottom: -height / 2 });
+    this.#camera.updateProjectionMatrix();
+    if (this.#held) this.#paint();
+    else this.#frame();
+    // Setting the size has emptied the canvas: paint in the same turn, or it flickers.
+    this.#paint();
+  }
+
+  #key(event: KeyboardEvent): void {
+    const turns: Record<string, [number, number]> = {
+      ArrowLeft: [-KEY_STEP_RAD, 0],
+      ArrowRight: [KEY_STEP_RAD, 0],
+      ArrowUp: [0, -KEY_STEP_RAD],
+      ArrowDown: [0, KEY_STEP_RAD],
+    };
+    const turn = turns[event.key];
+    if (turn) this.#turn(...turn);
+    else if (event.key === "+" || event.key === "=") this.#zoom(KEY_ZOOM);
+    else if (event.key === "-") this.#zoom(1 / KEY_ZOOM);
+    else if (event.key === "Home") this.look("oblique");
+    else return;
+    event.preventDefault();
+  }
+
+  #turn(theta: number, phi: number): void {
+    this.#held = true;
+    const camera = this.#camera;
+    const upright = new Quaternion().setFromUnitVectors(camera.up, new Vector3(0, 1, 0));
+    const offset = camera.position.clone().sub(this.#controls.target).applyQuaternion(upright);
+    const at = new Spherical().setFromVector3(offset);
+    at.theta += theta;
+    at.phi += phi;
+    at.makeSafe();
+    offset.setFromSpherical(at).applyQuaternion(upright.invert());
+    camera.position.copy(this.#controls.target).add(offset);
+    this.#controls.update();
+    this.#draw();
+  }
+
+  #zoom(factor: number): void {
+    this.#held = true;
+    this.#camera.zoom *= factor;
+    this.#camera.updateProjectionMatrix();
+    this.#draw();
+  }
+
+  #draw(): void {
+    if (this.#drawAsked) return;
+    this.#drawAsked = true;
+    requestAnimationFrame(() => {
+      this.#drawAsked = false;
+      this.#paint();
+    });
+  }
+
+  #paint(): void {
+    this.#renderer.render(this.#scene, this.#camera);
+    this.#box.dataset["geometries"] = String(this.#renderer.info.memory.geometries);
+    const length = roundBelow(TARGET_BAR_PX / this.#camera.zoom);
+    this.#bar.style.width = `${length * this.#camera.zoom}px`;
+    setText(this.#barLabel, micrometres(length));
+  }
+}

@@ -1,0 +1,121 @@
+// What the status means, in an operator's words. Pure.
+
+import { aboutDuration, capitalised, grouped } from "./format.ts";
+import type { Fault, Phase, RunOutcome, RunStatus, SchedulerAction, State, Status } from "./status.ts";
+
+/** How much attention a state asks for. */
+export type Tone = "calm" | "busy" | "good" | "attention" | "alarm";
+
+const ENDED: Record<RunOutcome, Tone> = {
+  succeeded: "good",
+  partial: "attention",
+  failed: "alarm",
+  aborted: "attention",
+  interrupted: "attention",
+};
+
+export function toneOf(status: Status): Tone {
+  if (status.faults.some((f) => f.operator_required)) return "alarm";
+  if (status.state === "Aborted" || status.state === "Aborting") return "alarm";
+  if (status.faults.length > 0 || ATTENTION.has(status.state)) return "attention";
+  if (BUSY.has(status.state)) return "busy";
+  return status.run?.outcome ? ENDED[status.run.outcome] : "calm";
+}
+
+const ATTENTION: ReadonlySet<State> = new Set(["Holding", "Held", "Suspending", "Suspended", "Stopping", "Stopped"]);
+const BUSY: ReadonlySet<State> = new Set([
+  "Starting",
+  "Execute",
+  "Unholding",
+  "Unsuspending",
+  "Completing",
+  "Clearing",
+  "Resetting",
+]);
+
+export const PHASES: Record<Phase, string> = {
+  load: "loading",
+  detect: "looking for a specimen",
+  position: "positioning",
+  revolve: "taking views",
+  reconstruct: "reconstructing",
+  measure: "measuring",
+  eject: "ejecting",
+  wash: "washing",
+};
+
+const ADVICE: Record<SchedulerAction, string> = {
+  retry: "The instrument tries again by itself; look at it if this comes back.",
+  skip_well: "The well is skipped and the run goes on; look at the well afterwards.",
+  reject_plate: "Take the plate out and check it before it is loaded again.",
+  abort_plate: "Abort the run of this plate; wells that are finished are kept.",
+  pause_instrument: "Put the cause right before the instrument goes on.",
+  escalate_operator: "Go to the instrument and put the cause right before it goes on.",
+};
+
+/** What to do about a fault. */
+export function advice(fault: Fault): string {
+  return ADVICE[fault.scheduler_action];
+}
+
+const OUTCOMES: Record<RunOutcome, string> = {
+  succeeded: "finished",
+  partial: "finished in part",
+  failed: "failed",
+  aborted: "was aborted",
+  interrupted: "was interrupted",
+};
+
+/** `3 measured, 1 skipped`: what there is of each kind, nothing that is zero. */
+export function tally(run: RunStatus): string {
+  const w = run.wells;
+  const parts: [number, string][] = [
+    [w.succeeded, "measured"],
+    [w.flagged, "flagged"],
+    [w.skipped, "skipped"],
+    [w.failed, "failed"],
+    [w.interrupted, "interrupted"],
+    [w.pending, "waiting"],
+  ];
+  return parts
+    .filter(([count]) => count > 0)
+    .map(([count, word]) => `${grouped(count)} ${word}`)
+    .join(", ");
+}
+
+/** Share of the run that is done, 0 to 1; a specimen under way counts by its views. */
+export function progress(status: Status): number {
+  const run = status.run;
+  if (!run || run.wells.total === 0) return 0;
+  if (run.outcome === "succeeded") return 1;
+  const specimen = status.specimen;
+  const open = run.results.some((w) => w.well === specimen?.well && w.outcome === null);
+  const within = specimen && open && specimen.views_planned > 0 ? specimen.view / specimen.views_planned : 0;
+  return Math.min(1, (run.wells.total - run.wells.pending + Math.min(1, within)) / run.wells.total);
+}
+
+/** One line under the sentence: how far the run is, or how it ended. */
+export function progressLine(status: Status): string {
+  const run = status.run;
+  if (!run)
+    return status.ready ? "Ready for a run." : `Not ready for a run: ${status.not_ready_reason ?? "no reason given"}.`;
+  if (run.outcome) return `Run ${run.id} ${OUTCOMES[run.outcome]}: ${tally(run)}.`;
+  const done = run.wells.total - run.wells.pending;
+  const parts = [`Run ${run.id}: ${grouped(done)} of ${grouped(run.wells.total)} wells done`];
+  const specimen = status.specimen;
+  if (specimen) {
+    const phase = `${specimen.well} ${PHASES[specimen.phase]}`;
+    parts.push(specimen.phase === "revolve" ? `${phase}, view ${specimen.view} of ${specimen.views_planned}` : phase);
+  }
+  if (run.eta_s) parts.push(`${aboutDuration(run.eta_s.p50)} left`);
+  return `${parts.join(" · ")}.`;
+}
+
+/** Whether a run is there that an abort would end. */
+export function canAbort(status: Status): boolean {
+  return status.run !== null && status.run.outcome === null && !status.pending.abort && status.state !== "Aborting";
+}
+
+export function sentence(status: Status): string {
+  return capitalised(status.doing);
+}

@@ -1,0 +1,130 @@
+// The shape of `GET /v1/status`, as far as the page reads it. The daemon's /openapi.json is the full description.
+
+export type State =
+  | "Stopped"
+  | "Idle"
+  | "Starting"
+  | "Execute"
+  | "Holding"
+  | "Held"
+  | "Unholding"
+  | "Suspending"
+  | "Suspended"
+  | "Unsuspending"
+  | "Completing"
+  | "Complete"
+  | "Stopping"
+  | "Aborting"
+  | "Aborted"
+  | "Clearing"
+  | "Resetting";
+
+export type Phase = "load" | "detect" | "position" | "revolve" | "reconstruct" | "measure" | "eject" | "wash";
+
+export type RunOutcome = "succeeded" | "partial" | "failed" | "aborted" | "interrupted";
+
+export type SpecimenOutcome = "succeeded" | "failed" | "aborted" | "interrupted" | "skipped";
+
+export type SchedulerAction =
+  "retry" | "skip_well" | "reject_plate" | "abort_plate" | "pause_instrument" | "escalate_operator";
+
+export interface Fault {
+  seq: number;
+  code: string;
+  category: string;
+  message: string;
+  recoverable: boolean;
+  scheduler_action: SchedulerAction;
+  operator_required: boolean;
+  since: string;
+}
+
+export interface WellStatus {
+  well: string;
+  specimen: "larva" | "bead";
+  dpf: number | null;
+  outcome: SpecimenOutcome | null;
+  reason: string | null;
+  flags: string[];
+  volume_um3: number | null;
+  area_um2: number | null;
+  diameter_um: number | null;
+}
+
+export interface WellCounts {
+  succeeded: number;
+  flagged: number;
+  failed: number;
+  skipped: number;
+  interrupted: number;
+  pending: number;
+  total: number;
+}
+
+export interface RunStatus {
+  id: string;
+  external_id: string | null;
+  method: string;
+  operator: string;
+  wells: WellCounts;
+  results: WellStatus[];
+  started: string;
+  ended: string | null;
+  eta_s: { p50: number; p90: number } | null;
+  outcome: RunOutcome | null;
+}
+
+export interface SpecimenStatus {
+  well: string;
+  in_capillary: boolean;
+  phase: Phase;
+  view: number;
+  views_planned: number;
+  volume_um3: number | null;
+  volume_sd_um3: number | null;
+  converged: boolean | null;
+  volumes_um3: number[];
+}
+
+export interface AxisStatus {
+  identity: string | null;
+  connected: boolean;
+  referenced: boolean;
+  position_steps: number | null;
+  position_deg: number | null;
+}
+
+export interface CameraStatus {
+  identity: string | null;
+  connected: boolean;
+  completed_frames: number;
+  failed_frames: number;
+  missing_packets: number;
+  resent_packets: number;
+  ignored_packets: number;
+}
+
+export interface Status {
+  revision: number;
+  boot_id: string;
+  server_time: string;
+  uptime_s: number;
+  version: string;
+  mode: "hardware" | "simulated";
+  ready: boolean;
+  not_ready_reason: string | null;
+  state: State;
+  doing: string;
+  pending: { hold: boolean; stop: boolean; abort: boolean };
+  plate: { barcode: string | null; present: boolean; removable: boolean; needs: string | null };
+  run: RunStatus | null;
+  specimen: SpecimenStatus | null;
+  hardware: {
+    rotation: AxisStatus;
+    translation: AxisStatus | null;
+    camera: CameraStatus;
+    disk_free_bytes: number | null;
+  };
+  calibration: unknown;
+  faults: Fault[];
+}

@@ -1,0 +1,34 @@
+// The instrument's token, where it asks for one (off loopback): typed once, kept until the tab is closed.
+
+import { show } from "./dom.ts";
+
+const KEY = "carved-token";
+
+export function authorization(): HeadersInit {
+  const token = sessionStorage.getItem(KEY);
+  return token === null ? {} : { Authorization: `Bearer ${token}` };
+}
+
+export class TokenForm {
+  readonly #form: HTMLFormElement;
+  readonly #input: HTMLInputElement;
+
+  constructor(form: HTMLFormElement, input: HTMLInputElement) {
+    this.#form = form;
+    this.#input = input;
+    form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      sessionStorage.setItem(KEY, input.value.trim());
+      input.value = "";
+    });
+  }
+
+  wanted(yes: boolean): void {
+    if (yes && this.#form.hidden) {
+      show(this.#form, true);
+      this.#input.focus();
+    } else if (!yes) {
+      show(this.#form, false);
+    }
+  }
+}

@@ -1,0 +1,89 @@
+// The numbers of one well.
+
+import { element, fact } from "./dom.ts";
+import {
+  capitalised,
+  cubicMicrometres,
+  micrometres,
+  nanolitres,
+  squareMicrometres,
+  squareMillimetres,
+  words,
+} from "./format.ts";
+import { PHASES } from "./plain.ts";
+import type { SpecimenStatus, WellStatus } from "./status.ts";
+import { CONDITIONS, conditionOf, contents } from "./wells.ts";
+
+export class WellCard {
+  readonly #heading: HTMLElement;
+  readonly #body: HTMLElement;
+  #shown = "";
+
+  constructor(heading: HTMLElement, body: HTMLElement) {
+    this.#heading = heading;
+    this.#body = body;
+  }
+
+  update(well: WellStatus | null, specimen: SpecimenStatus | null): void {
+    const own = specimen?.well === well?.well ? specimen : null;
+    const now = JSON.stringify([well, own?.phase, own?.view, own?.views_planned, own?.volume_um3, own?.volume_sd_um3]);
+    if (now === this.#shown) return;
+    this.#shown = now;
+    if (!well) {
+      this.#heading.textContent = "Well";
+      this.#body.replaceChildren(element("p", "quiet", "No run yet: the plate map comes with it."));
+      return;
+    }
+    this.#heading.textContent = `Well ${well.well}`;
+    const list = element("dl", "facts", ...facts(well, own));
+    list.dataset["well"] = well.well;
+    this.#body.replaceChildren(list);
+  }
+}
+
+function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[] {
+  const condition = conditionOf(well, specimen);
+  const rows = [
+    ...fact("Specimen", capitalised(contents(well))),
+    ...fact("Outcome", outcome(well, specimen, condition)),
+  ];
+  if (well.reason !== null) rows.push(...fact("Reason", capitalised(words(well.reason))));
+  if (well.flags.length > 0) rows.push(...fact("Flags", well.flags.map(words).join(", ")));
+  const volume = well.volume_um3;
+  if (volume !== null) {
+    rows.push(...fact("Volume", number("volume", nanolitres(volume), cubicMicrometres(volume))));
+  } else if (well.outcome === null && specimen?.volume_um3 != null) {
+    const sd = specimen.volume_sd_um3;
+    const spread = sd === null ? "" : ` ± ${nanolitres(sd)}`;
+    rows.push(
+      ...fact(
+        "Volume so far",
+        number("volume-live", nanolitres(specimen.volume_um3) + spread, cubicMicrometres(specimen.volume_um3)),
+      ),
+    );
+  }
+  if (well.area_um2 !== null) {
+    rows.push(
+      ...fact("Surface area", number("area", squareMillimetres(well.area_um2), squareMicrometres(well.area_um2))),
+    );
+  }
+  if (well.diameter_um !== null) rows.push(...fact("Diameter", number("diameter", micrometres(well.diameter_um, 1))));
+  return rows;
+}
+
+function outcome(well: WellStatus, specimen: SpecimenStatus | null, condition: keyof typeof CONDITIONS): Node {
+  const { sign, label } = CONDITIONS[condition];
+  const mark = element("span", `well well-${condition}`, sign);
+  mark.setAttribute("aria-hidden", "true");
+  const text = condition === "active" && specimen ? PHASES[specimen.phase] : label;
+  const made = element("span", "outcome", mark, capitalised(text));
+  made.dataset["outcome"] = well.outcome ?? "";
+  return made;
+}
+
+function number(name: string, large: string, exact?: string): HTMLElement {
+  const made = element("span", "number", element("b", "", large));
+  made.dataset["number"] = name;
+  if (exact !== undefined) made.append(element("span", "exact", exact));
+  return made;
+}

@@ -1,0 +1,71 @@
+// Where a well stands on its plate and in which of the named conditions it is.
+
+import { words } from "./format.ts";
+import type { SpecimenStatus, WellStatus } from "./status.ts";
+
+export interface PlateFormat {
+  rows: number;
+  columns: number;
+}
+
+export const PLATE_96: PlateFormat = { rows: 8, columns: 12 };
+export const PLATE_384: PlateFormat = { rows: 16, columns: 24 };
+
+/** Row and column from 0, or null for a name that no plate has. */
+export function place(well: string): { row: number; column: number } | null {
+  const match = /^([A-P])(\d\d)$/.exec(well);
+  if (!match) return null;
+  const row = match[1]!.charCodeAt(0) - 65;
+  const column = Number(match[2]) - 1;
+  return column >= 0 && column < 24 ? { row, column } : null;
+}
+
+export function wellName(row: number, column: number): string {
+  return String.fromCharCode(65 + row) + String(column + 1).padStart(2, "0");
+}
+
+/** The smaller plate unless a well stands outside it. */
+export function formatFor(wells: readonly string[]): PlateFormat {
+  const outside = wells.some((name) => {
+    const at = place(name);
+    return at !== null && (at.row >= PLATE_96.rows || at.column >= PLATE_96.columns);
+  });
+  return outside ? PLATE_384 : PLATE_96;
+}
+
+export type Condition =
+  "pending" | "active" | "succeeded" | "flagged" | "skipped" | "failed" | "interrupted" | "aborted";
+
+/** Sign and words for each condition, so that colour is never the only carrier. */
+export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
+  pending: { sign: "·", label: "waiting" },
+  active: { sign: "▶", label: "under way" },
+  succeeded: { sign: "✓", label: "measured" },
+  flagged: { sign: "!", label: "measured, flagged" },
+  skipped: { sign: "–", label: "skipped" },
+  failed: { sign: "✕", label: "failed" },
+  interrupted: { sign: "‖", label: "interrupted" },
+  aborted: { sign: "■", label: "aborted" },
+};
+
+export function conditionOf(well: WellStatus, specimen: SpecimenStatus | null): Condition {
+  switch (well.outcome) {
+    case null:
+      return specimen?.well === well.well ? "active" : "pending";
+    case "succeeded":
+      return well.flags.length > 0 ? "flagged" : "succeeded";
+    default:
+      return well.outcome;
+  }
+}
+
+/** `larva, 3 dpf`, `bead`. */
+export function contents(well: WellStatus): string {
+  return well.dpf === null ? well.specimen : `${well.specimen}, ${well.dpf} dpf`;
+}
+
+/** One line for a screen reader and the tooltip. */
+export function spoken(well: WellStatus, condition: Condition): string {
+  const reason = well.reason === null ? "" : `: ${words(well.reason)}`;
+  return `${well.well}, ${contents(well)}, ${CONDITIONS[condition].label}${reason}`;
+}

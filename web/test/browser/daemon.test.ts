@@ -1,0 +1,138 @@
+// The page against the running daemon: the demo plate of four wells from its first view to its last number.
+//
+// CARVED_BIN names the daemon; without it the one that `cargo test` has left in target/debug is used.
+
+import assert from "node:assert/strict";
+import { fileURLToPath } from "node:url";
+import { after, before, test } from "node:test";
+import type { Browser, Locator, Page } from "playwright-core";
+import type { Status, WellStatus } from "../../src/status.ts";
+import { drawn, openBrowser, openPage, shoot } from "../support/browser.ts";
+import { Daemon } from "../support/daemon.ts";
+
+const BINARY = process.env["CARVED_BIN"] ?? fileURLToPath(new URL("../../../../target/debug/carved", import.meta.url));
+const TIME_SCALE = 20;
+/** The demo takes 120 s at most at time factor 1 in a release build; a test build on a busy machine gets as long. */
+const RUN_MS = 240_000;
+
+let browser: Browser;
+let daemon: Daemon;
+let page: Page;
+let complaints: string[];
+
+before(async () => {
+  browser = await openBrowser();
+  daemon = await Daemon.start(BINARY, TIME_SCALE);
+  ({ page, complaints } = await openPage(browser));
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+});
+
+async function status(after?: number): Promise<Status> {
+  const wait = after === undefined ? "" : `?wait=5&after=${after}`;
+  const response = await fetch(`${daemon.url}/v1/status${wait}`);
+  assert.equal(response.status, 200);
+  return (await response.json()) as Status;
+}
+
+/** Follows the status until `done`, and says what it was when time is up. */
+async function follow(done: (status: Status) => boolean): Promise<Status> {
+  const deadline = performance.now() + RUN_MS;
+  let newest = await status();
+  while (!done(newest)) {
+    const told = `state ${newest.state}, doing ${newest.doing}, faults ${JSON.stringify(newest.faults)}`;
+    assert.ok(performance.now() < deadline, `time is up: ${told}\n${daemon.log}`);
+    newest = await status(newest.revision);
+  }
+  return newest;
+}
+
+/** The number as the page must show it, written here on its own. */
+const whole = (value: number) => value.toLocaleString("en-US", { maximumFractionDigits: 0 });
+
+async function shown(card: Locator, name: string): Promise<string> {
+  return (await card.locator(`[data-number="${name}"]`).innerText()).replaceAll("\u202f", " ");
+}
+
+async function compare(well: WellStatus): Promise<void> {
+  await page.locator(`button[data-well="${well.well}"]`).click();
+  const card = page.locator(`#well-body dl[data-well="${well.well}"]`);
+  await card.waitFor();
+  assert.equal(await card.locator("[data-outcome]").getAttribute("data-outcome"), well.outcome);
+  if (well.reason !== null)
+    assert.match((await card.innerText()).toLowerCase(), new RegExp(well.reason.replaceAll("_", " ")));
+  const numbers: [string, number | null, string][] = [
+    ["volume", well.volume_um3, "µm³"],
+    ["area", well.area_um2, "µm²"],
+  ];
+  for (const [name, value, unit] of numbers) {
+    if (value === null) assert.equal(await card.locator(`[data-number="${name}"]`).count(), 0, `${well.well} ${name}`);
+    else assert.ok((await shown(card, name)).includes(`${whole(value)} ${unit}`), `${well.well} ${name} is ${value}`);
+  }
+  if (well.diameter_um !== null) assert.equal(await shown(card, "diameter"), `${well.diameter_um.toFixed(1)} µm`);
+}
+
+test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, async () => {
+  await page.goto(daemon.url);
+  await page.locator("#link", { hasText: /^Live$/ }).waitFor();
+  assert.equal((await page.locator("#stamp").innerText()).trim(), "SIMULATED");
+
+  // While it runs: the sentence is the daemon's, volumes come view by view, frame and model are there.
+  const points = page.locator("#chart svg");
+  await page.waitForFunction(
+    () => Number(document.querySelector<SVGElement>("#chart svg")?.dataset["points"]) >= 3,
+    null,
+    {
+      timeout: RUN_MS,
+    },
+  );
+  const early = Number(await points.getAttribute("data-points"));
+  await page.waitForFunction(
+    (least) => Number(document.querySelector<SVGElement>("#chart svg")?.dataset["points"]) > least,
+    early + 2,
+    { timeout: RUN_MS },
+  );
+  assert.ok((await page.locator("#sentence").innerText()).length > 10);
+  await page.locator("#frame-image").waitFor();
+  await page.locator("#model-caption", { hasText: /after \d+ views: [\d,]+ × [\d,]+ × [\d,]+/ }).waitFor();
+  const picture = await drawn(page.locator("#model-box canvas"));
+  assert.ok(picture.share > 0.01 && picture.shades > 20, `a shaded body, not ${JSON.stringify(picture)}`);
+  const frame = await drawn(page.locator("#frame-box"));
+  assert.ok(frame.share > 0.005 && frame.shades > 20, `a picture, not ${JSON.stringify(frame)}`);
+  await shoot(page, "daemon-running");
+
+  const finished = await follow((s) => s.run !== null && s.run.outcome !== null);
+  const run = finished.run!;
+  assert.equal(run.outcome, "succeeded", `${JSON.stringify(run)}\n${daemon.log}`);
+  await page.locator("#progress-line", { hasText: /finished: 3 measured, 1 skipped/ }).waitFor();
+  assert.deepEqual(
+    run.results.map((w) => [w.specimen, w.outcome]),
+    [
+      ["larva", "succeeded"],
+      ["larva", "succeeded"],
+      ["bead", "succeeded"],
+      ["larva", "skipped"],
+    ],
+  );
+  for (const well of run.results) await compare(well);
+  assert.notEqual(run.results[2]!.diameter_um, null, "a bead has its diameter");
+
+  // Every curve that the page followed holds one point per view, also of wells that are done.
+  await page.locator(`button[data-well="${run.results[1]!.well}"]`).click();
+  await page.locator("#chart-caption", { hasText: run.results[1]!.well }).waitFor();
+  assert.ok(Number(await points.getAttribute("data-points")) >= 20);
+  await page.locator('#model-box[data-geometries="1"]').waitFor();
+  assert.equal(await page.locator("#faults").isVisible(), false);
+  await shoot(page, "daemon-finished");
+
+  // A page that is opened afterwards finds the same numbers.
+  await page.reload();
+  await page.locator("#progress-line", { hasText: /finished/ }).waitFor();
+  for (const well of run.results) await compare(well);
+  assert.deepEqual(complaints, [], "the page complained");
+
+  assert.equal(await daemon.stop(), 0, "the daemon ends cleanly when asked to");
+  await page.locator("#lost", { hasText: /Connection lost/ }).waitFor();
+});

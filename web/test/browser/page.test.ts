@@ -1,0 +1,297 @@
+// The page against a fixture server: conditions that are hard to reach with a rig.
+
+import assert from "node:assert/strict";
+import { after, afterEach, before, beforeEach, test } from "node:test";
+import type { Browser, Page } from "playwright-core";
+import type { Status } from "../../src/status.ts";
+import { drawn, openBrowser, openPage, shoot } from "../support/browser.ts";
+import { FixtureServer } from "../support/fixture-server.ts";
+import { ellipsoidGlb, png } from "../support/picture.ts";
+import { carved, fault, run, specimen, status, well } from "../support/statuses.ts";
+
+/** A dark ellipse between two wall lines on a pale ground. */
+const frame = png(512, 512, (x, y) => {
+  if (((x - 256) / 180) ** 2 + ((y - 256) / 30) ** 2 < 1) return [96, 84, 70, 255];
+  return Math.abs(y - 200) < 2 || Math.abs(y - 312) < 2 ? [60, 66, 80, 255] : [226, 234, 243, 255];
+});
+const profile = png(512, 512, (x, y) => {
+  const r = ((x - 256) / 180) ** 2 + ((y - 256) / 30) ** 2;
+  return r > 0.92 && r < 1.08 ? [230, 20, 60, 255] : [0, 0, 0, 0];
+});
+
+const measured = well("A01", { outcome: "succeeded", volume_um3: 243_123_456, area_um2: 4_012_345 });
+const bead = well("A03", {
+  specimen: "bead",
+  dpf: null,
+  outcome: "succeeded",
+  flags: ["out_of_focus"],
+  volume_um3: 65_449_847,
+  area_um2: 785_398,
+  diameter_um: 500.04,
+});
+const empty = well("A04", { outcome: "skipped", reason: "empty" });
+
+function running(views: number): Status {
+  return status({
+    state: "Execute",
+    doing: `taking view ${views + 1} of 22 of the larva in A02`,
+    plate: { barcode: "DEMO-1", present: true, removable: false, needs: null },
+    run: run([measured, well("A02", { dpf: 5 }), bead, empty]),
+    specimen: specimen("A02", carved(262_000_000, views)),
+  });
+}
+
+let browser: Browser;
+let server: FixtureServer;
+let page: Page;
+let complaints: string[];
+
+before(async () => {
+  browser = await openBrowser();
+});
+after(async () => {
+  await browser?.close();
+});
+
+beforeEach(async () => {
+  server = new FixtureServer(status());
+  server.live["/v1/live/frame.jpg"] = { body: frame, type: "image/png" };
+  server.live["/v1/live/profile.png"] = { body: profile, type: "image/png" };
+  server.live["/v1/live/mesh.glb"] = { body: ellipsoidGlb([1900, 260, 240]), type: "model/gltf-binary" };
+  await server.start();
+  ({ page, complaints } = await openPage(browser));
+});
+afterEach(async () => {
+  await page.context().close();
+  await server.stop();
+  assert.deepEqual(complaints, [], "the page complained");
+});
+
+const text = async (id: string) => (await page.locator(`#${id}`).innerText()).trim();
+const until = (id: string, wanted: RegExp) => page.locator(`#${id}`).filter({ hasText: wanted }).waitFor();
+
+test("an idle instrument with nothing to show says so", async () => {
+  server.live["/v1/live/frame.jpg"] = undefined;
+  server.live["/v1/live/mesh.glb"] = undefined;
+  server.publish(status({ ready: false, not_ready_reason: "the rotation axis is not referenced" }));
+  await page.goto(server.url);
+  await until("sentence", /^Waiting for a run$/);
+  assert.equal(await text("progress-line"), "Not ready for a run: the rotation axis is not referenced.");
+  assert.equal(await text("stamp"), "SIMULATED");
+  assert.equal(await page.locator("#abort").isVisible(), false);
+  assert.equal(await page.locator("#frame-empty").isVisible(), true);
+  assert.equal(await page.locator("#model-empty").isVisible(), true);
+  assert.equal(await page.locator("#plate td .well").count(), 96);
+  await shoot(page, "idle");
+});
+
+test("a rig that is not simulated bears no stamp", async () => {
+  server.publish(status({ mode: "hardware" }));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  assert.equal(await page.locator("#stamp").isVisible(), false);
+});
+
+test("a run under way: sentence, plate, numbers, frame, model and chart", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("sentence", /^Taking view 10 of 22 of the larva in A02$/);
+  assert.equal(
+    await text("progress-line"),
+    "Run demo-1: 3 of 4 wells done · A02 taking views, view 9 of 22 · about 2 min left.",
+  );
+  const condition = (name: string) => page.locator(`[data-well="${name}"].well`).getAttribute("data-condition");
+  assert.deepEqual(await Promise.all(["A01", "A02", "A03", "A04"].map(condition)), [
+    "succeeded",
+    "active",
+    "flagged",
+    "skipped",
+  ]);
+  assert.match(await text("well-heading"), /A02/);
+
+  await page.locator("#frame-image").waitFor();
+  assert.equal(await page.locator("#profile-image").isVisible(), true);
+  await page.getByLabel("Profile", { exact: true }).uncheck();
+  assert.equal(await page.locator("#profile-image").isVisible(), false);
+  await page.getByLabel("Profile", { exact: true }).check();
+
+  await until("model-caption", /A02 after 9 views: 3,800 × 520 × 480/);
+  const picture = await drawn(page.locator("#model-box canvas"));
+  assert.ok(picture.share > 0.03 && picture.shades > 20, `a shaded body, not ${JSON.stringify(picture)}`);
+  assert.equal(await page.locator("#chart circle").count(), 9);
+  await shoot(page, "running");
+
+  await page.locator('[data-well="A03"].well').click();
+  await until("well-heading", /A03/);
+  const card = await text("well-body");
+  for (const wanted of ["65.45\u202fnL", "65,449,847\u202fµm³", "0.7854\u202fmm²", "500.0\u202fµm", "out of focus"]) {
+    assert.ok(card.includes(wanted), `${wanted} in ${card}`);
+  }
+  await page.keyboard.press("ArrowRight");
+  await until("well-heading", /A04/);
+  assert.match(await text("well-body"), /Skipped[\s\S]*Empty/);
+  await page.getByRole("button", { name: "Follow the run" }).click();
+  await until("well-heading", /A02/);
+});
+
+test("the model grows without leaking: old geometry leaves the GPU, the canvas stays", async () => {
+  server.publish(running(1));
+  await page.goto(server.url);
+  await until("model-caption", /A02 after 1 views/);
+  const canvas = await page.locator("#model-box canvas").elementHandle();
+  for (let views = 2; views <= 22; views += 1) {
+    server.live["/v1/live/mesh.glb"] = {
+      body: ellipsoidGlb([1900, 260 + views, 240], 16 + 2 * views),
+      type: "model/gltf-binary",
+    };
+    server.publish(running(views));
+    await until("model-caption", new RegExp(`A02 after ${views} views: 3,800 × ${520 + 2 * views} × 480`));
+  }
+  const rings = 16 + 2 * 22;
+  await page.locator(`#model-box[data-triangles="${rings * 2 * rings * 2}"][data-geometries="1"]`).waitFor();
+  assert.ok(await canvas!.evaluate((old) => old.isConnected), "the same canvas throughout");
+  assert.equal(await page.locator("#chart circle").count(), 22);
+});
+
+test("the model turns by key and returns by Home", async () => {
+  server.publish(running(5));
+  await page.goto(server.url);
+  await until("model-caption", /A02 after 5 views/);
+  const canvas = page.locator("#model-box canvas");
+  await canvas.focus();
+  await page.keyboard.press("Home");
+  const first = await canvas.screenshot();
+  for (let i = 0; i < 6; i += 1) await page.keyboard.press("ArrowLeft");
+  await page.keyboard.press("ArrowUp");
+  const turned = await canvas.screenshot();
+  assert.ok(!turned.equals(first), "six presses turn it by 45 degrees");
+  await page.keyboard.press("Home");
+  await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+  assert.ok((await canvas.screenshot()).equals(first), "Home gives the first look again");
+  // Length of the bar and its label agree with the model: 3,800 um seen as the camera sees them.
+  await page.getByRole("button", { name: "As the camera" }).click();
+  await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
+  const label = Number((await text("scale-label")).replace(/[^\d.]/g, ""));
+  const bar = (await page.locator("#scale-bar").boundingBox())!.width;
+  const width = (await canvas.boundingBox())!.width;
+  const seen = (3800 / label) * bar;
+  // The box fills 86 % of the picture's width; the bar's borders round to whole pixels.
+  assert.ok(Math.abs(seen - 0.86 * width) < (3800 / label) * 1.01, `${seen} px of ${width} px`);
+});
+
+test("faults say what happened and what to do", async () => {
+  server.publish({
+    ...running(9),
+    state: "Held",
+    doing: "held: the camera does not answer; views taken so far are kept",
+    faults: [
+      fault({ scheduler_action: "escalate_operator", operator_required: true }),
+      fault({ seq: 8, code: "disk_low", category: "disk", message: "4.1 GB of disk are free; a plate needs 6.0 GB" }),
+    ],
+  });
+  await page.goto(server.url);
+  await until("faults", /camera has sent no frame/);
+  const words = await text("faults");
+  assert.match(words, /Needs you/);
+  assert.match(words, /What to do: Go to the instrument/);
+  assert.match(words, /What to do: The instrument tries again by itself/);
+  assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
+  await shoot(page, "faults");
+  server.publish(running(10));
+  await page.locator("#faults").waitFor({ state: "hidden" });
+});
+
+test("abort asks once, says what it did, and takes no for an answer", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await page.getByRole("button", { name: "Abort run" }).click();
+  await until("abort-question", /^Abort run demo-1\?$/);
+  await shoot(page, "abort-question");
+  await page.getByRole("button", { name: "Keep running" }).click();
+  assert.deepEqual(server.aborted, []);
+
+  server.refusal = "the run has ended";
+  await page.getByRole("button", { name: "Abort run" }).click();
+  await page.locator("dialog").getByRole("button", { name: "Abort run" }).click();
+  await until("abort-answer", /did not get through: the run has ended/);
+
+  server.refusal = null;
+  await page.getByRole("button", { name: "Abort run" }).click();
+  await page.locator("dialog").getByRole("button", { name: "Abort run" }).click();
+  await until("abort-answer", /was accepted/);
+  assert.deepEqual(server.aborted, ["demo-1"]);
+
+  const wells = [
+    measured,
+    well("A02", { dpf: 5, outcome: "aborted", reason: "aborted_by_operator" }),
+    well("A03", { specimen: "bead", dpf: null }),
+    well("A04"),
+  ];
+  server.publish(
+    status({ state: "Aborted", doing: "run demo-1 was aborted", run: run(wells, { outcome: "aborted" }) }),
+  );
+  await until("state", /Aborted/i);
+  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 failed, 2 waiting.");
+  assert.equal(await page.locator("#abort").isVisible(), false);
+  assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
+  await shoot(page, "aborted");
+});
+
+test("a question about a run that ended meanwhile goes away", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await page.getByRole("button", { name: "Abort run" }).click();
+  await until("abort-question", /demo-1/);
+  server.publish({ ...running(22), run: run([measured], { outcome: "succeeded" }), specimen: null, state: "Complete" });
+  await page.locator("dialog").waitFor({ state: "hidden" });
+  assert.deepEqual(server.aborted, []);
+});
+
+test("a lost connection is said with its age, and heals by itself", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  const port = Number(new URL(server.url).port);
+  await server.stop();
+  await until("lost", /the daemon cannot be reached\. What is shown below is \d+ s old/);
+  assert.equal(await text("link"), "Connection lost");
+  // Anyone who looks at the page must see the age rise.
+  await until("lost", /is [2-9] s old/);
+  await shoot(page, "connection-lost");
+  // A daemon that starts anew counts its revisions from 1 again.
+  server = new FixtureServer(status({ boot_id: "c9e2", doing: "waiting for a run after the restart" }));
+  await server.start(port);
+  await until("sentence", /after the restart/);
+  assert.equal(await text("link"), "Live");
+  assert.equal(await page.locator("#lost").isVisible(), false);
+});
+
+test("an instrument that wants its token gets it from the operator", async () => {
+  server.token = "s3cret";
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("lost", /send the instrument's token/);
+  await page.getByLabel("Token of this instrument").fill("s3cret");
+  await page.getByRole("button", { name: "Use it" }).click();
+  await until("link", /^Live$/);
+  await page.locator("#token-form").waitFor({ state: "hidden" });
+  await page.locator("#frame-image").waitFor();
+});
+
+test("the page holds on a tablet and on a plate of 384 wells", async () => {
+  const many = Array.from({ length: 384 }, (_, i) =>
+    well(`${String.fromCharCode(65 + Math.floor(i / 24))}${String((i % 24) + 1).padStart(2, "0")}`, {
+      outcome: i < 40 ? "succeeded" : null,
+      volume_um3: i < 40 ? 240_000_000 + i * 1e6 : null,
+    }),
+  );
+  server.publish({ ...running(9), run: run(many, { eta_s: { p50: 20_000, p90: 21_000 } }), specimen: null });
+  await page.setViewportSize({ width: 820, height: 1180 });
+  await page.goto(server.url);
+  await page.locator('[data-well="P24"].well').waitFor();
+  const overflow = await page.evaluate(
+    () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  );
+  assert.equal(overflow, 0, "no sideways scrolling");
+  await shoot(page, "tablet-384");
+});

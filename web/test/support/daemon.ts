@@ -1,0 +1,86 @@
+// The real daemon on its emulated rig, as a child process of the test.
+
+import { spawn, type ChildProcess } from "node:child_process";
+import { once } from "node:events";
+import { createServer, type AddressInfo } from "node:net";
+import { mkdtemp, rm } from "node:fs/promises";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { createInterface } from "node:readline";
+
+/** How long the daemon may take to say where it listens, and to end. */
+const START_MS = 60_000;
+const END_MS = 10_000;
+
+async function freePort(): Promise<number> {
+  const server = createServer();
+  server.listen(0, "127.0.0.1");
+  await once(server, "listening");
+  const { port } = server.address() as AddressInfo;
+  server.close();
+  await once(server, "close");
+  return port;
+}
+
+export class Daemon {
+  readonly url: string;
+  readonly #child: ChildProcess;
+  readonly #folder: string;
+  readonly #said: string[];
+
+  private constructor(url: string, child: ChildProcess, folder: string, said: string[]) {
+    this.url = url;
+    this.#child = child;
+    this.#folder = folder;
+    this.#said = said;
+  }
+
+  static async start(binary: string, timeScale: number): Promise<Daemon> {
+    const folder = await mkdtemp(join(tmpdir(), "carved-page-"));
+    const url = `http://127.0.0.1:${await freePort()}`;
+    const args = ["simulate", "--listen", url.slice("http://".length), "--data", folder];
+    const child = spawn(binary, [...args, "--time-scale", String(timeScale)], { stdio: ["ignore", "pipe", "pipe"] });
+    const said: string[] = [];
+    const daemon = new Daemon(url, child, folder, said);
+    let timer: NodeJS.Timeout | undefined;
+    try {
+      await new Promise<void>((resolve, reject) => {
+        const fail = (why: string) => reject(new Error(`${binary} ${args.join(" ")}: ${why}\n${said.join("\n")}`));
+        timer = setTimeout(() => fail(`did not say ${url} within ${START_MS / 1000} s`), START_MS);
+        for (const stream of [child.stdout, child.stderr]) {
+          createInterface({ input: stream }).on("line", (line) => {
+            said.push(line);
+            if (line.includes(url)) resolve();
+          });
+        }
+        child.once("error", (error) => fail(error.message));
+        child.once("exit", (code) => fail(`ended with ${code}`));
+      });
+    } catch (error) {
+      await daemon.stop();
+      throw error;
+    } finally {
+      clearTimeout(timer);
+    }
+    return daemon;
+  }
+
+  /** What it wrote, for a failure's message. */
+  get log(): string {
+    return this.#said.slice(-60).join("\n");
+  }
+
+  /** Asks it to end as a service manager does; insists after a while. Gives its exit code. */
+  async stop(): Promise<number | null> {
+    const child = this.#child;
+    if (child.pid !== undefined && child.exitCode === null && child.signalCode === null) {
+      const ended = once(child, "exit");
+      child.kill("SIGTERM");
+      const insist = setTimeout(() => child.kill("SIGKILL"), END_MS);
+      await ended;
+      clearTimeout(insist);
+    }
+    await rm(this.#folder, { recursive: true, force: true });
+    return child.exitCode;
+  }
+}

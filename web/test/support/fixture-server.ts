@@ -1,0 +1,125 @@
+// A daemon's outside for the page's tests: status with long poll, live pictures, abort; nothing behind them.
+
+import { createServer, type IncomingMessage, type Server, type ServerResponse } from "node:http";
+import type { AddressInfo, Socket } from "node:net";
+import { readFile } from "node:fs/promises";
+import type { Status } from "../../src/status.ts";
+
+const CSP =
+  "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+
+const PAGE: Record<string, [string, string]> = {
+  "/": ["index.html", "text/html; charset=utf-8"],
+  "/app.js": ["app.js", "text/javascript"],
+  "/app.css": ["app.css", "text/css"],
+};
+
+export class FixtureServer {
+  readonly aborted: string[] = [];
+  /** Answer to an abort: 200, or a problem in words. */
+  refusal: string | null = null;
+  /** Wanted of everything under /v1, where set. */
+  token: string | null = null;
+  readonly live: Record<string, { body: Buffer; type: string } | undefined> = {};
+  #status: Status;
+  #waiting = new Set<() => void>();
+  #sockets = new Set<Socket>();
+  #server: Server | null = null;
+  #port = 0;
+
+  constructor(first: Status) {
+    this.#status = first;
+  }
+
+  get url(): string {
+    return `http://127.0.0.1:${this.#port}`;
+  }
+
+  /** Publishes a status as the next revision. */
+  publish(status: Status): void {
+    this.#status = { ...status, revision: this.#status.revision + 1 };
+    for (const wake of [...this.#waiting]) wake();
+  }
+
+  /** Starts, on a free port where none is asked for. */
+  async start(port = this.#port): Promise<void> {
+    const server = createServer((request, response) => void this.#answer(request, response));
+    server.on("connection", (socket) => {
+      this.#sockets.add(socket);
+      socket.on("close", () => this.#sockets.delete(socket));
+    });
+    await new Promise<void>((resolve, reject) => {
+      server.once("error", reject);
+      server.listen(port, "127.0.0.1", resolve);
+    });
+    this.#port = (server.address() as AddressInfo).port;
+    this.#server = server;
+  }
+
+  /** Goes away as a killed daemon does: every connection is cut. */
+  async stop(): Promise<void> {
+    const server = this.#server;
+    this.#server = null;
+    if (!server) return;
+    const closed = new Promise<void>((resolve) => server.close(() => resolve()));
+    for (const socket of this.#sockets) socket.destroy();
+    await closed;
+  }
+
+  async #answer(request: IncomingMessage, response: ServerResponse): Promise<void> {
+    const url = new URL(request.url ?? "/", this.url);
+    const page = PAGE[url.pathname];
+    if (page) {
+      response.writeHead(200, { "Content-Type": page[1], "Content-Security-Policy": CSP });
+      response.end(await readFile(new URL(`../../../dist/${page[0]}`, import.meta.url)));
+    } else if (this.token !== null && request.headers.authorization !== `Bearer ${this.token}`) {
+      this.#json(response, 401, { title: "Unauthorized", detail: "send the instrument's token" });
+    } else if (url.pathname === "/v1/status") {
+      await this.#settled(url);
+      this.#json(response, 200, this.#status);
+    } else if (request.method === "POST" && /^\/v1\/runs\/[^/]+\/abort$/.test(url.pathname)) {
+      if (this.refusal !== null) {
+        this.#json(response, 409, { title: "Conflict", detail: this.refusal });
+        return;
+      }
+      this.aborted.push(decodeURIComponent(url.pathname.split("/")[3]!));
+      this.#json(response, 200, {});
+    } else {
+      this.#live(url.pathname, request, response);
+    }
+  }
+
+  #live(path: string, request: IncomingMessage, response: ServerResponse): void {
+    const found = this.live[path];
+    if (!found) {
+      this.#json(response, 404, { title: "Not Found" });
+      return;
+    }
+    const tag = `"${found.body.length}-${found.body.subarray(-64).toString("base64")}"`;
+    if (request.headers["if-none-match"] === tag) {
+      response.writeHead(304, { ETag: tag }).end();
+      return;
+    }
+    response.writeHead(200, { "Content-Type": found.type, ETag: tag }).end(found.body);
+  }
+
+  #json(response: ServerResponse, code: number, body: unknown): void {
+    const type = code < 400 ? "application/json" : "application/problem+json";
+    response.writeHead(code, { "Content-Type": type }).end(JSON.stringify(body));
+  }
+
+  /** Until the revision is above `after`, or the wait is over. */
+  async #settled(url: URL): Promise<void> {
+    const after = url.searchParams.get("after");
+    if (after === null || this.#status.revision > Number(after)) return;
+    await new Promise<void>((resolve) => {
+      const done = () => {
+        clearTimeout(timer);
+        this.#waiting.delete(done);
+        resolve();
+      };
+      const timer = setTimeout(done, Number(url.searchParams.get("wait") ?? 0) * 1000);
+      this.#waiting.add(done);
+    });
+  }
+}

@@ -1,0 +1,120 @@
+// Status bodies for conditions that the emulated rig does not reach at a test's wish.
+
+import type { Fault, RunStatus, SpecimenStatus, Status, WellStatus } from "../../src/status.ts";
+
+export function well(name: string, change: Partial<WellStatus> = {}): WellStatus {
+  return {
+    well: name,
+    specimen: "larva",
+    dpf: 3,
+    outcome: null,
+    reason: null,
+    flags: [],
+    volume_um3: null,
+    area_um2: null,
+    diameter_um: null,
+    ...change,
+  };
+}
+
+/** A run over the given wells, its counts taken from them. */
+export function run(results: WellStatus[], change: Partial<RunStatus> = {}): RunStatus {
+  const count = (matches: (w: WellStatus) => boolean) => results.filter(matches).length;
+  return {
+    id: "demo-1",
+    external_id: null,
+    method: "standard",
+    operator: "Kim",
+    results,
+    wells: {
+      succeeded: count((w) => w.outcome === "succeeded" && w.flags.length === 0),
+      flagged: count((w) => w.outcome === "succeeded" && w.flags.length > 0),
+      failed: count((w) => w.outcome === "failed" || w.outcome === "aborted"),
+      skipped: count((w) => w.outcome === "skipped"),
+      interrupted: count((w) => w.outcome === "interrupted"),
+      pending: count((w) => w.outcome === null),
+      total: results.length,
+    },
+    started: "2026-03-05T09:30:00Z",
+    ended: null,
+    eta_s: { p50: 130, p90: 170 },
+    outcome: null,
+    ...change,
+  };
+}
+
+export function specimen(name: string, volumes: number[], change: Partial<SpecimenStatus> = {}): SpecimenStatus {
+  return {
+    well: name,
+    in_capillary: true,
+    phase: "revolve",
+    view: volumes.length,
+    views_planned: 22,
+    volume_um3: volumes.at(-1) ?? null,
+    volume_sd_um3: null,
+    converged: null,
+    volumes_um3: volumes,
+    ...change,
+  };
+}
+
+export function fault(change: Partial<Fault> = {}): Fault {
+  return {
+    seq: 7,
+    code: "camera_silent",
+    category: "camera",
+    message: "The camera has sent no frame for 1.5 s",
+    recoverable: true,
+    scheduler_action: "retry",
+    operator_required: false,
+    since: "2026-03-05T09:31:12Z",
+    ...change,
+  };
+}
+
+export function status(change: Partial<Status> = {}): Status {
+  return {
+    revision: 1,
+    boot_id: "b7d1",
+    server_time: "2026-03-05T09:31:20Z",
+    uptime_s: 754,
+    version: "0.1.0",
+    mode: "simulated",
+    ready: true,
+    not_ready_reason: null,
+    state: "Idle",
+    doing: "waiting for a run",
+    pending: { hold: false, stop: false, abort: false },
+    plate: { barcode: null, present: false, removable: true, needs: null },
+    run: null,
+    specimen: null,
+    hardware: {
+      rotation: {
+        identity: "Grbl 1.1h",
+        connected: true,
+        referenced: true,
+        position_steps: 1523,
+        position_deg: 171.3375,
+      },
+      translation: null,
+      camera: {
+        identity: "Prosilica GE1050",
+        connected: true,
+        completed_frames: 1204,
+        failed_frames: 0,
+        missing_packets: 0,
+        resent_packets: 0,
+        ignored_packets: 0,
+      },
+      disk_free_bytes: 412_300_000_000,
+    },
+    calibration: null,
+    faults: [],
+    ...change,
+  };
+}
+
+/** Volumes of a hull that is carved: large at first, then settling at `last`. */
+export function carved(last: number, views: number): number[] {
+  return Array.from({ length: views }, (_, i) => Math.round(last * (1 + 2.4 * Math.exp(-i / 2.2))));
+}
