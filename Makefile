@@ -1,0 +1,62 @@
+# `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
+
+.DEFAULT_GOAL := help
+.PHONY: help build run test lint bench web deny deps-build deps-web deps-test
+
+CARGO ?= cargo
+# Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
+ARGS ?=
+TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
+CARGO_DENY_VERSION := 0.20.2
+
+NODE_MODULES := web/node_modules/.package-lock.json
+PAGE := web/dist/index.html
+PAGE_SOURCES := $(wildcard web/src/*) web/build.mjs
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
+
+build: deps-build $(PAGE) ## the daemon, release, with the operator's page inside: target/release/carved
+	$(CARGO) build --release --locked
+
+run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes to carved simulate)
+	$(TARGET_DIR)/release/carved simulate $(ARGS)
+
+# The daemon that the page is tested against is the one that `cargo test` has built for the integration tests, so that
+# nothing is compiled twice.
+test: deps-build deps-test $(PAGE) ## unit, integration and doc tests; the page's tests in headless Chromium; the unit file
+	$(CARGO) test --workspace --locked
+	cd web && npm run --silent test
+	cd web && CARVED_BIN="$(abspath $(TARGET_DIR))/debug/carved" npm run --silent test:browser
+	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi
+
+lint: deps-build $(NODE_MODULES) ## formatting, clippy with and without the camera, types and formatting of the page
+	$(CARGO) fmt --all --check
+	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	$(CARGO) clippy --workspace --all-targets --locked --no-default-features -- -D warnings
+	cd web && npm run --silent check
+
+bench: deps-build ## benchmarks
+	$(CARGO) bench --workspace --locked
+
+web: $(PAGE) ## the operator's page alone: web/dist
+
+deny: ## licences, banned crates and sources of everything that is built in (installs cargo-deny where missing)
+	command -v cargo-deny >/dev/null || $(CARGO) install cargo-deny --locked --version $(CARGO_DENY_VERSION)
+	$(CARGO) deny --locked check licenses bans sources
+
+deps-build:
+	@scripts/install-deps build
+
+deps-web:
+	@scripts/install-deps web
+
+deps-test:
+	@scripts/install-deps test
+
+$(NODE_MODULES): web/package-lock.json web/package.json | deps-web
+	cd web && npm ci --ignore-scripts --no-audit --no-fund
+	@touch $@
+
+$(PAGE): $(PAGE_SOURCES) $(NODE_MODULES) | deps-web
+	cd web && npm run --silent build
