@@ -1,0 +1,71 @@
+//! Bright-field light: from lamp to sensor.
+//!
+//! ```text
+//!   lamp -> [ background: uneven light x glass walls ] -> x transmission of the specimen -> blur -> noise -> 8 bits
+//!                                                              |
+//!            per part: thickness along each ray (raster) -> absorption by Beer-Lambert per colour
+//!            all parts: optical path -> its slope bends the ray -> what misses the lens is dark (rims)
+//! ```
+//! Every number is a parameter; noise, blur, vignetting and tilt may be 0 for exact tests.
+
+mod background;
+mod blur;
+mod noise;
+mod raster;
+mod transmission;
+
+pub(crate) use background::background;
+pub(crate) use blur::blurred;
+pub(crate) use blur::reach as blur_reach;
+pub(crate) use noise::exposed;
+pub(crate) use raster::{Window, covered, thickness};
+pub(crate) use transmission::transmission;
+
+use serde::{Deserialize, Serialize};
+
+/// Light, lens and sensor.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Optics {
+    /// Level of the empty field in its middle, 8-bit units: bluish white.
+    pub light_rgb: [f64; 3],
+    /// Loss of light in the corners, as a part of 1.
+    pub vignetting: f64,
+    /// Slow unevenness of the field, as a part of 1.
+    pub unevenness: f64,
+    /// Slope of a ray at which half of its light misses the lens, rad.
+    pub aperture_rad: f64,
+    /// Light that still arrives, scattered, where every ray misses, as a part of 1.
+    pub stray_light: f64,
+    /// Standard deviation of the defocus blur.
+    pub blur_px: f64,
+    /// Electrons at level 255: sets the photon noise; 0 switches it off.
+    pub full_well_electrons: f64,
+    /// Standard deviation of the read noise, 8-bit units.
+    pub read_noise: f64,
+    pub noise_seed: u64,
+}
+
+impl Default for Optics {
+    fn default() -> Self {
+        Self {
+            light_rgb: [218.0, 228.0, 238.0],
+            vignetting: 0.10,
+            unevenness: 0.03,
+            aperture_rad: 0.085,
+            stray_light: 0.06,
+            blur_px: 0.7,
+            full_well_electrons: 18_000.0,
+            read_noise: 1.0,
+            noise_seed: 1,
+        }
+    }
+}
+
+impl Optics {
+    /// No noise, no blur, even light: what a test compares to a formula.
+    #[must_use]
+    pub fn exact() -> Self {
+        Self { vignetting: 0.0, unevenness: 0.0, blur_px: 0.0, full_well_electrons: 0.0, read_noise: 0.0, ..Self::default() }
+    }
+}

@@ -1,0 +1,96 @@
+//! What is left of the light behind the specimen, per pixel and colour.
+
+use super::{Optics, Window};
+use crate::scene::camera::{Camera, View};
+use crate::scene::phantom::{Material, Spot};
+use rayon::prelude::*;
+
+/// Transmission of all pixels of the window. `parts` are thickness planes of the window's samples with their materials.
+pub fn transmission(
+    parts: &[(Vec<f32>, Material)],
+    spots: &[Spot],
+    camera: &Camera,
+    view: &View,
+    optics: &Optics,
+    window: &Window,
+) -> Vec<[f32; 3]> {
+    let (columns, rows) = (window.columns(), window.rows());
+    let path: Vec<f32> = (0..columns * rows)
+        .into_par_iter()
+        .map(|i| parts.iter().map(|(plane, material)| plane[i] * material.index_step as f32).sum())
+        .collect();
+    let pigment = pigment(spots, camera, view, window);
+    // Slope of the optical path per um of object, by differences over two samples.
+    let per_u = (camera.kx_px_per_um * window.fine_u as f64 / 2.0) as f32;
+    let per_v = (camera.ky_px_per_um * window.fine_v as f64 / 2.0) as f32;
+    let (aperture, stray) = (optics.aperture_rad as f32, optics.stray_light as f32);
+    let samples_per_pixel = (window.fine_u * window.fine_v) as f32;
+
+    let mut out = vec![[0.0f32; 3]; window.width * window.height];
+    out.par_chunks_mut(window.width).enumerate().for_each(|(v, pixels)| {
+        for row in v * window.fine_v..(v + 1) * window.fine_v {
+            let (above, below) = (row.saturating_sub(1) * columns, (row + 1).min(rows - 1) * columns);
+            for column in 0..columns {
+                let i = row * columns + column;
+                let mut density = [0.0f32; 3];
+                let mut inside = false;
+                for (plane, material) in parts {
+                    if plane[i] > 0.0 {
+                        inside = true;
+                        for (d, a) in density.iter_mut().zip(material.absorption_per_mm) {
+                            *d += plane[i] * 1e-3 * a as f32;
+                        }
+                    }
+                }
+                let pixel = &mut pixels[column / window.fine_u];
+                if !inside {
+                    for p in pixel.iter_mut() {
+                        *p += 1.0;
+                    }
+                    continue;
+                }
+                let (left, right) = (column.saturating_sub(1), (column + 1).min(columns - 1));
+                let slope_u = (path[row * columns + right] - path[row * columns + left]) * per_u;
+                let slope_v = (path[below + column] - path[above + column]) * per_v;
+                let bent = (slope_u * slope_u + slope_v * slope_v) / (aperture * aperture);
+                let caught = stray + (1.0 - stray) / (1.0 + bent * bent);
+                for (p, d) in pixel.iter_mut().zip(density) {
+                    *p += caught * (-(d + pigment[i])).exp();
+                }
+            }
+        }
+        for pixel in pixels.iter_mut() {
+            for p in pixel.iter_mut() {
+                *p /= samples_per_pixel;
+            }
+        }
+    });
+    out
+}
+
+/// Optical density of all spots per sample.
+fn pigment(spots: &[Spot], camera: &Camera, view: &View, window: &Window) -> Vec<f32> {
+    let (columns, rows) = (window.columns(), window.rows());
+    let mut plane = vec![0.0f32; columns * rows];
+    for spot in spots {
+        let p = view.project(spot.at_um);
+        let (x, y) = window.to_samples(p.u_px, p.v_px);
+        let radius_x = spot.radius_um * camera.kx_px_per_um * window.fine_u as f64;
+        let radius_y = spot.radius_um * camera.ky_px_per_um * window.fine_v as f64;
+        let span = |at: f64, radius: f64, size: usize| {
+            let first = (at - 1.3 * radius).ceil().max(0.0) as usize;
+            let last = (at + 1.3 * radius).floor().min(size as f64 - 1.0);
+            first..(last + 1.0).max(0.0) as usize
+        };
+        for row in span(y, radius_y, rows) {
+            let dy = (row as f64 - y) / radius_y;
+            for column in span(x, radius_x, columns) {
+                let dx = (column as f64 - x) / radius_x;
+                // Flat in the middle, gone at 1.3 radii.
+                let fall = (1.0 - ((dx * dx + dy * dy) / 1.69).powi(2)).max(0.0);
+                plane[row * columns + column] += (spot.density * fall) as f32;
+            }
+        }
+    }
+    plane
+}

@@ -1,0 +1,264 @@
+//! What lies in the capillary, with its truth.
+//!
+//! ```text
+//!   larva(dpf, seed)  bead  ellipsoid  mesh          each is a list of parts: closed mesh + material (what the optics see)
+//!          \            |      |        /            plus spots of pigment,
+//!           +-----------+------+-------+             plus Truth (what a measurement is judged by)
+//! ```
+//! Everything is made in the specimen's own frame (um; x along the capillary, y down, z away from the camera at angle 0)
+//! and then placed in the bore once.
+
+mod hull;
+mod larva;
+mod mesh;
+mod pigment;
+mod solid;
+mod spline;
+
+pub use hull::{Hull, ideal_hull};
+pub use larva::{Larva, LarvaError};
+pub use mesh::{Mesh, MeshError};
+pub use pigment::Spot;
+
+use serde::{Deserialize, Serialize};
+
+/// How a part acts on light, relative to what surrounds it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Material {
+    /// Extinction of red, green and blue.
+    pub absorption_per_mm: [f64; 3],
+    /// Refractive index minus that of the surrounding part: bends light and so draws dark rims.
+    pub index_step: f64,
+}
+
+impl Material {
+    /// Living tissue: pale yellowish-brown, index 1.36 in water.
+    pub const TISSUE: Self = Self { absorption_per_mm: [0.62, 0.78, 1.12], index_step: 0.024 };
+    /// Polystyrene as beads show it: translucent with a broad dark rim.
+    pub const POLYSTYRENE: Self = Self { absorption_per_mm: [0.30, 0.32, 0.36], index_step: 0.045 };
+}
+
+/// A closed surface of one material.
+#[derive(Debug, Clone)]
+pub struct Part {
+    pub mesh: Mesh,
+    pub material: Material,
+    pub within_body: Within,
+}
+
+/// What a part is where it overlaps the body (the first part of a specimen).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Within {
+    /// An organ: its material comes on top of the body's.
+    Added,
+    /// An outgrowth whose root is body: only what lies outside counts.
+    Replaced,
+}
+
+/// Exact values of the specimen, whatever the pictures show of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// The body: without the fin fold where there is one.
+    pub volume_um3: f64,
+    pub area_um2: f64,
+    /// The ideal visual hull of all that casts a profile, fins included: what silhouettes can at best recover.
+    pub hull_volume_um3: f64,
+    pub hull_area_um2: f64,
+    /// Extent of the body along x.
+    pub length_um: f64,
+    /// Of a sphere.
+    pub diameter_um: Option<f64>,
+}
+
+/// Where in the bore the specimen lies, and how it is turned. It turns with the capillary.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Placement {
+    pub x_um: f64,
+    pub y_um: f64,
+    pub z_um: f64,
+    /// Turn about its own x axis before it is moved.
+    pub roll_rad: f64,
+    /// Lets it sink in +y until it touches the bore; `y_um` is then where it starts from.
+    pub rests_on_wall: bool,
+}
+
+impl Default for Placement {
+    fn default() -> Self {
+        Self { x_um: 0.0, y_um: 0.0, z_um: 0.0, roll_rad: 0.0, rests_on_wall: false }
+    }
+}
+
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum PlacementError {
+    #[error(
+        "the {name} reaches {reach_um:.1} um from the capillary axis, the bore ends at {bore_radius_um:.1} um: choose a smaller specimen, another placement or a wider bore"
+    )]
+    OutsideBore { name: String, reach_um: f64, bore_radius_um: f64 },
+}
+
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum SizeError {
+    #[error("{name} is {found} um; it must be a finite number above 0")]
+    NotPositive { name: &'static str, found: f64 },
+}
+
+/// Something that can be loaded into the capillary.
+#[derive(Debug, Clone)]
+pub struct Specimen {
+    pub(crate) name: String,
+    pub(crate) parts: Vec<Part>,
+    pub(crate) spots: Vec<Spot>,
+    pub(crate) placement: Placement,
+    truth: Truth,
+}
+
+impl Specimen {
+    /// A larva of 3, 4 or 5 days, with its own variation by `seed`.
+    ///
+    /// # Errors
+    /// Refuses other ages.
+    pub fn larva(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
+        Ok(Larva::new(dpf, seed)?.specimen())
+    }
+
+    /// # Errors
+    /// Refuses a diameter that is no positive length.
+    pub fn bead(diameter_um: f64) -> Result<Self, SizeError> {
+        let r = positive("bead diameter", diameter_um)? / 2.0;
+        let mut bead = Self::ellipsoid([r; 3])?;
+        bead.name = format!("bead of {diameter_um} um");
+        bead.truth.diameter_um = Some(diameter_um);
+        bead.parts[0].material = Material::POLYSTYRENE;
+        Ok(bead)
+    }
+
+    /// An ellipsoid with the given half axes along x, y and z.
+    ///
+    /// # Errors
+    /// Refuses half axes that are no positive lengths.
+    pub fn ellipsoid(half_axes_um: [f64; 3]) -> Result<Self, SizeError> {
+        for a in half_axes_um {
+            positive("ellipsoid half axis", a)?;
+        }
+        let (volume_um3, area_um2) = (solid::ellipsoid_volume(half_axes_um), solid::ellipsoid_area(half_axes_um));
+        Ok(Self {
+            name: format!("ellipsoid of half axes {half_axes_um:?} um"),
+            parts: vec![Part {
+                mesh: solid::ellipsoid_mesh([0.0; 3], half_axes_um, 200, 256),
+                material: Material::TISSUE,
+                within_body: Within::Added,
+            }],
+            spots: Vec::new(),
+            placement: Placement::default(),
+            // Convex: it is its own hull.
+            truth: Truth {
+                volume_um3,
+                area_um2,
+                hull_volume_um3: volume_um3,
+                hull_area_um2: area_um2,
+                length_um: 2.0 * half_axes_um[0],
+                diameter_um: None,
+            },
+        })
+    }
+
+    /// Any closed mesh, in um, x along the capillary ([`Mesh::laid_along_x`] brings it there).
+    pub fn mesh(mesh: Mesh) -> Self {
+        let [low, high] = mesh.bounds()[0];
+        // Cuts half a step inside the ends; the ends themselves are cut as close as the mesh has an extent.
+        let cuts = 2000;
+        let step = (high - low) / f64::from(cuts);
+        let mut stations: Vec<f64> = (0..cuts).map(|i| low + step * (f64::from(i) + 0.5)).collect();
+        stations.insert(0, low + step * 1e-6);
+        stations.push(high - step * 1e-6);
+        let sections: Vec<_> = stations.into_iter().map(|x| (x, mesh.section(x))).collect();
+        let hull = ideal_hull(&sections);
+        Self {
+            name: format!("mesh of {} triangles", mesh.triangles.len()),
+            truth: Truth {
+                volume_um3: mesh.volume(),
+                area_um2: mesh.area(),
+                hull_volume_um3: hull.volume_um3,
+                hull_area_um2: hull.area_um2,
+                length_um: high - low,
+                diameter_um: None,
+            },
+            parts: vec![Part { mesh, material: Material::TISSUE, within_body: Within::Added }],
+            spots: Vec::new(),
+            placement: Placement::default(),
+        }
+    }
+
+    #[must_use]
+    pub fn placed(mut self, placement: Placement) -> Self {
+        self.placement = placement;
+        self
+    }
+
+    #[must_use]
+    pub fn of_material(mut self, material: Material) -> Self {
+        if let Some(body) = self.parts.first_mut() {
+            body.material = material;
+        }
+        self
+    }
+
+    pub fn truth(&self) -> Truth {
+        self.truth
+    }
+
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    pub fn placement(&self) -> Placement {
+        self.placement
+    }
+
+    /// The same specimen with its placement carried out: all coordinates are the capillary's.
+    ///
+    /// # Errors
+    /// Refuses a specimen that leaves the bore.
+    pub(crate) fn settled(mut self, bore_radius_um: f64) -> Result<Self, PlacementError> {
+        let p = self.placement;
+        let (sin, cos) = p.roll_rad.sin_cos();
+        let place = |[x, y, z]: [f64; 3]| [x + p.x_um, y * cos - z * sin + p.y_um, y * sin + z * cos + p.z_um];
+        self.move_all(place);
+        if p.rests_on_wall {
+            let drop_um = self.depth_to_wall(bore_radius_um);
+            self.move_all(|[x, y, z]| [x, y + drop_um, z]);
+        }
+        let reach_um = self.points().map(|v| v[1].hypot(v[2])).fold(0.0, f64::max);
+        // A specimen that rests on the wall touches it to rounding.
+        if reach_um > bore_radius_um + 1e-6 {
+            return Err(PlacementError::OutsideBore { name: self.name, reach_um, bore_radius_um });
+        }
+        Ok(self)
+    }
+
+    fn points(&self) -> impl Iterator<Item = &[f64; 3]> {
+        self.parts.iter().flat_map(|part| &part.mesh.vertices)
+    }
+
+    /// The furthest way down that keeps every point within the bore.
+    fn depth_to_wall(&self, bore_radius_um: f64) -> f64 {
+        let room = |v: &[f64; 3]| (bore_radius_um.powi(2) - v[2].powi(2)).max(0.0).sqrt() - v[1];
+        self.points().map(room).fold(f64::INFINITY, f64::min)
+    }
+
+    fn move_all(&mut self, map: impl Fn([f64; 3]) -> [f64; 3]) {
+        for part in &mut self.parts {
+            for v in &mut part.mesh.vertices {
+                *v = map(*v);
+            }
+        }
+        for spot in &mut self.spots {
+            spot.at_um = map(spot.at_um);
+        }
+    }
+}
+
+fn positive(name: &'static str, found: f64) -> Result<f64, SizeError> {
+    if found.is_finite() && found > 0.0 { Ok(found) } else { Err(SizeError::NotPositive { name, found }) }
+}
