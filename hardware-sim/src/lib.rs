@@ -1,1 +1,27 @@
+//! An emulated VAST rig, seen from outside only through real bytes: a Grbl controller on a pty and a GigE Vision camera on
+//! loopback.
+//!
+//! ```text
+//!   host ── serial ──► grbl ── steps ──► shaft ── true angle ──► gige ── UDP ──► host
+//!                                                                 │
+//!                                              Sight: the scene, a replay, a test card
+//! ```
+//! The camera looks at where the shaft truly is, so a wrong move gives a wrong picture. Angle 0 is the reference switch:
+//! after homing with the default settings that is machine position 0, and the shaft stands one pull-off before it.
+
+pub mod clock;
+pub mod gige;
+pub mod grbl;
+pub mod motion;
+pub mod rig;
 pub mod scene;
+pub mod shaft;
+pub mod sight;
+pub mod test_card;
+pub mod truth;
+
+pub use rig::{CameraAddress, Faults, Rig, RigError, RigSettings};
+pub use shaft::ShaftSettings;
+pub use sight::{Exposure, PixelFormat, Pixels, Sight};
+pub use test_card::TestCard;
+pub use truth::ExposureRecord;

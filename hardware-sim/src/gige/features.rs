@@ -1,0 +1,446 @@
+//! The camera's features by the names of a Prosilica GE1050, each with its register: one table that the GenICam description
+//! is written from and the registers are checked against.
+
+use super::bytes::u32_at;
+use crate::sight::PixelFormat;
+
+/// Where the camera's own registers begin, and where its description is read from.
+pub(super) const FEATURES: u32 = 0x0001_0000;
+pub(super) const DESCRIPTION: u32 = 0x0010_0000;
+
+/// Registers in the order of their addresses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub(super) enum Register {
+    SensorWidth,
+    SensorHeight,
+    Width,
+    Height,
+    OffsetX,
+    OffsetY,
+    WidthMax,
+    HeightMax,
+    OffsetXMax,
+    OffsetYMax,
+    PixelFormat,
+    PayloadSize,
+    AcquisitionMode,
+    AcquisitionFrameCount,
+    AcquisitionStart,
+    AcquisitionStop,
+    AcquisitionAbort,
+    AcquisitionFrameRateAbs,
+    TriggerSelector,
+    TriggerMode,
+    TriggerSource,
+    TriggerActivation,
+    TriggerSoftware,
+    ExposureMode,
+    ExposureAuto,
+    ExposureTimeAbs,
+    GainRaw,
+    StreamBytesPerSecond,
+    PacketSize,
+}
+
+impl Register {
+    pub const fn address(self) -> u32 {
+        FEATURES + 4 * self as u32
+    }
+
+    pub fn at(address: u32) -> Option<Self> {
+        FEATURE_TABLE.iter().map(|f| f.register).find(|r| r.address() == address)
+    }
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Kind {
+    Integer { min: u32, max: Max, step: u32 },
+    ReadOnly,
+    Float { min: f32, max: f32, unit: &'static str },
+    Enumeration(&'static [(&'static str, u32)]),
+    Command,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Max {
+    Value(u32),
+    Of(Register),
+}
+
+pub(super) struct Feature {
+    pub register: Register,
+    pub name: &'static str,
+    pub group: &'static str,
+    pub kind: Kind,
+}
+
+const fn feature(group: &'static str, name: &'static str, register: Register, kind: Kind) -> Feature {
+    Feature { register, name, group, kind }
+}
+
+/// Frame trigger of the selector; the other selectors only keep whether they are on.
+pub(super) const FRAME_START: u32 = 0;
+pub(super) const SELECTORS: usize = 4;
+pub(super) const FREERUN: u32 = 0;
+pub(super) const SOFTWARE: u32 = 6;
+pub(super) const CONTINUOUS: u32 = 0;
+pub(super) const SINGLE_FRAME: u32 = 1;
+pub(super) const MULTI_FRAME: u32 = 2;
+
+const IMAGE: &str = "ImageFormat";
+const ACQUISITION: &str = "Acquisition";
+const EXPOSURE: &str = "Exposure";
+const TRANSPORT: &str = "GigE";
+
+pub(super) const FEATURE_TABLE: &[Feature] = &[
+    feature(IMAGE, "SensorWidth", Register::SensorWidth, Kind::ReadOnly),
+    feature(IMAGE, "SensorHeight", Register::SensorHeight, Kind::ReadOnly),
+    feature(IMAGE, "Width", Register::Width, Kind::Integer { min: 2, max: Max::Of(Register::WidthMax), step: 2 }),
+    feature(IMAGE, "Height", Register::Height, Kind::Integer { min: 2, max: Max::Of(Register::HeightMax), step: 2 }),
+    feature(IMAGE, "OffsetX", Register::OffsetX, Kind::Integer { min: 0, max: Max::Of(Register::OffsetXMax), step: 2 }),
+    feature(IMAGE, "OffsetY", Register::OffsetY, Kind::Integer { min: 0, max: Max::Of(Register::OffsetYMax), step: 2 }),
+    feature(IMAGE, "WidthMax", Register::WidthMax, Kind::ReadOnly),
+    feature(IMAGE, "HeightMax", Register::HeightMax, Kind::ReadOnly),
+    feature(IMAGE, "OffsetXMax", Register::OffsetXMax, Kind::ReadOnly),
+    feature(IMAGE, "OffsetYMax", Register::OffsetYMax, Kind::ReadOnly),
+    feature(
+        IMAGE,
+        "PixelFormat",
+        Register::PixelFormat,
+        Kind::Enumeration(&[("Mono8", 0x0108_0001), ("BayerRG8", 0x0108_0009), ("RGB8Packed", 0x0218_0014)]),
+    ),
+    feature(IMAGE, "PayloadSize", Register::PayloadSize, Kind::ReadOnly),
+    feature(
+        ACQUISITION,
+        "AcquisitionMode",
+        Register::AcquisitionMode,
+        Kind::Enumeration(&[("Continuous", CONTINUOUS), ("SingleFrame", SINGLE_FRAME), ("MultiFrame", MULTI_FRAME)]),
+    ),
+    feature(
+        ACQUISITION,
+        "AcquisitionFrameCount",
+        Register::AcquisitionFrameCount,
+        Kind::Integer { min: 1, max: Max::Value(65_535), step: 1 },
+    ),
+    feature(ACQUISITION, "AcquisitionStart", Register::AcquisitionStart, Kind::Command),
+    feature(ACQUISITION, "AcquisitionStop", Register::AcquisitionStop, Kind::Command),
+    feature(ACQUISITION, "AcquisitionAbort", Register::AcquisitionAbort, Kind::Command),
+    feature(ACQUISITION, "AcquisitionFrameRateAbs", Register::AcquisitionFrameRateAbs, Kind::Float { min: 0.01, max: 59.0, unit: "Hz" }),
+    feature(
+        ACQUISITION,
+        "TriggerSelector",
+        Register::TriggerSelector,
+        Kind::Enumeration(&[("FrameStart", FRAME_START), ("AcquisitionStart", 1), ("AcquisitionEnd", 2), ("AcquisitionRecord", 3)]),
+    ),
+    feature(ACQUISITION, "TriggerMode", Register::TriggerMode, Kind::Enumeration(&[("Off", 0), ("On", 1)])),
+    feature(
+        ACQUISITION,
+        "TriggerSource",
+        Register::TriggerSource,
+        Kind::Enumeration(&[
+            ("Freerun", FREERUN),
+            ("Line1", 1),
+            ("Line2", 2),
+            ("Line3", 3),
+            ("Line4", 4),
+            ("FixedRate", 5),
+            ("Software", SOFTWARE),
+        ]),
+    ),
+    feature(
+        ACQUISITION,
+        "TriggerActivation",
+        Register::TriggerActivation,
+        Kind::Enumeration(&[("RisingEdge", 0), ("FallingEdge", 1), ("AnyEdge", 2), ("LevelHigh", 3), ("LevelLow", 4)]),
+    ),
+    feature(ACQUISITION, "TriggerSoftware", Register::TriggerSoftware, Kind::Command),
+    feature(EXPOSURE, "ExposureMode", Register::ExposureMode, Kind::Enumeration(&[("Timed", 0)])),
+    feature(EXPOSURE, "ExposureAuto", Register::ExposureAuto, Kind::Enumeration(&[("Off", 0)])),
+    feature(EXPOSURE, "ExposureTimeAbs", Register::ExposureTimeAbs, Kind::Float { min: 10.0, max: 60_000_000.0, unit: "us" }),
+    feature(EXPOSURE, "GainRaw", Register::GainRaw, Kind::Integer { min: 0, max: Max::Value(24), step: 1 }),
+    feature(
+        TRANSPORT,
+        "StreamBytesPerSecond",
+        Register::StreamBytesPerSecond,
+        Kind::Integer { min: 1_000_000, max: Max::Value(124_000_000), step: 1 },
+    ),
+    feature(TRANSPORT, "GevSCPSPacketSize", Register::PacketSize, Kind::Integer { min: 500, max: Max::Value(16_384), step: 4 }),
+];
+
+/// Texts that live in the bootstrap registers: name, address, length, writable.
+const TEXTS: [(&str, u32, u32, bool); 5] = [
+    ("DeviceVendorName", 0x48, 32, false),
+    ("DeviceModelName", 0x68, 32, false),
+    ("DeviceFirmwareVersion", 0x88, 32, false),
+    ("DeviceID", 0xd8, 16, false),
+    ("DeviceUserID", 0xe8, 16, true),
+];
+
+/// The values of the camera's own registers.
+#[derive(Debug, Clone)]
+pub(super) struct Values {
+    sensor: (u32, u32),
+    pub width: u32,
+    pub height: u32,
+    pub offset: (u32, u32),
+    pub format: PixelFormat,
+    pub mode: u32,
+    pub frame_count: u32,
+    pub frame_rate_hz: f32,
+    selector: u32,
+    trigger_on: [bool; SELECTORS],
+    trigger_source: u32,
+    trigger_activation: u32,
+    pub exposure_us: f32,
+    pub gain_db: u32,
+    pub bytes_per_second: u32,
+    pub packet_size: u32,
+}
+
+impl Values {
+    pub fn new(sensor: (u32, u32), format: PixelFormat) -> Self {
+        Self {
+            sensor,
+            width: sensor.0,
+            height: sensor.1,
+            offset: (0, 0),
+            format,
+            mode: CONTINUOUS,
+            frame_count: 1,
+            frame_rate_hz: 59.0,
+            selector: FRAME_START,
+            trigger_on: [true, false, false, false],
+            trigger_source: FREERUN,
+            trigger_activation: 0,
+            exposure_us: 5000.0,
+            gain_db: 0,
+            bytes_per_second: 115_000_000,
+            packet_size: 1500,
+        }
+    }
+
+    pub fn payload(&self) -> u32 {
+        self.width * self.height * self.format.bytes_per_pixel() as u32
+    }
+
+    /// Whether each frame waits for a software trigger.
+    pub fn waits_for_software(&self) -> bool {
+        self.trigger_on[FRAME_START as usize] && self.trigger_source == SOFTWARE
+    }
+
+    pub fn read(&self, register: Register) -> u32 {
+        match register {
+            Register::SensorWidth => self.sensor.0,
+            Register::SensorHeight => self.sensor.1,
+            Register::Width => self.width,
+            Register::Height => self.height,
+            Register::OffsetX => self.offset.0,
+            Register::OffsetY => self.offset.1,
+            Register::WidthMax => self.sensor.0 - self.offset.0,
+            Register::HeightMax => self.sensor.1 - self.offset.1,
+            Register::OffsetXMax => self.sensor.0 - self.width,
+            Register::OffsetYMax => self.sensor.1 - self.height,
+            Register::PixelFormat => self.format.code(),
+            Register::PayloadSize => self.payload(),
+            Register::AcquisitionMode => self.mode,
+            Register::AcquisitionFrameCount => self.frame_count,
+            Register::AcquisitionFrameRateAbs => self.frame_rate_hz.to_bits(),
+            Register::TriggerSelector => self.selector,
+            Register::TriggerMode => u32::from(self.trigger_on[self.selector as usize]),
+            Register::TriggerSource => self.trigger_source,
+            Register::TriggerActivation => self.trigger_activation,
+            Register::ExposureTimeAbs => self.exposure_us.to_bits(),
+            Register::GainRaw => self.gain_db,
+            Register::StreamBytesPerSecond => self.bytes_per_second,
+            Register::PacketSize => self.packet_size,
+            Register::ExposureMode
+            | Register::ExposureAuto
+            | Register::AcquisitionStart
+            | Register::AcquisitionStop
+            | Register::AcquisitionAbort
+            | Register::TriggerSoftware => 0,
+        }
+    }
+
+    /// Stores a value; false where the feature does not take it.
+    pub fn write(&mut self, register: Register, value: u32) -> bool {
+        if !self.allows(register, value) {
+            return false;
+        }
+        match register {
+            Register::Width => self.width = value,
+            Register::Height => self.height = value,
+            Register::OffsetX => self.offset.0 = value,
+            Register::OffsetY => self.offset.1 = value,
+            Register::PixelFormat => self.format = PixelFormat::from_code(value).unwrap_or(self.format),
+            Register::AcquisitionMode => self.mode = value,
+            Register::AcquisitionFrameCount => self.frame_count = value,
+            Register::AcquisitionFrameRateAbs => self.frame_rate_hz = f32::from_bits(value),
+            Register::TriggerSelector => self.selector = value,
+            Register::TriggerMode => self.trigger_on[self.selector as usize] = value == 1,
+            // No lines are wired, and nothing keeps a fixed rate here but free run.
+            Register::TriggerSource if value != FREERUN && value != SOFTWARE => return false,
+            Register::TriggerSource if self.selector == FRAME_START => self.trigger_source = value,
+            Register::TriggerActivation => self.trigger_activation = value,
+            Register::ExposureTimeAbs => self.exposure_us = f32::from_bits(value),
+            Register::GainRaw => self.gain_db = value,
+            Register::StreamBytesPerSecond => self.bytes_per_second = value,
+            Register::PacketSize => self.packet_size = value,
+            _ => {}
+        }
+        true
+    }
+
+    fn allows(&self, register: Register, value: u32) -> bool {
+        let Some(feature) = FEATURE_TABLE.iter().find(|f| f.register == register) else { return false };
+        match feature.kind {
+            Kind::ReadOnly => false,
+            Kind::Command => true,
+            Kind::Enumeration(entries) => entries.iter().any(|(_, v)| *v == value),
+            Kind::Float { min, max, .. } => (min..=max).contains(&f32::from_bits(value)),
+            Kind::Integer { min, max, step } => {
+                let max = match max {
+                    Max::Value(max) => max,
+                    Max::Of(register) => self.read(register),
+                };
+                value == self.read(register) || ((min..=max).contains(&value) && (value - min).is_multiple_of(step))
+            }
+        }
+    }
+}
+
+/// Whether the geometry of a running stream depends on it, so that it is locked while frames flow.
+pub(super) fn is_locked_while_streaming(register: Register) -> bool {
+    use Register::{Height, OffsetX, OffsetY, PacketSize, PixelFormat, Width};
+    matches!(register, Width | Height | OffsetX | OffsetY | PixelFormat | PacketSize)
+}
+
+/// The GenICam description, of the age that a GE1050 speaks.
+pub(super) fn description(vendor: &str, model: &str) -> String {
+    let mut groups: Vec<(&str, Vec<&str>)> = vec![("DeviceInformation", TEXTS.iter().map(|t| t.0).collect())];
+    for feature in FEATURE_TABLE {
+        match groups.last_mut().filter(|g| g.0 == feature.group) {
+            Some((_, names)) => names.push(feature.name),
+            None => groups.push((feature.group, vec![feature.name])),
+        }
+    }
+    let mut xml = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<RegisterDescription ModelName=\"{}\" VendorName=\"{vendor}\" \
+         ToolTip=\"Emulated camera\" StandardNameSpace=\"GEV\" SchemaMajorVersion=\"1\" SchemaMinorVersion=\"0\" SchemaSubMinorVersion=\"1\" \
+         MajorVersion=\"1\" MinorVersion=\"0\" SubMinorVersion=\"0\" ProductGuid=\"9a4f3d0c-5c62-4f0e-9d58-6f1f0a7b1050\" \
+         VersionGuid=\"9a4f3d0c-5c62-4f0e-9d58-6f1f0a7b1051\" xmlns=\"http://www.genicam.org/GenApi/Version_1_0\">\n",
+        model.replace(' ', "_")
+    );
+    let list = |names: &[&str]| names.iter().map(|n| format!("<pFeature>{n}</pFeature>")).collect::<String>();
+    let heads: Vec<&str> = groups.iter().map(|g| g.0).collect();
+    xml.push_str(&format!("<Category Name=\"Root\" NameSpace=\"Standard\">{}</Category>\n", list(&heads)));
+    for (group, names) in &groups {
+        xml.push_str(&format!("<Category Name=\"{group}\" NameSpace=\"Custom\">{}</Category>\n", list(names)));
+    }
+    for (name, address, length, writable) in TEXTS {
+        let access = if writable { "RW" } else { "RO" };
+        xml.push_str(&format!(
+            "<StringReg Name=\"{name}\" NameSpace=\"Standard\"><Address>0x{address:x}</Address><Length>{length}</Length>\
+             <AccessMode>{access}</AccessMode><pPort>Device</pPort></StringReg>\n"
+        ));
+    }
+    for feature in FEATURE_TABLE {
+        xml.push_str(&node(feature));
+    }
+    xml.push_str("<Port Name=\"Device\" NameSpace=\"Standard\"/>\n</RegisterDescription>\n");
+    xml
+}
+
+fn node(feature: &Feature) -> String {
+    let name = feature.name;
+    let value = format!("<pValue>{name}Reg</pValue>");
+    let (node, register, access) = match feature.kind {
+        Kind::ReadOnly => (format!("<Integer Name=\"{name}\" NameSpace=\"Standard\">{value}</Integer>"), "IntReg", "RO"),
+        Kind::Integer { min, max, step } => {
+            let max = match max {
+                Max::Value(max) => format!("<Max>{max}</Max>"),
+                Max::Of(register) => {
+                    FEATURE_TABLE.iter().find(|f| f.register == register).map_or_else(String::new, |f| format!("<pMax>{}</pMax>", f.name))
+                }
+            };
+            let text = format!("<Integer Name=\"{name}\" NameSpace=\"Standard\">{value}<Min>{min}</Min>{max}<Inc>{step}</Inc></Integer>");
+            (text, "IntReg", "RW")
+        }
+        Kind::Float { min, max, unit } => {
+            let text =
+                format!("<Float Name=\"{name}\" NameSpace=\"Standard\">{value}<Min>{min}</Min><Max>{max}</Max><Unit>{unit}</Unit></Float>");
+            (text, "FloatReg", "RW")
+        }
+        Kind::Enumeration(entries) => {
+            let entries: String = entries
+                .iter()
+                .map(|(entry, v)| format!("<EnumEntry Name=\"{entry}\" NameSpace=\"Standard\"><Value>{v}</Value></EnumEntry>"))
+                .collect();
+            (format!("<Enumeration Name=\"{name}\" NameSpace=\"Standard\">{entries}{value}</Enumeration>"), "IntReg", "RW")
+        }
+        Kind::Command => {
+            let text = format!("<Command Name=\"{name}\" NameSpace=\"Standard\">{value}<CommandValue>1</CommandValue></Command>");
+            (text, "IntReg", "WO")
+        }
+    };
+    let sign = if register == "IntReg" { "<Sign>Unsigned</Sign>" } else { "" };
+    format!(
+        "{node}\n<{register} Name=\"{name}Reg\"><Address>0x{:x}</Address><Length>4</Length><AccessMode>{access}</AccessMode>\
+         <pPort>Device</pPort><Cachable>NoCache</Cachable>{sign}<Endianess>BigEndian</Endianess></{register}>\n",
+        feature.register.address()
+    )
+}
+
+/// Reads a word of a byte image, zero beyond its end.
+pub(super) fn word(image: &[u8], address: u32) -> u32 {
+    u32_at(image, address as usize).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_region_stays_on_the_sensor() {
+        let mut v = Values::new((1024, 768), PixelFormat::Mono8);
+        assert!(!v.write(Register::Width, 1026) && !v.write(Register::OffsetX, 2));
+        assert!(v.write(Register::Width, 512) && v.write(Register::OffsetX, 512));
+        assert!(!v.write(Register::Width, 514), "would reach beyond the edge");
+        assert!(!v.write(Register::OffsetX, 3), "odd offsets would turn the Bayer mosaic");
+        assert_eq!(v.read(Register::WidthMax), 512);
+        assert_eq!(v.payload(), 512 * 768);
+        assert!(v.write(Register::PixelFormat, PixelFormat::RGB8Packed.code()));
+        assert_eq!(v.payload(), 512 * 768 * 3);
+    }
+
+    #[test]
+    fn triggers_are_kept_per_selector() {
+        let mut v = Values::new((64, 64), PixelFormat::Mono8);
+        assert!(!v.waits_for_software(), "free run");
+        assert!(v.write(Register::TriggerSource, SOFTWARE) && v.waits_for_software());
+        assert!(v.write(Register::TriggerSelector, 1) && v.write(Register::TriggerMode, 0));
+        assert!(v.waits_for_software(), "another selector's mode");
+        assert!(v.write(Register::TriggerSelector, FRAME_START) && v.write(Register::TriggerMode, 0));
+        assert!(!v.waits_for_software());
+        assert!(!v.write(Register::TriggerSource, 1), "no line is wired");
+    }
+
+    #[test]
+    fn floats_out_of_range_and_not_a_number_are_refused() {
+        let mut v = Values::new((64, 64), PixelFormat::Mono8);
+        for bad in [9.0, f32::NAN, 1e9] {
+            assert!(!v.write(Register::ExposureTimeAbs, f32::to_bits(bad)));
+        }
+        assert!(v.write(Register::ExposureTimeAbs, 250.5f32.to_bits()) && v.exposure_us == 250.5);
+    }
+
+    #[test]
+    fn every_feature_has_its_register_in_the_description() {
+        let xml = description("carved", "Emulated GE1050C");
+        for feature in FEATURE_TABLE {
+            assert!(xml.contains(&format!("Name=\"{}\"", feature.name)), "{}", feature.name);
+            assert!(xml.contains(&format!("<Address>0x{:x}</Address>", feature.register.address())), "{}", feature.name);
+        }
+    }
+}

@@ -1,0 +1,120 @@
+//! A GigE Vision camera on loopback: discovery, control, stream and packet resend in real packets.
+//!
+//! ```text
+//!   host ── UDP 3956 ── control thread ── memory (registers, GenICam description)
+//!                           │ start, stop, trigger
+//!   host ◄── stream ──── sensor thread ── Sight (the picture at the shaft's true angle)
+//! ```
+
+mod bytes;
+mod control;
+mod faults;
+mod features;
+mod gvcp;
+mod gvsp;
+mod memory;
+mod sensor;
+
+pub use faults::CameraFaults;
+
+use crate::clock::RigClock;
+use crate::shaft::Shaft;
+use crate::sight::{PixelFormat, Sight};
+use crate::truth::Truth;
+use control::Control;
+use memory::{Identity, Memory};
+use sensor::{Order, Sensor, State, Stream};
+use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
+use std::thread::JoinHandle;
+
+pub const VENDOR: &str = "carved";
+pub const MODEL: &str = "Emulated GE1050C";
+/// Where GigE Vision devices listen.
+const PORT: u16 = 3956;
+
+/// The emulated camera on its address.
+pub struct GigeCamera {
+    address: Ipv4Addr,
+    serial: String,
+    faults: Arc<CameraFaults>,
+    truth: Arc<Truth>,
+    quit: Arc<AtomicBool>,
+    orders: mpsc::Sender<Order>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl GigeCamera {
+    /// Puts a camera on `address`; fails where another one listens there.
+    pub fn start(
+        address: Ipv4Addr,
+        format: PixelFormat,
+        clock: RigClock,
+        shaft: Arc<Shaft>,
+        sight: Arc<dyn Sight>,
+    ) -> std::io::Result<Self> {
+        let socket = UdpSocket::bind(SocketAddrV4::new(address, PORT))?;
+        let stream_socket = socket2::Socket::from(UdpSocket::bind(SocketAddrV4::new(address, 0))?);
+        // A frame in one go: the pace is set by the sender, not by a full buffer. Less than asked for is no harm.
+        let _ = stream_socket.set_send_buffer_size(4 << 20);
+        let stream_socket: UdpSocket = stream_socket.into();
+        let [_, b, c, d] = address.octets();
+        let serial = format!("E1050C-{b:02x}{c:02x}{d:02x}");
+        let stream_port = stream_socket.local_addr()?.port();
+        let identity = Identity { vendor: VENDOR, model: MODEL, serial: serial.clone(), address, stream_port };
+        let memory = Arc::new(Mutex::new(Memory::new(&identity, sight.size(), format)));
+        let stream = Arc::new(Stream::new(stream_socket));
+        let faults = Arc::new(CameraFaults::default());
+        let truth = Arc::new(Truth::default());
+        let quit = Arc::new(AtomicBool::new(false));
+        let (orders, inbox) = mpsc::channel();
+        let sensor = Sensor {
+            clock,
+            shaft,
+            sight,
+            memory: Arc::clone(&memory),
+            stream: Arc::clone(&stream),
+            faults: Arc::clone(&faults),
+            truth: Arc::clone(&truth),
+            orders: inbox,
+            state: State::default(),
+        };
+        let control = Control::new(socket, clock, memory, stream, Arc::clone(&faults), orders.clone(), Arc::clone(&quit));
+        let mut camera = Self { address, serial, faults, truth, quit, orders, threads: Vec::new() };
+        let spawn = |name: &str, run: Box<dyn FnOnce() + Send>| std::thread::Builder::new().name(name.into()).spawn(run);
+        camera.threads.push(spawn("sim-sensor", Box::new(move || sensor.run()))?);
+        camera.threads.push(spawn("sim-gvcp", Box::new(move || control.run()))?);
+        Ok(camera)
+    }
+
+    pub fn address(&self) -> Ipv4Addr {
+        self.address
+    }
+
+    pub fn serial(&self) -> &str {
+        &self.serial
+    }
+
+    pub fn faults(&self) -> &CameraFaults {
+        &self.faults
+    }
+
+    pub(crate) fn truth(&self) -> &Truth {
+        &self.truth
+    }
+}
+
+impl Drop for GigeCamera {
+    fn drop(&mut self) {
+        self.quit.store(true, Ordering::SeqCst);
+        let _ = self.orders.send(Order::Quit);
+        // A datagram wakes the control thread out of its wait.
+        if let Ok(socket) = UdpSocket::bind(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0)) {
+            let _ = socket.send_to(&[], SocketAddrV4::new(self.address, PORT));
+        }
+        for thread in self.threads.drain(..) {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,722 @@
+//! The firmware proper: bytes and rig time in, bytes and steps out. It knows no file descriptor and no clock of its own.
+//!
+//! ```text
+//!  bytes ──┬─ real-time ( ? ! ~ 0x18 0x85 ) ── acted on at once
+//!          └─ receive buffer, 128 bytes ── line, 80 bytes ── $ commands
+//!             (more is lost in silence)                   └─ G-code ── planner, 15 blocks ── shaft
+//!                                          └─ ok, error:n      the main loop waits here when it is full
+//! ```
+//! `ok` says that a line was taken, not that the machine has arrived; only `G4` waits for the planner to drain.
+
+use super::faults::SerialFaults;
+use super::gcode::{Action, Parser};
+use super::report::{Reporter, Snapshot};
+use super::settings::Settings;
+use super::words;
+use crate::motion::MotionProfile;
+use crate::shaft::Shaft;
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+const RECEIVE_BYTES: usize = 128;
+/// A line keeps one byte of its 80 for the terminator.
+const LINE_BYTES: usize = 80 - 1;
+/// The ring of 16 blocks is full with 15.
+const PLANNER_BLOCKS: usize = 15;
+/// How much farther than the travel the first homing search may go, and than the pull-off the second.
+const HOMING_SEARCH: f64 = 1.5;
+const HOMING_LOCATE: f64 = 5.0;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Mode {
+    Idle,
+    Run,
+    Hold,
+    Jog,
+    Home,
+    Alarm,
+    /// After a limit: deaf to everything but a reset.
+    Critical,
+}
+
+/// What the main loop is waiting for; while it waits, lines pile up in the receive buffer.
+#[derive(Debug)]
+enum Wait {
+    Nothing,
+    Slot(Block),
+    Drained(Then),
+    Dwell { until_s: f64 },
+    Homing,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Then {
+    Answer,
+    Dwell { seconds: f32 },
+    Pause,
+    End,
+}
+
+/// Why the motor is slowing down in the middle of a move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Brake {
+    Hold,
+    CancelJog,
+    SoftLimit,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Block {
+    steps: [i64; 3],
+    /// Path length in units, units per second, units per second squared.
+    length: f64,
+    speed: f64,
+    acceleration: f64,
+}
+
+#[derive(Debug)]
+struct Running {
+    block: Block,
+    start_s: f64,
+    profile: Arc<MotionProfile>,
+    /// When the hard limit trips, if it does.
+    limit_s: Option<f64>,
+    brake: Option<Brake>,
+}
+
+impl Running {
+    fn end_s(&self) -> f64 {
+        self.start_s + self.profile.duration_s()
+    }
+
+    fn part(&self, now_s: f64) -> f64 {
+        self.profile.travelled(now_s - self.start_s) / self.block.length
+    }
+
+    fn steps(&self, now_s: f64) -> [i64; 3] {
+        let part = self.part(now_s);
+        self.block.steps.map(|s| (s as f64 * part).round() as i64)
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Homing {
+    Search,
+    PullOff,
+    Locate,
+    Leave,
+}
+
+pub(super) struct Firmware {
+    shaft: Arc<Shaft>,
+    faults: Arc<SerialFaults>,
+    settings: Settings,
+    parser: Parser,
+    reporter: Reporter,
+    received: VecDeque<u8>,
+    line: LineBuffer,
+    planner: VecDeque<Block>,
+    running: Option<Running>,
+    homing: Homing,
+    /// Steps counted up to the move under way.
+    position: [i64; 3],
+    mode: Mode,
+    wait: Wait,
+    out: Vec<u8>,
+}
+
+impl Firmware {
+    pub fn new(shaft: Arc<Shaft>, faults: Arc<SerialFaults>, settings: Settings) -> Self {
+        Self {
+            shaft,
+            faults,
+            settings,
+            parser: Parser::default(),
+            reporter: Reporter::default(),
+            received: VecDeque::new(),
+            line: LineBuffer::default(),
+            planner: VecDeque::new(),
+            running: None,
+            homing: Homing::Search,
+            position: [0; 3],
+            mode: Mode::Idle,
+            wait: Wait::Nothing,
+            out: Vec::new(),
+        }
+    }
+
+    /// Bytes to send since the last call.
+    pub fn take_output(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.out)
+    }
+
+    /// The controller loses power or is reset by its port: the motor stands still, what it counted is gone.
+    pub fn lose_power(&mut self, now_s: f64) {
+        self.stop_motor(now_s);
+        self.position = [0; 3];
+        self.forget();
+    }
+
+    /// The controller starts: it greets, and is locked where it has a reference switch.
+    pub fn boot(&mut self) {
+        self.mode = if self.settings.is_on(22) { Mode::Alarm } else { Mode::Idle };
+        self.greet();
+    }
+
+    /// The next instant at which something happens without a byte coming in.
+    pub fn next_event_s(&self) -> Option<f64> {
+        let motion = self.running.as_ref().map(|r| r.limit_s.unwrap_or_else(|| r.end_s()));
+        let dwell = match self.wait {
+            Wait::Dwell { until_s } => Some(until_s),
+            _ => None,
+        };
+        match (motion, dwell) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        }
+    }
+
+    /// Lets everything happen that is due by `now_s`.
+    pub fn advance(&mut self, now_s: f64) {
+        while let Some(at_s) = self.next_event_s().filter(|at| *at <= now_s) {
+            if let Wait::Dwell { until_s } = self.wait
+                && until_s <= at_s
+            {
+                self.wait = Wait::Nothing;
+                self.ok();
+            }
+            if self.running.as_ref().is_some_and(|r| r.limit_s.is_some_and(|limit| limit <= at_s)) {
+                self.stop_motor(at_s);
+                self.critical(1);
+            } else if self.running.as_ref().is_some_and(|r| r.end_s() <= at_s) {
+                self.arrived(at_s);
+            }
+            self.main_loop(at_s);
+        }
+    }
+
+    pub fn receive(&mut self, bytes: &[u8], now_s: f64) {
+        for &byte in bytes {
+            match byte {
+                0x18 => self.reset(now_s),
+                b'?' => self.status(now_s),
+                b'!' => self.hold(now_s),
+                b'~' => self.resume(),
+                0x85 => self.cancel_jog(now_s),
+                0x80.. => {}
+                _ if self.received.len() < RECEIVE_BYTES => self.received.push_back(byte),
+                _ => {}
+            }
+            self.main_loop(now_s);
+        }
+    }
+
+    // ---- the main loop: lines
+
+    fn main_loop(&mut self, now_s: f64) {
+        loop {
+            self.start(now_s);
+            self.unblock(now_s);
+            let listening = matches!(self.wait, Wait::Nothing) && !matches!(self.mode, Mode::Critical | Mode::Hold);
+            let Some(byte) = listening.then(|| self.received.pop_front()).flatten() else { break };
+            match self.line.push(byte) {
+                None => {}
+                Some(Err(Overflow)) => self.error(11),
+                Some(Ok(line)) => self.execute(&line, now_s),
+            }
+        }
+    }
+
+    /// Goes on where the main loop had to wait, if it need not any more.
+    fn unblock(&mut self, now_s: f64) {
+        match self.wait {
+            Wait::Slot(block) if self.free_blocks() > 0 => {
+                self.wait = Wait::Nothing;
+                self.planner.push_back(block);
+                self.ok();
+            }
+            Wait::Drained(then) if self.planner.is_empty() && self.running.is_none() && self.mode == Mode::Idle => {
+                self.wait = Wait::Nothing;
+                match then {
+                    Then::Answer => self.ok(),
+                    Then::Dwell { seconds } => self.wait = Wait::Dwell { until_s: now_s + f64::from(seconds) },
+                    Then::Pause => {
+                        self.ok();
+                        self.mode = Mode::Hold;
+                    }
+                    Then::End => {
+                        self.say("[MSG:Pgm End]\r\n");
+                        self.ok();
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn execute(&mut self, line: &[u8], now_s: f64) {
+        match line {
+            [] => self.ok(),
+            [b'$', command @ ..] => match self.command(command, now_s) {
+                Ok(true) => self.ok(),
+                Ok(false) => {}
+                Err(number) => self.error(number),
+            },
+            _ if matches!(self.mode, Mode::Alarm | Mode::Jog) => self.error(9),
+            code => {
+                let offset = self.parser.offset();
+                match self.parser.take(code) {
+                    Ok(action) => self.act(action, now_s),
+                    Err(number) => self.error(number),
+                }
+                if self.parser.offset() != offset {
+                    self.reporter.offset_changed();
+                }
+            }
+        }
+    }
+
+    fn act(&mut self, action: Action, now_s: f64) {
+        match action {
+            Action::None => self.ok(),
+            Action::Move { target, feed } => {
+                if self.beyond_soft_limits(target) {
+                    return self.soft_limit(now_s);
+                }
+                self.queue(target, feed);
+            }
+            Action::Dwell { seconds } => self.wait = Wait::Drained(Then::Dwell { seconds }),
+            Action::Synchronise => self.wait = Wait::Drained(Then::Answer),
+            Action::Pause => self.wait = Wait::Drained(Then::Pause),
+            Action::End => self.wait = Wait::Drained(Then::End),
+        }
+    }
+
+    /// A `$` command; whether it is to be answered now. The error is Grbl's number.
+    fn command(&mut self, command: &[u8], now_s: f64) -> Result<bool, u8> {
+        let quiet = matches!(self.mode, Mode::Idle | Mode::Alarm);
+        match command {
+            [] => self.say("[HLP:$$ $# $G $I $N $x=val $J=line $X $H ~ ! ? ctrl-x]\r\n"),
+            b"G" => self.say(&self.parser.report()),
+            b"X" => {
+                if self.mode == Mode::Alarm {
+                    self.mode = Mode::Idle;
+                    self.say("[MSG:Caution: Unlocked]\r\n");
+                }
+            }
+            [b'J', b'=', line @ ..] => return self.jog(line),
+            // Everything else touches the EEPROM or prints for long: only at rest.
+            _ if !quiet => return Err(8),
+            b"$" => self.say(&self.settings.report()),
+            b"#" => self.say(&self.parser.report_offsets()),
+            b"I" => self.say("[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n"),
+            b"N" => self.say("$N0=\r\n$N1=\r\n"),
+            b"H" => {
+                if !self.settings.is_on(22) {
+                    return Err(5);
+                }
+                self.mode = Mode::Home;
+                self.wait = Wait::Homing;
+                self.home(Homing::Search, now_s);
+                return Ok(false);
+            }
+            setting => self.store(setting)?,
+        }
+        Ok(true)
+    }
+
+    fn store(&mut self, setting: &[u8]) -> Result<(), u8> {
+        let (number, used) = words::number(setting).ok_or(3)?;
+        let [b'=', value @ ..] = &setting[used..] else { return Err(3) };
+        let (value, used) = words::number(value).filter(|(_, n)| *n == value.len()).ok_or(2)?;
+        if used == 0 || number.fract() != 0.0 || !(0.0..=255.0).contains(&number) {
+            return Err(3);
+        }
+        self.settings.set(number as u16, value)
+    }
+
+    fn jog(&mut self, line: &[u8]) -> Result<bool, u8> {
+        if !matches!(self.mode, Mode::Idle | Mode::Jog) {
+            return Err(if self.mode == Mode::Alarm { 9 } else { 8 });
+        }
+        let before = self.parser.position;
+        let Action::Move { target, feed } = self.parser.jog(line)? else { return Err(16) };
+        if self.beyond_soft_limits(target) {
+            self.parser.position = before;
+            return Err(15);
+        }
+        self.mode = Mode::Jog;
+        self.queue(target, feed);
+        Ok(false)
+    }
+
+    // ---- motion
+
+    /// Puts a move into the planner, or the main loop to sleep until there is room. Answers either way.
+    fn queue(&mut self, target: [f32; 3], feed: Option<f32>) {
+        let per_unit = self.settings.per_axis(100);
+        let planned = self.planned_position();
+        let steps: [i64; 3] = std::array::from_fn(|i| (target[i] * per_unit[i]).round() as i64 - planned[i]);
+        if steps == [0; 3] {
+            return self.ok();
+        }
+        let units: [f64; 3] = std::array::from_fn(|i| steps[i] as f64 / f64::from(per_unit[i]));
+        let length = units.iter().map(|u| u * u).sum::<f64>().sqrt();
+        // The axis that reaches its own limit first limits the path.
+        let along_path = |limits: [f32; 3]| {
+            (0..3).filter(|&i| steps[i] != 0).map(|i| f64::from(limits[i]) * length / units[i].abs()).fold(f64::INFINITY, f64::min)
+        };
+        let rapid = along_path(self.settings.per_axis(110)) / 60.0;
+        let speed = feed.map_or(rapid, |f| rapid.min(f64::from(f) / 60.0));
+        let block = Block { steps, length, speed: speed.max(1e-3), acceleration: along_path(self.settings.per_axis(120)).max(1e-3) };
+        if self.free_blocks() > 0 {
+            self.planner.push_back(block);
+            self.ok();
+        } else {
+            self.wait = Wait::Slot(block);
+        }
+    }
+
+    /// The block under way keeps its place until it is done.
+    fn free_blocks(&self) -> usize {
+        PLANNER_BLOCKS.saturating_sub(self.planner.len() + usize::from(self.running.is_some()))
+    }
+
+    fn planned_position(&self) -> [i64; 3] {
+        let mut at = self.position;
+        for block in self.running.iter().map(|r| &r.block).chain(&self.planner) {
+            for (a, s) in at.iter_mut().zip(block.steps) {
+                *a += s;
+            }
+        }
+        at
+    }
+
+    /// The planner starts by itself once the line at hand is done.
+    fn start(&mut self, now_s: f64) {
+        if self.running.is_some() || !matches!(self.mode, Mode::Idle | Mode::Run | Mode::Jog) {
+            return;
+        }
+        let Some(block) = self.planner.pop_front() else {
+            if matches!(self.mode, Mode::Run | Mode::Jog) {
+                self.mode = Mode::Idle;
+            }
+            return;
+        };
+        if self.mode == Mode::Idle {
+            self.mode = Mode::Run;
+        }
+        self.run(block, now_s);
+    }
+
+    fn run(&mut self, block: Block, start_s: f64) {
+        let profile = Arc::new(MotionProfile::trapezoid(block.length, block.speed, block.acceleration));
+        let limit_s = (self.settings.is_on(21) && self.mode != Mode::Home).then(|| self.limit_hit_s(&block, &profile, start_s)).flatten();
+        if block.steps[0] != 0 {
+            self.shaft.begin(start_s, block.steps[0], block.length, Arc::clone(&profile));
+        }
+        self.running = Some(Running { block, start_s, profile, limit_s, brake: None });
+    }
+
+    fn limit_hit_s(&self, block: &Block, profile: &MotionProfile, start_s: f64) -> Option<f64> {
+        let steps = block.steps[0];
+        let to_index = self.shaft.steps_to_next_index(steps.signum());
+        (steps != 0 && to_index <= steps.abs())
+            .then(|| start_s + profile.time_at_s(block.length * to_index as f64 / steps.unsigned_abs() as f64))
+    }
+
+    /// The move under way is over, as planned or by braking.
+    fn arrived(&mut self, at_s: f64) {
+        let Some(running) = self.running.take() else { return };
+        let done = self.count(&running, at_s);
+        match running.brake {
+            None if self.mode == Mode::Home => self.homed(at_s),
+            None => {}
+            Some(Brake::Hold) => {
+                let steps: [i64; 3] = std::array::from_fn(|i| running.block.steps[i] - done[i]);
+                if steps != [0; 3] {
+                    let length = running.block.length * (1.0 - running.part(at_s)).max(f64::EPSILON);
+                    self.planner.push_front(Block { steps, length, ..running.block });
+                }
+            }
+            Some(Brake::CancelJog) => {
+                self.planner.clear();
+                self.wait = Wait::Nothing;
+                self.mode = Mode::Idle;
+                self.parser.position = self.machine(self.position);
+            }
+            Some(Brake::SoftLimit) => self.critical(2),
+        }
+    }
+
+    /// Adds what a move has issued to the position.
+    fn count(&mut self, running: &Running, at_s: f64) -> [i64; 3] {
+        let mut done = running.steps(at_s);
+        if running.block.steps[0] != 0 {
+            done[0] = self.shaft.end(at_s);
+        }
+        for (p, d) in self.position.iter_mut().zip(done) {
+            *p += d;
+        }
+        done
+    }
+
+    fn brake(&mut self, why: Brake, now_s: f64) -> bool {
+        let Some(running) = &mut self.running else { return false };
+        if running.brake.is_none() {
+            let (from, speed) = (running.profile.travelled(now_s - running.start_s), running.profile.speed(now_s - running.start_s));
+            let profile = Arc::new(MotionProfile::braking(from, speed, running.block.acceleration, running.block.length));
+            if running.block.steps[0] != 0 {
+                self.shaft.replan(now_s, Arc::clone(&profile));
+            }
+            running.start_s = now_s;
+            running.profile = profile;
+        }
+        running.brake = Some(why);
+        true
+    }
+
+    fn hold(&mut self, now_s: f64) {
+        match self.mode {
+            Mode::Jog => self.cancel_jog(now_s),
+            Mode::Idle | Mode::Run => {
+                self.mode = Mode::Hold;
+                self.brake(Brake::Hold, now_s);
+            }
+            Mode::Hold | Mode::Home | Mode::Alarm | Mode::Critical => {}
+        }
+    }
+
+    fn resume(&mut self) {
+        if self.mode == Mode::Hold && self.running.is_none() {
+            self.mode = Mode::Idle;
+        }
+    }
+
+    fn cancel_jog(&mut self, now_s: f64) {
+        if self.mode == Mode::Jog {
+            self.brake(Brake::CancelJog, now_s);
+        }
+    }
+
+    fn stop_motor(&mut self, now_s: f64) {
+        if let Some(running) = self.running.take() {
+            self.count(&running, now_s);
+        }
+    }
+
+    // ---- homing
+
+    fn home(&mut self, phase: Homing, start_s: f64) {
+        self.homing = phase;
+        let per_unit = f64::from(self.settings.get(100));
+        let direction: i64 = if self.settings.get(23) as i64 & 1 == 0 { 1 } else { -1 };
+        let pull_off = f64::from(self.settings.get(27)) * per_unit;
+        let (steps, feed) = match phase {
+            Homing::Search | Homing::Locate => {
+                let (range, feed) = if phase == Homing::Search {
+                    (HOMING_SEARCH * f64::from(self.settings.get(130)) * per_unit, self.settings.get(25))
+                } else {
+                    (HOMING_LOCATE * pull_off, self.settings.get(24))
+                };
+                let to_go = self.shaft.steps_to_index(direction);
+                if to_go as f64 > range {
+                    return self.homing_failed(9);
+                }
+                (direction * to_go, feed)
+            }
+            Homing::PullOff | Homing::Leave => (-direction * pull_off.round() as i64, self.settings.get(25)),
+        };
+        if steps == 0 {
+            return self.homed(start_s);
+        }
+        let length = steps.unsigned_abs() as f64 / per_unit;
+        let (speed, acceleration) = ((f64::from(feed) / 60.0).max(1e-3), f64::from(self.settings.get(120)).max(1e-3));
+        let debounce_s = f64::from(self.settings.get(26)) / 1000.0;
+        self.run(Block { steps: [steps, 0, 0], length, speed, acceleration }, start_s + debounce_s);
+    }
+
+    /// One leg of the homing cycle is done.
+    fn homed(&mut self, at_s: f64) {
+        match self.homing {
+            Homing::Search => self.home(Homing::PullOff, at_s),
+            Homing::PullOff if self.shaft.at_index(at_s) => self.homing_failed(8),
+            Homing::PullOff => self.home(Homing::Locate, at_s),
+            Homing::Locate => {
+                self.shaft.count_from_here();
+                self.home(Homing::Leave, at_s);
+            }
+            Homing::Leave => {
+                let pull_off = self.settings.get(27);
+                let units = if self.settings.get(23) as i64 & 1 == 0 { -pull_off } else { pull_off - self.settings.get(130) };
+                self.position[0] = (units * self.settings.get(100)).round() as i64;
+                self.parser.position = self.machine(self.position);
+                self.mode = Mode::Idle;
+                self.wait = Wait::Nothing;
+                self.ok();
+            }
+        }
+    }
+
+    fn homing_failed(&mut self, number: u8) {
+        self.say(&format!("ALARM:{number}\r\n"));
+        self.mode = Mode::Alarm;
+        self.restart();
+    }
+
+    // ---- alarms and resets
+
+    fn beyond_soft_limits(&self, target: [f32; 3]) -> bool {
+        let travel = self.settings.per_axis(130);
+        self.settings.is_on(20) && (0..3).any(|i| target[i] > 0.0 || target[i] < -travel[i])
+    }
+
+    fn soft_limit(&mut self, now_s: f64) {
+        self.planner.clear();
+        if self.brake(Brake::SoftLimit, now_s) {
+            self.mode = Mode::Hold;
+        } else {
+            self.critical(2);
+        }
+    }
+
+    fn critical(&mut self, number: u8) {
+        self.planner.clear();
+        self.wait = Wait::Nothing;
+        self.mode = Mode::Critical;
+        self.say(&format!("ALARM:{number}\r\n[MSG:Reset to continue]\r\n"));
+    }
+
+    fn reset(&mut self, now_s: f64) {
+        let alarm = match (self.mode, &self.running) {
+            (Mode::Home, _) => Some(6),
+            (_, Some(_)) => Some(3),
+            (_, None) => None,
+        };
+        self.stop_motor(now_s);
+        if let Some(number) = alarm {
+            self.say(&format!("ALARM:{number}\r\n"));
+        }
+        let locked = alarm.is_some() || matches!(self.mode, Mode::Alarm | Mode::Critical);
+        self.mode = if locked { Mode::Alarm } else { Mode::Idle };
+        self.restart();
+    }
+
+    /// What every reset does: queues and modes are forgotten, the position is not.
+    fn restart(&mut self) {
+        self.forget();
+        self.greet();
+    }
+
+    fn forget(&mut self) {
+        self.received.clear();
+        self.line = LineBuffer::default();
+        self.planner.clear();
+        self.wait = Wait::Nothing;
+        self.parser = Parser::at(self.machine(self.position));
+        self.reporter = Reporter::default();
+    }
+
+    fn greet(&mut self) {
+        self.say("\r\nGrbl 1.1h ['$' for help]\r\n");
+        if self.mode == Mode::Alarm {
+            self.say("[MSG:'$H'|'$X' to unlock]\r\n");
+        }
+    }
+
+    // ---- answers
+
+    fn status(&mut self, now_s: f64) {
+        let state = match (self.mode, &self.running) {
+            // A controller that waits for a reset answers nothing else.
+            (Mode::Critical, _) => return,
+            (Mode::Idle, _) => "Idle",
+            (Mode::Run, _) => "Run",
+            (Mode::Hold, Some(_)) => "Hold:1",
+            (Mode::Hold, None) => "Hold:0",
+            (Mode::Jog, _) => "Jog",
+            (Mode::Home, _) => "Home",
+            (Mode::Alarm, _) => "Alarm",
+        };
+        let mut steps = self.position;
+        let mut feed = 0.0;
+        if let Some(running) = &self.running {
+            for (s, d) in steps.iter_mut().zip(running.steps(now_s)) {
+                *s += d;
+            }
+            feed = (running.profile.speed(now_s - running.start_s) * 60.0) as f32;
+        }
+        let snapshot = Snapshot {
+            state,
+            busy: !matches!(self.mode, Mode::Idle | Mode::Alarm),
+            machine: self.machine(steps),
+            offset: self.parser.offset(),
+            feed,
+            at_limit: self.shaft.at_index(now_s),
+            free: (self.free_blocks(), RECEIVE_BYTES - self.received.len()),
+            mask: self.settings.get(10) as u8,
+        };
+        let text = self.reporter.status(&snapshot);
+        self.say(&text);
+    }
+
+    fn machine(&self, steps: [i64; 3]) -> [f32; 3] {
+        let per_unit = self.settings.per_axis(100);
+        std::array::from_fn(|i| steps[i] as f32 / per_unit[i])
+    }
+
+    fn ok(&mut self) {
+        if !self.faults.take_dropped_ok() {
+            self.say("ok\r\n");
+        }
+    }
+
+    fn error(&mut self, number: u8) {
+        self.say(&format!("error:{number}\r\n"));
+    }
+
+    fn say(&mut self, text: &str) {
+        self.out.extend_from_slice(text.as_bytes());
+    }
+}
+
+struct Overflow;
+
+/// Gathers a line as the firmware does: white space dropped, comments dropped, lower case raised.
+#[derive(Default)]
+struct LineBuffer {
+    bytes: Vec<u8>,
+    overflow: bool,
+    comment: Comment,
+}
+
+#[derive(Default, PartialEq)]
+enum Comment {
+    #[default]
+    None,
+    Parenthesis,
+    Semicolon,
+}
+
+impl LineBuffer {
+    /// A line, once its end has come.
+    fn push(&mut self, byte: u8) -> Option<Result<Vec<u8>, Overflow>> {
+        if matches!(byte, b'\n' | b'\r') {
+            let done = std::mem::take(self);
+            return Some(if done.overflow { Err(Overflow) } else { Ok(done.bytes) });
+        }
+        match (&self.comment, byte) {
+            (Comment::Parenthesis, b')') => self.comment = Comment::None,
+            (Comment::Parenthesis | Comment::Semicolon, _) | (_, ..=b' ' | b'/') => {}
+            (_, b'(') => self.comment = Comment::Parenthesis,
+            (_, b';') => self.comment = Comment::Semicolon,
+            _ if self.bytes.len() >= LINE_BYTES => self.overflow = true,
+            _ => self.bytes.push(byte.to_ascii_uppercase()),
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+#[path = "firmware_tests.rs"]
+mod tests;

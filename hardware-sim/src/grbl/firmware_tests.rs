@@ -1,0 +1,316 @@
+//! Scripted dialogues in rig time that the test moves by hand: nothing waits.
+
+use super::*;
+use crate::clock::RigClock;
+use crate::shaft::ShaftSettings;
+use std::f64::consts::TAU;
+
+struct Bench {
+    firmware: Firmware,
+    shaft: Arc<Shaft>,
+    faults: Arc<SerialFaults>,
+    now_s: f64,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let shaft = Arc::new(Shaft::new(RigClock::new(1.0), ShaftSettings::default()));
+        let faults = Arc::new(SerialFaults::default());
+        let mut firmware = Firmware::new(Arc::clone(&shaft), Arc::clone(&faults), Settings::default());
+        firmware.boot();
+        Self { firmware, shaft, faults, now_s: 0.0 }
+    }
+
+    /// Booted, unlocked without homing, silent.
+    fn unlocked() -> Self {
+        let mut bench = Self::new();
+        bench.say("$X\n");
+        bench
+    }
+
+    /// Sends and returns what comes back at this very instant.
+    fn say(&mut self, text: &str) -> String {
+        self.send(text.as_bytes())
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> String {
+        self.firmware.advance(self.now_s);
+        self.firmware.receive(bytes, self.now_s);
+        self.heard()
+    }
+
+    fn after(&mut self, seconds: f64) -> String {
+        self.now_s += seconds;
+        self.firmware.advance(self.now_s);
+        self.heard()
+    }
+
+    fn heard(&mut self) -> String {
+        String::from_utf8(self.firmware.take_output()).unwrap()
+    }
+
+    fn state(&mut self) -> String {
+        self.say("?").split(['<', '|']).nth(1).unwrap_or_default().to_owned()
+    }
+
+    fn x(&mut self) -> f64 {
+        let report = self.say("?");
+        let at = report.find("MPos:").unwrap() + 5;
+        report[at..].split(',').next().unwrap().parse().unwrap()
+    }
+
+    /// To a billionth of a step: the detour through radians costs the last bits.
+    fn shaft_steps(&self) -> f64 {
+        (self.shaft.angle_at_rad(self.now_s) / TAU * 500.0 * 1e9).round() / 1e9
+    }
+}
+
+#[test]
+fn a_fresh_board_with_a_switch_greets_and_is_locked() {
+    let mut b = Bench::new();
+    assert_eq!(b.heard(), "\r\nGrbl 1.1h ['$' for help]\r\n[MSG:'$H'|'$X' to unlock]\r\n");
+    assert_eq!(b.state(), "Alarm");
+    assert_eq!(b.say("G0X1\n"), "error:9\r\n");
+    assert_eq!(b.say("$X\n"), "[MSG:Caution: Unlocked]\r\nok\r\n");
+    assert_eq!(b.state(), "Idle");
+}
+
+#[test]
+fn ok_means_queued_and_g4_means_arrived() {
+    let mut b = Bench::unlocked();
+    assert_eq!(b.say("G91 G1 X5 F300\n"), "ok\r\n");
+    assert_eq!(b.state(), "Run");
+    assert_eq!(b.say("G4 P0.01\n"), "", "not before the planner has drained");
+    assert_eq!(b.after(0.3), "");
+    assert!(b.x() > 0.0 && b.x() < 5.0);
+    assert_eq!(b.after(2.0), "ok\r\n");
+    assert_eq!((b.x(), b.state()), (5.0, "Idle".to_owned()));
+    assert_eq!(b.shaft_steps(), 137.0 + 500.0);
+}
+
+#[test]
+fn homing_finds_the_index_and_sets_the_position_as_grbl_does() {
+    let mut b = Bench::new();
+    b.heard();
+    assert_eq!(b.say("$H\n"), "");
+    assert_eq!(b.state(), "Home");
+    assert_eq!(b.after(10.0), "ok\r\n");
+    assert_eq!(b.x(), -0.05, "minus the pull-off");
+    assert!((b.shaft_steps() + 5.0).abs() < 1e-9, "angles count from the index, not from power-on");
+    b.say("G90 G0 X0\n");
+    b.after(1.0);
+    assert!(b.shaft_steps().abs() < 1e-9);
+    let report = b.say("?");
+    assert!(report.contains("|Pn:X"), "the shaft presses its switch: {report}");
+
+    b.say("$23=1\n");
+    b.say("$H\n");
+    assert_eq!(b.after(10.0), "ok\r\n");
+    assert_eq!(b.x(), -9.95, "minus the travel plus the pull-off");
+    assert!((b.shaft_steps() - 5.0).abs() < 1e-9);
+}
+
+#[test]
+fn homing_without_a_switch_in_reach_alarms() {
+    let mut b = Bench::new();
+    b.say("$130=1\n");
+    b.heard();
+    // 363 steps to the index, 1.5 units of 100 steps are searched.
+    assert!(b.say("$H\n").starts_with("ALARM:9\r\n"));
+    assert_eq!(b.state(), "Alarm");
+    b.say("$22=0\n");
+    assert_eq!(b.say("$H\n"), "error:5\r\n");
+}
+
+#[test]
+fn lines_have_80_bytes_and_the_receive_buffer_128() {
+    let mut b = Bench::unlocked();
+    let line = |n: usize| format!("G91{}\n", "G91".repeat(n)).replace("G91G91", "G91");
+    assert_eq!(b.say(&line(1)), "ok\r\n");
+    assert_eq!(b.say(&format!("({})G91 {}\n", "c".repeat(200), " ".repeat(200))), "ok\r\n", "comments and blanks take no room");
+    assert_eq!(b.say(&format!("X{}\n", "1".repeat(79))), "error:11\r\n");
+    assert_eq!(b.say("\n"), "ok\r\n");
+
+    b.say("G4 P1\n");
+    // 20 lines of 18 bytes during a dwell: 7 whole ones fit into 128 bytes, the rest is lost in silence.
+    let flood: String = (0..20).map(|i| format!("G91 G1 X0.01 F{i:03}\n")).collect();
+    assert_eq!(flood.len(), 20 * 18);
+    assert_eq!(b.say(&flood), "");
+    let answers = b.after(5.0);
+    assert_eq!(answers.matches("ok").count() + answers.matches("error").count(), 1 + 7, "{answers}");
+}
+
+#[test]
+fn the_planner_takes_15_blocks_and_answers_the_next_when_one_is_done() {
+    let mut b = Bench::unlocked();
+    for i in 0..15 {
+        assert_eq!(b.say("G91 G1 X1 F60\n"), "ok\r\n", "block {i}");
+    }
+    assert_eq!(b.say("G91 G1 X1 F60\n"), "");
+    assert_eq!(b.after(1.2), "ok\r\n", "1 unit at 1 unit/s, and its ramps");
+    b.after(60.0);
+    assert_eq!(b.x(), 16.0);
+}
+
+#[test]
+fn settings_read_back_with_three_decimals() {
+    let mut b = Bench::unlocked();
+    assert_eq!(b.say("$101=17.777778\n"), "ok\r\n");
+    let all = b.say("$$\n");
+    assert!(all.contains("$101=17.778\r\n") && all.contains("$100=100.000\r\n") && all.contains("$22=1\r\n"), "{all}");
+    assert!(all.ends_with("$132=10.000\r\nok\r\n"));
+    for (line, answer) in [
+        ("$100=-1\n", "error:4\r\n"),
+        ("$77=1\n", "error:3\r\n"),
+        ("$100=x\n", "error:2\r\n"),
+        ("$100\n", "error:3\r\n"),
+        ("$0=2\n", "error:6\r\n"),
+    ] {
+        assert_eq!(b.say(line), answer, "{line}");
+    }
+    b.say("G91 G0 X1\n");
+    assert_eq!(b.say("$$\n"), "error:8\r\n", "not while it moves");
+    b.after(9.0);
+    b.firmware.lose_power(b.now_s);
+    b.firmware.boot();
+    assert!(b.say("$$\n").contains("$101=17.778"), "the EEPROM keeps them");
+}
+
+#[test]
+fn a_reset_in_motion_alarms_and_keeps_its_count() {
+    let mut b = Bench::unlocked();
+    b.say("G91 G1 X5 F300\n");
+    b.after(0.5);
+    let said = b.send(&[0x18]);
+    assert!(said.starts_with("ALARM:3\r\n\r\nGrbl 1.1h"), "{said}");
+    assert_eq!(b.state(), "Alarm");
+    let x = b.x();
+    assert!(x > 0.0 && x < 5.0);
+    assert!((b.shaft_steps() - 137.0 - 100.0 * x).abs() < 1e-6);
+    assert_eq!(b.after(5.0), "");
+    assert_eq!(b.x(), x, "nothing goes on");
+    b.say("$X\n");
+    b.say("G0 X0\n");
+    b.after(5.0);
+    assert_eq!(b.x(), 0.0, "a reset restores G90");
+}
+
+#[test]
+fn a_reset_at_rest_only_greets() {
+    let mut b = Bench::unlocked();
+    assert_eq!(b.send(&[0x18]), "\r\nGrbl 1.1h ['$' for help]\r\n");
+    assert_eq!(b.state(), "Idle");
+}
+
+#[test]
+fn losing_power_in_motion_is_silent_and_counts_from_zero() {
+    let mut b = Bench::unlocked();
+    b.say("G91 G1 X5 F300\n");
+    b.after(0.5);
+    b.firmware.lose_power(b.now_s);
+    b.firmware.boot();
+    assert!(!b.heard().contains("ALARM"));
+    assert_eq!(b.x(), 0.0);
+    assert!(b.shaft_steps() > 138.0, "the shaft stands where it was stopped");
+}
+
+#[test]
+fn hold_slows_down_and_resume_ends_the_move_on_its_step() {
+    let mut b = Bench::unlocked();
+    b.say("G91 G1 X5 F300\n");
+    b.after(0.6);
+    let before = b.shaft_steps();
+    b.say("!");
+    assert_eq!(b.state(), "Hold:1");
+    assert!((b.shaft_steps() - before).abs() < 1e-6, "braking does not jump");
+    b.after(3.0);
+    assert_eq!(b.state(), "Hold:0");
+    // From 5 units/s at 20 units/s^2 the axis needs 0.625 units to stop.
+    assert!((b.shaft_steps() - before - 62.5).abs() <= 1.0);
+    assert_eq!(b.say("$G\n"), "", "held lines wait");
+    let said = b.say("~");
+    assert!(said.starts_with("[GC:G1 "), "{said}");
+    b.after(5.0);
+    assert_eq!((b.x(), b.state()), (5.0, "Idle".to_owned()));
+    assert_eq!(b.shaft_steps(), 637.0);
+}
+
+#[test]
+fn a_cancelled_jog_stops_short_and_is_idle() {
+    let mut b = Bench::unlocked();
+    assert_eq!(b.say("$J=G91X50F300\n"), "ok\r\n");
+    assert_eq!(b.state(), "Jog");
+    assert_eq!(b.say("G0X1\n"), "error:9\r\n");
+    b.after(1.0);
+    b.send(&[0x85]);
+    b.after(2.0);
+    assert_eq!(b.state(), "Idle");
+    let x = b.x();
+    assert!(x > 1.0 && x < 10.0);
+    b.say("G91G0X1\n");
+    b.after(2.0);
+    assert!((b.x() - x - 1.0).abs() < 5e-4, "the parser knows where the jog ended");
+}
+
+#[test]
+fn a_hard_limit_goes_deaf_until_reset() {
+    let mut b = Bench::unlocked();
+    b.say("$21=1\n");
+    b.say("G91 G1 X5 F300\n");
+    assert_eq!(b.after(5.0), "ALARM:1\r\n[MSG:Reset to continue]\r\n");
+    assert_eq!(b.shaft_steps(), 500.0, "stopped at the switch");
+    assert_eq!(b.say("?$X\n"), "");
+    let said = b.send(&[0x18]);
+    assert!(said.starts_with("\r\nGrbl") && said.contains("to unlock"), "{said}");
+    assert_eq!(b.state(), "Alarm");
+}
+
+#[test]
+fn a_soft_limit_alarms_before_it_moves_and_a_jog_is_refused() {
+    let mut b = Bench::new();
+    b.say("$H\n");
+    b.after(10.0);
+    assert_eq!(b.say("$20=1\n"), "ok\r\n");
+    assert_eq!(b.say("$J=G90X1F100\n"), "error:15\r\n");
+    let before = b.shaft_steps();
+    assert_eq!(b.say("G90 G0 X1\n"), "ALARM:2\r\n[MSG:Reset to continue]\r\n");
+    assert_eq!(b.shaft_steps(), before);
+}
+
+#[test]
+fn optional_fields_come_and_go() {
+    let mut b = Bench::unlocked();
+    b.send(&[0x18]);
+    b.heard();
+    let reports: Vec<String> = (0..22).map(|_| b.say("?")).collect();
+    let with = |field: &str| reports.iter().enumerate().filter(|(_, r)| r.contains(field)).map(|(i, _)| i).collect::<Vec<_>>();
+    assert_eq!(with("|WCO:"), [0, 10, 20]);
+    assert_eq!(with("|Ov:"), [1, 11, 21]);
+    assert_eq!(reports[5], "<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+    assert!(b.say("G92X1\n?").contains("|WCO:-1.000,"), "told at once when it changes");
+}
+
+#[test]
+fn lost_steps_and_lost_oks_are_silent() {
+    let mut b = Bench::unlocked();
+    b.faults.drop_oks(1);
+    b.shaft.lose_steps(50);
+    assert_eq!(b.say("G91 G0 X8\n"), "");
+    b.after(10.0);
+    assert_eq!(b.x(), 8.0);
+    assert_eq!(b.shaft_steps(), 137.0 + 750.0);
+    assert_eq!(b.say("\n"), "ok\r\n");
+}
+
+/// Every whole step of three revolutions is exact in what the firmware prints, so a driver may ask for equality.
+#[test]
+fn whole_steps_survive_three_decimals() {
+    let mut b = Bench::unlocked();
+    for step in [1_i64, 6, 7, 499, 500, 1499, -3, -1500] {
+        let units = step as f64 / 100.0;
+        b.say(&format!("G90 G0 X{units:.3}\n"));
+        b.after(20.0);
+        assert_eq!((b.x() * 100.0).round() as i64, step);
+        assert_eq!(b.shaft_steps(), 137.0 + step as f64);
+    }
+}

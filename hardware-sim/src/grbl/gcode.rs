@@ -1,0 +1,328 @@
+//! The G-code parser: modal state, and what one line asks the machine to do.
+
+use super::words::{self, Word};
+
+/// What a line asks for, once the modal state has taken its part.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Action {
+    /// Nothing but modes.
+    None,
+    /// A straight move to a place in machine coordinates; no feed means as fast as the axes allow.
+    Move { target: [f32; 3], feed: Option<f32> },
+    /// `G4`
+    Dwell { seconds: f32 },
+    /// A code that waits for the planner to drain.
+    Synchronise,
+    /// `M0`: drain, then hold.
+    Pause,
+    /// `M2`, `M30`: drain and restore the modes.
+    End,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Parser {
+    rapid: Motion,
+    absolute: bool,
+    inches: bool,
+    feed: f32,
+    /// Work offset by G92; G54..G59 are all zero and only their number is kept.
+    g92: [f32; 3],
+    system: u8,
+    spindle: &'static str,
+    /// Where the parser believes the machine will be, in machine coordinates.
+    pub position: [f32; 3],
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Motion {
+    Rapid,
+    Feed,
+    None,
+}
+
+const MM_PER_INCH: f32 = 25.4;
+
+impl Default for Parser {
+    fn default() -> Self {
+        Self {
+            rapid: Motion::Rapid,
+            absolute: true,
+            inches: false,
+            feed: 0.0,
+            g92: [0.0; 3],
+            system: 54,
+            spindle: "M5",
+            position: [0.0; 3],
+        }
+    }
+}
+
+/// Words of a line sorted by what they mean; filled before anything takes effect, as in the firmware.
+#[derive(Default)]
+struct Line {
+    motion: Option<Motion>,
+    absolute: Option<bool>,
+    inches: Option<bool>,
+    system: Option<u8>,
+    spindle: Option<&'static str>,
+    machine_coordinates: bool,
+    dwell: bool,
+    set_g92: bool,
+    clear_g92: bool,
+    pause: bool,
+    end: bool,
+    synchronise: bool,
+    axes: [Option<f32>; 3],
+    feed: Option<f32>,
+    p: Option<f32>,
+}
+
+impl Line {
+    /// The error is Grbl's number.
+    fn read(words: &[Word]) -> Result<Self, u8> {
+        let mut line = Self::default();
+        for w in words {
+            match w.letter {
+                b'G' => line.take_g(w.value)?,
+                b'M' => line.take_m(w.value)?,
+                b'X' | b'Y' | b'Z' => once(&mut line.axes[usize::from(w.letter - b'X')], w.value)?,
+                b'F' if w.value < 0.0 => return Err(4),
+                b'F' => once(&mut line.feed, w.value)?,
+                b'P' if w.value < 0.0 => return Err(4),
+                b'P' => once(&mut line.p, w.value)?,
+                b'N' | b'S' | b'T' => {}
+                _ => return Err(20),
+            }
+        }
+        Ok(line)
+    }
+
+    fn take_g(&mut self, value: f32) -> Result<(), u8> {
+        match (value * 10.0).round() as i32 {
+            0 => once(&mut self.motion, Motion::Rapid).map_err(|_| 21),
+            10 => once(&mut self.motion, Motion::Feed).map_err(|_| 21),
+            800 => once(&mut self.motion, Motion::None).map_err(|_| 21),
+            900 => once(&mut self.absolute, true).map_err(|_| 21),
+            910 => once(&mut self.absolute, false).map_err(|_| 21),
+            200 => once(&mut self.inches, true).map_err(|_| 21),
+            210 => once(&mut self.inches, false).map_err(|_| 21),
+            code @ (540 | 550 | 560 | 570 | 580 | 590) => once(&mut self.system, (code / 10) as u8).map_err(|_| 21),
+            40 => {
+                self.dwell = true;
+                Ok(())
+            }
+            530 => {
+                self.machine_coordinates = true;
+                Ok(())
+            }
+            920 => {
+                self.set_g92 = true;
+                Ok(())
+            }
+            921 => {
+                self.clear_g92 = true;
+                Ok(())
+            }
+            // Plane, feed mode, cutter compensation, tool length: the only values this machine has.
+            170 | 940 | 400 | 490 | 911 | 610 => Ok(()),
+            _ => Err(20),
+        }
+    }
+
+    fn take_m(&mut self, value: f32) -> Result<(), u8> {
+        match value.round() as i32 {
+            0 => self.pause = true,
+            1 => {}
+            2 | 30 => self.end = true,
+            3 => self.spindle = Some("M3"),
+            4 => self.spindle = Some("M4"),
+            5 => self.spindle = Some("M5"),
+            8 | 9 => self.synchronise = true,
+            _ => return Err(20),
+        }
+        Ok(())
+    }
+
+    fn has_axes(&self) -> bool {
+        self.axes.iter().any(Option::is_some)
+    }
+}
+
+fn once<T>(slot: &mut Option<T>, value: T) -> Result<(), u8> {
+    if slot.replace(value).is_some() { Err(25) } else { Ok(()) }
+}
+
+impl Parser {
+    /// The modes of power-up, at a place.
+    pub fn at(position: [f32; 3]) -> Self {
+        Self { position, ..Self::default() }
+    }
+
+    /// Back to the modes of power-up; the offsets of G92 and the position stay what they are.
+    pub fn restore_modes(&mut self) {
+        *self = Self { position: self.position, g92: self.g92, ..Self::default() };
+    }
+
+    /// Takes one line of G-code; the error is Grbl's number, and then nothing has changed.
+    pub fn take(&mut self, line: &[u8]) -> Result<Action, u8> {
+        let line = Line::read(&words::split(line)?)?;
+        if line.dwell && line.p.is_none() {
+            return Err(28);
+        }
+        if (line.dwell || line.clear_g92) && line.set_g92 {
+            return Err(21);
+        }
+        if line.set_g92 && !line.has_axes() {
+            return Err(26);
+        }
+        let motion = line.motion.unwrap_or(self.rapid);
+        let moves = line.has_axes() && !line.set_g92 && !line.dwell;
+        let scale = if line.inches.unwrap_or(self.inches) { MM_PER_INCH } else { 1.0 };
+        let feed = line.feed.map_or(self.feed, |f| f * scale);
+        if moves && motion == Motion::None {
+            return Err(24);
+        }
+        if line.motion == Some(Motion::Feed) && !line.has_axes() && line.machine_coordinates {
+            return Err(26);
+        }
+        if moves && motion == Motion::Feed && feed == 0.0 {
+            return Err(22);
+        }
+
+        let offset = self.offset();
+        self.rapid = motion;
+        self.absolute = line.absolute.unwrap_or(self.absolute);
+        self.inches = line.inches.unwrap_or(self.inches);
+        self.system = line.system.unwrap_or(self.system);
+        self.feed = feed;
+        if let Some(spindle) = line.spindle {
+            self.spindle = spindle;
+        }
+        if line.clear_g92 {
+            self.g92 = [0.0; 3];
+        }
+        if line.set_g92 {
+            for (axis, value) in line.axes.iter().enumerate() {
+                if let Some(value) = value {
+                    self.g92[axis] = self.position[axis] - value * scale;
+                }
+            }
+        }
+        Ok(if line.dwell {
+            Action::Dwell { seconds: line.p.unwrap_or(0.0) }
+        } else if moves {
+            let target = self.target(&line.axes, scale, self.absolute || line.machine_coordinates, line.machine_coordinates, offset);
+            self.position = target;
+            Action::Move { target, feed: (motion == Motion::Feed).then_some(feed) }
+        } else if line.end {
+            self.restore_modes();
+            Action::End
+        } else if line.pause {
+            Action::Pause
+        } else if line.synchronise || line.spindle.is_some() {
+            Action::Synchronise
+        } else {
+            Action::None
+        })
+    }
+
+    /// `$J=`: a move of its own modes that leaves the parser's alone.
+    pub fn jog(&mut self, line: &[u8]) -> Result<Action, u8> {
+        let line = Line::read(&words::split(line)?)?;
+        let allowed = line.motion.is_none() && !line.dwell && !line.set_g92 && !line.clear_g92 && !line.end && !line.pause;
+        if !allowed || line.system.is_some() || line.spindle.is_some() {
+            return Err(16);
+        }
+        if !line.has_axes() {
+            return Err(26);
+        }
+        let scale = if line.inches.unwrap_or(self.inches) { MM_PER_INCH } else { 1.0 };
+        let Some(feed) = line.feed.filter(|f| *f > 0.0) else { return Err(22) };
+        let absolute = line.absolute.unwrap_or(self.absolute) || line.machine_coordinates;
+        let target = self.target(&line.axes, scale, absolute, line.machine_coordinates, self.offset());
+        self.position = target;
+        Ok(Action::Move { target, feed: Some(feed * scale) })
+    }
+
+    pub fn offset(&self) -> [f32; 3] {
+        self.g92
+    }
+
+    fn target(&self, axes: &[Option<f32>; 3], scale: f32, absolute: bool, machine: bool, offset: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|axis| match axes[axis] {
+            None => self.position[axis],
+            Some(value) if machine => value * scale,
+            Some(value) if absolute => value * scale + offset[axis],
+            Some(value) => self.position[axis] + value * scale,
+        })
+    }
+
+    /// `$G`
+    pub fn report(&self) -> String {
+        let motion = match self.rapid {
+            Motion::Rapid => "G0",
+            Motion::Feed => "G1",
+            Motion::None => "G80",
+        };
+        let units = if self.inches { "G20" } else { "G21" };
+        let distance = if self.absolute { "G90" } else { "G91" };
+        let feed = if self.inches { self.feed / MM_PER_INCH } else { self.feed };
+        format!("[GC:{motion} G{} G17 {units} {distance} G94 {} M9 T0 F{feed:.0} S0]\r\n", self.system, self.spindle)
+    }
+
+    /// `$#`
+    pub fn report_offsets(&self) -> String {
+        let zero = "0.000,0.000,0.000";
+        let mut text: String = (54..60).map(|n| format!("[G{n}:{zero}]\r\n")).collect();
+        text.push_str(&format!("[G28:{zero}]\r\n[G30:{zero}]\r\n[G92:{}]\r\n", super::report::triple(self.g92)));
+        text.push_str(&format!("[TLO:0.000]\r\n[PRB:{zero}:0]\r\n"));
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn to(action: Action) -> [f32; 3] {
+        match action {
+            Action::Move { target, .. } => target,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn modes_offsets_and_machine_coordinates() {
+        let mut p = Parser::default();
+        assert_eq!(to(p.take(b"G0X1.5").unwrap()), [1.5, 0.0, 0.0]);
+        assert_eq!(to(p.take(b"G91X.5Y2").unwrap()), [2.0, 2.0, 0.0]);
+        assert_eq!(p.take(b"G92X0").unwrap(), Action::None);
+        assert_eq!(to(p.take(b"G90X1").unwrap()), [3.0, 2.0, 0.0], "counted from where G92 put zero");
+        assert_eq!(to(p.take(b"G53X1").unwrap()), [1.0, 2.0, 0.0]);
+        p.take(b"G92.1").unwrap();
+        assert_eq!(to(p.take(b"G20X1").unwrap()), [25.4, 2.0, 0.0]);
+        p.restore_modes();
+        assert_eq!(to(p.take(b"X1").unwrap()), [1.0, 2.0, 0.0], "a reset restores G90 and G21");
+    }
+
+    #[test]
+    fn a_refused_line_changes_nothing() {
+        let mut p = Parser::default();
+        let before = p.clone();
+        for (line, error) in
+            [(&b"G1X1"[..], 22), (b"G91G90X1", 21), (b"X1X2", 25), (b"G4", 28), (b"G2X1", 20), (b"G92", 26), (b"G80X1", 24), (b"F-1", 4)]
+        {
+            assert_eq!(p.take(line).unwrap_err(), error, "{}", String::from_utf8_lossy(line));
+            assert_eq!(p, before);
+        }
+    }
+
+    #[test]
+    fn a_jog_leaves_the_modes_alone() {
+        let mut p = Parser::default();
+        assert_eq!(to(p.jog(b"G91X1F100").unwrap()), [1.0, 0.0, 0.0]);
+        assert_eq!(p.jog(b"X1").unwrap_err(), 22);
+        assert_eq!(p.jog(b"G0X1F1").unwrap_err(), 16);
+        assert!(p.report().contains("G90") && p.report().contains(" F0 "));
+    }
+}

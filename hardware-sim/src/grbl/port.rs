@@ -1,0 +1,312 @@
+//! The firmware's serial port: a pty whose slave end the host opens as it would `/dev/ttyUSB0`.
+//!
+//! ```text
+//!   host ── /dev/pts/N ═ pty ═ master ── one thread: poll(master, opens and closes, waker) ── Firmware
+//! ```
+//! Opening the port resets the controller, as the DTR line of an Arduino does: bytes sent before it has booted are lost,
+//! then it greets. The thread keeps the slave open itself, so that a host may close it and come back.
+
+use super::faults::SerialFaults;
+use super::firmware::Firmware;
+use super::settings::Settings;
+use crate::clock::RigClock;
+use crate::shaft::Shaft;
+use nix::errno::Errno;
+use nix::fcntl::{OFlag, open};
+use nix::poll::{PollFd, PollFlags, ppoll};
+use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
+use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};
+use nix::sys::stat::Mode;
+use nix::sys::termios::{FlushArg, SetArg, cfmakeraw, tcflush, tcgetattr, tcsetattr};
+use nix::sys::time::TimeSpec;
+use std::collections::VecDeque;
+use std::io::{Read, Write};
+use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::os::unix::net::UnixStream;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// A real board sits in its bootloader for a second or two; long enough here that a host which flushes after opening does
+/// not flush the greeting away.
+const BOOT: Duration = Duration::from_millis(60);
+
+nix::ioctl_none_bad!(
+    /// Lets others open the terminal again.
+    tiocnxcl,
+    nix::libc::TIOCNXCL
+);
+
+enum Order {
+    Reboot,
+    Unplug(mpsc::Sender<()>),
+    Replug(mpsc::Sender<nix::Result<()>>),
+    Quit,
+}
+
+/// The emulated controller on its port.
+pub struct SerialPort {
+    orders: mpsc::Sender<Order>,
+    waker: UnixStream,
+    path: Arc<Mutex<PathBuf>>,
+    link: Option<PathBuf>,
+    faults: Arc<SerialFaults>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl SerialPort {
+    /// Plugs the controller in. `link`, where given, always points to the present device name.
+    pub fn start(clock: RigClock, shaft: Arc<Shaft>, settings: Settings, link: Option<PathBuf>) -> std::io::Result<Self> {
+        let faults = Arc::new(SerialFaults::default());
+        let plug = Plug::open()?;
+        if let Some(link) = &link {
+            point(link, &plug.path)?;
+        }
+        let path = Arc::new(Mutex::new(plug.path.clone()));
+        let (waker, wake) = UnixStream::pair()?;
+        wake.set_nonblocking(true)?;
+        let (orders, inbox) = mpsc::channel();
+        let worker = Worker {
+            clock,
+            firmware: Firmware::new(shaft, Arc::clone(&faults), settings),
+            faults: Arc::clone(&faults),
+            plug: Some(plug),
+            path: Arc::clone(&path),
+            link: link.clone(),
+            inbox,
+            wake,
+            boot_at: Some(Instant::now()),
+            outgoing: VecDeque::new(),
+        };
+        let thread = std::thread::Builder::new().name("sim-grbl".into()).spawn(move || worker.run())?;
+        Ok(Self { orders, waker, path, link, faults, thread: Some(thread) })
+    }
+
+    /// What the host opens: the link where one was asked for, else the pty's own name, which changes on a replug.
+    pub fn path(&self) -> PathBuf {
+        self.link.clone().unwrap_or_else(|| self.path.lock().unwrap_or_else(PoisonError::into_inner).clone())
+    }
+
+    pub fn faults(&self) -> &SerialFaults {
+        &self.faults
+    }
+
+    /// The controller restarts in whatever it is doing, and greets without a word about it.
+    pub fn reboot(&self) {
+        self.order(Order::Reboot);
+    }
+
+    /// Pulls the cable: the port is gone when this returns, and the controller without power.
+    pub fn unplug(&self) {
+        let (done, wait) = mpsc::channel();
+        self.order(Order::Unplug(done));
+        // The only other answer is that the thread is gone, and then so is the port.
+        let _ = wait.recv();
+    }
+
+    /// Plugs the cable in again, under whatever device name is free.
+    pub fn replug(&self) -> std::io::Result<()> {
+        let (done, wait) = mpsc::channel();
+        self.order(Order::Replug(done));
+        Ok(wait.recv().map_err(|_| Errno::EIO)??)
+    }
+
+    fn order(&self, order: Order) {
+        let _ = self.orders.send(order);
+        let _ = (&self.waker).write_all(&[0]);
+    }
+}
+
+impl Drop for SerialPort {
+    fn drop(&mut self) {
+        self.order(Order::Quit);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+        if let Some(link) = &self.link {
+            let _ = std::fs::remove_file(link);
+        }
+    }
+}
+
+/// A pty with its slave kept open, and a watch on who else opens and closes it.
+struct Plug {
+    master: PtyMaster,
+    slave: OwnedFd,
+    watch: Inotify,
+    path: PathBuf,
+    clients: u32,
+}
+
+impl Plug {
+    fn open() -> nix::Result<Self> {
+        let master = posix_openpt(OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_NONBLOCK | OFlag::O_CLOEXEC)?;
+        grantpt(&master)?;
+        unlockpt(&master)?;
+        let path = PathBuf::from(ptsname_r(&master)?);
+        let slave = open(&path, OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC, Mode::empty())?;
+        let mut termios = tcgetattr(&slave)?;
+        cfmakeraw(&mut termios);
+        tcsetattr(&slave, SetArg::TCSANOW, &termios)?;
+        let watch = Inotify::init(InitFlags::IN_CLOEXEC | InitFlags::IN_NONBLOCK)?;
+        watch.add_watch(&path, AddWatchFlags::IN_OPEN | AddWatchFlags::IN_CLOSE)?;
+        Ok(Self { master, slave, watch, path, clients: 0 })
+    }
+
+    /// Takes note of opens and closes; whether somebody opened the port.
+    fn visitors(&mut self) -> bool {
+        let mut opened = false;
+        for event in self.watch.read_events().unwrap_or_default() {
+            if event.mask.contains(AddWatchFlags::IN_OPEN) {
+                self.clients += 1;
+                opened = true;
+            } else if event.mask.intersects(AddWatchFlags::IN_CLOSE) {
+                self.clients = self.clients.saturating_sub(1);
+            }
+        }
+        if self.clients == 0 {
+            // A real port forgets unread bytes and its exclusive lock with the last close; ours is still open.
+            let _ = tcflush(&self.slave, FlushArg::TCIFLUSH);
+            // SAFETY: TIOCNXCL takes no argument and touches no memory of ours; the descriptor is open.
+            #[allow(unsafe_code)]
+            let _ = unsafe { tiocnxcl(self.slave.as_raw_fd()) };
+        }
+        opened
+    }
+}
+
+struct Worker {
+    clock: RigClock,
+    firmware: Firmware,
+    faults: Arc<SerialFaults>,
+    plug: Option<Plug>,
+    path: Arc<Mutex<PathBuf>>,
+    link: Option<PathBuf>,
+    inbox: mpsc::Receiver<Order>,
+    wake: UnixStream,
+    /// When the controller will have booted; none while it runs or has no power.
+    boot_at: Option<Instant>,
+    outgoing: VecDeque<(Instant, Vec<u8>)>,
+}
+
+impl Worker {
+    fn run(mut self) {
+        loop {
+            if let Err(error) = self.wait() {
+                tracing::error!(%error, "the emulated serial port stops");
+                return;
+            }
+            while let Ok(order) = self.inbox.try_recv() {
+                if matches!(order, Order::Quit) {
+                    return;
+                }
+                self.obey(order);
+            }
+            if self.plug.as_mut().is_some_and(Plug::visitors) {
+                self.restart();
+            }
+            if self.boot_at.is_some_and(|at| at <= Instant::now()) {
+                // What came in during the boot is lost.
+                self.read();
+                self.boot_at = None;
+                self.firmware.boot();
+            }
+            let bytes = self.read();
+            if self.boot_at.is_none() && self.plug.is_some() {
+                let now_s = self.clock.now_s();
+                self.firmware.advance(now_s);
+                self.firmware.receive(&bytes, now_s);
+            }
+            self.write();
+        }
+    }
+
+    /// Sleeps until a byte, an order, an open or close, or the firmware's next event.
+    fn wait(&mut self) -> nix::Result<()> {
+        let motion = self.firmware.next_event_s().map(|at| self.clock.real(at - self.clock.now_s()));
+        let now = Instant::now();
+        let due = [self.boot_at, self.outgoing.front().map(|(due, _)| *due)].into_iter().flatten();
+        let timeout = due.map(|at| at.saturating_duration_since(now)).chain(motion).min().map(TimeSpec::from_duration);
+        let mut fds = vec![PollFd::new(self.wake.as_fd(), PollFlags::POLLIN)];
+        if let Some(plug) = &self.plug {
+            fds.push(PollFd::new(plug.master.as_fd(), PollFlags::POLLIN));
+            fds.push(PollFd::new(plug.watch.as_fd(), PollFlags::POLLIN));
+        }
+        match ppoll(&mut fds, timeout, None) {
+            Ok(_) | Err(Errno::EINTR) => {}
+            Err(error) => return Err(error),
+        }
+        // The waker carries no meaning but that there is an order.
+        let mut sink = [0; 64];
+        while matches!((&self.wake).read(&mut sink), Ok(n) if n > 0) {}
+        Ok(())
+    }
+
+    fn obey(&mut self, order: Order) {
+        match order {
+            Order::Reboot => self.restart(),
+            Order::Unplug(done) => {
+                self.firmware.lose_power(self.clock.now_s());
+                self.outgoing.clear();
+                self.plug = None;
+                self.boot_at = None;
+                let _ = done.send(());
+            }
+            Order::Replug(done) => {
+                let _ = done.send(self.replug());
+            }
+            Order::Quit => {}
+        }
+    }
+
+    fn replug(&mut self) -> nix::Result<()> {
+        let plug = Plug::open()?;
+        if let Some(link) = &self.link {
+            point(link, &plug.path).map_err(|e| Errno::from_raw(e.raw_os_error().unwrap_or(nix::libc::EIO)))?;
+        }
+        plug.path.clone_into(&mut self.path.lock().unwrap_or_else(PoisonError::into_inner));
+        self.plug = Some(plug);
+        self.restart();
+        Ok(())
+    }
+
+    fn restart(&mut self) {
+        self.firmware.lose_power(self.clock.now_s());
+        self.firmware.take_output();
+        self.outgoing.clear();
+        self.boot_at = Some(Instant::now() + BOOT);
+    }
+
+    fn read(&mut self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let Some(plug) = &mut self.plug else { return bytes };
+        let mut chunk = [0; 4096];
+        while let Ok(n @ 1..) = plug.master.read(&mut chunk) {
+            bytes.extend_from_slice(&chunk[..n]);
+        }
+        bytes
+    }
+
+    fn write(&mut self) {
+        let text = self.firmware.take_output();
+        let now = Instant::now();
+        if !text.is_empty() {
+            self.outgoing.push_back((now + self.faults.delay(), text));
+        }
+        while let Some((_, text)) = self.outgoing.pop_front_if(|(due, _)| *due <= now) {
+            if let Some(plug) = &mut self.plug {
+                // A host that does not read loses bytes, as on a UART.
+                let _ = plug.master.write(&text);
+            }
+        }
+    }
+}
+
+/// Makes `link` point to `target`, in one step for whoever looks.
+fn point(link: &Path, target: &Path) -> std::io::Result<()> {
+    let fresh = link.with_extension("new");
+    let _ = std::fs::remove_file(&fresh);
+    std::os::unix::fs::symlink(target, &fresh)?;
+    std::fs::rename(&fresh, link)
+}

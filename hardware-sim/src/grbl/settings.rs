@@ -1,0 +1,100 @@
+//! The `$` settings: they live in EEPROM and survive every reset.
+
+use std::collections::BTreeMap;
+
+/// Settings that Grbl prints without decimals.
+const INTEGERS: [u16; 15] = [0, 1, 2, 3, 4, 5, 6, 10, 20, 21, 22, 23, 26, 30, 31];
+const LASER_MODE: u16 = 32;
+
+/// What the firmware was told about its machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    values: BTreeMap<u16, f32>,
+}
+
+impl Default for Settings {
+    /// A rotation axis on X: 1 unit = 100 steps, so that every whole step is exact in three decimals, and 500 steps make a
+    /// revolution. Motors stay energised ($1=255), the reference switch is fitted ($22=1).
+    fn default() -> Self {
+        let mut values: BTreeMap<u16, f32> = [
+            (0, 10.0),
+            (1, 255.0),
+            (2, 0.0),
+            (3, 0.0),
+            (4, 0.0),
+            (5, 0.0),
+            (6, 0.0),
+            (10, 1.0),
+            (11, 0.010),
+            (12, 0.002),
+            (13, 0.0),
+            (20, 0.0),
+            (21, 0.0),
+            (22, 1.0),
+            (23, 0.0),
+            (24, 25.0),
+            (25, 500.0),
+            (26, 25.0),
+            (27, 0.05),
+            (30, 1000.0),
+            (31, 0.0),
+            (LASER_MODE, 0.0),
+        ]
+        .into();
+        for axis in 0..3 {
+            values.insert(100 + axis, 100.0);
+            values.insert(110 + axis, 500.0);
+            values.insert(120 + axis, 20.0);
+            values.insert(130 + axis, 10.0);
+        }
+        Self { values }
+    }
+}
+
+impl Settings {
+    pub fn get(&self, number: u16) -> f32 {
+        self.values.get(&number).copied().unwrap_or(0.0)
+    }
+
+    pub fn is_on(&self, number: u16) -> bool {
+        self.get(number) != 0.0
+    }
+
+    pub(super) fn per_axis(&self, base: u16) -> [f32; 3] {
+        [self.get(base), self.get(base + 1), self.get(base + 2)]
+    }
+
+    /// Stores a setting as the firmware would; the error is Grbl's number.
+    pub fn set(&mut self, number: u16, value: f32) -> Result<(), u8> {
+        if !self.values.contains_key(&number) {
+            return Err(3);
+        }
+        if value < 0.0 {
+            return Err(4);
+        }
+        if number == 0 && value < 3.0 {
+            return Err(6);
+        }
+        if number == 20 && value != 0.0 && !self.is_on(22) {
+            return Err(10);
+        }
+        if number == 22 && value == 0.0 {
+            self.values.insert(20, 0.0);
+        }
+        let stored = if is_integer(number) { value.trunc() } else { value };
+        self.values.insert(number, stored);
+        Ok(())
+    }
+
+    /// `$$`
+    pub(super) fn report(&self) -> String {
+        self.values
+            .iter()
+            .map(|(n, v)| if is_integer(*n) { format!("${n}={}\r\n", *v as i64) } else { format!("${n}={v:.3}\r\n") })
+            .collect()
+    }
+}
+
+fn is_integer(number: u16) -> bool {
+    number == LASER_MODE || INTEGERS.contains(&number)
+}

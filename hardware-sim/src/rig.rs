@@ -1,0 +1,171 @@
+//! One emulated rig: a shaft, the firmware that turns it, the camera that looks at it.
+
+use crate::clock::RigClock;
+use crate::gige::{CameraFaults, GigeCamera};
+use crate::grbl::{SerialFaults, SerialPort, Settings};
+use crate::shaft::{Shaft, ShaftSettings};
+use crate::sight::{PixelFormat, Sight};
+use crate::truth::ExposureRecord;
+use std::io::ErrorKind;
+use std::net::Ipv4Addr;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Which loopback address the camera takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum CameraAddress {
+    Fixed(Ipv4Addr),
+    /// The first of 127.0.0.2 to 127.0.0.254 on which no other camera listens.
+    #[default]
+    FirstFree,
+}
+
+/// What the rig is made of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigSettings {
+    pub shaft: ShaftSettings,
+    /// 1 is real time, 10 ten times as fast.
+    pub time_scale: f64,
+    pub camera: CameraAddress,
+    /// What the camera sends until a host chooses otherwise.
+    pub pixel_format: PixelFormat,
+    pub firmware: Settings,
+    /// A path that points to the serial port, whatever its device name; none gives the device name itself.
+    pub serial_link: Option<PathBuf>,
+}
+
+impl Default for RigSettings {
+    fn default() -> Self {
+        Self {
+            shaft: ShaftSettings::default(),
+            time_scale: 1.0,
+            camera: CameraAddress::default(),
+            pixel_format: PixelFormat::BayerRG8,
+            firmware: Settings::default(),
+            serial_link: None,
+        }
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    #[error("time scale {0} is not a positive number; 1 is real time, 10 ten times as fast")]
+    TimeScale(f64),
+    #[error("{steps}/{revolutions} steps per revolution is no ratio of positive numbers, such as 500/1")]
+    StepsPerRevolution { steps: u32, revolutions: u32 },
+    #[error("another camera already listens on {0}, UDP port 3956; stop the other emulated rig or choose another 127.0.0.x")]
+    AddressInUse(Ipv4Addr),
+    #[error("every address from 127.0.0.2 to 127.0.0.254 has a camera already; stop some emulated rigs")]
+    NoFreeAddress,
+    #[error("cannot listen on {address}, UDP port 3956: {why}; choose an address of this machine, such as 127.0.0.2")]
+    Camera { address: Ipv4Addr, why: std::io::Error },
+    #[error("cannot make an emulated serial port{}: {why}", link.as_ref().map(|l| format!(" at {}", l.display())).unwrap_or_default())]
+    Serial { link: Option<PathBuf>, why: std::io::Error },
+}
+
+/// A running rig; everything is shut down and joined when it is dropped.
+pub struct Rig {
+    shaft: Arc<Shaft>,
+    port: SerialPort,
+    camera: GigeCamera,
+}
+
+/// Every knob of a rig that makes something go wrong.
+#[derive(Clone, Copy)]
+pub struct Faults<'a> {
+    rig: &'a Rig,
+}
+
+impl Rig {
+    pub fn start(settings: RigSettings, sight: Arc<dyn Sight>) -> Result<Self, RigError> {
+        if !(settings.time_scale.is_finite() && settings.time_scale > 0.0) {
+            return Err(RigError::TimeScale(settings.time_scale));
+        }
+        let (steps, revolutions) = settings.shaft.steps_per_revolution;
+        if steps == 0 || revolutions == 0 {
+            return Err(RigError::StepsPerRevolution { steps, revolutions });
+        }
+        let clock = RigClock::new(settings.time_scale);
+        let shaft = Arc::new(Shaft::new(clock, settings.shaft));
+        let camera = start_camera(&settings, clock, &shaft, &sight)?;
+        let link = settings.serial_link;
+        let port =
+            SerialPort::start(clock, Arc::clone(&shaft), settings.firmware, link.clone()).map_err(|why| RigError::Serial { link, why })?;
+        Ok(Self { shaft, port, camera })
+    }
+
+    /// What a host opens as the motor controller's port.
+    pub fn serial_path(&self) -> PathBuf {
+        self.port.path()
+    }
+
+    pub fn camera_address(&self) -> Ipv4Addr {
+        self.camera.address()
+    }
+
+    pub fn camera_serial(&self) -> &str {
+        self.camera.serial()
+    }
+
+    /// The true shaft.
+    pub fn shaft(&self) -> &Shaft {
+        &self.shaft
+    }
+
+    /// What was really exposed, oldest first.
+    pub fn exposures(&self) -> Vec<ExposureRecord> {
+        self.camera.truth().all()
+    }
+
+    pub fn faults(&self) -> Faults<'_> {
+        Faults { rig: self }
+    }
+}
+
+impl<'a> Faults<'a> {
+    /// What the firmware sends.
+    pub fn serial(&self) -> &'a SerialFaults {
+        self.rig.port.faults()
+    }
+
+    /// What the camera sends.
+    pub fn camera(&self) -> &'a CameraFaults {
+        self.rig.camera.faults()
+    }
+
+    /// The motor will not follow the next `steps` steps.
+    pub fn lose_steps(&self, steps: u32) {
+        self.rig.shaft.lose_steps(steps);
+    }
+
+    /// The motor controller restarts, in the middle of a move or not, without an alarm.
+    pub fn reboot_controller(&self) {
+        self.rig.port.reboot();
+    }
+
+    /// Pulls the serial cable; the port is gone when this returns.
+    pub fn unplug_serial(&self) {
+        self.rig.port.unplug();
+    }
+
+    /// Plugs it in again; [`Rig::serial_path`] tells under which name.
+    pub fn replug_serial(&self) -> std::io::Result<()> {
+        self.rig.port.replug()
+    }
+}
+
+fn start_camera(settings: &RigSettings, clock: RigClock, shaft: &Arc<Shaft>, sight: &Arc<dyn Sight>) -> Result<GigeCamera, RigError> {
+    let try_on = |address| {
+        GigeCamera::start(address, settings.pixel_format, clock, Arc::clone(shaft), Arc::clone(sight)).map_err(|why| match why.kind() {
+            ErrorKind::AddrInUse => RigError::AddressInUse(address),
+            _ => RigError::Camera { address, why },
+        })
+    };
+    match settings.camera {
+        CameraAddress::Fixed(address) => try_on(address),
+        CameraAddress::FirstFree => (2..=254)
+            .map(|last| try_on(Ipv4Addr::new(127, 0, 0, last)))
+            .find(|outcome| !matches!(outcome, Err(RigError::AddressInUse(_))))
+            .unwrap_or(Err(RigError::NoFreeAddress)),
+    }
+}

@@ -1,0 +1,94 @@
+//! The seam between the doors and the picture: what the sensor sees at an angle of the shaft.
+
+/// Layout of a picture's bytes, by its GenICam name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PixelFormat {
+    /// One grey byte per pixel.
+    Mono8,
+    /// One byte per pixel under a colour mosaic whose first row reads R G R G.
+    BayerRG8,
+    /// Three bytes per pixel, red first.
+    RGB8Packed,
+}
+
+impl PixelFormat {
+    pub const ALL: [Self; 3] = [Self::Mono8, Self::BayerRG8, Self::RGB8Packed];
+
+    pub fn bytes_per_pixel(self) -> usize {
+        match self {
+            Self::Mono8 | Self::BayerRG8 => 1,
+            Self::RGB8Packed => 3,
+        }
+    }
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mono8 => "Mono8",
+            Self::BayerRG8 => "BayerRG8",
+            Self::RGB8Packed => "RGB8Packed",
+        }
+    }
+
+    /// The number by which GigE Vision knows it.
+    pub(crate) fn code(self) -> u32 {
+        match self {
+            Self::Mono8 => 0x0108_0001,
+            Self::BayerRG8 => 0x0108_0009,
+            Self::RGB8Packed => 0x0218_0014,
+        }
+    }
+
+    pub(crate) fn from_code(code: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|f| f.code() == code)
+    }
+}
+
+/// One exposure of the whole sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Exposure {
+    /// True angle of the shaft at the middle of the exposure, unwrapped and counted from the index.
+    pub angle_rad: f64,
+    /// Exposures since the rig was started, from 0: seeds the noise.
+    pub number: u64,
+    pub format: PixelFormat,
+}
+
+/// A picture, row by row, without padding.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pixels {
+    pub width: u32,
+    pub height: u32,
+    pub format: PixelFormat,
+    pub bytes: Vec<u8>,
+}
+
+impl Pixels {
+    /// A picture of one value.
+    pub fn filled(width: u32, height: u32, format: PixelFormat, value: u8) -> Self {
+        Self { width, height, format, bytes: vec![value; width as usize * height as usize * format.bytes_per_pixel()] }
+    }
+
+    /// Whether the bytes are as many as the size and the format say.
+    pub fn is_whole(&self) -> bool {
+        self.bytes.len() == self.width as usize * self.height as usize * self.format.bytes_per_pixel()
+    }
+
+    /// The rectangle at `(x, y)`; the caller has made sure that it lies inside.
+    pub(crate) fn crop(&self, x: u32, y: u32, width: u32, height: u32) -> Vec<u8> {
+        let bpp = self.format.bytes_per_pixel();
+        if (x, y, width, height) == (0, 0, self.width, self.height) {
+            return self.bytes.clone();
+        }
+        let stride = self.width as usize * bpp;
+        let row = |v: u32| (y + v) as usize * stride + x as usize * bpp;
+        (0..height).flat_map(|v| &self.bytes[row(v)..row(v) + width as usize * bpp]).copied().collect()
+    }
+}
+
+/// What stands before the sensor.
+pub trait Sight: Send + Sync {
+    /// Width and height of the sensor.
+    fn size(&self) -> (u32, u32);
+    /// The whole sensor's picture; the camera cuts its region out of it.
+    fn look(&self, exposure: &Exposure) -> Pixels;
+}
