@@ -295,7 +295,8 @@ impl Worker {
             self.outgoing.push_back((now + self.faults.delay(), text));
         }
         while let Some((_, text)) = self.outgoing.pop_front_if(|(due, _)| *due <= now) {
-            if let Some(plug) = &mut self.plug {
+            // Nobody at the other end: a real port keeps nothing for whoever opens it later.
+            if let Some(plug) = self.plug.as_mut().filter(|plug| plug.clients > 0) {
                 // A host that does not read loses bytes, as on a UART.
                 let _ = plug.master.write(&text);
             }
