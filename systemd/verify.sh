@@ -1,0 +1,30 @@
+#!/bin/sh
+# Checks the unit, its drop-in and the udev rule without installing them or the daemon.
+set -eu
+here=$(dirname "$(readlink -f "$0")")
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+# `verify` wants the program to be there: any that is stands in for it.
+mkdir "$work/carved.service.d"
+sed "s|^ExecStart=/usr/bin/carved |ExecStart=$(command -v true) |" "$here/carved.service" >"$work/carved.service"
+cp "$here/camera-subnet.conf" "$work/carved.service.d/"
+complaints=$(systemd-analyze verify --man=no "$work/carved.service" 2>&1 || echo "exit code $?")
+if [ -n "$complaints" ]; then
+    echo "systemd-analyze verify: $complaints" >&2
+    exit 1
+fi
+
+# In tenths: at most 1.5 of 10. The table goes to stdout only where the unit fails.
+if ! table=$(systemd-analyze security --no-pager --offline=true --threshold=15 "$here/carved.service" 2>&1); then
+    echo "$table" >&2
+    exit 1
+fi
+echo "$table" | tail -n 1
+
+# Newer than Debian 12's udev.
+if udevadm verify --help >/dev/null 2>&1; then
+    udevadm verify "$here/60-carved.rules"
+else
+    echo "udevadm verify: not in this udev, the rule was not checked"
+fi
