@@ -1,7 +1,7 @@
 // Live volume after each view, as a line over the number of views.
 
 import { element, setText, svg } from "./dom.ts";
-import { nanolitres, percentChange, significant, UM3_PER_NL } from "./format.ts";
+import { counted, nanolitres, percentChange, significant, UM3_PER_NL } from "./format.ts";
 import { niceTicks, viewTicks } from "./ticks.ts";
 
 const MARGIN = { left: 62, right: 18, top: 14, bottom: 42 };
@@ -57,7 +57,7 @@ function caption(curve: Curve): string {
   const before = volumes.at(-2);
   const change = before ? `; the last view changed it by ${percentChange(before, last)}` : "";
   const measured = curve.measured_um3 === null ? "" : `; measured ${nanolitres(curve.measured_um3)}`;
-  return `${curve.well}: ${nanolitres(last)} after ${volumes.length} views${change}${measured}.`;
+  return `${curve.well}: ${nanolitres(last)} after ${counted(volumes.length, "view")}${change}${measured}.`;
 }
 
 function picture(curve: Curve, width: number, height: number): SVGElement {
@@ -70,7 +70,7 @@ function picture(curve: Curve, width: number, height: number): SVGElement {
   const bottom = height - MARGIN.bottom;
   const x = (view: number) => MARGIN.left + ((view - 1) / (views - 1)) * (right - MARGIN.left);
   const y = (nl: number) => bottom - (nl / top) * (bottom - MARGIN.top);
-  const label = `Volume of the live model of ${curve.well} after each of ${values.length} views`;
+  const label = `Volume of the live model of ${curve.well} after each of ${counted(values.length, "view")}`;
   const chart = svg("svg", { width, height, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
   chart.dataset["points"] = String(values.length);
 

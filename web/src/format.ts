@@ -81,6 +81,11 @@ export function words(name: string): string {
   return name.replaceAll("_", " ");
 }
 
+/** `1 view`, `2 views`. */
+export function counted(count: number, noun: string): string {
+  return `${grouped(count)} ${noun}${count === 1 ? "" : "s"}`;
+}
+
 export function capitalised(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }

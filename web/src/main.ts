@@ -8,6 +8,7 @@ import { VolumeChart } from "./chart.ts";
 import { keepLive } from "./connection.ts";
 import { byId, setText } from "./dom.ts";
 import { FaultsView } from "./faults.ts";
+import { counted } from "./format.ts";
 import { FrameView } from "./frame.ts";
 import { HeaderView } from "./header.ts";
 import { VolumeHistory } from "./history.ts";
@@ -136,7 +137,7 @@ function pictures(status: Status): void {
   revisionShown = revision;
   void frame.update();
   const specimen = status.specimen;
-  if (specimen) void model?.update(`${specimen.well} after ${specimen.volumes_um3.length} views`);
+  if (specimen) void model?.update(`${specimen.well} after ${counted(specimen.volumes_um3.length, "view")}`);
   else void model?.update("Last specimen");
 }
 

@@ -96,7 +96,7 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
   );
   assert.ok((await page.locator("#sentence").innerText()).length > 10);
   await page.locator("#frame-image").waitFor();
-  await page.locator("#model-caption", { hasText: /after \d+ views: [\d,]+ × [\d,]+ × [\d,]+/ }).waitFor();
+  await page.locator("#model-caption", { hasText: /after \d+ views?: [\d,]+ × [\d,]+ × [\d,]+/ }).waitFor();
   const picture = await drawn(page.locator("#model-box canvas"));
   assert.ok(picture.share > 0.01 && picture.shades > 20, `a shaded body, not ${JSON.stringify(picture)}`);
   const frame = await drawn(page.locator("#frame-box"));

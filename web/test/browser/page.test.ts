@@ -137,7 +137,7 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
 test("the model grows without leaking: old geometry leaves the GPU, the canvas stays", async () => {
   server.publish(running(1));
   await page.goto(server.url);
-  await until("model-caption", /A02 after 1 views/);
+  await until("model-caption", /A02 after 1 view/);
   const canvas = await page.locator("#model-box canvas").elementHandle();
   for (let views = 2; views <= 22; views += 1) {
     server.live["/v1/live/mesh.glb"] = {
@@ -262,6 +262,7 @@ test("a lost connection is said with its age, and heals by itself", async () => 
   server = new FixtureServer(status({ boot_id: "c9e2", doing: "waiting for a run after the restart" }));
   await server.start(port);
   await until("sentence", /after the restart/);
+  assert.equal(server.asked[0], "", "a revision of the old daemon means nothing to the new one");
   assert.equal(await text("link"), "Live");
   assert.equal(await page.locator("#lost").isVisible(), false);
 });

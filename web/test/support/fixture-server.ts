@@ -16,6 +16,8 @@ const PAGE: Record<string, [string, string]> = {
 
 export class FixtureServer {
   readonly aborted: string[] = [];
+  /** Queries of the status requests, oldest first. */
+  readonly asked: string[] = [];
   /** Answer to an abort: 200, or a problem in words. */
   refusal: string | null = null;
   /** Wanted of everything under /v1, where set. */
@@ -75,6 +77,7 @@ export class FixtureServer {
     } else if (this.token !== null && request.headers.authorization !== `Bearer ${this.token}`) {
       this.#json(response, 401, { title: "Unauthorized", detail: "send the instrument's token" });
     } else if (url.pathname === "/v1/status") {
+      this.asked.push(url.search);
       await this.#settled(url);
       this.#json(response, 200, this.#status);
     } else if (request.method === "POST" && /^\/v1\/runs\/[^/]+\/abort$/.test(url.pathname)) {

@@ -47,6 +47,8 @@ test("bytes, words and times", () => {
   assert.equal(format.bytes(412_300_000_000), "412 GB");
   assert.equal(format.bytes(4_130_000_000), "4.13 GB");
   assert.equal(format.words("out_of_focus"), "out of focus");
+  assert.equal(format.counted(1, "view"), "1 view");
+  assert.equal(format.counted(1204, "view"), "1,204 views");
   assert.equal(format.capitalised(""), "");
   assert.match(format.clockTime("2026-03-05T09:31:12Z"), /^\d\d:\d\d:12$/);
   assert.equal(format.clockTime("yesterday"), "yesterday");
