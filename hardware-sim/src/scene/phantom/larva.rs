@@ -21,7 +21,7 @@ use crate::scene::seeded::{Seeded, mixed};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const EYE: Material = Material { absorption_per_mm: [26.0, 27.0, 28.0], index_step: 0.0 };
-const YOLK: Material = Material { absorption_per_mm: [1.1, 1.35, 1.9], index_step: 0.014 };
+const YOLK: Material = Material { absorption_per_mm: [2.0, 2.15, 2.5], index_step: 0.014 };
 const NOTOCHORD: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.008 };
 const BLADDER: Material = Material { absorption_per_mm: [-0.6, -0.7, -1.0], index_step: -0.16 };
 const FIN: Material = Material { absorption_per_mm: [4.0, 4.2, 4.8], index_step: 0.06 };
@@ -66,7 +66,7 @@ pub struct Larva {
 }
 
 /// Where the eyes sit along the body, and how far they bulge.
-const EYE_AT: f64 = 0.098;
+const EYE_AT: f64 = 0.088;
 const EYE_SPAN: f64 = 0.045;
 const EYE_BULGE_UM: f64 = 30.0;
 
@@ -256,7 +256,7 @@ impl Larva {
         let half_width = self.radius(EYE_AT, FRAC_PI_2);
         let eyes = sin_side.map(|side| {
             let at = [head[0], head[1] - 6.0 * g, head[2] + side * (half_width - 94.0 * g)];
-            ellipsoid_mesh(at, [0.037 * self.length_um, 112.0 * g, 70.0 * g], 48, 48)
+            ellipsoid_mesh(at, [0.037 * self.length_um, 118.0 * g, 70.0 * g], 48, 48)
         });
         parts.push(Part { mesh: eyes[0].clone().with(&eyes[1]), material: EYE, within_body: Within::Added });
 
@@ -295,7 +295,7 @@ impl Larva {
         parts
     }
 
-    /// Pigment: stripes of melanophores along the back, the belly and the flank, a cap on the head, and the fin's edge.
+    /// Pigment: stripes of melanophores along the back, the belly and the flank, a cap on the head; texture; the fin's edge.
     fn spots(&self) -> Vec<Spot> {
         let mut seeded = Seeded::new(mixed(self.seed ^ 0x5107));
         let mut spots = Vec::new();
@@ -314,14 +314,14 @@ impl Larva {
             for _ in 0..count {
                 let s = seeded.between(from, to);
                 let theta = middle + seeded.normal(spread);
-                let [x, y, z] = self.centre(s);
                 let (sin, cos) = theta.sin_cos();
                 let size = size_um * seeded.between(0.6, 1.25) * (1.15 - 0.6 * s);
                 // The cell lies under the skin by its own thickness, so it never shows outside the body.
-                let r = (self.radius(s, theta) - size - 6.0).max(0.0);
-                pigment::melanophore([x, y + r * cos, z + r * sin], [0.0, -sin, cos], size, &mut seeded, &mut spots);
+                let depth = (1.0 - (size + 6.0) / self.radius(s, theta)).max(0.0);
+                pigment::melanophore(self.within(s, theta, depth), [0.0, -sin, cos], size, &mut seeded, &mut spots);
             }
         }
+        self.add_texture(&mut seeded, &mut spots);
         for s in self.fin_stations(900) {
             for p in [0usize, 24] {
                 if let Some(&at_um) = self.fin_ring(s, 48).get(p)
@@ -332,6 +332,37 @@ impl Larva {
             }
         }
         spots
+    }
+}
+
+impl Larva {
+    /// A place in the body: `depth` 0 is its centre line, 1 its surface.
+    fn within(&self, s: f64, theta: f64, depth: f64) -> [f64; 3] {
+        let [x, y, z] = self.centre(s);
+        let r = depth * self.radius(s, theta);
+        [x, y + r * theta.cos(), z + r * theta.sin()]
+    }
+
+    /// Tissue is not clear: soft lighter and darker clouds all through it, and the oblique seams between the somites.
+    fn add_texture(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        for _ in 0..420 {
+            let s = seeded.between(0.02, 0.9);
+            let at_um = self.within(s, seeded.between(0.0, TAU), 0.85 * seeded.between(0.0, 1.0).sqrt());
+            let radius_um = seeded.between(10.0, 45.0) * (1.1 - 0.7 * s);
+            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.12) * (1.1 - 0.7 * s) });
+        }
+        for seam in 0..34 {
+            let at = 0.33 + 0.018 * f64::from(seam);
+            for step in -6..=6 {
+                // A chevron that points to the head, on both flanks.
+                let height = f64::from(step) / 6.0;
+                let s = at + 0.016 * height.abs();
+                for side in [-1.0, 1.0] {
+                    let theta = side * (FRAC_PI_2 - 1.1 * height);
+                    spots.push(Spot { at_um: self.within(s, theta, 0.75), radius_um: 7.0, density: 0.07 });
+                }
+            }
+        }
     }
 }
 
@@ -361,8 +392,8 @@ const FIN_TO: f64 = 1.03;
 /// Half width, dorsal and ventral height along the body, um. Read off lateral and dorsal views of larvae; the caps are
 /// put on by [`cap`].
 const WIDTH: [[f64; 2]; 12] = [
-    [0.0, 150.0],
-    [0.05, 178.0],
+    [0.0, 140.0],
+    [0.05, 182.0],
     [0.10, 198.0],
     [0.16, 205.0],
     [0.24, 196.0],
@@ -375,9 +406,9 @@ const WIDTH: [[f64; 2]; 12] = [
     [1.0, 16.0],
 ];
 const DORSAL: [[f64; 2]; 12] = [
-    [0.0, 128.0],
-    [0.05, 165.0],
-    [0.10, 190.0],
+    [0.0, 135.0],
+    [0.05, 178.0],
+    [0.10, 200.0],
     [0.16, 200.0],
     [0.24, 190.0],
     [0.32, 178.0],
@@ -389,9 +420,9 @@ const DORSAL: [[f64; 2]; 12] = [
     [1.0, 22.0],
 ];
 const VENTRAL: [[f64; 2]; 12] = [
-    [0.0, 118.0],
-    [0.05, 150.0],
-    [0.10, 178.0],
+    [0.0, 128.0],
+    [0.05, 165.0],
+    [0.10, 186.0],
     [0.16, 205.0],
     [0.24, 252.0],
     [0.32, 256.0],
@@ -411,13 +442,13 @@ fn middle_of(ring: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|i| ring.iter().map(|p| p[i]).sum::<f64>() / ring.len() as f64)
 }
 
-/// Closes the body at both ends like an ellipsoid: over a tenth of the length at the nose, a fiftieth at the tail.
+/// Closes the body at both ends like an ellipsoid: over a fifteenth of the length at the nose, a fiftieth at the tail.
 fn cap(s: f64) -> f64 {
     let end = |from_end: f64, over: f64| {
         let t = (1.0 - from_end / over).max(0.0);
         (1.0 - t * t).max(0.0).sqrt()
     };
-    end(s, 0.11) * end(1.0 - s, 0.02)
+    end(s, 0.065) * end(1.0 - s, 0.02)
 }
 
 fn smooth_step(t: f64) -> f64 {

@@ -33,7 +33,7 @@ pub struct Material {
 
 impl Material {
     /// Living tissue: pale yellowish-brown, index 1.36 in water.
-    pub const TISSUE: Self = Self { absorption_per_mm: [0.62, 0.78, 1.12], index_step: 0.024 };
+    pub const TISSUE: Self = Self { absorption_per_mm: [1.05, 1.25, 1.65], index_step: 0.024 };
     /// Polystyrene as beads show it: translucent with a broad dark rim.
     pub const POLYSTYRENE: Self = Self { absorption_per_mm: [0.30, 0.32, 0.36], index_step: 0.045 };
 }
