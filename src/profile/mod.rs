@@ -4,9 +4,22 @@
 //! RawFrame -> Picture (colour) -> capillary walls -> specimen inside the bore -> sub-pixel edge -> Profile
 //! ```
 
+mod background;
 mod bayer;
+mod detection;
+mod edge;
+mod foreground;
 mod mask;
 mod picture;
+mod plane;
+mod quality;
+mod segment;
+mod walls;
 
+pub use detection::Detection;
+pub use edge::Polygon;
 pub use mask::{Mask, WrongMaskSize};
 pub use picture::Picture;
+pub use quality::ProfileQuality;
+pub use segment::{EdgeSettings, Profile, ProfileError, SegmentSettings, WallSettings, segment};
+pub use walls::{Line, Wall, Walls};

@@ -35,6 +35,12 @@ impl Picture {
         &self.planes
     }
 
+    /// Number of planes that say something of their own: 1 where all are equal, else 3.
+    pub fn colours(&self) -> usize {
+        let [red, green, blue] = &self.planes;
+        if red == green && green == blue { 1 } else { 3 }
+    }
+
     /// Interleaved bytes, red first.
     pub fn to_rgb(&self) -> Vec<u8> {
         let [r, g, b] = &self.planes;

@@ -75,7 +75,7 @@ export function tally(run: RunStatus): string {
     [w.skipped, "skipped"],
     [w.failed, "failed"],
     [w.interrupted, "interrupted"],
-    [w.pending, run.outcome === null ? "waiting" : "not started"],
+    [w.pending, "waiting"],
   ];
   return parts
     .filter(([count]) => count > 0)

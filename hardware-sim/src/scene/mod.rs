@@ -181,6 +181,3 @@ impl Scene {
         Window::around(seen, margin, (camera.width, camera.height), samples)
     }
 }
-
-#[cfg(test)]
-mod tests;

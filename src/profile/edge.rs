@@ -1,0 +1,420 @@
+//! From a set of pixels to an outline at sub-pixel position, and back to a mask.
+//!
+//! ```text
+//!      cracks between pixels -> smoothed, 1 px steps -> profile of darkness along each normal
+//!                                                              |
+//!   outside ___________                                        v
+//!                      \  e: where background turns into specimen, by a least-squares fit of
+//!   inside              \_____     height * step(s - e) + rim * decay(s - e), blurred, neither below 0
+//!                                                              |
+//!      one e per step, chosen together (neighbours differ little) -> polygon -> pixel centres inside -> mask
+//! ```
+//! A pixel's width of dilation is 7 % of a larva's volume, so the edge is not where a threshold is crossed, which moves with
+//! contrast, but where the fitted step stands, whatever its height.
+
+use super::plane::{Plane, gaussian};
+use super::segment::EdgeSettings;
+use serde::{Deserialize, Serialize};
+
+/// A closed outline in pixel coordinates (pixel centres at integers), the last vertex joined to the first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Polygon {
+    pub vertices: Vec<[f64; 2]>,
+}
+
+impl Polygon {
+    /// Area enclosed, px^2.
+    pub fn area_px2(&self) -> f64 {
+        let n = self.vertices.len();
+        let cross = |i: usize| {
+            let ([u0, v0], [u1, v1]) = (self.vertices[i], self.vertices[(i + 1) % n]);
+            u0 * v1 - u1 * v0
+        };
+        (0..n).map(cross).sum::<f64>().abs() / 2.0
+    }
+}
+
+/// How sure one vertex of the refined outline is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct EdgePoint {
+    /// Height of the fitted step, in standard deviations of one pixel's noise.
+    pub contrast: f64,
+    /// Standard error of the position, px; infinite where nothing could be fitted.
+    pub error_px: f64,
+    /// The vertex lies on a wall or on the frame's border, where the specimen's own edge cannot be seen.
+    pub bounded: bool,
+}
+
+/// Follows the cracks around each connected set of true pixels: outer outlines only, clockwise on the screen.
+pub(super) fn trace(inside: &[bool], width: usize, top: usize) -> Vec<Vec<[f64; 2]>> {
+    let height = inside.len() / width;
+    let is = |u: isize, v: isize| {
+        (0..width as isize).contains(&u) && (0..height as isize).contains(&v) && inside[v as usize * width + u as usize]
+    };
+    // A crack that runs rightwards has an inside pixel below it and an outside pixel above it.
+    let mut used = vec![false; inside.len()];
+    let mut outlines = Vec::new();
+    for start in 0..inside.len() {
+        let (u, v) = ((start % width) as isize, (start / width) as isize);
+        if used[start] || !is(u, v) || is(u, v - 1) {
+            continue;
+        }
+        let (mut corner, mut way) = ((u, v), (1isize, 0isize));
+        let mut outline = Vec::new();
+        loop {
+            outline.push([corner.0 as f64 - 0.5, corner.1 as f64 - 0.5 + top as f64]);
+            if way == (1, 0) {
+                used[corner.1 as usize * width + corner.0 as usize] = true;
+            }
+            corner = (corner.0 + way.0, corner.1 + way.1);
+            // The pixels ahead of the corner, on the left (outside) and on the right (inside) of the way.
+            let ahead = |side: (isize, isize)| {
+                let u = corner.0 + (way.0 + side.0 - 1).div_euclid(2);
+                let v = corner.1 + (way.1 + side.1 - 1).div_euclid(2);
+                is(u, v)
+            };
+            let (left, right) = ((way.1, -way.0), (-way.1, way.0));
+            way = if ahead(left) {
+                left
+            } else if ahead(right) {
+                way
+            } else {
+                right
+            };
+            if corner == (u, v) && way == (1, 0) {
+                break;
+            }
+        }
+        let signed: f64 = (0..outline.len())
+            .map(|i| {
+                let ([u0, v0], [u1, v1]): ([f64; 2], [f64; 2]) = (outline[i], outline[(i + 1) % outline.len()]);
+                u0 * v1 - u1 * v0
+            })
+            .sum();
+        if signed > 0.0 {
+            outlines.push(outline);
+        }
+    }
+    outlines
+}
+
+/// Cyclic Gaussian smoothing.
+fn smooth_cyclic(values: &[f64], sigma: f64) -> Vec<f64> {
+    let kernel = gaussian(sigma);
+    let (n, reach) = (values.len(), kernel.len() / 2);
+    (0..n)
+        .map(|i| kernel.iter().enumerate().map(|(k, &w)| f64::from(w) * values[(i + k + n * (reach / n + 1) - reach) % n]).sum())
+        .collect()
+}
+
+/// Vertices at equal steps of about `step` along a closed outline.
+fn resample(outline: &[[f64; 2]], step: f64) -> Vec<[f64; 2]> {
+    let n = outline.len();
+    let side = |i: usize| {
+        let (a, b) = (outline[i], outline[(i + 1) % n]);
+        (b[0] - a[0]).hypot(b[1] - a[1])
+    };
+    let length: f64 = (0..n).map(side).sum();
+    let count = ((length / step).round() as usize).max(8);
+    let mut out = Vec::with_capacity(count);
+    let (mut i, mut before) = (0, 0.0);
+    for k in 0..count {
+        let target = length * k as f64 / count as f64;
+        while i + 1 < n && before + side(i) < target {
+            before += side(i);
+            i += 1;
+        }
+        let (a, b) = (outline[i], outline[(i + 1) % n]);
+        let part = ((target - before) / side(i).max(1e-12)).clamp(0.0, 1.0);
+        out.push([a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]);
+    }
+    out
+}
+
+/// Smooths the staircase of cracks away and resamples it at 1 px.
+fn smooth_outline(outline: &[[f64; 2]], sigma_px: f64) -> Vec<[f64; 2]> {
+    let axis = |c: usize| smooth_cyclic(&outline.iter().map(|p| p[c]).collect::<Vec<_>>(), sigma_px);
+    let (u, v) = (axis(0), axis(1));
+    let smooth: Vec<[f64; 2]> = u.into_iter().zip(v).map(|(u, v)| [u, v]).collect();
+    resample(&smooth, 1.0)
+}
+
+/// Unit normals that point inside a clockwise outline.
+fn normals(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+    let n = points.len();
+    (0..n)
+        .map(|i| {
+            let (a, b) = (points[(i + n - 2) % n], points[(i + 2) % n]);
+            let (du, dv) = (b[0] - a[0], b[1] - a[1]);
+            let length = du.hypot(dv).max(1e-9);
+            [-dv / length, du / length]
+        })
+        .collect()
+}
+
+/// Samples along a normal: from `-REACH_PX` outside to `REACH_PX` inside.
+const PER_PX: usize = 2;
+const REACH_PX: usize = 9;
+const SAMPLES: usize = 2 * REACH_PX * PER_PX + 1;
+/// Positions that the fit tries per px.
+const SHIFTS_PER_PX: usize = 4;
+
+/// What the fit says of one shift at one vertex.
+#[derive(Clone, Copy)]
+struct Fit {
+    /// Share of the samples' energy left unexplained, weighed so that a strong edge counts more.
+    cost: f32,
+    contrast: f32,
+}
+
+/// Length over which the dark rim decays that a round body's edge shows in bright field.
+const RIM_PX: f64 = 2.0;
+
+/// The blurred step and rim at every shift, ready to be fitted: least squares by two dot products. Both rise at the edge and
+/// may not be negative, so that no mixture of them puts the edge elsewhere.
+struct Model {
+    shifts: Vec<f64>,
+    /// Per shift: first sample of its window, and the window's step and rim.
+    windows: Vec<(usize, Vec<f32>, Vec<f32>)>,
+}
+
+impl Model {
+    fn new(settings: &EdgeSettings) -> Self {
+        let per_px = SHIFTS_PER_PX as f64;
+        let (first, last) = ((-settings.search_outside_px * per_px).round() as i32, (settings.search_inside_px * per_px).round() as i32);
+        let shifts: Vec<f64> = (first..=last.max(first)).map(|k| f64::from(k) / per_px).collect();
+        let sigma = settings.blur_px;
+        let index = |s: f64| ((s + REACH_PX as f64) * PER_PX as f64).round().clamp(0.0, (SAMPLES - 1) as f64) as usize;
+        let windows = shifts
+            .iter()
+            .map(|&e| {
+                let (from, to) = (index(e - settings.outside_px), index(e + settings.inside_px));
+                let s = |k: usize| k as f64 / PER_PX as f64 - REACH_PX as f64 - e;
+                let step = (from..=to).map(|k| normal_cdf(s(k) / sigma) as f32).collect();
+                // An exponential that starts at the edge, convolved with the blur.
+                let decay = |s: f64| (sigma * sigma / (2.0 * RIM_PX * RIM_PX) - s / RIM_PX).exp() * normal_cdf(s / sigma - sigma / RIM_PX);
+                let rim = (from..=to).map(|k| decay(s(k)) as f32).collect();
+                (from, step, rim)
+            })
+            .collect();
+        Self { shifts, windows }
+    }
+
+    /// Least squares of the samples on step and rim at shift `k`.
+    fn fit(&self, k: usize, samples: &[f32], noise2: f32) -> Fit {
+        let (from, step, rim) = &self.windows[k];
+        let window = &samples[(*from).min(samples.len())..(from + step.len()).min(samples.len())];
+        let (mut ss, mut sr, mut rr, mut ys, mut yr, mut yy) = (1e-6f32, 0.0, 1e-6f32, 0.0, 0.0, 0.0);
+        for ((&y, &s), &r) in window.iter().zip(step).zip(rim) {
+            ss += s * s;
+            sr += s * r;
+            rr += r * r;
+            ys += y * s;
+            yr += y * r;
+            yy += y * y;
+        }
+        let det = (ss * rr - sr * sr).max(1e-6);
+        let (mut a, mut c) = ((ys * rr - yr * sr) / det, (yr * ss - ys * sr) / det);
+        if a < 0.0 {
+            (a, c) = (0.0, (yr / rr).max(0.0));
+        } else if c < 0.0 {
+            (a, c) = ((ys / ss).max(0.0), 0.0);
+        }
+        let explained = a * ys + c * yr;
+        Fit { cost: (yy - 2.0 * explained) / (noise2 * window.len() as f32 + yy), contrast: a + c }
+    }
+}
+
+fn normal_pdf(x: f64) -> f64 {
+    (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
+}
+
+/// Abramowitz and Stegun 26.2.17, within 7.5e-8.
+fn normal_cdf(x: f64) -> f64 {
+    let t = 1.0 / (1.0 + 0.231_641_9 * x.abs());
+    let poly = t * (0.319_381_530 + t * (-0.356_563_782 + t * (1.781_477_937 + t * (-1.821_255_978 + t * 1.330_274_429))));
+    let upper = normal_pdf(x) * poly;
+    if x >= 0.0 { 1.0 - upper } else { upper }
+}
+
+/// What limits a refined edge besides the picture itself.
+pub(super) struct Limits<'a> {
+    /// Pixels of the window that belong to the specimen, for the local thickness.
+    pub inside: &'a [bool],
+    /// Lowest and highest row that an edge may have in a column: the walls' inner lines.
+    pub rows: &'a dyn Fn(f64) -> (f64, f64),
+}
+
+/// Moves an outline to where the darkness steps up.
+pub(super) fn refine(cracks: &[[f64; 2]], darkness: &Plane, limits: &Limits, settings: &EdgeSettings) -> (Polygon, Vec<EdgePoint>) {
+    let points = smooth_outline(cracks, settings.outline_smoothing_px);
+    let inward = normals(&points);
+    let model = Model::new(settings);
+    let samples = straighten(&points, &inward, darkness, settings);
+    let noise2 = 1.0 / (2.0 * std::f32::consts::PI.sqrt() * settings.along_px as f32).max(1.0);
+    let last_u = (darkness.width - 1) as f64;
+    let at_border = |p: &[f64; 2]| p[0] < 0.5 || p[0] > last_u - 0.5;
+    let fits: Vec<Vec<Fit>> = points
+        .iter()
+        .zip(&inward)
+        .zip(&samples)
+        .map(|((p, n), profile)| {
+            let deep = half_thickness(p, n, darkness, limits.inside);
+            let upto = ((REACH_PX as f64 + deep) * PER_PX as f64) as usize + 1;
+            let seen = &profile[..upto.min(SAMPLES)];
+            (0..model.shifts.len())
+                .map(|k| {
+                    // The frame's border is no edge of the specimen: the outline stays where it is.
+                    let fixed = if at_border(p) { model.shifts[k].abs() as f32 } else { 0.0 };
+                    let fit = model.fit(k, seen, noise2);
+                    Fit { cost: fit.cost + fixed, contrast: if at_border(p) { 0.0 } else { fit.contrast } }
+                })
+                .collect()
+        })
+        .collect();
+    let chosen = choose(&fits, settings.stiffness as f32);
+    let shifts: Vec<f64> = chosen.iter().zip(&fits).map(|(&k, row)| model.shifts[0] + settle(row, k) / SHIFTS_PER_PX as f64).collect();
+    let shifts = smooth_cyclic(&shifts, settings.shift_smoothing_px);
+    let mut vertices = Vec::with_capacity(points.len());
+    let mut record = Vec::with_capacity(points.len());
+    for (i, (p, n)) in points.iter().zip(&inward).enumerate() {
+        let u = (p[0] + shifts[i] * n[0]).clamp(-0.5, last_u + 0.5);
+        let (least, most) = (limits.rows)(u);
+        let free = p[1] + shifts[i] * n[1];
+        let v = free.max(least).min(most);
+        let contrast = f64::from(fits[i][chosen[i]].contrast).abs();
+        // A blurred step of height a under white noise of 1 is placed to sqrt(2 sqrt(pi) blur) / a per sample and pixel;
+        // averaging along the outline divides by the root of what it averages.
+        let spread = (2.0 * std::f64::consts::PI.sqrt() * settings.blur_px).sqrt() * f64::from(noise2).sqrt();
+        let error_px = if contrast > 0.0 { spread / contrast } else { f64::INFINITY };
+        let bounded = at_border(p) || free - least < 0.5 || most - free < 0.5;
+        vertices.push([u, v]);
+        record.push(EdgePoint { contrast, error_px, bounded });
+    }
+    (Polygon { vertices }, record)
+}
+
+/// Darkness along every normal, averaged along the outline.
+fn straighten(points: &[[f64; 2]], inward: &[[f64; 2]], darkness: &Plane, settings: &EdgeSettings) -> Vec<[f32; SAMPLES]> {
+    let raw: Vec<[f32; SAMPLES]> = points
+        .iter()
+        .zip(inward)
+        .map(|(p, n)| {
+            std::array::from_fn(|k| {
+                let s = k as f64 / PER_PX as f64 - REACH_PX as f64;
+                darkness.sample(p[0] + s * n[0], p[1] + s * n[1])
+            })
+        })
+        .collect();
+    let kernel = gaussian(settings.along_px);
+    let (count, reach) = (raw.len(), kernel.len() / 2);
+    (0..count)
+        .map(|i| {
+            let mut mean = [0.0f32; SAMPLES];
+            for (k, &w) in kernel.iter().enumerate() {
+                let from = &raw[(i + k + count * (reach / count + 1) - reach) % count];
+                for (m, r) in mean.iter_mut().zip(from) {
+                    *m += w * r;
+                }
+            }
+            mean
+        })
+        .collect()
+}
+
+/// Half the way through the specimen along a normal: the fit must not look out of the other side of a fin.
+fn half_thickness(p: &[f64; 2], n: &[f64; 2], window: &Plane, inside: &[bool]) -> f64 {
+    let is = |s: f64| {
+        let (u, v) = ((p[0] + s * n[0]).round(), (p[1] + s * n[1]).round() - window.top as f64);
+        u >= 0.0 && v >= 0.0 && u < window.width as f64 && v < window.height as f64 && inside[v as usize * window.width + u as usize]
+    };
+    let thick = (1..=2 * REACH_PX).take_while(|&s| is(s as f64)).count();
+    (thick as f64 / 2.0).max(1.0)
+}
+
+/// One shift per vertex: the cheapest closed path in which neighbours differ by at most two states.
+fn choose(fits: &[Vec<Fit>], stiffness: f32) -> Vec<usize> {
+    // Going round twice and keeping the second half closes the path: what the start was forgets itself within a few steps.
+    let (n, states) = (fits.len(), fits[0].len());
+    let mut cost = vec![0.0f32; states];
+    let mut came: Vec<Vec<u8>> = Vec::with_capacity(2 * n);
+    for i in 0..2 * n {
+        let mut next = vec![f32::INFINITY; states];
+        let mut from = vec![0u8; states];
+        for (k, slot) in next.iter_mut().enumerate() {
+            for j in k.saturating_sub(2)..(k + 3).min(states) {
+                let apart = (j as f32 - k as f32) / SHIFTS_PER_PX as f32;
+                let total = cost[j] + stiffness * apart * apart;
+                if total < *slot {
+                    *slot = total;
+                    from[k] = (j + 2 - k) as u8;
+                }
+            }
+            *slot += fits[i % n][k].cost;
+        }
+        let least = next.iter().copied().fold(f32::INFINITY, f32::min);
+        cost = next.iter().map(|c| c - least).collect();
+        came.push(from);
+    }
+    let mut k = (0..states).min_by(|&a, &b| cost[a].total_cmp(&cost[b])).unwrap_or(0);
+    let mut path = vec![0; 2 * n];
+    for i in (0..2 * n).rev() {
+        path[i] = k;
+        k = k + usize::from(came[i][k]) - 2;
+    }
+    // The middle of the two rounds is free of both ends.
+    let half = n / 2;
+    (0..n).map(|i| path[if i >= half { i } else { i + n }]).collect()
+}
+
+/// Follows the cost from state `k` down to its least value near by, and between the states by a parabola: in states.
+fn settle(row: &[Fit], k: usize) -> f64 {
+    let mut k = k;
+    for _ in 0..3 {
+        let best = (k.saturating_sub(1)..(k + 2).min(row.len())).min_by(|&a, &b| row[a].cost.total_cmp(&row[b].cost));
+        k = best.unwrap_or(k);
+    }
+    if k == 0 || k + 1 >= row.len() {
+        return k as f64;
+    }
+    let (a, b, c) = (f64::from(row[k - 1].cost), f64::from(row[k].cost), f64::from(row[k + 1].cost));
+    let bend = a - 2.0 * b + c;
+    k as f64 + if bend <= 1e-9 { 0.0 } else { (0.5 * (a - c) / bend).clamp(-0.5, 0.5) }
+}
+
+/// Marks every pixel whose centre an outline encloses (a vertex order that winds around it, in either sense).
+pub(super) fn rasterise(polygons: &[Polygon], mask: &mut super::Mask) {
+    let (w, h) = (mask.width(), mask.height());
+    let mut crossings: Vec<Vec<(f64, i32)>> = vec![Vec::new(); h];
+    for polygon in polygons {
+        crossings.iter_mut().for_each(Vec::clear);
+        let n = polygon.vertices.len();
+        for i in 0..n {
+            let ([u0, v0], [u1, v1]) = (polygon.vertices[i], polygon.vertices[(i + 1) % n]);
+            let (from, to, way) = if v0 <= v1 { (v0, v1, 1) } else { (v1, v0, -1) };
+            let first = from.ceil().max(0.0) as usize;
+            // Half open: a vertex on a row belongs to the side below it only.
+            let mut v = first;
+            while (v as f64) < to && v < h {
+                let part = (v as f64 - v0) / (v1 - v0);
+                crossings[v].push((u0 + part * (u1 - u0), way));
+                v += 1;
+            }
+        }
+        for (v, row) in crossings.iter_mut().enumerate() {
+            row.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut winding = 0;
+            for pair in row.windows(2) {
+                winding += pair[0].1;
+                if winding != 0 {
+                    let from = pair[0].0.ceil().max(0.0) as usize;
+                    let mut u = from;
+                    while (u as f64) < pair[1].0 && u < w {
+                        mask.set(u, v, true);
+                        u += 1;
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! A window of a picture as numbers: what filters and fits work on.
+
+use super::Picture;
+
+/// One `f32` per pixel of `width` columns, whose first row is row `top` of the picture.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Plane {
+    pub width: usize,
+    pub height: usize,
+    /// Row of the picture that the window's row 0 is.
+    pub top: usize,
+    pub data: Vec<f32>,
+}
+
+impl Plane {
+    pub fn filled(width: usize, height: usize, top: usize, value: f32) -> Self {
+        Self { width, height, top, data: vec![value; width * height] }
+    }
+
+    /// Rows `top .. bottom` of one colour of a picture.
+    pub fn from_picture(picture: &Picture, channel: usize, top: usize, bottom: usize) -> Self {
+        let width = picture.width();
+        let data = picture.planes()[channel][top * width..bottom * width].iter().map(|&p| f32::from(p)).collect();
+        Self { width, height: bottom - top, top, data }
+    }
+
+    pub fn row(&self, v: usize) -> &[f32] {
+        &self.data[v * self.width..(v + 1) * self.width]
+    }
+
+    /// Bilinear value at `(u, v)` in picture coordinates; beyond the window its border goes on.
+    pub fn sample(&self, u: f64, v: f64) -> f32 {
+        let u = u.clamp(0.0, (self.width - 1) as f64);
+        let v = (v - self.top as f64).clamp(0.0, (self.height - 1) as f64);
+        let (u0, v0) = (u as usize, v as usize);
+        let (u1, v1) = ((u0 + 1).min(self.width - 1), (v0 + 1).min(self.height - 1));
+        let (fu, fv) = ((u - u0 as f64) as f32, (v - v0 as f64) as f32);
+        let p = |u: usize, v: usize| self.data[v * self.width + u];
+        let upper = p(u0, v0) + fu * (p(u1, v0) - p(u0, v0));
+        let lower = p(u0, v1) + fu * (p(u1, v1) - p(u0, v1));
+        upper + fv * (lower - upper)
+    }
+
+    /// Gaussian smoothing; the border is continued by its own value.
+    pub fn smoothed(&self, sigma_px: f64) -> Self {
+        let kernel = gaussian(sigma_px);
+        let (w, h) = (self.width, self.height);
+        let reach = kernel.len() / 2;
+        let mut padded = vec![0.0f32; w + 2 * reach];
+        let mut across = vec![0.0f32; w * h];
+        for v in 0..h {
+            let row = self.row(v);
+            padded[..reach].fill(row[0]);
+            padded[reach..reach + w].copy_from_slice(row);
+            padded[reach + w..].fill(row[w - 1]);
+            let out = &mut across[v * w..(v + 1) * w];
+            for (k, &weight) in kernel.iter().enumerate() {
+                for (o, p) in out.iter_mut().zip(&padded[k..k + w]) {
+                    *o += weight * p;
+                }
+            }
+        }
+        let mut data = vec![0.0f32; w * h];
+        for v in 0..h {
+            let out = &mut data[v * w..(v + 1) * w];
+            for (k, &weight) in kernel.iter().enumerate() {
+                let from = (v + k).saturating_sub(reach).min(h - 1);
+                for (o, p) in out.iter_mut().zip(&across[from * w..(from + 1) * w]) {
+                    *o += weight * p;
+                }
+            }
+        }
+        Self { width: w, height: h, top: self.top, data }
+    }
+}
+
+/// Weights of a Gaussian that is cut at three standard deviations and sums to 1.
+pub(super) fn gaussian(sigma: f64) -> Vec<f32> {
+    let reach = (3.0 * sigma).ceil() as i32;
+    let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (f64::from(k) / sigma).powi(2)).exp()).collect();
+    let sum: f64 = raw.iter().sum();
+    raw.iter().map(|w| (w / sum) as f32).collect()
+}
+
+/// The value at `share` (0 to 1) of the sorted values; 0 for none. Reorders its input.
+pub(super) fn quantile(values: &mut [f32], share: f64) -> f32 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let k = (share * (values.len() - 1) as f64).round() as usize;
+    *values.select_nth_unstable_by(k, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp(w: usize, h: usize) -> Plane {
+        Plane { width: w, height: h, top: 5, data: (0..w * h).map(|i| (i % w) as f32 + 10.0 * (i / w) as f32).collect() }
+    }
+
+    #[test]
+    fn sampling_is_exact_on_a_ramp_and_holds_the_border() {
+        let p = ramp(6, 4);
+        assert!((p.sample(2.25, 6.5) - 17.25).abs() < 1e-5);
+        assert!((p.sample(-9.0, 5.0) - 0.0).abs() < 1e-6 && (p.sample(99.0, 99.0) - 35.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn smoothing_keeps_a_constant_and_a_ramp_away_from_the_border() {
+        let s = ramp(20, 20).smoothed(1.0);
+        assert!((s.data[10 * 20 + 10] - 110.0).abs() < 1e-3);
+        let flat = Plane::filled(3, 1, 0, 7.0).smoothed(2.5);
+        assert!(flat.data.iter().all(|v| (v - 7.0).abs() < 1e-5), "also where the kernel is wider than the window");
+    }
+}

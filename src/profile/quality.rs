@@ -1,0 +1,60 @@
+//! How far a profile can be trusted, in figures measured on it.
+
+use super::Polygon;
+use super::background::Bore;
+use super::edge::EdgePoint;
+use serde::{Deserialize, Serialize};
+
+/// Figures of one profile. Edge figures are taken over the vertices where the specimen's own edge can be seen.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ProfileQuality {
+    /// Median height of the step at the edge, in standard deviations of a pixel's noise.
+    pub edge_contrast_sigma: f64,
+    /// Root mean square of the edge's standard error, px; 0 without an edge.
+    pub edge_error_px: f64,
+    /// Share of the outline whose position is uncertain by more than half a pixel.
+    pub uncertain_share: f64,
+    /// Share of the outline that lies on a wall.
+    pub wall_contact_share: f64,
+    /// Pieces of foreground that are larger than a speck, whether they belong to the specimen or not.
+    pub components: usize,
+    /// Share of saturated pixels in the bore: where the light saturates, faint tissue is lost.
+    pub saturated_share: f64,
+    /// Noise of a pixel, grey values, mean of the colours.
+    pub noise_grey: f64,
+}
+
+const UNCERTAIN_PX: f64 = 0.5;
+
+/// Measures the edge figures of `edge`, whose vertices `points` describes one by one.
+pub(super) fn of_edge(edge: &[Polygon], points: &[Vec<EdgePoint>], bore: &Bore) -> ProfileQuality {
+    let mut contrasts = Vec::new();
+    let (mut total, mut uncertain, mut touching, mut squares) = (0usize, 0usize, 0usize, 0.0);
+    for (polygon, record) in edge.iter().zip(points) {
+        for (&[u, v], point) in polygon.vertices.iter().zip(record) {
+            total += 1;
+            if point.bounded {
+                let walls = &bore.walls;
+                touching += usize::from(v - walls.upper.inner.at(u) < 1.0 || walls.lower.inner.at(u) - v < 1.0);
+                continue;
+            }
+            contrasts.push(point.contrast);
+            let error = point.error_px;
+            uncertain += usize::from(error > UNCERTAIN_PX);
+            // An edge that cannot be placed at all is not known to be further off than the search reaches.
+            squares += error.min(4.0).powi(2);
+        }
+    }
+    if total == 0 {
+        return ProfileQuality::default();
+    }
+    contrasts.sort_by(f64::total_cmp);
+    let seen = contrasts.len();
+    ProfileQuality {
+        edge_contrast_sigma: contrasts.get(seen / 2).copied().unwrap_or(0.0),
+        edge_error_px: if seen > 0 { (squares / seen as f64).sqrt() } else { 0.0 },
+        uncertain_share: uncertain as f64 / total as f64,
+        wall_contact_share: touching as f64 / total as f64,
+        ..ProfileQuality::default()
+    }
+}
