@@ -168,3 +168,25 @@ pub fn covered(planes: &[Vec<f32>]) -> Vec<bool> {
     let samples = planes.first().map_or(0, Vec::len);
     (0..samples).into_par_iter().map(|i| planes.iter().any(|plane| plane[i] > 0.0)).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::camera::Camera;
+
+    #[test]
+    fn a_sample_on_an_edge_belongs_to_one_of_its_two_triangles() {
+        // A cube whose sides and diagonals run exactly through samples, seen from so far that depth does not move them.
+        let half = 5.5 * 10.5;
+        let ring = |x: f64| [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[y, z]| [x, y * half, z * half]).to_vec();
+        let cube = Mesh::lofted([-half, 0.0, 0.0], &[ring(-half), ring(half)], [half, 0.0, 0.0]);
+        let camera = Camera { f_um: 6e7, ..Camera::default() };
+        let window = Window { u0: 495, v0: 495, width: 34, height: 34, fine_u: 1, fine_v: 1 };
+        let plane = thickness(&cube, &camera.view(0.0), camera.f_um, &window);
+        // 21 steps of a pixel across, with the samples on one of each two opposite sides.
+        assert_eq!(plane.iter().filter(|&&t| t > 0.0).count(), 21 * 21);
+        for &t in plane.iter().filter(|&&t| t > 0.0) {
+            assert!((f64::from(t) - 2.0 * half).abs() < 0.1, "{t} um instead of {}", 2.0 * half);
+        }
+    }
+}
