@@ -77,6 +77,8 @@ pub struct Faults<'a> {
 }
 
 impl Rig {
+    // The rig keeps what it looks at.
+    #[allow(clippy::needless_pass_by_value)]
     pub fn start(settings: RigSettings, sight: Arc<dyn Sight>) -> Result<Self, RigError> {
         if !(settings.time_scale.is_finite() && settings.time_scale > 0.0) {
             return Err(RigError::TimeScale(settings.time_scale));

@@ -170,6 +170,9 @@ impl Shaft {
 
 #[cfg(test)]
 mod tests {
+    // Whole steps and what they print are exact; that they are is what is tested.
+    #![allow(clippy::float_cmp)]
+
     use super::*;
 
     fn shaft(steps_per_revolution: (u32, u32)) -> Shaft {

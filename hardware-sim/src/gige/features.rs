@@ -3,6 +3,7 @@
 
 use super::bytes::u32_at;
 use crate::sight::PixelFormat;
+use std::fmt::Write;
 
 /// Where the camera's own registers begin, and where its description is read from.
 pub(super) const FEATURES: u32 = 0x0001_0000;
@@ -332,18 +333,19 @@ pub(super) fn description(vendor: &str, model: &str) -> String {
          VersionGuid=\"9a4f3d0c-5c62-4f0e-9d58-6f1f0a7b1051\" xmlns=\"http://www.genicam.org/GenApi/Version_1_0\">\n",
         model.replace(' ', "_")
     );
-    let list = |names: &[&str]| names.iter().map(|n| format!("<pFeature>{n}</pFeature>")).collect::<String>();
+    let list = |names: &[&str]| names.iter().map(|n| format!("<pFeature>{n}</pFeature>")).collect::<Vec<_>>().concat();
     let heads: Vec<&str> = groups.iter().map(|g| g.0).collect();
-    xml.push_str(&format!("<Category Name=\"Root\" NameSpace=\"Standard\">{}</Category>\n", list(&heads)));
+    let _ = writeln!(xml, "<Category Name=\"Root\" NameSpace=\"Standard\">{}</Category>", list(&heads));
     for (group, names) in &groups {
-        xml.push_str(&format!("<Category Name=\"{group}\" NameSpace=\"Custom\">{}</Category>\n", list(names)));
+        let _ = writeln!(xml, "<Category Name=\"{group}\" NameSpace=\"Custom\">{}</Category>", list(names));
     }
     for (name, address, length, writable) in TEXTS {
         let access = if writable { "RW" } else { "RO" };
-        xml.push_str(&format!(
+        let _ = writeln!(
+            xml,
             "<StringReg Name=\"{name}\" NameSpace=\"Standard\"><Address>0x{address:x}</Address><Length>{length}</Length>\
-             <AccessMode>{access}</AccessMode><pPort>Device</pPort></StringReg>\n"
-        ));
+             <AccessMode>{access}</AccessMode><pPort>Device</pPort></StringReg>"
+        );
     }
     for feature in FEATURE_TABLE {
         xml.push_str(&node(feature));
@@ -373,10 +375,11 @@ fn node(feature: &Feature) -> String {
             (text, "FloatReg", "RW")
         }
         Kind::Enumeration(entries) => {
-            let entries: String = entries
+            let entries = entries
                 .iter()
                 .map(|(entry, v)| format!("<EnumEntry Name=\"{entry}\" NameSpace=\"Standard\"><Value>{v}</Value></EnumEntry>"))
-                .collect();
+                .collect::<Vec<_>>()
+                .concat();
             (format!("<Enumeration Name=\"{name}\" NameSpace=\"Standard\">{entries}{value}</Enumeration>"), "IntReg", "RW")
         }
         Kind::Command => {
@@ -399,6 +402,9 @@ pub(super) fn word(image: &[u8], address: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    // A register gives back the very bits it took.
+    #![allow(clippy::float_cmp)]
+
     use super::*;
 
     #[test]

@@ -269,7 +269,7 @@ impl Firmware {
                     Ok(action) => self.act(action, now_s),
                     Err(number) => self.error(number),
                 }
-                if self.parser.offset() != offset {
+                if self.parser.offset().map(f32::to_bits) != offset.map(f32::to_bits) {
                     self.reporter.offset_changed();
                 }
             }

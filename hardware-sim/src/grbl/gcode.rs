@@ -1,6 +1,7 @@
 //! The G-code parser: modal state, and what one line asks the machine to do.
 
 use super::words::{self, Word};
+use std::fmt::Write;
 
 /// What a line asks for, once the modal state has taken its part.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -59,6 +60,8 @@ impl Default for Parser {
 
 /// Words of a line sorted by what they mean; filled before anything takes effect, as in the firmware.
 #[derive(Default)]
+// Codes that a line has or has not.
+#[allow(clippy::struct_excessive_bools)]
 struct Line {
     motion: Option<Motion>,
     absolute: Option<bool>,
@@ -86,9 +89,8 @@ impl Line {
                 b'G' => line.take_g(w.value)?,
                 b'M' => line.take_m(w.value)?,
                 b'X' | b'Y' | b'Z' => once(&mut line.axes[usize::from(w.letter - b'X')], w.value)?,
-                b'F' if w.value < 0.0 => return Err(4),
+                b'F' | b'P' if w.value < 0.0 => return Err(4),
                 b'F' => once(&mut line.feed, w.value)?,
-                b'P' if w.value < 0.0 => return Err(4),
                 b'P' => once(&mut line.p, w.value)?,
                 b'N' | b'S' | b'T' => {}
                 _ => return Err(20),
@@ -273,15 +275,18 @@ impl Parser {
     /// `$#`
     pub fn report_offsets(&self) -> String {
         let zero = "0.000,0.000,0.000";
-        let mut text: String = (54..60).map(|n| format!("[G{n}:{zero}]\r\n")).collect();
-        text.push_str(&format!("[G28:{zero}]\r\n[G30:{zero}]\r\n[G92:{}]\r\n", super::report::triple(self.g92)));
-        text.push_str(&format!("[TLO:0.000]\r\n[PRB:{zero}:0]\r\n"));
+        let mut text = (54..60).map(|n| format!("[G{n}:{zero}]\r\n")).collect::<Vec<_>>().concat();
+        let _ = write!(text, "[G28:{zero}]\r\n[G30:{zero}]\r\n[G92:{}]\r\n", super::report::triple(self.g92));
+        let _ = write!(text, "[TLO:0.000]\r\n[PRB:{zero}:0]\r\n");
         text
     }
 }
 
 #[cfg(test)]
 mod tests {
+    // Decimal words and their sums here are exact; that they are is what is tested.
+    #![allow(clippy::float_cmp)]
+
     use super::*;
 
     fn to(action: Action) -> [f32; 3] {

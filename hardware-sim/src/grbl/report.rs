@@ -1,5 +1,7 @@
 //! Status reports, whose optional fields come and go as in the firmware.
 
+use std::fmt::Write;
+
 /// Reports until the work offset and the overrides are told again; busy machines tell them less often.
 const WCO_EVERY: Refresh = Refresh { busy: 30, idle: 10 };
 const OVERRIDES_EVERY: Refresh = Refresh { busy: 20, idle: 10 };
@@ -40,14 +42,14 @@ impl Reporter {
     pub fn status(&mut self, s: &Snapshot) -> String {
         let mut text = format!("<{}", s.state);
         if s.mask & 1 != 0 {
-            text.push_str(&format!("|MPos:{}", triple(s.machine)));
+            let _ = write!(text, "|MPos:{}", triple(s.machine));
         } else {
-            text.push_str(&format!("|WPos:{}", triple(std::array::from_fn(|i| s.machine[i] - s.offset[i]))));
+            let _ = write!(text, "|WPos:{}", triple(std::array::from_fn(|i| s.machine[i] - s.offset[i])));
         }
         if s.mask & 2 != 0 {
-            text.push_str(&format!("|Bf:{},{}", s.free.0, s.free.1));
+            let _ = write!(text, "|Bf:{},{}", s.free.0, s.free.1);
         }
-        text.push_str(&format!("|FS:{:.0},0", s.feed));
+        let _ = write!(text, "|FS:{:.0},0", s.feed);
         if s.at_limit {
             text.push_str("|Pn:X");
         }
@@ -57,7 +59,7 @@ impl Reporter {
             self.wco = WCO_EVERY.reload(s.busy);
             // The overrides never share a report with the offset.
             self.overrides = self.overrides.max(1);
-            text.push_str(&format!("|WCO:{}", triple(s.offset)));
+            let _ = write!(text, "|WCO:{}", triple(s.offset));
         }
         if self.overrides > 0 {
             self.overrides -= 1;

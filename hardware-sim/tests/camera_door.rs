@@ -1,0 +1,313 @@
+//! The camera door, opened by real libaravis.
+
+#![allow(clippy::unwrap_used, clippy::float_cmp)]
+
+use aravis::glib::object::Cast;
+use aravis::prelude::*;
+use aravis::{AcquisitionMode, Buffer, BufferStatus, Camera, GvDevice, GvStream, Stream};
+use hardware_sim::{CameraAddress, Exposure, PixelFormat, Rig, RigError, RigSettings, Sight, TestCard};
+use sha2::{Digest, Sha256};
+use std::io::{Read, Write};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// No wait in these tests is longer; all but a broken run are over in a fraction.
+const DEADLINE: Duration = Duration::from_secs(20);
+
+fn rig(card: TestCard) -> Rig {
+    // Fast enough that a revolution takes no time worth speaking of.
+    Rig::start(RigSettings { time_scale: 50.0, ..RigSettings::default() }, Arc::new(card)).unwrap()
+}
+
+fn open(rig: &Rig) -> Camera {
+    let camera = Camera::new(Some(&rig.camera_address().to_string())).unwrap();
+    camera.set_exposure_time(1000.0).unwrap();
+    // With the right to raw sockets aravis reads the interface itself, and until its filter is set it takes every packet on
+    // loopback for its own: frames of rigs in other tests, whose higher ids then make it ignore the rightful ones.
+    camera.device().unwrap().downcast_ref::<GvDevice>().unwrap().set_stream_options(aravis::GvStreamOption::PACKET_SOCKET_DISABLED);
+    camera
+}
+
+/// A stream as a careful host makes it, with buffers of the payload's size.
+fn stream(camera: &Camera, buffers: usize) -> Stream {
+    let stream = camera.create_stream().unwrap();
+    let gv = stream.downcast_ref::<GvStream>().unwrap();
+    gv.set_socket_buffer(aravis::GvStreamSocketBuffer::Fixed);
+    gv.set_socket_buffer_size(4 << 20);
+    // A busy machine may take longer than the 0.2 s of the default to ask for a packet again.
+    gv.set_frame_retention(5_000_000);
+    for _ in 0..buffers {
+        stream.push_buffer(Buffer::new_allocate(camera.payload().unwrap() as usize));
+    }
+    stream
+}
+
+/// One triggered frame; its bytes, if it came whole.
+fn grab(camera: &Camera, stream: &Stream, patience: Duration) -> Option<(u64, Vec<u8>)> {
+    camera.software_trigger().unwrap();
+    let buffer = stream.timeout_pop_buffer(patience.as_micros() as u64)?;
+    let whole = (buffer.status() == BufferStatus::Success).then(|| (buffer.frame_id(), buffer.image_data()));
+    stream.push_buffer(buffer);
+    whole
+}
+
+struct Motor {
+    port: std::fs::File,
+}
+
+impl Motor {
+    fn open(rig: &Rig) -> Self {
+        let port = std::fs::File::options().read(true).write(true).open(rig.serial_path()).unwrap();
+        let mut motor = Self { port };
+        motor.wait_for("unlock]\r\n");
+        motor.ask("$X");
+        motor
+    }
+
+    fn ask(&mut self, line: &str) {
+        self.port.write_all(format!("{line}\n").as_bytes()).unwrap();
+        self.wait_for("ok\r\n");
+    }
+
+    fn wait_for(&mut self, end: &str) {
+        let mut text = String::new();
+        let mut chunk = [0; 256];
+        while !text.ends_with(end) {
+            let n = self.port.read(&mut chunk).unwrap();
+            text.push_str(std::str::from_utf8(&chunk[..n]).unwrap());
+        }
+    }
+
+    /// To an absolute step, and until it stands there.
+    fn go(&mut self, steps: i64) {
+        self.ask(&format!("G90 G0 X{:.3}", steps as f64 / 100.0));
+        self.ask("G4 P0.01");
+    }
+}
+
+fn eventually(what: &str, mut holds: impl FnMut() -> bool) {
+    let end = Instant::now() + DEADLINE;
+    while !holds() {
+        assert!(Instant::now() < end, "{what}");
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn the_host_finds_features_and_limits() {
+    let rig = rig(TestCard::new(1024, 1024));
+    let camera = open(&rig);
+    assert_eq!(camera.vendor_name().unwrap(), "carved");
+    assert_eq!(camera.model_name().unwrap(), "Emulated GE1050C");
+    assert_eq!(camera.device_id().unwrap(), rig.camera_serial());
+    assert_eq!(camera.sensor_size().unwrap(), (1024, 1024));
+    let formats = camera.dup_available_pixel_formats_as_strings().unwrap();
+    for name in ["Mono8", "BayerRG8", "RGB8Packed"] {
+        assert!(formats.iter().any(|f| f == name), "{name}");
+    }
+    camera.set_region(128, 256, 512, 384).unwrap();
+    assert_eq!(camera.region().unwrap(), (128, 256, 512, 384));
+    camera.set_pixel_format_from_string("RGB8Packed").unwrap();
+    assert_eq!(camera.payload().unwrap(), 512 * 384 * 3);
+    camera.set_exposure_time(2500.0).unwrap();
+    assert_eq!(camera.exposure_time().unwrap(), 2500.0);
+    camera.set_integer("GainRaw", 6).unwrap();
+    assert!(camera.set_integer("GainRaw", 99).is_err());
+    assert!(camera.set_string("TriggerSource", "Line1").is_err(), "no line is wired");
+    let device = camera.device().unwrap();
+    let tick = device.downcast_ref::<GvDevice>().unwrap().timestamp_tick_frequency().unwrap();
+    assert_eq!(tick, 1_000_000_000);
+}
+
+/// The main job of both doors: a revolution of 84 views, each frame pixel for pixel the picture of the commanded angle.
+#[test]
+fn a_revolution_of_84_views_is_pixel_identical_at_the_commanded_angles() {
+    let card = TestCard::new(512, 512);
+    let rig = rig(card);
+    let mut motor = Motor::open(&rig);
+    motor.ask("$H");
+    let camera = open(&rig);
+    camera.set_pixel_format_from_string("BayerRG8").unwrap();
+    camera.set_acquisition_mode(AcquisitionMode::Continuous).unwrap();
+    camera.set_trigger("Software").unwrap();
+    let stream = stream(&camera, 8);
+    camera.start_acquisition().unwrap();
+    for view in 0..=84_i64 {
+        // Absolute targets, each rounded to its nearest step, so that the turn closes.
+        let steps = (view * 500 + 42) / 84;
+        motor.go(steps);
+        let (id, bytes) = grab(&camera, &stream, DEADLINE).unwrap();
+        let angle_rad = steps as f64 / 500.0 * std::f64::consts::TAU;
+        let seen =
+            TestCard::angle_rad(&hardware_sim::Pixels { width: 512, height: 512, format: PixelFormat::BayerRG8, bytes: bytes.clone() });
+        assert!((seen - angle_rad).abs() < 1e-9, "view {view}: {seen} rad seen, {angle_rad} rad commanded");
+        let truth = rig.exposures().pop().unwrap();
+        assert_eq!((truth.frame_id, truth.number), (id, view as u64));
+        let card_there = card.look(&Exposure { angle_rad: truth.angle_rad, number: truth.number }, PixelFormat::BayerRG8);
+        assert!(bytes == card_there.bytes, "view {view} differs from the picture of its angle");
+        assert_eq!(truth.sha256, <[u8; 32]>::from(Sha256::digest(&bytes)));
+    }
+    camera.stop_acquisition().unwrap();
+    let (completed, failures, underruns) = stream.statistics();
+    assert_eq!((completed, failures, underruns), (85, 0, 0));
+}
+
+#[test]
+fn the_region_and_every_format_arrive_as_configured() {
+    let card = TestCard::new(512, 256);
+    let rig = rig(card);
+    let camera = open(&rig);
+    camera.set_trigger("Software").unwrap();
+    camera.set_region(64, 32, 256, 128).unwrap();
+    for format in PixelFormat::ALL {
+        camera.set_pixel_format_from_string(format.name()).unwrap();
+        let stream = stream(&camera, 2);
+        camera.start_acquisition().unwrap();
+        let (_, bytes) = grab(&camera, &stream, DEADLINE).unwrap();
+        camera.stop_acquisition().unwrap();
+        let truth = rig.exposures().pop().unwrap();
+        let whole = card.look(&Exposure { angle_rad: truth.angle_rad, number: truth.number }, format);
+        let bpp = format.bytes_per_pixel();
+        let expected: Vec<u8> = (32..160).flat_map(|v| whole.bytes[(v * 512 + 64) * bpp..(v * 512 + 320) * bpp].to_vec()).collect();
+        assert!(bytes == expected, "{}", format.name());
+    }
+}
+
+/// 40 frames of 180 packets at 5 % loss: 360 packets are expected to be lost, so that none being lost is out of the question.
+#[test]
+fn resend_repairs_five_percent_loss() {
+    let rig = rig(TestCard::new(512, 512));
+    let camera = open(&rig);
+    camera.set_trigger("Software").unwrap();
+    let stream = stream(&camera, 8);
+    camera.start_acquisition().unwrap();
+    rig.faults().camera().lose_packets_ppm(50_000);
+    for _ in 0..40 {
+        let (_, bytes) = grab(&camera, &stream, DEADLINE).unwrap();
+        assert_eq!(rig.exposures().pop().unwrap().sha256, <[u8; 32]>::from(Sha256::digest(&bytes)));
+    }
+    let (resent, missing) = stream.downcast_ref::<GvStream>().unwrap().statistics();
+    assert!(resent > 100, "{resent} packets were sent again");
+    assert_eq!(missing, 0);
+}
+
+#[test]
+fn lost_frames_and_deaf_triggers_are_silent_and_the_next_trigger_works() {
+    let rig = rig(TestCard::new(256, 64));
+    let camera = open(&rig);
+    camera.set_trigger("Software").unwrap();
+    let stream = stream(&camera, 4);
+    camera.start_acquisition().unwrap();
+    let short = Duration::from_millis(200);
+    rig.faults().camera().drop_frames(1);
+    assert!(grab(&camera, &stream, short).is_none());
+    rig.faults().camera().ignore_triggers(1);
+    assert!(grab(&camera, &stream, short).is_none());
+    let (id, _) = grab(&camera, &stream, DEADLINE).unwrap();
+    assert_eq!(id, 2, "the dropped frame took a number, the deaf trigger did not");
+    assert_eq!(rig.exposures().iter().map(|e| e.sent).collect::<Vec<_>>(), [false, true]);
+}
+
+#[test]
+fn free_run_needs_no_trigger_and_single_frame_mode_sends_one() {
+    let rig = rig(TestCard::new(256, 64));
+    let camera = open(&rig);
+    camera.set_string("TriggerSelector", "FrameStart").unwrap();
+    camera.set_string("TriggerMode", "Off").unwrap();
+    let live = stream(&camera, 8);
+    camera.start_acquisition().unwrap();
+    for _ in 0..20 {
+        let buffer = live.timeout_pop_buffer(DEADLINE.as_micros() as u64).unwrap();
+        assert_eq!(buffer.status(), BufferStatus::Success);
+        live.push_buffer(buffer);
+    }
+    camera.stop_acquisition().unwrap();
+    drop(live);
+    camera.set_acquisition_mode(AcquisitionMode::SingleFrame).unwrap();
+    let before = {
+        // A frame under way when the acquisition was stopped is still in the log.
+        let mut last = rig.exposures().len();
+        eventually("the camera goes on after the stop", || {
+            std::thread::sleep(Duration::from_millis(20));
+            std::mem::replace(&mut last, rig.exposures().len()) == rig.exposures().len()
+        });
+        last
+    };
+    let single = stream(&camera, 4);
+    camera.start_acquisition().unwrap();
+    assert!(single.timeout_pop_buffer(DEADLINE.as_micros() as u64).is_some());
+    assert!(single.timeout_pop_buffer(100_000).is_none());
+    assert_eq!(rig.exposures().len(), before + 1);
+}
+
+#[test]
+fn one_host_controls_at_a_time_and_theft_is_noticed() {
+    let rig = rig(TestCard::new(256, 64));
+    let camera = open(&rig);
+    let second = Camera::new(Some(&rig.camera_address().to_string())).unwrap();
+    let is_controller = |camera: &Camera| camera.device().unwrap().downcast_ref::<GvDevice>().unwrap().is_controller();
+    assert!(is_controller(&camera) && !is_controller(&second));
+    assert!(second.set_exposure_time(3000.0).is_err());
+    rig.faults().camera().steal_control(true);
+    assert!(camera.set_exposure_time(3000.0).is_err());
+    eventually("aravis sees that control is gone", || !is_controller(&camera));
+}
+
+#[test]
+fn a_mute_control_channel_times_out_and_recovers() {
+    let rig = rig(TestCard::new(256, 64));
+    let camera = open(&rig);
+    rig.faults().camera().mute_control(true);
+    assert!(camera.set_exposure_time(3000.0).is_err());
+    rig.faults().camera().mute_control(false);
+    camera.set_exposure_time(3000.0).unwrap();
+}
+
+#[test]
+fn rigs_stand_side_by_side_and_a_taken_address_is_said() {
+    let (a, b) = (rig(TestCard::new(256, 64)), rig(TestCard::new(256, 64)));
+    assert_ne!(a.camera_address(), b.camera_address());
+    assert_ne!(a.camera_serial(), b.camera_serial());
+    let settings = RigSettings { camera: CameraAddress::Fixed(a.camera_address()), ..RigSettings::default() };
+    match Rig::start(settings, Arc::new(TestCard::new(256, 64))) {
+        Err(RigError::AddressInUse(address)) => assert_eq!(address, a.camera_address()),
+        Err(other) => panic!("{other}"),
+        Ok(_) => panic!("two cameras on one address"),
+    }
+    let address = a.camera_address();
+    drop(a);
+    let settings = RigSettings { camera: CameraAddress::Fixed(address), ..RigSettings::default() };
+    // Another test's rig may have taken the first free address meanwhile.
+    match Rig::start(settings, Arc::new(TestCard::new(256, 64))) {
+        Ok(again) => assert_eq!(again.camera_address(), address),
+        Err(RigError::AddressInUse(_)) => {}
+        Err(other) => panic!("{other}"),
+    }
+}
+
+/// A crashed host keeps the camera until its heartbeat has run out, and no longer.
+#[test]
+fn control_falls_free_when_the_heartbeat_runs_out() {
+    let rig = rig(TestCard::new(256, 64));
+    let host = || {
+        let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect((rig.camera_address(), 3956)).unwrap();
+        socket.set_read_timeout(Some(DEADLINE)).unwrap();
+        socket
+    };
+    let write = |socket: &std::net::UdpSocket, address: u32, value: u32| {
+        let mut packet = vec![0x42, 1, 0, 0x82, 0, 8, 0, 1];
+        packet.extend(address.to_be_bytes());
+        packet.extend(value.to_be_bytes());
+        socket.send(&packet).unwrap();
+        let mut answer = [0; 64];
+        socket.recv(&mut answer).unwrap();
+        u16::from_be_bytes([answer[0], answer[1]])
+    };
+    let (crashed, next) = (host(), host());
+    assert_eq!(write(&crashed, 0xa00, 2), 0);
+    assert_eq!(write(&crashed, 0x938, 500), 0);
+    assert_eq!(write(&next, 0xa00, 2), 0x8006, "access denied");
+    eventually("control falls free", || write(&next, 0xa00, 2) == 0);
+    assert_eq!(write(&crashed, 0x938, 500), 0x8006, "the old owner is out");
+}
