@@ -1,11 +1,12 @@
 //! Snapshots, long polls, live pictures, events, probes and metrics.
 
 use crate::rig::{BOOT, Rig, event, settings};
-use crate::wire::{connect, read_answer, read_until};
+use crate::wire::{PATIENCE, connect, read_answer, read_until};
 use carved::session::{Mode, RunOutcome, RunStatus, State, WellCounts};
-use std::io::Write;
+use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
+use std::time::Duration;
 
 #[test]
 fn the_status_is_the_snapshot_and_its_tag_changes_with_the_state_alone() {
@@ -37,6 +38,9 @@ fn ask(rig: &Rig, path: &str, headers: &str) -> TcpStream {
 fn a_long_poll_answers_when_the_revision_rises() {
     let rig = Rig::start();
     let mut waiting = ask(&rig, "/v1/status?wait=25&after=41", "");
+    waiting.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+    assert!(waiting.read(&mut [0]).is_err(), "answered although nothing is new");
+    waiting.set_read_timeout(Some(PATIENCE)).unwrap();
     rig.driver.publish(|s| s.state = State::Execute);
     let woken = read_answer(&mut waiting).json();
     assert_eq!((&woken["revision"], &woken["state"]), (&42.into(), &"Execute".into()));
