@@ -1,5 +1,7 @@
 //! The seam between the doors and the picture: what the sensor sees at an angle of the shaft.
 
+use crate::scene::{Exposure, Scene};
+
 /// Layout of a picture's bytes, by its GenICam name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PixelFormat {
@@ -43,16 +45,6 @@ impl PixelFormat {
     }
 }
 
-/// One exposure of the whole sensor.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Exposure {
-    /// True angle of the shaft at the middle of the exposure, unwrapped and counted from the index.
-    pub angle_rad: f64,
-    /// Exposures since the rig was started, from 0: seeds the noise.
-    pub number: u64,
-    pub format: PixelFormat,
-}
-
 /// A picture, row by row, without padding.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pixels {
@@ -89,6 +81,24 @@ impl Pixels {
 pub trait Sight: Send + Sync {
     /// Width and height of the sensor.
     fn size(&self) -> (u32, u32);
-    /// The whole sensor's picture; the camera cuts its region out of it.
-    fn look(&self, exposure: &Exposure) -> Pixels;
+    /// The whole sensor's picture; the camera cuts its region out of it. The angle is the shaft's true one at the middle of
+    /// the exposure, unwrapped and counted from the index; exposures are numbered from 0 since the rig was started.
+    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels;
+}
+
+impl Sight for Scene {
+    fn size(&self) -> (u32, u32) {
+        let camera = &self.settings().camera;
+        (camera.width, camera.height)
+    }
+
+    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+        let picture = self.render(exposure);
+        let bytes = match format {
+            PixelFormat::Mono8 => picture.to_mono8(),
+            PixelFormat::BayerRG8 => picture.to_bayer_rg8(),
+            PixelFormat::RGB8Packed => picture.data,
+        };
+        Pixels { width: picture.width, height: picture.height, format, bytes }
+    }
 }

@@ -1,6 +1,7 @@
 //! A test card that carries the angle in its picture: what tests of the wires look at.
 
-use crate::sight::{Exposure, PixelFormat, Pixels, Sight};
+use crate::scene::Exposure;
+use crate::sight::{PixelFormat, Pixels, Sight};
 use std::f64::consts::TAU;
 
 /// A slanted grating whose phase is the angle, under a strip that spells the angle's bits in black and white blocks.
@@ -32,9 +33,9 @@ impl Sight for TestCard {
         (self.width, self.height)
     }
 
-    fn look(&self, exposure: &Exposure) -> Pixels {
-        let mut pixels = Pixels::filled(self.width, self.height, exposure.format, 0);
-        let bpp = exposure.format.bytes_per_pixel();
+    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+        let mut pixels = Pixels::filled(self.width, self.height, format, 0);
+        let bpp = format.bytes_per_pixel();
         let turn = (exposure.angle_rad / TAU * 4096.0).round() as i64;
         let bits = exposure.angle_rad.to_bits();
         for (i, pixel) in pixels.bytes.chunks_exact_mut(bpp).enumerate() {
@@ -45,7 +46,7 @@ impl Sight for TestCard {
                 (u as i64 + 3 * v as i64 + turn) as u8
             };
             pixel.fill(value);
-            if exposure.format == PixelFormat::RGB8Packed {
+            if format == PixelFormat::RGB8Packed {
                 // Three planes that differ, so that a swap shows.
                 pixel[1] = value ^ u8::from(v >= BIT_PX);
             }

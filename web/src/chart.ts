@@ -41,7 +41,7 @@ export class VolumeChart {
       const words =
         curve === null || curve.measured_um3 === null
           ? "No volume yet: it comes with the first view."
-          : `${curve.well} was measured before this page was opened; its curve is in the record of the run.`;
+          : `${curve.well} was measured before this page was opened, so its curve is not known here.`;
       this.#box.replaceChildren(element("p", "placeholder", words));
       setText(this.#caption, "");
       return;

@@ -75,7 +75,7 @@ export function tally(run: RunStatus): string {
     [w.skipped, "skipped"],
     [w.failed, "failed"],
     [w.interrupted, "interrupted"],
-    [w.pending, "waiting"],
+    [w.pending, run.outcome === null ? "waiting" : "not started"],
   ];
   return parts
     .filter(([count]) => count > 0)

@@ -38,7 +38,7 @@ export type Condition =
 
 /** Sign and words for each condition, so that colour is never the only carrier. */
 export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
-  pending: { sign: "·", label: "waiting" },
+  pending: { sign: "·", label: "not started" },
   active: { sign: "▶", label: "under way" },
   succeeded: { sign: "✓", label: "measured" },
   flagged: { sign: "!", label: "measured, flagged" },

@@ -12,8 +12,9 @@ use super::features::{CONTINUOUS, SINGLE_FRAME};
 use super::gvsp::{Block, next_block};
 use super::memory::Memory;
 use crate::clock::RigClock;
+use crate::scene::Exposure;
 use crate::shaft::Shaft;
-use crate::sight::{Exposure, Pixels, Sight};
+use crate::sight::{PixelFormat, Pixels, Sight};
 use crate::truth::{ExposureRecord, Truth};
 
 use sha2::{Digest, Sha256};
@@ -182,9 +183,9 @@ impl Sensor {
         if !self.pause_until(begin + half) {
             return;
         }
-        let exposure = Exposure { angle_rad: self.shaft.angle_rad(), number: self.state.number, format: values.format };
+        let exposure = Exposure { angle_rad: self.shaft.angle_rad(), number: self.state.number };
         let timestamp_ns = (self.clock.now_s() * 1e9) as u64;
-        let picture = self.look(&exposure);
+        let picture = self.look(&exposure, values.format);
         if !self.pause_until(begin + 2 * half) {
             return;
         }
@@ -223,10 +224,10 @@ impl Sensor {
         }
     }
 
-    fn look(&self, exposure: &Exposure) -> Pixels {
+    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
         let (width, height) = self.sight.size();
-        let picture = self.sight.look(exposure);
-        if (picture.width, picture.height, picture.format) == (width, height, exposure.format) && picture.is_whole() {
+        let picture = self.sight.look(exposure, format);
+        if (picture.width, picture.height, picture.format) == (width, height, format) && picture.is_whole() {
             return picture;
         }
         tracing::error!(
@@ -235,9 +236,9 @@ impl Sensor {
             picture.width,
             picture.height,
             picture.format.name(),
-            exposure.format.name()
+            format.name()
         );
-        Pixels::filled(width, height, exposure.format, 0)
+        Pixels::filled(width, height, format, 0)
     }
 
     fn send(&mut self, block: Block, to: SocketAddrV4, bytes_per_second: u32) {

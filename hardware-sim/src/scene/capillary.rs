@@ -24,12 +24,12 @@ impl Default for Capillary {
     fn default() -> Self {
         Self {
             bore_diameter_um: 650.0,
-            glass_um: 90.0,
+            glass_um: 60.0,
             wall_tilt_rad: 0.004,
             wall_contrast: 0.72,
             wall_line_px: 1.2,
-            fringe_px: 0.35,
-            glass_shade: 0.16,
+            fringe_px: 0.25,
+            glass_shade: 0.22,
         }
     }
 }

@@ -181,3 +181,6 @@ impl Scene {
         Window::around(seen, margin, (camera.width, camera.height), samples)
     }
 }
+
+#[cfg(test)]
+mod tests;

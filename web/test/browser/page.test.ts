@@ -231,7 +231,7 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
     status({ state: "Aborted", doing: "run demo-1 was aborted", run: run(wells, { outcome: "aborted" }) }),
   );
   await until("state", /Aborted/i);
-  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 failed, 2 waiting.");
+  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 failed, 2 not started.");
   assert.equal(await page.locator("#abort").isVisible(), false);
   assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
   await shoot(page, "aborted");

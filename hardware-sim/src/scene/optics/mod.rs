@@ -49,8 +49,8 @@ pub struct Optics {
 impl Default for Optics {
     fn default() -> Self {
         Self {
-            light_rgb: [218.0, 228.0, 238.0],
-            vignetting: 0.10,
+            light_rgb: [224.0, 238.0, 244.0],
+            vignetting: 0.12,
             unevenness: 0.03,
             aperture_rad: 0.085,
             stray_light: 0.06,

@@ -55,7 +55,7 @@ pub fn transmission(
                 let bent = (slope_u * slope_u + slope_v * slope_v) / (aperture * aperture);
                 let caught = stray + (1.0 - stray) / (1.0 + bent * bent);
                 for (p, d) in pixel.iter_mut().zip(density) {
-                    *p += caught * (-(d + pigment[i])).exp();
+                    *p += caught * (-(d + pigment[i]).max(0.0)).exp();
                 }
             }
         }

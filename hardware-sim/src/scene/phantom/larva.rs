@@ -21,7 +21,7 @@ use crate::scene::seeded::{Seeded, mixed};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const EYE: Material = Material { absorption_per_mm: [26.0, 27.0, 28.0], index_step: 0.0 };
-const YOLK: Material = Material { absorption_per_mm: [1.1, 1.35, 1.9], index_step: 0.014 };
+const YOLK: Material = Material { absorption_per_mm: [2.0, 2.15, 2.5], index_step: 0.014 };
 const NOTOCHORD: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.008 };
 const BLADDER: Material = Material { absorption_per_mm: [-0.6, -0.7, -1.0], index_step: -0.16 };
 const FIN: Material = Material { absorption_per_mm: [4.0, 4.2, 4.8], index_step: 0.06 };
@@ -66,7 +66,7 @@ pub struct Larva {
 }
 
 /// Where the eyes sit along the body, and how far they bulge.
-const EYE_AT: f64 = 0.098;
+const EYE_AT: f64 = 0.088;
 const EYE_SPAN: f64 = 0.045;
 const EYE_BULGE_UM: f64 = 30.0;
 
@@ -100,8 +100,8 @@ impl Larva {
             fin_um: 95.0 * vary(0.08),
             finned: true,
         };
-        // Sections grow with the square of the girth; the eyes' bulges grow with it too, so this is exact.
-        larva.girth = (volume_um3 / larva.body(MEASURED).volume()).sqrt();
+        // Sections grow with the square of the girth. What the volume then is, the truth says.
+        larva.girth = (volume_um3 / larva.body(DRAWN).volume()).sqrt();
         Ok(larva)
     }
 
@@ -126,12 +126,17 @@ impl Larva {
 
     /// Distance of the body's surface from the centre line at `s`; `theta` turns from ventral (0) by +z (pi/2) to dorsal.
     fn radius(&self, s: f64, theta: f64) -> f64 {
-        let (sin, cos) = theta.sin_cos();
-        let height = if cos >= 0.0 { self.ventral.at(s) } else { self.dorsal.at(s) };
-        let ellipse = 1.0 / ((cos / height).powi(2) + (sin / self.width.at(s)).powi(2)).sqrt();
-        let along = (-((s - EYE_AT) / EYE_SPAN).powi(2)).exp();
-        let around = (9.0 * ((theta - FRAC_PI_2).cos() - 1.0)).exp() + (9.0 * ((theta + FRAC_PI_2).cos() - 1.0)).exp();
-        self.girth * cap(s) * (ellipse + EYE_BULGE_UM * along * around)
+        self.outline(s).radius(theta)
+    }
+
+    fn outline(&self, s: f64) -> Outline {
+        Outline {
+            width: self.width.at(s),
+            dorsal: self.dorsal.at(s),
+            ventral: self.ventral.at(s),
+            bulge: EYE_BULGE_UM * (-((s - EYE_AT) / EYE_SPAN).powi(2)).exp(),
+            scale: self.girth * cap(s),
+        }
     }
 
     fn body(&self, (rings, segments): (u32, u32)) -> Mesh {
@@ -141,10 +146,11 @@ impl Larva {
 
     fn ring(&self, s: f64, segments: u32) -> Vec<[f64; 3]> {
         let [x, y, z] = self.centre(s);
+        let outline = self.outline(s);
         (0..segments)
             .map(|k| {
                 let theta = TAU * f64::from(k) / f64::from(segments);
-                let r = self.radius(s, theta);
+                let r = outline.radius(theta);
                 [x, y + r * theta.cos(), z + r * theta.sin()]
             })
             .collect()
@@ -250,7 +256,7 @@ impl Larva {
         let half_width = self.radius(EYE_AT, FRAC_PI_2);
         let eyes = sin_side.map(|side| {
             let at = [head[0], head[1] - 6.0 * g, head[2] + side * (half_width - 94.0 * g)];
-            ellipsoid_mesh(at, [0.037 * self.length_um, 112.0 * g, 70.0 * g], 48, 48)
+            ellipsoid_mesh(at, [0.037 * self.length_um, 118.0 * g, 70.0 * g], 48, 48)
         });
         parts.push(Part { mesh: eyes[0].clone().with(&eyes[1]), material: EYE, within_body: Within::Added });
 
@@ -289,7 +295,7 @@ impl Larva {
         parts
     }
 
-    /// Pigment: stripes of melanophores along the back, the belly and the flank, a cap on the head, and the fin's edge.
+    /// Pigment: stripes of melanophores along the back, the belly and the flank, a cap on the head; texture; the fin's edge.
     fn spots(&self) -> Vec<Spot> {
         let mut seeded = Seeded::new(mixed(self.seed ^ 0x5107));
         let mut spots = Vec::new();
@@ -308,14 +314,14 @@ impl Larva {
             for _ in 0..count {
                 let s = seeded.between(from, to);
                 let theta = middle + seeded.normal(spread);
-                let [x, y, z] = self.centre(s);
                 let (sin, cos) = theta.sin_cos();
                 let size = size_um * seeded.between(0.6, 1.25) * (1.15 - 0.6 * s);
                 // The cell lies under the skin by its own thickness, so it never shows outside the body.
-                let r = (self.radius(s, theta) - size - 6.0).max(0.0);
-                pigment::melanophore([x, y + r * cos, z + r * sin], [0.0, -sin, cos], size, &mut seeded, &mut spots);
+                let depth = (1.0 - (size + 6.0) / self.radius(s, theta)).max(0.0);
+                pigment::melanophore(self.within(s, theta, depth), [0.0, -sin, cos], size, &mut seeded, &mut spots);
             }
         }
+        self.add_texture(&mut seeded, &mut spots);
         for s in self.fin_stations(900) {
             for p in [0usize, 24] {
                 if let Some(&at_um) = self.fin_ring(s, 48).get(p)
@@ -329,14 +335,65 @@ impl Larva {
     }
 }
 
+impl Larva {
+    /// A place in the body: `depth` 0 is its centre line, 1 its surface.
+    fn within(&self, s: f64, theta: f64, depth: f64) -> [f64; 3] {
+        let [x, y, z] = self.centre(s);
+        let r = depth * self.radius(s, theta);
+        [x, y + r * theta.cos(), z + r * theta.sin()]
+    }
+
+    /// Tissue is not clear: soft lighter and darker clouds all through it, and the oblique seams between the somites.
+    fn add_texture(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        for _ in 0..420 {
+            let s = seeded.between(0.02, 0.9);
+            let at_um = self.within(s, seeded.between(0.0, TAU), 0.85 * seeded.between(0.0, 1.0).sqrt());
+            let radius_um = seeded.between(10.0, 45.0) * (1.1 - 0.7 * s);
+            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.12) * (1.1 - 0.7 * s) });
+        }
+        for seam in 0..34 {
+            let at = 0.33 + 0.018 * f64::from(seam);
+            for step in -6..=6 {
+                // A chevron that points to the head, on both flanks.
+                let height = f64::from(step) / 6.0;
+                let s = at + 0.016 * height.abs();
+                for side in [-1.0, 1.0] {
+                    let theta = side * (FRAC_PI_2 - 1.1 * height);
+                    spots.push(Spot { at_um: self.within(s, theta, 0.75), radius_um: 7.0, density: 0.07 });
+                }
+            }
+        }
+    }
+}
+
+/// The body's outline in one slice.
+struct Outline {
+    width: f64,
+    dorsal: f64,
+    ventral: f64,
+    bulge: f64,
+    scale: f64,
+}
+
+impl Outline {
+    fn radius(&self, theta: f64) -> f64 {
+        let (sin, cos) = theta.sin_cos();
+        let height = if cos >= 0.0 { self.ventral } else { self.dorsal };
+        let ellipse = 1.0 / ((cos / height).powi(2) + (sin / self.width).powi(2)).sqrt();
+        // Below a millionth of a micrometre the bulge is not worth its two exponentials.
+        let around = if self.bulge > 1e-6 { (9.0 * (sin - 1.0)).exp() + (9.0 * (-sin - 1.0)).exp() } else { 0.0 };
+        self.scale * (ellipse + self.bulge * around)
+    }
+}
+
 const FIN_FROM: f64 = 0.40;
 const FIN_TO: f64 = 1.03;
 
 /// Half width, dorsal and ventral height along the body, um. Read off lateral and dorsal views of larvae; the caps are
 /// put on by [`cap`].
 const WIDTH: [[f64; 2]; 12] = [
-    [0.0, 150.0],
-    [0.05, 178.0],
+    [0.0, 140.0],
+    [0.05, 182.0],
     [0.10, 198.0],
     [0.16, 205.0],
     [0.24, 196.0],
@@ -349,9 +406,9 @@ const WIDTH: [[f64; 2]; 12] = [
     [1.0, 16.0],
 ];
 const DORSAL: [[f64; 2]; 12] = [
-    [0.0, 128.0],
-    [0.05, 165.0],
-    [0.10, 190.0],
+    [0.0, 135.0],
+    [0.05, 178.0],
+    [0.10, 200.0],
     [0.16, 200.0],
     [0.24, 190.0],
     [0.32, 178.0],
@@ -363,9 +420,9 @@ const DORSAL: [[f64; 2]; 12] = [
     [1.0, 22.0],
 ];
 const VENTRAL: [[f64; 2]; 12] = [
-    [0.0, 118.0],
-    [0.05, 150.0],
-    [0.10, 178.0],
+    [0.0, 128.0],
+    [0.05, 165.0],
+    [0.10, 186.0],
     [0.16, 205.0],
     [0.24, 252.0],
     [0.32, 256.0],
@@ -385,13 +442,13 @@ fn middle_of(ring: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|i| ring.iter().map(|p| p[i]).sum::<f64>() / ring.len() as f64)
 }
 
-/// Closes the body at both ends like an ellipsoid: over a tenth of the length at the nose, a fiftieth at the tail.
+/// Closes the body at both ends like an ellipsoid: over a fifteenth of the length at the nose, a fiftieth at the tail.
 fn cap(s: f64) -> f64 {
     let end = |from_end: f64, over: f64| {
         let t = (1.0 - from_end / over).max(0.0);
         (1.0 - t * t).max(0.0).sqrt()
     };
-    end(s, 0.11) * end(1.0 - s, 0.02)
+    end(s, 0.065) * end(1.0 - s, 0.02)
 }
 
 fn smooth_step(t: f64) -> f64 {
@@ -412,8 +469,8 @@ mod tests {
     fn integrated(larva: &Larva, slices: u32, turns: u32) -> f64 {
         let mut sum = 0.0;
         for i in 0..slices {
-            let s = (f64::from(i) + 0.5) / f64::from(slices);
-            sum += (0..turns).map(|k| larva.radius(s, TAU * f64::from(k) / f64::from(turns)).powi(2)).sum::<f64>();
+            let outline = larva.outline((f64::from(i) + 0.5) / f64::from(slices));
+            sum += (0..turns).map(|k| outline.radius(TAU * f64::from(k) / f64::from(turns)).powi(2)).sum::<f64>();
         }
         sum / 2.0 * TAU / f64::from(turns) * larva.length_um / f64::from(slices)
     }

@@ -33,7 +33,7 @@ pub struct Material {
 
 impl Material {
     /// Living tissue: pale yellowish-brown, index 1.36 in water.
-    pub const TISSUE: Self = Self { absorption_per_mm: [0.62, 0.78, 1.12], index_step: 0.024 };
+    pub const TISSUE: Self = Self { absorption_per_mm: [1.05, 1.25, 1.65], index_step: 0.024 };
     /// Polystyrene as beads show it: translucent with a broad dark rim.
     pub const POLYSTYRENE: Self = Self { absorption_per_mm: [0.30, 0.32, 0.36], index_step: 0.045 };
 }
@@ -166,13 +166,17 @@ impl Specimen {
     /// Any closed mesh, in um, x along the capillary ([`Mesh::laid_along_x`] brings it there).
     pub fn mesh(mesh: Mesh) -> Self {
         let [low, high] = mesh.bounds()[0];
-        // Cuts half a step inside the ends; the ends themselves are cut as close as the mesh has an extent.
         let cuts = 2000;
         let step = (high - low) / f64::from(cuts);
         let mut stations: Vec<f64> = (0..cuts).map(|i| low + step * (f64::from(i) + 0.5)).collect();
         stations.insert(0, low + step * 1e-6);
         stations.push(high - step * 1e-6);
-        let sections: Vec<_> = stations.into_iter().map(|x| (x, mesh.section(x))).collect();
+        let mut sections: Vec<_> = stations.into_iter().map(|x| (x, mesh.section(x))).collect();
+        // A flat end is part of the surface: each end closes to a point.
+        let first = sections.first().and_then(|(_, points)| points.first().copied());
+        let last = sections.last().and_then(|(_, points)| points.first().copied());
+        sections.insert(0, (low, first.into_iter().collect()));
+        sections.push((high, last.into_iter().collect()));
         let hull = ideal_hull(&sections);
         Self {
             name: format!("mesh of {} triangles", mesh.triangles.len()),
@@ -262,3 +266,6 @@ impl Specimen {
 fn positive(name: &'static str, found: f64) -> Result<f64, SizeError> {
     if found.is_finite() && found > 0.0 { Ok(found) } else { Err(SizeError::NotPositive { name, found }) }
 }
+
+#[cfg(test)]
+mod tests;

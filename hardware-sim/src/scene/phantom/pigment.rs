@@ -3,7 +3,8 @@
 use crate::scene::seeded::Seeded;
 use std::f64::consts::TAU;
 
-/// A ball that absorbs all colours alike; `density` is its optical density through the middle (natural logarithm).
+/// A ball that absorbs all colours alike; `density` is its optical density through the middle (natural logarithm), below 0
+/// where it is clearer than its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
     pub at_um: [f64; 3],
@@ -11,7 +12,7 @@ pub struct Spot {
     pub density: f64,
 }
 
-/// A melanophore: a dark middle with arms that spread in the surface around it. `along` and `across` span that surface.
+/// A melanophore: a dark middle with arms that spread in the surface around it. `across` lies in that surface, across the body.
 pub fn melanophore(at_um: [f64; 3], across: [f64; 3], size_um: f64, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
     spots.push(Spot { at_um, radius_um: size_um, density: 2.0 });
     let arms = 3 + seeded.between(0.0, 4.0) as u32;

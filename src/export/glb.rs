@@ -1,0 +1,83 @@
+//! glTF 2.0 in its binary container: one mesh with positions, normals and indices.
+//!
+//! ```text
+//!  "glTF" 2 length | length "JSON" {...} | length "BIN\0" positions f32 x 3, normals f32 x 3, indices u32
+//! ```
+//! The format counts in metres; ours are the mesh's own unit, named in `asset.extras.unit`, because a node scaled by a
+//! millionth helps no viewer.
+
+use crate::surface::Mesh;
+use serde_json::json;
+use std::io::{self, Write};
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+const ARRAY_BUFFER: u32 = 34962;
+const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+
+/// `unit` is that of the positions.
+///
+/// # Errors
+/// Refuses an empty mesh, which the format has no way to write; else those of the writer.
+pub fn write_glb(mesh: &Mesh, unit: &str, out: &mut impl Write) -> io::Result<()> {
+    if mesh.is_empty() {
+        return Err(io::Error::new(io::ErrorKind::InvalidInput, "glTF holds no empty mesh: 0 triangles found, at least 1 expected"));
+    }
+    let (vertices, indices) = (mesh.vertices.len(), 3 * mesh.triangles.len());
+    let mut buffer = Vec::with_capacity(24 * vertices + 4 * indices);
+    let (mut min, mut max) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for vertex in &mesh.vertices {
+        for (a, x) in vertex.map(|x| x as f32).into_iter().enumerate() {
+            min[a] = min[a].min(x);
+            max[a] = max[a].max(x);
+            buffer.extend_from_slice(&x.to_le_bytes());
+        }
+    }
+    for normal in mesh.normals() {
+        // A normal must have length 1 even where the triangles around a vertex have no area.
+        let unit_length = if normal.iter().all(|&n| n == 0.0) { [0.0, 0.0, 1.0] } else { normal };
+        for x in unit_length {
+            buffer.extend_from_slice(&(x as f32).to_le_bytes());
+        }
+    }
+    for v in mesh.triangles.iter().flatten() {
+        buffer.extend_from_slice(&v.to_le_bytes());
+    }
+
+    let view =
+        |offset: usize, length: usize, target: u32| json!({"buffer": 0, "byteOffset": offset, "byteLength": length, "target": target});
+    let document = json!({
+        "asset": {"version": "2.0", "generator": concat!("carved ", env!("CARGO_PKG_VERSION")), "extras": {"unit": unit}},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "NORMAL": 1}, "indices": 2, "mode": 4}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": FLOAT, "count": vertices, "type": "VEC3", "min": min, "max": max},
+            {"bufferView": 1, "componentType": FLOAT, "count": vertices, "type": "VEC3"},
+            {"bufferView": 2, "componentType": UNSIGNED_INT, "count": indices, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            view(0, 12 * vertices, ARRAY_BUFFER),
+            view(12 * vertices, 12 * vertices, ARRAY_BUFFER),
+            view(24 * vertices, 4 * indices, ELEMENT_ARRAY_BUFFER),
+        ],
+        "buffers": [{"byteLength": buffer.len()}],
+    });
+    let mut text = document.to_string().into_bytes();
+    text.resize(text.len().next_multiple_of(4), b' ');
+
+    let length = |n: usize| {
+        let too_long = || io::Error::new(io::ErrorKind::InvalidInput, format!("a GLB file holds 4 GiB, this mesh needs {n} bytes"));
+        u32::try_from(n).map(u32::to_le_bytes).map_err(|_| too_long())
+    };
+    out.write_all(b"glTF")?;
+    out.write_all(&2u32.to_le_bytes())?;
+    out.write_all(&length(12 + 8 + text.len() + 8 + buffer.len())?)?;
+    out.write_all(&length(text.len())?)?;
+    out.write_all(b"JSON")?;
+    out.write_all(&text)?;
+    out.write_all(&length(buffer.len())?)?;
+    out.write_all(b"BIN\0")?;
+    out.write_all(&buffer)
+}

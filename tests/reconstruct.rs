@@ -1,0 +1,169 @@
+//! `carved reconstruct` as its users meet it: profile sets with truth from an independent renderer, and bad input.
+
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn carved(dir: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_carved")).current_dir(dir).arg("reconstruct").args(args).output().unwrap()
+}
+
+/// The one JSON object on stdout.
+fn report(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+/// The message of a refusal, which prints no report.
+fn refusal(output: &Output) -> String {
+    assert!(!output.status.success() && output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("no number {key} in {value:#}"))
+}
+
+/// A profile set with its truth, or nothing where the shared data are absent.
+fn set(name: &str) -> Option<(String, String, Value)> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).parent().map(|p| p.join("shared"));
+    let folder = std::env::var_os("CARVED_SHARED").map(PathBuf::from).or_else(beside)?.join("data/profile_sets").join(name);
+    if !folder.is_dir() {
+        println!("skipped: {} is not there", folder.display());
+        return None;
+    }
+    let truth = serde_json::from_slice(&std::fs::read(folder.join("truth.json")).unwrap()).unwrap();
+    Some((folder.display().to_string(), folder.join("camera.json").display().to_string(), truth))
+}
+
+/// With one miss in 21 tolerated the paper's carver is known to read +3.5 % against the ideal hull of a finned larva; half a
+/// percent to either side is for the renderer and the grid. Without tolerance the hull is the ideal one, within the 1.8 %
+/// that the set allows any method. The mesh's area stays within 2 % of the ideal hull's.
+#[test]
+fn a_finned_larva_is_what_the_papers_carver_makes_of_it() {
+    let Some((views, cameras, truth)) = set("larva_fin_asd21") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let tolerant = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras]));
+    let excess = number(&tolerant, "volume_um3") / number(&truth, "hull_volume") - 1.0;
+    assert!((excess - 0.035).abs() < 0.005, "{excess}");
+    assert!((number(&tolerant, "area_um2") / number(&truth, "hull_area") - 1.0).abs() < 0.02);
+    assert_eq!(number(&tolerant, "volume_um3"), number(&tolerant, "voxels") * 6.93f64.powi(3));
+    assert_eq!(tolerant["views"].as_array().unwrap().len(), 21);
+
+    let strict = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--epsilon", "0"]));
+    assert!((number(&strict, "volume_um3") / number(&truth, "hull_volume") - 1.0).abs() < 0.018);
+    // Masks and cameras are exact: the hull's image is the mask but for the voxels' size.
+    for view in strict["views"].as_array().unwrap() {
+        assert!(number(view, "overlap") > 0.98, "{view}");
+    }
+    // The second mesh went beside the first.
+    assert!(dir.path().join("larva_fin_asd21.ply").is_file() && dir.path().join("larva_fin_asd21-2.ply").is_file());
+}
+
+/// The set's principal point is 2 px off, 11 um at the bead: each view cuts up to that off one side of the radius of 256 um, and
+/// one miss is forgiven. What is left of the diameter lies between a ball smaller by 11 um in radius and the true one.
+#[test]
+fn a_bead_seen_through_a_camera_that_needs_calibration_is_too_small_by_what_is_wrong() {
+    let Some((views, cameras, truth)) = set("bead_512um_asd21") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let found = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--sphere"]));
+    let diameter = number(&found["sphere"], "diameter_um");
+    let true_diameter = number(&truth, "diameter");
+    assert!((true_diameter - 22.0..true_diameter).contains(&diameter), "{diameter}");
+    // Its place, midway between the corners of its box, is known all the same.
+    for axis in 0..3 {
+        let [lo, hi] = [0, 1].map(|end| truth["bbox_um"][end][axis].as_f64().unwrap());
+        assert!((found["sphere"]["centre_um"][axis].as_f64().unwrap() - f64::midpoint(lo, hi)).abs() < 3.5, "{found:#}");
+    }
+}
+
+/// A disc of 20 px in each of four views from the sides, through matrices whose world is no micrometre.
+fn discs(dir: &Path) -> (String, String) {
+    let views = dir.join("discs");
+    std::fs::create_dir(&views).unwrap();
+    let mut lines = String::new();
+    for (i, (c, s)) in [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)].into_iter().enumerate() {
+        let disc = |u: u32, v: u32| (f64::from(u) - 30.0).hypot(f64::from(v) - 25.0) <= 20.0;
+        let image = image::GrayImage::from_fn(64, 48, |u, v| image::Luma([if disc(u, v) { 200 } else { 90 }]));
+        // Both kinds of file, ordered by name.
+        image.save(views.join(format!("v{i}.{}", if i % 2 == 0 { "png" } else { "pgm" }))).unwrap();
+        // 10 px per unit at a distance of 1000 units, turned about x.
+        let row = |scale: f64, centre: f64, y: f64, z: f64| {
+            format!("{} {} {} {} ", 0.0, scale * y + centre * s, scale * z + centre * c, 1e3 * centre)
+        };
+        let first = format!("10000 {} {} {} ", 30.0 * s, 30.0 * c, 30e3);
+        lines += &format!("{first}{}0 {s} {c} 1000\n", row(1e4, 25.0, c, -s));
+    }
+    let cameras = dir.join("cameras.txt");
+    std::fs::write(&cameras, lines).unwrap();
+    (views.display().to_string(), cameras.display().to_string())
+}
+
+/// Two crossed cylinders of radius r share `16 r^3 / 3`: Steinmetz's solid, here of balls' silhouettes, so that each slice
+/// across x is a square of side `2 sqrt(r^2 - x^2)`, of the same volume. r is 2 units; the pixels' tenth of a unit, rounded
+/// evenly, and the smaller of two opposite views leave 1/6 pixel in 20 of radius: 2.5 % of volume.
+#[test]
+fn matrices_of_any_origin_give_numbers_without_a_unit() {
+    let dir = tempfile::tempdir().unwrap();
+    let (views, cameras) = discs(dir.path());
+    let base = ["--views", &views, "--cameras", &cameras, "--unit", "none"];
+    let found = report(&carved(dir.path(), &[&base[..], &["--box", "-3,3,-3,3,-3,3", "--voxel", "0.05"]].concat()));
+    let expected = 16.0 / 3.0 * 8.0;
+    assert!((number(&found, "volume") / expected - 1.0).abs() < 0.025, "{found:#}");
+    assert!(found["area"].is_number() && found["volume_um3"].is_null() && found["views"][1]["name"] == "v1.pgm");
+    assert!(found["views"].as_array().unwrap().iter().all(|v| number(v, "overlap") > 0.98), "{found:#}");
+    assert!(found["overlap_rule"].as_str().unwrap().contains("intersection over union"));
+    assert!(refusal(&carved(dir.path(), &base)).contains("--box"));
+}
+
+#[test]
+fn bad_input_is_named_with_what_was_found_and_expected_and_nothing_is_written() {
+    let dir = tempfile::tempdir().unwrap();
+    let (views, cameras) = discs(dir.path());
+    let box_ = ["--unit", "none", "--box", "-3,3,-3,3,-3,3", "--voxel", "0.2"];
+    let out = dir.path().join("out");
+    std::fs::create_dir(&out).unwrap();
+    let run =
+        |views: &str, cameras: &str, more: &[&str]| carved(&out, &[&["--views", views, "--cameras", cameras][..], &box_, more].concat());
+    let expect = |output: Output, parts: &[&str]| {
+        let message = refusal(&output);
+        assert!(parts.iter().all(|p| message.contains(p)), "{message:?} lacks one of {parts:?}");
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 0, "something was written");
+    };
+    expect(run("nowhere", &cameras, &[]), &["nowhere", "cannot be read"]);
+    expect(run(&views, "nofile.json", &[]), &["nofile.json", "cannot be read"]);
+    expect(run(&out.display().to_string(), &cameras, &[]), &["no .png or .pgm file"]);
+    expect(run(&views, &cameras, &["--epsilon", "1"]), &["epsilon is 1"]);
+    expect(run(&views, &cameras, &["--out", "gone/x.ply"]), &["gone", "found no folder"]);
+
+    let three = dir.path().join("three.txt");
+    let text = std::fs::read_to_string(&cameras).unwrap();
+    std::fs::write(&three, text.lines().take(3).collect::<Vec<_>>().join("\n")).unwrap();
+    expect(run(&views, &three.display().to_string(), &[]), &["three.txt", "3 matrices", "4 images"]);
+    let short = dir.path().join("short.txt");
+    std::fs::write(&short, "1 2 3\n").unwrap();
+    expect(run(&views, &short.display().to_string(), &[]), &["short.txt", "line 1", "3 numbers", "expected 12"]);
+
+    let last = Path::new(&views).join("v3.pgm");
+    std::fs::write(&last, "no image").unwrap();
+    expect(run(&views, &cameras, &[]), &["v3.pgm", "PNG or PGM"]);
+    std::fs::write(&last, "P5 8 8 255\n").unwrap();
+    expect(run(&views, &cameras, &[]), &["v3.pgm"]);
+    image::GrayImage::from_pixel(10, 10, image::Luma([255])).save(&last).unwrap();
+    expect(run(&views, &cameras, &[]), &["v3.pgm", "10 x 10", "64 x 48"]);
+    image::GrayImage::from_pixel(64, 48, image::Luma([1])).save(&last).unwrap();
+    expect(run(&views, &cameras, &[]), &["v3.pgm", "found is 1", "128"]);
+}
+
+#[test]
+fn a_mesh_that_is_there_is_replaced_only_by_force() {
+    let dir = tempfile::tempdir().unwrap();
+    let (views, cameras) = discs(dir.path());
+    let base = ["--views", &views, "--cameras", &cameras, "--unit", "none", "--box", "-3,3,-3,3,-3,3", "--voxel", "0.2", "--out", "m.ply"];
+    let mesh = dir.path().join("m.ply");
+    std::fs::write(&mesh, "mine").unwrap();
+    assert!(refusal(&carved(dir.path(), &base)).contains("--force"));
+    assert_eq!(std::fs::read(&mesh).unwrap(), b"mine");
+    report(&carved(dir.path(), &[&base[..], &["--force"]].concat()));
+    assert!(std::fs::read(&mesh).unwrap().starts_with(b"ply\n"));
+}
