@@ -25,14 +25,18 @@ use aravis::prelude::*;
 use aravis::{AcquisitionMode, RangeCheckPolicy};
 use aravis::{BufferPayloadType, BufferStatus, GvDevice, GvStream, GvStreamPacketResend, GvStreamSocketBuffer};
 use std::net::{Ipv4Addr, UdpSocket};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Buffers of a stream: one is filled at a time, the others hold late and repeated frames until the next drain.
 const BUFFERS: usize = 8;
 /// GigE Vision's control port.
 const GVCP_PORT: u16 = 3956;
+
+/// Held while a camera is opened: libaravis 0.8.26 reads a camera's description with a parser that two threads must not
+/// enter at once (seen: its nodes freed under it).
+static OPENING: Mutex<()> = Mutex::new(());
 
 /// A camera that is open and configured.
 pub(super) struct AravisCamera {
@@ -63,7 +67,9 @@ enum Attempt {
 impl AravisCamera {
     pub fn open(settings: AravisSettings) -> Result<Self, DeviceError> {
         settings.check()?;
+        let opening = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
         let camera = find(&settings.select)?;
+        drop(opening);
         let control_lost = Arc::new(AtomicBool::new(false));
         if let Some(device) = camera.device() {
             // Another client, or a predecessor that crashed, may own the camera: it can then be read, not driven.
