@@ -1,5 +1,7 @@
 //! The drivers over real wires: serialport and libaravis against the emulated rig, held against what was truly exposed.
 #![cfg(feature = "aravis")]
+// Helpers of tests fail like tests.
+#![allow(clippy::unwrap_used)]
 
 use carved::acquisition::{AcquisitionError, AcquisitionSettings, Ledger, RevolutionPlan, ViewOrder, revolve};
 use carved::cancel::CancelToken;

@@ -383,6 +383,22 @@ fn a_stop_reaches_the_wire_while_a_move_waits_and_stays_until_the_reference() {
 }
 
 #[test]
+fn a_stop_of_a_standing_axis_lets_no_command_follow_it_onto_the_wire() {
+    let mut script = referenced("0.000");
+    script.extend(halted());
+    let last = script.len() - 1;
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference().unwrap();
+    grbl.stop_handle().stop();
+    controller.await_step(last);
+    assert!(matches!(grbl.link.send(b"G1X1F1\n"), Err(DeviceError::Stopped)));
+    assert!(matches!(grbl.move_to(Steps(24)), Err(DeviceError::Stopped)));
+    assert_eq!(grbl.position(), Position::Suspect { epoch: 2 });
+    controller.followed(grbl);
+}
+
+#[test]
 fn a_stop_handle_that_outlives_its_axis_holds_no_port_open() {
     let controller = Scripted::play(opening());
     let grbl = controller.open().unwrap();
