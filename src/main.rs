@@ -1,13 +1,16 @@
-//! Arguments, then the command.
+//! Arguments, tracing, dispatch.
 
-use clap::Parser;
+use std::process::ExitCode;
+use tracing_subscriber::EnvFilter;
 
-fn main() -> std::process::ExitCode {
-    match carved::cli::Cli::parse().run() {
-        Ok(()) => std::process::ExitCode::SUCCESS,
+fn main() -> ExitCode {
+    let filter = EnvFilter::try_from_env("CARVED_LOG").unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).init();
+    match carved::cli::main() {
+        Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("carved: {error:#}");
-            std::process::ExitCode::FAILURE
+            ExitCode::FAILURE
         }
     }
 }

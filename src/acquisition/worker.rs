@@ -13,9 +13,9 @@ use super::{Ledger, LedgerEntry, LedgerError, RevolutionPlan, Stop};
 use crate::cancel::CancelToken;
 use crate::device::{DeviceError, Rig, StopHandle};
 use crate::frame::RawFrame;
+use crate::hash::sha256_hex;
 use crate::units::Sense;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::time::{Duration, Instant};
 
 /// How the stops of a plan are carried out.
@@ -104,7 +104,7 @@ fn take_view(
         grab_ms: milliseconds(grabbed_at - settled),
         frame_id: grabbed.frame_id,
         attempts: grabbed.attempts,
-        sha256: hex(&Sha256::digest(grabbed.frame.bytes())),
+        sha256: sha256_hex(grabbed.frame.bytes()),
         closure: stop.closure,
     };
     tracing::debug!(view, steps = achieved.steps.0, moved_ms = entry.moved_ms, grab_ms = entry.grab_ms, attempts = entry.attempts, "view");
@@ -113,15 +113,6 @@ fn take_view(
 
 fn milliseconds(d: Duration) -> f64 {
     d.as_secs_f64() * 1e3
-}
-
-fn hex(bytes: &[u8]) -> String {
-    use std::fmt::Write;
-    bytes.iter().fold(String::with_capacity(2 * bytes.len()), |mut text, byte| {
-        // Writing to a String cannot fail.
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 /// Stops the motor on every way out, a panic included, but the one that says `done`.

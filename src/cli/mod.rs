@@ -1,28 +1,50 @@
-//! The commands of `carved`, one file each.
+//! The commands a user meets, one file each.
 
-pub mod notify;
+mod check;
+mod daemon;
+mod measure;
+mod notify;
 pub mod reconstruct;
+mod serve;
+mod simulate;
 
 use clap::{Parser, Subcommand};
 
 #[derive(Debug, Parser)]
-#[command(name = "carved", version, about)]
-pub struct Cli {
+#[command(name = "carved", version, about, long_about = None)]
+struct Cli {
     #[command(subcommand)]
     command: Command,
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Serve an instrument.
+    Serve(serve::Args),
+    /// Start the emulated rig and the daemon on it, and run a demo plate.
+    Simulate(simulate::Args),
+    /// Measure recordings again from their frames.
+    Measure(measure::Args),
+    /// Carve silhouettes of any origin and measure the result.
     Reconstruct(reconstruct::Args),
+    /// Work with configurations.
+    #[command(subcommand)]
+    Config(ConfigCommand),
 }
 
-impl Cli {
-    /// # Errors
-    /// Those of the command.
-    pub fn run(&self) -> anyhow::Result<()> {
-        match &self.command {
-            Command::Reconstruct(args) => reconstruct::run(args),
-        }
+#[derive(Debug, Subcommand)]
+enum ConfigCommand {
+    /// Check a configuration and say everything that is wrong with it.
+    Check(check::Args),
+}
+
+/// Runs the command that the arguments name.
+pub fn main() -> anyhow::Result<()> {
+    match Cli::parse().command {
+        Command::Serve(args) => serve::run(args),
+        Command::Simulate(args) => simulate::run(args),
+        Command::Measure(args) => measure::run(&args),
+        Command::Reconstruct(args) => reconstruct::run(&args),
+        Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }
 }

@@ -1,1 +1,13 @@
-//! config
+//! Configuration: raw TOML (unknown keys refused) becomes checked values once, at start.
+//!
+//! ```text
+//! file ─> Raw (serde, deny_unknown_fields) ─> check: every breach is listed ─> Config
+//! ```
+
+mod check;
+mod method;
+mod raw;
+
+pub use check::{Config, ConfigError, StoreConfig};
+pub use method::Method;
+pub use raw::{CameraDriver, RotationDriver, SamplerDriver};

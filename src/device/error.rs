@@ -38,4 +38,6 @@ pub enum DeviceError {
     NoFrame { waited_ms: u128, attempts: u32, last: String },
     #[error("camera: {what}: {why}")]
     Camera { what: String, why: String },
+    #[error("sampler: well {well}: {why}")]
+    Sampler { well: String, why: String },
 }

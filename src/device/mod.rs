@@ -8,6 +8,7 @@
 
 pub mod camera;
 pub mod rotation;
+pub mod sampler;
 
 mod error;
 mod rig;

@@ -80,4 +80,17 @@ impl Mask {
         }
         if either == 0 { 1.0 } else { both as f64 / either as f64 }
     }
+
+    /// Mean position of the pixels inside, `[u, v]`; nothing where none is.
+    pub fn centroid(&self) -> Option<[f64; 2]> {
+        let (mut n, mut su, mut sv) = (0u64, 0u64, 0u64);
+        for v in 0..self.height {
+            for (u, _) in self.row(v).iter().enumerate().filter(|(_, p)| **p != 0) {
+                n += 1;
+                su += u as u64;
+                sv += v as u64;
+            }
+        }
+        (n > 0).then(|| [su as f64 / n as f64, sv as f64 / n as f64])
+    }
 }

@@ -6,10 +6,19 @@
 //!     └──────── Status, events, Live <───┘
 //! ```
 
+mod driver;
 mod event;
 mod handle;
+mod heart;
+mod live;
 mod plan;
+mod state;
 mod status;
+mod worker;
+
+pub use driver::{Driver, DriverError};
+pub use heart::Heart;
+pub use worker::Instrument;
 
 pub use event::Event;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};

@@ -152,6 +152,46 @@ pub struct WellStatus {
     pub diameter_um: Option<f64>,
 }
 
+impl WellStatus {
+    /// A well that is still to come.
+    pub fn pending(planned: &super::PlannedWell) -> Self {
+        Self {
+            well: planned.well.clone(),
+            specimen: planned.specimen,
+            dpf: planned.dpf,
+            outcome: None,
+            reason: None,
+            flags: Vec::new(),
+            volume_um3: None,
+            area_um2: None,
+            diameter_um: None,
+        }
+    }
+
+    pub fn end(&mut self, outcome: SpecimenOutcome, reason: Option<&str>) {
+        self.outcome = Some(outcome);
+        self.reason = reason.map(str::to_owned);
+    }
+}
+
+impl WellCounts {
+    /// Counts each well once: a measured one with flags is `flagged`, not `succeeded`.
+    pub fn of(wells: &[WellStatus]) -> Self {
+        let mut counts = Self { total: wells.len() as u32, ..Self::default() };
+        for well in wells {
+            *match well.outcome {
+                None => &mut counts.pending,
+                Some(SpecimenOutcome::Succeeded) if well.flags.is_empty() => &mut counts.succeeded,
+                Some(SpecimenOutcome::Succeeded) => &mut counts.flagged,
+                Some(SpecimenOutcome::Failed) => &mut counts.failed,
+                Some(SpecimenOutcome::Skipped) => &mut counts.skipped,
+                Some(SpecimenOutcome::Aborted | SpecimenOutcome::Interrupted) => &mut counts.interrupted,
+            } += 1;
+        }
+        counts
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct RunStatus {
     pub id: String,

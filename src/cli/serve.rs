@@ -1,0 +1,39 @@
+//! `carved serve`: the daemon on an instrument.
+
+use super::daemon::{self, Daemon};
+use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
+use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler};
+use crate::device::{Rig, camera, rotation};
+use crate::session::{Instrument, Mode};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The instrument's configuration (TOML); there is no default: simulation is asked for by name, `carved simulate`.
+    #[arg(long)]
+    config: PathBuf,
+}
+
+pub fn run(args: Args) -> anyhow::Result<()> {
+    let config = Arc::new(Config::load(&args.config)?);
+    let listener = daemon::bind(config.http.listen)?;
+    let rig = open_rig(&config)?;
+    let gate = LoaderGate::default();
+    let sampler: Box<dyn Sampler> = match config.sampler {
+        SamplerDriver::Loader {} => Box::new(LoaderSampler::new(gate.clone())),
+    };
+    println!("carved serves the instrument {:?} on http://{}", config.rig_name, config.http.listen);
+    Daemon { config, mode: Mode::Hardware, instrument: Instrument { rig, sampler }, gate, listener }.run(|_| async { Ok(()) })
+}
+
+/// Opens every device that the configuration names, or says which does not answer.
+pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
+    let rotation = match &config.rotation {
+        RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::open(settings.clone())?),
+    };
+    let camera = match &config.camera {
+        CameraDriver::Aravis(settings) => camera::open(settings.clone())?,
+    };
+    Ok(Rig { rotation, camera })
+}

@@ -1,0 +1,120 @@
+//! Raw to checked: every breach is found and said, then nothing needs to be doubted again.
+
+use super::Method;
+use super::raw::{CameraDriver, Raw, RotationDriver, SamplerDriver};
+use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
+use crate::geometry::Camera;
+use crate::http::HttpSettings;
+use crate::units::StepsPerRevolution;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// A configuration that may be acted on.
+#[derive(Debug, Clone)]
+pub struct Config {
+    pub http: HttpSettings,
+    pub store: StoreConfig,
+    pub rig_name: String,
+    pub steps_per_revolution: StepsPerRevolution,
+    pub acquisition: AcquisitionSettings,
+    /// The rig's nominal camera.
+    pub optics: Camera,
+    pub rotation: RotationDriver,
+    pub camera: CameraDriver,
+    pub sampler: SamplerDriver,
+    pub methods: BTreeMap<String, Method>,
+}
+
+#[derive(Debug, Clone)]
+pub struct StoreConfig {
+    pub data_dir: PathBuf,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    #[error("{}: cannot read the configuration: {source}", path.display())]
+    Read { path: PathBuf, source: std::io::Error },
+    #[error("{}: {source}", path.display())]
+    Syntax { path: PathBuf, source: Box<toml::de::Error> },
+    #[error("{}: {} value(s) cannot be used:\n{}", path.display(), breaches.len(), breaches.join("\n"))]
+    Breaches { path: PathBuf, breaches: Vec<String> },
+}
+
+impl Config {
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        Self::parse(&text, path)
+    }
+
+    /// `path` names the source in errors only.
+    pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let raw: Raw = toml::from_str(text).map_err(|e| ConfigError::Syntax { path: path.to_owned(), source: Box::new(e) })?;
+        let o = &raw.optics;
+        let optics = Camera {
+            f: o.distance_um,
+            kx: o.kx_px_per_um,
+            ky: o.ky_px_per_um,
+            ux: o.ux_px,
+            uy: o.uy_px,
+            s: 0.0,
+            alpha: o.alpha_deg.to_radians(),
+            gamma: o.gamma_deg.to_radians(),
+            phi: std::f64::consts::FRAC_PI_2,
+            width: o.width_px,
+            height: o.height_px,
+        };
+        let mut breaches = Vec::new();
+        let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
+        if let Err(e) = optics.check() {
+            wrong("[optics]", e.to_string(), "a camera");
+        }
+        if raw.acquisition.settle_ms > 10_000 {
+            wrong("acquisition.settle_ms", raw.acquisition.settle_ms.to_string(), "0 to 10000 ms");
+        }
+        if !(10..=60_000).contains(&raw.acquisition.grab_deadline_ms) {
+            wrong("acquisition.grab_deadline_ms", raw.acquisition.grab_deadline_ms.to_string(), "10 to 60000 ms");
+        }
+        if raw.methods.is_empty() {
+            wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
+        }
+        for (name, method) in &raw.methods {
+            if !crate::session::is_plain_name(name) {
+                wrong(&format!("methods.{name:?}"), "this name".into(), "1 to 64 letters, digits, '-', '_' or '.'");
+            }
+            if let Err(e) = RevolutionPlan::new(method.asd, raw.rig.steps_per_revolution, method.order) {
+                wrong(&format!("methods.{name}.asd"), method.asd.to_string(), &e.to_string());
+            }
+            if !(0.0..0.5).contains(&method.epsilon) {
+                wrong(&format!("methods.{name}.epsilon"), method.epsilon.to_string(), "0 up to, not including, 0.5");
+            }
+            if let Err(e) = method.pipeline(&optics, false) {
+                wrong(&format!("methods.{name}.voxel_um"), method.voxel_um.to_string(), &e.to_string());
+            }
+        }
+        let RotationDriver::Grbl(rotation) = &raw.rotation;
+        let CameraDriver::Aravis(camera) = &raw.camera;
+        for checked in [rotation.check(), camera.check()] {
+            breaches.extend(checked.err().map(|e| format!("  {e}")));
+        }
+        let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
+        let (width, height) = raw.camera.frame_size();
+        if (width, height) != (o.width_px, o.height_px) {
+            wrong("[camera] frame", format!("{width} x {height} px"), &format!("the {} x {} px of [optics]", o.width_px, o.height_px));
+        }
+        if !breaches.is_empty() {
+            return Err(ConfigError::Breaches { path: path.to_owned(), breaches });
+        }
+        Ok(Self {
+            http: raw.http,
+            store: StoreConfig { data_dir: raw.store.data_dir },
+            rig_name: raw.rig.name,
+            steps_per_revolution: raw.rig.steps_per_revolution,
+            acquisition: raw.acquisition,
+            optics,
+            rotation: raw.rotation,
+            camera: raw.camera,
+            sampler: raw.sampler,
+            methods: raw.methods,
+        })
+    }
+}

@@ -1,0 +1,46 @@
+//! A method: what is done to a specimen and how it is measured. It is recorded whole with every specimen.
+
+use crate::acquisition::ViewOrder;
+use crate::geometry::{BoxUm, Camera, GridError, VoxelGrid};
+use crate::pipeline::PipelineSettings;
+use crate::profile::SegmentSettings;
+use crate::reconstruction::{ReconstructionSettings, SurfaceSettings};
+use serde::{Deserialize, Serialize};
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Method {
+    /// ASD: axial views in one revolution.
+    pub asd: u32,
+    /// In which order the stops are visited.
+    pub order: ViewOrder,
+    /// Share of the views that may miss a voxel that still counts (paper: 0.05).
+    pub epsilon: f64,
+    /// SD: edge of a voxel, um.
+    pub voxel_um: f64,
+    /// The reconstructed box, um.
+    #[serde(default = "papers_box")]
+    pub box_um: BoxUm,
+    #[serde(default)]
+    pub segment: SegmentSettings,
+    #[serde(default)]
+    pub surface: SurfaceSettings,
+}
+
+fn papers_box() -> BoxUm {
+    BoxUm::PAPER
+}
+
+impl Method {
+    /// What the numbers depend on, with the rig's camera and a sphere fitted or not.
+    pub fn pipeline(&self, camera: &Camera, sphere: bool) -> Result<PipelineSettings, GridError> {
+        Ok(PipelineSettings {
+            camera: camera.clone(),
+            grid: VoxelGrid::new(self.box_um, self.voxel_um)?,
+            planned_views: self.asd,
+            segment: self.segment.clone(),
+            reconstruction: ReconstructionSettings { epsilon: self.epsilon, surface: self.surface },
+            sphere,
+        })
+    }
+}

@@ -1,0 +1,90 @@
+//! The configuration as it is written: every key with its unit in its name.
+
+use super::Method;
+use crate::acquisition::AcquisitionSettings;
+use crate::device::camera::AravisSettings;
+use crate::device::rotation::GrblSettings;
+use crate::frame::PixelFormat;
+use crate::http::HttpSettings;
+use crate::units::StepsPerRevolution;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Raw {
+    pub http: HttpSettings,
+    pub store: RawStore,
+    pub rig: RawRig,
+    pub acquisition: AcquisitionSettings,
+    pub optics: RawOptics,
+    pub rotation: RotationDriver,
+    pub camera: CameraDriver,
+    pub sampler: SamplerDriver,
+    pub methods: BTreeMap<String, Method>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawStore {
+    pub data_dir: PathBuf,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawRig {
+    pub name: String,
+    pub steps_per_revolution: StepsPerRevolution,
+}
+
+/// psi as a rig's data sheet has it; angles in degrees, lengths in um, image positions in px.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawOptics {
+    pub distance_um: f64,
+    pub kx_px_per_um: f64,
+    pub ky_px_per_um: f64,
+    pub ux_px: f64,
+    pub uy_px: f64,
+    #[serde(default)]
+    pub alpha_deg: f64,
+    #[serde(default)]
+    pub gamma_deg: f64,
+    pub width_px: u32,
+    pub height_px: u32,
+}
+
+/// Which controller turns the capillary.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "driver", rename_all = "snake_case")]
+pub enum RotationDriver {
+    Grbl(GrblSettings),
+}
+
+/// Which door the camera is behind.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(tag = "driver", rename_all = "snake_case")]
+pub enum CameraDriver {
+    Aravis(AravisSettings),
+}
+
+/// Who puts specimens into the capillary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(tag = "driver", rename_all = "snake_case", deny_unknown_fields)]
+pub enum SamplerDriver {
+    /// The plate-loader does and says so: `PUT /v1/runs/{id}/wells/{well}`.
+    Loader {},
+}
+
+impl CameraDriver {
+    pub fn pixel_format(&self) -> PixelFormat {
+        let Self::Aravis(settings) = self;
+        settings.pixel_format
+    }
+
+    pub(super) fn frame_size(&self) -> (u32, u32) {
+        let Self::Aravis(settings) = self;
+        (settings.width, settings.height)
+    }
+}

@@ -1,0 +1,99 @@
+//! Who puts a specimen into the capillary and takes it out again.
+
+use super::DeviceError;
+use crate::cancel::CancelToken;
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::time::Duration;
+
+/// What is known of a loaded specimen.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Loaded {
+    /// Simulation only: what a perfect measurement would find.
+    pub truth: Option<serde_json::Value>,
+}
+
+/// What the plate map says of a well; a sampler may use it, a plate-loader knows it already.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Expected<'a> {
+    pub well: &'a str,
+    /// A bead, or else a larva.
+    pub bead: bool,
+    /// Days post fertilisation.
+    pub dpf: Option<f64>,
+}
+
+pub trait Sampler: Send {
+    /// Whether `load` waits for somebody outside.
+    fn waits_for_loader(&self) -> bool;
+    /// Brings the specimen of a well into the capillary; nothing where the run was cancelled meanwhile.
+    fn load(&mut self, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
+    fn eject(&mut self, well: &str) -> Result<(), DeviceError>;
+}
+
+/// Where the loader's word arrives: the name of the well whose specimen is in the capillary.
+#[derive(Clone, Default)]
+pub struct LoaderGate(Arc<(Mutex<Option<String>>, Condvar)>);
+
+impl LoaderGate {
+    pub fn say_loaded(&self, well: &str) {
+        let (slot, changed) = &*self.0;
+        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(well.to_owned());
+        changed.notify_all();
+    }
+}
+
+/// The plate-loader fills the capillary and says so.
+pub struct LoaderSampler {
+    gate: LoaderGate,
+}
+
+/// How often a wait looks whether the run was cancelled.
+const CANCEL_CHECK: Duration = Duration::from_millis(50);
+
+impl LoaderSampler {
+    pub fn new(gate: LoaderGate) -> Self {
+        Self { gate }
+    }
+}
+
+impl Sampler for LoaderSampler {
+    fn waits_for_loader(&self) -> bool {
+        true
+    }
+
+    fn load(&mut self, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let (slot, changed) = &*self.gate.0;
+        let mut said = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            if cancel.is_cancelled() {
+                return Ok(None);
+            }
+            if said.take_if(|w| w == expected.well).is_some() {
+                return Ok(Some(Loaded::default()));
+            }
+            said = changed.wait_timeout(said, CANCEL_CHECK).unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    fn eject(&mut self, _well: &str) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_word_for_another_well_does_not_count_and_a_cancel_ends_the_wait() {
+        let well = |well| Expected { well, bead: false, dpf: None };
+        let gate = LoaderGate::default();
+        let cancel = CancelToken::default();
+        let mut sampler = LoaderSampler::new(gate.clone());
+        gate.say_loaded("A01");
+        assert_eq!(sampler.load(well("A01"), &cancel).unwrap(), Some(Loaded::default()));
+        gate.say_loaded("A01");
+        cancel.cancel();
+        assert_eq!(sampler.load(well("A02"), &cancel).unwrap(), None);
+    }
+}

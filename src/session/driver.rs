@@ -1,0 +1,612 @@
+//! The driver: the one place that changes anything. It takes commands and the worker's progress, journals, then publishes.
+
+use super::handle::{Command, Publisher, Refusal};
+use super::heart::{self, Heart};
+use super::plan::is_plain_name;
+use super::state::{self, STARTABLE, Trigger};
+use super::worker::{self, Instrument, Progress, RunContext, RunEnd};
+use super::{
+    Accepted, Eta, Fault, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SchedulerAction, SpecimenOutcome, SpecimenStatus,
+    State, Status, WellCounts,
+};
+use crate::cancel::CancelToken;
+use crate::config::Config;
+use crate::device::StopHandle;
+use crate::device::sampler::LoaderGate;
+use crate::store::{Journal, RunRecord, Store, StoreError};
+use std::future::Future;
+use std::sync::Arc;
+use tokio::sync::mpsc;
+use tokio::task::JoinHandle;
+
+/// What the driver is made of; `run` consumes it.
+pub struct Driver {
+    pub config: Arc<Config>,
+    pub mode: Mode,
+    pub store: Store,
+    pub journal: Journal,
+    pub publisher: Publisher,
+    pub instrument: Instrument,
+    /// Where the loader's word goes, on a rig that is loaded from outside.
+    pub gate: LoaderGate,
+    pub heart: Heart,
+}
+
+/// Why the driver ended.
+#[derive(Debug, thiserror::Error)]
+pub enum DriverError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("the thread that runs the rig panicked; its motors were stopped as it unwound")]
+    WorkerPanicked,
+}
+
+/// A run under way.
+struct Active {
+    record: RunRecord,
+    cancel: CancelToken,
+    stop: StopHandle,
+    worker: JoinHandle<(Instrument, RunEnd)>,
+    progress: mpsc::Receiver<Progress>,
+    /// How it will have ended if it is cut short.
+    cut_short: RunOutcome,
+    waiting_for: Option<String>,
+    well_seconds: Vec<f64>,
+}
+
+struct Running {
+    config: Arc<Config>,
+    mode: Mode,
+    store: Store,
+    journal: Journal,
+    publisher: Publisher,
+    gate: LoaderGate,
+    /// At rest between runs; with the worker during one.
+    instrument: Option<Instrument>,
+    active: Option<Active>,
+    fault_seq: u64,
+}
+
+impl Driver {
+    /// The first snapshot of a boot.
+    pub fn first_status(mode: Mode, boot_id: String) -> Status {
+        Status {
+            schema: "carved.status/1".into(),
+            revision: 1,
+            boot_id,
+            server_time: String::new(),
+            uptime_s: 0.0,
+            version: env!("CARGO_PKG_VERSION").into(),
+            mode,
+            ready: false,
+            not_ready_reason: Some("starting".into()),
+            state: State::Idle,
+            doing: "Starting.".into(),
+            pending: super::Pending::default(),
+            plate: Plate::default(),
+            run: None,
+            specimen: None,
+            hardware: super::HardwareStatus::default(),
+            calibration: None,
+            faults: Vec::new(),
+        }
+    }
+
+    /// Serves commands until `shutdown`; then the motors are stopped, the record is closed and everything is joined.
+    pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
+        let Self { config, mode, store, journal, publisher, instrument, gate, heart } = self;
+        let mut d = Running { config, mode, store, journal, publisher, gate, instrument: Some(instrument), active: None, fault_seq: 0 };
+        d.at_rest()?;
+        tokio::pin!(shutdown);
+        let mut beat = tokio::time::interval(heart::BEAT);
+        let mut stopping = false;
+        loop {
+            if stopping && d.active.is_none() {
+                d.go(Trigger::Joined);
+                d.event("daemon.stopped", None, serde_json::Value::Null)?;
+                return Ok(());
+            }
+            tokio::select! {
+                biased;
+                () = &mut shutdown, if !stopping => {
+                    stopping = true;
+                    d.cut_short(RunOutcome::Interrupted);
+                    d.publisher.publish(|s| { s.pending.stop = true; s.ready = false; s.not_ready_reason = Some("shutting down".into()); });
+                    d.go(Trigger::ShutDown);
+                }
+                word = word_of(&mut d.active) => match word {
+                    Word::Progress(progress) => d.progress(progress)?,
+                    Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?, stopping)?,
+                },
+                _ = beat.tick() => heart.beat(),
+                command = mailbox.recv(), if !stopping => match command {
+                    Some(command) => d.command(command)?,
+                    // Every handle is gone: nobody can ask for anything any more.
+                    None => stopping = true,
+                },
+            }
+        }
+    }
+}
+
+enum Word {
+    Progress(Progress),
+    Ended(Result<(Instrument, RunEnd), tokio::task::JoinError>),
+}
+
+/// The worker's next word; its end only after everything it said before.
+async fn word_of(active: &mut Option<Active>) -> Word {
+    let Some(a) = active else { return std::future::pending().await };
+    tokio::select! {
+        biased;
+        Some(progress) = a.progress.recv() => Word::Progress(progress),
+        ended = &mut a.worker => Word::Ended(ended),
+    }
+}
+
+impl Running {
+    /// Follows the state table; every state on the way is published as a revision of its own.
+    fn go(&self, trigger: Trigger) {
+        let from = self.publisher.status().state;
+        let Some(path) = state::next(from, trigger) else {
+            tracing::error!(?from, ?trigger, "no such transition");
+            return;
+        };
+        for &to in path {
+            self.publisher.publish(|s| {
+                s.state = to;
+                s.doing = sentence(s);
+            });
+        }
+    }
+
+    fn publish(&self, change: impl FnOnce(&mut Status)) {
+        self.publisher.publish(|s| {
+            change(s);
+            s.doing = sentence(s);
+        });
+    }
+
+    fn event(&mut self, kind: &str, well: Option<&str>, data: serde_json::Value) -> Result<(), StoreError> {
+        let run = self.active.as_ref().map(|a| a.record.id.clone());
+        let event = self.journal.append(kind, run.as_deref(), well, data)?;
+        self.publisher.announce(event);
+        Ok(())
+    }
+
+    /// Puts the devices' first word into the status.
+    fn at_rest(&mut self) -> Result<(), StoreError> {
+        for run in self.store.close_interrupted()? {
+            let event = self.journal.append("run.interrupted", Some(&run.id), None, serde_json::json!({"found": "at start"}))?;
+            self.publisher.announce(event);
+        }
+        let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
+        let disk_free_bytes = self.store.free_bytes();
+        self.publish(|s| {
+            if let Some((rotation, camera)) = identities {
+                s.hardware.rotation.identity = Some(rotation);
+                s.hardware.rotation.connected = true;
+                s.hardware.camera.identity = Some(camera);
+                s.hardware.camera.connected = true;
+            }
+            s.hardware.disk_free_bytes = disk_free_bytes;
+            s.ready = true;
+            s.not_ready_reason = None;
+        });
+        self.event("daemon.started", None, serde_json::json!({"version": env!("CARGO_PKG_VERSION"), "mode": self.mode}))
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), DriverError> {
+        // A client that hung up before its answer is no reason to stop: what was decided stands.
+        match command {
+            Command::PutRun { id, plan, answer } => {
+                let result = self.put_run(&id, plan);
+                let _hung_up = answer.send(result);
+            }
+            Command::Abort { id, answer } => {
+                let result = self.abort(&id);
+                let _hung_up = answer.send(result);
+            }
+            Command::Loaded { run, well, answer } => {
+                let result = self.loaded(run, well);
+                let _hung_up = answer.send(result);
+            }
+        }
+        Ok(())
+    }
+
+    fn put_run(&mut self, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
+        let store_failed = |e: StoreError| Refusal::Store { why: e.to_string() };
+        if !is_plain_name(id) {
+            let detail = format!("{id:?} is not a run's name: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
+            return Err(Refusal::InvalidPlan(vec![FieldError { pointer: "/run_id".into(), detail }]));
+        }
+        if let Some(known) = self.store.run(id).map_err(store_failed)? {
+            return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
+        }
+        plan.check(&self.config.methods).map_err(Refusal::InvalidPlan)?;
+        let now = self.publisher.status().state;
+        let (true, Some(instrument)) = (STARTABLE.contains(&now), self.instrument.take()) else {
+            return Err(Refusal::WrongState { state: now, accepted_in: STARTABLE.to_vec() });
+        };
+        match self.start(id, plan, instrument) {
+            Ok(()) => Ok(Accepted::Created),
+            Err((instrument, e)) => {
+                self.instrument = Some(instrument);
+                Err(store_failed(e))
+            }
+        }
+    }
+
+    /// Journals the run, then lets the worker go. On failure the instrument comes back.
+    fn start(&mut self, id: &str, plan: RunPlan, instrument: Instrument) -> Result<(), (Instrument, StoreError)> {
+        let method = match self.config.methods.get(&plan.method) {
+            Some(method) => method.clone(),
+            // `check` has looked it up; a plan that names no method never comes here.
+            None => return Err((instrument, StoreError::Format { path: id.into(), expected: "a known method", found: plan.method })),
+        };
+        let record = RunRecord::new(id, plan, method.clone(), self.mode);
+        let journalled = self.store.save_run(&record).and_then(|()| {
+            self.journal.append(
+                "run.accepted",
+                Some(id),
+                None,
+                serde_json::json!({"plate_barcode": record.plan.plate_barcode, "method": record.plan.method}),
+            )
+        });
+        match journalled {
+            Ok(event) => self.publisher.announce(event),
+            Err(e) => return Err((instrument, e)),
+        }
+        let cancel = CancelToken::default();
+        let stop = instrument.rig.rotation.stop_handle();
+        let (progress_in, progress) = mpsc::channel(64);
+        let context = RunContext {
+            config: self.config.clone(),
+            mode: self.mode,
+            run: id.to_owned(),
+            wells: record.plan.plate_map.clone(),
+            method_name: record.plan.method.clone(),
+            method,
+            folder: self.store.run_folder(id),
+            cancel: cancel.clone(),
+            progress: progress_in,
+        };
+        let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
+        self.publisher.publish(|s| {
+            s.run = Some(run_status(&record));
+            s.specimen = None;
+            s.faults.clear();
+            s.plate = Plate { barcode: Some(record.plan.plate_barcode.clone()), present: true, removable: false, needs: None };
+            s.pending = super::Pending::default();
+            s.ready = false;
+            s.not_ready_reason = Some("a run is under way".into());
+        });
+        self.active = Some(Active {
+            record,
+            cancel,
+            stop,
+            worker,
+            progress,
+            cut_short: RunOutcome::Interrupted,
+            waiting_for: None,
+            well_seconds: Vec::new(),
+        });
+        self.go(Trigger::Start);
+        Ok(())
+    }
+
+    fn abort(&mut self, id: &str) -> Result<(), Refusal> {
+        if self.active.as_ref().is_some_and(|a| a.record.id == id) {
+            if self.publisher.status().state != State::Aborting {
+                self.cut_short(RunOutcome::Aborted);
+                self.publisher.publish(|s| s.pending.abort = true);
+                self.go(Trigger::Abort);
+                self.event("run.abort_requested", None, serde_json::Value::Null).map_err(|e| Refusal::Store { why: e.to_string() })?;
+            }
+            return Ok(());
+        }
+        // A repeat after the end moves towards a state that is reached already.
+        match self.store.run(id) {
+            Ok(Some(run)) if run.outcome == Some(RunOutcome::Aborted) => Ok(()),
+            Ok(Some(_)) => Err(Refusal::WrongState {
+                state: self.publisher.status().state,
+                accepted_in: vec![State::Starting, State::Execute, State::Suspended, State::Completing, State::Aborting],
+            }),
+            Ok(None) => Err(Refusal::UnknownRun { id: id.to_owned(), newest: self.publisher.status().run.as_ref().map(|r| r.id.clone()) }),
+            Err(e) => Err(Refusal::Store { why: e.to_string() }),
+        }
+    }
+
+    /// Motors first; the worker then ends by itself.
+    fn cut_short(&mut self, outcome: RunOutcome) {
+        if let Some(active) = &mut self.active {
+            active.cut_short = outcome;
+            active.cancel.cancel();
+            active.stop.stop();
+        }
+    }
+
+    fn loaded(&mut self, run: String, well: String) -> Result<(), Refusal> {
+        let Some(active) = self.active.as_mut().filter(|a| a.record.id == run) else {
+            let newest = self.publisher.status().run.as_ref().map(|r| r.id.clone());
+            return Err(Refusal::UnknownRun { id: run, newest });
+        };
+        if active.waiting_for.as_deref() == Some(well.as_str()) {
+            active.waiting_for = None;
+            self.gate.say_loaded(&well);
+            self.publish(|s| s.plate.needs = None);
+            self.go(Trigger::Loaded);
+            return self.event("well.loaded", Some(&well), serde_json::Value::Null).map_err(|e| Refusal::Store { why: e.to_string() });
+        }
+        // Said again after it was taken: the well under way is loaded, nothing more to do.
+        let current = self.publisher.status().specimen.as_ref().is_some_and(|s| s.well == well);
+        if current { Ok(()) } else { Err(Refusal::UnexpectedWell { run, well }) }
+    }
+
+    fn progress(&mut self, progress: Progress) -> Result<(), DriverError> {
+        match progress {
+            Progress::Ready => {
+                if self.publisher.status().state == State::Starting {
+                    self.go(Trigger::Ready);
+                }
+                self.event("run.started", None, serde_json::Value::Null)?;
+            }
+            Progress::WaitingForLoader { well } => {
+                if let Some(active) = &mut self.active {
+                    active.waiting_for = Some(well.clone());
+                }
+                self.publish(|s| s.plate.needs = Some(format!("the specimen of well {well} in the capillary")));
+                if self.publisher.status().state == State::Execute {
+                    self.go(Trigger::WaitForLoader);
+                }
+                self.event("well.awaited", Some(&well), serde_json::Value::Null)?;
+            }
+            Progress::Phase { well, phase, in_capillary } => {
+                let views_planned = self.active.as_ref().map_or(0, |a| a.record.method.asd);
+                self.publish(|s| match &mut s.specimen {
+                    Some(specimen) if specimen.well == well => {
+                        specimen.phase = phase;
+                        specimen.in_capillary = in_capillary;
+                    }
+                    _ => s.specimen = Some(new_specimen(&well, phase, in_capillary, views_planned)),
+                });
+                self.event("specimen.phase", Some(&well), serde_json::json!({ "phase": phase }))?;
+            }
+            Progress::View { well, index, closure, achieved_steps, volume_um3, live } => {
+                self.publisher.set_live(|l| {
+                    l.frame_jpg = live.frame_jpg;
+                    l.profile_png = live.profile_png;
+                    // The closure view carves nothing: the model stays the one of the last view.
+                    if live.mesh_glb.is_some() || !closure {
+                        l.mesh_glb = live.mesh_glb;
+                    }
+                });
+                let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
+                self.publish(|s| {
+                    s.hardware.rotation.position_steps = Some(achieved_steps);
+                    s.hardware.rotation.position_deg = Some(position_deg);
+                    if let (Some(specimen), Some(volume_um3)) = (&mut s.specimen, volume_um3) {
+                        specimen.view += 1;
+                        specimen.volume_um3 = Some(volume_um3);
+                        specimen.volumes_um3.push(volume_um3);
+                    }
+                });
+                let data =
+                    serde_json::json!({"index": index, "closure": closure, "achieved_steps": achieved_steps, "volume_um3": volume_um3});
+                self.event("view.taken", Some(&well), data)?;
+            }
+            Progress::Hardware { rotation, counters } => {
+                let disk_free_bytes = self.store.free_bytes();
+                self.publish(|s| {
+                    s.hardware.rotation = rotation;
+                    s.hardware.disk_free_bytes = disk_free_bytes;
+                    let camera = &mut s.hardware.camera;
+                    camera.completed_frames = counters.completed;
+                    camera.failed_frames = counters.failed;
+                    camera.missing_packets = counters.missing_packets;
+                    camera.resent_packets = counters.resent_packets;
+                    camera.ignored_packets = counters.ignored_packets;
+                });
+            }
+            Progress::WellDone { result, seconds } => {
+                let Some(active) = &mut self.active else { return Ok(()) };
+                if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
+                    *slot = result.clone();
+                }
+                if result.outcome == Some(SpecimenOutcome::Succeeded) {
+                    active.well_seconds.push(seconds);
+                }
+                self.store.save_run(&active.record)?;
+                let mut status = run_status(&active.record);
+                status.eta_s = eta(&active.well_seconds, status.wells.pending);
+                // One revision: counters and phase change together, so that no reader sees a gap between two wells.
+                self.publish(|s| {
+                    s.run = Some(status);
+                    if let Some(specimen) = &mut s.specimen {
+                        specimen.in_capillary = false;
+                    }
+                });
+                let data = serde_json::to_value(&result).unwrap_or_default();
+                self.event("specimen.done", Some(&result.well), data)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn worker_ended(&mut self, ended: (Instrument, RunEnd), stopping: bool) -> Result<(), DriverError> {
+        let (instrument, end) = ended;
+        self.instrument = Some(instrument);
+        let Some(active) = &mut self.active else { return Ok(()) };
+        let (outcome, fault, left) = match end {
+            RunEnd::AllWells => (RunOutcome::of_wells(&active.record.wells), None, SpecimenOutcome::Interrupted),
+            RunEnd::Cancelled => {
+                let left = if active.cut_short == RunOutcome::Aborted { SpecimenOutcome::Aborted } else { SpecimenOutcome::Interrupted };
+                (active.cut_short, None, left)
+            }
+            RunEnd::Failed(error) => (RunOutcome::Failed, Some(error), SpecimenOutcome::Interrupted),
+        };
+        let reason = match (&fault, left) {
+            (Some(error), _) => error.to_string(),
+            (None, SpecimenOutcome::Aborted) => "the run was aborted".into(),
+            _ => "the daemon was stopped".into(),
+        };
+        for well in active.record.wells.iter_mut().filter(|w| w.outcome.is_none()) {
+            well.end(left, Some(&reason));
+        }
+        active.record.end(outcome);
+        self.store.save_run(&active.record)?;
+        let status = run_status(&active.record);
+        if let Some(error) = &fault {
+            self.fault_seq += 1;
+            let fault = fault_of(self.fault_seq, error);
+            let data = serde_json::to_value(&fault).unwrap_or_default();
+            self.publish(|s| s.faults.push(fault));
+            self.event("fault.raised", None, data)?;
+        }
+        if !stopping {
+            if fault.is_some() && self.publisher.status().state != State::Aborting {
+                self.go(Trigger::Abort);
+            } else if outcome != RunOutcome::Aborted {
+                self.go(Trigger::WellsDone);
+            }
+        }
+        self.event("run.ended", None, serde_json::json!({ "outcome": outcome, "wells": status.wells }))?;
+        self.active = None;
+        self.publisher.publish(|s| {
+            s.run = Some(status);
+            // A run that was cut short may have left its specimen in the capillary: only the loader knows.
+            let emptied = s.specimen.as_ref().is_none_or(|x| !x.in_capillary);
+            s.plate.removable = emptied;
+            s.plate.needs = (!emptied).then(|| "the specimen in the capillary to be taken out".to_owned());
+            s.specimen = s.specimen.take().filter(|x| x.in_capillary);
+            s.pending = super::Pending { stop: stopping, ..super::Pending::default() };
+            s.ready = !stopping;
+            s.not_ready_reason = stopping.then(|| "shutting down".into());
+        });
+        if !stopping {
+            self.go(if self.publisher.status().state == State::Aborting { Trigger::MotorsStopped } else { Trigger::Recorded });
+        }
+        Ok(())
+    }
+}
+
+impl RunOutcome {
+    /// An empty or skipped well is honest work; a failed one makes the run partial, or failed where none succeeded.
+    fn of_wells(wells: &[super::WellStatus]) -> Self {
+        let failed = wells.iter().any(|w| w.outcome != Some(SpecimenOutcome::Succeeded) && w.outcome != Some(SpecimenOutcome::Skipped));
+        let succeeded = wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded));
+        match (failed, succeeded) {
+            (false, _) => Self::Succeeded,
+            (true, true) => Self::Partial,
+            (true, false) => Self::Failed,
+        }
+    }
+}
+
+fn new_specimen(well: &str, phase: Phase, in_capillary: bool, views_planned: u32) -> SpecimenStatus {
+    SpecimenStatus {
+        well: well.to_owned(),
+        in_capillary,
+        phase,
+        view: 0,
+        views_planned,
+        volume_um3: None,
+        volume_sd_um3: None,
+        converged: None,
+        volumes_um3: Vec::new(),
+    }
+}
+
+fn run_status(record: &RunRecord) -> RunStatus {
+    RunStatus {
+        id: record.id.clone(),
+        external_id: record.plan.external_id.clone(),
+        method: record.plan.method.clone(),
+        operator: record.plan.operator.clone(),
+        wells: WellCounts::of(&record.wells),
+        results: record.wells.clone(),
+        started: record.started.clone(),
+        ended: record.ended.clone(),
+        eta_s: None,
+        outcome: record.outcome,
+    }
+}
+
+/// From this run's own measured wells; nothing is promised before the first.
+fn eta(well_seconds: &[f64], pending: u32) -> Option<Eta> {
+    let mut sorted = well_seconds.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let at = |q: f64| sorted.get(((sorted.len() as f64 * q) as usize).min(sorted.len().saturating_sub(1))).copied();
+    Some(Eta { p50: at(0.5)? * f64::from(pending), p90: at(0.9)? * f64::from(pending) })
+}
+
+fn fault_of(seq: u64, error: &worker::RunError) -> Fault {
+    use crate::acquisition::AcquisitionError;
+    use crate::device::DeviceError;
+    use worker::RunError;
+    let (code, category) = match error {
+        RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => match e {
+            DeviceError::NoFrame { .. } | DeviceError::Camera { .. } => ("camera_failed", "camera"),
+            _ => ("rotation_failed", "motion"),
+        },
+        RunError::Acquisition(_) => ("revolution_failed", "motion"),
+        RunError::Store(_) => ("store_failed", "storage"),
+        RunError::SpecimenThread => ("internal_error", "software"),
+    };
+    Fault {
+        seq,
+        code: code.into(),
+        category: category.into(),
+        message: error.to_string(),
+        recoverable: true,
+        scheduler_action: SchedulerAction::PauseInstrument,
+        operator_required: true,
+        since: jiff::Timestamp::now().to_string(),
+    }
+}
+
+/// What the instrument is doing, in one sentence for people.
+fn sentence(s: &Status) -> String {
+    let well = s.specimen.as_ref().map_or("", |x| x.well.as_str());
+    match s.state {
+        State::Idle => "Idle. Ready for a plate.".into(),
+        State::Starting => "Starting the run: the camera is being armed.".into(),
+        State::Suspended => format!("Waiting for the loader: {}.", s.plate.needs.as_deref().unwrap_or("a specimen")),
+        State::Execute => match &s.specimen {
+            None => "Preparing the first well.".into(),
+            Some(x) => match x.phase {
+                Phase::Load => format!("Loading well {well}."),
+                Phase::Position => format!("Well {well}: finding the reference of the rotation axis."),
+                Phase::Detect => format!("Well {well}: looking what is in the capillary."),
+                Phase::Revolve => format!("Well {well}: turning the capillary, view {} of {}.", x.view, x.views_planned),
+                Phase::Reconstruct => format!("Well {well}: building the surface."),
+                Phase::Measure => format!("Well {well}: measuring."),
+                Phase::Eject => format!("Well {well}: done, taking the specimen out."),
+                Phase::Wash => format!("Well {well}: washing."),
+            },
+        },
+        State::Completing => "All wells are done; closing the record.".into(),
+        State::Complete => s.run.as_ref().map_or_else(String::new, |r| {
+            let c = r.wells;
+            format!(
+                "Run {} is complete: {} measured, {} flagged, {} skipped, {} failed. The plate can be taken.",
+                r.id,
+                c.succeeded,
+                c.flagged,
+                c.skipped,
+                c.failed + c.interrupted
+            )
+        }),
+        State::Aborting => "Aborting: the motors are stopped, the record is being closed.".into(),
+        State::Aborted => match s.faults.last() {
+            Some(f) => format!("Stopped by a fault: {}", f.message),
+            None => "Aborted. The motors stand; a new run may be started.".into(),
+        },
+        State::Stopping => "Shutting down: the motors are stopped, the record is being closed.".into(),
+        State::Stopped => "Stopped.".into(),
+        State::Clearing | State::Resetting => "Resetting for a new run.".into(),
+        State::Holding | State::Held | State::Unholding => "Held.".into(),
+        State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
+    }
+}

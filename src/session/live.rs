@@ -1,0 +1,69 @@
+//! The newest view, encoded for the page.
+
+use crate::export;
+use crate::pipeline::Seen;
+use crate::profile::{Mask, Picture};
+use crate::surface::Mesh;
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+use std::sync::Arc;
+
+/// Encoded pictures of one view; what could not be encoded is absent and logged, never a reason to stop a run.
+#[derive(Debug, Clone, Default)]
+pub struct LiveView {
+    pub frame_jpg: Option<Arc<Vec<u8>>>,
+    pub profile_png: Option<Arc<Vec<u8>>>,
+    pub mesh_glb: Option<Arc<Vec<u8>>>,
+}
+
+pub fn of_view(seen: &Seen, mesh: &Mesh) -> LiveView {
+    LiveView { frame_jpg: jpeg(&seen.picture), profile_png: seen.profile.as_ref().ok().and_then(|p| outline(&p.mask)), mesh_glb: glb(mesh) }
+}
+
+fn glb(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {
+    let mut out = Vec::new();
+    if mesh.triangles.is_empty() {
+        return None;
+    }
+    export::write_glb(mesh, "um", &mut out)
+        .inspect_err(|error| tracing::warn!(%error, "the live model was not encoded"))
+        .ok()
+        .map(|()| Arc::new(out))
+}
+
+pub fn jpeg(picture: &Picture) -> Option<Arc<Vec<u8>>> {
+    let mut out = Vec::new();
+    JpegEncoder::new_with_quality(&mut out, 85)
+        .write_image(&picture.to_rgb(), picture.width() as u32, picture.height() as u32, ExtendedColorType::Rgb8)
+        .inspect_err(|error| tracing::warn!(%error, "the live frame was not encoded"))
+        .ok()
+        .map(|()| Arc::new(out))
+}
+
+/// The profile's edge, two pixels wide so that it shows when the page scales it down, on a transparent ground.
+fn outline(mask: &Mask) -> Option<Arc<Vec<u8>>> {
+    const EDGE: [u8; 4] = [255, 64, 160, 255];
+    let (width, height) = (mask.width(), mask.height());
+    let mut rgba = vec![0u8; width * height * 4];
+    let inside = |u: usize, v: usize| u < width && v < height && mask.get(u, v);
+    for v in 0..height {
+        for u in 0..width {
+            let here = mask.get(u, v);
+            if inside(u + 1, v) != here || inside(u, v + 1) != here {
+                for (du, dv) in [(0, 0), (1, 0), (0, 1)] {
+                    if u + du < width && v + dv < height {
+                        let at = ((v + dv) * width + u + du) * 4;
+                        rgba[at..at + 4].copy_from_slice(&EDGE);
+                    }
+                }
+            }
+        }
+    }
+    let mut out = Vec::new();
+    PngEncoder::new_with_quality(&mut out, CompressionType::Fast, FilterType::NoFilter)
+        .write_image(&rgba, width as u32, height as u32, ExtendedColorType::Rgba8)
+        .inspect_err(|error| tracing::warn!(%error, "the live profile was not encoded"))
+        .ok()
+        .map(|()| Arc::new(out))
+}

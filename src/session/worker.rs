@@ -1,0 +1,366 @@
+//! The blocking half of a run: it owns the rig while the run lasts, well by well, and tells the driver what it does.
+//!
+//! ```text
+//!            rig thread                              specimen thread
+//! load ─> reference ─> detect ─> revolve ──(entry, frame)──> store ─> profile ─> carve ─> live picture
+//!                                   │ the axis moves on                              └─> surface ─> measures
+//!                                   └─ closure view at 360 deg
+//! ```
+
+use super::live::{self, LiveView};
+use super::{Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
+use crate::acquisition::{self, AcquisitionError, LedgerEntry, RevolutionPlan, SinkClosed};
+use crate::cancel::CancelToken;
+use crate::config::{Config, Method};
+use crate::device::sampler::{Expected, Sampler};
+use crate::device::{DeviceError, Position, Rig, StreamCounters};
+use crate::export;
+use crate::frame::RawFrame;
+use crate::pipeline::{Pipeline, PipelineError};
+use crate::profile::{self, Picture};
+use crate::store::{Recording, RecordingWriter, RigRecord, StoreError};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, sync_channel};
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc::Sender;
+
+/// The devices and who fills the capillary.
+pub struct Instrument {
+    pub rig: Rig,
+    pub sampler: Box<dyn Sampler>,
+}
+
+/// What the worker tells the driver; the driver alone changes status and journal.
+pub enum Progress {
+    /// The camera is armed, wells follow.
+    Ready,
+    WaitingForLoader {
+        well: String,
+    },
+    Phase {
+        well: String,
+        phase: Phase,
+        in_capillary: bool,
+    },
+    View {
+        well: String,
+        index: u32,
+        closure: bool,
+        achieved_steps: i64,
+        volume_um3: Option<f64>,
+        live: LiveView,
+    },
+    WellDone {
+        result: WellStatus,
+        seconds: f64,
+    },
+    Hardware {
+        rotation: RotationStatus,
+        counters: StreamCounters,
+    },
+}
+
+/// How the worker ended.
+pub enum RunEnd {
+    AllWells,
+    Cancelled,
+    Failed(RunError),
+}
+
+/// What ends a whole run: the instrument or the disk, never one specimen.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    #[error(transparent)]
+    Acquisition(#[from] AcquisitionError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("the specimen thread ended without a result; see the log")]
+    SpecimenThread,
+}
+
+/// Everything a run needs besides the instrument.
+pub struct RunContext {
+    pub config: Arc<Config>,
+    pub mode: Mode,
+    pub run: String,
+    pub wells: Vec<PlannedWell>,
+    pub method_name: String,
+    pub method: Method,
+    pub folder: PathBuf,
+    pub cancel: CancelToken,
+    pub progress: Sender<Progress>,
+}
+
+/// Why a well has no number.
+enum WellEnd {
+    Measured { flags: Vec<String>, volume_um3: f64, area_um2: f64, diameter_um: Option<f64> },
+    Skipped(&'static str),
+    Failed(String),
+}
+
+/// Runs all wells and gives the instrument back.
+pub fn run(mut instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd) {
+    let end = match context.all_wells(&mut instrument) {
+        Ok(ControlFlow::Continue(())) => RunEnd::AllWells,
+        Ok(ControlFlow::Break(())) => RunEnd::Cancelled,
+        // A stop that was asked for shows as a device error on its way out; it is no fault.
+        Err(_) if context.cancel.is_cancelled() => RunEnd::Cancelled,
+        Err(e) => RunEnd::Failed(e),
+    };
+    if !matches!(end, RunEnd::AllWells) {
+        instrument.rig.rotation.stop_handle().stop();
+    }
+    if let Err(error) = instrument.rig.camera.disarm() {
+        tracing::warn!(%error, "the camera did not disarm");
+    }
+    (instrument, end)
+}
+
+impl RunContext {
+    fn tell(&self, progress: Progress) {
+        // The driver outlives its worker; if it is gone the daemon is ending, and the cancel token says so.
+        let _driver_gone = self.progress.blocking_send(progress);
+    }
+
+    fn phase(&self, well: &str, phase: Phase, in_capillary: bool) {
+        self.tell(Progress::Phase { well: well.to_owned(), phase, in_capillary });
+    }
+
+    fn hardware(&self, rig: &Rig) {
+        let (referenced, position_steps) = match rig.rotation.position() {
+            Position::Referenced { steps, .. } => (true, Some(steps)),
+            Position::Unknown | Position::Suspect { .. } => (false, None),
+        };
+        self.tell(Progress::Hardware {
+            rotation: RotationStatus {
+                identity: Some(rig.rotation.identity().to_owned()),
+                connected: true,
+                referenced,
+                position_steps: position_steps.map(|s| s.0),
+                position_deg: position_steps.map(|s| self.config.steps_per_revolution.angle(s).to_degrees()),
+            },
+            counters: rig.camera.counters(),
+        });
+    }
+
+    fn deadline(&self) -> Duration {
+        Duration::from_millis(self.config.acquisition.grab_deadline_ms.into())
+    }
+
+    fn all_wells(&self, instrument: &mut Instrument) -> Result<ControlFlow<()>, RunError> {
+        instrument.rig.camera.arm()?;
+        self.tell(Progress::Ready);
+        for planned in &self.wells {
+            if self.cancel.is_cancelled() {
+                return Ok(ControlFlow::Break(()));
+            }
+            let began = Instant::now();
+            let Some(end) = self.well(instrument, planned)? else { return Ok(ControlFlow::Break(())) };
+            let mut result = WellStatus::pending(planned);
+            match end {
+                WellEnd::Measured { flags, volume_um3, area_um2, diameter_um } => {
+                    result.end(SpecimenOutcome::Succeeded, None);
+                    result.flags = flags;
+                    result.volume_um3 = Some(volume_um3);
+                    result.area_um2 = Some(area_um2);
+                    result.diameter_um = diameter_um;
+                }
+                WellEnd::Skipped(reason) => result.end(SpecimenOutcome::Skipped, Some(reason)),
+                WellEnd::Failed(reason) => result.end(SpecimenOutcome::Failed, Some(&reason)),
+            }
+            self.hardware(&instrument.rig);
+            self.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64() });
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// One well from load to eject; nothing where the run was cancelled in it.
+    fn well(&self, instrument: &mut Instrument, planned: &PlannedWell) -> Result<Option<WellEnd>, RunError> {
+        let well = planned.well.as_str();
+        self.phase(well, Phase::Load, false);
+        if instrument.sampler.waits_for_loader() {
+            self.tell(Progress::WaitingForLoader { well: well.to_owned() });
+        }
+        let expected = Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf };
+        let Some(loaded) = instrument.sampler.load(expected, &self.cancel)? else { return Ok(None) };
+        let rig = &mut instrument.rig;
+        self.phase(well, Phase::Position, true);
+        rig.rotation.reference()?;
+        self.hardware(rig);
+
+        self.phase(well, Phase::Detect, true);
+        let recording = Recording::new(
+            &self.run,
+            planned.clone(),
+            self.mode,
+            RigRecord {
+                name: self.config.rig_name.clone(),
+                camera: self.config.optics.clone(),
+                pixel_format: self.config.camera.pixel_format(),
+                steps_per_revolution: self.config.steps_per_revolution,
+                sense: self.config.acquisition.sense,
+                rotation_identity: rig.rotation.identity().to_owned(),
+                camera_identity: rig.camera.identity().to_owned(),
+            },
+            &self.method_name,
+            self.method.clone(),
+        );
+        let mut writer = RecordingWriter::create(&self.folder.join(well), recording)?;
+        let detected = rig.camera.grab(self.deadline())?;
+        writer.add_detection(&detected.frame, loaded.truth)?;
+        let picture = Picture::from_frame(&detected.frame);
+        let end = match profile::segment(&picture, &self.method.segment) {
+            Ok(p) if !p.detection.is_specimen() => {
+                self.tell_frame(well, &picture);
+                Some(WellEnd::Skipped("empty"))
+            }
+            // A frame that cannot be judged is not taken for an empty well: the revolution decides.
+            Ok(_) | Err(_) => self.revolve(rig, &mut writer, planned)?,
+        };
+        let Some(end) = end else {
+            writer.close()?;
+            return Ok(None);
+        };
+        self.phase(well, Phase::Eject, true);
+        writer.close()?;
+        instrument.sampler.eject(well)?;
+        Ok(Some(end))
+    }
+
+    fn tell_frame(&self, well: &str, picture: &Picture) {
+        let live = LiveView { frame_jpg: live::jpeg(picture), ..LiveView::default() };
+        self.tell(Progress::View { well: well.to_owned(), index: 0, closure: true, achieved_steps: 0, volume_um3: None, live });
+    }
+
+    fn revolve(&self, rig: &mut Rig, writer: &mut RecordingWriter, planned: &PlannedWell) -> Result<Option<WellEnd>, RunError> {
+        let well = planned.well.as_str();
+        self.phase(well, Phase::Revolve, true);
+        let settings = match self.method.pipeline(&self.config.optics, planned.specimen == SpecimenKind::Bead) {
+            Ok(settings) => settings,
+            Err(e) => return Ok(Some(WellEnd::Failed(e.to_string()))),
+        };
+        let plan = match RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order) {
+            Ok(plan) => plan,
+            Err(e) => return Ok(Some(WellEnd::Failed(e.to_string()))),
+        };
+        // Room for every view: the axis never waits for the science.
+        let (send, views) = sync_channel::<(LedgerEntry, RawFrame)>(self.method.asd as usize + 1);
+        let (revolved, specimen) = std::thread::scope(|scope| {
+            let science = scope.spawn(move || self.reconstruct(settings, writer, well, views));
+            let revolved = acquisition::revolve(rig, &plan, &self.config.acquisition, &self.cancel, |entry, frame| {
+                send.send((entry, frame)).map_err(|_| SinkClosed)
+            });
+            drop(send);
+            (revolved, science.join())
+        });
+        let specimen = specimen.map_err(|_| RunError::SpecimenThread)?;
+        if self.cancel.is_cancelled() {
+            return Ok(None);
+        }
+        // The specimen thread's own failure is the reason why a revolution ended early.
+        let end = specimen?;
+        revolved?;
+        Ok(Some(end))
+    }
+
+    /// The specimen thread: stores and carves what the rig thread hands on, then measures.
+    fn reconstruct(
+        &self,
+        settings: crate::pipeline::PipelineSettings,
+        writer: &mut RecordingWriter,
+        well: &str,
+        views: Receiver<(LedgerEntry, RawFrame)>,
+    ) -> Result<WellEnd, RunError> {
+        let mut pipeline = match Pipeline::new(settings) {
+            Ok(pipeline) => pipeline,
+            Err(e) => return Ok(WellEnd::Failed(e.to_string())),
+        };
+        let mut clock = StageClock::default();
+        let mut seen = 0;
+        for (entry, frame) in views {
+            if let Err(e) = self.take_view(&mut pipeline, writer, well, entry, &frame, &mut clock)? {
+                return Ok(WellEnd::Failed(e.to_string()));
+            }
+            seen += 1;
+        }
+        if self.cancel.is_cancelled() || seen <= self.method.asd {
+            return Ok(WellEnd::Failed("the revolution was cut short".into()));
+        }
+        self.phase(well, Phase::Reconstruct, true);
+        let (mesh, record) = match clock.surface_ms.time(|| pipeline.finish()) {
+            Ok(finished) => finished,
+            Err(e) => return Ok(WellEnd::Failed(e.to_string())),
+        };
+        self.phase(well, Phase::Measure, true);
+        let mut ply = Vec::new();
+        export::write_ply(&mesh, "um", &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
+        writer.add_file("mesh.ply", &ply)?;
+        writer.add_json("measurement.json", &record)?;
+        writer.add_json("timings.json", &clock)?;
+        let m = &record.measurement;
+        Ok(WellEnd::Measured {
+            flags: record.flags.clone(),
+            volume_um3: m.volume_um3,
+            area_um2: m.area_um2,
+            diameter_um: m.sphere.as_ref().map(|s| s.diameter_um),
+        })
+    }
+
+    fn take_view(
+        &self,
+        pipeline: &mut Pipeline,
+        writer: &mut RecordingWriter,
+        well: &str,
+        entry: LedgerEntry,
+        frame: &RawFrame,
+        clock: &mut StageClock,
+    ) -> Result<Result<(), PipelineError>, RunError> {
+        let (index, closure, omega, achieved_steps) = (entry.view, entry.closure, entry.omega, entry.achieved_steps.0);
+        clock.store_ms.time(|| writer.add_view(entry, frame))?;
+        let seen = match clock.profile_ms.time(|| pipeline.settings().look(frame)) {
+            Ok(seen) => seen,
+            Err(e) => return Ok(Err(e)),
+        };
+        let volume_um3 = if closure {
+            pipeline.observe_closure(&seen);
+            None
+        } else {
+            match clock.carve_ms.time(|| pipeline.observe(index, omega, &seen)) {
+                Ok(volume_um3) => Some(volume_um3),
+                Err(e) => return Ok(Err(e)),
+            }
+        };
+        if let (Ok(profile), false) = (&seen.profile, closure) {
+            writer.add_profile(index, &profile.mask)?;
+        }
+        let live = live::of_view(&seen, &pipeline.live_mesh());
+        self.tell(Progress::View { well: well.to_owned(), index, closure, achieved_steps, volume_um3, live });
+        Ok(Ok(()))
+    }
+}
+
+/// Where the time of a specimen went, per view and for its surface. Kept apart from the numbers, which no clock touches.
+#[derive(Debug, Default, serde::Serialize)]
+struct StageClock {
+    store_ms: Times,
+    profile_ms: Times,
+    carve_ms: Times,
+    surface_ms: Times,
+}
+
+#[derive(Debug, Default, serde::Serialize)]
+#[serde(transparent)]
+struct Times(Vec<f64>);
+
+impl Times {
+    fn time<T>(&mut self, work: impl FnOnce() -> T) -> T {
+        let began = Instant::now();
+        let result = work();
+        self.0.push(began.elapsed().as_secs_f64() * 1e3);
+        result
+    }
+}

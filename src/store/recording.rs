@@ -1,0 +1,214 @@
+//! A recording: what a run keeps of one specimen, and what replay and offline measuring read.
+//!
+//! ```text
+//! runs/RUN/A01/recording.json          rig, method, ledger (rewritten durably after each view)
+//!              frames/view_000.png     the raw frame, lossless; Bayer frames stay mosaics
+//!              frames/closure.png      the view at 360 deg
+//!              frames/detect.png       the frame on which the well was judged
+//!              profiles/view_000.png   the mask that was carved with
+//!              measurement.json        the numbers
+//!              mesh.ply                the faired surface, um
+//!              SHA256SUMS              of all of the above, when the record is closed
+//! ```
+
+use super::{StoreError, durable, frames};
+use crate::acquisition::{Ledger, LedgerEntry};
+use crate::config::Method;
+use crate::frame::{PixelFormat, RawFrame};
+use crate::geometry::Camera;
+use crate::profile::Mask;
+use crate::session::{Mode, PlannedWell};
+use crate::units::{Sense, StepsPerRevolution};
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+const SCHEMA: &str = "carved.recording/1";
+
+/// Which program wrote a file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Software {
+    pub name: String,
+    pub version: String,
+}
+
+impl Software {
+    pub fn this() -> Self {
+        Self { name: env!("CARGO_PKG_NAME").into(), version: env!("CARGO_PKG_VERSION").into() }
+    }
+}
+
+/// The rig as it was.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RigRecord {
+    pub name: String,
+    /// psi; the angles are the ledger's.
+    pub camera: Camera,
+    pub pixel_format: PixelFormat,
+    pub steps_per_revolution: StepsPerRevolution,
+    pub sense: Sense,
+    pub rotation_identity: String,
+    pub camera_identity: String,
+}
+
+/// `recording.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Recording {
+    pub schema: String,
+    pub software: Software,
+    pub mode: Mode,
+    pub run: String,
+    pub specimen: PlannedWell,
+    /// RFC 3339, UTC.
+    pub started: String,
+    pub rig: RigRecord,
+    pub method_name: String,
+    pub method: Method,
+    /// Of a simulated specimen: what a perfect measurement would find. `null` on an instrument.
+    pub truth: Option<serde_json::Value>,
+    /// In the order in which the views were taken.
+    pub ledger: Ledger,
+}
+
+impl Recording {
+    pub fn new(run: &str, specimen: PlannedWell, mode: Mode, rig: RigRecord, method_name: &str, method: Method) -> Self {
+        Self {
+            schema: SCHEMA.into(),
+            software: Software::this(),
+            mode,
+            run: run.into(),
+            specimen,
+            started: jiff::Timestamp::now().to_string(),
+            rig,
+            method_name: method_name.into(),
+            method,
+            truth: None,
+            ledger: Ledger::default(),
+        }
+    }
+}
+
+/// The frame file of a ledger entry, relative to the recording.
+fn frame_file(entry: &LedgerEntry) -> PathBuf {
+    if entry.closure { "frames/closure.png".into() } else { format!("frames/view_{:03}.png", entry.view).into() }
+}
+
+/// Writes a recording; what `add_view` has returned from survives a crash.
+pub struct RecordingWriter {
+    folder: PathBuf,
+    recording: Recording,
+}
+
+impl RecordingWriter {
+    /// Starts a recording in a folder that has none.
+    pub fn create(folder: &Path, recording: Recording) -> Result<Self, StoreError> {
+        if folder.join("recording.json").exists() {
+            return Err(StoreError::Exists { path: folder.to_owned() });
+        }
+        durable::create_folder(&folder.join("frames"))?;
+        durable::create_folder(&folder.join("profiles"))?;
+        let writer = Self { folder: folder.to_owned(), recording };
+        writer.save()?;
+        Ok(writer)
+    }
+
+    fn save(&self) -> Result<(), StoreError> {
+        durable::write_json(&self.folder.join("recording.json"), &self.recording)
+    }
+
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// The frame on which the well was judged, and what is known of the specimen's truth (simulation only).
+    pub fn add_detection(&mut self, frame: &RawFrame, truth: Option<serde_json::Value>) -> Result<(), StoreError> {
+        durable::write(&self.folder.join("frames/detect.png"), &frames::encode(frame)?)?;
+        self.recording.truth = truth;
+        self.save()
+    }
+
+    /// Frame first, then the ledger that names it: a ledger never lists a frame that is not there.
+    pub fn add_view(&mut self, entry: LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
+        durable::write(&self.folder.join(frame_file(&entry)), &frames::encode(frame)?)?;
+        self.recording.ledger.push(entry).map_err(|e| StoreError::Format {
+            path: self.folder.join("recording.json"),
+            expected: "one ledger entry per view, all of one epoch",
+            found: e.to_string(),
+        })?;
+        self.save()
+    }
+
+    pub fn add_profile(&self, index: u32, mask: &Mask) -> Result<(), StoreError> {
+        durable::write(&self.folder.join(format!("profiles/view_{index:03}.png")), &frames::encode_mask(mask)?)
+    }
+
+    /// A result beside the frames.
+    pub fn add_file(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        durable::write(&self.folder.join(name), bytes)
+    }
+
+    pub fn add_json<T: Serialize>(&self, name: &str, value: &T) -> Result<(), StoreError> {
+        durable::write_json(&self.folder.join(name), value)
+    }
+
+    /// Hashes everything and closes the record; also for a revolution that was cut short.
+    pub fn close(self) -> Result<(), StoreError> {
+        let sums = super::sums::of_folder(&self.folder)?;
+        durable::write(&self.folder.join(super::sums::FILE), sums.as_bytes())
+    }
+}
+
+/// Reads a recording back; every frame it gives is the one that was recorded, or an error that names the file.
+pub struct RecordingReader {
+    folder: PathBuf,
+    recording: Recording,
+}
+
+impl RecordingReader {
+    /// `path` is the recording's folder or its `recording.json`.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let folder = if path.is_file() { path.parent().unwrap_or(Path::new(".")).to_owned() } else { path.to_owned() };
+        let file = folder.join("recording.json");
+        let recording: Recording = durable::read_json(&file, "a recording (carved.recording/1)")?;
+        if recording.schema != SCHEMA {
+            return Err(StoreError::Format { path: file, expected: SCHEMA, found: recording.schema });
+        }
+        super::sums::check_one(&folder, "recording.json")?;
+        Ok(Self { folder, recording })
+    }
+
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// A whole revolution, or the error that says how much of it there is.
+    pub fn require_finished(&self) -> Result<(), StoreError> {
+        let expected = self.recording.method.asd;
+        let found = self.recording.ledger.carved().count();
+        if found != expected as usize {
+            return Err(StoreError::Unfinished { path: self.folder.clone(), expected, found });
+        }
+        Ok(())
+    }
+
+    /// The frame of a ledger entry, checked against the hash that the ledger has.
+    pub fn frame(&self, entry: &LedgerEntry) -> Result<RawFrame, StoreError> {
+        let path = self.folder.join(frame_file(entry));
+        if !path.exists() {
+            return Err(StoreError::MissingFrame { path, view: entry.view });
+        }
+        let frame = frames::decode(&path, self.recording.rig.pixel_format)?;
+        let found = crate::hash::sha256_hex(frame.bytes());
+        if found != entry.sha256 {
+            return Err(StoreError::Altered { path, expected: entry.sha256.clone(), found });
+        }
+        Ok(frame)
+    }
+}

@@ -1,0 +1,59 @@
+//! `SHA256SUMS`, as `sha256sum -c` reads it.
+
+use super::StoreError;
+use crate::hash::sha256_hex;
+use std::path::{Path, PathBuf};
+
+pub const FILE: &str = "SHA256SUMS";
+
+fn files(folder: &Path, under: &Path, found: &mut Vec<PathBuf>) -> Result<(), StoreError> {
+    let here = folder.join(under);
+    for entry in std::fs::read_dir(&here).map_err(StoreError::io("list", &here))? {
+        let entry = entry.map_err(StoreError::io("list", &here))?;
+        let name = under.join(entry.file_name());
+        if entry.path().is_dir() {
+            files(folder, &name, found)?;
+        } else if name != Path::new(FILE) && name.extension().is_none_or(|e| e != "part") {
+            found.push(name);
+        }
+    }
+    Ok(())
+}
+
+/// One line per file of the folder, sorted by name.
+pub fn of_folder(folder: &Path) -> Result<String, StoreError> {
+    let mut names = Vec::new();
+    files(folder, Path::new(""), &mut names)?;
+    names.sort();
+    let mut text = String::new();
+    for name in names {
+        let path = folder.join(&name);
+        let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
+        text += &format!("{}  {}\n", sha256_hex(&bytes), name.display());
+    }
+    Ok(text)
+}
+
+/// Checks one file against the folder's sums, where there are any (an interrupted record has none).
+pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
+    let sums = folder.join(FILE);
+    let text = match std::fs::read_to_string(&sums) {
+        Ok(text) => text,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(StoreError::io("read", &sums)(e)),
+    };
+    let Some(expected) = text.lines().find_map(|l| l.split_once("  ").filter(|(_, n)| *n == name).map(|(h, _)| h)) else {
+        return Err(StoreError::Format {
+            path: sums,
+            expected: "a line for every file of the recording",
+            found: format!("none for {name}"),
+        });
+    };
+    let path = folder.join(name);
+    let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
+    let found = sha256_hex(&bytes);
+    if found != expected {
+        return Err(StoreError::Altered { path, expected: expected.into(), found });
+    }
+    Ok(())
+}

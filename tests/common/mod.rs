@@ -1,0 +1,140 @@
+//! The real program, started as a user starts it.
+#![allow(dead_code, clippy::unwrap_used, clippy::expect_used)] // each test binary uses its own part; a harness may panic
+
+use serde_json::Value;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// Longer than anything here takes, even on a loaded machine: a hang becomes a failure, nothing is timed by it.
+const PATIENCE: Duration = Duration::from_secs(240);
+
+pub fn carved() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_carved"));
+    command.env("CARVED_LOG", "warn");
+    command
+}
+
+pub fn run(args: &[&str]) -> Output {
+    carved().args(args).output().unwrap()
+}
+
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// A running `carved simulate`.
+pub struct Daemon {
+    child: Child,
+    out: BufReader<ChildStdout>,
+    pub url: String,
+    pub data: PathBuf,
+}
+
+impl Daemon {
+    pub fn start(data: &Path, args: &[&str]) -> Self {
+        let mut child =
+            carved().args(["simulate", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(args).stdout(Stdio::piped()).spawn().unwrap();
+        let mut out = BufReader::new(child.stdout.take().unwrap());
+        let mut line = String::new();
+        out.read_line(&mut line).unwrap();
+        let at = line.find("http://").unwrap_or_else(|| panic!("no address in {line:?}"));
+        let url = line[at..].split_whitespace().next().unwrap().to_owned();
+        Self { child, out, url, data: data.to_owned() }
+    }
+
+    pub fn get(&self, path: &str) -> Value {
+        ureq::get(format!("{}{path}", self.url)).call().unwrap().body_mut().read_json().unwrap()
+    }
+
+    pub fn status(&self) -> Value {
+        self.get("/v1/status")
+    }
+
+    /// Long-polls the status until `done` says so.
+    pub fn wait(&self, what: &str, done: impl Fn(&Value) -> bool) -> Value {
+        let until = Instant::now() + PATIENCE;
+        let mut revision = 0;
+        loop {
+            let status = self.get(&format!("/v1/status?wait=25&after={revision}"));
+            if done(&status) {
+                return status;
+            }
+            assert!(Instant::now() < until, "waited for {what}; last status: {status}");
+            revision = status["revision"].as_u64().unwrap();
+        }
+    }
+
+    pub fn wait_for_outcome(&self) -> Value {
+        self.wait("the run's outcome", |s| !s["run"]["outcome"].is_null())
+    }
+
+    /// Reads the program's output up to the line that contains `text`.
+    pub fn line_with(&mut self, text: &str) -> String {
+        loop {
+            let mut line = String::new();
+            assert_ne!(self.out.read_line(&mut line).unwrap(), 0, "the program ended before it printed {text:?}");
+            if line.contains(text) {
+                return line;
+            }
+        }
+    }
+
+    pub fn put_run(&self, id: &str, plan: &Value) -> u16 {
+        let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+        agent.put(format!("{}/v1/runs/{id}", self.url)).send_json(plan).unwrap().status().as_u16()
+    }
+
+    pub fn post(&self, path: &str) -> u16 {
+        let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+        agent.post(format!("{}{path}", self.url)).send_empty().unwrap().status().as_u16()
+    }
+
+    pub fn signal(&self, name: &str) {
+        assert!(Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status().unwrap().success());
+    }
+
+    /// Waits for the end of the process and gives its exit code.
+    pub fn ended(mut self) -> Option<i32> {
+        let until = Instant::now() + PATIENCE;
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status.code();
+            }
+            assert!(Instant::now() < until, "the daemon did not end");
+            std::thread::yield_now();
+            std::thread::park_timeout(Duration::from_millis(20));
+        }
+    }
+
+    /// The folder of the newest run.
+    pub fn run_folder(&self) -> PathBuf {
+        self.data.join("runs").join(self.status()["run"]["id"].as_str().unwrap())
+    }
+}
+
+impl Drop for Daemon {
+    fn drop(&mut self) {
+        // Ended already, or of no use any more.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+pub fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))).unwrap()
+}
+
+pub fn copy_folder(from: &Path, to: &Path) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy_folder(&path, &target);
+        } else {
+            std::fs::copy(&path, &target).unwrap();
+        }
+    }
+}

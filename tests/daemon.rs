@@ -1,0 +1,238 @@
+//! The daemon on the emulated rig, as a user meets it: the real program, real wires, the API, the files.
+
+mod common;
+
+use common::{Daemon, copy_folder, json, run, stderr};
+use serde_json::{Value, json};
+use std::path::Path;
+
+fn well<'a>(status: &'a Value, name: &str) -> &'a Value {
+    status["run"]["results"].as_array().unwrap().iter().find(|w| w["well"] == name).unwrap()
+}
+
+fn plan(wells: &[Value]) -> Value {
+    json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells})
+}
+
+/// One demo plate, and everything that must be true of what it leaves behind.
+#[test]
+fn the_demo_plate_is_measured_stored_and_reproduced() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut daemon = Daemon::start(&dir.path().join("data"), &["--time-scale", "10"]);
+    // Between two wells nothing may read as idle or finished.
+    let mut states = std::collections::BTreeSet::new();
+    let status = daemon.wait("the run's outcome", |s| {
+        if s["run"]["id"].is_string() && s["run"]["outcome"].is_null() {
+            assert!(!["Idle", "Complete"].contains(&s["state"].as_str().unwrap()) || s["specimen"].is_null(), "{s}");
+            states.insert(s["state"].as_str().unwrap().to_owned());
+        }
+        !s["run"]["outcome"].is_null() && s["state"] == "Complete"
+    });
+    assert_eq!(status["run"]["outcome"], "succeeded");
+    assert_eq!(status["mode"], "simulated");
+    assert_eq!(status["plate"]["removable"], true);
+    let counts = &status["run"]["wells"];
+    assert_eq!((&counts["succeeded"], &counts["skipped"], &counts["total"]), (&json!(3), &json!(1), &json!(4)), "{status}");
+    assert_eq!(well(&status, "A04")["outcome"], "skipped");
+    assert_eq!(well(&status, "A04")["reason"], "empty");
+
+    let folder = daemon.run_folder();
+    // A larva's volume within 5 % of its ideal hull: the carver reads up to +4 % there, the finite number of views included.
+    for name in ["A01", "A02"] {
+        let truth = &json(&folder.join(name).join("recording.json"))["truth"];
+        let (found, hull) = (well(&status, name)["volume_um3"].as_f64().unwrap(), truth["hull_volume_um3"].as_f64().unwrap());
+        assert!((found / hull - 1.0).abs() < 0.05, "{name}: {found:e} um^3, ideal hull {hull:e}");
+    }
+    assert!(
+        well(&status, "A01")["volume_um3"].as_f64() < well(&status, "A02")["volume_um3"].as_f64(),
+        "a larva of 3 dpf is smaller than one of 5 dpf"
+    );
+    let truth = &json(&folder.join("A03/recording.json"))["truth"];
+    let (found, diameter) = (well(&status, "A03")["diameter_um"].as_f64().unwrap(), truth["diameter_um"].as_f64().unwrap());
+    assert!((found / diameter - 1.0).abs() < 0.01, "bead: {found} um, truth {diameter} um");
+
+    for name in ["A01", "A02", "A03"] {
+        live_equals_offline(&folder.join(name));
+    }
+    empty_well_is_recorded(&folder.join("A04"));
+    events_tell_the_run(&daemon, &dir.path().join("data/events.jsonl"));
+    assert!(daemon.line_with("A02").contains("Succeeded"));
+
+    altered_recordings_are_refused(&folder.join("A03"), dir.path());
+    replay_gives_the_same_numbers(&folder.join("A03"), dir.path());
+}
+
+/// `carved measure` finds the same bytes of numbers, and the last live volume is the measured one.
+fn live_equals_offline(recording: &Path) {
+    let output = run(&["measure", recording.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let line: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(line["stored"], "identical", "{}", recording.display());
+    let stored = json(&recording.join("measurement.json"));
+    assert_eq!(line["measurement"], stored["measurement"]);
+    assert_eq!(stored["views"].as_array().unwrap().len(), 21);
+
+    let sums = std::process::Command::new("sha256sum")
+        .args(["--check", "--strict", "--quiet", "SHA256SUMS"])
+        .current_dir(recording)
+        .status()
+        .unwrap();
+    assert!(sums.success(), "{}: sha256sum -c", recording.display());
+    let ledger = json(&recording.join("recording.json"))["ledger"].clone();
+    let ledger = ledger.as_array().unwrap();
+    assert_eq!(ledger.len(), 22, "21 views and the closure view");
+    for entry in ledger {
+        let part = entry["view"].as_f64().unwrap();
+        let target = (part * 500.0 / 21.0).round();
+        assert_eq!(entry["commanded_steps"].as_f64(), Some(target), "integer absolute steps of 500");
+        assert_eq!(entry["achieved_steps"], entry["commanded_steps"]);
+        let omega = std::f64::consts::TAU * target / 500.0;
+        assert!((entry["omega"].as_f64().unwrap() - omega).abs() < 1e-12, "the angle is the achieved one");
+    }
+}
+
+fn empty_well_is_recorded(recording: &Path) {
+    assert!(recording.join("frames/detect.png").is_file(), "the frame on which the well was judged");
+    assert!(!recording.join("measurement.json").exists(), "an empty well has no number");
+    let output = run(&["measure", recording.to_str().unwrap()]);
+    assert!(!output.status.success());
+    assert!(stderr(&output).contains("0 views are recorded, 21 were planned"), "{}", stderr(&output));
+}
+
+fn events_tell_the_run(daemon: &Daemon, journal: &Path) {
+    let text = std::fs::read_to_string(journal).unwrap();
+    let events: Vec<Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    for (i, event) in events.iter().enumerate() {
+        assert_eq!(event["id"], json!(i + 1), "ids rise by one");
+    }
+    let volumes: Vec<f64> = events
+        .iter()
+        .filter(|e| e["kind"] == "view.taken" && e["well"] == "A02")
+        .filter_map(|e| e["data"]["volume_um3"].as_f64())
+        .collect();
+    assert_eq!(volumes.len(), 21);
+    assert!(volumes.windows(2).all(|w| w[1] <= w[0]), "the live hull only shrinks: {volumes:?}");
+    let status = daemon.status();
+    assert_eq!(volumes.last().copied(), well(&status, "A02")["volume_um3"].as_f64(), "the last live volume is the measured one");
+}
+
+fn altered_recordings_are_refused(recording: &Path, scratch: &Path) {
+    let copy = scratch.join("altered");
+    copy_folder(recording, &copy);
+    let frame = copy.join("frames/view_007.png");
+    std::fs::copy(copy.join("frames/view_008.png"), &frame).unwrap();
+    let output = run(&["measure", copy.to_str().unwrap()]);
+    let said = stderr(&output);
+    assert!(!output.status.success() && said.contains("view_007.png") && said.contains("SHA-256"), "{said}");
+
+    std::fs::remove_file(&frame).unwrap();
+    let said = stderr(&run(&["measure", copy.to_str().unwrap()]));
+    assert!(said.contains("view_007.png") && said.contains("missing"), "{said}");
+
+    let file = copy.join("recording.json");
+    let text = std::fs::read_to_string(&file).unwrap().replace("\"epsilon\": 0.05", "\"epsilon\": 0.10");
+    std::fs::write(&file, text).unwrap();
+    let said = stderr(&run(&["measure", copy.to_str().unwrap()]));
+    assert!(said.contains("recording.json") && said.contains("SHA-256"), "{said}");
+}
+
+fn replay_gives_the_same_numbers(recording: &Path, scratch: &Path) {
+    let mut daemon = Daemon::start(&scratch.join("replayed"), &["--time-scale", "10", "--replay", recording.to_str().unwrap()]);
+    let line = daemon.line_with("Replayed numbers");
+    assert!(line.contains("identical, bit for bit"), "{line}");
+    let replayed = daemon.run_folder().join("A03");
+    assert_eq!(std::fs::read(recording.join("measurement.json")).unwrap(), std::fs::read(replayed.join("measurement.json")).unwrap());
+    assert_eq!(std::fs::read(recording.join("mesh.ply")).unwrap(), std::fs::read(replayed.join("mesh.ply")).unwrap());
+}
+
+/// kill -9 in the middle of a revolution: what was acknowledged is readable, and the run does not stay "in progress".
+#[test]
+fn a_killed_daemon_loses_nothing_that_it_acknowledged() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let daemon = Daemon::start(&data, &["--time-scale", "4", "--no-demo"]);
+    assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "B02", "dpf": 4}), json!({"well": "B03", "dpf": 4})])), 201);
+    let status = daemon.wait("five views", |s| s["specimen"]["view"].as_u64() >= Some(5));
+    let acknowledged = status["specimen"]["view"].as_u64().unwrap() as usize;
+    daemon.signal("KILL");
+    daemon.ended();
+
+    let recording = json(&data.join("runs/r1/B02/recording.json"));
+    let ledger = recording["ledger"].as_array().unwrap();
+    assert!(ledger.len() >= acknowledged, "{} of {acknowledged} acknowledged views are in the ledger", ledger.len());
+    let said = stderr(&run(&["measure", data.join("runs/r1/B02").to_str().unwrap()]));
+    assert!(said.contains("the revolution was not finished"), "{said}");
+    assert_eq!(json(&data.join("runs/r1/run.json"))["outcome"], Value::Null);
+
+    let daemon = Daemon::start(&data, &["--time-scale", "10", "--no-demo"]);
+    daemon.wait("readiness", |s| s["ready"] == true);
+    let run_record = json(&data.join("runs/r1/run.json"));
+    assert_eq!(run_record["outcome"], "interrupted");
+    assert!(run_record["wells"].as_array().unwrap().iter().all(|w| w["outcome"] == "interrupted"), "{run_record}");
+    // The client's retry of the same plan is the same run; it is not started twice.
+    assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "B02", "dpf": 4}), json!({"well": "B03", "dpf": 4})])), 200);
+    assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "B02"})])), 409);
+}
+
+/// SIGTERM in the middle of a move: controlled stop, the record is closed.
+#[test]
+fn a_signal_stops_the_motor_and_closes_the_record() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let daemon = Daemon::start(&data, &["--no-demo"]);
+    assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "C01", "dpf": 5})])), 201);
+    daemon.wait("two views", |s| s["specimen"]["view"].as_u64() >= Some(2));
+    daemon.signal("TERM");
+    assert_eq!(daemon.ended(), Some(0));
+    let record = json(&data.join("runs/r1/run.json"));
+    assert_eq!(record["outcome"], "interrupted");
+    assert_eq!(record["wells"][0]["outcome"], "interrupted");
+    assert!(data.join("runs/r1/C01/SHA256SUMS").is_file(), "the recording is closed");
+    assert!(std::fs::read_to_string(data.join("events.jsonl")).unwrap().contains("daemon.stopped"));
+}
+
+/// Abort is acknowledged at once, ends by itself, and is not mistaken for success; the next run starts from there.
+#[test]
+fn an_abort_ends_as_aborted_and_a_new_run_may_follow() {
+    let dir = tempfile::tempdir().unwrap();
+    let daemon = Daemon::start(&dir.path().join("data"), &["--time-scale", "4", "--no-demo"]);
+    assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "A01"}), json!({"well": "A02"})])), 201);
+    daemon.wait("a view", |s| s["specimen"]["view"].as_u64() >= Some(1));
+    assert_eq!(daemon.put_run("r2", &plan(&[json!({"well": "A03", "specimen": "bead"})])), 409, "one run at a time");
+    assert_eq!(daemon.post("/v1/runs/r1/abort"), 200);
+    assert_eq!(daemon.post("/v1/runs/r1/abort"), 200, "a repeat answers the same");
+    let status = daemon.wait("the abort", |s| s["state"] == "Aborted");
+    assert_eq!(status["run"]["outcome"], "aborted");
+    assert_eq!(status["faults"], json!([]), "an abort is no fault");
+    assert_eq!(daemon.post("/v1/runs/unknown/abort"), 404);
+
+    assert_eq!(daemon.put_run("r2", &plan(&[json!({"well": "A03", "specimen": "bead"})])), 201);
+    let status = daemon.wait("the second run", |s| s["run"]["id"] == "r2" && !s["run"]["outcome"].is_null());
+    assert_eq!(status["run"]["outcome"], "succeeded", "{status}");
+}
+
+#[test]
+fn bad_starts_are_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let holder = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = holder.local_addr().unwrap().to_string();
+    let output = run(&["simulate", "--listen", &taken, "--data", data.to_str().unwrap()]);
+    assert!(!output.status.success());
+    assert!(stderr(&output).contains(&taken) && stderr(&output).contains("--listen"), "{}", stderr(&output));
+
+    let output = run(&["simulate", "--replay", "/nowhere/A01", "--data", data.to_str().unwrap(), "--listen", "127.0.0.1:0"]);
+    assert!(!output.status.success());
+    assert!(stderr(&output).contains("/nowhere/A01"), "{}", stderr(&output));
+
+    let output = run(&["serve"]);
+    assert!(!output.status.success(), "a daemon without a configuration does not fall back to simulation");
+    assert!(stderr(&output).contains("--config"), "{}", stderr(&output));
+
+    let config = dir.path().join("rig.toml");
+    let sample = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vast-grbl.toml")).unwrap();
+    std::fs::write(&config, sample.replace("/dev/carved-rotation", "/dev/no-such-port")).unwrap();
+    let output = run(&["serve", "--config", config.to_str().unwrap()]);
+    assert!(!output.status.success());
+    assert!(stderr(&output).contains("/dev/no-such-port"), "{}", stderr(&output));
+}
