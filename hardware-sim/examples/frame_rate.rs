@@ -37,9 +37,9 @@ fn main() -> Result<(), Box<dyn Error>> {
                 continue;
             };
             if buffer.status() == BufferStatus::Success {
-                whole += 1
+                whole += 1;
             } else {
-                broken += 1
+                broken += 1;
             }
             stream.push_buffer(buffer);
         }
