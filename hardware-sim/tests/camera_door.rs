@@ -52,12 +52,13 @@ fn grab(camera: &Camera, stream: &Stream, patience: Duration) -> Option<(u64, Ve
 }
 
 struct Motor {
-    port: std::fs::File,
+    port: serialport::TTYPort,
 }
 
 impl Motor {
     fn open(rig: &Rig) -> Self {
-        let port = std::fs::File::options().read(true).write(true).open(rig.serial_path()).unwrap();
+        // Its timeout is the deadline of every answer.
+        let port = serialport::new(rig.serial_path().to_string_lossy(), 115_200).timeout(DEADLINE).open_native().unwrap();
         let mut motor = Self { port };
         motor.wait_for("unlock]\r\n");
         motor.ask("$X");
