@@ -36,7 +36,7 @@ impl CameraFaults {
         self.ignored_triggers.store(count, Ordering::Relaxed);
     }
 
-    /// The control channel stops answering, or answers again. Frames go on.
+    /// The control channel hears and answers nothing, or does again. Frames go on until the heartbeat has run out.
     pub fn mute_control(&self, mute: bool) {
         self.mute.store(mute, Ordering::Relaxed);
     }
