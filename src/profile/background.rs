@@ -85,16 +85,18 @@ pub(super) struct Background {
 pub(super) fn estimate(bore: &Bore, picture: &Picture, channel: usize, seen: &Plane) -> Background {
     let table = Table::of(bore, seen);
     let mut light = Light::outside(bore, picture, channel);
-    let free = table.brightest_columns(&light);
-    let mut profile = table.medians(&free, &light);
-    let mut sigma = table.spread(&free, &profile, &light);
+    let mut lit = light.over(&table);
+    let free = table.brightest_columns(&lit);
+    let mut profile = table.medians(&free, &lit);
+    let mut sigma = table.spread(&free, &profile, &lit);
     // Each round believes the estimate more: from 2 % of the level down to the noise alone.
     for tolerance in [0.02, 0.01, 0.0] {
-        profile = table.modes(&profile, &light, sigma);
+        profile = table.modes(&profile, &lit, sigma);
         light = table.fit_light(&profile, &light, |level| (tolerance * level).max(2.5 * sigma));
-        sigma = table.spread(&free, &profile, &light).min(sigma);
+        lit = light.over(&table);
+        sigma = table.spread(&free, &profile, &lit).min(sigma);
     }
-    profile = table.modes(&profile, &light, sigma);
+    profile = table.modes(&profile, &lit, sigma);
     let free = (0..bore.width).map(|u| free.binary_search(&(u / table.stride)).is_ok()).collect();
     table.render(bore, &profile, &light, sigma, free)
 }
@@ -166,6 +168,19 @@ impl Light {
     fn at(&self, x: f64, y: f64) -> f64 {
         self.terms.dot(&Self::basis(x, y))
     }
+
+    /// The light at every value of a table, never less than a tenth.
+    fn over(&self, table: &Table) -> Vec<f32> {
+        let columns: Vec<_> = (0..table.cols).map(|k| Self::basis(table.x((k * table.stride) as f64), 0.0)).collect();
+        let mut grid = Vec::with_capacity(table.values.len());
+        for t in 0..table.rows {
+            // Along one row only the terms along the capillary are left.
+            let y = table.y(t as f64);
+            let row: [f64; ALONG] = std::array::from_fn(|i| (0..ACROSS).map(|j| self.terms[i * ACROSS + j] * Self::basis(0.0, y)[j]).sum());
+            grid.extend(columns.iter().map(|c| (0..ALONG).map(|i| row[i] * c[i * ACROSS]).sum::<f64>().max(0.1) as f32));
+        }
+        grid
+    }
 }
 
 /// The window resampled so that the walls are level: every `STRIDE`-th column, one row per pixel across the bore.
@@ -202,22 +217,19 @@ impl Table {
     }
 
     /// The values of row `t` with the light's unevenness divided out.
-    fn even_row(&self, t: usize, light: &Light, even: &mut Vec<f32>) {
+    fn even_row(&self, t: usize, lit: &[f32], even: &mut Vec<f32>) {
+        let row = t * self.cols..(t + 1) * self.cols;
         even.clear();
-        let y = self.y(t as f64);
-        even.extend((0..self.cols).map(|k| {
-            let p = light.at(self.x((k * self.stride) as f64), y).max(0.1);
-            self.values[t * self.cols + k] / p as f32
-        }));
+        even.extend(self.values[row.clone()].iter().zip(&lit[row]).map(|(grey, light)| grey / light));
     }
 
     /// The columns that are brightest as a whole, in ascending order.
-    fn brightest_columns(&self, light: &Light) -> Vec<usize> {
+    fn brightest_columns(&self, lit: &[f32]) -> Vec<usize> {
         let rows = MARGIN_PX + 2..self.rows.saturating_sub(MARGIN_PX + 2);
         let mut even = Vec::with_capacity(self.cols);
         let mut sums = vec![0.0f32; self.cols];
         for t in rows.clone() {
-            self.even_row(t, light, &mut even);
+            self.even_row(t, lit, &mut even);
             for (sum, e) in sums.iter_mut().zip(&even) {
                 *sum += e;
             }
@@ -236,11 +248,11 @@ impl Table {
     }
 
     /// First level of each row: its median over the columns believed to be free.
-    fn medians(&self, free: &[usize], light: &Light) -> Vec<f32> {
+    fn medians(&self, free: &[usize], lit: &[f32]) -> Vec<f32> {
         let mut even = Vec::with_capacity(self.cols);
         (0..self.rows)
             .map(|t| {
-                self.even_row(t, light, &mut even);
+                self.even_row(t, lit, &mut even);
                 let mut greys: Vec<f32> = free.iter().map(|&k| even[k]).collect();
                 quantile(&mut greys, 0.5).max(1.0)
             })
@@ -248,12 +260,12 @@ impl Table {
     }
 
     /// Slides each row's level to the mode beside it.
-    fn modes(&self, from: &[f32], light: &Light, sigma: f32) -> Vec<f32> {
+    fn modes(&self, from: &[f32], lit: &[f32], sigma: f32) -> Vec<f32> {
         let mut even = Vec::with_capacity(self.cols);
         from.iter()
             .enumerate()
             .map(|(t, &first)| {
-                self.even_row(t, light, &mut even);
+                self.even_row(t, lit, &mut even);
                 let mut level = first;
                 for _ in 0..4 {
                     let reach = (2.5 * sigma).max(0.01 * level);
@@ -275,18 +287,23 @@ impl Table {
         for t in (MARGIN_PX + 2..self.rows.saturating_sub(MARGIN_PX + 2)).step_by(2) {
             let level = profile[t];
             let reach = tolerance(level);
-            for k in (t % 3..self.cols).step_by(3) {
+            for k in (t % 4..self.cols).step_by(4) {
                 let ratio = f64::from(self.values[t * self.cols + k] / level);
                 let basis = Light::basis(self.x((k * self.stride) as f64), self.y(t as f64));
                 seen += 1.0;
                 let off = (ratio - before.terms.dot(&basis)).abs() * f64::from(level / reach);
                 if off < 1.5 {
                     let weight = 1.0 / (1.0 + off * off);
-                    normal += weight * basis * basis.transpose();
+                    for i in 0..TERMS {
+                        for j in 0..=i {
+                            normal[(i, j)] += weight * basis[i] * basis[j];
+                        }
+                    }
                     right += weight * ratio * basis;
                 }
             }
         }
+        normal.fill_upper_triangle_with_lower_triangle();
         // A hundredth of all pixels pulls towards the light as it was believed, which decides only where nothing was seen.
         let pull = 0.01 * seen.max(1.0);
         for i in 0..TERMS {
@@ -297,13 +314,11 @@ impl Table {
     }
 
     /// Standard deviation of the free columns about the estimate, by their median distance.
-    fn spread(&self, free: &[usize], profile: &[f32], light: &Light) -> f32 {
+    fn spread(&self, free: &[usize], profile: &[f32], lit: &[f32]) -> f32 {
         let mut off = Vec::with_capacity(free.len() * self.rows);
-        for t in MARGIN_PX + 2..self.rows.saturating_sub(MARGIN_PX + 2) {
-            for &k in free {
-                let p = light.at(self.x((k * self.stride) as f64), self.y(t as f64)) as f32;
-                off.push((self.values[t * self.cols + k] - profile[t] * p).abs());
-            }
+        let inner = self.rows.saturating_sub(2 * (MARGIN_PX + 2));
+        for (t, level) in profile.iter().enumerate().skip(MARGIN_PX + 2).take(inner) {
+            off.extend(free.iter().map(|k| t * self.cols + k).map(|at| (self.values[at] - level * lit[at]).abs()));
         }
         (quantile(&mut off, 0.5) / 0.6745).max(LEAST_NOISE)
     }

@@ -250,7 +250,9 @@ fn keep_specimen(inside: &[bool], width: usize, bore: &Bore, settings: &SegmentS
         let mut near: Option<Vec<bool>> = None;
         for piece in &found {
             if near.as_ref().is_none_or(|near| piece.iter().any(|&at| near[at])) {
-                piece.iter().for_each(|&at| kept[at] = true);
+                for &at in piece {
+                    kept[at] = true;
+                }
                 near = Some(dilate(&kept, width, bore.height(), reach));
             }
         }

@@ -153,17 +153,18 @@ fn vote(strips: &Strips, dips: &[Vec<f32>], mid_u: f64, settings: &WallSettings)
     let height = dips[0].len();
     let half_width = mid_u.max(1.0);
     let steps = ((settings.max_tilt_deg.to_radians().tan() * half_width) / 0.5).ceil() as i32;
+    // A dip of half the least depth counts nothing, one of the least depth and more counts 1.
+    let half = settings.min_depth / 2.0;
+    let weights: Vec<Vec<f32>> = dips.iter().map(|dip| dip.iter().map(|d| ((d - half) / half).clamp(0.0, 1.0)).collect()).collect();
     let mut best = (f32::MIN, 0.0, Vec::new());
     for step in -steps..=steps {
         let slope = f64::from(step) * 0.5 / half_width;
         let mut votes = vec![0.0f32; height];
-        for (dip, u) in dips.iter().zip(&strips.centres_u) {
+        for (weight, u) in weights.iter().zip(&strips.centres_u) {
             let shift = (slope * (u - mid_u)).round() as isize;
-            for (v, vote) in votes.iter_mut().enumerate() {
-                let from = v as isize + shift;
-                if (0..height as isize).contains(&from) {
-                    *vote += ((dip[from as usize] - settings.min_depth / 2.0) / (settings.min_depth / 2.0)).clamp(0.0, 1.0);
-                }
+            let (into, from) = ((-shift).max(0) as usize, shift.max(0) as usize);
+            for (vote, w) in votes.iter_mut().skip(into).zip(weight.iter().skip(from)) {
+                *vote += w;
             }
         }
         let score = votes.iter().map(|v| v * v).sum::<f32>();
