@@ -44,11 +44,15 @@ fn serve(asked: &HeaderMap, file: EmbeddedFile) -> Response {
     let mime = file.metadata.mimetype().to_owned();
     let text = mime.starts_with("text/") || mime == "application/json";
     let content_type = if text { format!("{mime}; charset=utf-8") } else { mime };
-    conditional::answer(asked, &tag, || document(&content_type, file.data.into_owned().into()))
+    // A browser takes over the policy of a 304 as well, so that one must carry the page's too.
+    guarded(conditional::answer(asked, &tag, || ([(header::CONTENT_TYPE, content_type)], file.data.into_owned()).into_response()))
 }
 
 fn document(content_type: &str, body: Body) -> Response {
-    // The names of the files stay the same from build to build, so the browser asks each time and mostly gets 304.
-    let headers = [(header::CONTENT_TYPE, content_type), (header::CACHE_CONTROL, "no-cache"), (header::CONTENT_SECURITY_POLICY, POLICY)];
-    (headers, body).into_response()
+    guarded(([(header::CONTENT_TYPE, content_type)], body).into_response())
+}
+
+/// The names of the files stay the same from build to build, so the browser asks each time and mostly gets 304.
+fn guarded(response: Response) -> Response {
+    ([(header::CACHE_CONTROL, "no-cache"), (header::CONTENT_SECURITY_POLICY, POLICY)], response).into_response()
 }

@@ -51,7 +51,11 @@ export async function fetchLive(path: string, known: string | null): Promise<Fet
   const headers: HeadersInit = known === null ? {} : { "If-None-Match": known };
   const response = await ask(path, { headers });
   if (response.status === 304) return { kind: "same" };
-  if (response.status === 404 || response.status === 204) return { kind: "none" };
+  if (response.status === 404) {
+    // A body that nobody reads would keep the connection busy.
+    await response.body?.cancel();
+    return { kind: "none" };
+  }
   if (!response.ok) throw await refusal(response);
   return { kind: "new", body: await response.blob().catch(away), tag: response.headers.get("ETag") };
 }

@@ -1,10 +1,15 @@
 // Live volume after each view, as a line over the number of views.
+//
+// The axis is logarithmic: the first view leaves nearly the whole box, the last ones differ by parts in a thousand.
 
 import { element, setText, svg } from "./dom.ts";
 import { counted, nanolitres, percentChange, significant, UM3_PER_NL } from "./format.ts";
-import { niceTicks, viewTicks } from "./ticks.ts";
+import { logTicks, viewTicks } from "./ticks.ts";
 
 const MARGIN = { left: 62, right: 18, top: 14, bottom: 42 };
+
+/** A thousandth of the smallest bead that anyone measures. */
+const SMALLEST_NL = 1e-4;
 
 export interface Curve {
   well: string;
@@ -61,15 +66,17 @@ function caption(curve: Curve): string {
 }
 
 function picture(curve: Curve, width: number, height: number): SVGElement {
-  const values = curve.volumes_um3.map((v) => v / UM3_PER_NL);
+  // An empty hull has no place on a logarithmic axis: it is drawn at its foot.
+  const values = curve.volumes_um3.map((v) => Math.max(v / UM3_PER_NL, SMALLEST_NL));
   const measured = curve.measured_um3 === null ? null : curve.measured_um3 / UM3_PER_NL;
   const views = Math.max(curve.viewsPlanned, values.length, 2);
-  const levels = niceTicks(Math.max(...values, measured ?? 0), 5);
-  const top = levels.at(-1)!;
+  const all = measured === null ? values : [...values, measured];
+  const levels = logTicks(Math.min(...all), Math.max(...all));
+  const [low, high] = [Math.log(levels[0]!), Math.log(levels.at(-1)!)];
   const right = width - MARGIN.right;
   const bottom = height - MARGIN.bottom;
   const x = (view: number) => MARGIN.left + ((view - 1) / (views - 1)) * (right - MARGIN.left);
-  const y = (nl: number) => bottom - (nl / top) * (bottom - MARGIN.top);
+  const y = (nl: number) => bottom - ((Math.log(nl) - low) / (high - low)) * (bottom - MARGIN.top);
   const label = `Volume of the live model of ${curve.well} after each of ${counted(values.length, "view")}`;
   const chart = svg("svg", { width, height, viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
   chart.dataset["points"] = String(values.length);
@@ -88,7 +95,11 @@ function picture(curve: Curve, width: number, height: number): SVGElement {
   const middle = (MARGIN.top + bottom) / 2;
   const turned = `rotate(-90 14 ${middle})`;
   chart.append(
-    svg("text", { class: "title", x: 14, y: middle, transform: turned, "text-anchor": "middle" }, "Volume, nL"),
+    svg(
+      "text",
+      { class: "title", x: 14, y: middle, transform: turned, "text-anchor": "middle" },
+      "Volume, nL (log scale)",
+    ),
   );
   chart.append(
     svg(
@@ -101,7 +112,7 @@ function picture(curve: Curve, width: number, height: number): SVGElement {
   if (measured !== null) {
     chart.append(svg("line", { class: "measured", x1: MARGIN.left, x2: right, y1: y(measured), y2: y(measured) }));
     chart.append(
-      svg("text", { class: "measured-label", x: right, y: y(measured) + 16, "text-anchor": "end" }, "measured"),
+      svg("text", { class: "measured-label", x: right, y: y(measured) - 8, "text-anchor": "end" }, "measured"),
     );
   }
   const points = values.map((v, i) => `${x(i + 1).toFixed(1)},${y(v).toFixed(1)}`);

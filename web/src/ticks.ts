@@ -8,14 +8,12 @@ export function roundBelow(value: number): number {
   return (lead >= 5 ? 5 : lead >= 2 ? 2 : 1) * power;
 }
 
-/** Round levels from 0 to the first at or above `highest`, about `count` of them. */
-export function niceTicks(highest: number, count: number): number[] {
-  if (!(highest > 0)) return [0, 1];
-  const rough = highest / count;
-  const below = roundBelow(rough);
-  const step = below >= rough * (1 - 1e-9) ? below : roundBelow(below * 2.5);
-  const steps = Math.ceil(highest / step - 1e-9);
-  return Array.from({ length: steps + 1 }, (_, i) => Number((i * step).toPrecision(12)));
+/** Levels 1, 2 and 5 times powers of ten for a logarithmic axis: from the one below the lowest to the one above the highest. */
+export function logTicks(lowest: number, highest: number): number[] {
+  const ticks = [roundBelow(lowest)];
+  // The next of 1, 2, 5 lies at most 2.5 times higher, and the one after it at least 4 times.
+  while (ticks.length < 2 || ticks.at(-1)! < highest) ticks.push(roundBelow(ticks.at(-1)! * 2.5));
+  return ticks.map((tick) => Number(tick.toPrecision(12)));
 }
 
 /** Views to name on the axis: the first, the last, and round ones between that leave room. */

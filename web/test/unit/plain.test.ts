@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { VolumeHistory } from "../../src/history.ts";
 import { Latest } from "../../src/latest.ts";
 import { canAbort, progress, progressLine, tally, toneOf } from "../../src/plain.ts";
-import { niceTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
+import { logTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
 import { fault, run, specimen, status, well } from "../support/statuses.ts";
 
 const half = status({
@@ -63,18 +63,15 @@ test("volumes are kept per well until another run starts", () => {
   assert.deepEqual(history.of("A01"), []);
 });
 
-test("ticks are round, reach the highest value and stay few", () => {
-  assert.deepEqual(niceTicks(890, 5), [0, 200, 400, 600, 800, 1000]);
-  assert.deepEqual(niceTicks(65.4, 5), [0, 20, 40, 60, 80]);
-  assert.deepEqual(niceTicks(0, 5), [0, 1]);
-  for (let highest = 0.013; highest < 1e6; highest *= 1.37) {
-    const ticks = niceTicks(highest, 5);
-    const step = ticks[1]!;
-    assert.ok(
-      [1, 2, 5].some((lead) => Math.abs(lead * 10 ** Math.floor(Math.log10(step * 1.0001)) - step) < step * 1e-9),
-    );
-    assert.ok(ticks.at(-1)! >= highest * (1 - 1e-9) && ticks.at(-2)! < highest, `${ticks} for ${highest}`);
-    assert.ok(ticks.length >= 3 && ticks.length <= 7, `${ticks.length} for ${highest}`);
+test("ticks are round and enclose the values", () => {
+  assert.deepEqual(logTicks(264.2, 4990), [200, 500, 1000, 2000, 5000]);
+  assert.deepEqual(logTicks(65.4, 65.4), [50, 100]);
+  assert.deepEqual(logTicks(100, 100), [100, 200]);
+  for (let lowest = 0.013; lowest < 1e6; lowest *= 1.37) {
+    const ticks = logTicks(lowest, lowest * 30);
+    assert.ok(ticks[0]! <= lowest * (1 + 1e-8) && ticks[1]! > lowest, `${ticks} for ${lowest}`);
+    assert.ok(ticks.at(-1)! >= lowest * 30 && ticks.at(-2)! < lowest * 30, `${ticks} for ${lowest}`);
+    for (const tick of ticks) assert.match(tick.toExponential(), /^[125]e/);
   }
   assert.equal(roundBelow(999), 500);
   assert.equal(roundBelow(0.3), 0.2);
