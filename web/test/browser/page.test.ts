@@ -169,7 +169,7 @@ test("the model turns by key and returns by Home", async () => {
   await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
   assert.ok((await canvas.screenshot()).equals(first), "Home gives the first look again");
   // Length of the bar and its label agree with the model: 3,800 um seen as the camera sees them.
-  await page.getByRole("button", { name: "As the camera" }).click();
+  await page.getByRole("button", { name: "Camera" }).click();
   await page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
   const label = Number((await text("scale-label")).replace(/[^\d.]/g, ""));
   const bar = (await page.locator("#scale-bar").boundingBox())!.width;
