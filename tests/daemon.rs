@@ -1,5 +1,7 @@
 //! The daemon on the emulated rig, as a user meets it: the real program, real wires, the API, the files.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
 mod common;
 
 use common::{Daemon, copy_folder, json, run, stderr};
@@ -19,12 +21,10 @@ fn plan(wells: &[Value]) -> Value {
 fn the_demo_plate_is_measured_stored_and_reproduced() {
     let dir = tempfile::tempdir().unwrap();
     let mut daemon = Daemon::start(&dir.path().join("data"), &["--time-scale", "10"]);
-    // Between two wells nothing may read as idle or finished.
-    let mut states = std::collections::BTreeSet::new();
+    // From its acceptance to its end a run never reads as idle or finished, also between two wells.
     let status = daemon.wait("the run's outcome", |s| {
         if s["run"]["id"].is_string() && s["run"]["outcome"].is_null() {
-            assert!(!["Idle", "Complete"].contains(&s["state"].as_str().unwrap()) || s["specimen"].is_null(), "{s}");
-            states.insert(s["state"].as_str().unwrap().to_owned());
+            assert!(!["Idle", "Complete", "Stopped"].contains(&s["state"].as_str().unwrap()), "{s}");
         }
         !s["run"]["outcome"].is_null() && s["state"] == "Complete"
     });

@@ -41,7 +41,7 @@ enum ConfigCommand {
 /// Runs the command that the arguments name.
 pub fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
-        Command::Serve(args) => serve::run(args),
+        Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
         Command::Reconstruct(args) => reconstruct::run(&args),

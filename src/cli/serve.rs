@@ -15,7 +15,7 @@ pub struct Args {
     config: PathBuf,
 }
 
-pub fn run(args: Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
     let listener = daemon::bind(config.http.listen)?;
     let rig = open_rig(&config)?;

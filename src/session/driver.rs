@@ -6,9 +6,10 @@ use super::plan::is_plain_name;
 use super::state::{self, STARTABLE, Trigger};
 use super::worker::{self, Instrument, Progress, RunContext, RunEnd};
 use super::{
-    Accepted, Eta, Fault, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SchedulerAction, SpecimenOutcome, SpecimenStatus,
-    State, Status, WellCounts,
+    Accepted, Eta, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SpecimenOutcome, SpecimenStatus, State, Status,
+    WellCounts,
 };
+use super::{fault, sentence};
 use crate::cancel::CancelToken;
 use crate::config::Config;
 use crate::device::StopHandle;
@@ -120,7 +121,7 @@ impl Driver {
                 },
                 _ = beat.tick() => heart.beat(),
                 command = mailbox.recv(), if !stopping => match command {
-                    Some(command) => d.command(command)?,
+                    Some(command) => d.command(command),
                     // Every handle is gone: nobody can ask for anything any more.
                     None => stopping = true,
                 },
@@ -147,6 +148,12 @@ async fn word_of(active: &mut Option<Active>) -> Word {
 impl Running {
     /// Follows the state table; every state on the way is published as a revision of its own.
     fn go(&self, trigger: Trigger) {
+        self.go_with(trigger, |_| ());
+    }
+
+    /// As `go`, with a change that comes with the first state and in the same revision.
+    fn go_with(&self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
+        let mut change = Some(change);
         let from = self.publisher.status().state;
         let Some(path) = state::next(from, trigger) else {
             tracing::error!(?from, ?trigger, "no such transition");
@@ -155,7 +162,10 @@ impl Running {
         for &to in path {
             self.publisher.publish(|s| {
                 s.state = to;
-                s.doing = sentence(s);
+                if let Some(change) = change.take() {
+                    change(s);
+                }
+                s.doing = sentence::of(s);
             });
         }
     }
@@ -163,7 +173,7 @@ impl Running {
     fn publish(&self, change: impl FnOnce(&mut Status)) {
         self.publisher.publish(|s| {
             change(s);
-            s.doing = sentence(s);
+            s.doing = sentence::of(s);
         });
     }
 
@@ -196,7 +206,7 @@ impl Running {
         self.event("daemon.started", None, serde_json::json!({"version": env!("CARGO_PKG_VERSION"), "mode": self.mode}))
     }
 
-    fn command(&mut self, command: Command) -> Result<(), DriverError> {
+    fn command(&mut self, command: Command) {
         // A client that hung up before its answer is no reason to stop: what was decided stands.
         match command {
             Command::PutRun { id, plan, answer } => {
@@ -212,7 +222,6 @@ impl Running {
                 let _hung_up = answer.send(result);
             }
         }
-        Ok(())
     }
 
     fn put_run(&mut self, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
@@ -273,7 +282,7 @@ impl Running {
             progress: progress_in,
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
-        self.publisher.publish(|s| {
+        self.go_with(Trigger::Start, |s| {
             s.run = Some(run_status(&record));
             s.specimen = None;
             s.faults.clear();
@@ -292,7 +301,6 @@ impl Running {
             waiting_for: None,
             well_seconds: Vec::new(),
         });
-        self.go(Trigger::Start);
         Ok(())
     }
 
@@ -459,7 +467,7 @@ impl Running {
         let status = run_status(&active.record);
         if let Some(error) = &fault {
             self.fault_seq += 1;
-            let fault = fault_of(self.fault_seq, error);
+            let fault = fault::of(self.fault_seq, error);
             let data = serde_json::to_value(&fault).unwrap_or_default();
             self.publish(|s| s.faults.push(fault));
             self.event("fault.raised", None, data)?;
@@ -539,74 +547,4 @@ fn eta(well_seconds: &[f64], pending: u32) -> Option<Eta> {
     sorted.sort_by(f64::total_cmp);
     let at = |q: f64| sorted.get(((sorted.len() as f64 * q) as usize).min(sorted.len().saturating_sub(1))).copied();
     Some(Eta { p50: at(0.5)? * f64::from(pending), p90: at(0.9)? * f64::from(pending) })
-}
-
-fn fault_of(seq: u64, error: &worker::RunError) -> Fault {
-    use crate::acquisition::AcquisitionError;
-    use crate::device::DeviceError;
-    use worker::RunError;
-    let (code, category) = match error {
-        RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => match e {
-            DeviceError::NoFrame { .. } | DeviceError::Camera { .. } => ("camera_failed", "camera"),
-            _ => ("rotation_failed", "motion"),
-        },
-        RunError::Acquisition(_) => ("revolution_failed", "motion"),
-        RunError::Store(_) => ("store_failed", "storage"),
-        RunError::SpecimenThread => ("internal_error", "software"),
-    };
-    Fault {
-        seq,
-        code: code.into(),
-        category: category.into(),
-        message: error.to_string(),
-        recoverable: true,
-        scheduler_action: SchedulerAction::PauseInstrument,
-        operator_required: true,
-        since: jiff::Timestamp::now().to_string(),
-    }
-}
-
-/// What the instrument is doing, in one sentence for people.
-fn sentence(s: &Status) -> String {
-    let well = s.specimen.as_ref().map_or("", |x| x.well.as_str());
-    match s.state {
-        State::Idle => "Idle. Ready for a plate.".into(),
-        State::Starting => "Starting the run: the camera is being armed.".into(),
-        State::Suspended => format!("Waiting for the loader: {}.", s.plate.needs.as_deref().unwrap_or("a specimen")),
-        State::Execute => match &s.specimen {
-            None => "Preparing the first well.".into(),
-            Some(x) => match x.phase {
-                Phase::Load => format!("Loading well {well}."),
-                Phase::Position => format!("Well {well}: finding the reference of the rotation axis."),
-                Phase::Detect => format!("Well {well}: looking what is in the capillary."),
-                Phase::Revolve => format!("Well {well}: turning the capillary, view {} of {}.", x.view, x.views_planned),
-                Phase::Reconstruct => format!("Well {well}: building the surface."),
-                Phase::Measure => format!("Well {well}: measuring."),
-                Phase::Eject => format!("Well {well}: done, taking the specimen out."),
-                Phase::Wash => format!("Well {well}: washing."),
-            },
-        },
-        State::Completing => "All wells are done; closing the record.".into(),
-        State::Complete => s.run.as_ref().map_or_else(String::new, |r| {
-            let c = r.wells;
-            format!(
-                "Run {} is complete: {} measured, {} flagged, {} skipped, {} failed. The plate can be taken.",
-                r.id,
-                c.succeeded,
-                c.flagged,
-                c.skipped,
-                c.failed + c.interrupted
-            )
-        }),
-        State::Aborting => "Aborting: the motors are stopped, the record is being closed.".into(),
-        State::Aborted => match s.faults.last() {
-            Some(f) => format!("Stopped by a fault: {}", f.message),
-            None => "Aborted. The motors stand; a new run may be started.".into(),
-        },
-        State::Stopping => "Shutting down: the motors are stopped, the record is being closed.".into(),
-        State::Stopped => "Stopped.".into(),
-        State::Clearing | State::Resetting => "Resetting for a new run.".into(),
-        State::Holding | State::Held | State::Unholding => "Held.".into(),
-        State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
-    }
 }

@@ -8,10 +8,12 @@
 
 mod driver;
 mod event;
+mod fault;
 mod handle;
 mod heart;
 mod live;
 mod plan;
+mod sentence;
 mod state;
 mod status;
 mod worker;

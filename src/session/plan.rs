@@ -110,8 +110,8 @@ impl RunPlan {
 mod tests {
     use super::*;
 
-    fn methods() -> BTreeMap<String, ()> {
-        BTreeMap::from([("standard".into(), ())])
+    fn methods() -> BTreeMap<String, u8> {
+        BTreeMap::from([("standard".into(), 0)])
     }
 
     #[test]

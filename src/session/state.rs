@@ -1,14 +1,16 @@
 //! The instrument's state machine: pure, one table.
 //!
 //! ```text
-//! Idle ─start─> Starting ─ready─> Execute ─wells done─> Completing ─recorded─> Complete ──┐
-//!  ^                                │  ^                                                  │
-//!  │                     wait for   v  │ loaded                                           │ start: Resetting, Idle
-//!  │                      loader  Suspended                                               │
-//!  ├──────────────────────────────────────────────────────────────────────────────────────┘
-//!  └─ Clearing, Resetting <─start─ Aborted <─motors stopped, recorded─ Aborting <─abort─ any state of a run
+//! Idle ─start─> Starting ─ready─> Execute ─wells done─> Completing ─recorded─> Complete
+//!                  ^                │  ^                                          │
+//!                  │     wait for   v  │ loaded                                   │
+//!                  │      loader  Suspended                                       │
+//!                  ├──── Resetting <─start────────────────────────────────────────┘
+//!                  └──── Clearing, Resetting <─start─ Aborted <─motors stopped─ Aborting <─abort─ any state of a run
 //!     any ─shut down─> Stopping ─everything joined─> Stopped
 //! ```
+//! A reset for a new run goes on to Starting without PackML's instant of Idle: whoever polls in that instant would read a
+//! run that has been accepted as one that is over.
 
 use super::State;
 
@@ -41,8 +43,8 @@ pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
     use State::{Aborted, Aborting, Clearing, Complete, Completing, Execute, Idle, Resetting, Starting, Stopped, Stopping, Suspended};
     Some(match (state, trigger) {
         (Idle, Trigger::Start) => &[Starting],
-        (Complete, Trigger::Start) => &[Resetting, Idle, Starting],
-        (Aborted, Trigger::Start) => &[Clearing, Resetting, Idle, Starting],
+        (Complete, Trigger::Start) => &[Resetting, Starting],
+        (Aborted, Trigger::Start) => &[Clearing, Resetting, Starting],
         (Starting, Trigger::Ready) | (Suspended, Trigger::Loaded) => &[Execute],
         (Execute, Trigger::WaitForLoader) => &[Suspended],
         (Execute, Trigger::WellsDone) => &[Completing],

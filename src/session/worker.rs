@@ -291,7 +291,7 @@ impl RunContext {
             return Ok(WellEnd::Failed("the revolution was cut short".into()));
         }
         self.phase(well, Phase::Reconstruct, true);
-        let (mesh, record) = match clock.surface_ms.time(|| pipeline.finish()) {
+        let (mesh, record) = match clock.surface.time(|| pipeline.finish()) {
             Ok(finished) => finished,
             Err(e) => return Ok(WellEnd::Failed(e.to_string())),
         };
@@ -320,8 +320,8 @@ impl RunContext {
         clock: &mut StageClock,
     ) -> Result<Result<(), PipelineError>, RunError> {
         let (index, closure, omega, achieved_steps) = (entry.view, entry.closure, entry.omega, entry.achieved_steps.0);
-        clock.store_ms.time(|| writer.add_view(entry, frame))?;
-        let seen = match clock.profile_ms.time(|| pipeline.settings().look(frame)) {
+        clock.store.time(|| writer.add_view(entry, frame))?;
+        let seen = match clock.profile.time(|| pipeline.settings().look(frame)) {
             Ok(seen) => seen,
             Err(e) => return Ok(Err(e)),
         };
@@ -329,7 +329,7 @@ impl RunContext {
             pipeline.observe_closure(&seen);
             None
         } else {
-            match clock.carve_ms.time(|| pipeline.observe(index, omega, &seen)) {
+            match clock.carve.time(|| pipeline.observe(index, omega, &seen)) {
                 Ok(volume_um3) => Some(volume_um3),
                 Err(e) => return Ok(Err(e)),
             }
@@ -346,10 +346,14 @@ impl RunContext {
 /// Where the time of a specimen went, per view and for its surface. Kept apart from the numbers, which no clock touches.
 #[derive(Debug, Default, serde::Serialize)]
 struct StageClock {
-    store_ms: Times,
-    profile_ms: Times,
-    carve_ms: Times,
-    surface_ms: Times,
+    #[serde(rename = "store_ms")]
+    store: Times,
+    #[serde(rename = "profile_ms")]
+    profile: Times,
+    #[serde(rename = "carve_ms")]
+    carve: Times,
+    #[serde(rename = "surface_ms")]
+    surface: Times,
 }
 
 #[derive(Debug, Default, serde::Serialize)]

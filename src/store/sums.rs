@@ -25,13 +25,12 @@ pub fn of_folder(folder: &Path) -> Result<String, StoreError> {
     let mut names = Vec::new();
     files(folder, Path::new(""), &mut names)?;
     names.sort();
-    let mut text = String::new();
-    for name in names {
-        let path = folder.join(&name);
+    let line = |name: &PathBuf| {
+        let path = folder.join(name);
         let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
-        text += &format!("{}  {}\n", sha256_hex(&bytes), name.display());
-    }
-    Ok(text)
+        Ok(format!("{}  {}\n", sha256_hex(&bytes), name.display()))
+    };
+    names.iter().map(line).collect()
 }
 
 /// Checks one file against the folder's sums, where there are any (an interrupted record has none).

@@ -1,0 +1,110 @@
+//! What `simulate` does once the daemon runs, as a client of it: the demo plate, a replayed recording, or nothing.
+
+use crate::session::{PlannedWell, RunPlan, RunStatus, SessionHandle, SpecimenKind, WellStatus};
+use crate::store::{RecordingReader, StoreError};
+use std::path::{Path, PathBuf};
+
+/// What is done after the start, as a client of the daemon.
+pub enum Job {
+    Serve,
+    Demo,
+    /// The replayed recording's plan, and where its stored numbers are.
+    Replay {
+        plan: RunPlan,
+        recorded: PathBuf,
+    },
+}
+
+impl Job {
+    pub async fn run(self, handle: SessionHandle, data: &Path) -> anyhow::Result<()> {
+        let (prefix, plan) = match &self {
+            Self::Serve => return Ok(()),
+            Self::Demo => ("demo", demo_plan()),
+            Self::Replay { plan, .. } => ("replay", plan.clone()),
+        };
+        let id = format!("{prefix}-{}", jiff::Timestamp::now().strftime("%Y%m%dT%H%M%S"));
+        let well = plan.plate_map[0].well.clone();
+        handle.put_run(id.clone(), plan).await?;
+        let run = finished(&handle, &id).await;
+        let Some(run) = run else { return Ok(()) };
+        if let Self::Replay { recorded, .. } = &self {
+            let replayed = data.join("runs").join(&id).join(&well).join("measurement.json");
+            println!("{}", compare(recorded, &replayed)?);
+        } else {
+            print!("{}", table(&run, &data.join("runs").join(&id)));
+        }
+        println!("Serving on. Ctrl-C ends it.");
+        Ok(())
+    }
+}
+
+/// Waits for the end of a run; nothing where another run has taken its place.
+async fn finished(handle: &SessionHandle, id: &str) -> Option<RunStatus> {
+    let mut revision = 0;
+    loop {
+        let status = handle.status_after(revision).await;
+        revision = status.revision;
+        let run = status.run.filter(|r| r.id == id)?;
+        if run.outcome.is_some() {
+            return Some(run);
+        }
+    }
+}
+
+fn demo_plan() -> RunPlan {
+    let well = |well: &str, specimen, dpf| PlannedWell { well: well.into(), specimen, dpf };
+    RunPlan {
+        plate_barcode: "DEMO".into(),
+        method: "standard".into(),
+        operator: "demo".into(),
+        external_id: None,
+        plate_map: vec![
+            well("A01", SpecimenKind::Larva, Some(3.0)),
+            well("A02", SpecimenKind::Larva, Some(5.0)),
+            well("A03", SpecimenKind::Bead, None),
+            well("A04", SpecimenKind::Larva, Some(4.0)),
+        ],
+    }
+}
+
+/// The demo's numbers beside the phantoms' truth.
+fn table(run: &RunStatus, folder: &Path) -> String {
+    let row = |w: &WellStatus| {
+        let hull = RecordingReader::open(&folder.join(&w.well))
+            .ok()
+            .and_then(|r| r.recording().truth.as_ref().and_then(|t| t.get("hull_volume_um3")).and_then(serde_json::Value::as_f64));
+        let number = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.4e}"));
+        let difference = w.volume_um3.zip(hull).map_or_else(|| "-".into(), |(v, h)| format!("{:+.2} %", (v / h - 1.0) * 100.0));
+        let kind = match (w.specimen, w.dpf) {
+            (SpecimenKind::Bead, _) => "bead".to_owned(),
+            (SpecimenKind::Larva, Some(dpf)) => format!("{dpf} dpf"),
+            (SpecimenKind::Larva, None) => "larva".to_owned(),
+        };
+        let outcome = match (&w.outcome, &w.reason) {
+            (Some(o), Some(reason)) => format!("{o:?}: {reason}"),
+            (Some(o), None) => format!("{o:?}"),
+            (None, _) => "-".into(),
+        };
+        format!(
+            "{:<5} {kind:<10} {outcome:<10} {:<13} {:<13} {difference:<11} {}\n",
+            w.well,
+            number(w.volume_um3),
+            number(hull),
+            number(w.area_um2)
+        )
+    };
+    format!(
+        "Run {} has ended: {}. Numbers of a simulation:\n\
+         well  specimen   outcome    volume um^3   ideal hull    difference  area um^2\n{}",
+        run.id,
+        run.outcome.map_or_else(String::new, |o| format!("{o:?}").to_lowercase()),
+        run.results.iter().map(row).collect::<String>()
+    )
+}
+
+fn compare(recorded: &Path, replayed: &Path) -> anyhow::Result<String> {
+    let read = |path: &Path| std::fs::read(path).map_err(|source| StoreError::Io { what: "read", path: path.to_owned(), source });
+    let same = read(recorded)? == read(replayed)?;
+    let verdict = if same { "identical, bit for bit" } else { "NOT the same" };
+    Ok(format!("Replayed numbers are {verdict}: {} and {}", recorded.display(), replayed.display()))
+}

@@ -1,0 +1,96 @@
+//! `carved simulate`: the emulated rig and the daemon on it, over the real doors.
+//!
+//! ```text
+//! hardware-sim: scene or recording ── Grbl firmware on a pty ──> serialport ──┐
+//!                                 └── GigE camera on 127.0.0.x ─> Aravis ─────┴──> the same daemon as `serve`
+//! ```
+
+mod job;
+mod replay;
+mod scenery;
+
+use super::daemon::{self, Daemon};
+use super::serve;
+use crate::config::{CameraDriver, Config, RotationDriver};
+use crate::device::camera::CameraSelect;
+use crate::device::sampler::{LoaderGate, Sampler};
+use crate::session::{Instrument, Mode};
+use anyhow::Context;
+use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight};
+use job::Job;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What the emulated rig is configured with; its doors are filled in when they are open.
+const CONFIG: &str = include_str!("../../../config/simulated.toml");
+const CONFIG_NAME: &str = "config/simulated.toml (built in)";
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Where the page and the API are served.
+    #[arg(long, default_value = "127.0.0.1:8420")]
+    listen: SocketAddr,
+    /// Where runs are stored.
+    #[arg(long, default_value = "carved-data")]
+    data: PathBuf,
+    /// Serve without running the demo plate.
+    #[arg(long)]
+    no_demo: bool,
+    /// How many times faster than real time the emulated motor and shutter work.
+    #[arg(long, default_value_t = 1.0)]
+    time_scale: f64,
+    /// Wells of every simulated plate that hold nothing.
+    #[arg(long, value_delimiter = ',', default_value = "A04")]
+    empty: Vec<String>,
+    /// Play a recording back through both device doors instead of the scene, and compare the numbers.
+    #[arg(long, value_name = "RECORDING")]
+    replay: Option<PathBuf>,
+}
+
+pub fn run(args: Args) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        args.time_scale.is_finite() && (0.1..=1000.0).contains(&args.time_scale),
+        "--time-scale is {}; from 0.1 to 1000 can be simulated",
+        args.time_scale
+    );
+    let mut config = Config::parse(CONFIG, Path::new(CONFIG_NAME))?;
+    config.http.listen = args.listen;
+    config.store.data_dir.clone_from(&args.data);
+    config.acquisition.settle_ms = (f64::from(config.acquisition.settle_ms) / args.time_scale).ceil() as u32;
+    let listener = daemon::bind(args.listen)?;
+    let listen = listener.local_addr().context("the address that is served")?;
+    config.http.listen = listen;
+    let Before { sight, sampler, job } = match &args.replay {
+        Some(path) => replay::of_recording(path, &mut config)?,
+        None => scenery::of_phantoms(&args, &config),
+    };
+
+    let rig = Rig::start(rig_settings(&config, args.time_scale), sight).context("the emulated rig did not start")?;
+    let RotationDriver::Grbl(grbl) = &mut config.rotation;
+    grbl.port = rig.serial_path().to_string_lossy().into_owned();
+    let CameraDriver::Aravis(camera) = &mut config.camera;
+    camera.select = CameraSelect::Address(rig.camera_address());
+    let devices = serve::open_rig(&config)?;
+
+    println!("carved simulates an instrument. Page and status: http://{listen}  http://{listen}/v1/status");
+    let config = Arc::new(config);
+    let gate = LoaderGate::default();
+    let folder = args.data;
+    Daemon { config, mode: Mode::Simulated, instrument: Instrument { rig: devices, sampler }, gate, listener }
+        .run(move |handle| async move { job.run(handle, &folder).await })
+    // `rig` is dropped here, after the daemon has let its devices go.
+}
+
+/// What stands before the emulated camera, who changes it, and what is done with it.
+struct Before {
+    sight: Arc<dyn Sight>,
+    sampler: Box<dyn Sampler>,
+    job: Job,
+}
+
+fn rig_settings(config: &Config, time_scale: f64) -> RigSettings {
+    let [num, den] = config.steps_per_revolution.into();
+    let shaft = ShaftSettings { steps_per_revolution: (num, den), ..ShaftSettings::default() };
+    RigSettings { shaft, time_scale, ..RigSettings::default() }
+}

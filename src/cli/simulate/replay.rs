@@ -1,0 +1,83 @@
+//! A recording in place of the scene: the emulated axis turns, the emulated camera sends the recorded frame of that angle.
+
+use super::{Before, Job, rig_settings};
+use crate::cancel::CancelToken;
+use crate::config::{CameraDriver, Config, RotationDriver};
+use crate::device::DeviceError;
+use crate::device::sampler::{Expected, Loaded, Sampler};
+use crate::frame::{PixelFormat, RawFrame};
+use crate::session::RunPlan;
+use crate::store::RecordingReader;
+use crate::units::Steps;
+use anyhow::Context;
+use hardware_sim::{Pixels, Replay};
+use std::path::Path;
+use std::sync::Arc;
+
+/// Grbl's `$27`, units.
+const HOMING_PULL_OFF: u16 = 27;
+
+/// The recording's rig and method take the place of the configured ones, its frames that of the scene.
+pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> {
+    let reader = RecordingReader::open(path)?;
+    reader.require_finished()?;
+    let recording = reader.recording();
+    config.optics = recording.rig.camera.clone();
+    config.steps_per_revolution = recording.rig.steps_per_revolution;
+    config.acquisition.sense = recording.rig.sense;
+    config.methods.insert(recording.method_name.clone(), recording.method.clone());
+    let CameraDriver::Aravis(camera) = &mut config.camera;
+    camera.pixel_format = recording.rig.pixel_format;
+    (camera.width, camera.height) = (recording.rig.camera.width, recording.rig.camera.height);
+    // The rig counts its angles from the reference switch, and homing leaves the axis one pull-off before it.
+    let RotationDriver::Grbl(grbl) = &config.rotation;
+    let [per_unit, units] = grbl.steps_per_unit.map(f64::from);
+    let reference = Steps(-(f64::from(rig_settings(config, 1.0).firmware.get(HOMING_PULL_OFF)) * per_unit / units).round() as i64);
+    let frames = recording
+        .ledger
+        .entries()
+        .iter()
+        .map(|entry| {
+            let frame = reader.frame(entry)?;
+            let angle_rad = recording.rig.steps_per_revolution.angle(entry.achieved_steps + reference);
+            anyhow::Ok((angle_rad, pixels(&frame)))
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let plan = RunPlan {
+        plate_barcode: format!("REPLAY-{}", recording.specimen.well),
+        method: recording.method_name.clone(),
+        operator: "replay".into(),
+        external_id: None,
+        plate_map: vec![recording.specimen.clone()],
+    };
+    let job = Job::Replay { plan, recorded: reader.folder().join("measurement.json") };
+    let [num, den] = config.steps_per_revolution.into();
+    let sight = Replay::new(frames, (num, den)).with_context(|| reader.folder().display().to_string())?;
+    Ok(Before { sight: Arc::new(sight), sampler: Box::new(ReplaySampler), job })
+}
+
+fn pixels(frame: &RawFrame) -> Pixels {
+    let format = match frame.format() {
+        PixelFormat::Mono8 => hardware_sim::PixelFormat::Mono8,
+        PixelFormat::BayerRG8 => hardware_sim::PixelFormat::BayerRG8,
+        PixelFormat::RGB8Packed => hardware_sim::PixelFormat::RGB8Packed,
+    };
+    Pixels { width: frame.width(), height: frame.height(), format, bytes: frame.bytes().to_vec() }
+}
+
+/// A recording is in the capillary for the whole of the run.
+struct ReplaySampler;
+
+impl Sampler for ReplaySampler {
+    fn waits_for_loader(&self) -> bool {
+        false
+    }
+
+    fn load(&mut self, _expected: Expected<'_>, _cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        Ok(Some(Loaded::default()))
+    }
+
+    fn eject(&mut self, _well: &str) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,47 @@
+//! What the instrument is doing, in one sentence for people.
+
+use super::{Phase, State, Status};
+
+pub fn of(s: &Status) -> String {
+    let well = s.specimen.as_ref().map_or("", |x| x.well.as_str());
+    match s.state {
+        State::Idle => "Idle. Ready for a plate.".into(),
+        State::Starting => "Starting the run: the camera is being armed.".into(),
+        State::Suspended => format!("Waiting for the loader: {}.", s.plate.needs.as_deref().unwrap_or("a specimen")),
+        State::Execute => match &s.specimen {
+            None => "Preparing the first well.".into(),
+            Some(x) => match x.phase {
+                Phase::Load => format!("Loading well {well}."),
+                Phase::Position => format!("Well {well}: finding the reference of the rotation axis."),
+                Phase::Detect => format!("Well {well}: looking what is in the capillary."),
+                Phase::Revolve => format!("Well {well}: turning the capillary, view {} of {}.", x.view, x.views_planned),
+                Phase::Reconstruct => format!("Well {well}: building the surface."),
+                Phase::Measure => format!("Well {well}: measuring."),
+                Phase::Eject => format!("Well {well}: done, taking the specimen out."),
+                Phase::Wash => format!("Well {well}: washing."),
+            },
+        },
+        State::Completing => "All wells are done; closing the record.".into(),
+        State::Complete => s.run.as_ref().map_or_else(String::new, |r| {
+            let c = r.wells;
+            format!(
+                "Run {} is complete: {} measured, {} flagged, {} skipped, {} failed. The plate can be taken.",
+                r.id,
+                c.succeeded,
+                c.flagged,
+                c.skipped,
+                c.failed + c.interrupted
+            )
+        }),
+        State::Aborting => "Aborting: the motors are stopped, the record is being closed.".into(),
+        State::Aborted => match s.faults.last() {
+            Some(f) => format!("Stopped by a fault: {}", f.message),
+            None => "Aborted. The motors stand; a new run may be started.".into(),
+        },
+        State::Stopping => "Shutting down: the motors are stopped, the record is being closed.".into(),
+        State::Stopped => "Stopped.".into(),
+        State::Clearing | State::Resetting => "Resetting for a new run.".into(),
+        State::Holding | State::Held | State::Unholding => "Held.".into(),
+        State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
+    }
+}
