@@ -1,5 +1,7 @@
 //! `carved reconstruct` as its users meet it: profile sets with truth from an independent renderer, and bad input.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -58,6 +58,7 @@ fn camera_settings(rig: &hardware_sim::Rig) -> AravisSettings {
         gain_raw: None,
         packet_size: 8228,
         socket_buffer_bytes: 4 << 20,
+        packet_socket: false,
         resend: true,
         frame_timeout_ms: 500,
         features: vec![],

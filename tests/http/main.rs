@@ -3,6 +3,8 @@
 //! Every answer that any of these tests gets is held against the served contract: a status that it does not declare for
 //! the route fails the test.
 
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
 mod access;
 mod commands;
 mod contract;

@@ -23,7 +23,7 @@ use aravis::glib;
 use aravis::glib::prelude::Cast;
 use aravis::prelude::*;
 use aravis::{AcquisitionMode, RangeCheckPolicy};
-use aravis::{BufferPayloadType, BufferStatus, GvDevice, GvStream, GvStreamPacketResend, GvStreamSocketBuffer};
+use aravis::{BufferPayloadType, BufferStatus, GvDevice, GvStream, GvStreamOption, GvStreamPacketResend, GvStreamSocketBuffer};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -138,6 +138,10 @@ impl Camera for AravisCamera {
             self.disarm()?;
         }
         self.unless_lost()?;
+        if let Some(gv) = self.camera()?.device().as_ref().and_then(|d| d.downcast_ref::<GvDevice>()) {
+            let packets = if self.settings.packet_socket { GvStreamOption::NONE } else { GvStreamOption::PACKET_SOCKET_DISABLED };
+            gv.set_stream_options(packets);
+        }
         let stream = self.camera()?.create_stream().map_err(|e| refused("a stream", &e))?;
         if let Some(gv) = stream.downcast_ref::<GvStream>() {
             gv.set_socket_buffer(GvStreamSocketBuffer::Fixed);

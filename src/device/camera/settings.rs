@@ -32,6 +32,10 @@ pub struct AravisSettings {
     /// Receive buffer of the stream's socket, bytes. The kernel grants at most `net.core.rmem_max`.
     #[serde(default = "default_socket_buffer_bytes")]
     pub socket_buffer_bytes: u32,
+    /// Receive through a ring of raw packets, which needs `CAP_NET_RAW` and an interface with one camera: on a shared one the
+    /// ring also sees the other cameras' packets.
+    #[serde(default)]
+    pub packet_socket: bool,
     /// Ask the camera again for lost packets.
     #[serde(default = "default_resend")]
     pub resend: bool,

@@ -32,6 +32,7 @@ fn settings() -> AravisSettings {
         gain_raw: Some(3),
         packet_size: 1500,
         socket_buffer_bytes: 4 << 20,
+        packet_socket: false,
         resend: true,
         frame_timeout_ms: 500,
         features: vec![],
