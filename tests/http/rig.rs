@@ -141,7 +141,7 @@ impl Rig {
 }
 
 async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<Refusal>>>, commands: Arc<Mutex<Vec<String>>>) {
-    let methods = BTreeMap::from([("standard".to_owned(), ())]);
+    let methods = BTreeMap::from([("standard".to_owned(), 0u8)]);
     let mut runs: BTreeMap<String, RunPlan> = BTreeMap::new();
     while let Some(command) = mailbox.recv().await {
         let refusal = refusal.lock().unwrap().clone();
