@@ -87,16 +87,15 @@ pub(super) fn estimate(bore: &Bore, picture: &Picture, channel: usize, seen: &Pl
     let mut light = Light::outside(bore, picture, channel);
     let mut lit = light.over(&table);
     let free = table.brightest_columns(&lit);
-    let mut profile = table.medians(&free, &lit);
-    let mut sigma = table.spread(&free, &profile, &lit);
+    let mut sigma = table.spread(&free, &table.medians(&free, &lit), &lit);
     // Each round believes the estimate more: from 2 % of the level down to the noise alone.
     for tolerance in [0.02, 0.01, 0.0] {
-        profile = table.modes(&profile, &lit, sigma);
+        let profile = table.modes(&table.medians(&free, &lit), &lit, sigma);
         light = table.fit_light(&profile, &light, |level| (tolerance * level).max(2.5 * sigma));
         lit = light.over(&table);
-        sigma = table.spread(&free, &profile, &lit).min(sigma);
+        sigma = table.spread(&free, &table.medians(&free, &lit), &lit).min(sigma);
     }
-    profile = table.modes(&profile, &lit, sigma);
+    let profile = table.modes(&table.medians(&free, &lit), &lit, sigma);
     let free = (0..bore.width).map(|u| free.binary_search(&(u / table.stride)).is_ok()).collect();
     table.render(bore, &profile, &light, sigma, free)
 }
@@ -259,7 +258,8 @@ impl Table {
             .collect()
     }
 
-    /// Slides each row's level to the mode beside it.
+    /// Slides each row's level to the mode beside it, by one standard deviation at most: a body that is nearly as bright as
+    /// the light and fills its row must not become the background.
     fn modes(&self, from: &[f32], lit: &[f32], sigma: f32) -> Vec<f32> {
         let mut even = Vec::with_capacity(self.cols);
         from.iter()
@@ -267,11 +267,11 @@ impl Table {
             .map(|(t, &first)| {
                 self.even_row(t, lit, &mut even);
                 let mut level = first;
-                for _ in 0..4 {
-                    let reach = (2.5 * sigma).max(0.01 * level);
-                    let (sum, n) = even.iter().filter(|e| (*e - level).abs() <= reach).fold((0.0, 0), |(s, n), e| (s + e, n + 1));
+                for _ in 0..3 {
+                    let near = even.iter().filter(|e| (*e - level).abs() <= 2.5 * sigma);
+                    let (sum, n) = near.fold((0.0, 0), |(s, n), e| (s + e, n + 1));
                     if n > 0 {
-                        level = sum / n as f32;
+                        level = (sum / n as f32).clamp(first - sigma, first + sigma);
                     }
                 }
                 level.max(1.0)

@@ -175,8 +175,8 @@ const RIM_PX: f64 = 0.5;
 /// may not be negative, so that no mixture of them puts the edge elsewhere.
 struct Model {
     shifts: Vec<f64>,
-    /// Per shift: first sample of its window, and the window's step and rim.
-    windows: Vec<(usize, Vec<f32>, Vec<f32>)>,
+    /// Per shift: the samples of its window, and step and rim over all samples.
+    windows: Vec<(std::ops::Range<usize>, [f32; SAMPLES], [f32; SAMPLES])>,
 }
 
 impl Model {
@@ -191,22 +191,50 @@ impl Model {
             .map(|&e| {
                 let (from, to) = (index(e - settings.outside_px), index(e + settings.inside_px));
                 let s = |k: usize| k as f64 / PER_PX as f64 - REACH_PX as f64 - e;
-                let step = (from..=to).map(|k| normal_cdf(s(k) / sigma) as f32).collect();
+                let step = std::array::from_fn(|k| normal_cdf(s(k) / sigma) as f32);
                 // An exponential that starts at the edge, convolved with the blur.
                 let decay = |s: f64| (sigma * sigma / (2.0 * RIM_PX * RIM_PX) - s / RIM_PX).exp() * normal_cdf(s / sigma - sigma / RIM_PX);
-                let rim = (from..=to).map(|k| decay(s(k)) as f32).collect();
-                (from, step, rim)
+                // Far from the edge the formula is a huge number times nearly nothing; there is no rim there.
+                let rim = std::array::from_fn(|k| if s(k).abs() < 8.0 * sigma { decay(s(k)) as f32 } else { 0.0 });
+                (from..to + 1, step, rim)
             })
             .collect();
         Self { shifts, windows }
     }
 
-    /// Least squares of the samples on step and rim at shift `k`.
+    /// Least squares of the samples on step and rim at shift `k`, in that shift's own window.
     fn fit(&self, k: usize, samples: &[f32], noise2: f32) -> Fit {
-        let (from, step, rim) = &self.windows[k];
-        let window = &samples[(*from).min(samples.len())..(from + step.len()).min(samples.len())];
+        let window = self.windows[k].0.clone();
+        let (a, c, yy, explained) = self.solve(k, samples, &window);
+        Fit { cost: (yy - 2.0 * explained) / (noise2 * window.len() as f32 + yy), contrast: a + c }
+    }
+
+    /// Follows the residual from shift `k` down to its least value near by, in one window for all shifts, so that they explain
+    /// the same samples; then between the shifts by a parabola. In shifts.
+    fn settle(&self, k: usize, samples: &[f32]) -> f64 {
+        const NEAR: usize = 4;
+        let window = &self.windows[k].0;
+        let residual = |k: usize| {
+            let (_, _, yy, explained) = self.solve(k, samples, window);
+            f64::from(yy - explained)
+        };
+        let (first, last) = (k.saturating_sub(NEAR), (k + NEAR).min(self.shifts.len() - 1));
+        let row: Vec<f64> = (first..=last).map(residual).collect();
+        let best = (0..row.len()).min_by(|&a, &b| row[a].total_cmp(&row[b])).unwrap_or(0);
+        if best == 0 || best + 1 == row.len() {
+            return (first + best) as f64;
+        }
+        let (a, b, c) = (row[best - 1], row[best], row[best + 1]);
+        let bend = a - 2.0 * b + c;
+        (first + best) as f64 + if bend <= 1e-9 { 0.0 } else { (0.5 * (a - c) / bend).clamp(-0.5, 0.5) }
+    }
+
+    /// Heights of step and rim, the energy of the samples in `window`, and what of it the two explain.
+    fn solve(&self, k: usize, samples: &[f32], window: &std::ops::Range<usize>) -> (f32, f32, f32, f32) {
+        let (_, step, rim) = &self.windows[k];
+        let window = window.start.min(samples.len())..window.end.min(samples.len());
         let (mut ss, mut sr, mut rr, mut ys, mut yr, mut yy) = (1e-6f32, 0.0, 1e-6f32, 0.0, 0.0, 0.0);
-        for ((&y, &s), &r) in window.iter().zip(step).zip(rim) {
+        for ((&y, &s), &r) in samples[window.clone()].iter().zip(&step[window.clone()]).zip(&rim[window]) {
             ss += s * s;
             sr += s * r;
             rr += r * r;
@@ -221,8 +249,9 @@ impl Model {
         } else if c < 0.0 {
             (a, c) = ((ys / ss).max(0.0), 0.0);
         }
-        let explained = a * ys + c * yr;
-        Fit { cost: (yy - 2.0 * explained) / (noise2 * window.len() as f32 + yy), contrast: a + c }
+        // Twice the product less the square: right also where a height was held at 0.
+        let explained = 2.0 * (a * ys + c * yr) - (a * a * ss + 2.0 * a * c * sr + c * c * rr);
+        (a, c, yy, explained)
     }
 }
 
@@ -255,26 +284,36 @@ pub(super) fn refine(cracks: &[[f64; 2]], darkness: &Plane, limits: &Limits, set
     let noise2 = 1.0 / (2.0 * std::f32::consts::PI.sqrt() * settings.along_px as f32).max(1.0);
     let last_u = (darkness.width - 1) as f64;
     let at_border = |p: &[f64; 2]| p[0] < 0.5 || p[0] > last_u - 0.5;
-    let fits: Vec<Vec<Fit>> = points
+    let seen: Vec<&[f32]> = points
         .iter()
         .zip(&inward)
         .zip(&samples)
         .map(|((p, n), profile)| {
             let deep = half_thickness(p, n, darkness, limits.inside);
             let upto = ((REACH_PX as f64 + deep) * PER_PX as f64) as usize + 1;
-            let seen = &profile[..upto.min(SAMPLES)];
+            &profile[..upto.min(SAMPLES)]
+        })
+        .collect();
+    let fits: Vec<Vec<Fit>> = points
+        .iter()
+        .zip(&seen)
+        .map(|(p, seen)| {
             (0..model.shifts.len())
                 .map(|k| {
-                    // The frame's border is no edge of the specimen: the outline stays where it is.
-                    let fixed = if at_border(p) { model.shifts[k].abs() as f32 } else { 0.0 };
-                    let fit = model.fit(k, seen, noise2);
-                    Fit { cost: fit.cost + fixed, contrast: if at_border(p) { 0.0 } else { fit.contrast } }
+                    if at_border(p) {
+                        // The frame's border is no edge of the specimen: the outline stays where it is.
+                        return Fit { cost: model.shifts[k].abs() as f32, contrast: 0.0 };
+                    }
+                    model.fit(k, seen, noise2)
                 })
                 .collect()
         })
         .collect();
     let chosen = choose(&fits, settings.stiffness as f32);
-    let shifts: Vec<f64> = chosen.iter().zip(&fits).map(|(&k, row)| model.shifts[0] + settle(row, k) / SHIFTS_PER_PX as f64).collect();
+    let settled = |((p, seen), k): ((&[f64; 2], &&[f32]), &usize)| {
+        if at_border(p) { model.shifts[*k] } else { model.shifts[0] + model.settle(*k, seen) / SHIFTS_PER_PX as f64 }
+    };
+    let shifts: Vec<f64> = points.iter().zip(&seen).zip(&chosen).map(settled).collect();
     let shifts = smooth_cyclic(&shifts, settings.shift_smoothing_px);
     let mut vertices = Vec::with_capacity(points.len());
     let mut record = Vec::with_capacity(points.len());
@@ -368,21 +407,6 @@ fn choose(fits: &[Vec<Fit>], stiffness: f32) -> Vec<usize> {
     (0..n).map(|i| path[if i >= half { i } else { i + n }]).collect()
 }
 
-/// Follows the cost from state `k` down to its least value near by, and between the states by a parabola: in states.
-fn settle(row: &[Fit], k: usize) -> f64 {
-    let mut k = k;
-    for _ in 0..3 {
-        let best = (k.saturating_sub(1)..(k + 2).min(row.len())).min_by(|&a, &b| row[a].cost.total_cmp(&row[b].cost));
-        k = best.unwrap_or(k);
-    }
-    if k == 0 || k + 1 >= row.len() {
-        return k as f64;
-    }
-    let (a, b, c) = (f64::from(row[k - 1].cost), f64::from(row[k].cost), f64::from(row[k + 1].cost));
-    let bend = a - 2.0 * b + c;
-    k as f64 + if bend <= 1e-9 { 0.0 } else { (0.5 * (a - c) / bend).clamp(-0.5, 0.5) }
-}
-
 /// Marks every pixel whose centre an outline encloses (a vertex order that winds around it, in either sense).
 pub(super) fn rasterise(polygons: &[Polygon], mask: &mut super::Mask) {
     let (w, h) = (mask.width(), mask.height());
@@ -457,15 +481,18 @@ mod tests {
         refine(&outlines[0], plane, &limits, &EdgeSettings::default()).0
     }
 
-    /// The radius comes back whatever the contrast and however far the coarse outline is off. 250 px of outline, each placed
-    /// to about 0.25 px at a contrast of 12, average to 0.03 px; 0.1 px leaves room for the curvature, by which a blurred disc's
-    /// half-level lies blur^2 / (2 radius) = 0.012 px inside its edge.
+    /// The radius comes back at any contrast and however far the coarse outline is off. 250 px of outline, each placed to about
+    /// 0.25 px at a contrast of 12, average to 0.03 px; 0.1 px leaves room for the curvature, by which a blurred disc's half-level
+    /// lies blur^2 / (2 radius) = 0.012 px inside its edge. At 6 the noise of one vertex is 0.5 px, a good part of the search,
+    /// and the choice among shifts is no longer symmetric: 0.2 px is what is promised there.
     #[test]
     fn a_disc_keeps_its_radius_at_any_contrast() {
-        for (radius, height, coarse) in [(40.0, 100.0, 3.0), (40.3, 20.0, 4.0), (39.6, 12.0, 2.0), (12.0, 60.0, 3.5)] {
+        for (radius, height, coarse, tolerance) in
+            [(40.0, 100.0, 3.0, 0.1), (40.3, 20.0, 4.0, 0.1), (39.6, 12.0, 2.0, 0.1), (39.6, 6.0, 2.0, 0.2), (12.0, 60.0, 3.5, 0.1)]
+        {
             let (plane, inside) = disc(radius, height, coarse);
             let found = (refined(&plane, &inside).area_px2() / std::f64::consts::PI).sqrt();
-            assert!((found - radius).abs() < 0.1, "radius {radius}, height {height}, coarse {coarse}: found {found:.3}");
+            assert!((found - radius).abs() < tolerance, "radius {radius}, height {height}, coarse {coarse}: found {found:.3}");
         }
     }
 
