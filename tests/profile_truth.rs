@@ -11,7 +11,7 @@ use proptest::prelude::*;
 
 fn scene(seed: u64, tilt_rad: f64, specimen: Option<Specimen>, rests_on_wall: bool) -> Scene {
     let mut settings = SceneSettings::default();
-    settings.capillary.wall_tilt_rad = tilt_rad;
+    settings.camera.gamma_rad = tilt_rad;
     settings.optics.noise_seed = seed;
     let scene = Scene::new(settings);
     let roll_rad = 0.37 * seed as f64;

@@ -212,6 +212,7 @@ impl RunContext {
         let mut writer = RecordingWriter::create(&self.folder.join(well), recording)?;
         let detected = rig.camera.grab(self.deadline())?;
         writer.add_detection(&detected.frame, loaded.truth)?;
+        self.hardware(rig);
         let picture = Picture::from_frame(&detected.frame);
         let end = match profile::segment(&picture, &self.method.segment) {
             Ok(p) if !p.detection.is_specimen() => {

@@ -1,4 +1,5 @@
-//! The glass capillary: the room a specimen has, and how its walls look. It does not visibly turn.
+//! The glass capillary: the room a specimen has, and how its walls look. It does not visibly turn, and lies as the camera's
+//! gamma says: walls, axis and specimen are tilted together.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,8 +9,6 @@ pub struct Capillary {
     pub bore_diameter_um: f64,
     /// Thickness of the glass.
     pub glass_um: f64,
-    /// Tilt of the wall lines in the picture; positive lowers the right end.
-    pub wall_tilt_rad: f64,
     /// Darkness of the inner wall's line, as a part of 1.
     pub wall_contrast: f64,
     /// Standard deviation of a wall line's width.
@@ -22,15 +21,7 @@ pub struct Capillary {
 
 impl Default for Capillary {
     fn default() -> Self {
-        Self {
-            bore_diameter_um: 650.0,
-            glass_um: 60.0,
-            wall_tilt_rad: 0.004,
-            wall_contrast: 0.72,
-            wall_line_px: 1.2,
-            fringe_px: 0.25,
-            glass_shade: 0.22,
-        }
+        Self { bore_diameter_um: 650.0, glass_um: 60.0, wall_contrast: 0.72, wall_line_px: 1.2, fringe_px: 0.25, glass_shade: 0.22 }
     }
 }
 

@@ -46,7 +46,7 @@ impl WallColumn {
         // The ray that grazes a cylinder meets it before its widest place.
         let line = |radius_um: f64| {
             let grazing = radius_um / (1.0 - (radius_um / camera.f_um).powi(2)).max(1e-6).sqrt();
-            [-grazing, grazing].map(|y| view.project([x_um, y + capillary.wall_tilt_rad * x_um, 0.0]).v_px)
+            [-grazing, grazing].map(|y| view.project([x_um, y, 0.0]).v_px)
         };
         Self { inner: line(capillary.bore_radius_um()), outer: line(capillary.bore_radius_um() + capillary.glass_um) }
     }
