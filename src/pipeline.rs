@@ -60,7 +60,8 @@ pub struct SpecimenRecord {
     pub measurement: Measurement,
     pub views: Vec<ViewRecord>,
     pub closure: Option<ClosureRecord>,
-    /// `bad_view`, `clipped_left`, `clipped_right`, `moved`.
+    /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
+    /// profile, so that a specimen that moved would not show).
     pub flags: Vec<String>,
 }
 
@@ -81,7 +82,9 @@ pub struct Pipeline {
     settings: PipelineSettings,
     reconstruction: Reconstruction,
     views: Vec<ViewRecord>,
-    first: Option<Mask>,
+    /// Masks of the views that count, with their angles: kept so that a hull of fewer views than planned can be carved with
+    /// the tolerance of those.
+    used: Vec<(u32, f64, Mask)>,
     closure: Option<ClosureRecord>,
     clipped: [bool; 2],
 }
@@ -114,7 +117,7 @@ impl Pipeline {
     pub fn new(settings: PipelineSettings) -> Result<Self, PipelineError> {
         let reconstruction =
             Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
-        Ok(Self { settings, reconstruction, views: Vec::new(), first: None, closure: None, clipped: [false; 2] })
+        Ok(Self { settings, reconstruction, views: Vec::new(), used: Vec::new(), closure: None, clipped: [false; 2] })
     }
 
     pub fn settings(&self) -> &PipelineSettings {
@@ -136,9 +139,7 @@ impl Pipeline {
                     self.clipped[0] |= clipped_left;
                     self.clipped[1] |= clipped_right;
                 }
-                if index == 0 {
-                    self.first = Some(p.mask.clone());
-                }
+                self.used.push((index, omega, p.mask.clone()));
             }
             Err(e) => record.reason = Some(e.to_string()),
         }
@@ -148,7 +149,8 @@ impl Pipeline {
 
     /// Compares the view at 360 deg with the first; it is never carved. Without both profiles there is no comparison.
     pub fn observe_closure(&mut self, seen: &Seen) {
-        if let (Some(first), Ok(last)) = (&self.first, &seen.profile) {
+        let first = self.used.iter().find(|(index, ..)| *index == 0).map(|(.., mask)| mask);
+        if let (Some(first), Ok(last)) = (first, &seen.profile) {
             let shift_px = first.centroid().zip(last.mask.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
             self.closure = Some(ClosureRecord { iou: first.iou(&last.mask), shift_px });
         }
@@ -162,7 +164,8 @@ impl Pipeline {
     /// Surface and measures. The record is in the order of the views, whatever order they came in.
     pub fn finish(mut self) -> Result<(Mesh, SpecimenRecord), PipelineError> {
         self.views.sort_by_key(|v| v.index);
-        let used = self.views.iter().filter(|v| v.used).count();
+        let used = self.used.len();
+        // Opposite views are mirror images: half a turn encloses the body, less leaves the hull open on a side.
         let needed = (self.settings.planned_views as usize).div_ceil(2).max(3);
         if used < needed {
             let reason = self.views.iter().find_map(|v| v.reason.clone()).unwrap_or_else(|| "views are missing".into());
@@ -177,7 +180,17 @@ impl Pipeline {
         flag(used < self.views.len(), "bad_view");
         flag(self.clipped[0], "clipped_left");
         flag(self.clipped[1], "clipped_right");
+        // The tolerance is a share of the views that count, and the live hull was carved with that of the planned ones.
+        if used < self.settings.planned_views as usize {
+            let s = &self.settings;
+            self.reconstruction = Reconstruction::new(&s.camera, s.grid, used, s.reconstruction)?;
+            for (_, omega, mask) in &self.used {
+                self.reconstruction.observe(mask, *omega)?;
+            }
+        }
+        flag(self.reconstruction.hull().touches_box(), "outside_box");
         flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN), "moved");
+        flag(self.closure.is_none(), "no_closure");
         let model = self.reconstruction.finish(self.settings.sphere)?;
         Ok((model.mesh, SpecimenRecord { measurement: model.measurement, views: self.views, closure: self.closure, flags }))
     }

@@ -119,6 +119,13 @@ impl HullModel {
         &self.carver
     }
 
+    /// Whether the hull reaches the grid's outermost voxels: the body may go on outside.
+    pub fn touches_box(&self) -> bool {
+        let grid = self.carver.grid();
+        measure::extents(&self.unfaired_mesh())
+            .is_some_and(|e| (0..3).any(|a| e.min[a] < grid.centre(a, 0) || e.max[a] > grid.centre(a, grid.counts()[a] - 1)))
+    }
+
     /// The hull's surface on a lattice four times as wide as the grid's.
     pub fn live_mesh(&self) -> Mesh {
         surface::extract(&Coarse::new(&self.carver))

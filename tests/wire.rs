@@ -81,7 +81,7 @@ struct Revolution {
 }
 
 fn turn(emulated: &hardware_sim::Rig, devices: &mut Rig, order: ViewOrder) -> Revolution {
-    devices.rotation.reference().unwrap();
+    devices.rotation.reference(&CancelToken::new()).unwrap();
     let zero_rad = emulated.shaft().angle_rad();
     let mut frames = Vec::new();
     let ledger = revolve(devices, &plan(order), &settings(), &CancelToken::new(), |_, frame| {
@@ -154,7 +154,7 @@ fn a_frame_that_never_comes_and_a_trigger_that_is_not_heard_are_tried_again() {
     let emulated = rig(10.0);
     let mut devices = Rig { rotation: Box::new(axis(&emulated)), camera: camera::open(camera_settings(&emulated)).unwrap() };
     devices.camera.arm().unwrap();
-    devices.rotation.reference().unwrap();
+    devices.rotation.reference(&CancelToken::new()).unwrap();
     emulated.faults().camera().drop_frames(1);
     assert_eq!(devices.camera.grab(PATIENCE).unwrap().attempts, 2);
     emulated.faults().camera().ignore_triggers(2);
@@ -168,7 +168,7 @@ fn a_frame_that_never_comes_and_a_trigger_that_is_not_heard_are_tried_again() {
 fn a_stop_in_the_middle_of_a_move_leaves_the_shaft_standing_until_the_next_reference() {
     let emulated = rig(1.0);
     let mut axis = axis(&emulated);
-    axis.reference().unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
     let stop = axis.stop_handle();
     let zero = emulated.shaft().angle_rad();
     std::thread::scope(|scope| {
@@ -199,7 +199,7 @@ fn a_stop_in_the_middle_of_a_move_leaves_the_shaft_standing_until_the_next_refer
     assert!(matches!(axis.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
     assert!(matches!(axis.position(), Position::Suspect { epoch: 2 }));
     assert_eq!(emulated.shaft().angle_rad().to_bits(), before.to_bits(), "a stopped axis does not move again by itself");
-    axis.reference().unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
     assert_eq!(axis.move_to(Steps(24)).unwrap().steps, Steps(24));
 }
 
@@ -208,7 +208,7 @@ fn a_controller_that_restarts_in_a_revolution_ends_it_and_no_view_has_a_wrong_an
     let emulated = rig(1.0);
     let mut devices = Rig { rotation: Box::new(axis(&emulated)), camera: camera::open(camera_settings(&emulated)).unwrap() };
     devices.camera.arm().unwrap();
-    devices.rotation.reference().unwrap();
+    devices.rotation.reference(&CancelToken::new()).unwrap();
     let zero = emulated.shaft().angle_rad();
     let mut views = Vec::new();
     let refusal = revolve(&mut devices, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |entry, _| {
@@ -232,7 +232,7 @@ fn a_controller_that_restarts_in_a_revolution_ends_it_and_no_view_has_a_wrong_an
 fn pulled_cables_and_stolen_control_are_named() {
     let emulated = rig(10.0);
     let mut devices = Rig { rotation: Box::new(axis(&emulated)), camera: camera::open(camera_settings(&emulated)).unwrap() };
-    devices.rotation.reference().unwrap();
+    devices.rotation.reference(&CancelToken::new()).unwrap();
     emulated.faults().unplug_serial();
     let gone = devices.rotation.move_to(Steps(24)).unwrap_err();
     assert!(matches!(gone, DeviceError::Gone { .. }), "{gone}");

@@ -159,7 +159,7 @@ mod tests {
         fn identity(&self) -> &'static str {
             "fake"
         }
-        fn reference(&mut self) -> Result<Achieved, DeviceError> {
+        fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
             Ok(Achieved { steps: Steps(0), epoch: 1 })
         }
         fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {

@@ -8,6 +8,7 @@ use crate::store::Store;
 use anyhow::Context;
 use std::net::TcpListener;
 use std::sync::Arc;
+use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 
 /// A daemon under construction: its door is open, its devices answer, nothing runs yet.
@@ -17,12 +18,8 @@ pub struct Daemon {
     pub instrument: Instrument,
     pub gate: LoaderGate,
     pub listener: TcpListener,
-}
-
-/// Takes the address that the page and the API are served on.
-pub fn bind(listen: std::net::SocketAddr) -> anyhow::Result<TcpListener> {
-    TcpListener::bind(listen)
-        .with_context(|| format!("cannot serve on {listen}: is another carved running? --listen chooses another address"))
+    /// Said on standard output once the daemon serves, with the address behind it.
+    pub greeting: String,
 }
 
 impl Daemon {
@@ -33,7 +30,8 @@ impl Daemon {
     {
         let runtime =
             tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("carved").build().context("cannot start the runtime")?;
-        let Self { config, mode, instrument, gate, listener } = self;
+        let Self { config, mode, instrument, gate, listener, greeting } = self;
+        let listen = listener.local_addr().context("the address that is served")?;
         let (store, journal, events) = Store::open(&config.store.data_dir)?;
         let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
         let heart = Heart::default();
@@ -49,16 +47,37 @@ impl Daemon {
         };
         let served = runtime.block_on(async {
             let told = tokio::spawn(tell_systemd(handle.clone(), heart.clone()));
-            let serving = tokio::spawn(crate::http::serve(listener, handle.clone(), config.http.clone(), stopped(stop)));
-            let client = tokio::spawn(beside(handle));
-            let ended = wait_for_end(&driving).await;
-            tracing::info!("{ended}: stopping");
+            let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), config.http.clone(), stopped(stop)));
+            println!("{greeting} http://{listen}  status: http://{listen}/v1/status");
+            let beside = beside(handle);
+            let client = tokio::spawn(async move {
+                if let Err(error) = beside.await {
+                    tracing::error!("{error:#}");
+                }
+            });
+            let mut signals = Signals::listen()?;
+            let mut served = None;
+            tokio::select! {
+                name = signals.next() => tracing::info!("{name}: stopping"),
+                () = ended(&driving) => tracing::error!("the driver ended: stopping"),
+                result = &mut serving => served = Some(result),
+            }
+            // The driver stops the motors as soon as it hears; who asks twice does not want to wait for the rest.
+            tokio::spawn(async move {
+                let name = signals.next().await;
+                tracing::warn!("{name} again: ending at once");
+                std::process::exit(1);
+            });
             notify::stopping();
             told.abort();
             // Everyone who listens has gone only if the server has failed, which its own result says.
             let _nobody = stop_in.send(true);
             client.abort();
-            serving.await.context("the server's task")?.context("the server")
+            let served = match served {
+                Some(early) => early,
+                None => serving.await,
+            };
+            served.context("the server's task")?.context("the server")
         });
         let drove = driving.join().map_err(|_| anyhow::anyhow!("the driver panicked; the motors were stopped as it unwound"))?;
         drove?;
@@ -69,7 +88,8 @@ impl Daemon {
 /// Ready, then the sentence of every revision, and the watchdog's ping while the driver's heart beats.
 async fn tell_systemd(session: SessionHandle, heart: Heart) {
     let sentences = async {
-        let mut status = session.status();
+        // The first snapshot is the driver's promise; the second is its first word.
+        let mut status = session.status_after(1).await;
         notify::ready(&status.doing);
         loop {
             status = session.status_after(status.revision).await;
@@ -84,30 +104,32 @@ async fn stopped(mut stop: watch::Receiver<bool>) {
     let _gone = stop.wait_for(|s| *s).await;
 }
 
-/// A signal, or the end of the driver.
-async fn wait_for_end(driving: &std::thread::JoinHandle<Result<(), session::DriverError>>) -> String {
-    use tokio::signal::unix::{SignalKind, signal};
-    let mut signals = Vec::new();
-    for (kind, name) in [(SignalKind::terminate(), "SIGTERM"), (SignalKind::interrupt(), "SIGINT"), (SignalKind::hangup(), "SIGHUP")] {
-        match signal(kind) {
-            Ok(s) => signals.push((s, name)),
-            Err(error) => tracing::error!(%error, name, "cannot listen to this signal"),
-        }
+/// The signals that end a daemon.
+struct Signals(Vec<(Signal, &'static str)>);
+
+impl Signals {
+    fn listen() -> anyhow::Result<Self> {
+        let kinds = [(SignalKind::terminate(), "SIGTERM"), (SignalKind::interrupt(), "SIGINT"), (SignalKind::hangup(), "SIGHUP")];
+        let listen = |(kind, name)| anyhow::Ok((signal(kind).with_context(|| format!("cannot listen to {name}"))?, name));
+        kinds.into_iter().map(listen).collect::<Result<_, _>>().map(Self)
     }
-    let any = futures::future::select_all(signals.iter_mut().map(|(s, name)| {
-        let name = *name;
-        Box::pin(async move {
-            s.recv().await;
-            name
-        })
-    }));
-    let mut tick = tokio::time::interval(std::time::Duration::from_millis(200));
-    tokio::pin!(any);
-    loop {
-        tokio::select! {
-            (name, _, _) = &mut any => return name.to_owned(),
-            _ = tick.tick() => if driving.is_finished() { return "the driver ended".into() },
-        }
+
+    async fn next(&mut self) -> &'static str {
+        let any = self.0.iter_mut().map(|(signal, name)| {
+            Box::pin(async move {
+                signal.recv().await;
+                *name
+            })
+        });
+        futures::future::select_all(any).await.0
+    }
+}
+
+/// Resolves once the driver has ended by itself.
+async fn ended(driving: &std::thread::JoinHandle<Result<(), session::DriverError>>) {
+    let mut look = tokio::time::interval(std::time::Duration::from_millis(200));
+    while !driving.is_finished() {
+        look.tick().await;
     }
 }
 

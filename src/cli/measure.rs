@@ -1,8 +1,8 @@
 //! `carved measure`: the numbers of recordings, computed again from their frames.
 
 use crate::pipeline::{Pipeline, SpecimenRecord};
-use crate::session::{Mode, SpecimenKind};
-use crate::store::{RecordingReader, StoreError};
+use crate::session::SpecimenKind;
+use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
@@ -19,13 +19,12 @@ pub struct Args {
 #[derive(serde::Serialize)]
 struct Measured<'a> {
     recording: &'a Path,
-    mode: Mode,
     well: &'a str,
     /// `identical`, `differs`, or `none` where the recording holds no measurement.
     stored: &'static str,
     truth: Option<&'a serde_json::Value>,
     #[serde(flatten)]
-    record: SpecimenRecord,
+    file: MeasurementFile,
 }
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -33,17 +32,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for path in expand(&args.recordings)? {
         let reader = RecordingReader::open(&path)?;
         let record = measure(&reader)?;
-        let stored = compare(&path, &record)?;
-        differs += usize::from(stored == "differs");
         let recording = reader.recording();
-        let line = Measured {
-            recording: &path,
-            mode: recording.mode,
-            well: &recording.specimen.well,
-            stored,
-            truth: recording.truth.as_ref(),
-            record,
-        };
+        let file = MeasurementFile { mode: recording.mode, record };
+        let stored = compare(&path, &file)?;
+        differs += usize::from(stored == "differs");
+        let line = Measured { recording: &path, well: &recording.specimen.well, stored, truth: recording.truth.as_ref(), file };
         println!("{}", serde_json::to_string(&line)?);
     }
     anyhow::ensure!(differs == 0, "{differs} recording(s) gave other numbers than are stored beside their frames");
@@ -58,7 +51,7 @@ fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
             let mut wells: Vec<_> = std::fs::read_dir(path)
                 .with_context(|| format!("{}: cannot list the run", path.display()))?
                 .filter_map(|e| e.ok().map(|e| e.path()))
-                .filter(|p| p.join("measurement.json").is_file())
+                .filter(|p| p.join(MEASUREMENT).is_file())
                 .collect();
             wells.sort();
             anyhow::ensure!(!wells.is_empty(), "{}: no recording of this run was measured", path.display());
@@ -100,14 +93,13 @@ pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
     Ok(record)
 }
 
-fn compare(folder: &Path, record: &SpecimenRecord) -> anyhow::Result<&'static str> {
-    let path = folder.join("measurement.json");
+fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str> {
+    let path = folder.join(MEASUREMENT);
     let stored = match std::fs::read(&path) {
         Ok(stored) => stored,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok("none"),
         Err(source) => return Err(StoreError::Io { what: "read", path, source }.into()),
     };
-    let mut ours = serde_json::to_vec_pretty(record)?;
-    ours.push(b'\n');
+    let ours = durable::json_text(&path, file)?;
     Ok(if ours == stored { "identical" } else { "differs" })
 }

@@ -1,6 +1,6 @@
 //! `carved serve`: the daemon on an instrument.
 
-use super::daemon::{self, Daemon};
+use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler};
 use crate::device::{Rig, camera, rotation};
@@ -17,14 +17,14 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
-    let listener = daemon::bind(config.http.listen)?;
+    let listener = config.http.bind()?;
     let rig = open_rig(&config)?;
     let gate = LoaderGate::default();
     let sampler: Box<dyn Sampler> = match config.sampler {
         SamplerDriver::Loader {} => Box::new(LoaderSampler::new(gate.clone())),
     };
-    println!("carved serves the instrument {:?} on http://{}", config.rig_name, config.http.listen);
-    Daemon { config, mode: Mode::Hardware, instrument: Instrument { rig, sampler }, gate, listener }.run(|_| async { Ok(()) })
+    let greeting = format!("carved serves the instrument {:?}:", config.rig_name);
+    Daemon { config, mode: Mode::Hardware, instrument: Instrument { rig, sampler }, gate, listener, greeting }.run(|_| async { Ok(()) })
 }
 
 /// Opens every device that the configuration names, or says which does not answer.

@@ -16,6 +16,7 @@ mod rig;
 pub use error::DeviceError;
 pub use rig::Rig;
 
+use crate::cancel::CancelToken;
 use crate::frame::RawFrame;
 use crate::units::Steps;
 use std::time::Duration;
@@ -42,8 +43,9 @@ pub struct Achieved {
 pub trait RotationAxis: Send {
     /// What the controller says of itself, for the record.
     fn identity(&self) -> &str;
-    /// Finds the axis' reference and makes it step 0 of a new epoch.
-    fn reference(&mut self) -> Result<Achieved, DeviceError>;
+    /// Finds the axis' reference and makes it step 0 of a new epoch. It lifts an earlier stop, but never one whose caller
+    /// has cancelled `cancel`: who stops for good cancels first, then stops.
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError>;
     /// Moves to an absolute position and returns once the axis has arrived.
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError>;
     fn position(&self) -> Position;

@@ -94,7 +94,13 @@ impl Problem {
             }
             Refusal::UnknownRun { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_run", detail),
             Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),
-            Refusal::Store { .. } => unavailable("store").behind(status),
+            Refusal::RunEnded { .. } => conflict("run_ended"),
+            Refusal::CapillaryFull { .. } => conflict("capillary_full"),
+            Refusal::Store { full: true, .. } => {
+                Self::new(StatusCode::INSUFFICIENT_STORAGE, "disk_full", detail).action(SchedulerAction::PauseInstrument).behind(status)
+            }
+            Refusal::Store { full: false, .. } => unavailable("store").behind(status),
+            Refusal::DeviceLost { .. } => unavailable("device_lost").behind(status),
             Refusal::ShuttingDown => unavailable("shutting_down"),
         }
     }

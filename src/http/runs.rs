@@ -3,7 +3,7 @@
 use super::AppState;
 use super::body::{self, Body};
 use super::problem::Problem;
-use crate::session::{Accepted, FieldError, Refusal, RunPlan, is_plain_name};
+use crate::session::{Accepted, Refusal, RunPlan, is_plain_name};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
@@ -23,7 +23,7 @@ pub(super) struct Acknowledged {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct WellLoaded {
-    /// `true`: the specimen of this well is in the capillary.
+    /// `true`: the specimen of this well is in the capillary; `false`: it has been taken out.
     loaded: bool,
 }
 
@@ -45,7 +45,8 @@ fn acknowledged(app: &AppState, run: String) -> Json<Acknowledged> {
         (status = 201, description = "The run is on disk and will start", body = Acknowledged, headers(("Location" = String))),
         (status = 200, description = "This very run had been taken before", body = Acknowledged),
         (status = 409, description = "Another plan has this name, or the state does not accept it", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn put(
@@ -77,7 +78,8 @@ pub(super) async fn put(
         (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
         (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
         (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn abort(
@@ -100,7 +102,8 @@ pub(super) async fn abort(
         (status = 200, description = "The run goes on with this well, or had done so", body = Acknowledged),
         (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
         (status = 409, description = "The run does not wait for this well", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn loaded(
@@ -109,10 +112,6 @@ pub(super) async fn loaded(
     Body(said): Body<WellLoaded, { body::SMALL }>,
 ) -> Result<Json<Acknowledged>, Problem> {
     let Path((run, well)) = path?;
-    if !said.loaded {
-        let detail = "only `true` can be said here; a specimen leaves the capillary when the run says so".to_owned();
-        return Err(Problem::unprocessable("invalid_body", vec![FieldError { pointer: "/loaded".into(), detail }]));
-    }
-    app.session.loaded(run.clone(), well).await.map_err(|refusal| refused(&app, refusal))?;
+    app.session.loaded(run.clone(), well, said.loaded).await.map_err(|refusal| refused(&app, refusal))?;
     Ok(acknowledged(&app, run))
 }

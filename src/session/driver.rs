@@ -6,7 +6,7 @@ use super::plan::is_plain_name;
 use super::state::{self, STARTABLE, Trigger};
 use super::worker::{self, Instrument, Progress, RunContext, RunEnd};
 use super::{
-    Accepted, Eta, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SpecimenOutcome, SpecimenStatus, State, Status,
+    Accepted, Eta, Fault, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SpecimenOutcome, SpecimenStatus, State, Status,
     WellCounts,
 };
 use super::{fault, sentence};
@@ -49,8 +49,8 @@ struct Active {
     stop: StopHandle,
     worker: JoinHandle<(Instrument, RunEnd)>,
     progress: mpsc::Receiver<Progress>,
-    /// How it will have ended if it is cut short.
-    cut_short: RunOutcome,
+    /// How it ends, once somebody has cut it short.
+    cut_short: Option<RunOutcome>,
     waiting_for: Option<String>,
     well_seconds: Vec<f64>,
 }
@@ -66,6 +66,20 @@ struct Running {
     instrument: Option<Instrument>,
     active: Option<Active>,
     fault_seq: u64,
+    /// A write of this run failed: what is shown of it is not all on disk.
+    store_failed: bool,
+    /// A device that does not answer any more, and what to do; nothing runs without it.
+    lost: Option<String>,
+}
+
+/// However the driver ends, a panic included: motors first, and the worker then ends by itself.
+impl Drop for Active {
+    fn drop(&mut self) {
+        self.cancel.cancel();
+        if !self.worker.is_finished() {
+            self.stop.stop();
+        }
+    }
 }
 
 impl Driver {
@@ -96,7 +110,10 @@ impl Driver {
     /// Serves commands until `shutdown`; then the motors are stopped, the record is closed and everything is joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
         let Self { config, mode, store, journal, publisher, instrument, gate, heart } = self;
-        let mut d = Running { config, mode, store, journal, publisher, gate, instrument: Some(instrument), active: None, fault_seq: 0 };
+        let instrument = Some(instrument);
+        let fault_seq = journal.last_fault();
+        let mut d =
+            Running { config, mode, store, journal, publisher, gate, instrument, active: None, fault_seq, store_failed: false, lost: None };
         d.at_rest()?;
         tokio::pin!(shutdown);
         let mut beat = tokio::time::interval(heart::BEAT);
@@ -104,8 +121,7 @@ impl Driver {
         loop {
             if stopping && d.active.is_none() {
                 d.go(Trigger::Joined);
-                d.event("daemon.stopped", None, serde_json::Value::Null)?;
-                return Ok(());
+                return Ok(d.event("daemon.stopped", None, serde_json::Value::Null)?);
             }
             tokio::select! {
                 biased;
@@ -116,15 +132,22 @@ impl Driver {
                     d.go(Trigger::ShutDown);
                 }
                 word = word_of(&mut d.active) => match word {
-                    Word::Progress(progress) => d.progress(progress)?,
-                    Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?, stopping)?,
+                    Word::Progress(progress) => {
+                        let stored = d.progress(progress);
+                        d.keep(stored);
+                    }
+                    Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?, stopping),
                 },
                 _ = beat.tick() => heart.beat(),
-                command = mailbox.recv(), if !stopping => match command {
-                    Some(command) => d.command(command),
-                    // Every handle is gone: nobody can ask for anything any more.
-                    None => stopping = true,
-                },
+                command = mailbox.recv(), if !stopping => {
+                    if let Some(command) = command {
+                        d.command(command);
+                    } else {
+                        // Every handle is gone: nobody can ask for anything any more, not even for an end.
+                        stopping = true;
+                        d.cut_short(RunOutcome::Interrupted);
+                    }
+                }
             }
         }
     }
@@ -184,12 +207,58 @@ impl Running {
         Ok(())
     }
 
+    /// A write that fails in the middle of a run ends it: motors first, then the fault. What could not be written is shown
+    /// all the same, and the plate is not called removable.
+    fn keep(&mut self, written: Result<(), StoreError>) {
+        let Err(error) = written else { return };
+        tracing::error!(%error, "not stored");
+        self.cut_short(RunOutcome::Failed);
+        if !std::mem::replace(&mut self.store_failed, true) {
+            self.raise(&error.into());
+            if state::runs(self.publisher.status().state) {
+                self.go(Trigger::Abort);
+            }
+        }
+    }
+
+    fn raise(&mut self, error: &worker::RunError) -> Fault {
+        self.fault_seq += 1;
+        let raised = fault::of(self.fault_seq, error);
+        let shown = raised.clone();
+        let lost = fault::lost_device(error);
+        if let Some(lost) = &lost {
+            self.lost = Some(lost.way_out().to_owned());
+        }
+        self.publish(|s| {
+            match lost {
+                Some(fault::Lost::Camera) => s.hardware.camera.connected = false,
+                Some(fault::Lost::Rotation) => {
+                    s.hardware.rotation.connected = false;
+                    s.hardware.rotation.referenced = false;
+                    s.hardware.rotation.position_steps = None;
+                    s.hardware.rotation.position_deg = None;
+                }
+                None => {}
+            }
+            s.faults.push(shown);
+        });
+        raised
+    }
+
     /// Puts the devices' first word into the status.
     fn at_rest(&mut self) -> Result<(), StoreError> {
+        let mut interrupted = None;
         for run in self.store.close_interrupted()? {
             let event = self.journal.append("run.interrupted", Some(&run.id), None, serde_json::json!({"found": "at start"}))?;
             self.publisher.announce(event);
+            interrupted = Some(run);
         }
+        let loaded_from_outside = self.instrument.as_ref().is_some_and(|i| i.sampler.waits_for_loader());
+        // The well under way is the first without a number; whether its specimen is still there only the loader can say.
+        let left = interrupted.as_ref().filter(|_| loaded_from_outside).and_then(|run| {
+            let under_way = run.wells.iter().find(|w| w.outcome == Some(SpecimenOutcome::Interrupted))?;
+            Some(new_specimen(&under_way.well, Phase::Eject, true, run.method.asd))
+        });
         let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
         let disk_free_bytes = self.store.free_bytes();
         self.publish(|s| {
@@ -202,6 +271,13 @@ impl Running {
             s.hardware.disk_free_bytes = disk_free_bytes;
             s.ready = true;
             s.not_ready_reason = None;
+            if let Some(run) = &interrupted {
+                s.plate.barcode = Some(run.plan.plate_barcode.clone());
+                s.plate.removable = left.is_none();
+                s.plate.needs = left.as_ref().map(|x| format!("the specimen of well {} to be taken out of the capillary", x.well));
+                s.run = Some(run_status(run));
+                s.specimen = left;
+            }
         });
         self.event("daemon.started", None, serde_json::json!({"version": env!("CARGO_PKG_VERSION"), "mode": self.mode}))
     }
@@ -217,23 +293,28 @@ impl Running {
                 let result = self.abort(&id);
                 let _hung_up = answer.send(result);
             }
-            Command::Loaded { run, well, answer } => {
-                let result = self.loaded(run, well);
+            Command::Loaded { run, well, loaded, answer } => {
+                let result = if loaded { self.loaded(run, well) } else { self.unloaded(run, well) };
                 let _hung_up = answer.send(result);
             }
         }
     }
 
     fn put_run(&mut self, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
-        let store_failed = |e: StoreError| Refusal::Store { why: e.to_string() };
         if !is_plain_name(id) {
             let detail = format!("{id:?} is not a run's name: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
             return Err(Refusal::InvalidPlan(vec![FieldError { pointer: "/run_id".into(), detail }]));
         }
-        if let Some(known) = self.store.run(id).map_err(store_failed)? {
+        if let Some(known) = self.store.run(id).map_err(Refusal::from)? {
             return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
         }
         plan.check(&self.config.methods).map_err(Refusal::InvalidPlan)?;
+        if let Some(why) = &self.lost {
+            return Err(Refusal::DeviceLost { why: why.clone() });
+        }
+        if let (None, Some(left)) = (&self.active, self.publisher.status().specimen.as_ref().filter(|s| s.in_capillary)) {
+            return Err(Refusal::CapillaryFull { well: left.well.clone() });
+        }
         let now = self.publisher.status().state;
         let (true, Some(instrument)) = (STARTABLE.contains(&now), self.instrument.take()) else {
             return Err(Refusal::WrongState { state: now, accepted_in: STARTABLE.to_vec() });
@@ -242,7 +323,7 @@ impl Running {
             Ok(()) => Ok(Accepted::Created),
             Err((instrument, e)) => {
                 self.instrument = Some(instrument);
-                Err(store_failed(e))
+                Err(e.into())
             }
         }
     }
@@ -265,8 +346,15 @@ impl Running {
         });
         match journalled {
             Ok(event) => self.publisher.announce(event),
-            Err(e) => return Err((instrument, e)),
+            Err(e) => {
+                // Not accepted: the same request must not read as known when it comes again.
+                if let Err(error) = self.store.forget_run(id) {
+                    tracing::error!(%error, "a run that was refused is still on disk");
+                }
+                return Err((instrument, e));
+            }
         }
+        self.gate.clear();
         let cancel = CancelToken::default();
         let stop = instrument.rig.rotation.stop_handle();
         let (progress_in, progress) = mpsc::channel(64);
@@ -291,16 +379,7 @@ impl Running {
             s.ready = false;
             s.not_ready_reason = Some("a run is under way".into());
         });
-        self.active = Some(Active {
-            record,
-            cancel,
-            stop,
-            worker,
-            progress,
-            cut_short: RunOutcome::Interrupted,
-            waiting_for: None,
-            well_seconds: Vec::new(),
-        });
+        self.active = Some(Active { record, cancel, stop, worker, progress, cut_short: None, waiting_for: None, well_seconds: Vec::new() });
         Ok(())
     }
 
@@ -310,26 +389,23 @@ impl Running {
                 self.cut_short(RunOutcome::Aborted);
                 self.publisher.publish(|s| s.pending.abort = true);
                 self.go(Trigger::Abort);
-                self.event("run.abort_requested", None, serde_json::Value::Null).map_err(|e| Refusal::Store { why: e.to_string() })?;
+                self.event("run.abort_requested", None, serde_json::Value::Null).map_err(Refusal::from)?;
             }
             return Ok(());
         }
         // A repeat after the end moves towards a state that is reached already.
         match self.store.run(id) {
             Ok(Some(run)) if run.outcome == Some(RunOutcome::Aborted) => Ok(()),
-            Ok(Some(_)) => Err(Refusal::WrongState {
-                state: self.publisher.status().state,
-                accepted_in: vec![State::Starting, State::Execute, State::Suspended, State::Completing, State::Aborting],
-            }),
+            Ok(Some(run)) => Err(Refusal::RunEnded { id: run.id, outcome: run.outcome }),
             Ok(None) => Err(Refusal::UnknownRun { id: id.to_owned(), newest: self.publisher.status().run.as_ref().map(|r| r.id.clone()) }),
-            Err(e) => Err(Refusal::Store { why: e.to_string() }),
+            Err(e) => Err(e.into()),
         }
     }
 
     /// Motors first; the worker then ends by itself.
     fn cut_short(&mut self, outcome: RunOutcome) {
         if let Some(active) = &mut self.active {
-            active.cut_short = outcome;
+            active.cut_short = Some(outcome);
             active.cancel.cancel();
             active.stop.stop();
         }
@@ -337,26 +413,59 @@ impl Running {
 
     fn loaded(&mut self, run: String, well: String) -> Result<(), Refusal> {
         let Some(active) = self.active.as_mut().filter(|a| a.record.id == run) else {
-            let newest = self.publisher.status().run.as_ref().map(|r| r.id.clone());
-            return Err(Refusal::UnknownRun { id: run, newest });
+            let status = self.publisher.status();
+            return Err(match &status.run {
+                Some(ended) if ended.id == run => Refusal::RunEnded { id: run, outcome: ended.outcome },
+                newest => Refusal::UnknownRun { id: run, newest: newest.as_ref().map(|r| r.id.clone()) },
+            });
         };
         if active.waiting_for.as_deref() == Some(well.as_str()) {
             active.waiting_for = None;
             self.gate.say_loaded(&well);
             self.publish(|s| s.plate.needs = None);
             self.go(Trigger::Loaded);
-            return self.event("well.loaded", Some(&well), serde_json::Value::Null).map_err(|e| Refusal::Store { why: e.to_string() });
+            return self.event("well.loaded", Some(&well), serde_json::Value::Null).map_err(Refusal::from);
         }
         // Said again after it was taken: the well under way is loaded, nothing more to do.
         let current = self.publisher.status().specimen.as_ref().is_some_and(|s| s.well == well);
         if current { Ok(()) } else { Err(Refusal::UnexpectedWell { run, well }) }
     }
 
-    fn progress(&mut self, progress: Progress) -> Result<(), DriverError> {
+    /// The specimen has been taken out: after its well is done, or after a run that was cut short left it there.
+    fn unloaded(&mut self, run: String, well: String) -> Result<(), Refusal> {
+        let status = self.publisher.status();
+        let newest = status.run.as_ref().map(|r| r.id.clone());
+        if newest.as_ref() != Some(&run) {
+            return Err(Refusal::UnknownRun { id: run, newest });
+        }
+        match &status.specimen {
+            // Said again, or said of a specimen that another has taken the place of.
+            None => return Ok(()),
+            Some(s) if s.well != well => return Ok(()),
+            Some(s) if self.active.is_some() && s.phase != Phase::Eject => return Err(Refusal::UnexpectedWell { run, well }),
+            Some(_) => {}
+        }
+        let at_rest = self.active.is_none();
+        self.event("well.unloaded", Some(&well), serde_json::Value::Null).map_err(Refusal::from)?;
+        self.publish(|s| {
+            s.plate.needs = None;
+            s.plate.removable = at_rest && !s.faults.iter().any(|f| f.category == "storage");
+            match &mut s.specimen {
+                Some(specimen) if !at_rest => specimen.in_capillary = false,
+                specimen => *specimen = None,
+            }
+        });
+        Ok(())
+    }
+
+    fn progress(&mut self, progress: Progress) -> Result<(), StoreError> {
         match progress {
             Progress::Ready => {
                 if self.publisher.status().state == State::Starting {
-                    self.go(Trigger::Ready);
+                    self.go_with(Trigger::Ready, |s| {
+                        s.hardware.camera.connected = true;
+                        s.hardware.rotation.connected = true;
+                    });
                 }
                 self.event("run.started", None, serde_json::Value::Null)?;
             }
@@ -381,15 +490,12 @@ impl Running {
                 });
                 self.event("specimen.phase", Some(&well), serde_json::json!({ "phase": phase }))?;
             }
+            Progress::Detected { live } => {
+                self.publisher.set_live(|l| *l = live);
+                self.publish(|_| ());
+            }
             Progress::View { well, index, closure, achieved_steps, volume_um3, live } => {
-                self.publisher.set_live(|l| {
-                    l.frame_jpg = live.frame_jpg;
-                    l.profile_png = live.profile_png;
-                    // The closure view carves nothing: the model stays the one of the last view.
-                    if live.mesh_glb.is_some() || !closure {
-                        l.mesh_glb = live.mesh_glb;
-                    }
-                });
+                self.publisher.set_live(|l| *l = live);
                 let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
                 self.publish(|s| {
                     s.hardware.rotation.position_steps = Some(achieved_steps);
@@ -417,7 +523,7 @@ impl Running {
                     camera.ignored_packets = counters.ignored_packets;
                 });
             }
-            Progress::WellDone { result, seconds } => {
+            Progress::WellDone { result, seconds, in_capillary } => {
                 let Some(active) = &mut self.active else { return Ok(()) };
                 if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
                     *slot = result.clone();
@@ -429,10 +535,17 @@ impl Running {
                 let mut status = run_status(&active.record);
                 status.eta_s = eta(&active.well_seconds, status.wells.pending);
                 // One revision: counters and phase change together, so that no reader sees a gap between two wells.
+                let views_planned = active.record.method.asd;
+                let next = active.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.clone());
                 self.publish(|s| {
                     s.run = Some(status);
-                    if let Some(specimen) = &mut s.specimen {
-                        specimen.in_capillary = false;
+                    match next {
+                        Some(next) => s.specimen = Some(new_specimen(&next, Phase::Load, false, views_planned)),
+                        None => {
+                            if let Some(specimen) = &mut s.specimen {
+                                specimen.in_capillary = in_capillary;
+                            }
+                        }
                     }
                 });
                 let data = serde_json::to_value(&result).unwrap_or_default();
@@ -442,60 +555,63 @@ impl Running {
         Ok(())
     }
 
-    fn worker_ended(&mut self, ended: (Instrument, RunEnd), stopping: bool) -> Result<(), DriverError> {
+    fn worker_ended(&mut self, ended: (Instrument, RunEnd), stopping: bool) {
         let (instrument, end) = ended;
         self.instrument = Some(instrument);
-        let Some(active) = &mut self.active else { return Ok(()) };
-        let (outcome, fault, left) = match end {
-            RunEnd::AllWells => (RunOutcome::of_wells(&active.record.wells), None, SpecimenOutcome::Interrupted),
-            RunEnd::Cancelled => {
-                let left = if active.cut_short == RunOutcome::Aborted { SpecimenOutcome::Aborted } else { SpecimenOutcome::Interrupted };
-                (active.cut_short, None, left)
-            }
-            RunEnd::Failed(error) => (RunOutcome::Failed, Some(error), SpecimenOutcome::Interrupted),
+        let Some(active) = &mut self.active else { return };
+        // Whoever cut it short was told so: that is its outcome, also where the last well was done in the same moment.
+        let (outcome, fault) = match (active.cut_short, end) {
+            (_, RunEnd::Failed(error)) => (RunOutcome::Failed, Some(error)),
+            (Some(outcome), _) => (outcome, None),
+            (None, RunEnd::AllWells) => (RunOutcome::of_wells(&active.record.wells), None),
+            (None, RunEnd::Cancelled) => (RunOutcome::Interrupted, None),
         };
-        let reason = match (&fault, left) {
+        let left = if outcome == RunOutcome::Aborted { SpecimenOutcome::Aborted } else { SpecimenOutcome::Interrupted };
+        let reason = match (&fault, outcome) {
             (Some(error), _) => error.to_string(),
-            (None, SpecimenOutcome::Aborted) => "the run was aborted".into(),
+            (None, RunOutcome::Aborted) => "the run was aborted".into(),
+            (None, RunOutcome::Failed) => "the run could not be stored".into(),
             _ => "the daemon was stopped".into(),
         };
         for well in active.record.wells.iter_mut().filter(|w| w.outcome.is_none()) {
             well.end(left, Some(&reason));
         }
         active.record.end(outcome);
-        self.store.save_run(&active.record)?;
         let status = run_status(&active.record);
+        let saved = self.store.save_run(&active.record);
         if let Some(error) = &fault {
-            self.fault_seq += 1;
-            let fault = fault::of(self.fault_seq, error);
-            let data = serde_json::to_value(&fault).unwrap_or_default();
-            self.publish(|s| s.faults.push(fault));
-            self.event("fault.raised", None, data)?;
+            let fault = self.raise(error);
+            let journalled = self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default());
+            self.keep(journalled);
         }
+        let ended = self.event("run.ended", None, serde_json::json!({ "outcome": outcome, "wells": status.wells }));
+        self.keep(saved.and(ended));
+        let stored = !std::mem::take(&mut self.store_failed);
+        self.active = None;
         if !stopping {
-            if fault.is_some() && self.publisher.status().state != State::Aborting {
-                self.go(Trigger::Abort);
-            } else if outcome != RunOutcome::Aborted {
-                self.go(Trigger::WellsDone);
+            match self.publisher.status().state {
+                State::Aborting => {}
+                _ if fault.is_some() => self.go(Trigger::Abort),
+                _ => self.go(Trigger::WellsDone),
             }
         }
-        self.event("run.ended", None, serde_json::json!({ "outcome": outcome, "wells": status.wells }))?;
-        self.active = None;
-        self.publisher.publish(|s| {
+        let lost = self.lost.clone();
+        // The end and all that follows from it are one revision.
+        let change = |s: &mut Status| {
             s.run = Some(status);
-            // A run that was cut short may have left its specimen in the capillary: only the loader knows.
-            let emptied = s.specimen.as_ref().is_none_or(|x| !x.in_capillary);
-            s.plate.removable = emptied;
-            s.plate.needs = (!emptied).then(|| "the specimen in the capillary to be taken out".to_owned());
+            // Only who takes a specimen out knows that it is out.
             s.specimen = s.specimen.take().filter(|x| x.in_capillary);
+            s.plate.removable = s.specimen.is_none() && stored;
+            s.plate.needs = s.specimen.as_ref().map(|x| format!("the specimen of well {} to be taken out of the capillary", x.well));
             s.pending = super::Pending { stop: stopping, ..super::Pending::default() };
-            s.ready = !stopping;
-            s.not_ready_reason = stopping.then(|| "shutting down".into());
-        });
-        if !stopping {
-            self.go(if self.publisher.status().state == State::Aborting { Trigger::MotorsStopped } else { Trigger::Recorded });
+            s.not_ready_reason = if stopping { Some("shutting down".into()) } else { lost };
+            s.ready = s.not_ready_reason.is_none();
+        };
+        match self.publisher.status().state {
+            _ if stopping => self.publish(change),
+            State::Aborting => self.go_with(Trigger::MotorsStopped, change),
+            _ => self.go_with(Trigger::Recorded, change),
         }
-        Ok(())
     }
 }
 

@@ -1,7 +1,8 @@
 //! How the edges reach the session: commands enter a mailbox and are accepted or refused by name; everyone else reads
 //! snapshots. The driver is the only one that changes anything.
 
-use super::{Event, FieldError, RunPlan, State, Status};
+use super::{Event, FieldError, RunOutcome, RunPlan, State, Status};
+use crate::store::StoreError;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -15,14 +16,28 @@ pub enum Refusal {
     OtherPlan { id: String },
     #[error("the instrument is in state {state:?}; this command is accepted in {accepted_in:?}")]
     WrongState { state: State, accepted_in: Vec<State> },
-    #[error("no run {id}; the newest is {newest:?}")]
+    #[error("run {id} has ended{}; nothing can be done to it any more", outcome.map(|o| format!(" as {}", format!("{o:?}").to_lowercase())).unwrap_or_default())]
+    RunEnded { id: String, outcome: Option<RunOutcome> },
+    #[error(
+        "the specimen of well {well} is still in the capillary. Take it out and say so: PUT /v1/runs/RUN/wells/{well} {{\"loaded\": false}}"
+    )]
+    CapillaryFull { well: String },
+    #[error("no run {id}; {}", newest.as_ref().map_or("there is none yet".to_owned(), |n| format!("the newest is {n}")))]
     UnknownRun { id: String, newest: Option<String> },
-    #[error("run {run} has no well {well} that waits to be loaded")]
+    #[error("run {run} has no well {well} that waits for the loader")]
     UnexpectedWell { run: String, well: String },
+    #[error("no run can start: {why}")]
+    DeviceLost { why: String },
     #[error("the store did not take it: {why}")]
-    Store { why: String },
+    Store { why: String, full: bool },
     #[error("the instrument is shutting down")]
     ShuttingDown,
+}
+
+impl From<StoreError> for Refusal {
+    fn from(e: StoreError) -> Self {
+        Self::Store { full: e.is_full(), why: e.to_string() }
+    }
 }
 
 /// What `put_run` did.
@@ -38,7 +53,7 @@ pub enum Accepted {
 pub enum Command {
     PutRun { id: String, plan: RunPlan, answer: oneshot::Sender<Result<Accepted, Refusal>> },
     Abort { id: String, answer: oneshot::Sender<Result<(), Refusal>> },
-    Loaded { run: String, well: String, answer: oneshot::Sender<Result<(), Refusal>> },
+    Loaded { run: String, well: String, loaded: bool, answer: oneshot::Sender<Result<(), Refusal>> },
 }
 
 /// The newest frame, its profile and the live model, encoded for the page.
@@ -106,9 +121,9 @@ impl SessionHandle {
         self.ask(|answer| Command::Abort { id, answer }).await
     }
 
-    /// The loader says that the specimen of this well is in the capillary.
-    pub async fn loaded(&self, run: String, well: String) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Loaded { run, well, answer }).await
+    /// The loader says that the specimen of this well is in the capillary, or that it has been taken out.
+    pub async fn loaded(&self, run: String, well: String, loaded: bool) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Loaded { run, well, loaded, answer }).await
     }
 }
 

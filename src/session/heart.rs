@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 /// The driver beats this often while it is free to.
 pub const BEAT: Duration = Duration::from_secs(1);
 /// Silence after which the driver hangs: longer than any sync to a slow disk.
-const SILENCE: Duration = Duration::from_secs(10);
+const SILENCE: Duration = Duration::from_secs(5);
 
 /// Beaten by the driver itself, read by whoever speaks for it.
 #[derive(Clone)]

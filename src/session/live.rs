@@ -1,5 +1,6 @@
 //! The newest view, encoded for the page.
 
+use super::Live;
 use crate::export;
 use crate::pipeline::Seen;
 use crate::profile::{Mask, Picture};
@@ -9,16 +10,9 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::sync::Arc;
 
-/// Encoded pictures of one view; what could not be encoded is absent and logged, never a reason to stop a run.
-#[derive(Debug, Clone, Default)]
-pub struct LiveView {
-    pub frame_jpg: Option<Arc<Vec<u8>>>,
-    pub profile_png: Option<Arc<Vec<u8>>>,
-    pub mesh_glb: Option<Arc<Vec<u8>>>,
-}
-
-pub fn of_view(seen: &Seen, mesh: &Mesh) -> LiveView {
-    LiveView { frame_jpg: jpeg(&seen.picture), profile_png: seen.profile.as_ref().ok().and_then(|p| outline(&p.mask)), mesh_glb: glb(mesh) }
+/// The pictures of one view; what could not be encoded is absent and logged, never a reason to stop a run.
+pub fn of_view(seen: &Seen, mesh: &Mesh) -> Live {
+    Live { frame_jpg: jpeg(&seen.picture), profile_png: seen.profile.as_ref().ok().and_then(|p| outline(&p.mask)), mesh_glb: glb(mesh) }
 }
 
 fn glb(mesh: &Mesh) -> Option<Arc<Vec<u8>>> {

@@ -7,8 +7,9 @@
 //!                                   └─ closure view at 360 deg
 //! ```
 
-use super::live::{self, LiveView};
-use super::{Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
+use super::fault;
+use super::live;
+use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
 use crate::acquisition::{self, AcquisitionError, LedgerEntry, RevolutionPlan, SinkClosed};
 use crate::cancel::CancelToken;
 use crate::config::{Config, Method};
@@ -18,7 +19,7 @@ use crate::export;
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, PipelineError};
 use crate::profile::{self, Picture};
-use crate::store::{Recording, RecordingWriter, RigRecord, StoreError};
+use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RigRecord, StoreError};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -44,17 +45,23 @@ pub enum Progress {
         phase: Phase,
         in_capillary: bool,
     },
+    /// The frame on which the well is judged; what was shown before belongs to another specimen.
+    Detected {
+        live: Live,
+    },
     View {
         well: String,
         index: u32,
         closure: bool,
         achieved_steps: i64,
         volume_um3: Option<f64>,
-        live: LiveView,
+        live: Live,
     },
     WellDone {
         result: WellStatus,
         seconds: f64,
+        /// Where the loader takes specimens out, only the loader knows when.
+        in_capillary: bool,
     },
     Hardware {
         rotation: RotationStatus,
@@ -114,16 +121,21 @@ pub fn run(mut instrument: Instrument, context: &RunContext) -> (Instrument, Run
     if !matches!(end, RunEnd::AllWells) {
         instrument.rig.rotation.stop_handle().stop();
     }
-    if let Err(error) = instrument.rig.camera.disarm() {
+    // Waiting for a camera that is gone would only delay the word that it is.
+    let lost = matches!(&end, RunEnd::Failed(e) if fault::lost_device(e).is_some());
+    if !lost && let Err(error) = instrument.rig.camera.disarm() {
         tracing::warn!(%error, "the camera did not disarm");
     }
+    context.hardware(&instrument.rig);
     (instrument, end)
 }
 
 impl RunContext {
     fn tell(&self, progress: Progress) {
-        // The driver outlives its worker; if it is gone the daemon is ending, and the cancel token says so.
-        let _driver_gone = self.progress.blocking_send(progress);
+        // Without a driver nobody could end this run any more: it ends itself.
+        if self.progress.blocking_send(progress).is_err() {
+            self.cancel.cancel();
+        }
     }
 
     fn phase(&self, well: &str, phase: Phase, in_capillary: bool) {
@@ -173,7 +185,8 @@ impl RunContext {
                 WellEnd::Failed(reason) => result.end(SpecimenOutcome::Failed, Some(&reason)),
             }
             self.hardware(&instrument.rig);
-            self.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64() });
+            let in_capillary = instrument.sampler.waits_for_loader() && result.outcome != Some(SpecimenOutcome::Skipped);
+            self.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), in_capillary });
         }
         Ok(ControlFlow::Continue(()))
     }
@@ -189,7 +202,7 @@ impl RunContext {
         let Some(loaded) = instrument.sampler.load(expected, &self.cancel)? else { return Ok(None) };
         let rig = &mut instrument.rig;
         self.phase(well, Phase::Position, true);
-        rig.rotation.reference()?;
+        rig.rotation.reference(&self.cancel)?;
         self.hardware(rig);
 
         self.phase(well, Phase::Detect, true);
@@ -210,31 +223,43 @@ impl RunContext {
             self.method.clone(),
         );
         let mut writer = RecordingWriter::create(&self.folder.join(well), recording)?;
-        let detected = rig.camera.grab(self.deadline())?;
-        writer.add_detection(&detected.frame, loaded.truth)?;
-        self.hardware(rig);
-        let picture = Picture::from_frame(&detected.frame);
-        let end = match profile::segment(&picture, &self.method.segment) {
-            Ok(p) if !p.detection.is_specimen() => {
-                self.tell_frame(well, &picture);
-                Some(WellEnd::Skipped("empty"))
-            }
-            // A frame that cannot be judged is not taken for an empty well: the revolution decides.
-            Ok(_) | Err(_) => self.revolve(rig, &mut writer, planned)?,
-        };
-        let Some(end) = end else {
-            writer.close()?;
-            return Ok(None);
-        };
-        self.phase(well, Phase::Eject, true);
-        writer.close()?;
+        let end = self.judge(rig, &mut writer, planned, loaded.truth);
+        // The record is closed on every way out, a fault's included; the fault is what is told then.
+        let closed = writer.close();
+        let driven = !instrument.sampler.waits_for_loader();
+        if matches!(end, Ok(None) | Err(_)) && driven {
+            self.phase(well, Phase::Eject, true);
+            instrument.sampler.eject(well)?;
+            self.phase(well, Phase::Eject, false);
+        }
+        let Some(end) = end? else { return Ok(None) };
+        closed?;
+        self.phase(well, Phase::Eject, !matches!(end, WellEnd::Skipped(_)));
         instrument.sampler.eject(well)?;
         Ok(Some(end))
     }
 
-    fn tell_frame(&self, well: &str, picture: &Picture) {
-        let live = LiveView { frame_jpg: live::jpeg(picture), ..LiveView::default() };
-        self.tell(Progress::View { well: well.to_owned(), index: 0, closure: true, achieved_steps: 0, volume_um3: None, live });
+    /// Looks what is in the capillary, and takes a specimen through its revolution.
+    fn judge(
+        &self,
+        rig: &mut Rig,
+        writer: &mut RecordingWriter,
+        planned: &PlannedWell,
+        truth: Option<serde_json::Value>,
+    ) -> Result<Option<WellEnd>, RunError> {
+        let detected = rig.camera.grab(self.deadline())?;
+        writer.add_detection(&detected.frame, truth)?;
+        self.hardware(rig);
+        if self.cancel.is_cancelled() {
+            return Ok(None);
+        }
+        let picture = Picture::from_frame(&detected.frame);
+        self.tell(Progress::Detected { live: Live { frame_jpg: live::jpeg(&picture), ..Live::default() } });
+        match profile::segment(&picture, &self.method.segment) {
+            Ok(p) if !p.detection.is_specimen() => Ok(Some(WellEnd::Skipped("empty"))),
+            // A frame that cannot be judged is not taken for an empty well: the revolution decides.
+            Ok(_) | Err(_) => self.revolve(rig, writer, planned),
+        }
     }
 
     fn revolve(&self, rig: &mut Rig, writer: &mut RecordingWriter, planned: &PlannedWell) -> Result<Option<WellEnd>, RunError> {
@@ -262,10 +287,12 @@ impl RunContext {
         if self.cancel.is_cancelled() {
             return Ok(None);
         }
-        // The specimen thread's own failure is the reason why a revolution ended early.
+        // Where the specimen thread ended by itself, that is why no more views were taken.
         let end = specimen?;
-        revolved?;
-        Ok(Some(end))
+        match revolved {
+            Ok(_) | Err(AcquisitionError::SinkClosed { .. }) => Ok(Some(end)),
+            Err(e) => Err(e.into()),
+        }
     }
 
     /// The specimen thread: stores and carves what the rig thread hands on, then measures.
@@ -298,9 +325,12 @@ impl RunContext {
         };
         self.phase(well, Phase::Measure, true);
         let mut ply = Vec::new();
-        export::write_ply(&mesh, "um", &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
+        let unit = if self.mode == Mode::Simulated { "um (simulated)" } else { "um" };
+        export::write_ply(&mesh, unit, &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
         writer.add_file("mesh.ply", &ply)?;
-        writer.add_json("measurement.json", &record)?;
+        let record = MeasurementFile { mode: self.mode, record };
+        writer.add_json(MEASUREMENT, &record)?;
+        let record = record.record;
         writer.add_json("timings.json", &clock)?;
         let m = &record.measurement;
         Ok(WellEnd::Measured {

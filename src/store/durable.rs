@@ -45,15 +45,20 @@ pub fn create_folder(folder: &Path) -> Result<(), StoreError> {
     fs::create_dir_all(folder).map_err(|source| StoreError::Io { what: "create the folder", path: folder.to_owned(), source })
 }
 
-/// Writes a value as indented JSON, durably.
-pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> Result<(), StoreError> {
+/// A value as indented JSON; `path` names it in errors only.
+pub fn json_text<T: serde::Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, StoreError> {
     let mut text = serde_json::to_vec_pretty(value).map_err(|e| StoreError::Format {
         path: path.to_owned(),
         expected: "a value JSON can hold",
         found: e.to_string(),
     })?;
     text.push(b'\n');
-    write(path, &text)
+    Ok(text)
+}
+
+/// Writes a value as indented JSON, durably.
+pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> Result<(), StoreError> {
+    write(path, &json_text(path, value)?)
 }
 
 /// Reads a value from JSON; the error names the file and the line.

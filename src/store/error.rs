@@ -12,8 +12,14 @@ pub enum StoreError {
     Altered { path: PathBuf, expected: String, found: String },
     #[error("{}: the frame of view {view} is missing; the recording lists it", path.display())]
     MissingFrame { path: PathBuf, view: u32 },
-    #[error("{}: {found} views are recorded, {expected} were planned: the revolution was not finished, so it cannot be measured", path.display())]
+    #[error(
+        "{}: {found} views are recorded, {expected} were planned: {}, so it cannot be measured",
+        path.display(),
+        if *found == 0 { "no revolution was made (an empty well, or cut short before it)" } else { "the revolution was not finished" }
+    )]
     Unfinished { path: PathBuf, expected: u32, found: usize },
+    #[error("{}: it was written and is gone: somebody took it out of the record while the run was going", path.display())]
+    Vanished { path: PathBuf },
     #[error("{}: another carved uses this folder; stop it or give another --data", path.display())]
     Locked { path: PathBuf },
     #[error("{}: exists already; nothing is overwritten", path.display())]
@@ -21,6 +27,11 @@ pub enum StoreError {
 }
 
 impl StoreError {
+    /// The disk is full: nothing is wrong with what was asked.
+    pub fn is_full(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull)
+    }
+
     /// For `map_err`: names what was tried on which file.
     pub(crate) fn io(what: &'static str, path: &std::path::Path) -> impl Fn(std::io::Error) -> Self {
         let path = path.to_owned();

@@ -10,6 +10,10 @@ pub struct Journal {
     file: File,
     path: PathBuf,
     next_id: u64,
+    /// Length up to which every line is whole and synced.
+    good_bytes: u64,
+    /// Sequence number of the newest fault.
+    last_fault: u64,
 }
 
 impl Journal {
@@ -37,7 +41,13 @@ impl Journal {
             durable::sync_folder(folder)?;
         }
         let next_id = events.last().map_or(1, |e| e.id + 1);
-        Ok((Self { file, path: path.to_owned(), next_id }, events))
+        let faults = events.iter().filter(|e| e.kind == "fault.raised").filter_map(|e| e.data["seq"].as_u64());
+        let last_fault = faults.max().unwrap_or(0);
+        Ok((Self { file, path: path.to_owned(), next_id, good_bytes: whole as u64, last_fault }, events))
+    }
+
+    pub fn last_fault(&self) -> u64 {
+        self.last_fault
     }
 
     /// Writes an event and syncs it; the id it got comes back with it.
@@ -57,8 +67,11 @@ impl Journal {
             found: e.to_string(),
         })?;
         line.push(b'\n');
+        // What an earlier failure left behind the last good line must not become the beginning of this one.
+        self.file.set_len(self.good_bytes).map_err(io("cut the torn last line of"))?;
         self.file.write_all(&line).map_err(io("append to"))?;
         self.file.sync_data().map_err(io("sync"))?;
+        self.good_bytes += line.len() as u64;
         self.next_id += 1;
         Ok(event)
     }
@@ -85,6 +98,19 @@ mod tests {
         let (_, events) = Journal::open(&path).unwrap();
         assert_eq!(events.len(), 3);
         assert_eq!(events[2].kind, "c");
+    }
+
+    /// A write that failed half way is not there for the next one.
+    #[test]
+    fn a_torn_append_is_cut_before_the_next() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("events.jsonl");
+        let (mut journal, _) = Journal::open(&path).unwrap();
+        journal.append("a", None, None, serde_json::Value::Null).unwrap();
+        OpenOptions::new().append(true).open(&path).unwrap().write_all(b"{\"id\": 2, \"kind\": \"run.").unwrap();
+        assert_eq!(journal.append("b", None, None, serde_json::Value::Null).unwrap().id, 2);
+        let (_, events) = Journal::open(&path).unwrap();
+        assert_eq!(events.iter().map(|e| e.kind.as_str()).collect::<Vec<_>>(), ["a", "b"]);
     }
 
     #[test]

@@ -15,7 +15,7 @@ mod sums;
 
 pub use error::StoreError;
 pub use journal::Journal;
-pub use recording::{Recording, RecordingReader, RecordingWriter, RigRecord, Software};
+pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, Software};
 
 use crate::config::Method;
 use crate::session::{Event, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus};
@@ -85,10 +85,6 @@ impl Store {
         Ok((Self { root: root.to_owned(), _lock: lock }, journal, events))
     }
 
-    pub fn well_folder(&self, run: &str, well: &str) -> PathBuf {
-        self.run_folder(run).join(well)
-    }
-
     pub fn run_folder(&self, run: &str) -> PathBuf {
         self.root.join("runs").join(run)
     }
@@ -97,6 +93,12 @@ impl Store {
         let folder = self.run_folder(&run.id);
         durable::create_folder(&folder)?;
         durable::write_json(&folder.join("run.json"), run)
+    }
+
+    /// Takes back a run that was not accepted after all.
+    pub fn forget_run(&self, id: &str) -> Result<(), StoreError> {
+        let file = self.run_folder(id).join("run.json");
+        std::fs::remove_file(&file).map_err(StoreError::io("remove", &file))
     }
 
     /// The run of this name, if there is one.

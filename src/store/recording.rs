@@ -16,13 +16,29 @@ use crate::acquisition::{Ledger, LedgerEntry};
 use crate::config::Method;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::geometry::Camera;
+use crate::hash::sha256_hex;
+use crate::pipeline::SpecimenRecord;
 use crate::profile::Mask;
 use crate::session::{Mode, PlannedWell};
 use crate::units::{Sense, StepsPerRevolution};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 const SCHEMA: &str = "carved.recording/1";
+const RECORDING: &str = "recording.json";
+
+/// Name of the file with a recording's numbers.
+pub const MEASUREMENT: &str = "measurement.json";
+
+/// `measurement.json`: the numbers, and whether they are an instrument's. No clock and no name of a run stands in it, so
+/// that equal numbers are equal bytes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeasurementFile {
+    pub mode: Mode,
+    #[serde(flatten)]
+    pub record: SpecimenRecord,
+}
 
 /// Which program wrote a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -88,76 +104,87 @@ impl Recording {
 }
 
 /// The frame file of a ledger entry, relative to the recording.
-fn frame_file(entry: &LedgerEntry) -> PathBuf {
-    if entry.closure { "frames/closure.png".into() } else { format!("frames/view_{:03}.png", entry.view).into() }
+fn frame_file(entry: &LedgerEntry) -> String {
+    if entry.closure { "frames/closure.png".into() } else { format!("frames/view_{:03}.png", entry.view) }
 }
 
 /// Writes a recording; what `add_view` has returned from survives a crash.
 pub struct RecordingWriter {
     folder: PathBuf,
     recording: Recording,
+    /// SHA-256 of every file as it was written, by its name in the folder.
+    written: BTreeMap<String, String>,
 }
 
 impl RecordingWriter {
     /// Starts a recording in a folder that has none.
     pub fn create(folder: &Path, recording: Recording) -> Result<Self, StoreError> {
-        if folder.join("recording.json").exists() {
+        if folder.join(RECORDING).exists() {
             return Err(StoreError::Exists { path: folder.to_owned() });
         }
         durable::create_folder(&folder.join("frames"))?;
         durable::create_folder(&folder.join("profiles"))?;
-        let writer = Self { folder: folder.to_owned(), recording };
+        let mut writer = Self { folder: folder.to_owned(), recording, written: BTreeMap::new() };
         writer.save()?;
         Ok(writer)
     }
 
-    fn save(&self) -> Result<(), StoreError> {
-        durable::write_json(&self.folder.join("recording.json"), &self.recording)
+    fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        durable::write(&self.folder.join(name), bytes)?;
+        self.written.insert(name.to_owned(), sha256_hex(bytes));
+        Ok(())
     }
 
-    pub fn folder(&self) -> &Path {
-        &self.folder
-    }
-
-    pub fn recording(&self) -> &Recording {
-        &self.recording
+    fn save(&mut self) -> Result<(), StoreError> {
+        let text = durable::json_text(&self.folder.join(RECORDING), &self.recording)?;
+        self.put(RECORDING, &text)
     }
 
     /// The frame on which the well was judged, and what is known of the specimen's truth (simulation only).
     pub fn add_detection(&mut self, frame: &RawFrame, truth: Option<serde_json::Value>) -> Result<(), StoreError> {
-        durable::write(&self.folder.join("frames/detect.png"), &frames::encode(frame)?)?;
+        self.put("frames/detect.png", &frames::encode(frame)?)?;
         self.recording.truth = truth;
         self.save()
     }
 
     /// Frame first, then the ledger that names it: a ledger never lists a frame that is not there.
     pub fn add_view(&mut self, entry: LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
-        durable::write(&self.folder.join(frame_file(&entry)), &frames::encode(frame)?)?;
+        self.put(&frame_file(&entry), &frames::encode(frame)?)?;
         self.recording.ledger.push(entry).map_err(|e| StoreError::Format {
-            path: self.folder.join("recording.json"),
+            path: self.folder.join(RECORDING),
             expected: "one ledger entry per view, all of one epoch",
             found: e.to_string(),
         })?;
         self.save()
     }
 
-    pub fn add_profile(&self, index: u32, mask: &Mask) -> Result<(), StoreError> {
-        durable::write(&self.folder.join(format!("profiles/view_{index:03}.png")), &frames::encode_mask(mask)?)
+    pub fn add_profile(&mut self, index: u32, mask: &Mask) -> Result<(), StoreError> {
+        self.put(&format!("profiles/view_{index:03}.png"), &frames::encode_mask(mask)?)
     }
 
     /// A result beside the frames.
-    pub fn add_file(&self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
-        durable::write(&self.folder.join(name), bytes)
+    pub fn add_file(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.put(name, bytes)
     }
 
-    pub fn add_json<T: Serialize>(&self, name: &str, value: &T) -> Result<(), StoreError> {
-        durable::write_json(&self.folder.join(name), value)
+    pub fn add_json<T: Serialize>(&mut self, name: &str, value: &T) -> Result<(), StoreError> {
+        let text = durable::json_text(&self.folder.join(name), value)?;
+        self.put(name, &text)
     }
 
-    /// Hashes everything and closes the record; also for a revolution that was cut short.
+    /// Hashes everything and closes the record; also for a revolution that was cut short. A file that is not any more what
+    /// was written is an error, not a line in the sums.
     pub fn close(self) -> Result<(), StoreError> {
         let sums = super::sums::of_folder(&self.folder)?;
-        durable::write(&self.folder.join(super::sums::FILE), sums.as_bytes())
+        for (name, expected) in self.written {
+            let path = self.folder.join(&name);
+            match sums.get(Path::new(&name)) {
+                Some(found) if *found == expected => {}
+                Some(found) => return Err(StoreError::Altered { path, expected, found: found.clone() }),
+                None => return Err(StoreError::Vanished { path }),
+            }
+        }
+        durable::write(&self.folder.join(super::sums::FILE), super::sums::text(&sums).as_bytes())
     }
 }
 
@@ -171,12 +198,12 @@ impl RecordingReader {
     /// `path` is the recording's folder or its `recording.json`.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         let folder = if path.is_file() { path.parent().unwrap_or(Path::new(".")).to_owned() } else { path.to_owned() };
-        let file = folder.join("recording.json");
+        let file = folder.join(RECORDING);
         let recording: Recording = durable::read_json(&file, "a recording (carved.recording/1)")?;
         if recording.schema != SCHEMA {
             return Err(StoreError::Format { path: file, expected: SCHEMA, found: recording.schema });
         }
-        super::sums::check_one(&folder, "recording.json")?;
+        super::sums::check_one(&folder, RECORDING)?;
         Ok(Self { folder, recording })
     }
 
@@ -205,7 +232,7 @@ impl RecordingReader {
             return Err(StoreError::MissingFrame { path, view: entry.view });
         }
         let frame = frames::decode(&path, self.recording.rig.pixel_format)?;
-        let found = crate::hash::sha256_hex(frame.bytes());
+        let found = sha256_hex(frame.bytes());
         if found != entry.sha256 {
             return Err(StoreError::Altered { path, expected: entry.sha256.clone(), found });
         }

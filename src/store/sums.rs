@@ -2,6 +2,7 @@
 
 use super::StoreError;
 use crate::hash::sha256_hex;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 pub const FILE: &str = "SHA256SUMS";
@@ -20,17 +21,21 @@ fn files(folder: &Path, under: &Path, found: &mut Vec<PathBuf>) -> Result<(), St
     Ok(())
 }
 
-/// One line per file of the folder, sorted by name.
-pub fn of_folder(folder: &Path) -> Result<String, StoreError> {
+/// SHA-256 of every file of the folder, by its name in it.
+pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
     let mut names = Vec::new();
     files(folder, Path::new(""), &mut names)?;
-    names.sort();
-    let line = |name: &PathBuf| {
-        let path = folder.join(name);
+    let hash = |name: PathBuf| {
+        let path = folder.join(&name);
         let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
-        Ok(format!("{}  {}\n", sha256_hex(&bytes), name.display()))
+        Ok((name, sha256_hex(&bytes)))
     };
-    names.iter().map(line).collect()
+    names.into_iter().map(hash).collect()
+}
+
+/// One line per file, as `sha256sum` writes it.
+pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
+    sums.iter().map(|(name, hash)| format!("{hash}  {}\n", name.display())).collect()
 }
 
 /// Checks one file against the folder's sums, where there are any (an interrupted record has none).

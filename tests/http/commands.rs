@@ -97,11 +97,10 @@ fn the_loader_says_what_is_in_the_capillary() {
     assert_eq!(say("/v1/runs/r/wells/A01", loaded).problem(), "unknown_run");
     rig.put("/v1/runs/r", PLAN);
     assert_eq!(say("/v1/runs/r/wells/A01", loaded).status, 200);
+    assert_eq!(say("/v1/runs/r/wells/A01", r#"{"loaded": false}"#).status, 200);
     let unexpected = say("/v1/runs/r/wells/H12", loaded);
     assert_eq!((unexpected.status, unexpected.problem().as_str()), (409, "unexpected_well"));
-    for (body, pointer) in
-        [(r#"{"loaded": false}"#, "/loaded"), (r#"{"loaded": 1}"#, "/loaded"), ("{}", "/loaded"), (r#"{"loaded": true, "x": 1}"#, "/x")]
-    {
+    for (body, pointer) in [(r#"{"loaded": 1}"#, "/loaded"), ("{}", "/loaded"), (r#"{"loaded": true, "x": 1}"#, "/x")] {
         let answer = say("/v1/runs/r/wells/A01", body);
         assert_eq!((answer.status, pointers(&answer)), (422, vec![pointer.to_owned()]), "{body}");
     }
@@ -129,7 +128,7 @@ fn a_refusal_names_the_states_and_the_fault_behind_it() {
             since: "2026-01-01T00:00:00Z".into(),
         });
     });
-    rig.refuse(Refusal::Store { why: "no space".into() });
+    rig.refuse(Refusal::Store { why: "read-only".into(), full: false });
     for answer in
         [rig.put("/v1/runs/r", PLAN), rig.send("POST", "/v1/runs/r/abort", &[], ""), rig.put("/v1/runs/r/wells/A01", r#"{"loaded": true}"#)]
     {

@@ -165,8 +165,8 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                 let unknown = Refusal::UnknownRun { id, newest: runs.keys().next_back().cloned() };
                 answer.send(refusal.map_or(if known { Ok(()) } else { Err(unknown) }, Err)).unwrap();
             }
-            Command::Loaded { run, well, answer } => {
-                commands.lock().unwrap().push(format!("loaded {run} {well}"));
+            Command::Loaded { run, well, loaded, answer } => {
+                commands.lock().unwrap().push(format!("{} {run} {well}", if loaded { "loaded" } else { "unloaded" }));
                 let verdict = match runs.get(&run) {
                     None => Err(Refusal::UnknownRun { id: run, newest: None }),
                     Some(plan) if plan.plate_map.iter().any(|w| w.well == well) => Ok(()),

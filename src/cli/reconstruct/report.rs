@@ -3,7 +3,7 @@
 use super::Unit;
 use super::views::View;
 use crate::geometry::Projection;
-use crate::measure::{self, Measurement};
+use crate::measure::Measurement;
 use crate::reconstruction::HullModel;
 use crate::surface;
 use rayon::prelude::*;
@@ -44,7 +44,7 @@ pub(super) fn report(
     let hi: [f64; 3] = std::array::from_fn(|a| grid.centre(a, counts[a] - 1) + grid.size() / 2.0);
     report.insert("grid".into(), json!({"counts": counts, "min_um": lo, "max_um": hi, "voxel_size_um": grid.size()}));
     report.insert("miss_budget".into(), json!(hull.carver().budget()));
-    report.insert("touches_box".into(), json!(touches_box(hull)));
+    report.insert("touches_box".into(), json!(hull.touches_box()));
     let listed: Vec<Value> = views.iter().zip(overlaps).map(|(view, overlap)| json!({"name": view.name(), "overlap": overlap})).collect();
     report.insert("views".into(), json!(listed));
     report.insert("overlap_mean".into(), json!(overlaps.iter().sum::<f64>() / overlaps.len() as f64));
@@ -52,13 +52,6 @@ pub(super) fn report(
     report.insert("mesh".into(), json!(mesh));
     let report = Value::Object(report);
     Ok(if unit == Unit::None { without_unit(report) } else { report })
-}
-
-/// Whether the hull reaches the grid's outermost voxels: the body may go on outside.
-fn touches_box(hull: &HullModel) -> bool {
-    let grid = hull.carver().grid();
-    measure::extents(&hull.unfaired_mesh())
-        .is_some_and(|e| (0..3).any(|a| e.min[a] < grid.centre(a, 0) || e.max[a] > grid.centre(a, grid.counts()[a] - 1)))
 }
 
 /// Takes the unit from every key: `area_um2` becomes `area`.

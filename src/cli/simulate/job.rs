@@ -1,7 +1,7 @@
 //! What `simulate` does once the daemon runs, as a client of it: the demo plate, a replayed recording, or nothing.
 
 use crate::session::{PlannedWell, RunPlan, RunStatus, SessionHandle, SpecimenKind, WellStatus};
-use crate::store::{RecordingReader, StoreError};
+use crate::store::{MEASUREMENT, RecordingReader, StoreError};
 use std::path::{Path, PathBuf};
 
 /// What is done after the start, as a client of the daemon.
@@ -28,7 +28,7 @@ impl Job {
         let run = finished(&handle, &id).await;
         let Some(run) = run else { return Ok(()) };
         if let Self::Replay { recorded, .. } = &self {
-            let replayed = data.join("runs").join(&id).join(&well).join("measurement.json");
+            let replayed = data.join("runs").join(&id).join(&well).join(MEASUREMENT);
             println!("{}", compare(recorded, &replayed)?);
         } else {
             print!("{}", table(&run, &data.join("runs").join(&id)));

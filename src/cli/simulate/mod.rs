@@ -9,7 +9,7 @@ mod job;
 mod replay;
 mod scenery;
 
-use super::daemon::{self, Daemon};
+use super::daemon::Daemon;
 use super::serve;
 use crate::config::{CameraDriver, Config, RotationDriver};
 use crate::device::camera::CameraSelect;
@@ -58,7 +58,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     config.http.listen = args.listen;
     config.store.data_dir.clone_from(&args.data);
     config.acquisition.settle_ms = (f64::from(config.acquisition.settle_ms) / args.time_scale).ceil() as u32;
-    let listener = daemon::bind(args.listen)?;
+    let listener = config.http.bind()?;
     let listen = listener.local_addr().context("the address that is served")?;
     config.http.listen = listen;
     let Before { sight, sampler, job } = match &args.replay {
@@ -73,12 +73,18 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     camera.select = CameraSelect::Address(rig.camera_address());
     let devices = serve::open_rig(&config)?;
 
-    println!("carved simulates an instrument. Page and status: http://{listen}  http://{listen}/v1/status");
     let config = Arc::new(config);
     let gate = LoaderGate::default();
     let folder = args.data;
-    Daemon { config, mode: Mode::Simulated, instrument: Instrument { rig: devices, sampler }, gate, listener }
-        .run(move |handle| async move { job.run(handle, &folder).await })
+    Daemon {
+        config,
+        mode: Mode::Simulated,
+        instrument: Instrument { rig: devices, sampler },
+        gate,
+        listener,
+        greeting: "carved simulates an instrument. Page:".into(),
+    }
+    .run(move |handle| async move { job.run(handle, &folder).await })
     // `rig` is dropped here, after the daemon has let its devices go.
 }
 

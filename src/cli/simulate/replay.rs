@@ -7,7 +7,7 @@ use crate::device::DeviceError;
 use crate::device::sampler::{Expected, Loaded, Sampler};
 use crate::frame::{PixelFormat, RawFrame};
 use crate::session::RunPlan;
-use crate::store::RecordingReader;
+use crate::store::{MEASUREMENT, RecordingReader};
 use crate::units::Steps;
 use anyhow::Context;
 use hardware_sim::{Pixels, Replay};
@@ -21,6 +21,8 @@ const HOMING_PULL_OFF: u16 = 27;
 pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> {
     let reader = RecordingReader::open(path)?;
     reader.require_finished()?;
+    let recorded = reader.folder().join(MEASUREMENT);
+    anyhow::ensure!(recorded.is_file(), "{}: is missing, so there is nothing to compare the replay with", recorded.display());
     let recording = reader.recording();
     config.optics = recording.rig.camera.clone();
     config.steps_per_revolution = recording.rig.steps_per_revolution;
@@ -50,7 +52,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
         external_id: None,
         plate_map: vec![recording.specimen.clone()],
     };
-    let job = Job::Replay { plan, recorded: reader.folder().join("measurement.json") };
+    let job = Job::Replay { plan, recorded };
     let [num, den] = config.steps_per_revolution.into();
     let sight = Replay::new(frames, (num, den)).with_context(|| reader.folder().display().to_string())?;
     Ok(Before { sight: Arc::new(sight), sampler: Box::new(ReplaySampler), job })

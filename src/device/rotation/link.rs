@@ -15,6 +15,7 @@
 //!
 //! The port is opened exclusively. Closing the owner closes the port, whatever stop handles are still about.
 
+use crate::cancel::CancelToken;
 use crate::device::DeviceError;
 use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
@@ -118,9 +119,15 @@ impl SerialLink {
         }
     }
 
-    /// Lifts a latched stop.
-    pub fn release(&mut self) {
-        self.transmitter.lock().latched = false;
+    /// Lifts a latched stop, unless the work that wants to go on was cancelled. Whoever stops cancels first: seen under the
+    /// lock, either the cancellation comes before the release, or the stop comes after it and latches again.
+    pub fn release(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        let mut transmitter = self.transmitter.lock();
+        if cancel.is_cancelled() {
+            return Err(DeviceError::Stopped);
+        }
+        transmitter.latched = false;
+        Ok(())
     }
 
     /// The next line without its line end; `None` when `until` has passed. Ends early when the stop is latched.

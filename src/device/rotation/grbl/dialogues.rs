@@ -1,6 +1,7 @@
 //! Dialogues with a scripted controller on a pty: what the driver says, and what it makes of each answer.
 
 use super::*;
+use crate::cancel::CancelToken;
 use proptest::prelude::*;
 use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
@@ -140,7 +141,7 @@ fn failed_move(script: Vec<Step<'static>>) -> (DeviceError, Position) {
     steps.extend(script);
     let controller = Scripted::play(steps);
     let mut grbl = controller.open().unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     let error = grbl.move_to(Steps(24)).unwrap_err();
     let known = grbl.position();
     assert!(grbl.move_to(Steps(24)).is_err(), "a suspect axis refuses to move");
@@ -167,7 +168,7 @@ fn a_move_is_stated_absolutely_awaited_by_the_barrier_and_read_back() {
     let mut grbl = controller.open().unwrap();
     assert_eq!(grbl.position(), Position::Unknown);
     assert!(matches!(grbl.move_to(Steps(24)), Err(DeviceError::NotReferenced)));
-    assert_eq!(grbl.reference().unwrap(), Achieved { steps: Steps(0), epoch: 1 });
+    assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 1 });
     assert_eq!(grbl.move_to(Steps(24)).unwrap(), Achieved { steps: Steps(24), epoch: 1 });
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24), "no way to go, but the place is looked at");
     assert!(grbl.identity().starts_with("Grbl 1.1h [VER:1.1h.20190830:]"), "{}", grbl.identity());
@@ -184,7 +185,7 @@ fn step_0_is_where_the_reference_was_taken() {
     script.push(("?", idle("89.280")));
     let controller = Scripted::play(script);
     let mut grbl = controller.open().unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
     controller.followed(grbl);
 }
@@ -198,8 +199,8 @@ fn homing_takes_the_reported_place_as_step_0_and_raises_the_epoch() {
     }
     let controller = Scripted::play(script);
     let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
-    assert_eq!(grbl.reference().unwrap().epoch, 1);
-    assert_eq!(grbl.reference().unwrap(), Achieved { steps: Steps(0), epoch: 2 });
+    assert_eq!(grbl.reference(&CancelToken::new()).unwrap().epoch, 1);
+    assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 2 });
     controller.followed(grbl);
 }
 
@@ -211,7 +212,7 @@ fn an_alarm_is_unlocked_only_by_a_reference() {
     script.extend((0..2).map(|_| ("?", idle("0.000"))));
     let controller = Scripted::play(script);
     let mut grbl = controller.open().unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     controller.followed(grbl);
 }
 
@@ -239,7 +240,7 @@ fn a_restart_between_moves_is_noticed_by_its_greeting_or_by_its_place() {
         }
         let controller = Scripted::play(script);
         let mut grbl = controller.open().unwrap();
-        grbl.reference().unwrap();
+        grbl.reference(&CancelToken::new()).unwrap();
         grbl.move_to(Steps(24)).unwrap();
         if greets {
             controller.await_step(11);
@@ -268,10 +269,10 @@ fn a_late_ok_is_never_taken_for_the_answer_to_something_else() {
     steps.extend(script);
     let controller = Scripted::play(steps);
     let mut grbl = controller.open().unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     let error = grbl.move_to(Steps(24)).unwrap_err();
     assert!(matches!(&error, DeviceError::Silent { request, .. } if request == "G4P0.01"), "{error}");
-    assert_eq!(grbl.reference().unwrap(), Achieved { steps: Steps(0), epoch: 3 });
+    assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 3 });
     controller.followed(grbl);
 }
 
@@ -283,7 +284,7 @@ fn a_flipped_bit_that_parses_is_asked_again_and_not_believed() {
     script.extend([("?", idle("1.280")), ("?", idle("17.280"))]);
     let controller = Scripted::play(script);
     let mut grbl = controller.open().unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
     controller.followed(grbl);
 }
@@ -318,7 +319,7 @@ fn garbage_around_and_inside_the_answers_is_survived() {
     script.push(("?", idle("17.280")));
     let controller = Scripted::play(script);
     let mut grbl = controller.open().unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
     controller.followed(grbl);
 }
@@ -364,7 +365,7 @@ fn a_stop_reaches_the_wire_while_a_move_waits_and_stays_until_the_reference() {
     let controller = Scripted::play(script);
     // A deadline of minutes: only the stop can end this move in time.
     let mut grbl = Grbl::open(GrblSettings { answer_timeout_ms: 600_000, ..settings(&controller.name) }).unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     let stop = grbl.stop_handle();
     let mut grbl = std::thread::scope(|scope| {
         let moving = scope.spawn(|| {
@@ -377,7 +378,7 @@ fn a_stop_reaches_the_wire_while_a_move_waits_and_stays_until_the_reference() {
         moving.join().unwrap()
     });
     assert!(grbl.move_to(Steps(48)).is_err());
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     assert_eq!(grbl.position(), Position::Referenced { steps: Steps(0), epoch: 3 });
     controller.followed(grbl);
 }
@@ -389,7 +390,7 @@ fn a_stop_of_a_standing_axis_lets_no_command_follow_it_onto_the_wire() {
     let last = script.len() - 1;
     let controller = Scripted::play(script);
     let mut grbl = controller.open().unwrap();
-    grbl.reference().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
     grbl.stop_handle().stop();
     controller.await_step(last);
     assert!(matches!(grbl.link.send(b"G1X1F1\n"), Err(DeviceError::Stopped)));

@@ -21,6 +21,7 @@ mod settings;
 pub use settings::{AxisLetter, GrblSettings, Reference};
 
 use super::link::SerialLink;
+use crate::cancel::CancelToken;
 use crate::device::{Achieved, DeviceError, Position, RotationAxis, StopHandle};
 use crate::units::Steps;
 use report::{Line, State, Status, alarm_text, error_text};
@@ -304,8 +305,8 @@ impl RotationAxis for Grbl {
         &self.identity
     }
 
-    fn reference(&mut self) -> Result<Achieved, DeviceError> {
-        self.link.release();
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        self.link.release(cancel)?;
         match self.find_origin() {
             Ok(origin) => {
                 self.epoch += 1;
