@@ -1,8 +1,8 @@
 //! What the instrument says of itself: one snapshot, published whole, never patched by a reader.
 //!
 //! Four things are kept apart: the `state` of the instrument, the `phase` of a specimen, the `outcome` of what has ended,
-//! and the `faults`. Clocks (`server_time`, `uptime_s`, `eta_s`) are filled in when a snapshot is read; they do not change
-//! its revision.
+//! and the `faults`. Clocks (`server_time`, `uptime_s`) are filled in when a snapshot is read and do not change its
+//! revision; `eta_s` is told anew with each well that is done.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;

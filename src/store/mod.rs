@@ -98,7 +98,10 @@ impl Store {
     /// Takes back a run that was not accepted after all.
     pub fn forget_run(&self, id: &str) -> Result<(), StoreError> {
         let file = self.run_folder(id).join("run.json");
-        std::fs::remove_file(&file).map_err(StoreError::io("remove", &file))
+        match std::fs::remove_file(&file) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", &file)(e)),
+            _ => Ok(()),
+        }
     }
 
     /// The run of this name, if there is one.
