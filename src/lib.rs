@@ -24,6 +24,7 @@ pub mod http;
 pub mod measure;
 pub mod pipeline;
 pub mod profile;
+pub mod range;
 pub mod reconstruction;
 pub mod session;
 pub mod store;

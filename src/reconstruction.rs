@@ -11,6 +11,7 @@ use crate::carver::{CarveError, Carver};
 use crate::geometry::{Camera, CameraError, Projection, VoxelGrid};
 use crate::measure::{self, AreaMethod, Measurement, SphereError};
 use crate::profile::Mask;
+use crate::range::{OutOfRange, outside};
 use crate::surface::{self, Coarse, Fairing, FairingError, Mesh, Occupancy};
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,16 @@ impl Default for SurfaceSettings {
     /// The paper's ten iterations; the weight that reproduces its areas.
     fn default() -> Self {
         Self { fairing_lambda: 0.8, fairing_iterations: 10 }
+    }
+}
+
+impl SurfaceSettings {
+    /// Every setting that is out of its range. Beyond a weight of 100 the solver's steps run out.
+    pub fn check(&self) -> Vec<OutOfRange> {
+        outside([
+            ("fairing_lambda", self.fairing_lambda, 0.0..=100.0, "(weight)"),
+            ("fairing_iterations", self.fairing_iterations as f64, 0.0..=1000.0, "iterations"),
+        ])
     }
 }
 

@@ -59,6 +59,30 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
     assert!(said.contains("setle_ms") && said.contains("broken.toml"), "{said}");
     let said = check(&text.replace("sense = 1 ", "sense = 0 "));
     assert!(said.contains("sense is 0"), "{said}");
+    // Each on a line of its own, with key, value, range and unit.
+    let mut broken = text.replace("\"127.0.0.1:8420\"", "\"0.0.0.0:8420\"\nmax_connections = 0\nallowed_hosts = [\"http://x\"]");
+    broken += "[methods.standard.surface]\nfairing_lambda = -1.0\n";
+    broken += "[methods.standard.segment]\nfine_px = 0.0\nclosing_px = 100000\nlow_sigma = 8.0\n";
+    broken += "[methods.standard.segment.walls]\nmin_depth = -2.0\n";
+    broken += "[methods.standard.segment.edge]\nblur_px = 0.0\nalong_px = nan\nsearch_inside_px = 8.0\n";
+    let said = check(&broken);
+    for line in [
+        "  http.max_connections = 0; expected 1 to 65536 connections",
+        "methods.standard.surface.fairing_lambda = -1; expected 0 to 100 (weight)",
+        "methods.standard.segment.fine_px = 0; expected 0.3 to 10 px",
+        "methods.standard.segment.closing_px = 100000; expected 0 to 30 px",
+        "methods.standard.segment.low_sigma = 8; expected 1 to 7 standard deviations of the noise",
+        "methods.standard.segment.walls.min_depth = -2; expected 0.5 to 100 grey values",
+        "methods.standard.segment.edge.blur_px = 0; expected 0.3 to 5 px",
+        "methods.standard.segment.edge.along_px = NaN; expected 0.3 to 10 px",
+        "methods.standard.segment.edge.search_inside_px + edge.inside_px = 10.5; expected 1 to 9 px",
+    ] {
+        assert!(said.lines().any(|l| l.trim() == line.trim()), "{line} is not in: {said}");
+    }
+    assert!(said.contains("refuses to listen on 0.0.0.0:8420") && said.contains("\"http://x\" in allowed_hosts"), "{said}");
+    assert!(said.contains("11 value(s)"), "{said}");
+    let said = check(&text.replace("[store]", "token_file = \"/no/such/token\"\n[store]"));
+    assert!(said.contains("cannot read token_file /no/such/token") && said.contains("1 value(s)"), "{said}");
     let said = stderr(&run(&["config", "check", "/no/such/file.toml"]));
     assert!(said.contains("/no/such/file.toml"), "{said}");
 }

@@ -9,14 +9,15 @@ use std::path::{Path, PathBuf};
 const MAY_USE: &[(&str, &[&str])] = &[
     ("units", &[]),
     ("frame", &[]),
+    ("range", &[]),
     ("cancel", &[]),
     ("hash", &[]),
     ("geometry", &[]),
-    ("profile", &["frame", "geometry"]),
+    ("profile", &["frame", "range", "geometry"]),
     ("carver", &["geometry", "profile"]),
     ("surface", &["geometry", "profile", "carver"]),
     ("measure", &["geometry", "carver", "surface"]),
-    ("reconstruction", &["geometry", "profile", "carver", "surface", "measure"]),
+    ("reconstruction", &["range", "geometry", "profile", "carver", "surface", "measure"]),
     ("pipeline", &["frame", "geometry", "profile", "reconstruction", "surface", "measure"]),
     ("export", &["surface"]),
     ("device", &["units", "frame", "cancel"]),
@@ -24,10 +25,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("config", &["units", "frame", "geometry", "profile", "reconstruction", "pipeline", "acquisition", "device", "http", "session"]),
     ("store", &["units", "frame", "hash", "geometry", "profile", "pipeline", "acquisition", "config", "session"]),
     ("session", &["units", "frame", "cancel", "profile", "surface", "pipeline", "export", "device", "acquisition", "config", "store"]),
-    ("http", &["session"]),
+    ("http", &["range", "session"]),
 ];
 
-const SCIENCE: &[&str] = &["units", "frame", "geometry", "profile", "carver", "surface", "measure", "reconstruction", "pipeline"];
+const SCIENCE: &[&str] = &["units", "frame", "range", "geometry", "profile", "carver", "surface", "measure", "reconstruction", "pipeline"];
 const NOT_IN_SCIENCE: &[&str] =
     &["tokio", "std::fs", "std::net", "std::thread", "std::time", "Instant::now", "SystemTime", "jiff", "axum", "tracing", "println!"];
 

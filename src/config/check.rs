@@ -91,6 +91,11 @@ impl Config {
                 wrong(&format!("methods.{name}.voxel_um"), method.voxel_um.to_string(), &e.to_string());
             }
         }
+        for (name, method) in &raw.methods {
+            breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
+            breaches.extend(method.surface.check().iter().map(|e| format!("  methods.{name}.surface.{e}")));
+        }
+        breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
         let RotationDriver::Grbl(rotation) = &raw.rotation;
         let CameraDriver::Aravis(camera) = &raw.camera;
         for checked in [rotation.check(), camera.check()] {

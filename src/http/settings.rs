@@ -1,5 +1,6 @@
 //! What the operator may say about the server, and the checks before a port is opened.
 
+use crate::range::{OutOfRange, outside};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::io;
@@ -68,6 +69,8 @@ pub enum HttpError {
     TokenWeak { path: PathBuf, found: usize },
     #[error("http: {name:?} in allowed_hosts is not a bare host name; write it without scheme, port or path")]
     AllowedHost { name: String },
+    #[error("http.{0}")]
+    Number(OutOfRange),
     #[error("http: cannot listen on {listen}: {why}. Another program may hold the port; choose another with --listen ADDRESS:PORT")]
     Bind { listen: SocketAddr, why: io::Error },
     #[error("http: the listening socket failed: {0}")]
@@ -81,22 +84,45 @@ impl HttpSettings {
         TcpListener::bind(self.listen).map_err(|why| HttpError::Bind { listen: self.listen, why })
     }
 
-    /// Everything that decides who may ask what, checked for a listener at `local`.
-    pub(super) fn guard(&self, local: SocketAddr) -> Result<Guard, HttpError> {
+    /// Everything for which the port would not be opened, but for the port itself, which stays closed.
+    pub fn check(&self) -> Vec<HttpError> {
+        let numbers = self.numbers().into_iter().map(HttpError::Number);
+        let hosts = self.allowed_hosts.iter().filter_map(|name| bare(name).err());
+        numbers.chain(self.token(self.listen).err()).chain(hosts).collect()
+    }
+
+    /// The numbers that are out of their range.
+    fn numbers(&self) -> Vec<OutOfRange> {
+        let ms = |key, found: u64, least| (key, found as f64, least..=600_000.0, "ms");
+        outside([
+            ms("head_timeout_ms", self.head_timeout_ms, 10.0),
+            ms("body_timeout_ms", self.body_timeout_ms, 10.0),
+            ms("drain_ms", self.drain_ms, 0.0),
+            ("max_connections", self.max_connections as f64, 1.0..=65_536.0, "connections"),
+        ])
+    }
+
+    /// The token that clients of a listener at `local` must show.
+    fn token(&self, local: SocketAddr) -> Result<Option<String>, HttpError> {
         let token = self.token_file.clone().map(read_token).transpose()?;
         if token.is_none() && !local.ip().is_loopback() {
             return Err(HttpError::TokenMandatory { listen: local });
         }
+        Ok(token)
+    }
+
+    /// Everything that decides who may ask what, checked for a listener at `local`.
+    pub(super) fn guard(&self, local: SocketAddr) -> Result<Guard, HttpError> {
+        if let Some(&breach) = self.numbers().first() {
+            return Err(HttpError::Number(breach));
+        }
+        let token = self.token(local)?;
         let mut hosts: BTreeSet<String> = ["localhost", "127.0.0.1", "[::1]"].map(String::from).into();
         if !local.ip().is_unspecified() {
             hosts.insert(host_of(local.ip()));
         }
         for name in &self.allowed_hosts {
-            let bare =
-                name.parse::<axum::http::uri::Authority>().is_ok_and(|a| a.host() == name && a.port().is_none() && !name.contains('*'));
-            if !bare {
-                return Err(HttpError::AllowedHost { name: name.clone() });
-            }
+            bare(name)?;
             hosts.insert(name.to_ascii_lowercase());
         }
         Ok(Guard { hosts, token })
@@ -120,6 +146,13 @@ fn host_of(ip: IpAddr) -> String {
         IpAddr::V4(ip) => ip.to_string(),
         IpAddr::V6(ip) => format!("[{ip}]"),
     }
+}
+
+/// Refuses a name with a scheme, port, path or wildcard.
+fn bare(name: &str) -> Result<(), HttpError> {
+    let authority = name.parse::<axum::http::uri::Authority>();
+    let bare = authority.is_ok_and(|a| a.host() == name && a.port().is_none() && !name.contains('*'));
+    if bare { Ok(()) } else { Err(HttpError::AllowedHost { name: name.to_owned() }) }
 }
 
 fn read_token(path: PathBuf) -> Result<String, HttpError> {

@@ -13,7 +13,7 @@
 //! contrast, but where the fitted step stands, whatever its height.
 
 use super::plane::{Plane, gaussian};
-use super::segment::EdgeSettings;
+use super::settings::EdgeSettings;
 use serde::{Deserialize, Serialize};
 
 /// A closed outline in pixel coordinates (pixel centres at integers), the last vertex joined to the first.
@@ -154,7 +154,7 @@ fn normals(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
 
 /// Samples along a normal: from `-REACH_PX` outside to `REACH_PX` inside.
 const PER_PX: usize = 2;
-const REACH_PX: usize = 9;
+pub(super) const REACH_PX: usize = 9;
 const SAMPLES: usize = 2 * REACH_PX * PER_PX + 1;
 /// Positions that the fit tries per px.
 const SHIFTS_PER_PX: usize = 4;
@@ -448,7 +448,7 @@ pub(super) fn rasterise(polygons: &[Polygon], mask: &mut super::Mask) {
 mod tests {
     use super::*;
     use crate::profile::Mask;
-    use crate::profile::segment::EdgeSettings;
+    use crate::profile::settings::EdgeSettings;
 
     const SIZE: usize = 120;
     const CENTRE: (f64, f64) = (60.3, 58.8);

@@ -9,7 +9,7 @@
 
 use super::background::{Background, Bore};
 use super::plane::{Plane, quantile};
-use super::segment::SegmentSettings;
+use super::settings::SegmentSettings;
 
 /// One connected piece of foreground.
 #[derive(Debug, Clone, Copy)]

@@ -14,6 +14,7 @@ mod picture;
 mod plane;
 mod quality;
 mod segment;
+mod settings;
 mod walls;
 
 pub use detection::Detection;
@@ -21,5 +22,6 @@ pub use edge::Polygon;
 pub use mask::{Mask, WrongMaskSize};
 pub use picture::Picture;
 pub use quality::ProfileQuality;
-pub use segment::{EdgeSettings, Profile, ProfileError, SegmentSettings, WallSettings, segment};
+pub use segment::{Profile, ProfileError, segment};
+pub use settings::{EdgeSettings, SegmentSettings, WallSettings};
 pub use walls::{Line, Wall, Walls};

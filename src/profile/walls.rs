@@ -14,7 +14,8 @@
 //! through the strips' half-levels.
 
 use super::Picture;
-use super::segment::{ProfileError, WallSettings};
+use super::segment::ProfileError;
+use super::settings::WallSettings;
 use serde::{Deserialize, Serialize};
 
 /// A straight line `v = v_at_0 + slope * u` in pixel coordinates.

@@ -1,0 +1,186 @@
+//! The settings of a profile, and what each may be.
+//!
+//! The ranges keep out what no frame can mean and what would cost the run its time; inside them the defaults are good ones.
+
+use super::edge::REACH_PX;
+use crate::range::{OutOfRange, Setting, outside};
+use serde::{Deserialize, Serialize};
+
+/// How walls are found.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WallSettings {
+    /// Largest tilt of the capillary, degrees.
+    pub max_tilt_deg: f64,
+    /// Least share of the frame's width along which a wall must be visible.
+    pub min_support: f64,
+    /// Least darkness of a wall against both its sides, grey values.
+    pub min_depth: f32,
+    /// Reach of the search for a wall's bright sides, share of the frame's height.
+    pub line_reach_share: f64,
+    /// Least height of the bore, share of the frame's height.
+    pub min_bore_share: f64,
+    /// Greatest thickness of one wall, share of the capillary's outer diameter.
+    pub max_wall_share: f64,
+}
+
+impl Default for WallSettings {
+    fn default() -> Self {
+        Self {
+            max_tilt_deg: 2.5,
+            min_support: 0.35,
+            min_depth: 8.0,
+            line_reach_share: 1.0 / 64.0,
+            min_bore_share: 0.05,
+            max_wall_share: 0.25,
+        }
+    }
+}
+
+/// How the edge is placed.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EdgeSettings {
+    /// Blur of the frame (optics, sensor and demosaicing) as a Gaussian's standard deviation, px.
+    pub blur_px: f64,
+    /// How far outside the coarse outline the edge is searched, px.
+    pub search_outside_px: f64,
+    /// How far inside the coarse outline the edge is searched, px: the coarse outline errs outwards.
+    pub search_inside_px: f64,
+    /// Reach of the fit outside the edge, px.
+    pub outside_px: f64,
+    /// Reach of the fit inside the edge, px.
+    pub inside_px: f64,
+    /// Averaging along the outline before the fit, standard deviation in px.
+    pub along_px: f64,
+    /// Smoothing of the coarse outline, which gives the normals, standard deviation in px.
+    pub outline_smoothing_px: f64,
+    /// Smoothing of the found shifts along the outline, standard deviation in px.
+    pub shift_smoothing_px: f64,
+    /// Cost of a kink in the edge: per squared px of difference between neighbouring shifts.
+    pub stiffness: f64,
+}
+
+impl Default for EdgeSettings {
+    fn default() -> Self {
+        Self {
+            blur_px: 1.0,
+            search_outside_px: 3.5,
+            search_inside_px: 6.5,
+            outside_px: 3.0,
+            inside_px: 2.5,
+            along_px: 1.5,
+            outline_smoothing_px: 2.0,
+            shift_smoothing_px: 1.0,
+            stiffness: 1.0,
+        }
+    }
+}
+
+/// How a frame is segmented. Lengths "per bore" are shares of the bore's height, so that they hold at any magnification.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SegmentSettings {
+    pub walls: WallSettings,
+    pub edge: EdgeSettings,
+    /// Smoothing of the fine scale, standard deviation in px.
+    pub fine_px: f64,
+    /// Smoothing of the coarse scale, standard deviation in px.
+    pub coarse_px: f64,
+    /// Contrast beyond this counts as this before smoothing, standard deviations of a pixel's noise.
+    pub clip_sigma: f64,
+    /// Contrast that starts foreground, standard deviations of the smoothed noise.
+    pub high_sigma: f64,
+    /// Contrast that continues foreground, standard deviations of the smoothed noise.
+    pub low_sigma: f64,
+    /// Gaps narrower than twice this are bridged, px.
+    pub closing_px: usize,
+    /// Whiskers narrower than twice this are removed, px.
+    pub opening_px: usize,
+    /// Width of the stripe along each wall in which foreground is not looked for, px.
+    pub wall_margin_px: f64,
+    /// Pieces smaller than this are noise: share of the squared bore.
+    pub speck_bore2: f64,
+    /// A specimen is at least this large: share of the squared bore (a bead of a quarter of the bore has 0.05).
+    pub min_area_bore2: f64,
+    /// Pieces this near to the specimen belong to it: share of the bore.
+    pub join_gap_bore: f64,
+    /// A frame whose brightest percent is darker than this is black, grey values.
+    pub black_below: u8,
+    /// A frame with more saturated pixels than this share is over-exposed.
+    pub max_saturated_share: f64,
+}
+
+impl Default for SegmentSettings {
+    fn default() -> Self {
+        Self {
+            walls: WallSettings::default(),
+            edge: EdgeSettings::default(),
+            fine_px: 1.0,
+            coarse_px: 2.5,
+            clip_sigma: 4.0,
+            high_sigma: 7.0,
+            low_sigma: 3.5,
+            closing_px: 3,
+            opening_px: 2,
+            wall_margin_px: 2.5,
+            speck_bore2: 0.002,
+            min_area_bore2: 0.03,
+            join_gap_bore: 0.06,
+            black_below: 30,
+            max_saturated_share: 0.8,
+        }
+    }
+}
+
+impl SegmentSettings {
+    /// Every setting that is out of its range, by its key below the method's `segment`.
+    pub fn check(&self) -> Vec<OutOfRange> {
+        const FRAME: &str = "of the frame's height";
+        const BORE: &str = "of the bore's height";
+        const BORE2: &str = "of the squared bore";
+        const NOISE: &str = "standard deviations of the noise";
+        let own: [Setting; 13] = [
+            ("fine_px", self.fine_px, 0.3..=10.0, "px"),
+            ("coarse_px", self.coarse_px, 0.3..=30.0, "px"),
+            ("clip_sigma", self.clip_sigma, 1.0..=100.0, NOISE),
+            ("high_sigma", self.high_sigma, 1.0..=100.0, NOISE),
+            // Foreground is not continued by what would start it.
+            ("low_sigma", self.low_sigma, 1.0..=self.high_sigma.clamp(1.0, 100.0), NOISE),
+            ("closing_px", self.closing_px as f64, 0.0..=30.0, "px"),
+            ("opening_px", self.opening_px as f64, 0.0..=30.0, "px"),
+            ("wall_margin_px", self.wall_margin_px, 0.0..=20.0, "px"),
+            ("speck_bore2", self.speck_bore2, 0.0..=1.0, BORE2),
+            ("min_area_bore2", self.min_area_bore2, 1e-4..=1.0, BORE2),
+            ("join_gap_bore", self.join_gap_bore, 0.0..=1.0, BORE),
+            ("black_below", f64::from(self.black_below), 0.0..=254.0, "grey values"),
+            ("max_saturated_share", self.max_saturated_share, 0.0..=1.0, "of the pixels"),
+        ];
+        let walls = &self.walls;
+        let of_walls: [Setting; 6] = [
+            ("walls.max_tilt_deg", walls.max_tilt_deg, 0.0..=10.0, "deg"),
+            ("walls.min_support", walls.min_support, 0.05..=1.0, "of the frame's width"),
+            ("walls.min_depth", f64::from(walls.min_depth), 0.5..=100.0, "grey values"),
+            ("walls.line_reach_share", walls.line_reach_share, 0.001..=0.2, FRAME),
+            ("walls.min_bore_share", walls.min_bore_share, 0.01..=0.95, FRAME),
+            ("walls.max_wall_share", walls.max_wall_share, 0.01..=0.45, "of the capillary's outer diameter"),
+        ];
+        let edge = &self.edge;
+        // The edge is fitted in a window of this reach to either side of the coarse outline.
+        let reach = REACH_PX as f64;
+        let of_edge: [Setting; 11] = [
+            ("edge.blur_px", edge.blur_px, 0.3..=5.0, "px"),
+            ("edge.search_outside_px", edge.search_outside_px, 0.5..=reach, "px"),
+            ("edge.search_inside_px", edge.search_inside_px, 0.5..=reach, "px"),
+            ("edge.outside_px", edge.outside_px, 0.5..=reach, "px"),
+            ("edge.inside_px", edge.inside_px, 0.5..=reach, "px"),
+            ("edge.search_outside_px + edge.outside_px", edge.search_outside_px + edge.outside_px, 1.0..=reach, "px"),
+            ("edge.search_inside_px + edge.inside_px", edge.search_inside_px + edge.inside_px, 1.0..=reach, "px"),
+            ("edge.along_px", edge.along_px, 0.3..=10.0, "px"),
+            ("edge.outline_smoothing_px", edge.outline_smoothing_px, 0.3..=10.0, "px"),
+            ("edge.shift_smoothing_px", edge.shift_smoothing_px, 0.3..=10.0, "px"),
+            ("edge.stiffness", edge.stiffness, 0.0..=1000.0, "per squared px"),
+        ];
+        outside(own.into_iter().chain(of_walls).chain(of_edge))
+    }
+}
