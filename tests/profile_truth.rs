@@ -73,7 +73,12 @@ fn judge(name: String, scene: &Scene, angle_rad: f64, number: u64) -> Judged {
     Judged { name, iou, error_px, profile }
 }
 
-/// Reached when this was written: overlap with the truth 0.995 in the median, 0.992 at worst; mean signed error +0.02 px, no frame beyond 0.1 px.
+/// Reached over these 32 frames: a mean signed error of +0.012 px, 0.026 px standard deviation from frame to frame, 0.063 px
+/// at worst; overlap with the truth 0.995 in the median, 0.992 at worst.
+///
+/// The mean may be off by 0.07 px over any set of views; 32 frames tell it to 0.026 / sqrt(32) = 0.005 px, four of which are
+/// kept as margin: 0.05 px here. One frame stays within four standard deviations of the mean reached, 0.012 + 4 * 0.026 =
+/// 0.12 px. A larva loses 4 % of its overlap per px: 0.05 px more cost the median 0.002, 0.12 px a frame 0.005 of 0.995.
 #[test]
 fn larvae_and_beads_come_out_with_their_true_outline() {
     let mut judged = Vec::new();
@@ -97,10 +102,10 @@ fn larvae_and_beads_come_out_with_their_true_outline() {
     ious.sort_by(f64::total_cmp);
     let mean = judged.iter().map(|j| j.error_px).sum::<f64>() / judged.len() as f64;
     println!("{} frames: IoU median {:.4}, worst {:.4}; mean signed error {mean:+.3} px", judged.len(), ious[ious.len() / 2], ious[0]);
-    assert!(ious[ious.len() / 2] >= 0.985 && ious[0] >= 0.97, "IoU median {}, worst {}", ious[ious.len() / 2], ious[0]);
-    assert!(mean.abs() < 0.15, "mean signed error {mean:+.3} px");
+    assert!(ious[ious.len() / 2] >= 0.993 && ious[0] >= 0.99, "IoU median {}, worst {}", ious[ious.len() / 2], ious[0]);
+    assert!(mean.abs() < 0.05, "mean signed error {mean:+.3} px");
     for j in &judged {
-        assert!(j.error_px.abs() < 0.25, "{}: {:+.3} px", j.name, j.error_px);
+        assert!(j.error_px.abs() < 0.12, "{}: {:+.3} px", j.name, j.error_px);
         assert!(matches!(j.profile.detection, Detection::Specimen { clipped_left: false, clipped_right: false, .. }), "{}", j.name);
     }
 }
