@@ -4,10 +4,13 @@
 
 #![allow(clippy::unwrap_used)]
 
+use carved::config::Config;
 use carved::frame::{PixelFormat, RawFrame};
+use carved::pipeline::Pipeline;
 use carved::profile::{Detection, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, segment};
 use hardware_sim::scene::{Coverage, Placement, Scene, SceneSettings, Specimen};
 use proptest::prelude::*;
+use std::path::Path;
 
 fn scene(seed: u64, tilt_rad: f64, specimen: Option<Specimen>, rests_on_wall: bool) -> Scene {
     let mut settings = SceneSettings::default();
@@ -107,6 +110,35 @@ fn larvae_and_beads_come_out_with_their_true_outline() {
     for j in &judged {
         assert!(j.error_px.abs() < 0.12, "{}: {:+.3} px", j.name, j.error_px);
         assert!(matches!(j.profile.detection, Detection::Specimen { clipped_left: false, clipped_right: false, .. }), "{}", j.name);
+    }
+}
+
+/// A specimen measured on a scene of the default optics carries no flag for its blur; with half the blur or twice it does.
+/// Six views are enough for a hull, and coarse voxels for its flags.
+#[test]
+fn a_blur_that_is_not_the_configured_one_is_flagged() {
+    for (blur_px, off) in [(0.4, true), (0.7, false), (1.4, true)] {
+        for specimen in [Specimen::bead(500.0).unwrap(), Specimen::larva(3, 12).unwrap()] {
+            let mut settings = SceneSettings::default();
+            settings.optics.blur_px = blur_px;
+            let scene = Scene::new(settings);
+            scene.load(Some(specimen.placed(Placement::default()))).unwrap();
+            let mut config = Config::parse(include_str!("../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
+            let mut method = config.methods.remove("standard").unwrap();
+            (method.asd, method.voxel_um) = (6, 25.0);
+            let mut pipeline = Pipeline::new(method.pipeline(&config.optics, false).unwrap()).unwrap();
+            for view in 0..6u32 {
+                let omega = f64::from(view) * std::f64::consts::TAU / 6.0;
+                let frame = scene.render(&hardware_sim::scene::Exposure { angle_rad: omega, number: u64::from(view) });
+                let frame = RawFrame::new(frame.width, frame.height, PixelFormat::BayerRG8, frame.to_bayer_rg8()).unwrap();
+                let seen = pipeline.settings().look(&frame).unwrap();
+                pipeline.observe(view, omega, &seen).unwrap();
+            }
+            let (_, record) = pipeline.finish().unwrap();
+            let found: Vec<_> = record.views.iter().map(|v| v.quality.unwrap().blur_px).collect();
+            println!("scene {blur_px} px: found {found:.3?}, flags {:?}", record.flags);
+            assert_eq!(record.flags.contains(&"blur_mismatch".to_owned()), off, "scene {blur_px} px: found {found:?}");
+        }
     }
 }
 

@@ -22,6 +22,9 @@ pub struct ProfileQuality {
     pub saturated_share: f64,
     /// Noise of a pixel, grey values, mean of the colours.
     pub noise_grey: f64,
+    /// Blur found at the specimen's edge, comparable to the configured `edge.blur_px`; none where the edge doesn't tell.
+    #[serde(default)]
+    pub blur_px: Option<f64>,
 }
 
 const UNCERTAIN_PX: f64 = 0.5;

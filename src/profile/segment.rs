@@ -1,7 +1,7 @@
 //! One frame to one profile: the order of the steps and their refusals.
 
 use super::background::{self, Bore};
-use super::edge::{self, Limits, Polygon};
+use super::edge::{self, Limits, Polygon, Refined};
 use super::foreground;
 use super::plane::Plane;
 use super::settings::SegmentSettings;
@@ -61,17 +61,15 @@ pub fn segment(picture: &Picture, settings: &SegmentSettings) -> Result<Profile,
 
     let rows = |u: f64| (walls.upper.inner.at(u), walls.lower.inner.at(u));
     let limits = Limits { inside: &found.inside, rows: &rows };
-    let (edge, points): (Vec<_>, Vec<_>) = edge::trace(&found.inside, width, bore.top)
-        .iter()
-        .filter(|outline| outline.len() >= 12)
-        .map(|outline| edge::refine(outline, &darkness, &limits, &settings.edge))
-        .unzip();
+    let outlines: Vec<_> = edge::trace(&found.inside, width, bore.top).into_iter().filter(|outline| outline.len() >= 12).collect();
+    let Refined { edge, points, blur_px } = edge::refine(&outlines, &darkness, &limits, &settings.edge);
     let mut mask = Mask::empty(width, height);
     edge::rasterise(&edge, &mut mask);
     let quality = ProfileQuality {
         components: found.components.len(),
         saturated_share: saturated_share(picture, bore.top, bore.bottom),
         noise_grey: backgrounds.iter().map(|b| f64::from(b.noise)).sum::<f64>() / backgrounds.len() as f64,
+        blur_px,
         ..quality::of_edge(&edge, &points, &bore)
     };
     let detection = Detection::decide(&mask, found.components.first(), settings.min_area_bore2 * bore.mean_px * bore.mean_px);
