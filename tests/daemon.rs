@@ -6,6 +6,7 @@ mod common;
 
 use common::{Daemon, copy_folder, json, run, stderr};
 use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
 use std::path::Path;
 
 fn well<'a>(status: &'a Value, name: &str) -> &'a Value {
@@ -160,6 +161,14 @@ fn a_killed_daemon_loses_nothing_that_it_acknowledged() {
     let recording = json(&data.join("runs/r1/B02/recording.json"));
     let ledger = recording["ledger"].as_array().unwrap();
     assert!(ledger.len() >= acknowledged, "{} of {acknowledged} acknowledged views are in the ledger", ledger.len());
+    for entry in ledger {
+        // A mosaic's PNG is one grey channel: its pixels are the bytes that the camera sent.
+        let name = format!("runs/r1/B02/frames/view_{:03}.png", entry["view"].as_u64().unwrap());
+        let frame = image::open(data.join(&name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!((frame.color(), frame.width(), frame.height()), (image::ColorType::L8, 1024, 1024), "{name}");
+        let hash: String = Sha256::digest(frame.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+        assert_eq!(entry["sha256"], hash, "{name} is not what the camera sent");
+    }
     let said = stderr(&run(&["measure", data.join("runs/r1/B02").to_str().unwrap()]));
     assert!(said.contains("the revolution was not finished"), "{said}");
     assert_eq!(json(&data.join("runs/r1/run.json"))["outcome"], Value::Null);
@@ -231,7 +240,9 @@ fn bad_starts_are_refused_by_name() {
 
     let config = dir.path().join("rig.toml");
     let sample = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vast-grbl.toml")).unwrap();
-    std::fs::write(&config, sample.replace("/dev/carved-rotation", "/dev/no-such-port")).unwrap();
+    let sample = sample.replace("/dev/carved-rotation", "/dev/no-such-port").replace("127.0.0.1:8420", "127.0.0.1:0");
+    assert!(sample.contains("127.0.0.1:0"), "a port that another test or daemon may hold");
+    std::fs::write(&config, sample).unwrap();
     let output = run(&["serve", "--config", config.to_str().unwrap()]);
     assert!(!output.status.success());
     assert!(stderr(&output).contains("/dev/no-such-port"), "{}", stderr(&output));

@@ -148,6 +148,8 @@ mod tests {
         steps: AtomicI64,
         stops: AtomicU32,
         moves: AtomicU32,
+        /// By how many steps the axis ends beside where it was sent.
+        beside: AtomicI64,
     }
 
     struct FakeAxis {
@@ -167,8 +169,9 @@ mod tests {
                 return Err(DeviceError::Stopped);
             }
             let moves = self.bench.moves.fetch_add(1, Ordering::SeqCst) + 1;
-            self.bench.steps.store(target.0, Ordering::SeqCst);
-            Ok(Achieved { steps: target, epoch: 1 + u32::from(moves >= self.epoch_rises_at_move) })
+            let steps = Steps(target.0 + self.bench.beside.load(Ordering::SeqCst));
+            self.bench.steps.store(steps.0, Ordering::SeqCst);
+            Ok(Achieved { steps, epoch: 1 + u32::from(moves >= self.epoch_rises_at_move) })
         }
         fn position(&self) -> Position {
             Position::Referenced { steps: Steps(self.bench.steps.load(Ordering::SeqCst)), epoch: 1 }
@@ -247,6 +250,19 @@ mod tests {
                 assert_eq!(entry.sha256, sha256_hex(frame.bytes()));
             }
             assert_eq!(bench.stops.load(Ordering::SeqCst), 0, "a finished revolution keeps its reference");
+        }
+    }
+
+    #[test]
+    fn the_angle_is_of_the_step_that_was_achieved_not_of_the_one_that_was_asked_for() {
+        let (mut rig, bench) = rig(NEVER, NEVER);
+        bench.beside.store(1, Ordering::SeqCst);
+        let plan = plan(ViewOrder::Sequential);
+        let ledger = revolve(&mut rig, &plan, &settings(), &CancelToken::new(), |_, _| Ok(())).unwrap();
+        for (entry, stop) in ledger.entries().iter().zip(plan.stops()) {
+            assert_eq!((entry.commanded_steps, entry.achieved_steps), (stop.target, Steps(stop.target.0 + 1)));
+            let omega = -std::f64::consts::TAU * (stop.target.0 + 1) as f64 / 500.0;
+            assert!((entry.omega - omega).abs() < 1e-12, "view {}: {} rad, {omega} rad achieved", entry.view, entry.omega);
         }
     }
 

@@ -8,7 +8,7 @@ use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 /// Longer than anything here takes, even on a loaded machine: a hang becomes a failure, nothing is timed by it.
-const PATIENCE: Duration = Duration::from_secs(240);
+pub const PATIENCE: Duration = Duration::from_secs(240);
 
 pub fn carved() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_carved"));
@@ -24,7 +24,7 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// A running `carved simulate`.
+/// A running `carved simulate` or `carved serve`.
 pub struct Daemon {
     child: Child,
     out: BufReader<ChildStdout>,
@@ -34,8 +34,16 @@ pub struct Daemon {
 
 impl Daemon {
     pub fn start(data: &Path, args: &[&str]) -> Self {
-        let mut child =
-            carved().args(["simulate", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(args).stdout(Stdio::piped()).spawn().unwrap();
+        Self::spawn(carved().args(["simulate", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(args), data)
+    }
+
+    /// `carved serve` on what a configuration file names; its `data_dir` is `data`.
+    pub fn serve(config: &Path, data: &Path) -> Self {
+        Self::spawn(carved().args(["serve", "--config"]).arg(config), data)
+    }
+
+    fn spawn(command: &mut Command, data: &Path) -> Self {
+        let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut out = BufReader::new(child.stdout.take().unwrap());
         let mut line = String::new();
         out.read_line(&mut line).unwrap();
@@ -82,8 +90,22 @@ impl Daemon {
     }
 
     pub fn put_run(&self, id: &str, plan: &Value) -> u16 {
+        self.put(&format!("/v1/runs/{id}"), plan)
+    }
+
+    /// As the plate-loader says that the specimen is in the capillary.
+    pub fn put_loaded(&self, run: &str, well: &str) -> u16 {
+        self.put(&format!("/v1/runs/{run}/wells/{well}"), &serde_json::json!({"loaded": true}))
+    }
+
+    /// As the plate-loader says that it has taken the specimen out.
+    pub fn put_unloaded(&self, run: &str, well: &str) -> u16 {
+        self.put(&format!("/v1/runs/{run}/wells/{well}"), &serde_json::json!({"loaded": false}))
+    }
+
+    fn put(&self, path: &str, body: &Value) -> u16 {
         let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
-        agent.put(format!("{}/v1/runs/{id}", self.url)).send_json(plan).unwrap().status().as_u16()
+        agent.put(format!("{}{path}", self.url)).send_json(body).unwrap().status().as_u16()
     }
 
     pub fn post(&self, path: &str) -> u16 {

@@ -1,0 +1,306 @@
+//! `carved serve` as on an instrument: a configuration file, a plate-loader that speaks HTTP, and an emulated rig beside it
+//! whose true shaft, exposures and faults this test sees.
+//!
+//! ```text
+//! test = plate-loader ── HTTP ──► carved serve (child) ── pty, GigE ──► emulated rig (in this process)
+//!   └──────────────── true angle, exposures, faults, specimens ────────────┘
+//! ```
+#![cfg(feature = "aravis")]
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+mod common;
+
+use common::{Daemon, PATIENCE, json};
+use hardware_sim::grbl::Settings;
+use hardware_sim::scene::{Scene, SceneSettings, Specimen};
+use hardware_sim::{RigSettings, ShaftSettings};
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+/// Steps per revolution of the rig and of the configuration.
+const STEPS: f64 = 500.0;
+/// Diameter of the bead, um.
+const BEAD_UM: f64 = 500.0;
+/// Views per revolution of the slow instrument.
+const SLOW_ASD: f64 = 3.0;
+
+/// An instrument with its specimens and its daemon. The daemon goes first: it lets the devices go before they end.
+struct Instrument {
+    daemon: Daemon,
+    rig: hardware_sim::Rig,
+    scene: Arc<Scene>,
+    data: PathBuf,
+    _dir: tempfile::TempDir,
+}
+
+/// What an instrument is started with.
+struct Rate {
+    time_scale: f64,
+    /// Of the axis, units/s^2.
+    acceleration: f32,
+    asd: u32,
+    power_on_steps: i64,
+}
+
+/// Quick, for what is measured to the end.
+const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, power_on_steps: 137 };
+/// Three views, 167 steps apart: at 0.25 units/s^2 and 100 steps per unit a move takes 2 sqrt(1.67 / 0.25) = 5 s, so that what
+/// happens in its first tenth of a way has seconds to arrive in its middle. The reference is near.
+const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480 };
+/// A third of a turn to go to the reference, for several seconds.
+const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
+
+impl Instrument {
+    fn start(rate: &Rate) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let data = dir.path().join("data");
+        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let mut firmware = Settings::default();
+        firmware.set(120, rate.acceleration).unwrap();
+        let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
+        let settings = RigSettings { time_scale: rate.time_scale, firmware, shaft, ..RigSettings::default() };
+        let rig = hardware_sim::Rig::start(settings, scene.clone()).unwrap();
+
+        // The file that a user starts from, with this rig's values.
+        let mut text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/config/vast-grbl.toml")).unwrap();
+        for (from, to) in [
+            ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
+            ("/var/lib/carved", data.display().to_string()),
+            ("/dev/carved-rotation", rig.serial_path().display().to_string()),
+            ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
+            ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
+            ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
+            ("asd = 21", format!("asd = {}", rate.asd)),
+        ] {
+            assert!(text.contains(from), "the shipped configuration has no {from:?}");
+            text = text.replace(from, &to);
+        }
+        let config = dir.path().join("rig.toml");
+        std::fs::write(&config, text).unwrap();
+        Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
+    }
+
+    fn angle(&self) -> f64 {
+        self.rig.shaft().angle_rad()
+    }
+
+    /// Starts a run of one larva; the instrument then asks for it.
+    fn awaited(&self, run: &str) {
+        let plan = plan(&[json!({"well": "A01", "specimen": "larva", "dpf": 4})]);
+        assert_eq!(self.daemon.put_run(run, &plan), 201);
+        let status = self.daemon.wait("the loader to be asked", |s| s["run"]["id"] == run && s["state"] == "Suspended");
+        assert!(status["plate"]["needs"].as_str().unwrap().contains("A01"), "{status}");
+    }
+
+    fn load(&self, run: &str, well: &str, specimen: Specimen) {
+        self.scene.load(Some(specimen)).unwrap();
+        assert_eq!(self.daemon.put_loaded(run, well), 200);
+    }
+
+    /// A run on the slow instrument, in the move to its second view: the true angles of that move's begin and target.
+    fn in_mid_move(&self, run: &str) -> (f64, f64) {
+        self.awaited(run);
+        self.load(run, "A01", Specimen::larva(4, 1).unwrap());
+        // The frame on which the well is judged, and the first view.
+        until("the first view", || self.rig.exposures().len() == 2);
+        let from = self.rig.exposures()[1].angle_rad;
+        let to = from + (STEPS / SLOW_ASD).round() * TAU / STEPS;
+        until("the move to the second view", || self.angle() > from + 0.1 * (to - from));
+        (from, to)
+    }
+
+    /// The shaft comes to rest and stays, while the daemon does whatever it still does.
+    fn stands(&self) -> f64 {
+        let mut angle = self.angle();
+        // The refusal may overtake the stop's bytes on their way through the pty; what they bring about is lasting.
+        until("the shaft to stand", || {
+            let before = std::mem::replace(&mut angle, self.angle());
+            before.to_bits() == angle.to_bits()
+        });
+        angle
+    }
+
+    /// Through several answers of the daemon the shaft does not move and nothing is exposed.
+    fn nothing_follows(&self) {
+        let (angle, exposures) = (self.stands(), self.rig.exposures().len());
+        for _ in 0..50 {
+            self.daemon.status();
+            assert_eq!(self.angle().to_bits(), angle.to_bits(), "the shaft moves again");
+        }
+        assert_eq!(self.rig.exposures().len(), exposures, "a frame was taken");
+    }
+
+    fn aborted(&self, run: &str) -> Value {
+        assert_eq!(self.daemon.post(&format!("/v1/runs/{run}/abort")), 200);
+        let status = self.daemon.wait("the abort", |s| s["state"] == "Aborted");
+        assert_eq!(status["run"]["outcome"], "aborted", "{status}");
+        assert_eq!(status["run"]["results"][0]["outcome"], "aborted", "{status}");
+        assert_eq!(status["faults"], json!([]), "an abort is no fault");
+        status
+    }
+
+    /// It stopped where it was, not where it was sent.
+    fn short_of(&self, (from, to): (f64, f64)) {
+        let angle = self.stands();
+        assert!(angle > from && angle < to - 0.1 * (to - from), "stands at {angle} rad on the way from {from} to {to}");
+    }
+}
+
+fn plan(wells: &[Value]) -> Value {
+    json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells})
+}
+
+fn until(what: &str, mut met: impl FnMut() -> bool) {
+    let deadline = Instant::now() + PATIENCE;
+    while !met() {
+        assert!(Instant::now() < deadline, "waited for {what}");
+        std::thread::park_timeout(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_loader_brings_two_wells_and_both_are_measured() {
+    let instrument = Instrument::start(&QUICK);
+    let daemon = &instrument.daemon;
+    let kinds = ["bead", "larva"];
+    let wells = [json!({"well": "A01", "specimen": kinds[0]}), json!({"well": "A02", "specimen": kinds[1], "dpf": 4})];
+    assert_eq!(daemon.put_run("r1", &plan(&wells)), 201);
+    // Nobody may take the plate away before its last specimen is measured and out.
+    let kept = |s: &Value| assert_eq!(s["plate"]["removable"], false, "{s}");
+    for (well, specimen) in [("A01", Specimen::bead(BEAD_UM).unwrap()), ("A02", Specimen::larva(4, 1).unwrap())] {
+        let status = daemon.wait("the loader to be asked", |s| {
+            kept(s);
+            s["plate"]["needs"].as_str().is_some_and(|n| n.contains(well)) && s["state"] == "Suspended"
+        });
+        assert_eq!(status["specimen"]["in_capillary"], false, "{status}");
+        let exposures = instrument.rig.exposures().len();
+        assert_eq!(daemon.put_loaded("r1", "B07"), 409, "another well than the one that is waited for");
+        assert_eq!(instrument.rig.exposures().len(), exposures, "a look before the specimen is there");
+        instrument.load("r1", well, specimen);
+        daemon.wait("the well to be taken on", |s| {
+            kept(s);
+            s["state"] == "Execute" && s["plate"]["needs"].is_null()
+        });
+    }
+    let status = daemon.wait("the run's end", |s| {
+        kept(s);
+        s["state"] == "Complete"
+    });
+    assert_eq!(status["run"]["outcome"], "succeeded", "{status}");
+    assert_eq!(status["mode"], "hardware");
+    assert_eq!(status["run"]["wells"]["succeeded"], 2, "{status}");
+    let diameter = status["run"]["results"][0]["diameter_um"].as_f64().unwrap();
+    assert!((diameter / BEAD_UM - 1.0).abs() < 0.01, "bead: {diameter} um, truth {BEAD_UM} um");
+    assert!(status["run"]["results"][1]["volume_um3"].as_f64().is_some(), "{status}");
+    // The instrument does not see the loader's hand: the last specimen is in the capillary until the loader says otherwise.
+    assert_eq!(status["plate"]["removable"], false, "{status}");
+    assert_eq!(daemon.put_unloaded("r1", "A02"), 200);
+    assert_eq!(daemon.status()["plate"]["removable"], true);
+    // Per well one look, 21 views and the closure view.
+    assert_eq!(instrument.rig.exposures().len(), 46);
+}
+
+#[test]
+fn an_abort_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_target() {
+    let instrument = Instrument::start(&SLOW);
+    let way = instrument.in_mid_move("r1");
+    let status = instrument.aborted("r1");
+    instrument.short_of(way);
+    instrument.nothing_follows();
+    assert_eq!(status["plate"]["removable"], false, "the specimen is still in the capillary: {status}");
+    assert!(instrument.data.join("runs/r1/A01/SHA256SUMS").is_file(), "the recording is closed");
+}
+
+#[test]
+fn nothing_moves_after_an_abort_that_comes_before_the_first_view() {
+    let instrument = Instrument::start(&SLOW_REFERENCE);
+    let daemon = &instrument.daemon;
+    let at_start = instrument.angle();
+
+    // While the loader is waited for: it is too late to bring anything.
+    instrument.awaited("load");
+    let status = instrument.aborted("load");
+    assert_eq!(status["plate"]["removable"], true, "nothing is in the capillary: {status}");
+    assert_ne!(daemon.put_loaded("load", "A01"), 200);
+    instrument.nothing_follows();
+    assert_eq!(instrument.angle().to_bits(), at_start.to_bits(), "it never moved");
+
+    // In one breath with the loader's word, so that the reference is about to begin or has just begun.
+    instrument.awaited("loaded");
+    instrument.load("loaded", "A01", Specimen::larva(4, 1).unwrap());
+    let status = instrument.aborted("loaded");
+    instrument.nothing_follows();
+    assert_eq!(instrument.angle().to_bits(), at_start.to_bits(), "it never moved");
+    assert_eq!(status["plate"]["removable"], false, "the specimen is in the capillary: {status}");
+    let larva = json!({"well": "A01", "specimen": "larva", "dpf": 4});
+    assert_eq!(daemon.put_run("homing", &plan(&[larva])), 409, "where would the next specimen go?");
+    assert_eq!(daemon.put_unloaded("loaded", "A01"), 200);
+    assert_eq!(daemon.status()["plate"]["removable"], true);
+
+    // On the way to the reference.
+    instrument.awaited("homing");
+    instrument.load("homing", "A01", Specimen::larva(4, 1).unwrap());
+    daemon.wait("the reference", |s| s["specimen"]["phase"] == "position");
+    until("the shaft to turn", || (instrument.angle() - at_start).abs() > 5.0 * TAU / STEPS);
+    let status = instrument.aborted("homing");
+    instrument.nothing_follows();
+    // Angle 0 is the index; a reference that was found would have set it.
+    assert!(instrument.angle().abs() > 10.0 * TAU / STEPS, "it stands at {} rad: the reference was found", instrument.angle());
+    assert_eq!(status["hardware"]["rotation"]["referenced"], false, "{status}");
+    assert_eq!(instrument.rig.exposures().len(), 0, "nothing was ever looked at");
+}
+
+#[test]
+fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_target() {
+    let instrument = Instrument::start(&SLOW);
+    let way = instrument.in_mid_move("r1");
+    instrument.daemon.signal("TERM");
+    let Instrument { daemon, rig, scene, data, _dir } = instrument;
+    assert_eq!(daemon.ended(), Some(0));
+    let angle = rig.shaft().angle_rad();
+    until("the shaft to stand", || rig.shaft().angle_rad().to_bits() == angle.to_bits());
+    drop(scene);
+    assert!(angle > way.0 && angle < way.1 - 0.1 * (way.1 - way.0), "stands at {angle} rad on the way {way:?}");
+    assert_eq!(json(&data.join("runs/r1/run.json"))["outcome"], "interrupted");
+    assert!(data.join("runs/r1/A01/SHA256SUMS").is_file(), "the recording is closed");
+}
+
+#[test]
+fn a_serial_cable_pulled_in_a_revolution_ends_the_run_as_a_fault_that_names_the_axis() {
+    let instrument = Instrument::start(&SLOW);
+    instrument.in_mid_move("r1");
+    instrument.rig.faults().unplug_serial();
+    let status = instrument.daemon.wait("the fault", |s| s["state"] == "Aborted");
+    assert_eq!(status["run"]["outcome"], "failed", "{status}");
+    assert_eq!(status["faults"].as_array().unwrap().len(), 1, "{status}");
+    assert_eq!(status["faults"][0]["code"], "rotation_failed", "{status}");
+    assert_eq!(status["hardware"]["rotation"]["connected"], false, "{status}");
+    assert_eq!(status["hardware"]["rotation"]["referenced"], false, "{status}");
+    assert_eq!(status["ready"], false, "{status}");
+    assert!(status["not_ready_reason"].as_str().unwrap().contains("rotation"), "{status}");
+    assert_eq!(status["plate"]["removable"], false, "the specimen is still in the capillary: {status}");
+    let events = std::fs::read_to_string(instrument.data.join("events.jsonl")).unwrap();
+    let raised = events.lines().map(|l| serde_json::from_str::<Value>(l).unwrap()).find(|e| e["kind"] == "fault.raised").unwrap();
+    assert_eq!((&raised["run"], &raised["data"]["code"]), (&json!("r1"), &json!("rotation_failed")));
+    let recording = instrument.data.join("runs/r1/A01");
+    assert!(recording.join("SHA256SUMS").is_file(), "the recording is closed");
+    assert_eq!(json(&recording.join("recording.json"))["ledger"].as_array().unwrap().len(), 1, "the view that was taken is kept");
+}
+
+#[test]
+fn steps_lost_in_a_revolution_are_measured_but_flagged() {
+    let instrument = Instrument::start(&QUICK);
+    instrument.awaited("r1");
+    instrument.load("r1", "A01", Specimen::larva(4, 1).unwrap());
+    until("the first views", || instrument.rig.exposures().len() >= 6);
+    // 60 of 500 steps: the view at 360 deg looks 43 deg beside the one at 0 deg.
+    instrument.rig.faults().lose_steps(60);
+    let status = instrument.daemon.wait("the run's end", |s| s["state"] == "Complete");
+    let well = &status["run"]["results"][0];
+    assert_eq!(well["outcome"], "succeeded", "{status}");
+    assert!(well["flags"].as_array().unwrap().contains(&json!("moved")), "{status}");
+    assert_eq!((&status["run"]["wells"]["flagged"], &status["run"]["wells"]["succeeded"]), (&json!(1), &json!(0)), "{status}");
+}
