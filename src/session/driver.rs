@@ -422,7 +422,13 @@ impl Running {
         if active.waiting_for.as_deref() == Some(well.as_str()) {
             active.waiting_for = None;
             self.gate.say_loaded(&well);
-            self.publish(|s| s.plate.needs = None);
+            // From the loader's word on, not from when the worker takes it up: an abort may come before.
+            self.publish(|s| {
+                s.plate.needs = None;
+                if let Some(specimen) = s.specimen.as_mut().filter(|x| x.well == well) {
+                    specimen.in_capillary = true;
+                }
+            });
             self.go(Trigger::Loaded);
             return self.event("well.loaded", Some(&well), serde_json::Value::Null).map_err(Refusal::from);
         }
