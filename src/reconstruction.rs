@@ -186,6 +186,31 @@ impl HullModel {
 }
 
 /// A model of the views of one camera at known angles.
+///
+/// ```
+/// use carved::geometry::{BoxUm, Camera, VoxelGrid};
+/// use carved::profile::Mask;
+/// use carved::reconstruction::{Reconstruction, ReconstructionSettings};
+///
+/// // A ball of 200 um radius on the axis looks the same from everywhere: a disc of 20 px at 10 um per px.
+/// let (f, k) = (60_000.0, 0.1);
+/// let phi = std::f64::consts::FRAC_PI_2;
+/// let camera = Camera { f, kx: k, ky: k, ux: 32.0, uy: 32.0, s: 0.0, alpha: 0.0, gamma: 0.0, phi, width: 65, height: 65 };
+/// let mut disc = Mask::empty(65, 65);
+/// for (u, v) in (0..65).flat_map(|u| (0..65).map(move |v| (u, v))) {
+///     disc.set(u, v, (u as f64 - 32.0).hypot(v as f64 - 32.0) <= 20.0);
+/// }
+/// let grid = VoxelGrid::new(BoxUm { min: [-300.0; 3], max: [300.0; 3] }, 10.0)?;
+/// let mut model = Reconstruction::new(&camera, grid, 12, ReconstructionSettings::default())?;
+/// for view in 0..12 {
+///     model.observe(&disc, std::f64::consts::TAU * f64::from(view) / 12.0)?;
+/// }
+/// let ball_um3 = 4.0 / 3.0 * std::f64::consts::PI * 200.0f64.powi(3);
+/// let volume_um3 = model.finish(true)?.measurement.volume_um3;
+/// // 12 directions leave 2.35 % more than the ball, whole pixels of a 40 px disc some more or less.
+/// assert!((volume_um3 / ball_um3 - 1.0).abs() < 0.06, "{volume_um3}");
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Reconstruction {
     camera: Camera,

@@ -420,20 +420,22 @@ impl Running {
             });
         };
         if active.waiting_for.as_deref() == Some(well.as_str()) {
-            active.waiting_for = None;
+            self.event("well.loaded", Some(&well), serde_json::Value::Null)?;
+            if let Some(active) = &mut self.active {
+                active.waiting_for = None;
+            }
             self.gate.say_loaded(&well);
             // From the loader's word on, not from when the worker takes it up: an abort may come before.
-            self.publish(|s| {
+            self.go_with(Trigger::Loaded, |s| {
                 s.plate.needs = None;
                 if let Some(specimen) = s.specimen.as_mut().filter(|x| x.well == well) {
                     specimen.in_capillary = true;
                 }
             });
-            self.go(Trigger::Loaded);
-            return self.event("well.loaded", Some(&well), serde_json::Value::Null).map_err(Refusal::from);
+            return Ok(());
         }
-        // Said again after it was taken: the well under way is loaded, nothing more to do.
-        let current = self.publisher.status().specimen.as_ref().is_some_and(|s| s.well == well);
+        // Said again after it was taken there is nothing more to do; said before it was asked for it would be lost.
+        let current = self.publisher.status().specimen.as_ref().is_some_and(|s| s.well == well && s.in_capillary);
         if current { Ok(()) } else { Err(Refusal::UnexpectedWell { run, well }) }
     }
 

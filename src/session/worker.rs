@@ -365,7 +365,9 @@ impl RunContext {
                 Err(e) => return Ok(Err(e)),
             }
         };
-        if let (Ok(profile), false) = (&seen.profile, closure) {
+        if let (Ok(profile), false) = (&seen.profile, closure)
+            && profile.mask.area_px() > 0
+        {
             writer.add_profile(index, &profile.mask)?;
         }
         let live = live::of_view(&seen, &pipeline.live_mesh());
