@@ -257,7 +257,7 @@ impl Running {
         // The well under way is the first without a number; whether its specimen is still there only the loader can say.
         let left = interrupted.as_ref().filter(|_| loaded_from_outside).and_then(|run| {
             let under_way = run.wells.iter().find(|w| w.outcome == Some(SpecimenOutcome::Interrupted))?;
-            Some(new_specimen(&under_way.well, Phase::Eject, true, run.method.asd))
+            Some(SpecimenStatus::new(&under_way.well, Phase::Eject, true, run.method.asd))
         });
         let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
         let disk_free_bytes = self.store.free_bytes();
@@ -274,7 +274,7 @@ impl Running {
             if let Some(run) = &interrupted {
                 s.plate.barcode = Some(run.plan.plate_barcode.clone());
                 s.plate.removable = left.is_none();
-                s.plate.needs = left.as_ref().map(|x| format!("the specimen of well {} to be taken out of the capillary", x.well));
+                s.plate.needs = left.as_ref().map(take_out);
                 s.run = Some(run_status(run));
                 s.specimen = left;
             }
@@ -494,7 +494,7 @@ impl Running {
                         specimen.phase = phase;
                         specimen.in_capillary = in_capillary;
                     }
-                    _ => s.specimen = Some(new_specimen(&well, phase, in_capillary, views_planned)),
+                    _ => s.specimen = Some(SpecimenStatus::new(&well, phase, in_capillary, views_planned)),
                 });
                 self.event("specimen.phase", Some(&well), serde_json::json!({ "phase": phase }))?;
             }
@@ -548,7 +548,7 @@ impl Running {
                 self.publish(|s| {
                     s.run = Some(status);
                     match next {
-                        Some(next) => s.specimen = Some(new_specimen(&next, Phase::Load, false, views_planned)),
+                        Some(next) => s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, false, views_planned)),
                         None => {
                             if let Some(specimen) = &mut s.specimen {
                                 specimen.in_capillary = in_capillary;
@@ -610,7 +610,7 @@ impl Running {
             // Only who takes a specimen out knows that it is out.
             s.specimen = s.specimen.take().filter(|x| x.in_capillary);
             s.plate.removable = s.specimen.is_none() && stored;
-            s.plate.needs = s.specimen.as_ref().map(|x| format!("the specimen of well {} to be taken out of the capillary", x.well));
+            s.plate.needs = s.specimen.as_ref().map(take_out);
             s.pending = super::Pending { stop: stopping, ..super::Pending::default() };
             s.not_ready_reason = if stopping { Some("shutting down".into()) } else { lost };
             s.ready = s.not_ready_reason.is_none();
@@ -623,31 +623,9 @@ impl Running {
     }
 }
 
-impl RunOutcome {
-    /// An empty or skipped well is honest work; a failed one makes the run partial, or failed where none succeeded.
-    fn of_wells(wells: &[super::WellStatus]) -> Self {
-        let failed = wells.iter().any(|w| w.outcome != Some(SpecimenOutcome::Succeeded) && w.outcome != Some(SpecimenOutcome::Skipped));
-        let succeeded = wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded));
-        match (failed, succeeded) {
-            (false, _) => Self::Succeeded,
-            (true, true) => Self::Partial,
-            (true, false) => Self::Failed,
-        }
-    }
-}
-
-fn new_specimen(well: &str, phase: Phase, in_capillary: bool, views_planned: u32) -> SpecimenStatus {
-    SpecimenStatus {
-        well: well.to_owned(),
-        in_capillary,
-        phase,
-        view: 0,
-        views_planned,
-        volume_um3: None,
-        volume_sd_um3: None,
-        converged: None,
-        volumes_um3: Vec::new(),
-    }
+/// What the loader is asked for while a specimen is left in the capillary.
+fn take_out(specimen: &SpecimenStatus) -> String {
+    format!("the specimen of well {} to be taken out of the capillary", specimen.well)
 }
 
 fn run_status(record: &RunRecord) -> RunStatus {

@@ -54,6 +54,19 @@ pub enum RunOutcome {
     Interrupted,
 }
 
+impl RunOutcome {
+    /// An empty or skipped well is honest work; a failed one makes the run partial, or failed where none succeeded.
+    pub fn of_wells(wells: &[WellStatus]) -> Self {
+        let failed = wells.iter().any(|w| w.outcome != Some(SpecimenOutcome::Succeeded) && w.outcome != Some(SpecimenOutcome::Skipped));
+        let succeeded = wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded));
+        match (failed, succeeded) {
+            (false, _) => Self::Succeeded,
+            (true, true) => Self::Partial,
+            (true, false) => Self::Failed,
+        }
+    }
+}
+
 /// How a specimen ended. `null` until it has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -222,6 +235,23 @@ pub struct SpecimenStatus {
     pub converged: Option<bool>,
     /// Live hull volume after each view, oldest first.
     pub volumes_um3: Vec<f64>,
+}
+
+impl SpecimenStatus {
+    /// A specimen of which nothing is known yet.
+    pub fn new(well: &str, phase: Phase, in_capillary: bool, views_planned: u32) -> Self {
+        Self {
+            well: well.to_owned(),
+            in_capillary,
+            phase,
+            view: 0,
+            views_planned,
+            volume_um3: None,
+            volume_sd_um3: None,
+            converged: None,
+            volumes_um3: Vec::new(),
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
