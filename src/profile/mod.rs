@@ -23,5 +23,5 @@ pub use mask::{Mask, WrongMaskSize};
 pub use picture::Picture;
 pub use quality::ProfileQuality;
 pub use segment::{Profile, ProfileError, segment};
-pub use settings::{EdgeSettings, SegmentSettings, WallSettings};
+pub use settings::{EdgeSettings, Method, SegmentSettings, WallSettings};
 pub use walls::{Line, Wall, Walls};

@@ -78,10 +78,24 @@ impl Default for EdgeSettings {
     }
 }
 
+/// How the specimen is told from the empty bore, before its edge is placed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Mean shift and level set combined, then refined: the one to measure with.
+    #[default]
+    Hybrid,
+    /// Mean shift alone: keeps the whole larva, soft at its edge.
+    MeanShift,
+    /// Level set alone: compact and sharp, leaks where the larva is transparent.
+    LevelSet,
+}
+
 /// How a frame is segmented. Lengths "per bore" are shares of the bore's height, so that they hold at any magnification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SegmentSettings {
+    pub method: Method,
     pub walls: WallSettings,
     pub edge: EdgeSettings,
     /// Smoothing of the fine scale, standard deviation in px.
@@ -115,6 +129,7 @@ pub struct SegmentSettings {
 impl Default for SegmentSettings {
     fn default() -> Self {
         Self {
+            method: Method::default(),
             walls: WallSettings::default(),
             edge: EdgeSettings::default(),
             fine_px: 1.0,
