@@ -5,6 +5,7 @@ mod daemon;
 mod measure;
 mod notify;
 pub mod reconstruct;
+mod segment;
 mod serve;
 mod simulate;
 
@@ -27,6 +28,8 @@ enum Command {
     Measure(measure::Args),
     /// Carve silhouettes of any origin and measure the result.
     Reconstruct(reconstruct::Args),
+    /// Find the specimen's outline in single pictures.
+    Segment(segment::Args),
     /// Work with configurations.
     #[command(subcommand)]
     Config(ConfigCommand),
@@ -45,6 +48,7 @@ pub fn main() -> anyhow::Result<()> {
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
         Command::Reconstruct(args) => reconstruct::run(&args),
+        Command::Segment(args) => segment::run(&args),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }
 }

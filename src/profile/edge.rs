@@ -36,7 +36,7 @@ impl Polygon {
 
 /// How sure one vertex of the refined outline is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct EdgePoint {
+pub struct EdgePoint {
     /// Height of the fitted step, in standard deviations of one pixel's noise.
     pub contrast: f64,
     /// Standard error of the position, px; infinite where nothing could be fitted.

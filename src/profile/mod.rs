@@ -18,7 +18,7 @@ mod settings;
 mod walls;
 
 pub use detection::Detection;
-pub use edge::Polygon;
+pub use edge::{EdgePoint, Polygon};
 pub use mask::{Mask, WrongMaskSize};
 pub use picture::Picture;
 pub use quality::ProfileQuality;

@@ -1,7 +1,7 @@
 //! One frame to one profile: the order of the steps and their refusals.
 
 use super::background::{self, Bore};
-use super::edge::{self, Limits, Polygon, Refined};
+use super::edge::{self, EdgePoint, Limits, Polygon, Refined};
 use super::foreground;
 use super::plane::Plane;
 use super::settings::SegmentSettings;
@@ -14,6 +14,8 @@ pub struct Profile {
     pub mask: Mask,
     /// Closed outlines at sub-pixel position; none in an empty capillary.
     pub edge: Vec<Polygon>,
+    /// How sure each vertex of each outline is.
+    pub edge_points: Vec<Vec<EdgePoint>>,
     pub walls: Walls,
     pub quality: ProfileQuality,
     pub detection: Detection,
@@ -73,7 +75,7 @@ pub fn segment(picture: &Picture, settings: &SegmentSettings) -> Result<Profile,
         ..quality::of_edge(&edge, &points, &bore)
     };
     let detection = Detection::decide(&mask, found.components.first(), settings.min_area_bore2 * bore.mean_px * bore.mean_px);
-    Ok(Profile { mask, edge, walls, quality, detection })
+    Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
 }
 
 fn check_exposure(picture: &Picture, settings: &SegmentSettings) -> Result<(), ProfileError> {

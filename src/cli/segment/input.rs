@@ -1,0 +1,65 @@
+//! A picture file of any common kind as the frame a camera would have sent.
+
+use crate::frame::{PixelFormat, RawFrame};
+use crate::hash::sha256_hex;
+use anyhow::{Context, bail};
+use image::{DynamicImage, ImageReader};
+use std::io::Cursor;
+use std::path::Path;
+
+/// A picture that was read.
+pub(super) struct Input {
+    pub frame: RawFrame,
+    /// Of the file's bytes.
+    pub sha256: String,
+    /// Bits of a colour as the camera counted them.
+    pub bits: u32,
+}
+
+/// Alpha is left out: what a picture shows where it is transparent is not known to be light.
+pub(super) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
+    let bytes = std::fs::read(path).context("cannot be read")?;
+    let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().context("cannot be read")?;
+    if reader.format().is_none() {
+        bail!("found no picture, expected PNG, JPEG, TIFF or BMP");
+    }
+    let image = reader.decode().context("not a readable PNG, JPEG, TIFF or BMP")?;
+    let (width, height) = (image.width(), image.height());
+    let grey = !image.color().has_color();
+    if bayer && !grey {
+        bail!("found a picture in colour, expected a grey mosaic; leave --bayer out");
+    }
+    let format = match (grey, bayer) {
+        (true, true) => PixelFormat::BayerRG8,
+        (true, false) => PixelFormat::Mono8,
+        (false, _) => PixelFormat::RGB8Packed,
+    };
+    let (pixels, bits) = match (image, grey) {
+        (image @ (DynamicImage::ImageLuma8(_) | DynamicImage::ImageLumaA8(_)), _) => (image.into_luma8().into_raw(), 8),
+        (image @ (DynamicImage::ImageRgb8(_) | DynamicImage::ImageRgba8(_)), _) => (image.into_rgb8().into_raw(), 8),
+        (image, true) => eight_bits(&image.into_luma16().into_raw()),
+        (image, false) => eight_bits(&image.into_rgb16().into_raw()),
+    };
+    Ok(Input { frame: RawFrame::new(width, height, format, pixels)?, sha256: sha256_hex(&bytes), bits })
+}
+
+/// Cameras of 10, 12 and 14 bits store their counts as they are in 16: the largest count says which it was.
+fn eight_bits(counts: &[u16]) -> (Vec<u8>, u32) {
+    let largest = counts.iter().copied().max().unwrap_or(0);
+    let bits = [10, 12, 14].into_iter().find(|bits| largest >> bits == 0).unwrap_or(16);
+    (counts.iter().map(|c| (c >> (bits - 8)) as u8).collect(), bits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_largest_count_says_how_many_bits_the_camera_had() {
+        for (largest, bits) in [(1023, 10), (1024, 12), (4095, 12), (4096, 14), (16_384, 16), (65_535, 16)] {
+            let (pixels, found) = eight_bits(&[0, largest]);
+            assert_eq!(found, bits, "{largest}");
+            assert_eq!(pixels, [0, (u32::from(largest) >> (bits - 8)) as u8]);
+        }
+    }
+}

@@ -1,0 +1,116 @@
+//! `carved segment`: pictures of a capillary to outlines, one by one.
+//!
+//! ```text
+//!  IMAGES ── input ── RawFrame ── profile::segment ─┬─ STEM.mask.png     8 bit grey, inside 255
+//!  --settings, --method ──────────────────┘         ├─ STEM.edge.json    sub-pixel outlines
+//!                                                   ├─ STEM.overlay.png  the picture with outline and walls
+//!                                                   └─ STEM.json         figures, or why there is no profile; written last
+//! ```
+//! What concerns the whole call (settings, names) is refused before anything is written. A picture that fails fails alone.
+
+mod input;
+mod output;
+mod overlay;
+
+use crate::profile::{self, Method, SegmentSettings};
+use anyhow::{Context, bail};
+use output::{Names, Report};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Find the specimen's outline in single pictures
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// PNG, JPEG, TIFF or BMP; RGB, RGBA or grey, 8 or 16 bit
+    #[arg(required = true)]
+    images: Vec<PathBuf>,
+    /// Folder for the results; made where it is not there, older results of the same names are replaced
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// How the specimen is told from the empty bore [default: that of --settings, else hybrid]
+    #[arg(long, value_enum)]
+    method: Option<MethodName>,
+    /// TOML with the keys of a method's `segment` table; what is left out has its default
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+    /// Grey pictures are Bayer mosaics whose first row reads R G R G
+    #[arg(long)]
+    bayer: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum MethodName {
+    Hybrid,
+    MeanShift,
+    LevelSet,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Hybrid => Self::Hybrid,
+            MethodName::MeanShift => Self::MeanShift,
+            MethodName::LevelSet => Self::LevelSet,
+        }
+    }
+}
+
+/// Segments every picture and writes what was found.
+///
+/// # Errors
+/// Where nothing could be begun, and at the end where a picture has no profile; its own file then says why.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let settings = settings(args)?;
+    let names = Names::choose(&args.images, &args.out)?;
+    let done = AtomicUsize::new(0);
+    let failed = names
+        .par_iter()
+        .map(|names| {
+            let report = one(names, &settings, args.bayer);
+            let written = report.write(names);
+            let told = match &written {
+                Ok(()) => report.told(),
+                Err(e) => format!("not written: {e}"),
+            };
+            let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+            eprintln!("[{count}/{}] {}: {told}", args.images.len(), names.image.display());
+            usize::from(written.is_err() || report.failed())
+        })
+        .sum::<usize>();
+    if failed > 0 {
+        bail!("{failed} of {} pictures have no profile; the lines above and their JSON files say why", args.images.len());
+    }
+    Ok(())
+}
+
+fn one<'a>(names: &Names, settings: &'a SegmentSettings, bayer: bool) -> Report<'a> {
+    let mut report = Report::new(names, settings);
+    match input::read(&names.image, bayer) {
+        Err(e) => report.fail(format!("{e:#}")),
+        Ok(input) => {
+            let picture = profile::Picture::from_frame(&input.frame);
+            report.found(&input, profile::segment(&picture, settings).map(|profile| (picture, profile)));
+        }
+    }
+    report
+}
+
+fn settings(args: &Args) -> anyhow::Result<SegmentSettings> {
+    let mut settings = args.settings.as_deref().map_or_else(|| Ok(SegmentSettings::default()), read_settings)?;
+    if let Some(method) = args.method {
+        settings.method = method.into();
+    }
+    Ok(settings)
+}
+
+fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
+    let name = || format!("--settings {}", file.display());
+    let text = std::fs::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;
+    let breaches: Vec<String> = settings.check().iter().map(ToString::to_string).collect();
+    if !breaches.is_empty() {
+        bail!("{}: {}", name(), breaches.join("; "));
+    }
+    Ok(settings)
+}

@@ -1,0 +1,238 @@
+//! What a picture leaves: names that clash with nothing, and the four files.
+
+use super::input::Input;
+use super::overlay;
+use crate::profile::{Detection, EdgePoint, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Walls};
+use crate::store::{Software, StoreError, durable};
+use anyhow::{Context, bail};
+use image::codecs::png::PngEncoder;
+use image::{ExtendedColorType, ImageEncoder};
+use serde::Serialize;
+use std::collections::HashMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+const SCHEMA: &str = "carved.segment/1";
+const EDGE_SCHEMA: &str = "carved.edge/1";
+const CONVENTION: &str = "px; pixel centres at integers, u to the right, v down; [u, v]; the last vertex is joined to the first";
+
+/// One picture and where its results go.
+#[derive(Debug)]
+pub(super) struct Names {
+    pub image: PathBuf,
+    mask: PathBuf,
+    edge: PathBuf,
+    overlay: PathBuf,
+    report: PathBuf,
+}
+
+impl Names {
+    /// Names all results and makes the folder; refuses names that would make one result replace another, or a picture.
+    pub fn choose(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<Self>> {
+        let chosen: Vec<Self> = images.iter().map(|image| Self::of(image, out)).collect::<anyhow::Result<_>>()?;
+        let mut taken: HashMap<&Path, &Path> = HashMap::new();
+        for names in &chosen {
+            for file in names.files() {
+                if let Some(other) = taken.insert(file, &names.image) {
+                    bail!(
+                        "{} and {} would both leave {}; give them other names, or another --out in a second call",
+                        other.display(),
+                        names.image.display(),
+                        file.display()
+                    );
+                }
+            }
+        }
+        let there: HashMap<PathBuf, &Path> = images.iter().filter_map(|i| Some((i.canonicalize().ok()?, i.as_path()))).collect();
+        for file in taken.keys() {
+            if let Some(image) = file.canonicalize().ok().and_then(|f| there.get(&f)) {
+                bail!("--out {}: a result would replace the picture {}; give another folder", out.display(), image.display());
+            }
+        }
+        durable::create_folder(out).with_context(|| format!("--out {}", out.display()))?;
+        Ok(chosen)
+    }
+
+    fn of(image: &Path, out: &Path) -> anyhow::Result<Self> {
+        let stem = image.file_stem().with_context(|| format!("{}: found no name of a file", image.display()))?;
+        let name = |suffix: &str| {
+            let mut name = OsString::from(stem);
+            name.push(suffix);
+            out.join(name)
+        };
+        Ok(Self {
+            image: image.to_owned(),
+            mask: name(".mask.png"),
+            edge: name(".edge.json"),
+            overlay: name(".overlay.png"),
+            report: name(".json"),
+        })
+    }
+
+    fn files(&self) -> [&Path; 4] {
+        [&self.mask, &self.edge, &self.overlay, &self.report]
+    }
+}
+
+/// `STEM.json`. No clock stands in it: the same picture and settings give the same bytes.
+#[derive(Serialize)]
+pub(super) struct Report<'a> {
+    schema: &'static str,
+    software: Software,
+    input: InputReport,
+    settings: &'a SegmentSettings,
+    /// Why there is no profile.
+    error: Option<String>,
+    profile: Option<ProfileReport>,
+    #[serde(skip)]
+    drawn: Option<(Picture, Profile)>,
+}
+
+#[derive(Serialize)]
+struct InputReport {
+    name: String,
+    sha256: Option<String>,
+    width_px: Option<u32>,
+    height_px: Option<u32>,
+    pixel_format: Option<&'static str>,
+    bits: Option<u32>,
+}
+
+#[derive(Serialize)]
+struct ProfileReport {
+    area_px: usize,
+    /// Enclosed by the sub-pixel outlines; the sum of none is -0, which 0 makes 0.
+    area_px2: f64,
+    detection: Detection,
+    quality: ProfileQuality,
+    walls: Walls,
+}
+
+/// `STEM.edge.json`.
+#[derive(Serialize)]
+struct EdgeFile<'a> {
+    schema: &'static str,
+    convention: &'static str,
+    input: &'a str,
+    width_px: usize,
+    height_px: usize,
+    polygons: Vec<EdgePolygon>,
+}
+
+/// One outline; the lists go along the vertices.
+#[derive(Serialize)]
+struct EdgePolygon {
+    vertices: Vec<[f64; 2]>,
+    /// Height of the step, in standard deviations of a pixel's noise.
+    contrast_sigma: Vec<f64>,
+    /// Standard error of the place; `null` where nothing could be fitted.
+    error_px: Vec<f64>,
+    /// On a wall or on the border of the picture, where the specimen's own edge cannot be seen.
+    bounded: Vec<bool>,
+}
+
+impl EdgePolygon {
+    fn new(polygon: &Polygon, points: &[EdgePoint]) -> Self {
+        // A ten-thousandth of a pixel is a hundredth of the best standard error.
+        let short = |x: f64| (x * 1e4).round() / 1e4;
+        Self {
+            vertices: polygon.vertices.iter().map(|v| v.map(short)).collect(),
+            contrast_sigma: points.iter().map(|p| short(p.contrast)).collect(),
+            error_px: points.iter().map(|p| short(p.error_px)).collect(),
+            bounded: points.iter().map(|p| p.bounded).collect(),
+        }
+    }
+}
+
+impl<'a> Report<'a> {
+    pub fn new(names: &Names, settings: &'a SegmentSettings) -> Self {
+        let name = names.image.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Self {
+            schema: SCHEMA,
+            software: Software::this(),
+            input: InputReport { name, sha256: None, width_px: None, height_px: None, pixel_format: None, bits: None },
+            settings,
+            error: None,
+            profile: None,
+            drawn: None,
+        }
+    }
+
+    pub fn fail(&mut self, error: String) {
+        self.error = Some(error);
+    }
+
+    pub fn found(&mut self, input: &Input, found: Result<(Picture, Profile), ProfileError>) {
+        self.input.sha256 = Some(input.sha256.clone());
+        self.input.width_px = Some(input.frame.width());
+        self.input.height_px = Some(input.frame.height());
+        self.input.pixel_format = Some(input.frame.format().name());
+        self.input.bits = Some(input.bits);
+        match found {
+            Err(e) => self.fail(e.to_string()),
+            Ok((picture, profile)) => {
+                self.profile = Some(ProfileReport {
+                    area_px: profile.mask.area_px(),
+                    area_px2: profile.edge.iter().map(Polygon::area_px2).sum::<f64>() + 0.0,
+                    detection: profile.detection,
+                    quality: profile.quality,
+                    walls: profile.walls,
+                });
+                self.drawn = Some((picture, profile));
+            }
+        }
+    }
+
+    pub fn failed(&self) -> bool {
+        self.error.is_some()
+    }
+
+    /// One line for whoever waits.
+    pub fn told(&self) -> String {
+        match (&self.error, &self.profile) {
+            (Some(error), _) => error.clone(),
+            (None, Some(p)) if p.detection.is_specimen() => format!("specimen, {} px", p.area_px),
+            (None, _) => "empty".into(),
+        }
+    }
+
+    /// Writes the files, the report last. A picture that failed keeps no older outline beside its error.
+    pub fn write(&self, names: &Names) -> anyhow::Result<()> {
+        match &self.drawn {
+            Some((picture, profile)) => {
+                let (w, h) = (picture.width(), picture.height());
+                durable::write(&names.mask, &png(profile.mask.data(), w, h, ExtendedColorType::L8)?)?;
+                durable::write(&names.overlay, &png(&overlay::draw(picture, profile), w, h, ExtendedColorType::Rgb8)?)?;
+                let edge = EdgeFile {
+                    schema: EDGE_SCHEMA,
+                    convention: CONVENTION,
+                    input: &self.input.name,
+                    width_px: w,
+                    height_px: h,
+                    polygons: profile.edge.iter().zip(&profile.edge_points).map(|(p, q)| EdgePolygon::new(p, q)).collect(),
+                };
+                let mut text = serde_json::to_vec(&edge)?;
+                text.push(b'\n');
+                durable::write(&names.edge, &text)?;
+            }
+            None => [&names.mask, &names.edge, &names.overlay].into_iter().try_for_each(|file| remove(file))?,
+        }
+        durable::write_json(&names.report, self)?;
+        Ok(())
+    }
+}
+
+fn remove(file: &Path) -> Result<(), StoreError> {
+    match std::fs::remove_file(file) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(StoreError::Io { what: "remove the older", path: file.to_owned(), source: e })
+        }
+        _ => Ok(()),
+    }
+}
+
+fn png(pixels: &[u8], width: usize, height: usize, colour: ExtendedColorType) -> anyhow::Result<Vec<u8>> {
+    let mut out = Vec::new();
+    PngEncoder::new(&mut out).write_image(pixels, width as u32, height as u32, colour)?;
+    Ok(out)
+}
