@@ -1,16 +1,17 @@
 //! What the emulated camera looks at: a specimen in a glass capillary, in bright field, with exact truth.
 //!
 //! ```text
-//!   SceneSettings -> Scene --load(specimen)--> [ capillary + specimen ] <--angle-- the emulated axis
+//!   SceneSettings -> Scene --load(contents)--> [ capillary + specimens + clutter ] <--angle-- the emulated axis
 //!                      |                               |
 //!                      |   render(angle, number)       v
 //!                      +--> phantom parts -> raster -> transmission -> blur -> noise -> Rgb -> Bayer or grey
-//!                      +--> truth_mask(angle): coverage        specimen.truth(): volume, area, hull
+//!                      +--> truth_mask(angle): coverage by the specimens        specimen.truth(): volume, area, hull
 //! ```
 //! One scene is shared by all emulated devices: what the camera shows follows what the axis did.
 
 pub mod camera;
 pub mod capillary;
+pub mod contents;
 pub mod image;
 pub mod optics;
 pub mod phantom;
@@ -18,12 +19,13 @@ mod seeded;
 
 pub use camera::Camera;
 pub use capillary::Capillary;
+pub use contents::Contents;
 pub use image::{Coverage, Rgb};
 pub use optics::Optics;
 pub use phantom::{Larva, Mesh, Placement, PlacementError, Specimen, Truth};
 
 use optics::{Window, background, blur_reach, blurred, covered, exposed, thickness, transmission};
-use phantom::Within;
+use phantom::{Material, Within};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, PoisonError, RwLock};
@@ -51,14 +53,14 @@ const FRAME_SAMPLES: (usize, usize) = (2, 4);
 /// Samples per pixel of a mask: 64 levels of coverage.
 const MASK_SAMPLES: (usize, usize) = (8, 8);
 
-/// The specimen in its capillary. Loading and rendering may happen on different threads.
+/// The capillary with what lies in it. Loading and rendering may happen on different threads.
 #[derive(Debug)]
 pub struct Scene {
     settings: SceneSettings,
     /// The empty capillary before and after blur.
     sharp: Vec<[f32; 3]>,
     soft: Vec<[f32; 3]>,
-    loaded: RwLock<Option<Arc<Specimen>>>,
+    loaded: RwLock<Arc<Contents>>,
 }
 
 impl Scene {
@@ -66,16 +68,16 @@ impl Scene {
     pub fn new(settings: SceneSettings) -> Self {
         let sharp = background(&settings.camera, &settings.capillary, &settings.optics);
         let soft = blurred(&sharp, settings.camera.width as usize, settings.optics.blur_px);
-        Self { settings, sharp, soft, loaded: RwLock::new(None) }
+        Self { settings, sharp, soft, loaded: RwLock::default() }
     }
 
-    /// Swaps what is in the capillary; `None` empties it.
+    /// Swaps what is in the capillary: one specimen, none (`None` empties it) or more and clutter beside.
     ///
     /// # Errors
-    /// Refuses a specimen that leaves the bore; what was loaded then stays.
-    pub fn load(&self, specimen: Option<Specimen>) -> Result<(), PlacementError> {
-        let settled = specimen.map(|s| s.settled(self.settings.capillary.bore_radius_um())).transpose()?;
-        *self.loaded.write().unwrap_or_else(PoisonError::into_inner) = settled.map(Arc::new);
+    /// Refuses what leaves the bore; what was loaded then stays.
+    pub fn load(&self, contents: impl Into<Contents>) -> Result<(), PlacementError> {
+        let settled = contents.into().settled(self.settings.capillary.bore_radius_um())?;
+        *self.loaded.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(settled);
         Ok(())
     }
 
@@ -84,44 +86,39 @@ impl Scene {
     }
 
     /// What is loaded, placed in the bore.
-    pub fn specimen(&self) -> Option<Arc<Specimen>> {
-        self.loaded.read().unwrap_or_else(PoisonError::into_inner).clone()
+    pub fn contents(&self) -> Arc<Contents> {
+        Arc::clone(&self.loaded.read().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Truth of what is loaded.
+    /// Truth of the one specimen that is loaded; None where there is none or more than one.
     pub fn truth(&self) -> Option<Truth> {
-        self.specimen().map(|s| s.truth())
+        match self.contents().specimens.as_slice() {
+            [one] => Some(one.truth()),
+            _ => None,
+        }
     }
 
     /// The frame that the camera takes.
     pub fn render(&self, exposure: &Exposure) -> Rgb {
         let camera = &self.settings.camera;
         let width = camera.width as usize;
-        let data = match self.specimen().and_then(|s| self.lit(&s, exposure.angle_rad)) {
+        let data = match self.lit(&self.contents(), exposure.angle_rad) {
             Some(light) => exposed(&light, width, &self.settings.optics, exposure.number),
             None => exposed(&self.soft, width, &self.settings.optics, exposure.number),
         };
         Rgb { width: camera.width, height: camera.height, data }
     }
 
-    /// The light on the sensor with the specimen in place; None where the specimen is out of sight.
-    fn lit(&self, specimen: &Specimen, angle_rad: f64) -> Option<Vec<[f32; 3]>> {
+    /// The light on the sensor with the contents in place; None where nothing of them is in sight.
+    fn lit(&self, contents: &Contents, angle_rad: f64) -> Option<Vec<[f32; 3]>> {
         let SceneSettings { camera, optics, .. } = &self.settings;
         let view = camera.view(angle_rad);
         let reach = blur_reach(optics.blur_px);
-        // Twice the blur's reach: the inner half is what the specimen changes, the outer half feeds the blur.
-        let window = self.window(specimen, angle_rad, 2 * reach as i64 + 2, FRAME_SAMPLES)?;
-        let mut parts: Vec<_> =
-            specimen.parts.par_iter().map(|part| (thickness(&part.mesh, &view, camera.f_um, &window), part.material)).collect();
-        if let Some(((body, _), others)) = parts.split_first_mut() {
-            for ((plane, _), part) in others.iter_mut().zip(&specimen.parts[1..]) {
-                if part.within_body == Within::Replaced {
-                    // Exact where the one's passage holds the other's, as for a plate and the body that it grows from.
-                    plane.iter_mut().zip(&*body).for_each(|(own, body)| *own = (*own - body).max(0.0));
-                }
-            }
-        }
-        let mut block = transmission(&parts, &specimen.spots, camera, &view, optics, &window);
+        // Twice the blur's reach: the inner half is what the contents change, the outer half feeds the blur.
+        let window = self.window(contents.all(), angle_rad, 2 * reach as i64 + 2, FRAME_SAMPLES)?;
+        let parts: Vec<_> = contents.all().flat_map(|specimen| passages(specimen, &view, camera.f_um, &window)).collect();
+        let spots: Vec<_> = contents.all().flat_map(|specimen| specimen.spots.iter().copied()).collect();
+        let mut block = transmission(&parts, &spots, camera, &view, optics, &window);
         let width = camera.width as usize;
         let start = |row: usize| (window.v0 as usize + row) * width + window.u0 as usize;
         for (row, pixels) in block.chunks_mut(window.width).enumerate() {
@@ -144,16 +141,16 @@ impl Scene {
         Some(light)
     }
 
-    /// How much of each pixel the specimen covers, fins included.
+    /// How much of each pixel the specimens cover, fins included and clutter not.
     pub fn truth_mask(&self, angle_rad: f64) -> Coverage {
         let camera = &self.settings.camera;
         let width = camera.width as usize;
         let mut data = vec![0u8; width * camera.height as usize];
-        if let Some(specimen) = self.specimen()
-            && let Some(window) = self.window(&specimen, angle_rad, 1, MASK_SAMPLES)
-        {
+        let contents = self.contents();
+        if let Some(window) = self.window(contents.specimens.iter(), angle_rad, 1, MASK_SAMPLES) {
             let view = camera.view(angle_rad);
-            let planes: Vec<_> = specimen.parts.par_iter().map(|part| thickness(&part.mesh, &view, camera.f_um, &window)).collect();
+            let parts: Vec<_> = contents.specimens.iter().flat_map(|specimen| &specimen.parts).collect();
+            let planes: Vec<_> = parts.par_iter().map(|part| thickness(&part.mesh, &view, camera.f_um, &window)).collect();
             let samples = covered(&planes);
             for v in 0..window.height {
                 for u in 0..window.width {
@@ -171,15 +168,37 @@ impl Scene {
         Coverage { width: camera.width, height: camera.height, data }
     }
 
-    fn window(&self, specimen: &Specimen, angle_rad: f64, margin: i64, samples: (usize, usize)) -> Option<Window> {
+    /// The pixels in which any of the specimens is seen.
+    fn window<'a>(
+        &self,
+        specimens: impl Iterator<Item = &'a Specimen>,
+        angle_rad: f64,
+        margin: i64,
+        samples: (usize, usize),
+    ) -> Option<Window> {
         let camera = &self.settings.camera;
         let view = camera.view(angle_rad);
-        let seen = specimen.parts.iter().flat_map(|part| &part.mesh.vertices).map(|&v| {
+        let seen = specimens.flat_map(Specimen::points).map(|&v| {
             let p = view.project(v);
             [p.u_px, p.v_px]
         });
         Window::around(seen, margin, (camera.width, camera.height), samples)
     }
+}
+
+/// Thickness of each part of a specimen along the rays of the window's samples, with its material.
+fn passages(specimen: &Specimen, view: &camera::View, reference_depth_um: f64, window: &Window) -> Vec<(Vec<f32>, Material)> {
+    let mut parts: Vec<_> =
+        specimen.parts.par_iter().map(|part| (thickness(&part.mesh, view, reference_depth_um, window), part.material)).collect();
+    if let Some(((body, _), others)) = parts.split_first_mut() {
+        for ((plane, _), part) in others.iter_mut().zip(&specimen.parts[1..]) {
+            if part.within_body == Within::Replaced {
+                // Exact where the one's passage holds the other's, as for a plate and the body that it grows from.
+                plane.iter_mut().zip(&*body).for_each(|(own, body)| *own = (*own - body).max(0.0));
+            }
+        }
+    }
+    parts
 }
 
 #[cfg(test)]

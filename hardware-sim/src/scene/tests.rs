@@ -1,5 +1,7 @@
 //! The scene against formulas that it does not use.
 
+mod contents;
+
 use super::*;
 use std::f64::consts::PI;
 use std::path::PathBuf;
@@ -112,9 +114,10 @@ fn volume_from_thickness(specimen: Specimen, angle: f64) -> f64 {
     let mut settings = exact();
     settings.camera.f_um = 6e7;
     let scene = loaded(settings, specimen);
-    let specimen = scene.specimen().unwrap();
+    let contents = scene.contents();
+    let specimen = &contents.specimens[0];
     let camera = &scene.settings().camera;
-    let window = scene.window(&specimen, angle, 1, (4, 4)).unwrap();
+    let window = scene.window(contents.specimens.iter(), angle, 1, (4, 4)).unwrap();
     let plane = thickness(&specimen.parts[0].mesh, &camera.view(angle), camera.f_um, &window);
     plane.iter().map(|&t| f64::from(t)).sum::<f64>() * (5.5f64 / 4.0).powi(2)
 }

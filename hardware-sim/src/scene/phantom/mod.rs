@@ -2,12 +2,15 @@
 //!
 //! ```text
 //!   larva(dpf, seed)  bead  ellipsoid  mesh          each is a list of parts: closed mesh + material (what the optics see)
-//!          \            |      |        /            plus spots of pigment,
-//!           +-----------+------+-------+             plus Truth (what a measurement is judged by)
+//!   dead_larva          \      |        /            plus spots of pigment,
+//!   bubble  plug  chip  fibre  |       |             plus Truth (what a measurement is judged by)
 //! ```
 //! Everything is made in the specimen's own frame (um; x along the capillary, y down, z away from the camera at angle 0)
 //! and then placed in the bore once.
 
+mod bubble;
+mod dead;
+mod debris;
 mod hull;
 mod larva;
 mod mesh;
@@ -36,6 +39,10 @@ impl Material {
     pub const TISSUE: Self = Self { absorption_per_mm: [1.05, 1.25, 1.65], index_step: 0.024 };
     /// Polystyrene as beads show it: translucent with a broad dark rim.
     pub const POLYSTYRENE: Self = Self { absorption_per_mm: [0.30, 0.32, 0.36], index_step: 0.045 };
+    /// Air in water.
+    pub const AIR: Self = Self { absorption_per_mm: [0.0; 3], index_step: -0.333 };
+    /// Opaque grit and fibres: 30 um let a third of the light through.
+    pub const DEBRIS: Self = Self { absorption_per_mm: [34.0, 37.0, 42.0], index_step: 0.1 };
 }
 
 /// A closed surface of one material.
@@ -71,22 +78,18 @@ pub struct Truth {
 }
 
 /// Where in the bore the specimen lies, and how it is turned. It turns with the capillary.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Placement {
     pub x_um: f64,
     pub y_um: f64,
     pub z_um: f64,
+    /// Turned half around the y axis first: what lay to the left, as a larva's head does, lies to the right.
+    pub faces_right: bool,
     /// Turn about its own x axis before it is moved.
     pub roll_rad: f64,
     /// Lets it sink in +y until it touches the bore; `y_um` is then where it starts from.
     pub rests_on_wall: bool,
-}
-
-impl Default for Placement {
-    fn default() -> Self {
-        Self { x_um: 0.0, y_um: 0.0, z_um: 0.0, roll_rad: 0.0, rests_on_wall: false }
-    }
 }
 
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -227,7 +230,11 @@ impl Specimen {
     pub(crate) fn settled(mut self, bore_radius_um: f64) -> Result<Self, PlacementError> {
         let p = self.placement;
         let (sin, cos) = p.roll_rad.sin_cos();
-        let place = |[x, y, z]: [f64; 3]| [x + p.x_um, y * cos - z * sin + p.y_um, y * sin + z * cos + p.z_um];
+        let side = if p.faces_right { -1.0 } else { 1.0 };
+        let place = |[x, y, z]: [f64; 3]| {
+            let (x, z) = (side * x, side * z);
+            [x + p.x_um, y * cos - z * sin + p.y_um, y * sin + z * cos + p.z_um]
+        };
         self.move_all(place);
         if p.rests_on_wall {
             let drop_um = self.depth_to_wall(bore_radius_um);
@@ -241,7 +248,7 @@ impl Specimen {
         Ok(self)
     }
 
-    fn points(&self) -> impl Iterator<Item = &[f64; 3]> {
+    pub(crate) fn points(&self) -> impl Iterator<Item = &[f64; 3]> {
         self.parts.iter().flat_map(|part| &part.mesh.vertices)
     }
 

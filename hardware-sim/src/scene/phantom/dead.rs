@@ -1,0 +1,46 @@
+//! A larva that has died: opaque and clouded tissue, no fin fold, no air in its bladder, a curled tail.
+
+use super::larva::{Larva, LarvaError};
+use super::{Material, Specimen};
+use crate::scene::seeded::{Seeded, mixed};
+use std::f64::consts::TAU;
+
+/// Clotted tissue: greyish brown, several times darker than the living.
+const CLOTTED: Material = Material { absorption_per_mm: [4.2, 4.8, 5.8], index_step: 0.03 };
+
+/// The part of the body that stays straight, and how far the tip of the tail is curled off.
+const STRAIGHT: f64 = 0.4;
+const CURL_UM: [f64; 2] = [150.0, 215.0];
+
+/// Clouds in the living tissue are fainter than this optical density; what is darker is pigment.
+const FAINT: f64 = 0.6;
+
+impl Specimen {
+    /// A dead larva: the shape of the living one of this seed, with its tail curled to one side. Its truth is that of the
+    /// mesh that is drawn.
+    ///
+    /// # Errors
+    /// Refuses other ages than 3, 4 and 5 dpf.
+    pub fn dead_larva(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
+        let mut dead = Larva::new(dpf, seed)?.without_fins().specimen();
+        let length_um = dead.truth.length_um;
+        let mut seeded = Seeded::new(mixed(seed ^ 0xDEAD));
+        let (sin, cos) = seeded.between(0.0, TAU).sin_cos();
+        let curl = seeded.between(CURL_UM[0], CURL_UM[1]);
+        dead.move_all(|[x, y, z]| {
+            let behind = ((x / length_um + 0.5 - STRAIGHT) / (1.0 - STRAIGHT)).max(0.0);
+            let aside = curl * behind * behind;
+            [x, y + aside * cos, z + aside * sin]
+        });
+        // Parts that bend light against the body's own are air or clear tissue: both are gone.
+        dead.parts.retain(|part| part.material.index_step >= 0.0);
+        for spot in dead.spots.iter_mut().filter(|spot| spot.density.abs() < FAINT) {
+            spot.density *= 3.5;
+            spot.radius_um *= 1.2;
+        }
+        let body = dead.parts.first().map(|part| part.mesh.clone()).unwrap_or_default();
+        dead.truth = Self::mesh(body).truth;
+        dead.name = format!("dead larva of {dpf} dpf, seed {seed}");
+        Ok(dead.of_material(CLOTTED))
+    }
+}
