@@ -9,19 +9,34 @@ pub struct Capillary {
     pub bore_diameter_um: f64,
     /// Thickness of the glass.
     pub glass_um: f64,
-    /// Darkness of the inner wall's line, as a part of 1.
+    /// Darkness of the upper inner wall's line, as a part of 1.
     pub wall_contrast: f64,
+    /// The lower wall's darkness as a part of the upper's: the lamp shines a little from above.
+    pub lower_share: f64,
     /// Standard deviation of a wall line's width.
     pub wall_line_px: f64,
-    /// How far red and blue lines are apart from green.
+    /// How far a wall's red image lies below its green one, and its blue one above: brownish above, bluish below.
     pub fringe_px: f64,
-    /// Darkness of the glass beside its bright core, as a part of 1.
+    /// Darkness of the glass between its two lines, as a part of 1.
     pub glass_shade: f64,
+    /// Loss of light in the water beside a wall, as a part of 1, and how far it reaches.
+    pub bore_shade: f64,
+    pub bore_shade_px: f64,
 }
 
 impl Default for Capillary {
     fn default() -> Self {
-        Self { bore_diameter_um: 650.0, glass_um: 60.0, wall_contrast: 0.72, wall_line_px: 1.2, fringe_px: 0.25, glass_shade: 0.22 }
+        Self {
+            bore_diameter_um: 650.0,
+            glass_um: 36.0,
+            wall_contrast: 0.66,
+            lower_share: 0.8,
+            wall_line_px: 0.9,
+            fringe_px: 0.28,
+            glass_shade: 0.36,
+            bore_shade: 0.12,
+            bore_shade_px: 7.0,
+        }
     }
 }
 

@@ -154,7 +154,7 @@ fn frames_repeat_by_number_and_differ_between_numbers() {
 #[test]
 fn noise_has_the_variance_of_photons_and_readout() {
     let optics = Optics { vignetting: 0.0, unevenness: 0.0, ..Optics::default() };
-    let capillary = Capillary { wall_contrast: 0.0, glass_shade: 0.0, ..Capillary::default() };
+    let capillary = Capillary { wall_contrast: 0.0, glass_shade: 0.0, bore_shade: 0.0, ..Capillary::default() };
     let scene = Scene::new(SceneSettings { optics: optics.clone(), capillary, ..SceneSettings::default() });
     let frame = scene.render(&Exposure { angle_rad: 0.0, number: 3 });
     let green: Vec<f64> = frame.data.iter().skip(1).step_by(3).map(|&g| f64::from(g)).collect();

@@ -1,10 +1,10 @@
 //! The picture without a specimen: uneven light and the glass walls.
 //!
 //! ```text
-//!   v  -------------------------------   outer wall: weak dark line
-//!      . . . . . . . . . . . . . . . .   glass: greyer, with a bright core
-//!      ===============================   inner wall: strong dark line, with a colour fringe
-//!                 bore
+//!   v  -------------------------------   outer wall: weak dark line   } brownish above, bluish below:
+//!      . . . . . . . . . . . . . . . .   glass: greyer                } colours meet it at unlike heights
+//!      ===============================   inner wall: strong dark line }
+//!                 bore                   water: a little darker towards the walls
 //! ```
 
 use super::Optics;
@@ -53,28 +53,33 @@ impl WallColumn {
 
     fn transmission(&self, v_px: f64, capillary: &Capillary) -> [f64; 3] {
         let mut out = [1.0; 3];
-        for side in 0..2 {
+        for (side, strength) in [1.0, capillary.lower_share].into_iter().enumerate() {
             let outward = if side == 0 { -1.0 } else { 1.0 };
-            // Distance outside the bore, and depth below the outer wall.
-            let from_inner = outward * (v_px - self.inner[side]);
             let thickness = outward * (self.outer[side] - self.inner[side]);
-            let across = from_inner / thickness.max(1e-6);
-            let glass = if (0.0..=1.0).contains(&across) {
-                let core = (-((across - 0.55) / 0.2).powi(2)).exp();
-                capillary.glass_shade * (1.0 - core)
-            } else {
-                0.0
-            };
-            // A halo fades outwards from the inner line, as light bent by the wall's foot is missing there.
-            let halo = if from_inner > 0.0 { 0.5 * capillary.wall_contrast * (-from_inner / 3.0).exp() } else { 0.0 };
             for (k, value) in out.iter_mut().enumerate() {
-                // Colours meet the wall at slightly different places: a fringe, red outside and blue inside.
-                let fringe = capillary.fringe_px * (1.0 - k as f64);
-                let line = |at: f64, depth: f64| 1.0 - depth * (-0.5 * ((from_inner - at - fringe) / capillary.wall_line_px).powi(2)).exp();
-                *value *=
-                    line(0.0, capillary.wall_contrast) * line(thickness, 0.45 * capillary.wall_contrast) * (1.0 - glass) * (1.0 - halo);
+                let shifted = v_px - capillary.fringe_px * (1.0 - k as f64);
+                // Distance outside the bore.
+                let from_inner = outward * (shifted - self.inner[side]);
+                let line = |at: f64, depth: f64| 1.0 - depth * (-0.5 * ((from_inner - at) / capillary.wall_line_px).powi(2)).exp();
+                // Grey between the lines, with half a pixel of transition.
+                let within = step_over(from_inner / 0.5) * step_over((thickness - from_inner) / 0.5);
+                // Light bent by the wall's foot is missing on either side of it.
+                let halo = if from_inner > 0.0 {
+                    0.25 * capillary.wall_contrast * (-(from_inner - thickness).abs() / 1.6).exp()
+                } else {
+                    capillary.bore_shade * (from_inner / capillary.bore_shade_px).exp()
+                };
+                *value *= line(0.0, strength * capillary.wall_contrast)
+                    * line(thickness, 0.6 * strength * capillary.wall_contrast)
+                    * (1.0 - strength * capillary.glass_shade * within)
+                    * (1.0 - strength * halo);
             }
         }
         out
     }
+}
+
+/// From 0 to 1 around 0.
+fn step_over(t: f64) -> f64 {
+    1.0 / (1.0 + (-4.0 * t).exp())
 }

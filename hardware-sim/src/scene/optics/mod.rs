@@ -37,7 +37,11 @@ pub struct Optics {
     pub aperture_rad: f64,
     /// Light that still arrives, scattered, where every ray misses, as a part of 1.
     pub stray_light: f64,
-    /// Standard deviation of the defocus blur.
+    /// How far the lamp shines from above: rims are then darker below than above, rad.
+    pub lamp_tilt_rad: f64,
+    /// Growth of a pigment spot per um out of the focal plane, which holds the capillary's axis.
+    pub defocus_rad: f64,
+    /// Standard deviation of the blur of all in the picture.
     pub blur_px: f64,
     /// Electrons at level 255: sets the photon noise; 0 switches it off.
     pub full_well_electrons: f64,
@@ -49,11 +53,13 @@ pub struct Optics {
 impl Default for Optics {
     fn default() -> Self {
         Self {
-            light_rgb: [224.0, 238.0, 244.0],
-            vignetting: 0.12,
-            unevenness: 0.03,
+            light_rgb: [234.0, 246.0, 250.0],
+            vignetting: 0.08,
+            unevenness: 0.035,
             aperture_rad: 0.085,
             stray_light: 0.06,
+            lamp_tilt_rad: 0.008,
+            defocus_rad: 0.022,
             blur_px: 0.7,
             full_well_electrons: 18_000.0,
             read_noise: 1.0,
@@ -66,6 +72,15 @@ impl Optics {
     /// No noise, no blur, even light: what a test compares to a formula.
     #[must_use]
     pub fn exact() -> Self {
-        Self { vignetting: 0.0, unevenness: 0.0, blur_px: 0.0, full_well_electrons: 0.0, read_noise: 0.0, ..Self::default() }
+        Self {
+            vignetting: 0.0,
+            unevenness: 0.0,
+            lamp_tilt_rad: 0.0,
+            defocus_rad: 0.0,
+            blur_px: 0.0,
+            full_well_electrons: 0.0,
+            read_noise: 0.0,
+            ..Self::default()
+        }
     }
 }

@@ -19,11 +19,11 @@ pub fn transmission(
         .into_par_iter()
         .map(|i| parts.iter().map(|(plane, material)| plane[i] * material.index_step as f32).sum())
         .collect();
-    let pigment = pigment(spots, camera, view, window);
+    let pigment = pigment(spots, camera, view, optics, window);
     // Slope of the optical path per um of object, by differences over two samples.
     let per_u = (camera.kx_px_per_um * window.fine_u as f64 / 2.0) as f32;
     let per_v = (camera.ky_px_per_um * window.fine_v as f64 / 2.0) as f32;
-    let (aperture, stray) = (optics.aperture_rad as f32, optics.stray_light as f32);
+    let (aperture, stray, lamp) = (optics.aperture_rad as f32, optics.stray_light as f32, optics.lamp_tilt_rad as f32);
     let samples_per_pixel = (window.fine_u * window.fine_v) as f32;
 
     let mut out = vec![[0.0f32; 3]; window.width * window.height];
@@ -52,7 +52,9 @@ pub fn transmission(
                 let (left, right) = (column.saturating_sub(1), (column + 1).min(columns - 1));
                 let slope_u = (path[row * columns + right] - path[row * columns + left]) * per_u;
                 let slope_v = (path[below + column] - path[above + column]) * per_v;
-                let bent = (slope_u * slope_u + slope_v * slope_v) / (aperture * aperture);
+                // The lamp's light comes a little from above: what bends it further down leaves the lens sooner.
+                let lost = slope_u * slope_u + slope_v * (slope_v + 2.0 * lamp);
+                let bent = lost.max(0.0) / (aperture * aperture);
                 let caught = stray + (1.0 - stray) / (1.0 + bent * bent);
                 for (p, d) in pixel.iter_mut().zip(density) {
                     *p += caught * (-(d + pigment[i]).max(0.0)).exp();
@@ -68,29 +70,65 @@ pub fn transmission(
     out
 }
 
-/// Optical density of all spots per sample.
-fn pigment(spots: &[Spot], camera: &Camera, view: &View, window: &Window) -> Vec<f32> {
-    let (columns, rows) = (window.columns(), window.rows());
-    let mut plane = vec![0.0f32; columns * rows];
-    for spot in spots {
+/// A spot as it is seen, in samples.
+struct Disc {
+    x: f64,
+    y: f64,
+    radius_x: f64,
+    radius_y: f64,
+    density: f64,
+}
+
+impl Disc {
+    /// Out of focus a spot is wider and as much paler as it covers more.
+    fn seen(spot: &Spot, camera: &Camera, view: &View, optics: &Optics, window: &Window) -> Self {
         let p = view.project(spot.at_um);
         let (x, y) = window.to_samples(p.u_px, p.v_px);
-        let radius_x = spot.radius_um * camera.kx_px_per_um * window.fine_u as f64;
-        let radius_y = spot.radius_um * camera.ky_px_per_um * window.fine_v as f64;
-        let span = |at: f64, radius: f64, size: usize| {
-            let first = (at - 1.3 * radius).ceil().max(0.0) as usize;
-            let last = (at + 1.3 * radius).floor().min(size as f64 - 1.0);
-            first..(last + 1.0).max(0.0) as usize
+        let radius_um = spot.radius_um.hypot(optics.defocus_rad * (p.depth_um - camera.f_um));
+        Self {
+            x,
+            y,
+            radius_x: radius_um * camera.kx_px_per_um * window.fine_u as f64,
+            radius_y: radius_um * camera.ky_px_per_um * window.fine_v as f64,
+            density: spot.density * (spot.radius_um / radius_um).powi(2),
+        }
+    }
+
+    /// Adds its density to the samples of some rows.
+    fn draw(&self, columns: usize, first_row: usize, rows: &mut [f32]) {
+        let last_row = first_row + rows.len() / columns;
+        let span = |at: f64, radius: f64, from: usize, to: usize| {
+            let first = (at - REACH * radius).ceil().max(from as f64) as usize;
+            let end = (at + REACH * radius).floor().min(to as f64 - 1.0) + 1.0;
+            first..end.max(0.0) as usize
         };
-        for row in span(y, radius_y, rows) {
-            let dy = (row as f64 - y) / radius_y;
-            for column in span(x, radius_x, columns) {
-                let dx = (column as f64 - x) / radius_x;
-                // Flat in the middle, gone at 1.3 radii.
-                let fall = (1.0 - ((dx * dx + dy * dy) / 1.69).powi(2)).max(0.0);
-                plane[row * columns + column] += (spot.density * fall) as f32;
+        for row in span(self.y, self.radius_y, first_row, last_row) {
+            let dy = (row as f64 - self.y) / self.radius_y;
+            let start = (row - first_row) * columns;
+            for column in span(self.x, self.radius_x, 0, columns) {
+                let dx = (column as f64 - self.x) / self.radius_x;
+                // Flat in the middle, gone at its reach.
+                let fall = (1.0 - ((dx * dx + dy * dy) / (REACH * REACH)).powi(2)).max(0.0);
+                rows[start + column] += (self.density * fall) as f32;
             }
         }
     }
+}
+
+/// Where a spot ends, in its radii.
+const REACH: f64 = 1.3;
+/// Rows of samples that one task draws.
+const BAND: usize = 64;
+
+/// Optical density of all spots per sample.
+fn pigment(spots: &[Spot], camera: &Camera, view: &View, optics: &Optics, window: &Window) -> Vec<f32> {
+    let columns = window.columns();
+    let discs: Vec<Disc> = spots.iter().map(|spot| Disc::seen(spot, camera, view, optics, window)).collect();
+    let mut plane = vec![0.0f32; columns * window.rows()];
+    plane.par_chunks_mut(columns * BAND).enumerate().for_each(|(band, rows)| {
+        for disc in &discs {
+            disc.draw(columns, band * BAND, rows);
+        }
+    });
     plane
 }

@@ -12,31 +12,20 @@
 //! inside it and are seen, not measured. The fin fold is a thin plate of its own: it casts a profile, so it counts in the
 //! ideal hull, but not in the body.
 
-use super::hull::ideal_hull;
-use super::pigment::{self, Spot};
-use super::solid::ellipsoid_mesh;
-use super::spline::Spline;
-use super::{Material, Mesh, Part, Placement, Specimen, Truth, Within};
-use crate::scene::seeded::{Seeded, mixed};
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+mod organs;
+mod shape;
+mod skin;
 
-const EYE: Material = Material { absorption_per_mm: [26.0, 27.0, 28.0], index_step: 0.0 };
-const YOLK: Material = Material { absorption_per_mm: [2.0, 2.15, 2.5], index_step: 0.014 };
-const NOTOCHORD: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.008 };
-const BLADDER: Material = Material { absorption_per_mm: [-0.6, -0.7, -1.0], index_step: -0.16 };
-const FIN: Material = Material { absorption_per_mm: [4.0, 4.2, 4.8], index_step: 0.06 };
+use super::hull::ideal_hull;
+use super::{Mesh, Part, Placement, Specimen, Truth, Within};
+use crate::scene::seeded::Seeded;
+use organs::EYE_AT;
+use shape::{Age, Shape};
+use std::f64::consts::{PI, TAU};
 
 /// Rings and segments of the drawn mesh, and of the one that is measured.
 const DRAWN: (u32, u32) = (360, 144);
 const MEASURED: (u32, u32) = (1600, 400);
-
-/// What makes an age: body length, body volume, yolk and bladder.
-struct Age {
-    length_um: f64,
-    volume_um3: f64,
-    yolk: f64,
-    bladder: f64,
-}
 
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum LarvaError {
@@ -50,11 +39,10 @@ pub struct Larva {
     dpf: u8,
     seed: u64,
     length_um: f64,
-    /// Half width, and heights from the centre line up and down, of the unscaled fish.
-    width: Spline,
-    dorsal: Spline,
-    ventral: Spline,
+    /// The drawing from the side, in thousandths of the length.
+    shape: Shape,
     bladder: f64,
+    /// How much yolk is left: 1 at 3 days.
     yolk: f64,
     /// Factor on all cross-sections that gives the body its volume.
     girth: f64,
@@ -65,39 +53,31 @@ pub struct Larva {
     finned: bool,
 }
 
-/// Where the eyes sit along the body, and how far they bulge.
-const EYE_AT: f64 = 0.088;
-const EYE_SPAN: f64 = 0.045;
-const EYE_BULGE_UM: f64 = 30.0;
+/// How far the eyes bulge, along the body and out of it.
+const EYE_SPAN: f64 = 0.040;
+const EYE_BULGE: f64 = 7.0;
 
 impl Larva {
     /// # Errors
     /// Refuses ages other than 3, 4 and 5 dpf.
     pub fn new(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
-        let age = match dpf {
-            3 => Age { length_um: 3500.0, volume_um3: 2.40e8, yolk: 1.15, bladder: 0.0 },
-            4 => Age { length_um: 3900.0, volume_um3: 2.66e8, yolk: 1.0, bladder: 0.7 },
-            5 => Age { length_um: 4100.0, volume_um3: 3.05e8, yolk: 0.88, bladder: 1.0 },
-            found => return Err(LarvaError::Age { found }),
-        };
+        let age = Age::of(dpf).ok_or(LarvaError::Age { found: dpf })?;
         let mut s = Seeded::new(seed ^ (u64::from(dpf) << 56));
         let mut vary = |sd: f64| 1.0 + s.normal(sd);
         let volume_um3 = age.volume_um3 * vary(0.05);
-        let yolk = age.yolk * vary(0.04);
+        let youth = (age.youth + 0.12 * (vary(1.0) - 1.0)).clamp(0.0, 1.1);
         let mut larva = Self {
             dpf,
             seed,
             length_um: age.length_um * vary(0.018),
-            width: Spline::through(&varied(&WIDTH, &mut vary, |_| 1.0)),
-            dorsal: Spline::through(&varied(&DORSAL, &mut vary, |_| 1.0)),
-            ventral: Spline::through(&varied(&VENTRAL, &mut vary, |at| 1.0 + (yolk - 1.0) * (-((at - 0.30) / 0.10f64).powi(2)).exp())),
+            shape: Shape::new(youth, &[swelling(&mut vary), swelling(&mut vary), swelling(&mut vary)]),
             bladder: age.bladder,
-            yolk,
+            yolk: 0.35 + 0.65 * youth,
             girth: 1.0,
             bend_y_um: 22.0 * (vary(1.0) - 1.0),
             bend_z_um: 22.0 * (vary(1.0) - 1.0),
             twist_phase: TAU * vary(0.3),
-            fin_um: 95.0 * vary(0.08),
+            fin_um: 85.0 * vary(0.08),
             finned: true,
         };
         // Sections grow with the square of the girth. What the volume then is, the truth says.
@@ -112,16 +92,23 @@ impl Larva {
         self
     }
 
-    /// Centre of the slice at `s`.
-    fn centre(&self, s: f64) -> [f64; 3] {
-        let arch = (2.0 * s - 1.0).powi(2) - 1.0 / 3.0;
-        let wave = (TAU * s + self.twist_phase).sin();
-        [self.length_um * (s - 0.5), self.bend_y_um * arch + self.girth * self.lift(s), self.bend_z_um * wave]
+    /// A thousandth of the length, across the body.
+    fn unit_um(&self) -> f64 {
+        1e-3 * self.length_um * self.girth
     }
 
-    /// The body's axis lies higher where the yolk hangs below it.
-    fn lift(&self, s: f64) -> f64 {
-        -18.0 * self.yolk * (-((s - 0.55) / 0.2).powi(2)).exp() - 10.0 * s
+    /// The place of the median plane at `s` and a height of the drawing.
+    fn lateral(&self, s: f64, height: f64) -> [f64; 3] {
+        let arch = (2.0 * s - 1.0).powi(2) - 1.0 / 3.0;
+        let wave = (TAU * s + self.twist_phase).sin();
+        // The drawing's middle between back and belly comes to the specimen's own axis.
+        let y = self.bend_y_um * arch + self.unit_um() * (height - MIDDLE);
+        [self.length_um * (s - 0.5), y, self.bend_z_um * wave]
+    }
+
+    /// Centre of the slice at `s`.
+    fn centre(&self, s: f64) -> [f64; 3] {
+        self.lateral(s, self.shape.centre.at(s))
     }
 
     /// Distance of the body's surface from the centre line at `s`; `theta` turns from ventral (0) by +z (pi/2) to dorsal.
@@ -131,11 +118,11 @@ impl Larva {
 
     fn outline(&self, s: f64) -> Outline {
         Outline {
-            width: self.width.at(s),
-            dorsal: self.dorsal.at(s),
-            ventral: self.ventral.at(s),
-            bulge: EYE_BULGE_UM * (-((s - EYE_AT) / EYE_SPAN).powi(2)).exp(),
-            scale: self.girth * cap(s),
+            width: self.shape.width.at(s),
+            dorsal: self.shape.dorsal.at(s),
+            ventral: self.shape.ventral.at(s),
+            bulge: EYE_BULGE * (-((s - EYE_AT) / EYE_SPAN).powi(2)).exp(),
+            scale: self.unit_um() * cap(s),
         }
     }
 
@@ -236,8 +223,8 @@ impl Larva {
     }
 
     pub fn specimen(&self) -> Specimen {
-        let mut parts = vec![Part { mesh: self.body(DRAWN), material: Material::TISSUE, within_body: Within::Added }];
-        parts.extend(self.fin(160, 48).map(|mesh| Part { mesh, material: FIN, within_body: Within::Replaced }));
+        let mut parts = vec![Part { mesh: self.body(DRAWN), material: organs::BODY, within_body: Within::Added }];
+        parts.extend(self.fin(160, 48).map(|mesh| Part { mesh, material: organs::FIN, within_body: Within::Replaced }));
         parts.extend(self.organs());
         let fins = if self.finned { "" } else { " without fins" };
         Specimen {
@@ -246,122 +233,6 @@ impl Larva {
             spots: self.spots(),
             placement: Placement::default(),
             truth: self.truth(),
-        }
-    }
-
-    fn organs(&self) -> Vec<Part> {
-        let g = self.girth;
-        let (sin_side, mut parts) = ([1.0, -1.0], Vec::new());
-        let head = self.centre(EYE_AT);
-        let half_width = self.radius(EYE_AT, FRAC_PI_2);
-        let eyes = sin_side.map(|side| {
-            let at = [head[0], head[1] - 6.0 * g, head[2] + side * (half_width - 94.0 * g)];
-            ellipsoid_mesh(at, [0.037 * self.length_um, 118.0 * g, 70.0 * g], 48, 48)
-        });
-        parts.push(Part { mesh: eyes[0].clone().with(&eyes[1]), material: EYE, within_body: Within::Added });
-
-        let at = self.centre(0.295);
-        let depth = self.ventral.at(0.295) * g;
-        let yolk = ellipsoid_mesh([at[0], at[1] + depth * 0.42, at[2]], [0.088 * self.length_um, depth * 0.54, 150.0 * g], 64, 64);
-        let behind = self.centre(0.45);
-        let below = self.ventral.at(0.45) * g;
-        let extension =
-            ellipsoid_mesh([behind[0], behind[1] + below * 0.52, behind[2]], [0.09 * self.length_um, below * 0.26, 45.0 * g], 48, 32);
-        parts.push(Part { mesh: yolk.with(&extension), material: YOLK, within_body: Within::Added });
-
-        let rows: Vec<Vec<[f64; 3]>> = stations(120)
-            .map(|t| {
-                let s = 0.20 + 0.76 * t;
-                let [x, y, z] = self.centre(s);
-                let r = 0.30 * g * self.dorsal.at(s).min(self.width.at(s)) * (1.0 - (2.0 * t - 1.0).powi(8)).sqrt();
-                let up = 0.22 * g * self.dorsal.at(s);
-                (0..24).map(|k| (TAU * f64::from(k) / 24.0).sin_cos()).map(|(sin, cos)| [x, y - up + r * cos, z + r * sin]).collect()
-            })
-            .collect();
-        if let (Some(first), Some(last)) = (rows.first(), rows.last()) {
-            parts.push(Part {
-                mesh: Mesh::lofted(middle_of(first), &rows, middle_of(last)),
-                material: NOTOCHORD,
-                within_body: Within::Added,
-            });
-        }
-
-        if self.bladder > 0.0 {
-            let at = self.centre(0.30);
-            let size = g * self.bladder.cbrt();
-            let bladder = ellipsoid_mesh([at[0], at[1] - 20.0 * g, at[2]], [175.0 * size, 72.0 * size, 72.0 * size], 64, 48);
-            parts.push(Part { mesh: bladder, material: BLADDER, within_body: Within::Added });
-        }
-        parts
-    }
-
-    /// Pigment: stripes of melanophores along the back, the belly and the flank, a cap on the head; texture; the fin's edge.
-    fn spots(&self) -> Vec<Spot> {
-        let mut seeded = Seeded::new(mixed(self.seed ^ 0x5107));
-        let mut spots = Vec::new();
-        // Angle from ventral, its spread, first and last s, how many, size.
-        let stripes = [
-            (PI, 0.22, 0.05, 0.24, 34, 15.0),
-            (PI, 0.30, 0.22, 0.97, 64, 11.0),
-            (0.0, 0.30, 0.46, 0.97, 46, 10.0),
-            (0.0, 0.75, 0.20, 0.42, 30, 13.0),
-            (FRAC_PI_2 - 0.25, 0.10, 0.34, 0.80, 18, 9.0),
-            (-FRAC_PI_2 + 0.25, 0.10, 0.34, 0.80, 18, 9.0),
-            (FRAC_PI_2 + 0.45, 0.20, 0.14, 0.24, 7, 11.0),
-            (-FRAC_PI_2 - 0.45, 0.20, 0.14, 0.24, 7, 11.0),
-        ];
-        for (middle, spread, from, to, count, size_um) in stripes {
-            for _ in 0..count {
-                let s = seeded.between(from, to);
-                let theta = middle + seeded.normal(spread);
-                let (sin, cos) = theta.sin_cos();
-                let size = size_um * seeded.between(0.6, 1.25) * (1.15 - 0.6 * s);
-                // The cell lies under the skin by its own thickness, so it never shows outside the body.
-                let depth = (1.0 - (size + 6.0) / self.radius(s, theta)).max(0.0);
-                pigment::melanophore(self.within(s, theta, depth), [0.0, -sin, cos], size, &mut seeded, &mut spots);
-            }
-        }
-        self.add_texture(&mut seeded, &mut spots);
-        for s in self.fin_stations(900) {
-            for p in [0usize, 24] {
-                if let Some(&at_um) = self.fin_ring(s, 48).get(p)
-                    && (s >= 1.0 || (at_um[1] - self.centre(s)[1]).abs() > self.radius(s, if p == 0 { 0.0 } else { PI }))
-                {
-                    spots.push(Spot { at_um, radius_um: 4.0, density: 0.16 });
-                }
-            }
-        }
-        spots
-    }
-}
-
-impl Larva {
-    /// A place in the body: `depth` 0 is its centre line, 1 its surface.
-    fn within(&self, s: f64, theta: f64, depth: f64) -> [f64; 3] {
-        let [x, y, z] = self.centre(s);
-        let r = depth * self.radius(s, theta);
-        [x, y + r * theta.cos(), z + r * theta.sin()]
-    }
-
-    /// Tissue is not clear: soft lighter and darker clouds all through it, and the oblique seams between the somites.
-    fn add_texture(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
-        for _ in 0..420 {
-            let s = seeded.between(0.02, 0.9);
-            let at_um = self.within(s, seeded.between(0.0, TAU), 0.85 * seeded.between(0.0, 1.0).sqrt());
-            let radius_um = seeded.between(10.0, 45.0) * (1.1 - 0.7 * s);
-            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.12) * (1.1 - 0.7 * s) });
-        }
-        for seam in 0..34 {
-            let at = 0.33 + 0.018 * f64::from(seam);
-            for step in -6..=6 {
-                // A chevron that points to the head, on both flanks.
-                let height = f64::from(step) / 6.0;
-                let s = at + 0.016 * height.abs();
-                for side in [-1.0, 1.0] {
-                    let theta = side * (FRAC_PI_2 - 1.1 * height);
-                    spots.push(Spot { at_um: self.within(s, theta, 0.75), radius_um: 7.0, density: 0.07 });
-                }
-            }
         }
     }
 }
@@ -389,57 +260,13 @@ impl Outline {
 const FIN_FROM: f64 = 0.40;
 const FIN_TO: f64 = 1.03;
 
-/// Half width, dorsal and ventral height along the body, um. Read off lateral and dorsal views of larvae; the caps are
-/// put on by [`cap`].
-const WIDTH: [[f64; 2]; 12] = [
-    [0.0, 140.0],
-    [0.05, 182.0],
-    [0.10, 198.0],
-    [0.16, 205.0],
-    [0.24, 196.0],
-    [0.32, 180.0],
-    [0.42, 140.0],
-    [0.52, 112.0],
-    [0.65, 86.0],
-    [0.80, 56.0],
-    [0.92, 30.0],
-    [1.0, 16.0],
-];
-const DORSAL: [[f64; 2]; 12] = [
-    [0.0, 135.0],
-    [0.05, 178.0],
-    [0.10, 200.0],
-    [0.16, 200.0],
-    [0.24, 190.0],
-    [0.32, 178.0],
-    [0.42, 160.0],
-    [0.52, 142.0],
-    [0.65, 115.0],
-    [0.80, 80.0],
-    [0.92, 44.0],
-    [1.0, 22.0],
-];
-const VENTRAL: [[f64; 2]; 12] = [
-    [0.0, 128.0],
-    [0.05, 165.0],
-    [0.10, 186.0],
-    [0.16, 205.0],
-    [0.24, 252.0],
-    [0.32, 256.0],
-    [0.42, 186.0],
-    [0.52, 136.0],
-    [0.65, 102.0],
-    [0.80, 70.0],
-    [0.92, 40.0],
-    [1.0, 20.0],
-];
+/// Height of the drawing that lies on the specimen's own axis.
+const MIDDLE: f64 = 30.0;
 
-fn varied(knots: &[[f64; 2]], vary: &mut impl FnMut(f64) -> f64, by: impl Fn(f64) -> f64) -> Vec<[f64; 2]> {
-    knots.iter().map(|&[s, value]| [s, value * by(s) * vary(0.02)]).collect()
-}
-
-fn middle_of(ring: &[[f64; 3]]) -> [f64; 3] {
-    std::array::from_fn(|i| ring.iter().map(|p| p[i]).sum::<f64>() / ring.len() as f64)
+/// An individual's own factor along a curve: three slow waves around 1.
+fn swelling(vary: &mut dyn FnMut(f64) -> f64) -> impl Fn(f64) -> f64 + use<> {
+    let waves = [1.0, 2.0, 3.5].map(|turns| (turns, vary(0.015) - 1.0, TAU * vary(0.3)));
+    move |s| 1.0 + waves.iter().map(|(turns, by, phase)| by * (TAU * turns * s + phase).sin()).sum::<f64>()
 }
 
 /// Closes the body at both ends like an ellipsoid: over a fifteenth of the length at the nose, a fiftieth at the tail.

@@ -1,4 +1,12 @@
-//! Pigment cells and other small dark marks: soft absorbing balls at points of the specimen.
+//! Pigment cells and other small marks: soft absorbing balls at points of the specimen.
+//!
+//! ```text
+//!        o o
+//!    o  o     o o          a melanophore: an uneven middle of some balls, arms that wander off, grow thin and fork
+//!      O@@O oo   o
+//!    o  @@O
+//!   o      o o o
+//! ```
 
 use crate::scene::seeded::Seeded;
 use std::f64::consts::TAU;
@@ -12,19 +20,34 @@ pub struct Spot {
     pub density: f64,
 }
 
-/// A melanophore: a dark middle with arms that spread in the surface around it. `across` lies in that surface, across the body.
-pub fn melanophore(at_um: [f64; 3], across: [f64; 3], size_um: f64, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
-    spots.push(Spot { at_um, radius_um: size_um, density: 2.0 });
-    let arms = 3 + seeded.between(0.0, 4.0) as u32;
-    for _ in 0..arms {
-        let (sin, cos) = seeded.between(0.0, TAU).sin_cos();
-        let reach = seeded.between(0.8, 2.2) * size_um;
-        // Arms spread along the body more than across it.
-        let offset = [1.5 * reach * cos, reach * sin * across[1], reach * sin * across[2]];
-        spots.push(Spot {
-            at_um: std::array::from_fn(|i| at_um[i] + offset[i]),
-            radius_um: size_um * seeded.between(0.4, 0.7),
-            density: seeded.between(0.8, 1.6),
-        });
+/// A star-shaped cell of about `size_um` from its middle to where the arms begin. `place` gives the point of the skin that
+/// lies so far along and across the body from the cell's middle.
+pub fn melanophore(place: impl Fn(f64, f64) -> [f64; 3], size_um: f64, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+    let mut put = |at: [f64; 2], radius_um: f64, density: f64| spots.push(Spot { at_um: place(at[0], at[1]), radius_um, density });
+    for _ in 0..4 {
+        let at = [seeded.normal(0.42 * size_um), seeded.normal(0.42 * size_um)];
+        put(at, size_um * seeded.between(0.35, 0.62), seeded.between(0.9, 2.0));
+    }
+    let arms = seeded.between(3.0, 7.0) as u32;
+    let turn = seeded.between(0.0, TAU);
+    for arm in 0..arms {
+        let mut heading = turn + TAU * f64::from(arm) / f64::from(arms) + seeded.normal(0.35);
+        let (sin, cos) = heading.sin_cos();
+        let mut at = [0.5 * size_um * cos, 0.5 * size_um * sin];
+        let mut radius_um = size_um * seeded.between(0.22, 0.36);
+        for _ in 0..seeded.between(2.0, 7.0) as u32 {
+            heading += seeded.normal(0.45);
+            let (sin, cos) = heading.sin_cos();
+            let step = 1.1 * radius_um.max(2.5);
+            at = [at[0] + step * cos, at[1] + step * sin];
+            put(at, radius_um.max(2.5), seeded.between(0.8, 1.6));
+            radius_um *= 0.86;
+            if seeded.between(0.0, 1.0) < 0.15 {
+                // A fork: a twig of its own length beside the arm.
+                let (sin, cos) = (heading + if seeded.between(0.0, 1.0) < 0.5 { 0.9 } else { -0.9 }).sin_cos();
+                put([at[0] + step * cos, at[1] + step * sin], (0.8 * radius_um).max(2.5), 0.9);
+                put([at[0] + 2.0 * step * cos, at[1] + 2.0 * step * sin], (0.65 * radius_um).max(2.5), 0.7);
+            }
+        }
     }
 }

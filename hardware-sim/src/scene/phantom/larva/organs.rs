@@ -1,0 +1,149 @@
+//! What is seen inside a larva: eyes, brain, ear, yolk, heart's room, notochord, swim bladder. All of it is tucked into the
+//! body, so that it changes how a ray fares and never where the outline is.
+
+use super::{Larva, cap, smooth_step, stations};
+use crate::scene::phantom::solid::ellipsoid_mesh;
+use crate::scene::phantom::{Material, Mesh, Part, Within};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Skin and muscle: pale yellowish brown, so near to water's index that the trunk has hardly a rim.
+pub const BODY: Material = Material { absorption_per_mm: [1.02, 1.13, 1.58], index_step: 0.011 };
+/// Of the fin only its bent edge is seen.
+pub const FIN: Material = Material { absorption_per_mm: [0.45, 0.45, 0.55], index_step: 0.008 };
+const EYE: Material = Material { absorption_per_mm: [26.0, 27.0, 28.0], index_step: 0.0 };
+const BRAIN: Material = Material { absorption_per_mm: [0.55, 0.62, 1.45], index_step: 0.002 };
+const YOLK: Material = Material { absorption_per_mm: [1.75, 1.95, 2.45], index_step: 0.024 };
+/// Water in the body: the rooms of heart and ear, the gap below the jaw.
+const CLEAR: Material = Material { absorption_per_mm: [-0.9, -1.0, -1.4], index_step: -0.0025 };
+const NOTOCHORD: Material = Material { absorption_per_mm: [-4.0, -4.4, -6.2], index_step: -0.006 };
+const BLADDER: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.085 };
+
+/// Room that is left between organs and skin, um.
+const SKIN_UM: f64 = 6.0;
+pub const EYE_AT: f64 = 0.078;
+
+impl Larva {
+    pub(super) fn organs(&self) -> Vec<Part> {
+        let part = |mesh: Mesh, material| Part { mesh, material, within_body: Within::Added };
+        let mut parts = vec![
+            part(self.eyes(), EYE),
+            part(self.yolk(), YOLK),
+            part(self.notochord(), NOTOCHORD),
+            part(self.brain(), BRAIN),
+            part(self.clear_rooms(), CLEAR),
+        ];
+        if self.bladder > 0.0 {
+            let size = self.bladder.cbrt();
+            // Below the gut line, which covers its upper side with pigment.
+            let [x, y, z] = self.lateral(BLADDER_AT, self.shape.gut_line.at(BLADDER_AT) + 17.0 * size);
+            let half = [0.047 * size * self.length_um, 19.0 * size * self.unit_um(), 17.0 * size * self.unit_um()];
+            parts.push(part(self.tucked(ellipsoid_mesh([x, y, z], half, 64, 48)), BLADDER));
+        }
+        parts
+    }
+
+    /// Both eyes, under the middle of the head and as far apart as it is wide.
+    fn eyes(&self) -> Mesh {
+        let u = self.unit_um();
+        let [x, y, z] = self.lateral(EYE_AT, self.shape.centre.at(EYE_AT) + 18.0);
+        let half_width = self.radius(EYE_AT, FRAC_PI_2);
+        let eye = |side: f64| {
+            let half = [0.046 * self.length_um, 41.0 * u, 25.0 * u];
+            self.tucked(ellipsoid_mesh([x, y, z + side * (half_width - 27.0 * u)], half, 48, 48))
+        };
+        eye(1.0).with(&eye(-1.0))
+    }
+
+    fn brain(&self) -> Mesh {
+        let u = self.unit_um();
+        let lobe = |s: f64, below_back: f64, half: [f64; 3]| {
+            let at = self.lateral(s, self.shape.centre.at(s) - self.shape.dorsal.at(s) * cap(s) + below_back);
+            self.tucked(ellipsoid_mesh(at, [half[0] * self.length_um, half[1] * u, half[2] * u], 40, 32))
+        };
+        lobe(0.045, 38.0, [0.03, 30.0, 30.0]).with(&lobe(0.088, 28.0, [0.036, 25.0, 34.0])).with(&lobe(0.15, 21.0, [0.05, 17.0, 26.0]))
+    }
+
+    /// The heart's room before the yolk, the gap below the jaw, the two ears.
+    fn clear_rooms(&self) -> Mesh {
+        let u = self.unit_um();
+        let room =
+            |[x, y, z]: [f64; 3], [a, b, c]: [f64; 3]| self.tucked(ellipsoid_mesh([x, y, z], [a * self.length_um, b * u, c * u], 40, 32));
+        let belly = |s: f64| self.shape.centre.at(s) + self.shape.ventral.at(s);
+        let (heart, jaw) = (0.150 + 0.012 * (1.0 - self.yolk), 0.094);
+        let mut rooms = room(self.lateral(heart, belly(heart) - 30.0), [0.034, 38.0, 44.0]);
+        rooms = rooms.with(&room(self.lateral(jaw, belly(jaw) - 10.0), [0.034, 6.0, 22.0]));
+        for side in [1.0, -1.0] {
+            let [x, y, z] = self.ear(side);
+            rooms = rooms.with(&room([x, y, z], [0.016, 15.0, 15.0]));
+        }
+        rooms
+    }
+
+    /// Middle of the ear on one side.
+    pub(super) fn ear(&self, side: f64) -> [f64; 3] {
+        let s = 0.137;
+        let [x, y, z] = self.lateral(s, self.shape.centre.at(s) - 20.0);
+        [x, y, z + side * 0.55 * self.radius(s, FRAC_PI_2)]
+    }
+
+    /// Ball and extension as one: from below the gut line down to the belly's skin.
+    fn yolk(&self) -> Mesh {
+        let (from, to) = (0.172, 0.60);
+        self.tube(140, 64, |t| {
+            let s = from + (to - from) * t;
+            let belly = self.shape.centre.at(s) + 0.985 * self.shape.ventral.at(s);
+            let top = self.shape.gut_line.at(s) + 6.0;
+            // Behind the ball only a rod remains, along the belly.
+            let ball = 1.0 - smooth_step((s - 0.34) / 0.06);
+            let height = (belly - top) * (ball * (0.45 + 0.55 * self.yolk) + (1.0 - ball) * (0.18 + 0.32 * self.yolk));
+            let front = (1.0 - (1.0 - t / 0.2).max(0.0).powi(2)).sqrt();
+            let end = (1.0 - ((t - 0.9) / 0.1).max(0.0).powi(2)).sqrt();
+            let half = height / 2.0 * front.min(end);
+            let middle = belly - height / 2.0 - (1.0 - front) * 6.0;
+            (s, middle, [half, half.min(0.9 * self.shape.width.at(s))])
+        })
+    }
+
+    fn notochord(&self) -> Mesh {
+        self.tube(120, 24, |t| {
+            let s = 0.165 + 0.80 * t;
+            let r = (6.4 - 3.9 * t) * (1.0 - (2.0 * t - 1.0).powi(8)).sqrt();
+            (s, self.shape.notochord.at(s), [r, r])
+        })
+    }
+
+    /// A closed tube from `section` at t in 0..1: s, height of its middle, and half axes, in thousandths of the length.
+    fn tube(&self, rings: u32, segments: u32, section: impl Fn(f64) -> (f64, f64, [f64; 2])) -> Mesh {
+        let u = self.unit_um();
+        let rows: Vec<Vec<[f64; 3]>> = stations(rings)
+            .map(|t| {
+                let (s, height, [b, c]) = section(t);
+                let [x, y, z] = self.lateral(s, height);
+                (0..segments)
+                    .map(|k| (TAU * f64::from(k) / f64::from(segments)).sin_cos())
+                    .map(|(sin, cos)| [x, y + b * u * cos, z + c * u * sin])
+                    .collect()
+            })
+            .collect();
+        let (Some(first), Some(last)) = (rows.first(), rows.last()) else { return Mesh::default() };
+        self.tucked(Mesh::lofted(middle_of(first), &rows, middle_of(last)))
+    }
+
+    /// A mesh drawn in to where the skin leaves room.
+    fn tucked(&self, mesh: Mesh) -> Mesh {
+        mesh.mapped(|[x, y, z]| {
+            let s = x / self.length_um + 0.5;
+            let [_, cy, cz] = self.centre(s);
+            let (dy, dz) = (y - cy, z - cz);
+            let reach = dy.hypot(dz);
+            let room = (self.radius(s, dz.atan2(dy)) - SKIN_UM).max(0.0);
+            if reach <= room { [x, y, z] } else { [x, cy + dy * room / reach, cz + dz * room / reach] }
+        })
+    }
+}
+
+pub const BLADDER_AT: f64 = 0.262;
+
+fn middle_of(ring: &[[f64; 3]]) -> [f64; 3] {
+    std::array::from_fn(|i| ring.iter().map(|p| p[i]).sum::<f64>() / ring.len() as f64)
+}

@@ -1,0 +1,180 @@
+//! Marks on and in a larva: pigment cells, the grain of its tissue, the seams of its muscles, the fin's edge.
+
+use super::organs::BLADDER_AT;
+use super::{Larva, smooth_step};
+use crate::scene::phantom::pigment::{Spot, melanophore};
+use crate::scene::seeded::{Seeded, mixed};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// A field of pigment cells: angle from the belly and its spread, first and last s, how many, size, how much longer than wide.
+struct Field {
+    theta: f64,
+    spread: f64,
+    s: [f64; 2],
+    count: u32,
+    size_um: f64,
+    stretch: f64,
+}
+
+const fn field(theta: f64, spread: f64, s: [f64; 2], count: u32, size_um: f64, stretch: f64) -> Field {
+    Field { theta, spread, s, count, size_um, stretch }
+}
+
+const FIELDS: [Field; 11] = [
+    // The cap on the head, and single cells on its sides.
+    field(PI, 0.42, [0.05, 0.165], 34, 25.0, 1.0),
+    field(PI, 0.75, [0.02, 0.12], 9, 21.0, 1.0),
+    // The back.
+    field(PI, 0.13, [0.16, 0.45], 44, 13.0, 2.0),
+    field(PI, 0.12, [0.42, 0.98], 66, 11.0, 2.2),
+    // The belly behind the gut.
+    field(0.0, 0.20, [0.58, 0.98], 40, 12.0, 1.8),
+    // Yolk, on both sides.
+    field(0.75, 0.42, [0.20, 0.36], 13, 24.0, 1.0),
+    field(-0.75, 0.42, [0.20, 0.36], 13, 24.0, 1.0),
+    // The flank's row.
+    field(FRAC_PI_2 + 0.12, 0.06, [0.36, 0.82], 13, 10.0, 2.4),
+    field(-FRAC_PI_2 - 0.12, 0.06, [0.36, 0.82], 13, 10.0, 2.4),
+    // Behind the ear.
+    field(FRAC_PI_2 + 0.5, 0.2, [0.13, 0.2], 3, 13.0, 1.0),
+    field(-FRAC_PI_2 - 0.5, 0.2, [0.13, 0.2], 3, 13.0, 1.0),
+];
+
+impl Larva {
+    pub(super) fn spots(&self) -> Vec<Spot> {
+        let mut seeded = Seeded::new(mixed(self.seed ^ 0x5107));
+        let mut spots = Vec::new();
+        for field in &FIELDS {
+            let few_or_many = seeded.between(0.75, 1.25);
+            for _ in 0..(f64::from(field.count) * few_or_many).round() as u32 {
+                let s = seeded.between(field.s[0], field.s[1]);
+                let theta = field.theta + seeded.normal(field.spread);
+                self.add_cell(s, theta, field.size_um * seeded.between(0.6, 1.35), field.stretch, &mut seeded, &mut spots);
+            }
+        }
+        self.add_gut_line(&mut seeded, &mut spots);
+        self.add_ears(&mut seeded, &mut spots);
+        self.add_grain(&mut seeded, &mut spots);
+        self.add_seams(&mut spots);
+        self.add_fin_edge(&mut seeded, &mut spots);
+        spots
+    }
+
+    /// A pigment cell under the skin.
+    fn add_cell(&self, s: f64, theta: f64, size_um: f64, stretch: f64, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        let around = self.radius(s, theta).max(20.0);
+        let place = |along_um: f64, across_um: f64| {
+            let (s, theta) = ((s + stretch * along_um / self.length_um).clamp(0.005, 0.995), theta + across_um / around);
+            self.within(s, theta, (1.0 - 5.0 / self.radius(s, theta).max(1.0)).max(0.0))
+        };
+        melanophore(place, size_um, seeded, spots);
+    }
+
+    /// The dark line from behind the eye over yolk or bladder to the tail: pigment that covers gut and body cavity from above.
+    fn add_gut_line(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        let u = self.unit_um();
+        let steps = 620;
+        for i in 0..steps {
+            let s = 0.112 + 0.86 * f64::from(i) / f64::from(steps) + seeded.normal(0.0015);
+            // Broad over the yolk, a thread at the tail; it thins out here and there.
+            let breadth = 26.0 * (1.0 - smooth_step((s - 0.3) / 0.35)) * smooth_step((s - 0.10) / 0.06) + 3.0;
+            let thick = 1.0 + 0.9 * (-((s - 0.24) / 0.09f64).powi(2)).exp() - 0.35 * smooth_step((s - 0.6) / 0.3);
+            let gaps = 0.55 + 0.45 * (s * 61.0 + self.twist_phase).sin() * (s * 37.0).cos();
+            for _ in 0..3 {
+                let [x, y, z] = self.lateral(s, self.shape.gut_line.at(s) + seeded.normal(1.1 * thick));
+                let radius_um = 7.0 * thick * seeded.between(0.5, 1.2);
+                let density = seeded.between(0.15, 0.55) * if s < 0.36 { 1.0 } else { gaps };
+                spots.push(Spot { at_um: [x, y, z + seeded.normal(0.5) * breadth * u], radius_um, density });
+            }
+            // Cells hang from it on the flanks of the gut.
+            if s > 0.33 && s < 0.72 && seeded.between(0.0, 1.0) < 0.1 {
+                let drop = seeded.between(-2.0, 12.0);
+                let [_, y, _] = self.lateral(s, self.shape.gut_line.at(s) + drop);
+                let [_, cy, _] = self.centre(s);
+                let side = if seeded.between(0.0, 1.0) < 0.5 { 1.0 } else { -1.0 };
+                let theta = side * (FRAC_PI_2 - ((y - cy) / self.radius(s, FRAC_PI_2).max(20.0)).clamp(-1.2, 1.2));
+                self.add_cell(s, theta, 15.0 * seeded.between(0.6, 1.2), 0.8, seeded, spots);
+            }
+        }
+        if self.bladder > 0.0 {
+            for _ in 0..90 {
+                let s = BLADDER_AT + seeded.normal(0.016);
+                let [x, y, z] = self.lateral(s, self.shape.gut_line.at(s) + seeded.between(-1.0, 7.0));
+                let at_um = [x, y, z + seeded.normal(8.0) * u];
+                spots.push(Spot { at_um, radius_um: seeded.between(8.0, 16.0), density: seeded.between(0.4, 1.2) });
+            }
+        }
+    }
+
+    /// Two ear stones on each side.
+    fn add_ears(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        let u = self.unit_um();
+        for side in [1.0, -1.0] {
+            let [x, y, z] = self.ear(side);
+            for (dx, dy, radius_um) in [(-9.0, 6.0, 10.0), (7.0, 2.0, 13.0)] {
+                let at_um = [x + dx * u * seeded.between(0.8, 1.2), y + dy * u, z];
+                spots.push(Spot { at_um, radius_um, density: 0.55 });
+                spots.push(Spot { at_um, radius_um: 0.6 * radius_um, density: -0.25 });
+            }
+        }
+    }
+
+    /// Tissue is not clear: grain all through it, soft clouds, and the yolk's globules.
+    fn add_grain(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        for _ in 0..4800 {
+            let s = seeded.between(0.01, 0.97);
+            let at_um = self.within(s, seeded.between(0.0, TAU), seeded.between(0.0, 1.0).sqrt());
+            spots.push(Spot { at_um, radius_um: seeded.between(3.5, 8.0), density: seeded.normal(0.06) * (1.2 - 0.8 * s) });
+        }
+        for _ in 0..420 {
+            let s = seeded.between(0.02, 0.9);
+            let at_um = self.within(s, seeded.between(0.0, TAU), 0.85 * seeded.between(0.0, 1.0).sqrt());
+            let radius_um = seeded.between(10.0, 38.0) * (1.1 - 0.7 * s);
+            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.075) * (1.1 - 0.7 * s) });
+        }
+        for _ in 0..260 {
+            let s = seeded.between(0.17, 0.37);
+            let at_um = self.within(s, seeded.normal(0.7), seeded.between(0.2, 0.95));
+            spots.push(Spot { at_um, radius_um: seeded.between(9.0, 42.0), density: seeded.normal(0.16) * (0.35 + 0.65 * self.yolk) });
+        }
+    }
+
+    /// The oblique seams between the muscle segments: chevrons that point to the head, on both flanks.
+    fn add_seams(&self, spots: &mut Vec<Spot>) {
+        for seam in 0..36 {
+            let at = 0.20 + 0.0205 * f64::from(seam);
+            for step in -14i32..=14 {
+                let height = f64::from(step) / 14.0;
+                let s = at + 0.020 * height.abs();
+                for side in [-1.0, 1.0] {
+                    // Over the yolk only the back's half is seen.
+                    let theta = side * (FRAC_PI_2 + 1.25 * height);
+                    if height > -0.1 || s > 0.40 {
+                        spots.push(Spot { at_um: self.within(s, theta, 0.9), radius_um: 3.6, density: 0.055 });
+                    }
+                }
+            }
+        }
+    }
+
+    /// The fin's edge: a line of a few grey values.
+    fn add_fin_edge(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        let density = seeded.between(0.008, 0.022);
+        for s in self.fin_stations(900) {
+            for p in [0usize, 24] {
+                if let Some(&at_um) = self.fin_ring(s, 48).get(p)
+                    && (s >= 1.0 || (at_um[1] - self.centre(s)[1]).abs() > self.radius(s, if p == 0 { 0.0 } else { PI }))
+                {
+                    spots.push(Spot { at_um, radius_um: 4.0, density });
+                }
+            }
+        }
+    }
+
+    /// A place in the body: `depth` 0 is its centre line, 1 its surface.
+    fn within(&self, s: f64, theta: f64, depth: f64) -> [f64; 3] {
+        let [x, y, z] = self.centre(s);
+        let r = depth * self.radius(s, theta);
+        [x, y + r * theta.cos(), z + r * theta.sin()]
+    }
+}
