@@ -4,7 +4,7 @@
 //!   SceneSettings -> Scene --load(contents)--> [ capillary + specimens + clutter ] <--angle-- the emulated axis
 //!                      |                               |
 //!                      |   render(angle, number)       v
-//!                      +--> phantom parts -> raster -> transmission -> blur -> noise -> Rgb -> Bayer or grey
+//!                      +--> phantom parts -> raster -> transmission -> blur -> nuisances -> noise -> Rgb -> Bayer
 //!                      +--> truth_mask(angle): coverage by the specimens        specimen.truth(): volume, area, hull
 //! ```
 //! One scene is shared by all emulated devices: what the camera shows follows what the axis did.
@@ -13,6 +13,7 @@ pub mod camera;
 pub mod capillary;
 pub mod contents;
 pub mod image;
+pub mod nuisance;
 pub mod optics;
 pub mod phantom;
 mod seeded;
@@ -21,8 +22,9 @@ pub use camera::Camera;
 pub use capillary::Capillary;
 pub use contents::Contents;
 pub use image::{Coverage, Rgb};
+pub use nuisance::{Drift, HotPixels, LightCentre, Marks, Motion, Nuisances};
 pub use optics::Optics;
-pub use phantom::{Larva, Mesh, Placement, PlacementError, Specimen, Truth};
+pub use phantom::{Larva, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
 
 use optics::{Window, background, blur_reach, blurred, covered, exposed, thickness, transmission};
 use phantom::{Material, Within};
@@ -37,6 +39,7 @@ pub struct SceneSettings {
     pub camera: Camera,
     pub capillary: Capillary,
     pub optics: Optics,
+    pub nuisances: Nuisances,
 }
 
 /// One picture taken.
@@ -66,7 +69,8 @@ pub struct Scene {
 impl Scene {
     /// A scene with an empty capillary.
     pub fn new(settings: SceneSettings) -> Self {
-        let sharp = background(&settings.camera, &settings.capillary, &settings.optics);
+        let mut sharp = background(&settings.camera, &settings.capillary, &settings.optics);
+        settings.nuisances.shade_field(&mut sharp, &settings.camera);
         let soft = blurred(&sharp, settings.camera.width as usize, settings.optics.blur_px);
         Self { settings, sharp, soft, loaded: RwLock::default() }
     }
@@ -100,45 +104,53 @@ impl Scene {
 
     /// The frame that the camera takes.
     pub fn render(&self, exposure: &Exposure) -> Rgb {
-        let camera = &self.settings.camera;
+        let SceneSettings { camera, optics, nuisances, .. } = &self.settings;
         let width = camera.width as usize;
-        let data = match self.lit(&self.contents(), exposure.angle_rad) {
-            Some(light) => exposed(&light, width, &self.settings.optics, exposure.number),
-            None => exposed(&self.soft, width, &self.settings.optics, exposure.number),
-        };
-        Rgb { width: camera.width, height: camera.height, data }
+        let light = nuisances.disturb(self.lit(&self.contents(), exposure.angle_rad), width, exposure.number);
+        Rgb { width: camera.width, height: camera.height, data: exposed(&light, width, optics, exposure.number) }
     }
 
-    /// The light on the sensor with the contents in place; None where nothing of them is in sight.
-    fn lit(&self, contents: &Contents, angle_rad: f64) -> Option<Vec<[f32; 3]>> {
+    /// The light on the sensor with the contents in place.
+    fn lit(&self, contents: &Contents, angle_rad: f64) -> Vec<[f32; 3]> {
+        let SceneSettings { camera, capillary, optics, nuisances } = &self.settings;
+        let width = camera.width as usize;
+        match nuisances.marked(&self.sharp, camera, capillary, angle_rad) {
+            Some(marked) => self.lit_before(&marked, blurred(&marked, width, optics.blur_px), contents, angle_rad),
+            None => self.lit_before(&self.sharp, self.soft.clone(), contents, angle_rad),
+        }
+    }
+
+    /// The light with the contents before an empty capillary that looks `sharp` before blur and `soft` after it.
+    fn lit_before(&self, sharp: &[[f32; 3]], mut soft: Vec<[f32; 3]>, contents: &Contents, angle_rad: f64) -> Vec<[f32; 3]> {
         let SceneSettings { camera, optics, .. } = &self.settings;
         let view = camera.view(angle_rad);
         let reach = blur_reach(optics.blur_px);
         // Twice the blur's reach: the inner half is what the contents change, the outer half feeds the blur.
-        let window = self.window(contents.all(), angle_rad, 2 * reach as i64 + 2, FRAME_SAMPLES)?;
+        let window = self.window(contents.all(), angle_rad, 2 * reach as i64 + 2, FRAME_SAMPLES);
+        // Nothing of them is in sight.
+        let Some(window) = window else { return soft };
         let parts: Vec<_> = contents.all().flat_map(|specimen| passages(specimen, &view, camera.f_um, &window)).collect();
         let spots: Vec<_> = contents.all().flat_map(|specimen| specimen.spots.iter().copied()).collect();
         let mut block = transmission(&parts, &spots, camera, &view, optics, &window);
         let width = camera.width as usize;
         let start = |row: usize| (window.v0 as usize + row) * width + window.u0 as usize;
         for (row, pixels) in block.chunks_mut(window.width).enumerate() {
-            for (pixel, light) in pixels.iter_mut().zip(&self.sharp[start(row)..]) {
+            for (pixel, light) in pixels.iter_mut().zip(&sharp[start(row)..]) {
                 for k in 0..3 {
                     pixel[k] *= light[k];
                 }
             }
         }
         let block = blurred(&block, window.width, optics.blur_px);
-        let mut light = self.soft.clone();
         // The block's rim was blurred without its neighbours: there the empty picture stands, unless the rim is the sensor's.
         let (w, h) = (window.width, window.height);
         let rows = if window.v0 == 0 { 0 } else { reach }..if window.v0 as usize + h == camera.height as usize { h } else { h - reach };
         let columns = if window.u0 == 0 { 0 } else { reach }..if window.u0 as usize + w == width { w } else { w - reach };
         for row in rows {
             let to = start(row);
-            light[to + columns.start..to + columns.end].copy_from_slice(&block[row * w + columns.start..row * w + columns.end]);
+            soft[to + columns.start..to + columns.end].copy_from_slice(&block[row * w + columns.start..row * w + columns.end]);
         }
-        Some(light)
+        soft
     }
 
     /// How much of each pixel the specimens cover, fins included and clutter not.

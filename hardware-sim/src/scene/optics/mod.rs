@@ -83,4 +83,11 @@ impl Optics {
             ..Self::default()
         }
     }
+
+    /// All noise `factor` times as strong: photon noise is the inverse square root of the electrons.
+    #[must_use]
+    pub fn with_noise(self, factor: f64) -> Self {
+        let full_well_electrons = self.full_well_electrons / (factor * factor).max(1e-12);
+        Self { full_well_electrons, read_noise: self.read_noise * factor, ..self }
+    }
 }

@@ -76,7 +76,7 @@ impl Slice {
 }
 
 /// Corners of the convex hull in the order of growing angle, by the monotone chain.
-fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
+pub fn convex_hull(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut sorted = points.to_vec();
     sorted.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     let turn = |o: [f64; 2], a: [f64; 2], b: [f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);

@@ -15,6 +15,7 @@ mod hull;
 mod larva;
 mod mesh;
 mod pigment;
+mod placement;
 mod solid;
 mod spline;
 
@@ -22,6 +23,7 @@ pub use hull::{Hull, ideal_hull};
 pub use larva::{Larva, LarvaError};
 pub use mesh::{Mesh, MeshError};
 pub use pigment::Spot;
+pub use placement::{Narrowest, Placement, PlacementError};
 
 use serde::{Deserialize, Serialize};
 
@@ -75,29 +77,6 @@ pub struct Truth {
     pub length_um: f64,
     /// Of a sphere.
     pub diameter_um: Option<f64>,
-}
-
-/// Where in the bore the specimen lies, and how it is turned. It turns with the capillary.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct Placement {
-    pub x_um: f64,
-    pub y_um: f64,
-    pub z_um: f64,
-    /// Turned half around the y axis first: what lay to the left, as a larva's head does, lies to the right.
-    pub faces_right: bool,
-    /// Turn about its own x axis before it is moved.
-    pub roll_rad: f64,
-    /// Lets it sink in +y until it touches the bore; `y_um` is then where it starts from.
-    pub rests_on_wall: bool,
-}
-
-#[derive(Debug, thiserror::Error, PartialEq)]
-pub enum PlacementError {
-    #[error(
-        "the {name} reaches {reach_um:.1} um from the capillary axis, the bore ends at {bore_radius_um:.1} um: choose a smaller specimen, another placement or a wider bore"
-    )]
-    OutsideBore { name: String, reach_um: f64, bore_radius_um: f64 },
 }
 
 #[derive(Debug, thiserror::Error, PartialEq)]
@@ -223,39 +202,8 @@ impl Specimen {
         self.placement
     }
 
-    /// The same specimen with its placement carried out: all coordinates are the capillary's.
-    ///
-    /// # Errors
-    /// Refuses a specimen that leaves the bore.
-    pub(crate) fn settled(mut self, bore_radius_um: f64) -> Result<Self, PlacementError> {
-        let p = self.placement;
-        let (sin, cos) = p.roll_rad.sin_cos();
-        let side = if p.faces_right { -1.0 } else { 1.0 };
-        let place = |[x, y, z]: [f64; 3]| {
-            let (x, z) = (side * x, side * z);
-            [x + p.x_um, y * cos - z * sin + p.y_um, y * sin + z * cos + p.z_um]
-        };
-        self.move_all(place);
-        if p.rests_on_wall {
-            let drop_um = self.depth_to_wall(bore_radius_um);
-            self.move_all(|[x, y, z]| [x, y + drop_um, z]);
-        }
-        let reach_um = self.points().map(|v| v[1].hypot(v[2])).fold(0.0, f64::max);
-        // A specimen that rests on the wall touches it to rounding.
-        if reach_um > bore_radius_um + 1e-6 {
-            return Err(PlacementError::OutsideBore { name: self.name, reach_um, bore_radius_um });
-        }
-        Ok(self)
-    }
-
     pub(crate) fn points(&self) -> impl Iterator<Item = &[f64; 3]> {
         self.parts.iter().flat_map(|part| &part.mesh.vertices)
-    }
-
-    /// The furthest way down that keeps every point within the bore.
-    fn depth_to_wall(&self, bore_radius_um: f64) -> f64 {
-        let room = |v: &[f64; 3]| (bore_radius_um.powi(2) - v[2].powi(2)).max(0.0).sqrt() - v[1];
-        self.points().map(room).fold(f64::INFINITY, f64::min)
     }
 
     fn move_all(&mut self, map: impl Fn([f64; 3]) -> [f64; 3]) {
