@@ -5,7 +5,7 @@
 //!                      |                               |
 //!                      |   render(angle, number)       v
 //!                      +--> phantom parts -> raster -> transmission -> blur -> nuisances -> noise -> Rgb -> Bayer
-//!                      +--> truth_mask(angle): coverage by the specimens        specimen.truth(): volume, area, hull
+//!                      +--> truth_mask(angle), truth_edge(angle): of the specimens     specimen.truth(): volume, area, hull
 //! ```
 //! One scene is shared by all emulated devices: what the camera shows follows what the axis did.
 
@@ -15,6 +15,7 @@ pub mod contents;
 pub mod image;
 pub mod nuisance;
 pub mod optics;
+pub mod outline;
 pub mod phantom;
 mod seeded;
 
@@ -24,6 +25,7 @@ pub use contents::Contents;
 pub use image::{Coverage, Rgb};
 pub use nuisance::{Drift, HotPixels, LightCentre, Marks, Motion, Nuisances};
 pub use optics::Optics;
+pub use outline::Outline;
 pub use phantom::{Larva, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
 
 use optics::{Window, background, blur_reach, blurred, covered, exposed, thickness, transmission};
@@ -178,6 +180,14 @@ impl Scene {
             }
         }
         Coverage { width: camera.width, height: camera.height, data }
+    }
+
+    /// The outlines of what is seen of the specimens, exact but for the facets of their meshes.
+    pub fn truth_edge(&self, angle_rad: f64) -> Vec<Outline> {
+        let camera = &self.settings.camera;
+        let contents = self.contents();
+        let meshes = contents.specimens.iter().flat_map(|specimen| &specimen.parts).map(|part| &part.mesh);
+        outline::outlines(meshes, &camera.view(angle_rad), (camera.width, camera.height))
     }
 
     /// The pixels in which any of the specimens is seen.
