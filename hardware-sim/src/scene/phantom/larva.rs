@@ -101,8 +101,8 @@ impl Larva {
     fn lateral(&self, s: f64, height: f64) -> [f64; 3] {
         let arch = (2.0 * s - 1.0).powi(2) - 1.0 / 3.0;
         let wave = (TAU * s + self.twist_phase).sin();
-        // The drawing's middle between back and belly comes to the specimen's own axis.
-        let y = self.bend_y_um * arch + self.unit_um() * (height - MIDDLE);
+        // Where the body is deepest its middle lies on the specimen's own axis.
+        let y = self.bend_y_um * arch + self.unit_um() * (height - self.shape.middle);
         [self.length_um * (s - 0.5), y, self.bend_z_um * wave]
     }
 
@@ -259,9 +259,6 @@ impl Outline {
 
 const FIN_FROM: f64 = 0.40;
 const FIN_TO: f64 = 1.03;
-
-/// Height of the drawing that lies on the specimen's own axis.
-const MIDDLE: f64 = 30.0;
 
 /// An individual's own factor along a curve: three slow waves around 1.
 fn swelling(vary: &mut dyn FnMut(f64) -> f64) -> impl Fn(f64) -> f64 + use<> {

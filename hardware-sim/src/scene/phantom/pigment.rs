@@ -24,17 +24,17 @@ pub struct Spot {
 /// lies so far along and across the body from the cell's middle.
 pub fn melanophore(place: impl Fn(f64, f64) -> [f64; 3], size_um: f64, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
     let mut put = |at: [f64; 2], radius_um: f64, density: f64| spots.push(Spot { at_um: place(at[0], at[1]), radius_um, density });
-    for _ in 0..4 {
+    for _ in 0..5 {
         let at = [seeded.normal(0.42 * size_um), seeded.normal(0.42 * size_um)];
-        put(at, size_um * seeded.between(0.35, 0.62), seeded.between(0.9, 2.0));
+        put(at, size_um * seeded.between(0.35, 0.75), seeded.between(0.7, 2.0));
     }
-    let arms = seeded.between(3.0, 7.0) as u32;
+    let arms = seeded.between(2.0, 7.0) as u32;
     let turn = seeded.between(0.0, TAU);
     for arm in 0..arms {
-        let mut heading = turn + TAU * f64::from(arm) / f64::from(arms) + seeded.normal(0.35);
+        let mut heading = turn + TAU * f64::from(arm) / f64::from(arms) + seeded.normal(0.5);
         let (sin, cos) = heading.sin_cos();
         let mut at = [0.5 * size_um * cos, 0.5 * size_um * sin];
-        let mut radius_um = size_um * seeded.between(0.22, 0.36);
+        let mut radius_um = size_um * seeded.between(0.16, 0.30);
         for _ in 0..seeded.between(2.0, 7.0) as u32 {
             heading += seeded.normal(0.45);
             let (sin, cos) = heading.sin_cos();

@@ -11,10 +11,12 @@ pub const BODY: Material = Material { absorption_per_mm: [1.02, 1.13, 1.58], ind
 /// Of the fin only its bent edge is seen.
 pub const FIN: Material = Material { absorption_per_mm: [0.45, 0.45, 0.55], index_step: 0.008 };
 const EYE: Material = Material { absorption_per_mm: [26.0, 27.0, 28.0], index_step: 0.0 };
-const BRAIN: Material = Material { absorption_per_mm: [0.55, 0.62, 1.45], index_step: 0.002 };
-const YOLK: Material = Material { absorption_per_mm: [1.75, 1.95, 2.45], index_step: 0.024 };
+const BRAIN: Material = Material { absorption_per_mm: [0.42, 0.48, 1.0], index_step: 0.0015 };
+const YOLK: Material = Material { absorption_per_mm: [1.75, 1.95, 2.5], index_step: 0.019 };
 /// Water in the body: the rooms of heart and ear, the gap below the jaw.
 const CLEAR: Material = Material { absorption_per_mm: [-0.9, -1.0, -1.4], index_step: -0.0025 };
+/// The ear's wall is seen as a thin ring.
+const EAR: Material = Material { absorption_per_mm: [-0.7, -0.75, -0.9], index_step: -0.010 };
 const NOTOCHORD: Material = Material { absorption_per_mm: [-4.0, -4.4, -6.2], index_step: -0.006 };
 const BLADDER: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.085 };
 
@@ -31,6 +33,7 @@ impl Larva {
             part(self.notochord(), NOTOCHORD),
             part(self.brain(), BRAIN),
             part(self.clear_rooms(), CLEAR),
+            part(self.ears(), EAR),
         ];
         if self.bladder > 0.0 {
             let size = self.bladder.cbrt();
@@ -63,20 +66,27 @@ impl Larva {
         lobe(0.045, 38.0, [0.03, 30.0, 30.0]).with(&lobe(0.088, 28.0, [0.036, 25.0, 34.0])).with(&lobe(0.15, 21.0, [0.05, 17.0, 26.0]))
     }
 
-    /// The heart's room before the yolk, the gap below the jaw, the two ears.
+    /// The heart's room before the yolk and the gap below the jaw.
     fn clear_rooms(&self) -> Mesh {
         let u = self.unit_um();
         let room =
             |[x, y, z]: [f64; 3], [a, b, c]: [f64; 3]| self.tucked(ellipsoid_mesh([x, y, z], [a * self.length_um, b * u, c * u], 40, 32));
         let belly = |s: f64| self.shape.centre.at(s) + self.shape.ventral.at(s);
-        let (heart, jaw) = (0.150 + 0.012 * (1.0 - self.yolk), 0.094);
-        let mut rooms = room(self.lateral(heart, belly(heart) - 30.0), [0.034, 38.0, 44.0]);
-        rooms = rooms.with(&room(self.lateral(jaw, belly(jaw) - 10.0), [0.034, 6.0, 22.0]));
-        for side in [1.0, -1.0] {
-            let [x, y, z] = self.ear(side);
-            rooms = rooms.with(&room([x, y, z], [0.016, 15.0, 15.0]));
-        }
-        rooms
+        let jaw = 0.094;
+        let rooms = room(self.heart(), [0.034, 38.0, 44.0]);
+        rooms.with(&room(self.lateral(jaw, belly(jaw) - 14.0), [0.030, 4.0, 14.0]))
+    }
+
+    fn ears(&self) -> Mesh {
+        let half = [0.017 * self.length_um, 16.0 * self.unit_um(), 14.0 * self.unit_um()];
+        let ear = |side: f64| self.tucked(ellipsoid_mesh(self.ear(side), half, 40, 32));
+        ear(1.0).with(&ear(-1.0))
+    }
+
+    /// Middle of the heart.
+    pub(super) fn heart(&self) -> [f64; 3] {
+        let s = HEART_AT;
+        self.lateral(s, self.shape.centre.at(s) + self.shape.ventral.at(s) - 28.0)
     }
 
     /// Middle of the ear on one side.
@@ -88,13 +98,13 @@ impl Larva {
 
     /// Ball and extension as one: from below the gut line down to the belly's skin.
     fn yolk(&self) -> Mesh {
-        let (from, to) = (0.172, 0.60);
+        let (from, to) = (0.157, 0.60);
         self.tube(140, 64, |t| {
             let s = from + (to - from) * t;
             let belly = self.shape.centre.at(s) + 0.985 * self.shape.ventral.at(s);
             let top = self.shape.gut_line.at(s) + 6.0;
             // Behind the ball only a rod remains, along the belly.
-            let ball = 1.0 - smooth_step((s - 0.34) / 0.06);
+            let ball = 1.0 - smooth_step((s - 0.31) / 0.11);
             let height = (belly - top) * (ball * (0.45 + 0.55 * self.yolk) + (1.0 - ball) * (0.18 + 0.32 * self.yolk));
             let front = (1.0 - (1.0 - t / 0.2).max(0.0).powi(2)).sqrt();
             let end = (1.0 - ((t - 0.9) / 0.1).max(0.0).powi(2)).sqrt();
@@ -107,7 +117,7 @@ impl Larva {
     fn notochord(&self) -> Mesh {
         self.tube(120, 24, |t| {
             let s = 0.165 + 0.80 * t;
-            let r = (6.4 - 3.9 * t) * (1.0 - (2.0 * t - 1.0).powi(8)).sqrt();
+            let r = (8.2 - 4.8 * t) * (1.0 - (2.0 * t - 1.0).powi(8)).sqrt();
             (s, self.shape.notochord.at(s), [r, r])
         })
     }
@@ -143,6 +153,7 @@ impl Larva {
 }
 
 pub const BLADDER_AT: f64 = 0.262;
+const HEART_AT: f64 = 0.152;
 
 fn middle_of(ring: &[[f64; 3]]) -> [f64; 3] {
     std::array::from_fn(|i| ring.iter().map(|p| p[i]).sum::<f64>() / ring.len() as f64)

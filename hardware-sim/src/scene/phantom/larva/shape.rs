@@ -88,7 +88,12 @@ pub struct Shape {
     pub width: Spline,
     pub gut_line: Spline,
     pub notochord: Spline,
+    /// Height half way between back and belly where the body is deepest.
+    pub middle: f64,
 }
+
+/// Where the body is deepest.
+const DEEPEST: f64 = 0.25;
 
 impl Shape {
     /// `vary` gives the individual's own factor on a curve at s, near 1; it is asked once per distance: dorsal, ventral, width.
@@ -98,10 +103,14 @@ impl Shape {
             Spline::through(&BODY.map(|(s, young, old)| [s, of(s, std::array::from_fn(|i| mixed(young[i], old[i])))]))
         };
         let inner = |i: usize| Spline::through(&INNER.map(|(s, young, old)| [s, mixed(young[i], old[i])]));
+        let centre = body(&|_, [_, centre, ..]| centre);
+        let dorsal = body(&|s, [back, centre, ..]| (centre - back) * vary[0](s));
+        let ventral = body(&|s, [_, centre, belly, _]| (belly - centre) * vary[1](s));
         Self {
-            centre: body(&|_, [_, centre, ..]| centre),
-            dorsal: body(&|s, [back, centre, ..]| (centre - back) * vary[0](s)),
-            ventral: body(&|s, [_, centre, belly, _]| (belly - centre) * vary[1](s)),
+            middle: centre.at(DEEPEST) + (ventral.at(DEEPEST) - dorsal.at(DEEPEST)) / 2.0,
+            centre,
+            dorsal,
+            ventral,
             width: body(&|s, [.., width]| width * vary[2](s)),
             gut_line: inner(0),
             notochord: inner(1),

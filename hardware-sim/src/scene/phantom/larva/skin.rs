@@ -20,24 +20,25 @@ const fn field(theta: f64, spread: f64, s: [f64; 2], count: u32, size_um: f64, s
     Field { theta, spread, s, count, size_um, stretch }
 }
 
-const FIELDS: [Field; 11] = [
-    // The cap on the head, and single cells on its sides.
-    field(PI, 0.42, [0.05, 0.165], 34, 25.0, 1.0),
-    field(PI, 0.75, [0.02, 0.12], 9, 21.0, 1.0),
+const FIELDS: [Field; 12] = [
+    // The cap on the head, its ragged border, and single cells before it.
+    field(PI, 0.22, [0.07, 0.165], 30, 30.0, 1.0),
+    field(PI, 0.42, [0.05, 0.165], 20, 24.0, 1.0),
+    field(PI, 0.75, [0.015, 0.09], 10, 20.0, 1.0),
     // The back.
-    field(PI, 0.13, [0.16, 0.45], 44, 13.0, 2.0),
-    field(PI, 0.12, [0.42, 0.98], 66, 11.0, 2.2),
+    field(PI, 0.12, [0.16, 0.45], 44, 13.0, 2.2),
+    field(PI, 0.11, [0.42, 0.98], 66, 10.0, 2.6),
     // The belly behind the gut.
-    field(0.0, 0.20, [0.58, 0.98], 40, 12.0, 1.8),
+    field(0.0, 0.20, [0.58, 0.98], 34, 11.0, 1.8),
     // Yolk, on both sides.
-    field(0.75, 0.42, [0.20, 0.36], 13, 24.0, 1.0),
-    field(-0.75, 0.42, [0.20, 0.36], 13, 24.0, 1.0),
+    field(0.95, 0.35, [0.19, 0.36], 4, 20.0, 1.0),
+    field(-0.95, 0.35, [0.19, 0.36], 4, 20.0, 1.0),
     // The flank's row.
-    field(FRAC_PI_2 + 0.12, 0.06, [0.36, 0.82], 13, 10.0, 2.4),
-    field(-FRAC_PI_2 - 0.12, 0.06, [0.36, 0.82], 13, 10.0, 2.4),
+    field(FRAC_PI_2 + 0.12, 0.06, [0.36, 0.82], 12, 9.0, 2.6),
+    field(-FRAC_PI_2 - 0.12, 0.06, [0.36, 0.82], 12, 9.0, 2.6),
     // Behind the ear.
-    field(FRAC_PI_2 + 0.5, 0.2, [0.13, 0.2], 3, 13.0, 1.0),
-    field(-FRAC_PI_2 - 0.5, 0.2, [0.13, 0.2], 3, 13.0, 1.0),
+    field(FRAC_PI_2 + 0.5, 0.2, [0.13, 0.2], 2, 12.0, 1.0),
+    field(-FRAC_PI_2 - 0.5, 0.2, [0.13, 0.2], 2, 12.0, 1.0),
 ];
 
 impl Larva {
@@ -53,7 +54,8 @@ impl Larva {
             }
         }
         self.add_gut_line(&mut seeded, &mut spots);
-        self.add_ears(&mut seeded, &mut spots);
+        self.add_yolk_blotches(&mut seeded, &mut spots);
+        self.add_ears_and_heart(&mut seeded, &mut spots);
         self.add_grain(&mut seeded, &mut spots);
         self.add_seams(&mut spots);
         self.add_fin_edge(&mut seeded, &mut spots);
@@ -74,16 +76,19 @@ impl Larva {
     fn add_gut_line(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
         let u = self.unit_um();
         let steps = 620;
+        // Its thickness wanders: clots and thin places.
+        let mut clot = 1.0;
         for i in 0..steps {
-            let s = 0.112 + 0.86 * f64::from(i) / f64::from(steps) + seeded.normal(0.0015);
-            // Broad over the yolk, a thread at the tail; it thins out here and there.
+            let s = 0.112 + 0.86 * f64::from(i) / f64::from(steps);
+            clot += 0.12 * (1.0 - clot) + seeded.normal(0.17);
+            // Broad over the yolk, a thread at the tail.
             let breadth = 26.0 * (1.0 - smooth_step((s - 0.3) / 0.35)) * smooth_step((s - 0.10) / 0.06) + 3.0;
-            let thick = 1.0 + 0.9 * (-((s - 0.24) / 0.09f64).powi(2)).exp() - 0.35 * smooth_step((s - 0.6) / 0.3);
-            let gaps = 0.55 + 0.45 * (s * 61.0 + self.twist_phase).sin() * (s * 37.0).cos();
+            let thick = (0.8 + 1.5 * (-((s - 0.25) / 0.09f64).powi(2)).exp() - 0.35 * smooth_step((s - 0.6) / 0.3)) * clot.clamp(0.25, 1.8);
             for _ in 0..3 {
-                let [x, y, z] = self.lateral(s, self.shape.gut_line.at(s) + seeded.normal(1.1 * thick));
-                let radius_um = 7.0 * thick * seeded.between(0.5, 1.2);
-                let density = seeded.between(0.15, 0.55) * if s < 0.36 { 1.0 } else { gaps };
+                let along = s + seeded.normal(0.002);
+                let [x, y, z] = self.lateral(along, self.shape.gut_line.at(along) + seeded.normal(1.3 * thick));
+                let radius_um = 7.0 * thick.max(0.5) * seeded.between(0.4, 1.2);
+                let density = seeded.between(0.15, 0.55) * clot.clamp(0.15, 1.3);
                 spots.push(Spot { at_um: [x, y, z + seeded.normal(0.5) * breadth * u], radius_um, density });
             }
             // Cells hang from it on the flanks of the gut.
@@ -106,16 +111,43 @@ impl Larva {
         }
     }
 
-    /// Two ear stones on each side.
-    fn add_ears(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+    /// Pigment on the yolk's upper half and front: soft blotches, as most of them lie out of focus.
+    fn add_yolk_blotches(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
+        for _ in 0..26 {
+            let s = seeded.between(0.165, 0.37);
+            let theta = seeded.normal(0.3) + if seeded.between(0.0, 1.0) < 0.5 { 1.05 } else { -1.05 };
+            let size_um = seeded.between(14.0, 30.0);
+            for _ in 0..7 {
+                let along = s + seeded.normal(0.6) * size_um / self.length_um;
+                let at_um = self.within(along, theta + seeded.normal(0.6) * size_um / self.radius(s, theta), 0.86);
+                spots.push(Spot { at_um, radius_um: size_um * seeded.between(0.4, 0.8), density: seeded.between(0.12, 0.42) });
+            }
+        }
+        // The crescent at its front.
+        for _ in 0..70 {
+            let (sin, cos) = seeded.between(-1.3, 1.0).sin_cos();
+            let front = self.shape.gut_line.at(0.2) + 62.0;
+            let [x, y, z] = self.lateral(0.208 - 0.045 * cos, front + 48.0 * sin);
+            let at_um = [x, y, z + seeded.normal(22.0) * self.unit_um()];
+            spots.push(Spot { at_um, radius_um: seeded.between(8.0, 20.0), density: seeded.between(0.05, 0.35) * self.yolk });
+        }
+    }
+
+    /// Two ear stones on each side; the heart, grey and uneven in its clear room.
+    fn add_ears_and_heart(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
         let u = self.unit_um();
         for side in [1.0, -1.0] {
             let [x, y, z] = self.ear(side);
-            for (dx, dy, radius_um) in [(-9.0, 6.0, 10.0), (7.0, 2.0, 13.0)] {
+            for (dx, dy, radius_um) in [(-7.0, 7.0, 12.0), (8.0, 2.0, 15.0)] {
                 let at_um = [x + dx * u * seeded.between(0.8, 1.2), y + dy * u, z];
                 spots.push(Spot { at_um, radius_um, density: 0.55 });
-                spots.push(Spot { at_um, radius_um: 0.6 * radius_um, density: -0.25 });
+                spots.push(Spot { at_um, radius_um: 0.6 * radius_um, density: -0.22 });
             }
+        }
+        let [x, y, z] = self.heart();
+        for _ in 0..60 {
+            let at_um = [x + seeded.normal(10.0) * u, y - 6.0 * u + seeded.normal(13.0) * u, z + seeded.normal(12.0) * u];
+            spots.push(Spot { at_um, radius_um: seeded.between(6.0, 18.0), density: seeded.between(0.0, 0.08) });
         }
     }
 
@@ -130,12 +162,34 @@ impl Larva {
             let s = seeded.between(0.02, 0.9);
             let at_um = self.within(s, seeded.between(0.0, TAU), 0.85 * seeded.between(0.0, 1.0).sqrt());
             let radius_um = seeded.between(10.0, 38.0) * (1.1 - 0.7 * s);
-            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.075) * (1.1 - 0.7 * s) });
+            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.10).max(-0.06) * (1.1 - 0.7 * s) });
+        }
+        // The skin is rougher: where the ray grazes it, it makes the outline uneven.
+        for _ in 0..2200 {
+            let s = seeded.between(0.005, 0.97);
+            let theta = seeded.between(0.0, TAU);
+            let at_um = self.within(s, theta, 1.0 - 5.0 / self.radius(s, theta).max(10.0));
+            spots.push(Spot { at_um, radius_um: seeded.between(3.0, 9.0), density: seeded.normal(0.06) + 0.015 });
+        }
+        // The jaw's and the gills' bars.
+        for bar in 0..6 {
+            let (from, lean) = (0.03 + 0.021 * f64::from(bar), seeded.between(-0.035, -0.012));
+            for step in 0..16 {
+                let t = f64::from(step) / 15.0;
+                let s = from + lean * t;
+                let [x, y, z] = self.lateral(s, self.shape.centre.at(s) + self.shape.ventral.at(s) * (0.97 - 0.35 * t));
+                let at_um = [x, y, z + seeded.normal(12.0)];
+                spots.push(Spot { at_um, radius_um: 6.0, density: seeded.between(0.02, 0.09) });
+            }
         }
         for _ in 0..260 {
             let s = seeded.between(0.17, 0.37);
             let at_um = self.within(s, seeded.normal(0.7), seeded.between(0.2, 0.95));
-            spots.push(Spot { at_um, radius_um: seeded.between(9.0, 42.0), density: seeded.normal(0.16) * (0.35 + 0.65 * self.yolk) });
+            spots.push(Spot {
+                at_um,
+                radius_um: seeded.between(9.0, 42.0),
+                density: seeded.normal(0.15).max(-0.2) * (0.35 + 0.65 * self.yolk),
+            });
         }
     }
 
@@ -150,7 +204,7 @@ impl Larva {
                     // Over the yolk only the back's half is seen.
                     let theta = side * (FRAC_PI_2 + 1.25 * height);
                     if height > -0.1 || s > 0.40 {
-                        spots.push(Spot { at_um: self.within(s, theta, 0.9), radius_um: 3.6, density: 0.055 });
+                        spots.push(Spot { at_um: self.within(s, theta, 0.9), radius_um: 3.6, density: 0.09 });
                     }
                 }
             }
