@@ -28,12 +28,12 @@ impl Default for Capillary {
     fn default() -> Self {
         Self {
             bore_diameter_um: 650.0,
-            glass_um: 30.0,
+            glass_um: 36.0,
             wall_contrast: 0.66,
             lower_share: 0.8,
-            wall_line_px: 0.9,
+            wall_line_px: 0.8,
             fringe_px: 0.28,
-            glass_shade: 0.46,
+            glass_shade: 0.38,
             bore_shade: 0.12,
             bore_shade_px: 7.0,
         }

@@ -10,13 +10,13 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 pub const BODY: Material = Material { absorption_per_mm: [1.02, 1.13, 1.58], index_step: 0.011 };
 /// Of the fin only its bent edge is seen.
 pub const FIN: Material = Material { absorption_per_mm: [0.45, 0.45, 0.55], index_step: 0.008 };
-const EYE: Material = Material { absorption_per_mm: [26.0, 27.0, 28.0], index_step: 0.0 };
-const BRAIN: Material = Material { absorption_per_mm: [0.42, 0.48, 1.0], index_step: 0.0015 };
+const EYE: Material = Material { absorption_per_mm: [20.0, 20.8, 21.6], index_step: 0.0 };
+const BRAIN: Material = Material { absorption_per_mm: [1.0, 1.08, 1.6], index_step: 0.0015 };
 const YOLK: Material = Material { absorption_per_mm: [1.75, 1.95, 2.5], index_step: 0.019 };
 /// Water in the body: the rooms of heart and ear, the gap below the jaw.
 const CLEAR: Material = Material { absorption_per_mm: [-0.9, -1.0, -1.4], index_step: -0.0025 };
 /// The ear's wall is seen as a thin ring.
-const EAR: Material = Material { absorption_per_mm: [-0.7, -0.75, -0.9], index_step: -0.010 };
+const EAR: Material = Material { absorption_per_mm: [-0.7, -0.75, -0.9], index_step: -0.006 };
 const NOTOCHORD: Material = Material { absorption_per_mm: [-4.0, -4.4, -6.2], index_step: -0.006 };
 const BLADDER: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.085 };
 
@@ -29,7 +29,7 @@ impl Larva {
         let part = |mesh: Mesh, material| Part { mesh, material, within_body: Within::Added };
         let mut parts = vec![
             part(self.eyes(), EYE),
-            part(self.yolk(), YOLK),
+            part(self.yolk(), self.yolk_material()),
             part(self.notochord(), NOTOCHORD),
             part(self.brain(), BRAIN),
             part(self.clear_rooms(), CLEAR),
@@ -38,11 +38,17 @@ impl Larva {
         if self.bladder > 0.0 {
             let size = self.bladder.cbrt();
             // Below the gut line, which covers its upper side with pigment.
-            let [x, y, z] = self.lateral(BLADDER_AT, self.shape.gut_line.at(BLADDER_AT) + 17.0 * size);
-            let half = [0.047 * size * self.length_um, 19.0 * size * self.unit_um(), 17.0 * size * self.unit_um()];
+            let [x, y, z] = self.lateral(BLADDER_AT, self.shape.gut_line.at(BLADDER_AT) + 20.0 * size);
+            let half = [0.046 * size * self.length_um, 25.0 * size * self.unit_um(), 22.0 * size * self.unit_um()];
             parts.push(part(self.tucked(ellipsoid_mesh([x, y, z], half, 64, 48)), BLADDER));
         }
         parts
+    }
+
+    /// The less yolk is left, the paler it is.
+    fn yolk_material(&self) -> Material {
+        let left = 0.35 + 0.65 * self.yolk;
+        Material { absorption_per_mm: YOLK.absorption_per_mm.map(|a| left * a), ..YOLK }
     }
 
     /// Both eyes, under the middle of the head and as far apart as it is wide.
@@ -51,7 +57,7 @@ impl Larva {
         let [x, y, z] = self.lateral(EYE_AT, self.shape.centre.at(EYE_AT) + 18.0);
         let half_width = self.radius(EYE_AT, FRAC_PI_2);
         let eye = |side: f64| {
-            let half = [0.046 * self.length_um, 41.0 * u, 25.0 * u];
+            let half = [0.044 * self.length_um, 46.0 * u, 25.0 * u];
             self.tucked(ellipsoid_mesh([x, y, z + side * (half_width - 27.0 * u)], half, 48, 48))
         };
         eye(1.0).with(&eye(-1.0))
@@ -73,7 +79,8 @@ impl Larva {
             |[x, y, z]: [f64; 3], [a, b, c]: [f64; 3]| self.tucked(ellipsoid_mesh([x, y, z], [a * self.length_um, b * u, c * u], 40, 32));
         let belly = |s: f64| self.shape.centre.at(s) + self.shape.ventral.at(s);
         let jaw = 0.094;
-        let rooms = room(self.heart(), [0.034, 38.0, 44.0]);
+        let size = 0.55 + 0.45 * self.yolk;
+        let rooms = room(self.heart(), [0.034 * size, 38.0 * size, 44.0 * size]);
         rooms.with(&room(self.lateral(jaw, belly(jaw) - 14.0), [0.030, 4.0, 14.0]))
     }
 
@@ -102,10 +109,13 @@ impl Larva {
         self.tube(140, 64, |t| {
             let s = from + (to - from) * t;
             let belly = self.shape.centre.at(s) + 0.985 * self.shape.ventral.at(s);
+            // The swim bladder presses a hollow into its upper side.
+            let hollow = 40.0 * self.bladder.cbrt() * (-((s - BLADDER_AT) / 0.06).powi(2)).exp();
             let top = self.shape.gut_line.at(s) + 6.0;
             // Behind the ball only a rod remains, along the belly.
             let ball = 1.0 - smooth_step((s - 0.31) / 0.11);
             let height = (belly - top) * (ball * (0.45 + 0.55 * self.yolk) + (1.0 - ball) * (0.18 + 0.32 * self.yolk));
+            let height = height.min(belly - top - hollow);
             let front = (1.0 - (1.0 - t / 0.2).max(0.0).powi(2)).sqrt();
             let end = (1.0 - ((t - 0.9) / 0.1).max(0.0).powi(2)).sqrt();
             let half = height / 2.0 * front.min(end);

@@ -45,12 +45,14 @@ impl Larva {
     pub(super) fn spots(&self) -> Vec<Spot> {
         let mut seeded = Seeded::new(mixed(self.seed ^ 0x5107));
         let mut spots = Vec::new();
+        // Cells gather their pigment in the light and spread it in the dark.
+        let dispersed = seeded.between(0.75, 1.2);
         for field in &FIELDS {
-            let few_or_many = seeded.between(0.75, 1.25);
+            let few_or_many = seeded.between(0.7, 1.25);
             for _ in 0..(f64::from(field.count) * few_or_many).round() as u32 {
                 let s = seeded.between(field.s[0], field.s[1]);
                 let theta = field.theta + seeded.normal(field.spread);
-                self.add_cell(s, theta, field.size_um * seeded.between(0.6, 1.35), field.stretch, &mut seeded, &mut spots);
+                self.add_cell(s, theta, field.size_um * dispersed * seeded.between(0.6, 1.35), field.stretch, &mut seeded, &mut spots);
             }
         }
         self.add_gut_line(&mut seeded, &mut spots);
@@ -81,14 +83,16 @@ impl Larva {
         for i in 0..steps {
             let s = 0.112 + 0.86 * f64::from(i) / f64::from(steps);
             clot += 0.12 * (1.0 - clot) + seeded.normal(0.17);
+            // Closed over the yolk, broken behind it.
+            let dark = clot.clamp(0.15 + 0.6 * (1.0 - smooth_step((s - 0.34) / 0.1)), 1.3);
             // Broad over the yolk, a thread at the tail.
             let breadth = 26.0 * (1.0 - smooth_step((s - 0.3) / 0.35)) * smooth_step((s - 0.10) / 0.06) + 3.0;
-            let thick = (0.8 + 1.5 * (-((s - 0.25) / 0.09f64).powi(2)).exp() - 0.35 * smooth_step((s - 0.6) / 0.3)) * clot.clamp(0.25, 1.8);
+            let thick = (0.8 + 1.5 * (-((s - 0.25) / 0.09f64).powi(2)).exp() - 0.35 * smooth_step((s - 0.6) / 0.3)) * dark.max(0.45);
             for _ in 0..3 {
                 let along = s + seeded.normal(0.002);
                 let [x, y, z] = self.lateral(along, self.shape.gut_line.at(along) + seeded.normal(1.3 * thick));
                 let radius_um = 7.0 * thick.max(0.5) * seeded.between(0.4, 1.2);
-                let density = seeded.between(0.15, 0.55) * clot.clamp(0.15, 1.3);
+                let density = seeded.between(0.15, 0.55) * dark;
                 spots.push(Spot { at_um: [x, y, z + seeded.normal(0.5) * breadth * u], radius_um, density });
             }
             // Cells hang from it on the flanks of the gut.
@@ -98,13 +102,13 @@ impl Larva {
                 let [_, cy, _] = self.centre(s);
                 let side = if seeded.between(0.0, 1.0) < 0.5 { 1.0 } else { -1.0 };
                 let theta = side * (FRAC_PI_2 - ((y - cy) / self.radius(s, FRAC_PI_2).max(20.0)).clamp(-1.2, 1.2));
-                self.add_cell(s, theta, 15.0 * seeded.between(0.6, 1.2), 0.8, seeded, spots);
+                self.add_cell(s, theta, 17.0 * seeded.between(0.6, 1.2), 0.8, seeded, spots);
             }
         }
         if self.bladder > 0.0 {
             for _ in 0..90 {
                 let s = BLADDER_AT + seeded.normal(0.016);
-                let [x, y, z] = self.lateral(s, self.shape.gut_line.at(s) + seeded.between(-1.0, 7.0));
+                let [x, y, z] = self.lateral(s, self.shape.gut_line.at(s) + seeded.between(-2.0, 9.0));
                 let at_um = [x, y, z + seeded.normal(8.0) * u];
                 spots.push(Spot { at_um, radius_um: seeded.between(8.0, 16.0), density: seeded.between(0.4, 1.2) });
             }
@@ -138,8 +142,8 @@ impl Larva {
         let u = self.unit_um();
         for side in [1.0, -1.0] {
             let [x, y, z] = self.ear(side);
-            for (dx, dy, radius_um) in [(-7.0, 7.0, 12.0), (8.0, 2.0, 15.0)] {
-                let at_um = [x + dx * u * seeded.between(0.8, 1.2), y + dy * u, z];
+            for (dx, dy, radius_um) in [(-6.0, 8.0, 9.0), (7.0, 1.0, 12.0)] {
+                let at_um = [x + (dx + seeded.normal(1.5)) * u, y + (dy + seeded.normal(1.5)) * u, z];
                 spots.push(Spot { at_um, radius_um, density: 0.55 });
                 spots.push(Spot { at_um, radius_um: 0.6 * radius_um, density: -0.22 });
             }
@@ -169,7 +173,7 @@ impl Larva {
             let s = seeded.between(0.005, 0.97);
             let theta = seeded.between(0.0, TAU);
             let at_um = self.within(s, theta, 1.0 - 5.0 / self.radius(s, theta).max(10.0));
-            spots.push(Spot { at_um, radius_um: seeded.between(3.0, 9.0), density: seeded.normal(0.06) + 0.015 });
+            spots.push(Spot { at_um, radius_um: seeded.between(3.0, 9.0), density: (seeded.normal(0.07) + 0.025) * (1.3 - 0.8 * s) });
         }
         // The jaw's and the gills' bars.
         for bar in 0..6 {
