@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 pub const BODY: Material = Material { absorption_per_mm: [1.02, 1.13, 1.58], index_step: 0.011 };
 /// Of the fin only its bent edge is seen.
 pub const FIN: Material = Material { absorption_per_mm: [0.45, 0.45, 0.55], index_step: 0.008 };
-const EYE: Material = Material { absorption_per_mm: [20.0, 20.8, 21.6], index_step: 0.0 };
+const EYE: Material = Material { absorption_per_mm: [32.0, 33.0, 34.0], index_step: 0.0 };
 const BRAIN: Material = Material { absorption_per_mm: [1.0, 1.08, 1.6], index_step: 0.0015 };
 const YOLK: Material = Material { absorption_per_mm: [1.75, 1.95, 2.5], index_step: 0.019 };
 /// Water in the body: the rooms of heart and ear, the gap below the jaw.
