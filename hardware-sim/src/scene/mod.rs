@@ -12,6 +12,7 @@
 pub mod camera;
 pub mod capillary;
 pub mod contents;
+pub mod frame_set;
 pub mod image;
 pub mod nuisance;
 pub mod optics;

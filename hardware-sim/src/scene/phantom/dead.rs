@@ -3,17 +3,19 @@
 use super::larva::{Larva, LarvaError};
 use super::{Material, Specimen};
 use crate::scene::seeded::{Seeded, mixed};
-use std::f64::consts::TAU;
 
 /// Clotted tissue: greyish brown, several times darker than the living.
 const CLOTTED: Material = Material { absorption_per_mm: [4.2, 4.8, 5.8], index_step: 0.03 };
 
 /// The part of the body that stays straight, and how far the tip of the tail is curled off.
-const STRAIGHT: f64 = 0.4;
-const CURL_UM: [f64; 2] = [150.0, 215.0];
+const STRAIGHT: f64 = 0.3;
+const CURL_UM: [f64; 2] = [200.0, 260.0];
 
 /// Clouds in the living tissue are fainter than this optical density; what is darker is pigment.
 const FAINT: f64 = 0.6;
+/// Clouds of clotted tissue are this much stronger, and darker rather than clearer.
+const CLOUDED: f64 = 3.5;
+const CLEAREST: f64 = -0.2;
 
 impl Specimen {
     /// A dead larva: the shape of the living one of this seed, with its tail curled to one side. Its truth is that of the
@@ -25,7 +27,8 @@ impl Specimen {
         let mut dead = Larva::new(dpf, seed)?.without_fins().specimen();
         let length_um = dead.truth.length_um;
         let mut seeded = Seeded::new(mixed(seed ^ 0xDEAD));
-        let (sin, cos) = seeded.between(0.0, TAU).sin_cos();
+        // Towards the belly or aside: the tail lies high in the bore.
+        let (sin, cos) = seeded.between(-1.4, 1.4).sin_cos();
         let curl = seeded.between(CURL_UM[0], CURL_UM[1]);
         dead.move_all(|[x, y, z]| {
             let behind = ((x / length_um + 0.5 - STRAIGHT) / (1.0 - STRAIGHT)).max(0.0);
@@ -35,7 +38,7 @@ impl Specimen {
         // Parts that bend light against the body's own are air or clear tissue: both are gone.
         dead.parts.retain(|part| part.material.index_step >= 0.0);
         for spot in dead.spots.iter_mut().filter(|spot| spot.density.abs() < FAINT) {
-            spot.density *= 3.5;
+            spot.density = (CLOUDED * spot.density).max(CLEAREST);
             spot.radius_um *= 1.2;
         }
         let body = dead.parts.first().map(|part| part.mesh.clone()).unwrap_or_default();

@@ -206,7 +206,7 @@ impl Specimen {
         self.parts.iter().flat_map(|part| &part.mesh.vertices)
     }
 
-    fn move_all(&mut self, map: impl Fn([f64; 3]) -> [f64; 3]) {
+    pub(crate) fn move_all(&mut self, map: impl Fn([f64; 3]) -> [f64; 3]) {
         for part in &mut self.parts {
             for v in &mut part.mesh.vertices {
                 *v = map(*v);

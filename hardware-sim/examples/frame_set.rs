@@ -1,0 +1,59 @@
+//! Writes the frames that segmentation and detection are judged by, with their truth.
+//!
+//! `frame_set OUT [SEED]`; seed 1 is the set that methods are tuned on. Per frame:
+//!
+//! ```text
+//!   NAME.png        what the camera sees, RGB        NAME.truth.png   coverage by the specimens, 0 to 255
+//!   NAME.bayer.png  its mosaic, R G R G first        NAME.edge.json   [[[u, v], ...], ...] closed outlines, px
+//!   NAME.mono.png   luma, of frames to use so        set.json         all specs with their labels
+//! ```
+//! Frames to segment are written to OUT, labelled examples for detection to OUT/detection.
+
+use hardware_sim::scene::Outline;
+use hardware_sim::scene::frame_set::{FrameSpec, detection_set, frame_set};
+use image::ColorType::{L8, Rgb8};
+use rayon::prelude::*;
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+type Failure = Box<dyn Error + Send + Sync>;
+
+fn main() -> Result<(), Failure> {
+    let mut args = std::env::args().skip(1);
+    let Some(out) = args.next().map(PathBuf::from) else {
+        return Err("frame_set OUT [SEED]".into());
+    };
+    let seed: u64 = args.next().map(|s| s.parse()).transpose()?.unwrap_or(1);
+    write_all(&out, &frame_set(seed)?)?;
+    write_all(&out.join("detection"), &detection_set(seed)?)
+}
+
+fn write_all(out: &Path, specs: &[FrameSpec]) -> Result<(), Failure> {
+    std::fs::create_dir_all(out)?;
+    std::fs::write(out.join("set.json"), serde_json::to_vec_pretty(specs)?)?;
+    let done = AtomicUsize::new(0);
+    specs.par_iter().try_for_each(|spec| {
+        write(out, spec)?;
+        let number = done.fetch_add(1, Ordering::Relaxed) + 1;
+        eprintln!("{number}/{} {}", specs.len(), spec.name);
+        Ok(())
+    })
+}
+
+fn write(out: &Path, spec: &FrameSpec) -> Result<(), Failure> {
+    let rendered = spec.render()?;
+    let (width, height) = (rendered.frame.width, rendered.frame.height);
+    let to = |kind: &str| out.join(format!("{}{kind}", spec.name));
+    image::save_buffer(to(".png"), &rendered.frame.data, width, height, Rgb8)?;
+    image::save_buffer(to(".bayer.png"), &rendered.frame.to_bayer_rg8(), width, height, L8)?;
+    if spec.mono {
+        image::save_buffer(to(".mono.png"), &rendered.frame.to_mono8(), width, height, L8)?;
+    }
+    image::save_buffer(to(".truth.png"), &rendered.truth.data, width, height, L8)?;
+    // A ten-thousandth of a pixel is finer than the outline is known.
+    let round = |x: f64| (x * 1e4).round() / 1e4;
+    let edge: Vec<Outline> = rendered.edge.iter().map(|o| o.iter().map(|p| p.map(round)).collect()).collect();
+    std::fs::write(to(".edge.json"), serde_json::to_vec(&edge)?)?;
+    Ok(())
+}
