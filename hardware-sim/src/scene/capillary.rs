@@ -33,7 +33,7 @@ impl Default for Capillary {
             lower_share: 0.8,
             wall_line_px: 0.8,
             fringe_px: 0.28,
-            glass_shade: 0.38,
+            glass_shade: 0.32,
             bore_shade: 0.12,
             bore_shade_px: 7.0,
         }

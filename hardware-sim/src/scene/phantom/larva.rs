@@ -46,6 +46,8 @@ pub struct Larva {
     yolk: f64,
     /// Factor on all cross-sections that gives the body its volume.
     girth: f64,
+    /// Factor on what all tissue absorbs.
+    opacity: f64,
     bend_y_um: f64,
     bend_z_um: f64,
     twist_phase: f64,
@@ -74,6 +76,7 @@ impl Larva {
             bladder: age.bladder,
             yolk: 0.35 + 0.65 * youth,
             girth: 1.0,
+            opacity: 1.35 * vary(0.12),
             bend_y_um: 22.0 * (vary(1.0) - 1.0),
             bend_z_um: 22.0 * (vary(1.0) - 1.0),
             twist_phase: TAU * vary(0.3),
@@ -223,7 +226,7 @@ impl Larva {
     }
 
     pub fn specimen(&self) -> Specimen {
-        let mut parts = vec![Part { mesh: self.body(DRAWN), material: organs::BODY, within_body: Within::Added }];
+        let mut parts = vec![Part { mesh: self.body(DRAWN), material: self.tinged(organs::BODY), within_body: Within::Added }];
         parts.extend(self.fin(160, 48).map(|mesh| Part { mesh, material: organs::FIN, within_body: Within::Replaced }));
         parts.extend(self.organs());
         let fins = if self.finned { "" } else { " without fins" };

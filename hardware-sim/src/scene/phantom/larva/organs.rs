@@ -11,7 +11,7 @@ pub const BODY: Material = Material { absorption_per_mm: [1.02, 1.13, 1.58], ind
 /// Of the fin only its bent edge is seen.
 pub const FIN: Material = Material { absorption_per_mm: [0.45, 0.45, 0.55], index_step: 0.008 };
 const EYE: Material = Material { absorption_per_mm: [32.0, 33.0, 34.0], index_step: 0.0 };
-const BRAIN: Material = Material { absorption_per_mm: [1.0, 1.08, 1.6], index_step: 0.0015 };
+const BRAIN: Material = Material { absorption_per_mm: [0.80, 0.85, 1.9], index_step: 0.0015 };
 const YOLK: Material = Material { absorption_per_mm: [1.75, 1.95, 2.5], index_step: 0.019 };
 /// Water in the body: the rooms of heart and ear, the gap below the jaw.
 const CLEAR: Material = Material { absorption_per_mm: [-0.9, -1.0, -1.4], index_step: -0.0025 };
@@ -26,7 +26,7 @@ pub const EYE_AT: f64 = 0.078;
 
 impl Larva {
     pub(super) fn organs(&self) -> Vec<Part> {
-        let part = |mesh: Mesh, material| Part { mesh, material, within_body: Within::Added };
+        let part = |mesh: Mesh, material| Part { mesh, material: self.tinged(material), within_body: Within::Added };
         let mut parts = vec![
             part(self.eyes(), EYE),
             part(self.yolk(), self.yolk_material()),
@@ -43,6 +43,11 @@ impl Larva {
             parts.push(part(self.tucked(ellipsoid_mesh([x, y, z], half, 64, 48)), BLADDER));
         }
         parts
+    }
+
+    /// A material as dense as this individual's tissue is.
+    pub(super) fn tinged(&self, material: Material) -> Material {
+        Material { absorption_per_mm: material.absorption_per_mm.map(|a| self.opacity * a), ..material }
     }
 
     /// The less yolk is left, the paler it is.

@@ -96,13 +96,13 @@ impl Larva {
                 spots.push(Spot { at_um: [x, y, z + seeded.normal(0.5) * breadth * u], radius_um, density });
             }
             // Cells hang from it on the flanks of the gut.
-            if s > 0.33 && s < 0.72 && seeded.between(0.0, 1.0) < 0.1 {
+            if s > 0.33 && s < 0.72 && seeded.between(0.0, 1.0) < 0.13 {
                 let drop = seeded.between(-2.0, 12.0);
                 let [_, y, _] = self.lateral(s, self.shape.gut_line.at(s) + drop);
                 let [_, cy, _] = self.centre(s);
                 let side = if seeded.between(0.0, 1.0) < 0.5 { 1.0 } else { -1.0 };
                 let theta = side * (FRAC_PI_2 - ((y - cy) / self.radius(s, FRAC_PI_2).max(20.0)).clamp(-1.2, 1.2));
-                self.add_cell(s, theta, 17.0 * seeded.between(0.6, 1.2), 0.8, seeded, spots);
+                self.add_cell(s, theta, 22.0 * seeded.between(0.6, 1.2), 0.8, seeded, spots);
             }
         }
         if self.bladder > 0.0 {
@@ -173,7 +173,7 @@ impl Larva {
             let s = seeded.between(0.005, 0.97);
             let theta = seeded.between(0.0, TAU);
             let at_um = self.within(s, theta, 1.0 - 5.0 / self.radius(s, theta).max(10.0));
-            spots.push(Spot { at_um, radius_um: seeded.between(3.0, 9.0), density: (seeded.normal(0.07) + 0.025) * (1.3 - 0.8 * s) });
+            spots.push(Spot { at_um, radius_um: seeded.between(3.0, 9.0), density: (seeded.normal(0.08) + 0.05) * (1.3 - 0.9 * s) });
         }
         // The jaw's and the gills' bars.
         for bar in 0..6 {
@@ -215,15 +215,16 @@ impl Larva {
         }
     }
 
-    /// The fin's edge: a line of a few grey values.
+    /// The fin's edge: a line of a few grey values, as dark where the stations are dense as where they are not.
     fn add_fin_edge(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
-        let density = seeded.between(0.008, 0.022);
-        for s in self.fin_stations(900) {
-            for p in [0usize, 24] {
-                if let Some(&at_um) = self.fin_ring(s, 48).get(p)
-                    && (s >= 1.0 || (at_um[1] - self.centre(s)[1]).abs() > self.radius(s, if p == 0 { 0.0 } else { PI }))
-                {
-                    spots.push(Spot { at_um, radius_um: 4.0, density });
+        let density_per_um = seeded.between(0.003, 0.008);
+        let rings: Vec<(f64, Vec<[f64; 3]>)> = self.fin_stations(900).map(|s| (s, self.fin_ring(s, 48))).collect();
+        for (p, theta) in [(0usize, 0.0), (24, PI)] {
+            for pair in rings.windows(2) {
+                let (s, Some(&before), Some(&at_um)) = (pair[1].0, pair[0].1.get(p), pair[1].1.get(p)) else { continue };
+                if s >= 1.0 || (at_um[1] - self.centre(s)[1]).abs() > self.radius(s, theta) {
+                    let step_um = (at_um[0] - before[0]).hypot(at_um[1] - before[1]);
+                    spots.push(Spot { at_um, radius_um: 4.0, density: density_per_um * step_um });
                 }
             }
         }

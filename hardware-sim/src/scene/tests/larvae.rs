@@ -1,0 +1,83 @@
+//! What larvae look like, held to where they are.
+
+use super::*;
+
+/// Light that the larva takes, green, noise left out; the larva as a specimen placed nowhere special.
+fn taken(larva: &Larva, angle_rad: f64) -> Vec<f64> {
+    let optics = Optics { full_well_electrons: 0.0, read_noise: 0.0, ..Optics::default() };
+    let scene = Scene::new(SceneSettings { optics, ..SceneSettings::default() });
+    let exposure = Exposure { angle_rad, number: 0 };
+    let empty = scene.render(&exposure);
+    scene.load(Some(larva.specimen())).unwrap();
+    let frame = scene.render(&exposure);
+    empty.data.iter().zip(&frame.data).skip(1).step_by(3).map(|(&a, &b)| f64::from(a) - f64::from(b)).collect()
+}
+
+/// Pixels that something within `reach` of them covers.
+fn near(mask: &Coverage, reach: usize) -> Vec<bool> {
+    let (w, h) = (mask.width as usize, mask.height as usize);
+    let mut out = vec![false; w * h];
+    for (i, _) in mask.data.iter().enumerate().filter(|&(_, &c)| c > 0) {
+        let (u, v) = (i % w, i / w);
+        for row in v.saturating_sub(reach)..=(v + reach).min(h - 1) {
+            out[row * w + u.saturating_sub(reach)..=row * w + (u + reach).min(w - 1)].fill(true);
+        }
+    }
+    out
+}
+
+#[test]
+fn pigment_and_organs_change_no_pixel_outside_the_larva() {
+    for (dpf, angle_rad) in [(3, 0.0), (4, 0.8), (5, 1.6)] {
+        let larva = Larva::new(dpf, 6).unwrap();
+        let mask = loaded(exact(), larva.specimen()).truth_mask(angle_rad);
+        // The blur of 0.7 px ends after 3.
+        let inside = near(&mask, 3);
+        let outside = taken(&larva, angle_rad).into_iter().zip(&inside).filter(|(t, inside)| !**inside && *t != 0.0).count();
+        assert_eq!(outside, 0, "{dpf} dpf: {outside} pixels differ outside");
+    }
+}
+
+#[test]
+fn the_fin_takes_a_few_grey_values_and_its_edge_a_few_more() {
+    for dpf in [3, 4, 5] {
+        for seed in 0..3 {
+            let larva = Larva::new(dpf, seed).unwrap();
+            let mask = loaded(exact(), larva.specimen()).truth_mask(0.0);
+            let body = near(&loaded(exact(), larva.clone().without_fins().specimen()).truth_mask(0.0), 8);
+            let fin: Vec<f64> = taken(&larva, 0.0)
+                .into_iter()
+                .zip(&body)
+                .zip(&mask.data)
+                .filter(|((_, body), c)| !**body && **c > 0)
+                .map(|((t, _), _)| t)
+                .collect();
+            let mean = fin.iter().sum::<f64>() / fin.len() as f64;
+            let most = fin.iter().copied().fold(0.0, f64::max);
+            println!("{dpf} dpf, seed {seed}: {} px of fin take {mean:.2}, at most {most}", fin.len());
+            assert!(fin.len() > 1000, "{} px of fin", fin.len());
+            // Of some 240: real fins show as a line 2 to 6 darker, with nothing between it and the body.
+            assert!((0.2..3.5).contains(&mean) && (2.0..8.0).contains(&most), "mean {mean:.2}, most {most}");
+        }
+    }
+}
+
+#[test]
+fn a_larva_nearly_as_thick_as_the_bore_touches_both_walls() {
+    for (dpf, seed) in [(3, 1), (4, 2), (5, 3), (3, 4)] {
+        let tallest_px = |mask: &Coverage| {
+            (0..1024).map(|u| mask.data[u..].iter().step_by(1024).map(|&c| f64::from(c) / 255.0).sum::<f64>()).fold(0.0, f64::max)
+        };
+        let larva = Specimen::larva(dpf, seed).unwrap();
+        // Seen from the side it is tallest: across the fold of the fin as well.
+        let extent_um = 5.5 * tallest_px(&loaded(exact(), larva.clone()).truth_mask(0.0));
+        let bore_diameter_um = 1.05 * extent_um;
+        let tight = SceneSettings { capillary: Capillary { bore_diameter_um, ..Capillary::default() }, ..exact() };
+        for roll_rad in [0.0, 1.0, PI / 2.0, 4.0] {
+            let scene = loaded(tight.clone(), larva.clone().placed(Placement { roll_rad, rests_on_wall: true, ..Placement::default() }));
+            let tall_px = tallest_px(&scene.truth_mask(-roll_rad));
+            // From wall to wall but for the 5 %; a pixel for perspective and the way the body is bent.
+            assert!(bore_diameter_um / 5.5 - tall_px < 0.05 * extent_um / 5.5 + 1.0, "{dpf} dpf: {tall_px} px of {bore_diameter_um} um");
+        }
+    }
+}
