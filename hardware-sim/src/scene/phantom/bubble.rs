@@ -19,7 +19,7 @@ impl Specimen {
         let r = positive("bubble diameter", diameter_um)? / 2.0;
         let mut bubble = Self::ellipsoid([r; 3])?.of_material(Material::AIR);
         bubble.name = format!("bubble of {diameter_um} um");
-        bubble.truth.diameter_um = Some(diameter_um);
+        bubble.truth = bubble.truth.of_sphere(diameter_um);
         Ok(bubble)
     }
 

@@ -25,13 +25,14 @@ impl Specimen {
     /// Refuses other ages than 3, 4 and 5 dpf.
     pub fn dead_larva(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
         let mut dead = Larva::new(dpf, seed)?.without_fins().specimen();
-        let length_um = dead.truth.length_um;
+        let body = |dead: &Self| dead.parts.first().map(|part| part.mesh.clone()).unwrap_or_default();
+        let [nose_um, tail_um] = body(&dead).bounds()[0];
         let mut seeded = Seeded::new(mixed(seed ^ 0xDEAD));
         // Towards the belly or aside: the tail lies high in the bore.
         let (sin, cos) = seeded.between(-1.4, 1.4).sin_cos();
         let curl = seeded.between(CURL_UM[0], CURL_UM[1]);
         dead.move_all(|[x, y, z]| {
-            let behind = ((x / length_um + 0.5 - STRAIGHT) / (1.0 - STRAIGHT)).max(0.0);
+            let behind = (((x - nose_um) / (tail_um - nose_um) - STRAIGHT) / (1.0 - STRAIGHT)).max(0.0);
             let aside = curl * behind * behind;
             [x, y + aside * cos, z + aside * sin]
         });
@@ -41,8 +42,7 @@ impl Specimen {
             spot.density = (CLOUDED * spot.density).max(CLEAREST);
             spot.radius_um *= 1.2;
         }
-        let body = dead.parts.first().map(|part| part.mesh.clone()).unwrap_or_default();
-        dead.truth = Self::mesh(body).truth;
+        dead.truth = Self::mesh(body(&dead)).truth;
         dead.name = format!("dead larva of {dpf} dpf, seed {seed}");
         Ok(dead.of_material(CLOTTED))
     }

@@ -17,6 +17,7 @@ mod shape;
 mod skin;
 
 use super::hull::ideal_hull;
+use super::truth::AskedTruth;
 use super::{Mesh, Part, Placement, Specimen, Truth, Within};
 use crate::scene::seeded::Seeded;
 use organs::EYE_AT;
@@ -229,13 +230,14 @@ impl Larva {
         let mut parts = vec![Part { mesh: self.body(DRAWN), material: self.tinged(organs::BODY), within_body: Within::Added }];
         parts.extend(self.fin(160, 48).map(|mesh| Part { mesh, material: organs::FIN, within_body: Within::Replaced }));
         parts.extend(self.organs());
+        let measured = self.clone();
         let fins = if self.finned { "" } else { " without fins" };
         Specimen {
             name: format!("larva of {} dpf{fins}, seed {}", self.dpf, self.seed),
             parts,
             spots: self.spots(),
             placement: Placement::default(),
-            truth: self.truth(),
+            truth: AskedTruth::by(move || measured.truth()),
         }
     }
 }

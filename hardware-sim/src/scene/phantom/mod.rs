@@ -18,14 +18,17 @@ mod pigment;
 mod placement;
 mod solid;
 mod spline;
+mod truth;
 
 pub use hull::{Hull, ideal_hull};
 pub use larva::{Larva, LarvaError};
 pub use mesh::{Mesh, MeshError};
 pub use pigment::Spot;
 pub use placement::{Narrowest, Placement, PlacementError};
+pub use truth::Truth;
 
 use serde::{Deserialize, Serialize};
+use truth::AskedTruth;
 
 /// How a part acts on light, relative to what surrounds it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -64,21 +67,6 @@ pub enum Within {
     Replaced,
 }
 
-/// Exact values of the specimen, whatever the pictures show of it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Truth {
-    /// The body: without the fin fold where there is one.
-    pub volume_um3: f64,
-    pub area_um2: f64,
-    /// The ideal visual hull of all that casts a profile, fins included: what silhouettes can at best recover.
-    pub hull_volume_um3: f64,
-    pub hull_area_um2: f64,
-    /// Extent of the body along x.
-    pub length_um: f64,
-    /// Of a sphere.
-    pub diameter_um: Option<f64>,
-}
-
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum SizeError {
     #[error("{name} is {found} um; it must be a finite number above 0")]
@@ -92,7 +80,7 @@ pub struct Specimen {
     pub(crate) parts: Vec<Part>,
     pub(crate) spots: Vec<Spot>,
     pub(crate) placement: Placement,
-    truth: Truth,
+    truth: AskedTruth,
 }
 
 impl Specimen {
@@ -110,7 +98,7 @@ impl Specimen {
         let r = positive("bead diameter", diameter_um)? / 2.0;
         let mut bead = Self::ellipsoid([r; 3])?;
         bead.name = format!("bead of {diameter_um} um");
-        bead.truth.diameter_um = Some(diameter_um);
+        bead.truth = bead.truth.of_sphere(diameter_um);
         bead.parts[0].material = Material::POLYSTYRENE;
         Ok(bead)
     }
@@ -123,7 +111,6 @@ impl Specimen {
         for a in half_axes_um {
             positive("ellipsoid half axis", a)?;
         }
-        let (volume_um3, area_um2) = (solid::ellipsoid_volume(half_axes_um), solid::ellipsoid_area(half_axes_um));
         Ok(Self {
             name: format!("ellipsoid of half axes {half_axes_um:?} um"),
             parts: vec![Part {
@@ -134,42 +121,20 @@ impl Specimen {
             spots: Vec::new(),
             placement: Placement::default(),
             // Convex: it is its own hull.
-            truth: Truth {
-                volume_um3,
-                area_um2,
-                hull_volume_um3: volume_um3,
-                hull_area_um2: area_um2,
-                length_um: 2.0 * half_axes_um[0],
-                diameter_um: None,
-            },
+            truth: AskedTruth::by(move || {
+                let (volume_um3, area_um2) = (solid::ellipsoid_volume(half_axes_um), solid::ellipsoid_area(half_axes_um));
+                let length_um = 2.0 * half_axes_um[0];
+                Truth { volume_um3, area_um2, hull_volume_um3: volume_um3, hull_area_um2: area_um2, length_um, diameter_um: None }
+            }),
         })
     }
 
     /// Any closed mesh, in um, x along the capillary ([`Mesh::laid_along_x`] brings it there).
     pub fn mesh(mesh: Mesh) -> Self {
-        let [low, high] = mesh.bounds()[0];
-        let cuts = 2000;
-        let step = (high - low) / f64::from(cuts);
-        let mut stations: Vec<f64> = (0..cuts).map(|i| low + step * (f64::from(i) + 0.5)).collect();
-        stations.insert(0, low + step * 1e-6);
-        stations.push(high - step * 1e-6);
-        let mut sections: Vec<_> = stations.into_iter().map(|x| (x, mesh.section(x))).collect();
-        // A flat end is part of the surface: each end closes to a point.
-        let first = sections.first().and_then(|(_, points)| points.first().copied());
-        let last = sections.last().and_then(|(_, points)| points.first().copied());
-        sections.insert(0, (low, first.into_iter().collect()));
-        sections.push((high, last.into_iter().collect()));
-        let hull = ideal_hull(&sections);
+        let measured = mesh.clone();
         Self {
             name: format!("mesh of {} triangles", mesh.triangles.len()),
-            truth: Truth {
-                volume_um3: mesh.volume(),
-                area_um2: mesh.area(),
-                hull_volume_um3: hull.volume_um3,
-                hull_area_um2: hull.area_um2,
-                length_um: high - low,
-                diameter_um: None,
-            },
+            truth: AskedTruth::by(move || Truth::of_mesh(&measured)),
             parts: vec![Part { mesh, material: Material::TISSUE, within_body: Within::Added }],
             spots: Vec::new(),
             placement: Placement::default(),
@@ -191,7 +156,7 @@ impl Specimen {
     }
 
     pub fn truth(&self) -> Truth {
-        self.truth
+        self.truth.get()
     }
 
     pub fn name(&self) -> &str {
