@@ -29,7 +29,7 @@ impl Default for Capillary {
         Self {
             bore_diameter_um: 650.0,
             glass_um: 36.0,
-            wall_contrast: 0.66,
+            wall_contrast: 0.70,
             lower_share: 0.8,
             wall_line_px: 0.8,
             fringe_px: 0.28,

@@ -37,6 +37,8 @@ pub struct Optics {
     pub aperture_rad: f64,
     /// Light that still arrives, scattered, where every ray misses, as a part of 1.
     pub stray_light: f64,
+    /// Light that lens and glass scatter over everything: what the specimen cannot take away, as a part of 1.
+    pub veil: f64,
     /// How far the lamp shines from above: rims are then darker below than above, rad.
     pub lamp_tilt_rad: f64,
     /// Growth of a pigment spot per um out of the focal plane, which holds the capillary's axis.
@@ -58,6 +60,7 @@ impl Default for Optics {
             unevenness: 0.035,
             aperture_rad: 0.085,
             stray_light: 0.06,
+            veil: 0.02,
             lamp_tilt_rad: 0.008,
             defocus_rad: 0.022,
             blur_px: 0.7,
@@ -75,6 +78,7 @@ impl Optics {
         Self {
             vignetting: 0.0,
             unevenness: 0.0,
+            veil: 0.0,
             lamp_tilt_rad: 0.0,
             defocus_rad: 0.0,
             blur_px: 0.0,

@@ -24,6 +24,7 @@ pub fn transmission(
     let per_u = (camera.kx_px_per_um * window.fine_u as f64 / 2.0) as f32;
     let per_v = (camera.ky_px_per_um * window.fine_v as f64 / 2.0) as f32;
     let (aperture, stray, lamp) = (optics.aperture_rad as f32, optics.stray_light as f32, optics.lamp_tilt_rad as f32);
+    let veil = optics.veil as f32;
     let samples_per_pixel = (window.fine_u * window.fine_v) as f32;
 
     let mut out = vec![[0.0f32; 3]; window.width * window.height];
@@ -57,7 +58,7 @@ pub fn transmission(
                 let bent = lost.max(0.0) / (aperture * aperture);
                 let caught = stray + (1.0 - stray) / (1.0 + bent * bent);
                 for (p, d) in pixel.iter_mut().zip(density) {
-                    *p += caught * (-(d + pigment[i]).max(0.0)).exp();
+                    *p += veil + (1.0 - veil) * caught * (-(d + pigment[i]).max(0.0)).exp();
                 }
             }
         }
@@ -117,6 +118,8 @@ impl Disc {
 
 /// Where a spot ends, in its radii.
 const REACH: f64 = 1.3;
+/// Pigment is grains with gaps: however many cells lie behind each other, a twentieth of the light passes.
+const DENSEST: f32 = 3.0;
 /// Rows of samples that one task draws.
 const BAND: usize = 64;
 
@@ -128,6 +131,9 @@ fn pigment(spots: &[Spot], camera: &Camera, view: &View, optics: &Optics, window
     plane.par_chunks_mut(columns * BAND).enumerate().for_each(|(band, rows)| {
         for disc in &discs {
             disc.draw(columns, band * BAND, rows);
+        }
+        for density in rows.iter_mut().filter(|d| **d > 0.2) {
+            *density = DENSEST * (1.0 - (-*density / DENSEST).exp());
         }
     });
     plane

@@ -26,7 +26,7 @@ pub fn melanophore(place: impl Fn(f64, f64) -> [f64; 3], size_um: f64, seeded: &
     let mut put = |at: [f64; 2], radius_um: f64, density: f64| spots.push(Spot { at_um: place(at[0], at[1]), radius_um, density });
     for _ in 0..5 {
         let at = [seeded.normal(0.42 * size_um), seeded.normal(0.42 * size_um)];
-        put(at, size_um * seeded.between(0.35, 0.75), seeded.between(0.7, 2.0));
+        put(at, size_um * seeded.between(0.35, 0.75), seeded.between(0.5, 1.8));
     }
     let arms = seeded.between(2.0, 7.0) as u32;
     let turn = seeded.between(0.0, TAU);
@@ -40,7 +40,7 @@ pub fn melanophore(place: impl Fn(f64, f64) -> [f64; 3], size_um: f64, seeded: &
             let (sin, cos) = heading.sin_cos();
             let step = 1.1 * radius_um.max(2.5);
             at = [at[0] + step * cos, at[1] + step * sin];
-            put(at, radius_um.max(2.5), seeded.between(0.8, 1.6));
+            put(at, radius_um.max(2.5), seeded.between(0.5, 1.4));
             radius_um *= 0.86;
             if seeded.between(0.0, 1.0) < 0.15 {
                 // A fork: a twig of its own length beside the arm.

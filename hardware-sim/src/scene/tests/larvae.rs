@@ -41,7 +41,7 @@ fn pigment_and_organs_change_no_pixel_outside_the_larva() {
 #[test]
 fn the_fin_takes_a_few_grey_values_and_its_edge_a_few_more() {
     for dpf in [3, 4, 5] {
-        for seed in 0..3 {
+        for seed in 0..2 {
             let larva = Larva::new(dpf, seed).unwrap();
             let mask = loaded(exact(), larva.specimen()).truth_mask(0.0);
             let body = near(&loaded(exact(), larva.clone().without_fins().specimen()).truth_mask(0.0), 8);
@@ -64,7 +64,7 @@ fn the_fin_takes_a_few_grey_values_and_its_edge_a_few_more() {
 
 #[test]
 fn a_larva_nearly_as_thick_as_the_bore_touches_both_walls() {
-    for (dpf, seed) in [(3, 1), (4, 2), (5, 3), (3, 4)] {
+    for (dpf, seed) in [(3, 1), (4, 2), (5, 3)] {
         let tallest_px = |mask: &Coverage| {
             (0..1024).map(|u| mask.data[u..].iter().step_by(1024).map(|&c| f64::from(c) / 255.0).sum::<f64>()).fold(0.0, f64::max)
         };
@@ -73,7 +73,7 @@ fn a_larva_nearly_as_thick_as_the_bore_touches_both_walls() {
         let extent_um = 5.5 * tallest_px(&loaded(exact(), larva.clone()).truth_mask(0.0));
         let bore_diameter_um = 1.05 * extent_um;
         let tight = SceneSettings { capillary: Capillary { bore_diameter_um, ..Capillary::default() }, ..exact() };
-        for roll_rad in [0.0, 1.0, PI / 2.0, 4.0] {
+        for roll_rad in [0.0, PI / 2.0, 4.0] {
             let scene = loaded(tight.clone(), larva.clone().placed(Placement { roll_rad, rests_on_wall: true, ..Placement::default() }));
             let tall_px = tallest_px(&scene.truth_mask(-roll_rad));
             // From wall to wall but for the 5 %; a pixel for perspective and the way the body is bent.

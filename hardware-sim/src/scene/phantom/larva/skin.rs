@@ -166,7 +166,16 @@ impl Larva {
             let s = seeded.between(0.02, 0.9);
             let at_um = self.within(s, seeded.between(0.0, TAU), 0.85 * seeded.between(0.0, 1.0).sqrt());
             let radius_um = seeded.between(10.0, 38.0) * (1.1 - 0.7 * s);
-            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.10).max(-0.06) * (1.1 - 0.7 * s) });
+            spots.push(Spot { at_um, radius_um, density: seeded.normal(0.13).max(-0.07) * (1.1 - 0.7 * s) });
+        }
+        // Muscle fibres: streaks along the trunk.
+        for _ in 0..260 {
+            let (s, theta, depth) = (seeded.between(0.17, 0.93), seeded.normal(0.9) + PI, seeded.between(0.3, 0.95));
+            let (density, length) = (seeded.normal(0.06), seeded.between(5.0, 16.0) as u32);
+            for step in 0..length {
+                let at_um = self.within((s + 5.0 * f64::from(step) / self.length_um).min(0.98), theta, depth);
+                spots.push(Spot { at_um, radius_um: 4.5, density });
+            }
         }
         // The skin is rougher: where the ray grazes it, it makes the outline uneven.
         for _ in 0..2200 {
@@ -192,7 +201,7 @@ impl Larva {
             spots.push(Spot {
                 at_um,
                 radius_um: seeded.between(9.0, 42.0),
-                density: seeded.normal(0.15).max(-0.2) * (0.35 + 0.65 * self.yolk),
+                density: seeded.normal(0.15).max(-0.12) * (0.35 + 0.65 * self.yolk),
             });
         }
     }
