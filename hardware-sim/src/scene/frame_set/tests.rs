@@ -19,6 +19,9 @@ fn check(specs: &[FrameSpec]) {
             assert_eq!(s.labels.head == Some(Side::Right), s.specimens[0].placement.faces_right, "{name}");
             assert_eq!(name.contains("clipped"), !s.labels.clipped.is_empty(), "{name} is clipped at {:?}", s.labels.clipped);
         }
+        for (side, named) in [(Side::Left, "clipped_left"), (Side::Right, "clipped_right")] {
+            assert!(!name.contains(named) || s.labels.clipped == [side], "{name}: {:?}", s.labels.clipped);
+        }
         if name.contains("wedged") {
             let gap = s.labels.gap_px.unwrap();
             assert!(gap[0] < 2.0 && gap[1] < 2.0, "{name}: {gap:?}");

@@ -22,11 +22,16 @@ fn a_larva_that_faces_right_is_the_one_that_faces_left_turned() {
     let mut settings = exact();
     settings.camera.f_um = 6e7;
     let larva = || Specimen::larva(4, 3).unwrap();
-    let mask = |faces_right| loaded(settings.clone(), larva().placed(Placement { faces_right, ..Placement::default() })).truth_mask(0.0);
-    let (left, right) = (mask(false), mask(true));
-    // Half a turn around y shows a far camera the mirror image: 511.5 is the middle, so column u mirrors to 1023 - u.
-    let unlike = (0..1024usize * 1024).filter(|i| left.data[*i].abs_diff(right.data[i / 1024 * 1024 + 1023 - i % 1024]) > 16).count();
-    assert!(unlike < 20, "{unlike} pixels differ from the mirror image");
+    let mask =
+        |faces_right, angle| loaded(settings.clone(), larva().placed(Placement { faces_right, ..Placement::default() })).truth_mask(angle);
+    // Half a turn around y shows a far camera the mirror image of what it sees from the other side: 511.5 is the middle, so
+    // column u mirrors to 1023 - u.
+    for angle in [0.0, 0.6] {
+        let (left, right) = (mask(false, -angle), mask(true, angle));
+        let unlike = (0..1024usize * 1024).filter(|i| left.data[*i].abs_diff(right.data[i / 1024 * 1024 + 1023 - i % 1024]) > 16).count();
+        assert!(unlike < 20, "{unlike} pixels differ from the mirror image at {angle}");
+    }
+    let (left, right) = (mask(false, 0.0), mask(true, 0.0));
     let mass = |mask: &Coverage| moments(mask).1;
     assert!(mass(&left) < 500.0 && mass(&right) > 523.0, "the head is the heavy end: {} and {}", mass(&left), mass(&right));
 }
