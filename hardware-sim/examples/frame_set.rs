@@ -5,7 +5,8 @@
 //! ```text
 //!   NAME.png        what the camera sees, RGB        NAME.truth.png   coverage by the specimens, 0 to 255
 //!   NAME.bayer.png  its mosaic, R G R G first        NAME.edge.json   [[[u, v], ...], ...] closed outlines, px
-//!   NAME.mono.png   luma, of frames to use so        set.json         all specs with their labels
+//!   NAME.mono.png   luma, of frames to use so        NAME.body.json   the same without fins
+//!   set.json        all specs with their labels
 //! ```
 //! Frames to segment are written to OUT, labelled examples for detection to OUT/detection.
 
@@ -53,7 +54,9 @@ fn write(out: &Path, spec: &FrameSpec) -> Result<(), Failure> {
     image::save_buffer(to(".truth.png"), &rendered.truth.data, width, height, L8)?;
     // A ten-thousandth of a pixel is finer than the outline is known.
     let round = |x: f64| (x * 1e4).round() / 1e4;
-    let edge: Vec<Outline> = rendered.edge.iter().map(|o| o.iter().map(|p| p.map(round)).collect()).collect();
-    std::fs::write(to(".edge.json"), serde_json::to_vec(&edge)?)?;
+    for (kind, edge) in [(".edge.json", &rendered.edge), (".body.json", &rendered.body_edge)] {
+        let rounded: Vec<Outline> = edge.iter().map(|o| o.iter().map(|p| p.map(round)).collect()).collect();
+        std::fs::write(to(kind), serde_json::to_vec(&rounded)?)?;
+    }
     Ok(())
 }

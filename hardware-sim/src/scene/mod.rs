@@ -30,7 +30,7 @@ pub use outline::Outline;
 pub use phantom::{Larva, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
 
 use optics::{Window, background, blur_reach, blurred, covered, exposed, thickness, transmission};
-use phantom::{Material, Within};
+use phantom::{Material, Part, Within};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, PoisonError, RwLock};
@@ -185,10 +185,19 @@ impl Scene {
 
     /// The outlines of what is seen of the specimens, exact but for the facets of their meshes.
     pub fn truth_edge(&self, angle_rad: f64) -> Vec<Outline> {
+        self.edge_of(angle_rad, |_| true)
+    }
+
+    /// The same without outgrowths: of a larva's body alone, where its fin fold is too faint to be asked for.
+    pub fn body_edge(&self, angle_rad: f64) -> Vec<Outline> {
+        self.edge_of(angle_rad, |part| part.within_body == Within::Added)
+    }
+
+    fn edge_of(&self, angle_rad: f64, counts: impl Fn(&Part) -> bool) -> Vec<Outline> {
         let camera = &self.settings.camera;
         let contents = self.contents();
-        let meshes = contents.specimens.iter().flat_map(|specimen| &specimen.parts).map(|part| &part.mesh);
-        outline::outlines(meshes, &camera.view(angle_rad), (camera.width, camera.height))
+        let parts = contents.specimens.iter().flat_map(|specimen| &specimen.parts).filter(|part| counts(part));
+        outline::outlines(parts.map(|part| &part.mesh), &camera.view(angle_rad), (camera.width, camera.height))
     }
 
     /// The pixels in which any of the specimens is seen.

@@ -74,6 +74,8 @@ pub struct Rendered {
     pub frame: Rgb,
     pub truth: Coverage,
     pub edge: Vec<Outline>,
+    /// Without fins.
+    pub body_edge: Vec<Outline>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -114,6 +116,7 @@ impl FrameSpec {
             frame: scene.render(&Exposure { angle_rad: self.angle_rad, number: self.number }),
             truth: scene.truth_mask(self.angle_rad),
             edge: scene.truth_edge(self.angle_rad),
+            body_edge: scene.body_edge(self.angle_rad),
         })
     }
 }

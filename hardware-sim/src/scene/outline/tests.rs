@@ -99,6 +99,16 @@ fn a_ring_has_a_hole_that_runs_the_other_way() {
 }
 
 #[test]
+fn the_body_of_a_finned_larva_has_the_outline_of_a_bare_one() {
+    let larva = crate::scene::Larva::new(4, 6).unwrap();
+    let finned = scene(larva.specimen(), Camera::default());
+    let bare = scene(larva.without_fins().specimen(), Camera::default());
+    assert_eq!(finned.body_edge(0.2), bare.truth_edge(0.2));
+    let [with, without] = [finned.truth_edge(0.2), bare.truth_edge(0.2)].map(|edge| edge.iter().map(area).sum::<f64>());
+    assert!(with > 1.05 * without, "{with} against {without} px^2");
+}
+
+#[test]
 fn clutter_and_an_empty_capillary_have_no_outline() {
     let scene = scene(Specimen::bead(300.0).unwrap(), Camera::default());
     let alone = scene.truth_edge(0.0);
