@@ -38,7 +38,14 @@ pub struct ViewRecord {
     pub reason: Option<String>,
     /// Pixels inside the profile.
     pub area_px: Option<usize>,
+    /// That area over the median of the neighbouring views' (two to either side around the turn): from view to view a
+    /// profile changes little, unless one of them is wrong.
+    #[serde(default)]
+    pub area_ratio: Option<f64>,
     pub quality: Option<ProfileQuality>,
+    /// What the frame shows.
+    #[serde(default)]
+    pub detection: Option<Detection>,
 }
 
 /// The view at 0 deg against the view at 360 deg: lost steps and a specimen that moved show only here.
@@ -65,7 +72,8 @@ pub struct SpecimenRecord {
     pub views: Vec<ViewRecord>,
     pub closure: Option<ClosureRecord>,
     /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
-    /// profile, so that a specimen that moved would not show), `blur_mismatch` (the frames are not as sharp as configured).
+    /// profile, so that a specimen that moved would not show), `dead_looking` (opaque throughout in most
+    /// views), `blur_mismatch` (the frames are not as sharp as configured).
     pub flags: Vec<String>,
 }
 
@@ -131,7 +139,9 @@ impl Pipeline {
     /// Carves with one view and gives the live volume, um^3. A frame without a profile is left out by name.
     pub fn observe(&mut self, index: u32, omega: f64, seen: &Seen) -> Result<f64, PipelineError> {
         let mut volume_um3 = self.reconstruction.hull().live().volume_um3;
-        let mut record = ViewRecord { index, omega, used: false, reason: None, area_px: None, quality: None };
+        let mut record =
+            ViewRecord { index, omega, used: false, reason: None, area_px: None, area_ratio: None, quality: None, detection: None };
+        record.detection = seen.profile.as_ref().ok().map(|p| p.detection);
         match &seen.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
@@ -139,10 +149,8 @@ impl Pipeline {
                 record.used = true;
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
-                if let Detection::Specimen { clipped_left, clipped_right, .. } = p.detection {
-                    self.clipped[0] |= clipped_left;
-                    self.clipped[1] |= clipped_right;
-                }
+                self.clipped[0] |= p.detection.is_clipped_left();
+                self.clipped[1] |= p.detection.is_clipped_right();
                 self.used.push((index, omega, p.mask.clone()));
             }
             Err(e) => record.reason = Some(e.to_string()),
@@ -168,6 +176,7 @@ impl Pipeline {
     /// Surface and measures. The record is in the order of the views, whatever order they came in.
     pub fn finish(mut self) -> Result<(Mesh, SpecimenRecord), PipelineError> {
         self.views.sort_by_key(|v| v.index);
+        compare_areas(&mut self.views);
         let used = self.used.len();
         // Opposite views are mirror images: half a turn encloses the body, less leaves the hull open on a side.
         let needed = (self.settings.planned_views as usize).div_ceil(2).max(3);
@@ -195,10 +204,37 @@ impl Pipeline {
         flag(self.reconstruction.hull().touches_box(), "outside_box");
         flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN), "moved");
         flag(self.closure.is_none(), "no_closure");
+        flag(looks_dead(&self.views), "dead_looking");
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
         let model = self.reconstruction.finish(self.settings.sphere)?;
         Ok((model.mesh, SpecimenRecord { measurement: model.measurement, views: self.views, closure: self.closure, flags }))
     }
+}
+
+/// Holds each profile's area against those of its neighbours around the turn; views without a profile are passed over.
+fn compare_areas(views: &mut [ViewRecord]) {
+    const TO_EITHER_SIDE: usize = 2;
+    let areas: Vec<(usize, f64)> = views.iter().enumerate().filter_map(|(at, v)| Some((at, v.area_px? as f64))).collect();
+    let n = areas.len();
+    // Fewer views would be their own neighbours on the other side.
+    if n <= 2 * TO_EITHER_SIDE {
+        return;
+    }
+    for (k, (at, area)) in areas.iter().enumerate() {
+        let mut near: [f64; 2 * TO_EITHER_SIDE] = std::array::from_fn(|i| {
+            let away = if i < TO_EITHER_SIDE { n - 1 - i } else { i - TO_EITHER_SIDE + 1 };
+            areas[(k + away) % n].1
+        });
+        near.sort_by(f64::total_cmp);
+        let median = f64::midpoint(near[TO_EITHER_SIDE - 1], near[TO_EITHER_SIDE]);
+        views[*at].area_ratio = Some(area / median);
+    }
+}
+
+/// Whether most of the views that carved show a dead larva.
+fn looks_dead(views: &[ViewRecord]) -> bool {
+    let used: Vec<bool> = views.iter().filter(|v| v.used).filter_map(|v| Some(v.detection?.looks_dead())).collect();
+    2 * used.iter().filter(|dead| **dead).count() > used.len()
 }
 
 /// Whether the views' median blur is another than the configured one; views that don't tell are left out.
@@ -206,4 +242,34 @@ fn blur_is_off(views: &[ViewRecord], configured_px: f64) -> bool {
     let mut found: Vec<f64> = views.iter().filter_map(|v| v.quality?.blur_px).collect();
     found.sort_by(f64::total_cmp);
     found.get(found.len() / 2).is_some_and(|median| (median - configured_px).abs() > BLUR_MISMATCH_PX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_areas_neighbours_are_those_around_the_turn_that_have_one() {
+        let view = |index: u32, area_px: Option<usize>| ViewRecord {
+            index,
+            omega: 0.0,
+            used: area_px.is_some(),
+            reason: None,
+            area_px,
+            area_ratio: None,
+            quality: None,
+            detection: None,
+        };
+        let mut views: Vec<_> =
+            [Some(100), Some(100), None, Some(150), Some(100), Some(80)].into_iter().zip(0..).map(|(a, i)| view(i, a)).collect();
+        compare_areas(&mut views);
+        let ratios: Vec<_> = views.iter().map(|v| v.area_ratio).collect();
+        // View 3's neighbours are 0, 1, 4 and 5: 100, 100, 100, 80.
+        assert_eq!(ratios[3], Some(1.5));
+        assert_eq!((ratios[2], ratios[0]), (None, Some(1.0)));
+        assert_eq!(ratios[5], Some(0.8));
+        let mut few: Vec<_> = (0..4).map(|i| view(i, Some(9))).collect();
+        compare_areas(&mut few);
+        assert!(few.iter().all(|v| v.area_ratio.is_none()));
+    }
 }

@@ -1,38 +1,185 @@
-//! What the frame shows: nothing, or a specimen that lies within the field or leaves it.
+//! What the frame shows: nothing, one larva or two, a bead, air, debris; which way it lies, and whether it is all in view.
+//!
+//! ```text
+//!   opacity on a grid of 1/48 bore -> pieces -> what each piece looks like ---------> empty, larva, two, bubble, debris, bead
+//!                                       │
+//!                                       └─ the body: eyes, width along it, ends ----> two, head, dead, clipped
+//! ```
+//! Each question is a soft threshold on one measured figure, so that an answer near its threshold has a low confidence. The
+//! answers are combined as if they were independent; the six kinds sum to 1. Lengths are in bores, so that they hold at
+//! any magnification.
 
 use super::Mask;
-use super::foreground::Component;
+use super::background::Bore;
+use super::body::Body;
+use super::opacity::Grid;
+use super::pieces::{self, Piece};
+use super::plane::Plane;
 use serde::{Deserialize, Serialize};
 
-/// What was detected, with a confidence from 0.5 (could be either) to 1.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Detection {
-    Empty { confidence: f64 },
-    Specimen { confidence: f64, clipped_left: bool, clipped_right: bool },
+/// What there is to detect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    Empty,
+    Larva,
+    /// Two larvae or more.
+    Two,
+    /// Air, and no specimen.
+    Bubble,
+    /// Something small and irregular, and no specimen.
+    Debris,
+    Bead,
 }
 
-impl Detection {
-    pub fn is_specimen(&self) -> bool {
-        matches!(self, Self::Specimen { .. })
-    }
-
-    pub fn confidence(&self) -> f64 {
+impl Kind {
+    /// The word for it in files and in the status.
+    pub fn name(self) -> &'static str {
         match self {
-            Self::Empty { confidence } | Self::Specimen { confidence, .. } => *confidence,
+            Self::Empty => "empty",
+            Self::Larva => "larva",
+            Self::Two => "two",
+            Self::Bubble => "bubble",
+            Self::Debris => "debris",
+            Self::Bead => "bead",
         }
+    }
+}
+
+/// How likely each kind is; they sum to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Likelihoods {
+    pub empty: f64,
+    pub larva: f64,
+    pub two: f64,
+    pub bubble: f64,
+    pub debris: f64,
+    pub bead: f64,
+}
+
+/// A side of the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Side {
+    Left,
+    Right,
+}
+
+/// Towards which side the head lies.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Head {
+    /// `None` where the picture does not tell, or there is no one larva.
+    pub side: Option<Side>,
+    /// From 0.5 (could be either) to 1 for the side named; 0 without one.
+    pub confidence: f64,
+}
+
+/// What was detected, with confidences from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Detection {
+    /// The likeliest kind.
+    pub kind: Kind,
+    /// How likely it is.
+    pub confidence: f64,
+    pub likelihoods: Likelihoods,
+    /// The specimen goes on beyond the left border of the picture.
+    pub clipped_left: f64,
+    pub clipped_right: f64,
+    pub head: Head,
+    /// The larva looks dead: opaque throughout.
+    pub dead: f64,
+}
+
+/// From here on a yes is more likely than a no.
+const LIKELY: f64 = 0.5;
+/// A specimen is not thrown away for less than this.
+const SURE: f64 = 0.8;
+
+impl Detection {
+    /// Whether there is a specimen to be measured.
+    pub fn is_specimen(&self) -> bool {
+        matches!(self.kind, Kind::Larva | Kind::Bead)
     }
 
-    /// Decides on the largest piece of foreground. The confidence is a logistic curve in the logarithm of its area over
-    /// the least area of a specimen: 0.5 at that area, 0.9 at three times or a third of it.
-    pub(super) fn decide(mask: &Mask, largest: Option<&Component>, least_px: f64) -> Self {
-        let evidence = largest.map_or(f64::NEG_INFINITY, |c| (c.area_px as f64 / least_px).ln() * 2.0);
-        let specimen = 1.0 / (1.0 + (-evidence).exp());
-        if mask.area_px() == 0 {
-            return Self::Empty { confidence: (1.0 - specimen).max(0.5) };
-        }
-        let last = mask.width() - 1;
-        let any = |u: usize| (0..mask.height()).any(|v| mask.get(u, v));
-        Self::Specimen { confidence: specimen.max(0.5), clipped_left: any(0), clipped_right: any(last) }
+    /// Why this well isn't worth a revolution; `None` where it is, or where the picture doesn't tell surely enough: then the
+    /// revolution decides.
+    pub fn skip_reason(&self) -> Option<&'static str> {
+        let sure = match self.kind {
+            Kind::Larva | Kind::Bead => return None,
+            Kind::Empty => LIKELY,
+            Kind::Two | Kind::Bubble | Kind::Debris => SURE,
+        };
+        (self.confidence >= sure).then(|| self.kind.name())
     }
+
+    pub fn is_clipped_left(&self) -> bool {
+        self.clipped_left > LIKELY
+    }
+
+    pub fn is_clipped_right(&self) -> bool {
+        self.clipped_right > LIKELY
+    }
+
+    pub fn looks_dead(&self) -> bool {
+        self.dead > LIKELY
+    }
+}
+
+/// A soft threshold: 0.5 at `mid`, 0.9 at `width` above it, 0.1 at `width` below.
+pub(super) fn above(x: f64, mid: f64, width: f64) -> f64 {
+    1.0 / (1.0 + (-(x - mid) / width * 9f64.ln()).exp())
+}
+
+/// Whether any of some independent things is so.
+pub(super) fn any(of: impl IntoIterator<Item = f64>) -> f64 {
+    1.0 - of.into_iter().map(|p| 1.0 - p).product::<f64>()
+}
+
+/// Decides on one colour of the bore, `seen` before an empty bore of `level`, with `noise` grey values per pixel.
+pub(super) fn detect(mask: &Mask, bore: &Bore, seen: &Plane, level: &Plane, noise: f32) -> Detection {
+    let grid = Grid::of(mask, bore, seen, level, noise);
+    let (labels, pieces) = pieces::find(&grid);
+    let body = Body::of(&grid, &labels, &pieces);
+    let looks: Vec<_> = pieces.iter().map(Piece::looks).collect();
+    let larva = any(looks.iter().map(|l| l.larva));
+    // Something round that the segmentation did not take for a specimen is too small for one.
+    let bead = any(pieces.iter().zip(&looks).map(|(p, l)| if p.in_mask { l.bead } else { 0.0 }));
+    let bubble = any(looks.iter().map(|l| l.bubble));
+    let debris = any(pieces.iter().zip(&looks).map(|(p, l)| if p.in_mask { l.debris } else { l.debris + l.bead }));
+    let two = body.as_ref().map_or(0.0, Body::two);
+    // What there is goes by what matters most: debris beside a larva is a larva's picture.
+    let mut left = 1.0;
+    let [larva, bead, bubble, debris] = [larva, bead, bubble, debris].map(|p| {
+        let share = left * p;
+        left -= share;
+        share
+    });
+    // Each piece is one of the four: what they leave over is nobody's but where there may be nothing at all.
+    let something = any(looks.iter().map(|l| l.larva + l.bead + l.bubble + l.debris));
+    let scale = if left < 1.0 { something / (1.0 - left) } else { 0.0 };
+    let likelihoods = Likelihoods {
+        empty: 1.0 - something,
+        larva: scale * larva * (1.0 - two),
+        two: scale * larva * two,
+        bubble: scale * bubble,
+        debris: scale * debris,
+        bead: scale * bead,
+    };
+    let l = &likelihoods;
+    let kinds = [
+        (Kind::Empty, l.empty),
+        (Kind::Larva, l.larva),
+        (Kind::Two, l.two),
+        (Kind::Bubble, l.bubble),
+        (Kind::Debris, l.debris),
+        (Kind::Bead, l.bead),
+    ];
+    let (kind, confidence) = kinds.into_iter().fold((Kind::Empty, 0.0), |best, next| if next.1 > best.1 { next } else { best });
+    let [clipped_left, clipped_right] = grid.clipped();
+    let head = match (&body, kind) {
+        (Some(body), Kind::Larva) => body.head(),
+        _ => Head { side: None, confidence: 0.0 },
+    };
+    let dead = body.as_ref().map_or(0.0, |b| larva * b.dead());
+    Detection { kind, confidence, likelihoods, clipped_left, clipped_right, head, dead }
 }

@@ -11,18 +11,12 @@ use super::background::{Background, Bore};
 use super::plane::{Plane, quantile};
 use super::settings::SegmentSettings;
 
-/// One connected piece of foreground.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Component {
-    pub area_px: usize,
-}
-
 /// The foreground of the window.
 pub(super) struct Foreground {
     /// One flag per pixel of the window: the specimen, holes filled; all false where nothing is large enough.
     pub inside: Vec<bool>,
-    /// Pieces from the largest down, specks left out.
-    pub components: Vec<Component>,
+    /// How many pieces there are, specks left out.
+    pub components: usize,
 }
 
 /// Light taken away, in standard deviations of one pixel's noise: the mean of the colours. Near the walls the doubt about
@@ -243,7 +237,6 @@ fn keep_specimen(inside: &[bool], width: usize, bore: &Bore, settings: &SegmentS
         }
     });
     found.sort_by_key(|piece| std::cmp::Reverse(piece.len()));
-    let components = found.iter().map(|piece| Component { area_px: piece.len() }).collect();
     let mut kept = vec![false; inside.len()];
     if found.first().is_some_and(|largest| largest.len() as f64 >= least) {
         let reach = (settings.join_gap_bore * bore.mean_px).round() as usize;
@@ -257,5 +250,5 @@ fn keep_specimen(inside: &[bool], width: usize, bore: &Bore, settings: &SegmentS
             }
         }
     }
-    Foreground { inside: kept, components }
+    Foreground { inside: kept, components: found.len() }
 }

@@ -6,18 +6,21 @@
 
 mod background;
 mod bayer;
+mod body;
 mod detection;
 mod edge;
 mod foreground;
 mod mask;
+mod opacity;
 mod picture;
+mod pieces;
 mod plane;
 mod quality;
 mod segment;
 mod settings;
 mod walls;
 
-pub use detection::Detection;
+pub use detection::{Detection, Head, Kind, Likelihoods, Side};
 pub use edge::{EdgePoint, Polygon};
 pub use mask::{Mask, WrongMaskSize};
 pub use picture::Picture;

@@ -16,6 +16,9 @@ pub struct ProfileQuality {
     pub uncertain_share: f64,
     /// Share of the outline that lies on a wall.
     pub wall_contact_share: f64,
+    /// Share of the outline that lies on the picture's left or right border: the specimen goes on beyond it.
+    #[serde(default)]
+    pub border_share: f64,
     /// Pieces of foreground that are larger than a speck, whether they belong to the specimen or not.
     pub components: usize,
     /// Share of saturated pixels in the bore: where the light saturates, faint tissue is lost.
@@ -32,12 +35,14 @@ const UNCERTAIN_PX: f64 = 0.5;
 /// Measures the edge figures of `edge`, whose vertices `points` describes one by one.
 pub(super) fn of_edge(edge: &[Polygon], points: &[Vec<EdgePoint>], bore: &Bore) -> ProfileQuality {
     let mut contrasts = Vec::new();
-    let (mut total, mut uncertain, mut touching, mut squares) = (0usize, 0usize, 0usize, 0.0);
+    let (mut total, mut uncertain, mut touching, mut cut, mut squares) = (0usize, 0usize, 0usize, 0usize, 0.0);
+    let last_u = (bore.width - 1) as f64;
     for (polygon, record) in edge.iter().zip(points) {
         for (&[u, v], point) in polygon.vertices.iter().zip(record) {
             total += 1;
             if point.bounded {
                 let walls = &bore.walls;
+                cut += usize::from(u < 0.5 || u > last_u - 0.5);
                 touching += usize::from(v - walls.upper.inner.at(u) < 1.0 || walls.lower.inner.at(u) - v < 1.0);
                 continue;
             }
@@ -58,6 +63,7 @@ pub(super) fn of_edge(edge: &[Polygon], points: &[Vec<EdgePoint>], bore: &Bore) 
         edge_error_px: if seen > 0 { (squares / seen as f64).sqrt() } else { 0.0 },
         uncertain_share: uncertain as f64 / total as f64,
         wall_contact_share: touching as f64 / total as f64,
+        border_share: cut as f64 / total as f64,
         ..ProfileQuality::default()
     }
 }

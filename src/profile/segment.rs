@@ -5,7 +5,7 @@ use super::edge::{self, EdgePoint, Limits, Polygon, Refined};
 use super::foreground;
 use super::plane::Plane;
 use super::settings::SegmentSettings;
-use super::{Detection, Mask, Picture, ProfileQuality, Walls, quality, walls};
+use super::{Detection, Mask, Picture, ProfileQuality, Walls, detection, quality, walls};
 
 /// The outline of the specimen in one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,13 +68,14 @@ pub fn segment(picture: &Picture, settings: &SegmentSettings) -> Result<Profile,
     let mut mask = Mask::empty(width, height);
     edge::rasterise(&edge, &mut mask);
     let quality = ProfileQuality {
-        components: found.components.len(),
+        components: found.components,
         saturated_share: saturated_share(picture, bore.top, bore.bottom),
         noise_grey: backgrounds.iter().map(|b| f64::from(b.noise)).sum::<f64>() / backgrounds.len() as f64,
         blur_px,
         ..quality::of_edge(&edge, &points, &bore)
     };
-    let detection = Detection::decide(&mask, found.components.first(), settings.min_area_bore2 * bore.mean_px * bore.mean_px);
+    let middle = seen.len() / 2;
+    let detection = detection::detect(&mask, &bore, &seen[middle], &backgrounds[middle].level, backgrounds[middle].noise);
     Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
 }
 

@@ -256,9 +256,15 @@ impl RunContext {
         let picture = Picture::from_frame(&detected.frame);
         self.tell(Progress::Detected { live: Live { frame_jpg: live::jpeg(&picture), ..Live::default() } });
         match profile::segment(&picture, &self.method.segment) {
-            Ok(p) if !p.detection.is_specimen() => Ok(Some(WellEnd::Skipped("empty"))),
+            Ok(p) => match p.detection.skip_reason() {
+                Some(reason) => {
+                    tracing::info!(well = %planned.well, reason, detection = ?p.detection, "the well is skipped");
+                    Ok(Some(WellEnd::Skipped(reason)))
+                }
+                None => self.revolve(rig, writer, planned),
+            },
             // A frame that cannot be judged is not taken for an empty well: the revolution decides.
-            Ok(_) | Err(_) => self.revolve(rig, writer, planned),
+            Err(_) => self.revolve(rig, writer, planned),
         }
     }
 

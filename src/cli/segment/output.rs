@@ -191,8 +191,8 @@ impl<'a> Report<'a> {
     pub fn told(&self) -> String {
         match (&self.error, &self.profile) {
             (Some(error), _) => error.clone(),
-            (None, Some(p)) if p.detection.is_specimen() => format!("specimen, {} px", p.area_px),
-            (None, _) => "empty".into(),
+            (None, Some(p)) => format!("{} ({:.2}), {} px", p.detection.kind.name(), p.detection.confidence, p.area_px),
+            (None, None) => "not looked at".into(),
         }
     }
 

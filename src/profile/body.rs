@@ -1,0 +1,188 @@
+//! The specimen along the capillary: eyes, width, ends, and what they say.
+//!
+//! ```text
+//!        ___-----____                          width      head blunt, tail pointed: which end is which
+//!      (O            -------________           eyes       near the head's end; two places: two larvae
+//!        ---______----      neck ^             neck       narrow between two wide places: two larvae
+//! ```
+
+use super::detection::{Head, Side, above, any};
+use super::opacity::{BODY, Grid};
+use super::pieces::{BLACK, Piece};
+
+/// Half the width of a solid black place that may be an eye. An eye seen edge on has 0.1 and more; a bladder's rim and
+/// pigment have 0.08 at most.
+const EYE_BORE: f64 = 0.09;
+const LEAST_EYE_BORE: f64 = 0.07;
+/// Black places nearer than this along the capillary are the two eyes of one head.
+const HEAD_BORE: f64 = 0.4;
+/// How far behind the eyes the bladder lies.
+const BLADDER_BORE: std::ops::Range<f64> = 0.6..1.6;
+/// How far behind an end its width is taken: a head has its full width there, a tail a quarter.
+const END_BORE: f64 = 0.5;
+
+/// The eyes of one head: where along the capillary from the left end, and half the width of the larger one.
+#[derive(Debug)]
+struct Eyes {
+    at_bore: f64,
+    radius_bore: f64,
+}
+
+#[derive(Debug)]
+pub(super) struct Body {
+    /// Extent along the capillary.
+    length_bore: f64,
+    /// From the largest eye down.
+    heads: Vec<Eyes>,
+    /// Width near the left and the right end, share of the greatest; none where that end is out of sight.
+    ends: [Option<f64>; 2],
+    /// Depth of the deepest neck: 1 - its width over the lesser of the widths to both sides of it.
+    neck: f64,
+    /// The lesser width beside that neck.
+    beside_neck_bore: f64,
+    /// Opacity that all but a twentieth of its inner parts exceed.
+    least_opacity: f64,
+    /// How likely a further piece is a larva.
+    others: f64,
+}
+
+impl Body {
+    /// Of the specimen; `None` where there is none.
+    pub fn of(grid: &Grid, labels: &[u16], pieces: &[Piece]) -> Option<Self> {
+        // A larva that the segmentation lost is there all the same.
+        let largest = pieces.iter().find(|p| p.in_mask).or_else(|| pieces.first().filter(|p| p.looks().larva > 0.5))?;
+        // What else is another's: a tail that a transparent stretch cuts off is in the mask and lies behind the body.
+        let own = |p: &&Piece| p.label == largest.label || p.in_mask && !p.beside(largest);
+        let mut owned = vec![false; usize::from(u16::MAX) + 1];
+        pieces.iter().filter(own).for_each(|p| owned[usize::from(p.label)] = true);
+        // A leak of the mask into clear water has no width.
+        let body = |at: usize| owned[usize::from(labels[at])] && grid.opacity[at] > BODY;
+        let column = |u: usize| (0..grid.height).map(move |v| v * grid.width + u);
+        let raw: Vec<f64> = (0..grid.width).map(|u| column(u).filter(|&at| body(at)).count() as f64 / grid.per_bore).collect();
+        let reach = (0.1 * grid.per_bore) as usize;
+        let width: Vec<f64> = (0..raw.len())
+            .map(|u| {
+                let near = &raw[u.saturating_sub(reach)..(u + reach + 1).min(raw.len())];
+                near.iter().sum::<f64>() / near.len() as f64
+            })
+            .collect();
+        // Pigment apart from the body is narrower than this.
+        let seen = |w: &f64| *w > 0.06;
+        let (first, last) = (width.iter().position(seen)?, width.iter().rposition(seen)?);
+        let width = &width[first..=last];
+        let greatest = width.iter().copied().fold(0.0, f64::max);
+        let behind = ((END_BORE * grid.per_bore) as usize).min(width.len() - 1);
+        let left = (first > reach).then(|| width[behind] / greatest);
+        let right = (last + reach < grid.width - 1).then(|| width[width.len() - 1 - behind] / greatest);
+        let (neck, beside_neck_bore) = neck(width);
+        let mut heads = heads(grid, &body);
+        heads.iter_mut().for_each(|eyes| eyes.at_bore -= first as f64 / grid.per_bore);
+        let depth = grid.depth(body);
+        let deep = (0.08 * grid.per_bore) as f32;
+        let mut histogram = [0usize; 64];
+        for at in (0..labels.len()).filter(|&at| depth[at] > deep) {
+            histogram[((grid.opacity[at] * 64.0).max(0.0) as usize).min(63)] += 1;
+        }
+        let total: usize = histogram.iter().sum();
+        let mut below = 0;
+        let brightest = histogram.iter().position(|n| {
+            below += n;
+            20 * below > total
+        });
+        Some(Self {
+            length_bore: width.len() as f64 / grid.per_bore,
+            heads,
+            ends: [left, right],
+            neck,
+            beside_neck_bore,
+            least_opacity: brightest.unwrap_or(0) as f64 / 64.0,
+            others: any(pieces.iter().filter(|p| !own(p)).map(|p| p.looks().larva)),
+        })
+    }
+
+    /// How likely it is more than one larva.
+    pub fn two(&self) -> f64 {
+        // In opaque tissue every place may be as black as an eye.
+        let heads = self.second_head() * (1.0 - self.dead());
+        let neck = above(self.neck, 0.45, 0.12) * above(self.beside_neck_bore, 0.25, 0.06);
+        // The longest larva in the narrowest bore in use has 7.
+        let long = above(self.length_bore, 7.5, 0.3);
+        any([heads, neck, long, self.others])
+    }
+
+    /// How likely any further black place is another head's eyes.
+    fn second_head(&self) -> f64 {
+        let Some((first, others)) = self.heads.split_first() else { return 0.0 };
+        any(others.iter().map(|eyes| {
+            let eye = above(eyes.radius_bore, EYE_BORE, 0.015);
+            let apart = (eyes.at_bore - first.at_bore).abs();
+            // Where the bladder lies, pigment over its dark rim may look like an eye. It is none where the larger one is near
+            // an end, as the eyes of one larva are.
+            let nearest = first.at_bore.min(self.length_bore - first.at_bore);
+            if BLADDER_BORE.contains(&apart) { eye * above(nearest, 1.1, 0.2) } else { eye }
+        }))
+    }
+
+    /// Towards which side the head lies, by the logarithms of odds that its eyes, its ends and its girth give.
+    pub fn head(&self) -> Head {
+        let [left, right] = self.ends;
+        // An end out of sight is further away than what is seen.
+        let eyes = self.heads.first().map_or(0.0, |eyes| {
+            let to_left = eyes.at_bore + if left.is_some() { 0.0 } else { 1.0 };
+            let to_right = self.length_bore - eyes.at_bore + if right.is_some() { 0.0 } else { 1.0 };
+            3.0 * (to_right / to_left.max(0.1)).ln().clamp(-1.0, 1.0)
+        });
+        let bluntness = |end: Option<f64>| end.map_or(0.0, |w| 6.0 * (w - 0.5));
+        let odds = eyes + bluntness(left) - bluntness(right);
+        let right_side = 1.0 / (1.0 + odds.exp());
+        if (right_side - 0.5).abs() < 0.1 {
+            return Head { side: None, confidence: 0.0 };
+        }
+        let (side, confidence) = if odds > 0.0 { (Side::Left, 1.0 - right_side) } else { (Side::Right, right_side) };
+        Head { side: Some(side), confidence }
+    }
+
+    /// How likely it is dead: no bright regions are left. A living one lets half of the light through somewhere.
+    pub fn dead(&self) -> f64 {
+        above(self.least_opacity, 0.445, 0.05)
+    }
+}
+
+/// The heads by their eyes: groups of solid black places, the one with the largest eye first.
+fn heads(grid: &Grid, body: &impl Fn(usize) -> bool) -> Vec<Eyes> {
+    let depth = grid.depth(|at| body(at) && grid.opacity[at] > BLACK);
+    let gap = HEAD_BORE * grid.per_bore;
+    let mut groups: Vec<(usize, usize, f32)> = Vec::new();
+    for u in 0..grid.width {
+        let deepest = (0..grid.height).map(|v| depth[v * grid.width + u]).fold(0.0, f32::max);
+        if f64::from(deepest) < LEAST_EYE_BORE * grid.per_bore {
+            continue;
+        }
+        match groups.last_mut() {
+            Some((_, last, radius)) if (u - *last) as f64 <= gap => (*last, *radius) = (u, radius.max(deepest)),
+            _ => groups.push((u, u, deepest)),
+        }
+    }
+    groups.sort_by(|a, b| b.2.total_cmp(&a.2));
+    let eyes = |(from, to, radius): &(usize, usize, f32)| Eyes {
+        at_bore: (from + to) as f64 / 2.0 / grid.per_bore,
+        radius_bore: f64::from(*radius) / grid.per_bore,
+    };
+    groups.iter().map(eyes).collect()
+}
+
+/// The deepest place between two wider ones: its depth relative to the lesser of them, and the width of that.
+fn neck(width: &[f64]) -> (f64, f64) {
+    let mut right: Vec<f64> = width.to_vec();
+    for u in (0..right.len().saturating_sub(1)).rev() {
+        right[u] = right[u].max(right[u + 1]);
+    }
+    let mut left = 0.0f64;
+    width.iter().zip(&right).fold((0.0, 0.0), |best: (f64, f64), (&w, &right)| {
+        left = left.max(w);
+        let beside = left.min(right);
+        let depth = 1.0 - w / beside.max(1e-9);
+        // A deep neck between narrow places is a tail's business.
+        if depth * beside > best.0 * best.1 { (depth, beside) } else { best }
+    })
+}
