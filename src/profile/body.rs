@@ -76,7 +76,9 @@ impl Body {
         let right = (last + reach < grid.width - 1).then(|| width[width.len() - 1 - behind] / greatest);
         let (neck, beside_neck_bore) = neck(width);
         let mut heads = heads(grid, &body);
-        heads.iter_mut().for_each(|eyes| eyes.at_bore -= first as f64 / grid.per_bore);
+        for eyes in &mut heads {
+            eyes.at_bore -= first as f64 / grid.per_bore;
+        }
         let depth = grid.depth(body);
         let deep = (0.08 * grid.per_bore) as f32;
         let mut histogram = [0usize; 64];

@@ -56,14 +56,14 @@ impl Grid {
                     count[u / cell] += usize::from(*inside != 0);
                 }
             }
-            for column in 0..width {
+            for (column, covered) in count.iter().enumerate() {
                 let at = row * width + column;
                 let (u, v) = ((column * cell + cell / 2) as f64, (bore.top + row * cell + cell / 2) as f64);
                 grid.open[at] = v - bore.walls.upper.inner.at(u) > WALL_PX && bore.walls.lower.inner.at(u) - v > WALL_PX;
                 let mid = level.data[(row * cell + cell / 2) * bore.width + column * cell + cell / 2].max(1.0);
                 // Six standard deviations of a cell's noise, where that is more.
                 let least = BODY.max(6.0 * noise / mid / cell as f32);
-                grid.masked[at] = 2 * count[column] > cell * cell;
+                grid.masked[at] = 2 * covered > cell * cell;
                 grid.filled[at] = grid.masked[at] || grid.open[at] && grid.opacity[at] > least;
             }
         }

@@ -60,7 +60,8 @@ impl Piece {
         let [along, across] = self.size_bore;
         // An ellipse fills pi / 4 of its box, a plug more, a larva, a chip and a fibre less.
         let full = above(self.area_bore2 / (along * across) / FRAC_PI_4, 0.87, 0.05);
-        let ball = full * lit * above(-(along / across).ln().abs(), -0.25, 0.1) * above(self.rim, 0.45, 0.1);
+        // Glass in air magnifies across the capillary alone, by 1.33 at most.
+        let ball = full * lit * above(-(along / across).ln().abs(), -0.38, 0.08) * above(self.rim, 0.45, 0.1);
         // No larva shows less than a square of half a bore, or is as thin as a scratch, or as clear as the
         // water between scratches.
         let large = above(self.area_bore2.ln(), 0.25f64.ln(), 0.5) * above(self.half_width_bore, 0.05, 0.015) * above(self.rim, 0.19, 0.04);
