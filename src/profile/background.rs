@@ -6,12 +6,13 @@
 //!             '- what the glass does across the bore, the same in every column: dark towards the walls
 //! ```
 //! The light's course along the capillary is read first from the water outside it, where no specimen is. A specimen darkens
-//! the columns that it covers, so the brightest columns show the empty bore: they give each row its first level, from where it
-//! slides to the mode of all columns next to it; the polynomial is then fitted to the pixels that agree. Those columns give the
-//! noise as well.
+//! what it covers, so the brightest cells of a row show the empty bore: they give the row its first level, from where it
+//! slides to the mode beside it; the polynomial is then fitted to the cells that agree. Cells are means of some pixels: what
+//! is as faint as a pixel's noise still stands out from them, and is not taken for light. Where the rig has a picture of its
+//! empty capillary, all this is done on the quotient of the two pictures, in which glass, dust and scratches are gone.
 
 use super::plane::{Plane, quantile};
-use super::{Picture, Walls};
+use super::{Picture, Reference, Walls};
 use nalgebra::{SMatrix, SVector};
 
 /// Orders of the light's polynomial along and across the capillary; 5 x 3 terms.
@@ -22,8 +23,16 @@ const TERMS: usize = ALONG * ACROSS;
 /// Rows of glass that the window keeps on each side of the bore.
 pub(super) const MARGIN_PX: usize = 6;
 
-/// One grey value of noise is the least that 8-bit frames are believed to have: quantisation alone is 0.3.
+/// Half a grey value of noise is the least that 8-bit frames are believed to have: quantisation alone is 0.3.
 const LEAST_NOISE: f32 = 0.5;
+/// The same of a cell.
+const LEAST_CELL_NOISE: f32 = 0.25;
+/// A wall's shade and its blur reach this far into the bore; there each row speaks for itself.
+const WALL_SHADE_PX: usize = 10;
+/// How far a row leans on its neighbours, as a share of its distance from that shade.
+const LEANING: f32 = 0.35;
+/// Rows that are averaged before the light is fitted to them.
+const LIGHT_ROWS: usize = 4;
 
 /// The rows of a picture between the walls, and the map to rows along the walls.
 #[derive(Debug, Clone)]
@@ -67,37 +76,316 @@ impl Bore {
     }
 }
 
-/// What one colour shows behind the specimen.
-pub(super) struct Background {
-    /// Expected grey of each pixel of the window.
-    pub level: Plane,
-    /// Its standard deviation: noise, and near the walls also what 0.15 px of misplaced wall would make.
-    pub sigma: Plane,
-    /// Noise of a pixel where the light is even, grey values.
-    pub noise: f32,
-    /// Grey of the bore's middle where the light is even.
-    pub mid_level: f32,
-    /// Columns of the picture that are believed to show the empty bore.
-    pub free: Vec<bool>,
+/// The specimen's window with the empty bore taken away. Light taken away counts positive.
+#[derive(Debug, Default)]
+pub(super) struct Contrast {
+    /// In standard deviations of a pixel's noise, mean of the colours. Near the walls the doubt about their place counts as
+    /// noise: for finding the specimen.
+    pub lightness: Plane,
+    /// Blue against red, in standard deviations: yellowish tissue that is hardly darker than the light. Empty for grey.
+    pub colour: Vec<f32>,
+    /// The share of light taken away, in units in which it equals `lightness` in mid-bore. A specimen before the dark line of
+    /// a wall takes the same share as beside it, so its edge goes on there: for placing the edge.
+    pub darkness: Plane,
+    /// Darkness where no light is left.
+    pub all_light: f32,
+    /// Noise of a pixel, grey values, mean of the colours.
+    pub noise_grey: f64,
 }
 
-/// Estimates the empty bore of one colour of a picture; `seen` is its window.
-pub(super) fn estimate(bore: &Bore, picture: &Picture, channel: usize, seen: &Plane) -> Background {
-    let table = Table::of(bore, seen);
-    let mut light = Light::outside(bore, picture, channel);
-    let mut lit = light.over(&table);
-    let free = table.brightest_columns(&lit);
-    let mut sigma = table.spread(&free, &table.medians(&free, &lit), &lit);
-    // Each round believes the estimate more: from 2 % of the level down to the noise alone.
-    for tolerance in [0.02, 0.01, 0.0] {
-        let profile = table.modes(&table.medians(&free, &lit), &lit, sigma);
-        light = table.fit_light(&profile, &light, |level| (tolerance * level).max(2.5 * sigma));
-        lit = light.over(&table);
-        sigma = table.spread(&free, &table.medians(&free, &lit), &lit).min(sigma);
+/// Finds the empty bore and takes it away; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Background {
+    table: Table,
+    /// Grey over light of every cell, and smoothed along the capillary.
+    even: Vec<f32>,
+    smooth: Vec<f32>,
+    lit: Vec<f32>,
+    /// Level of each row, and how steeply it changes from row to row.
+    profile: Vec<f32>,
+    /// Cells that agree with it.
+    support: Vec<f32>,
+    slope: Vec<f32>,
+    scratch: Vec<f32>,
+    /// The light's three terms across the bore, in every column.
+    columns: Vec<[f32; ACROSS]>,
+    before_row: Vec<f32>,
+    pub contrast: Contrast,
+}
+
+impl Background {
+    /// Fills [`Background::contrast`] for the bore's window.
+    pub fn take_away(&mut self, bore: &Bore, picture: &Picture, reference: Option<&Reference>) {
+        let colours = picture.colours();
+        let size = bore.width * bore.height();
+        self.contrast.lightness.reset(bore);
+        self.contrast.darkness.reset(bore);
+        self.contrast.colour.clear();
+        self.contrast.colour.resize(if colours == 3 { size } else { 0 }, 0.0);
+        (self.contrast.noise_grey, self.contrast.all_light) = (0.0, 0.0);
+        for channel in 0..colours {
+            let before = reference.map(|r| Before { plane: r.plane(channel), bore: Bore { walls: r.walls(), ..bore.clone() } });
+            let before = before.as_ref();
+            self.table.fill(bore, &picture.planes()[channel], before);
+            let light = self.estimate(bore, picture, channel, before.is_some());
+            let noise = self.noise(bore, &picture.planes()[channel], before);
+            self.contrast.noise_grey += f64::from(noise) / colours as f64;
+            self.subtract(bore, picture, channel, &light, noise, before);
+        }
     }
-    let profile = table.modes(&table.medians(&free, &lit), &lit, sigma);
-    let free = (0..bore.width).map(|u| free.binary_search(&(u / table.stride)).is_ok()).collect();
-    table.render(bore, &profile, &light, sigma, free)
+
+    /// Fits the light and leaves the level of each row in `profile`.
+    fn estimate(&mut self, bore: &Bore, picture: &Picture, channel: usize, flat: bool) -> Light {
+        let mut light = if flat { Light::even() } else { Light::outside(bore, picture, channel) };
+        self.even_out(&light);
+        let mut sigma = self.roughness();
+        self.brightest();
+        // Each round believes the estimate more: from 2 % of the level down to the noise alone.
+        for tolerance in [0.02, 0.01, 0.0] {
+            self.to_modes(sigma);
+            light = self.fit_light(&light, |level| (tolerance * level).max(2.5 * sigma));
+            self.even_out(&light);
+            sigma = self.spread(sigma);
+        }
+        self.to_modes(sigma);
+        light
+    }
+
+    /// Divides the light out of the table.
+    fn even_out(&mut self, light: &Light) {
+        light.over(&self.table, &mut self.lit);
+        self.even.clear();
+        self.even.extend(self.table.values.iter().zip(&self.lit).map(|(grey, light)| grey / light));
+    }
+
+    /// Noise of a cell by the differences of neighbours. Their lower quartile: a specimen's texture fills the upper half.
+    fn roughness(&mut self) -> f32 {
+        let cols = self.table.cols;
+        self.scratch.clear();
+        self.scratch.extend(self.even.chunks_exact(cols).flat_map(|row| row.windows(2).step_by(2).map(|pair| (pair[1] - pair[0]).abs())));
+        // A quarter of normal numbers lies within 0.3186 standard deviations; a difference has two noises.
+        (quantile(&mut self.scratch, 0.25) / (0.3186 * std::f32::consts::SQRT_2)).max(LEAST_CELL_NOISE)
+    }
+
+    /// First level of each row: that of its brightest cells. Neighbours together: a bright speck is narrow.
+    fn brightest(&mut self) {
+        let cols = self.table.cols;
+        let reach = (cols / 64).max(1);
+        self.profile.clear();
+        for row in self.even.chunks_exact(cols) {
+            self.smooth.clear();
+            let mut sum: f32 = row[..reach.min(cols)].iter().sum();
+            for k in 0..cols {
+                if k + reach < cols {
+                    sum += row[k + reach];
+                }
+                if k > reach {
+                    sum -= row[k - reach - 1];
+                }
+                let n = (k + reach + 1).min(cols) - k.saturating_sub(reach);
+                self.smooth.push(sum / n as f32);
+            }
+            self.profile.push(quantile(&mut self.smooth, 0.93).max(1.0));
+        }
+    }
+
+    /// Slides each row's level to the mode beside it: a body that is nearly as bright as the light and fills its row must not
+    /// become the background.
+    fn to_modes(&mut self, sigma: f32) {
+        self.support.clear();
+        for (row, level) in self.even.chunks_exact(self.table.cols).zip(&mut self.profile) {
+            let first = *level;
+            let mut support = 0.0;
+            for _ in 0..3 {
+                let (mut sum, mut n) = (0.0f32, 0.0f32);
+                for &e in row {
+                    let near = f32::from((e - *level).abs() <= 2.5 * sigma);
+                    sum += near * (e - first);
+                    n += near;
+                }
+                if n > 0.0 {
+                    *level = (first + sum / n).clamp(first - sigma, first + sigma);
+                }
+                support = n;
+            }
+            *level = level.max(1.0);
+            self.support.push(support);
+        }
+        self.lean_on_neighbours();
+    }
+
+    /// Far from the walls the glass changes slowly from row to row: there a row that a specimen fills leans on its neighbours
+    /// by a weighed straight line through them. The nearer to a wall, the fewer neighbours.
+    fn lean_on_neighbours(&mut self) {
+        let rows = self.table.rows;
+        self.scratch.clear();
+        self.scratch.extend_from_slice(&self.profile);
+        for t in 0..rows {
+            let from_wall = t.min(rows - 1 - t).saturating_sub(MARGIN_PX + WALL_SHADE_PX);
+            let reach = (from_wall as f32 * LEANING) as usize;
+            if reach < 2 {
+                continue;
+            }
+            let (mut w0, mut w1, mut w2, mut y0, mut y1) = (0.0f32, 0.0f32, 0.0f32, 0.0f32, 0.0f32);
+            for other in t - reach..=t + reach {
+                let x = (other as f32 - t as f32) / (reach as f32 + 1.0);
+                let weight = self.support[other] * self.support[other] * (1.0 - x * x);
+                let y = self.scratch[other] - self.scratch[t];
+                w0 += weight;
+                w1 += weight * x;
+                w2 += weight * x * x;
+                y0 += weight * y;
+                y1 += weight * x * y;
+            }
+            let det = w0 * w2 - w1 * w1;
+            if det > 1e-3 * w0 * w0 {
+                self.profile[t] = (self.scratch[t] + (y0 * w2 - y1 * w1) / det).max(1.0);
+            }
+        }
+    }
+
+    fn fit_light(&self, before: &Light, tolerance: impl Fn(f32) -> f32) -> Light {
+        let (rows, cols) = (self.table.rows, self.table.cols);
+        let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
+        let mut right = SVector::<f64, TERMS>::zeros();
+        let mut seen = 0.0f64;
+        // Two rows of the glass on either side belong to the walls, whose darkness says little about the light.
+        let mut t = MARGIN_PX + 2;
+        while t + LIGHT_ROWS + MARGIN_PX + 2 <= rows {
+            let y = self.table.y(t as f64 + (LIGHT_ROWS - 1) as f64 / 2.0);
+            let level = self.profile[t..t + LIGHT_ROWS].iter().sum::<f32>() / LIGHT_ROWS as f32;
+            let reach = tolerance(level);
+            for k in (t / LIGHT_ROWS % 2..cols).step_by(2) {
+                let ratio = (t..t + LIGHT_ROWS).map(|t| f64::from(self.table.values[t * cols + k] / self.profile[t])).sum::<f64>()
+                    / LIGHT_ROWS as f64;
+                let basis = Light::basis(self.table.x(k), y);
+                seen += 1.0;
+                // Rows together have half the noise of one.
+                let off = (ratio - before.terms.dot(&basis)).abs() * f64::from(level / (0.6 * reach));
+                if off < 1.5 {
+                    let weight = 1.0 / (1.0 + off * off);
+                    for i in 0..TERMS {
+                        for j in 0..=i {
+                            normal[(i, j)] += weight * basis[i] * basis[j];
+                        }
+                    }
+                    right += weight * ratio * basis;
+                }
+            }
+            t += LIGHT_ROWS;
+        }
+        normal.fill_upper_triangle_with_lower_triangle();
+        // A hundredth of all cells pulls towards the light as it was believed, which decides only where nothing was seen.
+        let pull = 0.01 * seen.max(1.0);
+        for i in 0..TERMS {
+            normal[(i, i)] += pull;
+        }
+        right += pull * before.terms;
+        Light { terms: normal.cholesky().map_or(before.terms, |c| c.solve(&right)) }
+    }
+
+    /// Noise of a cell by the distances of those that agree with the estimate, which is known to be `sigma` or less.
+    fn spread(&mut self, sigma: f32) -> f32 {
+        let cols = self.table.cols;
+        let inner = MARGIN_PX + 2..self.table.rows.saturating_sub(MARGIN_PX + 2);
+        self.scratch.clear();
+        for t in inner {
+            let level = self.profile[t];
+            self.scratch.extend(self.even[t * cols..(t + 1) * cols].iter().map(|e| (e - level).abs()).filter(|off| *off <= 3.0 * sigma));
+        }
+        (quantile(&mut self.scratch, 0.5) / 0.6745).clamp(LEAST_CELL_NOISE, sigma.max(LEAST_CELL_NOISE))
+    }
+
+    /// Noise of a pixel, grey values: one pixel of each cell that shows the empty bore, where the level is even.
+    fn noise(&mut self, bore: &Bore, plane: &[u8], before: Option<&Before>) -> f32 {
+        let (rows, cols) = (self.table.rows, self.table.cols);
+        self.scratch.clear();
+        let sigma = self.spread(f32::MAX.sqrt()).min(self.roughness().max(LEAST_CELL_NOISE) * 2.0);
+        self.scratch.clear();
+        for t in (MARGIN_PX + rows / 8..rows.saturating_sub(MARGIN_PX + rows / 8)).step_by(2) {
+            for k in 0..cols {
+                let at = t * cols + k;
+                if (self.even[at] - self.profile[t]).abs() > 2.5 * sigma {
+                    continue;
+                }
+                let u = (k * self.table.stride + self.table.stride / 2).min(bore.width - 1);
+                let v = bore.v_of(t as f64, u as f64).round();
+                if v < bore.top as f64 || v >= bore.bottom as f64 {
+                    continue;
+                }
+                let level = self.profile[t] * self.lit[at] * before.map_or(1.0, |b| b.at(t as f64, u) / self.table.typical);
+                self.scratch.push((f32::from(plane[v as usize * bore.width + u]) - level).abs());
+            }
+        }
+        (quantile(&mut self.scratch, 0.5) / 0.6745).max(LEAST_NOISE)
+    }
+
+    /// Adds one colour's contrast to that of the others.
+    fn subtract(&mut self, bore: &Bore, picture: &Picture, channel: usize, light: &Light, noise: f32, before: Option<&Before>) {
+        const MISPLACED_PX: f32 = 0.2;
+        let colours = picture.colours();
+        let share = 1.0 / colours as f32;
+        // Blue counts up, red down.
+        let colour_sign = if colours == 3 { channel as f32 - 1.0 } else { 0.0 };
+        let rows = self.table.rows;
+        self.slope.clear();
+        self.slope.extend((0..rows).map(|t| (self.profile[(t + 1).min(rows - 1)] - self.profile[t.saturating_sub(1)]).abs() / 2.0));
+        self.columns.clear();
+        self.columns.extend((0..bore.width).map(|u| light.column(2.0 * u as f64 / (bore.width.max(2) - 1) as f64 - 1.0)));
+        let mid_level = self.profile[rows / 2];
+        let unit = share * mid_level / noise;
+        let last = (rows - 1) as f32;
+        let per_row = 2.0 / last;
+        self.contrast.all_light += unit;
+        let Contrast { lightness, colour, darkness, .. } = &mut self.contrast;
+        for v in 0..bore.height() {
+            let row_v = (bore.top + v) as f64;
+            let span = v * bore.width..(v + 1) * bore.width;
+            let seen = &picture.planes()[channel][(bore.top + v) * bore.width..][..bore.width];
+            let (lightness, darkness) = (&mut lightness.data[span.clone()], &mut darkness.data[span.clone()]);
+            self.before_row.clear();
+            if let Some(before) = before {
+                let typical = self.table.typical;
+                self.before_row.extend((0..bore.width).map(|u| before.at(bore.t_of(row_v, u as f64), u) / typical));
+            }
+            for u in 0..bore.width {
+                let t = (bore.t_of(row_v, u as f64) as f32).clamp(0.0, last);
+                let (t0, part) = (t as usize, t.fract());
+                let t1 = (t0 + 1).min(rows - 1);
+                let y = t * per_row - 1.0;
+                let [c0, c1, c2] = self.columns[u];
+                let lit = (c0 + y * c1 + (1.5 * y * y - 0.5) * c2).max(0.1) * self.before_row.get(u).copied().unwrap_or(1.0);
+                let level = ((self.profile[t0] + part * (self.profile[t1] - self.profile[t0])) * lit).max(1.0);
+                let slope = (self.slope[t0] + part * (self.slope[t1] - self.slope[t0])) * lit * MISPLACED_PX;
+                let off = level - f32::from(seen[u]);
+                let sigmas = off / (noise * noise + slope * slope).sqrt();
+                lightness[u] += share * sigmas;
+                darkness[u] += unit * off / level;
+                if let Some(colour) = colour.get_mut(span.start + u) {
+                    *colour += colour_sign * sigmas;
+                }
+            }
+        }
+    }
+}
+
+/// One colour of the empty capillary's picture, looked up along this frame's bore.
+struct Before<'a> {
+    plane: &'a [u8],
+    /// This frame's bore between the reference's walls.
+    bore: Bore,
+}
+
+impl Before<'_> {
+    /// Grey at table row `t` in column `u`; beyond the picture its border goes on.
+    fn at(&self, t: f64, u: usize) -> f32 {
+        let width = self.bore.width;
+        let last = self.plane.len() / width - 1;
+        let v = self.bore.v_of(t, u as f64).clamp(0.0, last as f64);
+        let (v0, part) = (v as usize, v.fract() as f32);
+        let (a, b) = (f32::from(self.plane[v0 * width + u]), f32::from(self.plane[(v0 + 1).min(last) * width + u]));
+        a + part * (b - a)
+    }
 }
 
 /// The smooth unevenness of the light over `x, y` in -1..1.
@@ -164,192 +452,82 @@ impl Light {
         SVector::from_fn(|i, _| px[i / ACROSS] * py[i % ACROSS])
     }
 
-    fn at(&self, x: f64, y: f64) -> f64 {
-        self.terms.dot(&Self::basis(x, y))
+    /// The three terms across the bore in the column at `x`.
+    fn column(&self, x: f64) -> [f32; ACROSS] {
+        let along = Self::basis(x, 0.0);
+        // At y = 0 the terms' own factors are 1, 0 and -1/2: those along the capillary are read from the first.
+        std::array::from_fn(|j| (0..ALONG).map(|i| self.terms[i * ACROSS + j] * along[i * ACROSS]).sum::<f64>() as f32)
     }
 
-    /// The light at every value of a table, never less than a tenth.
-    fn over(&self, table: &Table) -> Vec<f32> {
-        let columns: Vec<_> = (0..table.cols).map(|k| Self::basis(table.x((k * table.stride) as f64), 0.0)).collect();
-        let mut grid = Vec::with_capacity(table.values.len());
-        for t in 0..table.rows {
-            // Along one row only the terms along the capillary are left.
-            let y = table.y(t as f64);
-            let row: [f64; ALONG] = std::array::from_fn(|i| (0..ACROSS).map(|j| self.terms[i * ACROSS + j] * Self::basis(0.0, y)[j]).sum());
-            grid.extend(columns.iter().map(|c| (0..ALONG).map(|i| row[i] * c[i * ACROSS]).sum::<f64>().max(0.1) as f32));
+    /// The light at every cell of a table, never less than a tenth.
+    fn over(&self, table: &Table, grid: &mut Vec<f32>) {
+        grid.clear();
+        grid.resize(table.rows * table.cols, 0.0);
+        for k in 0..table.cols {
+            let [c0, c1, c2] = self.column(table.x(k));
+            for t in 0..table.rows {
+                let y = table.y(t as f64) as f32;
+                grid[t * table.cols + k] = (c0 + y * c1 + (1.5 * y * y - 0.5) * c2).max(0.1);
+            }
         }
-        grid
     }
 }
 
-/// The window resampled so that the walls are level: every `STRIDE`-th column, one row per pixel across the bore.
+/// The window in cells: the walls level, one row per pixel across the bore, some columns together.
+#[derive(Debug, Default)]
 struct Table {
     rows: usize,
     cols: usize,
-    /// `values[t * cols + k]`, column `k` being picture column `k * stride`.
-    values: Vec<f32>,
-    width: usize,
     stride: usize,
+    width: usize,
+    /// `values[t * cols + k]`: mean grey; with a reference, its quotient by that, times the reference's typical grey.
+    values: Vec<f32>,
+    typical: f32,
 }
 
 impl Table {
-    fn of(bore: &Bore, seen: &Plane) -> Self {
-        // 400 columns decide a row's level to a twentieth of the noise; more only cost time.
-        let stride = (bore.width / 400).max(1);
-        let (rows, cols) = (bore.table_rows(), bore.width.div_ceil(stride));
-        let mut values = vec![0.0; rows * cols];
-        for t in 0..rows {
-            for k in 0..cols {
-                let u = (k * stride) as f64;
-                values[t * cols + k] = seen.sample(u, bore.v_of(t as f64, u));
+    fn fill(&mut self, bore: &Bore, plane: &[u8], before: Option<&Before>) {
+        self.width = bore.width;
+        // 256 cells decide a row's level to a twentieth of the noise; more only cost time.
+        self.stride = (bore.width / 256).max(1);
+        (self.rows, self.cols) = (bore.table_rows(), bore.width / self.stride);
+        self.values.clear();
+        self.values.resize(self.rows * self.cols, 0.0);
+        let mut sum = 0.0f64;
+        for k in 0..self.cols {
+            let columns = k * self.stride..(k + 1) * self.stride;
+            let mid = (columns.start + columns.end - 1) as f64 / 2.0;
+            for t in 0..self.rows {
+                let v = bore.v_of(t as f64, mid).clamp(bore.top as f64, (bore.bottom - 1) as f64);
+                let (v0, part) = (v as usize, v.fract() as f32);
+                let v1 = (v0 + 1).min(bore.bottom - 1);
+                let mean = |row: usize| {
+                    let seen = &plane[row * bore.width..][columns.clone()];
+                    seen.iter().map(|&p| u32::from(p)).sum::<u32>() as f32 / seen.len() as f32
+                };
+                let (a, b) = (mean(v0), mean(v1));
+                let mut value = a + part * (b - a);
+                if let Some(before) = before {
+                    let before = columns.clone().map(|u| before.at(t as f64, u)).sum::<f32>() / columns.len() as f32;
+                    sum += f64::from(before);
+                    value /= before.max(1.0);
+                }
+                self.values[t * self.cols + k] = value;
             }
         }
-        Self { rows, cols, values, width: bore.width, stride }
+        self.typical = 1.0;
+        if before.is_some() {
+            self.typical = ((sum / self.values.len() as f64) as f32).max(1.0);
+            self.values.iter_mut().for_each(|value| *value *= self.typical);
+        }
     }
 
-    fn x(&self, u: f64) -> f64 {
-        2.0 * u / (self.width.max(2) - 1) as f64 - 1.0
+    fn x(&self, k: usize) -> f64 {
+        let mid = (k * self.stride) as f64 + (self.stride - 1) as f64 / 2.0;
+        2.0 * mid / (self.width.max(2) - 1) as f64 - 1.0
     }
 
     fn y(&self, t: f64) -> f64 {
         2.0 * t / (self.rows - 1) as f64 - 1.0
-    }
-
-    /// The values of row `t` with the light's unevenness divided out.
-    fn even_row(&self, t: usize, lit: &[f32], even: &mut Vec<f32>) {
-        let row = t * self.cols..(t + 1) * self.cols;
-        even.clear();
-        even.extend(self.values[row.clone()].iter().zip(&lit[row]).map(|(grey, light)| grey / light));
-    }
-
-    /// The columns that are brightest as a whole, in ascending order.
-    fn brightest_columns(&self, lit: &[f32]) -> Vec<usize> {
-        let rows = MARGIN_PX + 2..self.rows.saturating_sub(MARGIN_PX + 2);
-        let mut even = Vec::with_capacity(self.cols);
-        let mut sums = vec![0.0f32; self.cols];
-        for t in rows.clone() {
-            self.even_row(t, lit, &mut even);
-            for (sum, e) in sums.iter_mut().zip(&even) {
-                *sum += e;
-            }
-        }
-        // Neighbouring columns together: a bright speck is narrow.
-        let reach = (self.cols / 100).max(1);
-        let means: Vec<f32> = (0..self.cols)
-            .map(|k| {
-                let near = &sums[k.saturating_sub(reach)..(k + reach + 1).min(self.cols)];
-                near.iter().sum::<f32>() / near.len() as f32
-            })
-            .collect();
-        // A twentieth of the columns at least, and all that are within 1 % of the brightest.
-        let bar = quantile(&mut means.clone(), 0.95).min(0.99 * quantile(&mut means.clone(), 0.98));
-        (0..self.cols).filter(|&k| means[k] >= bar).collect()
-    }
-
-    /// First level of each row: its median over the columns believed to be free.
-    fn medians(&self, free: &[usize], lit: &[f32]) -> Vec<f32> {
-        let mut even = Vec::with_capacity(self.cols);
-        (0..self.rows)
-            .map(|t| {
-                self.even_row(t, lit, &mut even);
-                let mut greys: Vec<f32> = free.iter().map(|&k| even[k]).collect();
-                quantile(&mut greys, 0.5).max(1.0)
-            })
-            .collect()
-    }
-
-    /// Slides each row's level to the mode beside it, by one standard deviation at most: a body that is nearly as bright as
-    /// the light and fills its row must not become the background.
-    fn modes(&self, from: &[f32], lit: &[f32], sigma: f32) -> Vec<f32> {
-        let mut even = Vec::with_capacity(self.cols);
-        from.iter()
-            .enumerate()
-            .map(|(t, &first)| {
-                self.even_row(t, lit, &mut even);
-                let mut level = first;
-                for _ in 0..3 {
-                    let near = even.iter().filter(|e| (*e - level).abs() <= 2.5 * sigma);
-                    let (sum, n) = near.fold((0.0, 0), |(s, n), e| (s + e, n + 1));
-                    if n > 0 {
-                        level = (sum / n as f32).clamp(first - sigma, first + sigma);
-                    }
-                }
-                level.max(1.0)
-            })
-            .collect()
-    }
-
-    fn fit_light(&self, profile: &[f32], before: &Light, tolerance: impl Fn(f32) -> f32) -> Light {
-        let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
-        let mut right = SVector::<f64, TERMS>::zeros();
-        let mut seen = 0.0f64;
-        // Two rows of the glass on either side belong to the walls, whose darkness says little about the light.
-        for t in (MARGIN_PX + 2..self.rows.saturating_sub(MARGIN_PX + 2)).step_by(2) {
-            let level = profile[t];
-            let reach = tolerance(level);
-            for k in (t % 4..self.cols).step_by(4) {
-                let ratio = f64::from(self.values[t * self.cols + k] / level);
-                let basis = Light::basis(self.x((k * self.stride) as f64), self.y(t as f64));
-                seen += 1.0;
-                let off = (ratio - before.terms.dot(&basis)).abs() * f64::from(level / reach);
-                if off < 1.5 {
-                    let weight = 1.0 / (1.0 + off * off);
-                    for i in 0..TERMS {
-                        for j in 0..=i {
-                            normal[(i, j)] += weight * basis[i] * basis[j];
-                        }
-                    }
-                    right += weight * ratio * basis;
-                }
-            }
-        }
-        normal.fill_upper_triangle_with_lower_triangle();
-        // A hundredth of all pixels pulls towards the light as it was believed, which decides only where nothing was seen.
-        let pull = 0.01 * seen.max(1.0);
-        for i in 0..TERMS {
-            normal[(i, i)] += pull;
-        }
-        right += pull * before.terms;
-        Light { terms: normal.cholesky().map_or(before.terms, |c| c.solve(&right)) }
-    }
-
-    /// Standard deviation of the free columns about the estimate, by their median distance.
-    fn spread(&self, free: &[usize], profile: &[f32], lit: &[f32]) -> f32 {
-        let mut off = Vec::with_capacity(free.len() * self.rows);
-        let inner = self.rows.saturating_sub(2 * (MARGIN_PX + 2));
-        for (t, level) in profile.iter().enumerate().skip(MARGIN_PX + 2).take(inner) {
-            off.extend(free.iter().map(|k| t * self.cols + k).map(|at| (self.values[at] - level * lit[at]).abs()));
-        }
-        (quantile(&mut off, 0.5) / 0.6745).max(LEAST_NOISE)
-    }
-
-    fn render(&self, bore: &Bore, profile: &[f32], light: &Light, sigma: f32, free: Vec<bool>) -> Background {
-        const MISPLACED_PX: f32 = 0.15;
-        let slope: Vec<f32> =
-            (0..self.rows).map(|t| (profile[(t + 1).min(self.rows - 1)] - profile[t.saturating_sub(1)]).abs() / 2.0).collect();
-        let between = |of: &[f32], t: f64| {
-            let t = t.clamp(0.0, (self.rows - 1) as f64);
-            let (t0, part) = (t as usize, t.fract() as f32);
-            of[t0] + part * (of[(t0 + 1).min(self.rows - 1)] - of[t0])
-        };
-        let mut level = Plane::filled(bore.width, bore.height(), bore.top, 0.0);
-        let mut spread = level.clone();
-        // The light changes so slowly that every eighth column is computed and the rest are interpolated.
-        for v in 0..bore.height() {
-            let row_v = (bore.top + v) as f64;
-            let light_at = |u: usize| light.at(self.x(u as f64), self.y(bore.t_of(row_v, u as f64))) as f32;
-            let (mut from, mut to) = (light_at(0), light_at(8));
-            for u in 0..bore.width {
-                if u > 0 && u % 8 == 0 {
-                    (from, to) = (to, light_at(u + 8));
-                }
-                let t = bore.t_of(row_v, u as f64);
-                let p = from + (to - from) * (u % 8) as f32 / 8.0;
-                let at = v * bore.width + u;
-                level.data[at] = between(profile, t) * p;
-                spread.data[at] = (sigma * sigma + (MISPLACED_PX * between(&slope, t)).powi(2)).sqrt();
-            }
-        }
-        Background { level, sigma: spread, noise: sigma, mid_level: profile[self.rows / 2], free }
     }
 }

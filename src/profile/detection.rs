@@ -135,9 +135,9 @@ pub(super) fn any(of: impl IntoIterator<Item = f64>) -> f64 {
     1.0 - of.into_iter().map(|p| 1.0 - p).product::<f64>()
 }
 
-/// Decides on one colour of the bore, `seen` before an empty bore of `level`, with `noise` grey values per pixel.
-pub(super) fn detect(mask: &Mask, bore: &Bore, seen: &Plane, level: &Plane, noise: f32) -> Detection {
-    let grid = Grid::of(mask, bore, seen, level, noise);
+/// Decides by the darkness of the bore, in which the loss of all light counts `all_light`.
+pub(super) fn detect(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32) -> Detection {
+    let grid = Grid::of(mask, bore, darkness, all_light);
     let (labels, pieces) = pieces::find(&grid);
     let body = Body::of(&grid, &labels, &pieces);
     let looks: Vec<_> = pieces.iter().map(Piece::looks).collect();

@@ -31,10 +31,10 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    pub fn of(mask: &Mask, bore: &Bore, seen: &Plane, level: &Plane, noise: f32) -> Self {
+    pub fn of(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32) -> Self {
         let cell = ((bore.mean_px / CELLS_ACROSS) as usize).max(1);
         let (width, height) = (bore.width / cell, bore.height() / cell);
-        let share = 1.0 / (cell * cell) as f32;
+        let share = 1.0 / (cell * cell) as f32 / all_light;
         let mut grid = Self {
             width,
             height,
@@ -44,15 +44,16 @@ impl Grid {
             open: vec![false; width * height],
             filled: vec![false; width * height],
         };
+        // Six standard deviations of a cell's noise, where that is more.
+        let least = BODY.max(6.0 / all_light / cell as f32);
         let mut count = vec![0usize; width];
         for row in 0..height {
             count.fill(0);
             let sums = &mut grid.opacity[row * width..(row + 1) * width];
             for v in row * cell..(row + 1) * cell {
                 let covered = &mask.data()[(bore.top + v) * bore.width..];
-                let pixels = seen.row(v).iter().zip(level.row(v)).zip(covered).take(width * cell);
-                for (u, ((grey, level), inside)) in pixels.enumerate() {
-                    sums[u / cell] += share * (1.0 - grey / level.max(1.0));
+                for (u, (dark, inside)) in darkness.row(v).iter().zip(covered).take(width * cell).enumerate() {
+                    sums[u / cell] += share * dark;
                     count[u / cell] += usize::from(*inside != 0);
                 }
             }
@@ -60,9 +61,6 @@ impl Grid {
                 let at = row * width + column;
                 let (u, v) = ((column * cell + cell / 2) as f64, (bore.top + row * cell + cell / 2) as f64);
                 grid.open[at] = v - bore.walls.upper.inner.at(u) > WALL_PX && bore.walls.lower.inner.at(u) - v > WALL_PX;
-                let mid = level.data[(row * cell + cell / 2) * bore.width + column * cell + cell / 2].max(1.0);
-                // Six standard deviations of a cell's noise, where that is more.
-                let least = BODY.max(6.0 * noise / mid / cell as f32);
                 grid.masked[at] = 2 * covered > cell * cell;
                 grid.filled[at] = grid.masked[at] || grid.open[at] && grid.opacity[at] > least;
             }

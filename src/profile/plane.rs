@@ -1,9 +1,9 @@
 //! A window of a picture as numbers: what filters and fits work on.
 
-use super::Picture;
+use super::background::Bore;
 
 /// One `f32` per pixel of `width` columns, whose first row is row `top` of the picture.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Plane {
     pub width: usize,
     pub height: usize,
@@ -17,11 +17,11 @@ impl Plane {
         Self { width, height, top, data: vec![value; width * height] }
     }
 
-    /// Rows `top .. bottom` of one colour of a picture.
-    pub fn from_picture(picture: &Picture, channel: usize, top: usize, bottom: usize) -> Self {
-        let width = picture.width();
-        let data = picture.planes()[channel][top * width..bottom * width].iter().map(|&p| f32::from(p)).collect();
-        Self { width, height: bottom - top, top, data }
+    /// Sizes the window for a bore and clears it.
+    pub fn reset(&mut self, bore: &Bore) {
+        (self.width, self.height, self.top) = (bore.width, bore.height(), bore.top);
+        self.data.clear();
+        self.data.resize(self.width * self.height, 0.0);
     }
 
     pub fn row(&self, v: usize) -> &[f32] {

@@ -1,11 +1,13 @@
 //! One frame to one profile: the order of the steps and their refusals.
 
-use super::background::{self, Bore};
-use super::edge::{self, EdgePoint, Limits, Polygon, Refined};
-use super::foreground;
-use super::plane::Plane;
-use super::settings::SegmentSettings;
-use super::{Detection, Mask, Picture, ProfileQuality, Walls, detection, quality, walls};
+use super::background::{Background, Bore};
+use super::coarse::Coarse;
+use super::edge::{self, EdgeFinder, EdgePoint, Limits, Refined};
+use super::fringe::{self, Fringe};
+use super::hybrid::Hybrid;
+use super::outline::{self, Crossings, Outlines, Polygon};
+use super::settings::{Method, SegmentSettings};
+use super::{Detection, Mask, Picture, ProfileQuality, Reference, Walls, detection, quality, walls};
 
 /// The outline of the specimen in one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,6 +29,10 @@ pub enum ProfileError {
     #[error("the frame is {width} x {height} px; at least {least} x {least} are needed: check the camera's region of interest")]
     TooSmall { width: usize, height: usize, least: usize },
     #[error(
+        "the frame is {width} x {height} px, the picture of the empty capillary {wide} x {high} px: take it again with this region of interest"
+    )]
+    ReferenceSize { width: usize, height: usize, wide: usize, high: usize },
+    #[error(
         "the frame is black: its brightest percent starts at {brightest}, at least {needed} is needed; check lamp, shutter and exposure"
     )]
     Black { brightest: u8, needed: u8 },
@@ -41,42 +47,90 @@ pub enum ProfileError {
 
 /// Frames smaller than this in either direction cannot hold a capillary and its surroundings.
 const LEAST_PX: usize = 48;
+/// Pieces with a shorter outline are not drawn.
+const LEAST_CRACKS: usize = 12;
 /// From here on a pixel counts as saturated.
 const SATURATED: u8 = 254;
 
-/// Separates the specimen from the capillary.
+/// Segments frames; keeps its memory from frame to frame, so that a warm one allocates only what it hands out.
+#[derive(Default)]
+pub struct Segmenter {
+    background: Background,
+    coarse: Coarse,
+    hybrid: Hybrid,
+    inside: Vec<bool>,
+    body: Vec<bool>,
+    used: Vec<bool>,
+    cracks: Outlines,
+    scratch: Vec<[f64; 2]>,
+    outlines: Outlines,
+    fringe: Fringe,
+    edge: EdgeFinder,
+    crossings: Crossings,
+}
+
+/// Separates the specimen from the capillary in one frame.
 ///
 /// # Errors
-/// Refuses frames that show no capillary, with the figures that say why.
+/// See [`Segmenter::segment`].
 pub fn segment(picture: &Picture, settings: &SegmentSettings) -> Result<Profile, ProfileError> {
-    let (width, height) = (picture.width(), picture.height());
-    if width < LEAST_PX || height < LEAST_PX {
-        return Err(ProfileError::TooSmall { width, height, least: LEAST_PX });
-    }
-    check_exposure(picture, settings)?;
-    let walls = walls::find(picture, &settings.walls)?;
-    let bore = Bore::of(picture, walls);
-    let seen: Vec<Plane> = (0..picture.colours()).map(|c| Plane::from_picture(picture, c, bore.top, bore.bottom)).collect();
-    let backgrounds: Vec<_> = seen.iter().enumerate().map(|(c, plane)| background::estimate(&bore, picture, c, plane)).collect();
-    let darkness = foreground::darkness(&seen, &backgrounds);
-    let found = foreground::find(&bore, &seen, &backgrounds, settings);
+    Segmenter::default().segment(picture, settings, None)
+}
 
-    let rows = |u: f64| (walls.upper.inner.at(u), walls.lower.inner.at(u));
-    let limits = Limits { inside: &found.inside, rows: &rows };
-    let outlines: Vec<_> = edge::trace(&found.inside, width, bore.top).into_iter().filter(|outline| outline.len() >= 12).collect();
-    let Refined { edge, points, blur_px } = edge::refine(&outlines, &darkness, &limits, &settings.edge);
-    let mut mask = Mask::empty(width, height);
-    edge::rasterise(&edge, &mut mask);
-    let quality = ProfileQuality {
-        components: found.components,
-        saturated_share: saturated_share(picture, bore.top, bore.bottom),
-        noise_grey: backgrounds.iter().map(|b| f64::from(b.noise)).sum::<f64>() / backgrounds.len() as f64,
-        blur_px,
-        ..quality::of_edge(&edge, &points, &bore)
-    };
-    let middle = seen.len() / 2;
-    let detection = detection::detect(&mask, &bore, &seen[middle], &backgrounds[middle].level, backgrounds[middle].noise);
-    Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
+impl Segmenter {
+    /// Separates the specimen from the capillary, with a picture of the empty capillary if there is one.
+    ///
+    /// # Errors
+    /// Refuses frames that show no capillary, with the figures that say why.
+    pub fn segment(
+        &mut self,
+        picture: &Picture,
+        settings: &SegmentSettings,
+        reference: Option<&Reference>,
+    ) -> Result<Profile, ProfileError> {
+        let (width, height) = (picture.width(), picture.height());
+        if width < LEAST_PX || height < LEAST_PX {
+            return Err(ProfileError::TooSmall { width, height, least: LEAST_PX });
+        }
+        if let Some((wide, high)) = reference.map(Reference::size).filter(|size| *size != (width, height)) {
+            return Err(ProfileError::ReferenceSize { width, height, wide, high });
+        }
+        check_exposure(picture, settings)?;
+        let walls = walls::find(picture, &settings.walls)?;
+        let bore = Bore::of(picture, walls);
+        self.background.take_away(&bore, picture, reference);
+        let contrast = &self.background.contrast;
+        self.coarse.fill(&bore, contrast, settings.wall_margin_px);
+        self.hybrid.find(&self.coarse, &bore, settings);
+        self.hybrid.to_pixels(&self.coarse, &bore, &mut self.inside);
+
+        let rows = |u: f64| (walls.upper.inner.at(u), walls.lower.inner.at(u));
+        self.body.clear();
+        self.body.extend_from_slice(&self.inside);
+        if settings.method == Method::Hybrid {
+            // Once more from what was found: around the body's tip, normals spread too far to follow a fin.
+            for _ in 0..fringe::ROUNDS {
+                outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
+                outline::smoothed(&self.cracks, fringe::OUTLINE_SMOOTHING_PX, fringe::STEP_PX, &mut self.scratch, &mut self.outlines);
+                self.fringe.add(&self.outlines, &contrast.darkness, &bore, &settings.fringe, &mut self.inside);
+            }
+        }
+        outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
+        outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.scratch, &mut self.outlines);
+        let limits = Limits { inside: &self.inside, body: &self.body, rows: &rows };
+        let Refined { edge, points, blur_px } = self.edge.refine(&self.outlines, &contrast.darkness, &limits, &settings.edge);
+        let mut mask = Mask::empty(width, height);
+        outline::rasterise(&edge, &mut mask, &mut self.crossings);
+        let quality = ProfileQuality {
+            components: self.hybrid.pieces.sizes.len(),
+            saturated_share: saturated_share(picture, bore.top, bore.bottom),
+            noise_grey: contrast.noise_grey,
+            blur_px,
+            ..quality::of_edge(&edge, &points, &bore)
+        };
+        let detection = detection::detect(&mask, &bore, &contrast.darkness, contrast.all_light);
+        Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
+    }
 }
 
 fn check_exposure(picture: &Picture, settings: &SegmentSettings) -> Result<(), ProfileError> {

@@ -2,7 +2,7 @@
 //!
 //! The ranges keep out what no frame can mean and what would cost the run its time; inside them the defaults are good ones.
 
-use super::edge::REACH_PX;
+use super::onset::REACH_PX;
 use crate::range::{OutOfRange, Setting, outside};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +12,8 @@ use serde::{Deserialize, Serialize};
 pub struct WallSettings {
     /// Largest tilt of the capillary, degrees.
     pub max_tilt_deg: f64,
+    /// Largest sag of a wall between the frame's ends, share of the frame's width.
+    pub max_sag_share: f64,
     /// Least share of the frame's width along which a wall must be visible.
     pub min_support: f64,
     /// Least darkness of a wall against both its sides, grey values.
@@ -28,6 +30,7 @@ impl Default for WallSettings {
     fn default() -> Self {
         Self {
             max_tilt_deg: 2.5,
+            max_sag_share: 0.005,
             min_support: 0.35,
             min_depth: 8.0,
             line_reach_share: 1.0 / 64.0,
@@ -48,10 +51,6 @@ pub struct EdgeSettings {
     pub search_outside_px: f64,
     /// How far inside the coarse outline the edge is searched, px: the coarse outline errs outwards.
     pub search_inside_px: f64,
-    /// Reach of the fit outside the edge, px.
-    pub outside_px: f64,
-    /// Reach of the fit inside the edge, px.
-    pub inside_px: f64,
     /// Averaging along the outline before the fit, standard deviation in px.
     pub along_px: f64,
     /// Smoothing of the coarse outline, which gives the normals, standard deviation in px.
@@ -68,8 +67,6 @@ impl Default for EdgeSettings {
             blur_px: 1.0,
             search_outside_px: 3.5,
             search_inside_px: 6.5,
-            outside_px: 3.0,
-            inside_px: 2.5,
             along_px: 1.5,
             outline_smoothing_px: 2.0,
             shift_smoothing_px: 1.0,
@@ -91,22 +88,82 @@ pub enum Method {
     LevelSet,
 }
 
+/// The mean shift.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MeanShiftSettings {
+    /// Bandwidth of contrast, standard deviations of a block's noise.
+    pub range_sigma: f64,
+}
+
+impl Default for MeanShiftSettings {
+    fn default() -> Self {
+        Self { range_sigma: 3.5 }
+    }
+}
+
+/// The level set.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LevelSetSettings {
+    /// The level between background and body, as a share of the body's typical contrast.
+    pub level_share: f64,
+    /// That level is at least this, standard deviations of a block's noise.
+    pub least_sigma: f64,
+    /// Weight of the region term.
+    pub region: f64,
+    /// Weight of the edge term.
+    pub edge: f64,
+    /// Steps of the front.
+    pub steps: usize,
+}
+
+impl Default for LevelSetSettings {
+    fn default() -> Self {
+        Self { level_share: 0.4, least_sigma: 3.0, region: 1.0, edge: 0.6, steps: 40 }
+    }
+}
+
+/// The transparent fringe around the body.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FringeSettings {
+    /// How far from the body a fin's border is looked for, share of the bore's height.
+    pub reach_bore: f64,
+    /// Averaging along the outline, standard deviation in px.
+    pub along_px: f64,
+    /// A place further out than the body must show this much border, in standard deviations of what chance shows.
+    pub bar: f64,
+    /// No place counts more than this.
+    pub most: f64,
+    /// Along this length a fringe that is believed shows this much border in the mean.
+    pub run_px: f64,
+    pub least: f64,
+    /// Nothing as dark as this lies between the body and its fringe, standard deviations of a pixel's noise.
+    pub opaque_sigma: f64,
+    /// Cost of a kink in the fringe: per squared px of difference between neighbouring steps.
+    pub kink: f64,
+}
+
+impl Default for FringeSettings {
+    fn default() -> Self {
+        Self { reach_bore: 0.35, along_px: 10.0, bar: 1.5, most: 6.0, run_px: 40.0, least: 2.2, opaque_sigma: 12.0, kink: 0.8 }
+    }
+}
+
 /// How a frame is segmented. Lengths "per bore" are shares of the bore's height, so that they hold at any magnification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SegmentSettings {
     pub method: Method,
     pub walls: WallSettings,
+    pub mean_shift: MeanShiftSettings,
+    pub level_set: LevelSetSettings,
+    pub fringe: FringeSettings,
     pub edge: EdgeSettings,
-    /// Smoothing of the fine scale, standard deviation in px.
-    pub fine_px: f64,
-    /// Smoothing of the coarse scale, standard deviation in px.
-    pub coarse_px: f64,
-    /// Contrast beyond this counts as this before smoothing, standard deviations of a pixel's noise.
-    pub clip_sigma: f64,
-    /// Contrast that starts foreground, standard deviations of the smoothed noise.
+    /// Contrast of a mode that starts foreground, standard deviations of a block's noise.
     pub high_sigma: f64,
-    /// Contrast that continues foreground, standard deviations of the smoothed noise.
+    /// Contrast of a mode that continues foreground, standard deviations of a block's noise.
     pub low_sigma: f64,
     /// Gaps narrower than twice this are bridged, px.
     pub closing_px: usize,
@@ -131,12 +188,12 @@ impl Default for SegmentSettings {
         Self {
             method: Method::default(),
             walls: WallSettings::default(),
+            mean_shift: MeanShiftSettings::default(),
+            level_set: LevelSetSettings::default(),
+            fringe: FringeSettings::default(),
             edge: EdgeSettings::default(),
-            fine_px: 1.0,
-            coarse_px: 2.5,
-            clip_sigma: 4.0,
-            high_sigma: 7.0,
-            low_sigma: 3.5,
+            high_sigma: 8.0,
+            low_sigma: 1.3,
             closing_px: 3,
             opening_px: 2,
             wall_margin_px: 2.5,
@@ -156,13 +213,25 @@ impl SegmentSettings {
         const BORE: &str = "of the bore's height";
         const BORE2: &str = "of the squared bore";
         const NOISE: &str = "standard deviations of the noise";
-        let own: [Setting; 13] = [
-            ("fine_px", self.fine_px, 0.3..=10.0, "px"),
-            ("coarse_px", self.coarse_px, 0.3..=30.0, "px"),
-            ("clip_sigma", self.clip_sigma, 1.0..=100.0, NOISE),
-            ("high_sigma", self.high_sigma, 1.0..=100.0, NOISE),
+        const CHANCE: &str = "standard deviations of chance";
+        let own: [Setting; 24] = [
+            ("fringe.reach_bore", self.fringe.reach_bore, 0.0..=1.0, BORE),
+            ("fringe.along_px", self.fringe.along_px, 0.3..=30.0, "px"),
+            ("fringe.bar", self.fringe.bar, 0.0..=100.0, CHANCE),
+            ("fringe.most", self.fringe.most, 0.0..=100.0, CHANCE),
+            ("fringe.run_px", self.fringe.run_px, 2.0..=1000.0, "px"),
+            ("fringe.least", self.fringe.least, 0.0..=100.0, CHANCE),
+            ("fringe.opaque_sigma", self.fringe.opaque_sigma, 0.0..=1000.0, NOISE),
+            ("fringe.kink", self.fringe.kink, 0.0..=100.0, "per squared px"),
+            ("mean_shift.range_sigma", self.mean_shift.range_sigma, 0.5..=100.0, NOISE),
+            ("level_set.level_share", self.level_set.level_share, 0.01..=1.0, "of the body's contrast"),
+            ("level_set.least_sigma", self.level_set.least_sigma, 0.1..=100.0, NOISE),
+            ("level_set.region", self.level_set.region, 0.0..=2.0, "per step"),
+            ("level_set.edge", self.level_set.edge, 0.0..=2.0, "per step"),
+            ("level_set.steps", self.level_set.steps as f64, 0.0..=1000.0, "steps"),
+            ("high_sigma", self.high_sigma, 0.1..=100.0, NOISE),
             // Foreground is not continued by what would start it.
-            ("low_sigma", self.low_sigma, 1.0..=self.high_sigma.clamp(1.0, 100.0), NOISE),
+            ("low_sigma", self.low_sigma, 0.1..=self.high_sigma.clamp(0.1, 100.0), NOISE),
             ("closing_px", self.closing_px as f64, 0.0..=30.0, "px"),
             ("opening_px", self.opening_px as f64, 0.0..=30.0, "px"),
             ("wall_margin_px", self.wall_margin_px, 0.0..=20.0, "px"),
@@ -173,7 +242,8 @@ impl SegmentSettings {
             ("max_saturated_share", self.max_saturated_share, 0.0..=1.0, "of the pixels"),
         ];
         let walls = &self.walls;
-        let of_walls: [Setting; 6] = [
+        let of_walls: [Setting; 7] = [
+            ("walls.max_sag_share", walls.max_sag_share, 0.0..=0.05, "of the frame's width"),
             ("walls.max_tilt_deg", walls.max_tilt_deg, 0.0..=10.0, "deg"),
             ("walls.min_support", walls.min_support, 0.05..=1.0, "of the frame's width"),
             ("walls.min_depth", f64::from(walls.min_depth), 0.5..=100.0, "grey values"),
@@ -183,15 +253,11 @@ impl SegmentSettings {
         ];
         let edge = &self.edge;
         // The edge is fitted in a window of this reach to either side of the coarse outline.
-        let reach = REACH_PX as f64;
-        let of_edge: [Setting; 11] = [
+        let reach = REACH_PX as f64 - 2.0;
+        let of_edge: [Setting; 7] = [
             ("edge.blur_px", edge.blur_px, 0.3..=5.0, "px"),
             ("edge.search_outside_px", edge.search_outside_px, 0.5..=reach, "px"),
             ("edge.search_inside_px", edge.search_inside_px, 0.5..=reach, "px"),
-            ("edge.outside_px", edge.outside_px, 0.5..=reach, "px"),
-            ("edge.inside_px", edge.inside_px, 0.5..=reach, "px"),
-            ("edge.search_outside_px + edge.outside_px", edge.search_outside_px + edge.outside_px, 1.0..=reach, "px"),
-            ("edge.search_inside_px + edge.inside_px", edge.search_inside_px + edge.inside_px, 1.0..=reach, "px"),
             ("edge.along_px", edge.along_px, 0.3..=10.0, "px"),
             ("edge.outline_smoothing_px", edge.outline_smoothing_px, 0.3..=10.0, "px"),
             ("edge.shift_smoothing_px", edge.shift_smoothing_px, 0.3..=10.0, "px"),

@@ -1,4 +1,4 @@
-//! The capillary's walls: four straight, nearly parallel lines.
+//! The capillary's walls: four nearly straight, nearly parallel lines.
 //!
 //! ```text
 //!   outside (bright)
@@ -18,16 +18,27 @@ use super::segment::ProfileError;
 use super::settings::WallSettings;
 use serde::{Deserialize, Serialize};
 
-/// A straight line `v = v_at_0 + slope * u` in pixel coordinates.
+/// A nearly straight line `v = v_mid + slope (u - u_mid) + bend (u - u_mid)^2` in pixel coordinates: lenses and pulled glass
+/// bend walls by a few px over a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Line {
-    pub v_at_0: f64,
+    /// The frame's middle column.
+    pub u_mid: f64,
+    pub v_mid: f64,
     pub slope: f64,
+    /// Per px.
+    pub bend: f64,
 }
 
 impl Line {
     pub fn at(&self, u: f64) -> f64 {
-        self.v_at_0 + self.slope * u
+        let from_mid = u - self.u_mid;
+        self.v_mid + from_mid * (self.slope + self.bend * from_mid)
+    }
+
+    /// The same course through another row of the middle column.
+    fn through(&self, v_mid: f64) -> Self {
+        Self { v_mid, ..*self }
     }
 }
 
@@ -126,11 +137,10 @@ pub(super) fn find(picture: &Picture, settings: &WallSettings) -> Result<Walls, 
     let dips = strips.dips(reach);
     let mid_u = (picture.width() - 1) as f64 / 2.0;
     let votes = vote(&strips, &dips, mid_u, settings);
-    let (slope, lines) = (votes.slope, candidates(&votes, settings));
+    let lines = candidates(&votes, settings);
     let no_walls = || ProfileError::NoWalls { lines: lines.len(), needed_support: settings.min_support };
     let ([upper_outer, upper_inner], [lower_inner, lower_outer]) = pair(&lines, height, settings).ok_or_else(no_walls)?;
-    let rough = |v: f64| Line { v_at_0: v - slope * mid_u, slope };
-    let place = |v: f64| place_line(&strips, &dips, rough(v), settings);
+    let place = |v: f64| place_line(&strips, &dips, votes.course.through(v), settings);
     let walls = Walls {
         upper: Wall { outer: place(upper_outer), inner: place(upper_inner) },
         lower: Wall { outer: place(lower_outer), inner: place(lower_inner) },
@@ -140,16 +150,19 @@ pub(super) fn find(picture: &Picture, settings: &WallSettings) -> Result<Walls, 
     if open { Ok(walls) } else { Err(no_walls()) }
 }
 
-/// What the strips say of each row of the middle column, along one tilt.
+/// What the strips say of each row of the middle column, along one course.
 struct Votes {
-    slope: f64,
+    course: Line,
     /// Share of strips that are dark there.
     support: Vec<f32>,
     /// Mean depth of the dips, each counted up to a limit.
     depth: Vec<f32>,
 }
 
-/// Votes along the tilt at which they pile up highest.
+/// A bend counts only if it raises the score by this: a straight wall is not bent by what lies beside it.
+const BENT_BETTER: f32 = 1.05;
+
+/// Votes along the course, tilt and bend, on which they pile up highest.
 fn vote(strips: &Strips, dips: &[Vec<f32>], mid_u: f64, settings: &WallSettings) -> Votes {
     let height = dips[0].len();
     let half_width = mid_u.max(1.0);
@@ -157,26 +170,48 @@ fn vote(strips: &Strips, dips: &[Vec<f32>], mid_u: f64, settings: &WallSettings)
     // A dip of half the least depth counts nothing, one of the least depth and more counts 1.
     let half = settings.min_depth / 2.0;
     let weights: Vec<Vec<f32>> = dips.iter().map(|dip| dip.iter().map(|d| ((d - half) / half).clamp(0.0, 1.0)).collect()).collect();
-    let mut best = (f32::MIN, 0.0, Vec::new());
-    for step in -steps..=steps {
-        let slope = f64::from(step) * 0.5 / half_width;
-        let mut votes = vec![0.0f32; height];
-        for (weight, u) in weights.iter().zip(&strips.centres_u) {
-            let shift = (slope * (u - mid_u)).round() as isize;
+    let course = |step: i32, sag_px: f64| Line {
+        u_mid: mid_u,
+        v_mid: 0.0,
+        slope: f64::from(step) * 0.5 / half_width,
+        bend: sag_px / (half_width * half_width),
+    };
+    let mut votes = vec![0.0f32; height];
+    let score = |course: Line, votes: &mut Vec<f32>| {
+        votes.fill(0.0);
+        for (weight, &u) in weights.iter().zip(&strips.centres_u) {
+            let shift = course.at(u).round() as isize;
             let (into, from) = ((-shift).max(0) as usize, shift.max(0) as usize);
             for (vote, w) in votes.iter_mut().skip(into).zip(weight.iter().skip(from)) {
                 *vote += w;
             }
         }
-        let score = votes.iter().map(|v| v * v).sum::<f32>();
-        if score > best.0 {
-            best = (score, slope, votes);
+        votes.iter().map(|v| v * v).sum::<f32>()
+    };
+    let mut best = (f32::MIN, 0, course(0, 0.0));
+    for step in -steps..=steps {
+        let straight = course(step, 0.0);
+        let found = score(straight, &mut votes);
+        if found > best.0 {
+            best = (found, step, straight);
         }
     }
-    let (slope, count) = (best.1, dips.len() as f32);
+    let (straight, step) = (best.0, best.1);
+    let sags = (settings.max_sag_share * 2.0 * half_width).round() as i32;
+    for step in step - 6..=step + 6 {
+        for sag in (-sags..=sags).filter(|s| *s != 0) {
+            let bent = course(step, f64::from(sag));
+            let found = score(bent, &mut votes);
+            if found > best.0 && found > BENT_BETTER * straight {
+                best = (found, step, bent);
+            }
+        }
+    }
+    let (course, count) = (best.2, dips.len() as f32);
+    score(course, &mut votes);
     let mut depth = vec![0.0f32; height];
-    for (dip, u) in dips.iter().zip(&strips.centres_u) {
-        let shift = (slope * (u - mid_u)).round() as isize;
+    for (dip, &u) in dips.iter().zip(&strips.centres_u) {
+        let shift = course.at(u).round() as isize;
         for (v, sum) in depth.iter_mut().enumerate() {
             let from = v as isize + shift;
             if (0..height as isize).contains(&from) {
@@ -184,7 +219,7 @@ fn vote(strips: &Strips, dips: &[Vec<f32>], mid_u: f64, settings: &WallSettings)
             }
         }
     }
-    Votes { slope, support: best.2.iter().map(|v| v / count).collect(), depth }
+    Votes { course, support: votes.iter().map(|v| v / count).collect(), depth }
 }
 
 /// Rows that are darkest within 3 px of themselves, where enough strips voted.
@@ -238,7 +273,7 @@ fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSe
         .zip(&strips.centres_u)
         .filter_map(|((rows, dips), &u)| darkest_near(rows, dips, rough.at(u), settings.min_depth).map(|v| (u, v)))
         .collect();
-    consensus(&points, rough.slope).unwrap_or(rough)
+    consensus(&points, rough).unwrap_or(rough)
 }
 
 /// The darkest place within 3 px of `near`, between rows by the parabola through three of them.
@@ -258,33 +293,45 @@ fn darkest_near(rows: &[f32], dips: &[f32], near: f64, min_depth: f32) -> Option
     Some(darkest as f64 + 0.5 * (a - c) / bend)
 }
 
-/// The line through two of the points that has the most others within half a pixel, then least squares through those. Only
-/// lines within a degree of `slope` count.
-fn consensus(points: &[(f64, f64)], slope: f64) -> Option<Line> {
+/// The course through two of the points, bent as `rough` is or a little more or less, that has the most others within
+/// `AGREE_PX`; then least squares through those. Only courses within a degree of `rough` count.
+fn consensus(points: &[(f64, f64)], rough: Line) -> Option<Line> {
     const AGREE_PX: f64 = 0.7;
-    let through = |a: (f64, f64), b: (f64, f64)| {
-        let slope = (b.1 - a.1) / (b.0 - a.0);
-        Line { v_at_0: a.1 - slope * a.0, slope }
-    };
-    let closeness = |l: &Line| -> f64 { points.iter().map(|p| (1.0 - ((p.1 - l.at(p.0)) / AGREE_PX).powi(2)).max(0.0)).sum() };
+    const SAG_STEPS: i32 = 3;
+    let half_width = rough.u_mid.max(1.0);
     let mut best: Option<(f64, Line)> = None;
-    for (i, &a) in points.iter().enumerate() {
-        for &b in &points[i + 1..] {
-            let line = through(a, b);
-            let score = if (line.slope - slope).abs() < 0.0175 { closeness(&line) } else { 0.0 };
-            if score > best.map_or(0.0, |b| b.0) {
-                best = Some((score, line));
+    for sag in -SAG_STEPS..=SAG_STEPS {
+        let bend = rough.bend + 0.5 * f64::from(sag) / (half_width * half_width);
+        let curve = |u: f64| bend * (u - rough.u_mid).powi(2);
+        for (i, a) in points.iter().enumerate() {
+            for b in &points[i + 1..] {
+                let slope = ((b.1 - curve(b.0)) - (a.1 - curve(a.0))) / (b.0 - a.0);
+                if (slope - rough.slope).abs() > 0.0175 {
+                    continue;
+                }
+                let line = Line { v_mid: a.1 - curve(a.0) - slope * (a.0 - rough.u_mid), slope, bend, ..rough };
+                let score: f64 = points.iter().map(|p| (1.0 - ((p.1 - line.at(p.0)) / AGREE_PX).powi(2)).max(0.0)).sum();
+                // A wall is straight until that much says otherwise.
+                let score = score - 0.3 * f64::from(sag.abs());
+                if score > best.map_or(0.0, |b| b.0) {
+                    best = Some((score, line));
+                }
             }
         }
     }
     let line = best?.1;
     let agreeing: Vec<_> = points.iter().filter(|p| (p.1 - line.at(p.0)).abs() < AGREE_PX).collect();
-    let n = agreeing.len() as f64;
-    let (mean_u, mean_v) = (agreeing.iter().map(|p| p.0).sum::<f64>() / n, agreeing.iter().map(|p| p.1).sum::<f64>() / n);
-    let spread: f64 = agreeing.iter().map(|p| (p.0 - mean_u).powi(2)).sum();
-    if agreeing.len() < 3 || spread <= 0.0 {
-        return Some(line);
+    Some(straightened(&agreeing, line))
+}
+
+/// Moves and tilts a course to the least squares of the points.
+fn straightened(points: &[&(f64, f64)], line: Line) -> Line {
+    let n = points.len() as f64;
+    let (mean_u, mean_off) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1 - line.at(p.0)).sum::<f64>() / n);
+    let spread: f64 = points.iter().map(|p| (p.0 - mean_u).powi(2)).sum();
+    if points.len() < 3 || spread <= 0.0 {
+        return line;
     }
-    let slope = agreeing.iter().map(|p| (p.0 - mean_u) * (p.1 - mean_v)).sum::<f64>() / spread;
-    Some(Line { v_at_0: mean_v - slope * mean_u, slope })
+    let tilt = points.iter().map(|p| (p.0 - mean_u) * (p.1 - line.at(p.0) - mean_off)).sum::<f64>() / spread;
+    Line { v_mid: line.v_mid + mean_off + tilt * (line.u_mid - mean_u), slope: line.slope + tilt, ..line }
 }

@@ -56,8 +56,8 @@ fn the_fin_takes_a_few_grey_values_and_its_edge_a_few_more() {
             let most = fin.iter().copied().fold(0.0, f64::max);
             println!("{dpf} dpf, seed {seed}: {} px of fin take {mean:.2}, at most {most}", fin.len());
             assert!(fin.len() > 1000, "{} px of fin", fin.len());
-            // Of some 240: real fins show as a line 2 to 6 darker, with nothing between it and the body.
-            assert!((0.2..3.5).contains(&mean) && (2.0..8.0).contains(&most), "mean {mean:.2}, most {most}");
+            // Of some 240: real fins show as a line 2 to 6 darker, with little between it and the body.
+            assert!((1.0..4.0).contains(&mean) && (2.0..9.0).contains(&most), "mean {mean:.2}, most {most}");
         }
     }
 }

@@ -226,7 +226,7 @@ impl Larva {
 
     /// The fin's edge: a line of a few grey values, as dark where the stations are dense as where they are not.
     fn add_fin_edge(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
-        let density_per_um = seeded.between(0.003, 0.008);
+        let density_per_um = seeded.between(0.005, 0.010);
         let rings: Vec<(f64, Vec<[f64; 3]>)> = self.fin_stations(900).map(|s| (s, self.fin_ring(s, 48))).collect();
         for (p, theta) in [(0usize, 0.0), (24, PI)] {
             for pair in rings.windows(2) {

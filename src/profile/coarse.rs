@@ -1,0 +1,120 @@
+//! The bore at the resolution at which the specimen is told from it: some 60 rows across, whatever the camera's scale.
+//!
+//! Blocks of pixels are averaged, which halves the noise and quarters the work; where the edge is, to a fraction of a pixel,
+//! is found later in the pixels themselves. Contrast counts by its logarithm where it is high: an eye is not a hundred times
+//! more specimen than a fin, and photon noise and texture grow with it.
+
+use super::background::{Bore, Contrast};
+use super::plane::quantile;
+
+/// Rows across the bore that are aimed at.
+const ROWS: f64 = 60.0;
+/// Contrast from which on the logarithm bends it, standard deviations.
+const BEND: f32 = 6.0;
+/// What the background's model may be off by, grey values: no noise is believed to be less.
+const MODEL_GREY: f64 = 0.6;
+
+/// Contrast maps at working resolution, in standard deviations of their own noise.
+#[derive(Debug, Default)]
+pub(super) struct Coarse {
+    pub width: usize,
+    pub height: usize,
+    /// Pixels per side of a block.
+    pub step: usize,
+    pub lightness: Vec<f32>,
+    /// All 0 for grey pictures.
+    pub colour: Vec<f32>,
+    /// Lightness and colour, smoothed a little.
+    pub smooth: [Vec<f32>; 2],
+    /// Blocks whose middle lies between the walls.
+    pub within: Vec<bool>,
+    scratch: Vec<f32>,
+}
+
+/// Contrast as it is compared.
+pub(super) fn bent(sigmas: f32) -> f32 {
+    sigmas.signum() * BEND * (1.0 + sigmas.abs() / BEND).ln()
+}
+
+impl Coarse {
+    pub fn fill(&mut self, bore: &Bore, contrast: &Contrast, wall_margin_px: f64) {
+        self.step = ((bore.mean_px / ROWS).round() as usize).max(1);
+        (self.width, self.height) = (bore.width.div_ceil(self.step), bore.height().div_ceil(self.step));
+        let grey = contrast.colour.is_empty();
+        average(&contrast.lightness.data, bore, self.step, &mut self.lightness);
+        if grey {
+            self.colour.clear();
+            self.colour.resize(self.lightness.len(), 0.0);
+        } else {
+            average(&contrast.colour, bore, self.step, &mut self.colour);
+        }
+        self.mark_within(bore, wall_margin_px);
+        // In the maps' unit, a pixel's noise, the model's error is this.
+        let model = (MODEL_GREY / contrast.noise_grey.max(1e-3)) as f32;
+        normalise(&mut self.lightness, self.width, model, &mut self.scratch);
+        if !grey {
+            normalise(&mut self.colour, self.width, model, &mut self.scratch);
+        }
+        for (smooth, map) in self.smooth.iter_mut().zip([&self.lightness, &self.colour]) {
+            binomial(map, self.width, self.height, &mut self.scratch, smooth);
+        }
+    }
+
+    fn mark_within(&mut self, bore: &Bore, margin_px: f64) {
+        self.within.clear();
+        self.within.resize(self.width * self.height, false);
+        let middle = (self.step - 1) as f64 / 2.0;
+        for k in 0..self.width {
+            let u = ((k * self.step) as f64 + middle).min((bore.width - 1) as f64);
+            let (from, to) = (bore.walls.upper.inner.at(u) + margin_px, bore.walls.lower.inner.at(u) - margin_px);
+            for t in 0..self.height {
+                let v = (bore.top + t * self.step) as f64 + middle;
+                self.within[t * self.width + k] = v >= from && v <= to;
+            }
+        }
+    }
+}
+
+/// Means of blocks; those at the far ends are of what is there.
+fn average(data: &[f32], bore: &Bore, step: usize, out: &mut Vec<f32>) {
+    let width = bore.width.div_ceil(step);
+    out.clear();
+    out.resize(width * bore.height().div_ceil(step), 0.0);
+    for (t, row) in out.chunks_exact_mut(width).enumerate() {
+        let lines = t * step..((t + 1) * step).min(bore.height());
+        for v in lines.clone() {
+            for (sum, block) in row.iter_mut().zip(data[v * bore.width..(v + 1) * bore.width].chunks(step)) {
+                *sum += block.iter().sum::<f32>();
+            }
+        }
+        for (k, sum) in row.iter_mut().enumerate() {
+            let columns = ((k + 1) * step).min(bore.width) - k * step;
+            *sum /= (columns * lines.len()) as f32;
+        }
+    }
+}
+
+/// Divides a map by its noise and bends it. The noise is that of the calmest quarter of all differences of blocks two apart,
+/// which share no pixel of the mosaic.
+fn normalise(map: &mut [f32], width: usize, least: f32, scratch: &mut Vec<f32>) {
+    scratch.clear();
+    scratch.extend(map.chunks_exact(width).flat_map(|row| row.windows(3).map(|w| (w[2] - w[0]).abs())));
+    let sigma = quantile(scratch, 0.25) / (0.3186 * std::f32::consts::SQRT_2);
+    let unit = 1.0 / sigma.hypot(least).max(1e-6);
+    for m in map {
+        *m = bent(*m * unit);
+    }
+}
+
+/// Smooths with (1 2 1) / 4 along and across.
+fn binomial(map: &[f32], w: usize, h: usize, across: &mut Vec<f32>, out: &mut Vec<f32>) {
+    across.clear();
+    for row in map.chunks_exact(w) {
+        across.extend((0..w).map(|u| (row[u.saturating_sub(1)] + 2.0 * row[u] + row[(u + 1).min(w - 1)]) / 4.0));
+    }
+    out.clear();
+    for v in 0..h {
+        let (above, below) = (v.saturating_sub(1) * w, (v + 1).min(h - 1) * w);
+        out.extend((0..w).map(|u| (across[above + u] + 2.0 * across[v * w + u] + across[below + u]) / 4.0));
+    }
+}

@@ -1,0 +1,167 @@
+//! Mean shift and level set combined: which blocks of the bore are specimen.
+//!
+//! ```text
+//!   mean shift: whole, soft   --+-- what of it hangs together with --> closing -> holes -> opening -> pieces -> the specimen
+//!   level set: compact, sharp --+   the level set's body
+//! ```
+//! Alone, mean shift takes along every shade that the background's model leaves, and level set loses what is transparent.
+//! Together, a faint thing counts where it hangs on something certain.
+
+use super::background::Bore;
+use super::coarse::{Coarse, bent};
+use super::level_set::LevelSet;
+use super::mean_shift::MeanShift;
+use super::region::{Pieces, Region, Scratch};
+use super::settings::{Method, SegmentSettings};
+
+/// A faint piece steps down at its border by at least this share of the contrast that continues foreground.
+const OWN_EDGE: f32 = 0.6;
+
+/// Finds the specimen's blocks; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Hybrid {
+    mean_shift: MeanShift,
+    level_set: LevelSet,
+    /// The specimen, holes filled; empty where nothing is large enough.
+    pub specimen: Region,
+    /// All foreground that is larger than a speck, the specimen's pieces and others.
+    pub pieces: Pieces,
+    near: Region,
+    /// Sum and number of the steps around each piece.
+    steps: Vec<(f32, u32)>,
+    scratch: Scratch,
+}
+
+impl Hybrid {
+    pub fn find(&mut self, coarse: &Coarse, bore: &Bore, settings: &SegmentSettings) {
+        let w = coarse.width;
+        let (low, high) = (bent(settings.low_sigma as f32), bent(settings.high_sigma as f32));
+        if settings.method != Method::LevelSet {
+            self.mean_shift.run(coarse, &settings.mean_shift);
+        }
+        if settings.method != Method::MeanShift {
+            self.level_set.run(coarse, &settings.level_set);
+        }
+        let (ms, ls) = (&self.mean_shift, &self.level_set);
+        let mode = |i: usize| if coarse.within[i] { ms.lightness[i].abs().max(ms.colour[i].abs()) } else { 0.0 };
+        let inside = |i: usize| coarse.within[i] && ls.phi[i] > 0.0;
+        let all = 0..coarse.within.len();
+        match settings.method {
+            Method::MeanShift => {
+                self.specimen.take(w, all.map(|i| mode(i) >= high));
+                self.specimen.grow(|i| mode(i) >= low, &mut self.scratch);
+            }
+            Method::LevelSet => self.specimen.take(w, all.map(inside)),
+            Method::Hybrid => {
+                self.specimen.take(w, all.map(|i| inside(i) || mode(i) >= high));
+                self.near.copy(&self.specimen);
+                self.specimen.grow(|i| mode(i) >= low, &mut self.scratch);
+                self.drop_shades(coarse, low);
+            }
+        }
+        self.tidy(coarse, settings);
+        self.keep_specimen(coarse, bore, settings);
+    }
+
+    /// Takes back what was grown on to the certain part, `near`, and has no edge of its own: where the background's model is off,
+    /// contrast fades slowly into the bore; where a fin ends, it steps down.
+    fn drop_shades(&mut self, coarse: &Coarse, low: f32) {
+        let (w, len) = (coarse.width, coarse.within.len());
+        self.near.dilate(1, &mut self.scratch);
+        for (certain, set) in self.near.set.iter_mut().zip(&self.specimen.set) {
+            *certain = *set && !*certain;
+        }
+        self.pieces.find(&self.near, &mut self.scratch);
+        self.steps.clear();
+        self.steps.resize(self.pieces.sizes.len() + 1, (0.0, 0));
+        let score = |i: usize| coarse.smooth[0][i].abs().max(coarse.smooth[1][i].abs());
+        let (w, h) = (w as isize, (len / w) as isize);
+        for v in 0..h {
+            for u in 0..w {
+                let at = (v * w + u) as usize;
+                let label = self.pieces.labels[at] as usize;
+                if label == 0 {
+                    continue;
+                }
+                for (du, dv) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
+                    // Two blocks outside against one inside: the blur of the blocks lies between.
+                    let (one, two, back) = ((u + du, v + dv), (u + 2 * du, v + 2 * dv), (u - du, v - dv));
+                    let index = |(u, v): (isize, isize)| {
+                        ((0..w).contains(&u) && (0..h).contains(&v)).then_some((v * w + u) as usize).filter(|&i| coarse.within[i])
+                    };
+                    if let (Some(one), Some(two), Some(back)) = (index(one), index(two), index(back))
+                        && !self.specimen.set[one]
+                        && !self.specimen.set[two]
+                    {
+                        self.steps[label].0 += score(back) - score(two);
+                        self.steps[label].1 += 1;
+                    }
+                }
+            }
+        }
+        for (set, &label) in self.specimen.set.iter_mut().zip(&self.pieces.labels) {
+            let (sum, n) = self.steps[label as usize];
+            if label != 0 && sum < OWN_EDGE * low * n.max(1) as f32 {
+                *set = false;
+            }
+        }
+    }
+
+    fn tidy(&mut self, coarse: &Coarse, settings: &SegmentSettings) {
+        let radius = |px: usize| (px as f64 / coarse.step as f64).round() as usize;
+        let (region, scratch) = (&mut self.specimen, &mut self.scratch);
+        region.close(radius(settings.closing_px), scratch);
+        for (set, within) in region.set.iter_mut().zip(&coarse.within) {
+            *set &= within;
+        }
+        region.fill_holes(&coarse.within, scratch);
+        region.open(radius(settings.opening_px), scratch);
+    }
+
+    /// Keeps the largest piece, and pieces of some size that nearly touch what is kept: a tail beyond a transparent stretch.
+    fn keep_specimen(&mut self, coarse: &Coarse, bore: &Bore, settings: &SegmentSettings) {
+        let bore2 = (bore.mean_px / coarse.step as f64).powi(2);
+        let (speck, least) = (settings.speck_bore2 * bore2, settings.min_area_bore2 * bore2);
+        self.pieces.find(&self.specimen, &mut self.scratch);
+        self.pieces.sizes.retain(|(_, size)| *size as f64 >= speck);
+        let Some(&(largest, size)) = self.pieces.sizes.first() else {
+            self.specimen.set.fill(false);
+            return;
+        };
+        let labels = &self.pieces.labels;
+        self.specimen.take(coarse.width, labels.iter().map(|&l| l == largest && size as f64 >= least));
+        if size as f64 >= least {
+            let reach = (settings.join_gap_bore * bore.mean_px / coarse.step as f64).round() as usize;
+            for &(label, _) in &self.pieces.sizes[1..] {
+                self.near.copy(&self.specimen);
+                self.near.dilate(reach, &mut self.scratch);
+                if labels.iter().zip(&self.near.set).any(|(l, near)| *l == label && *near) {
+                    for (set, _) in self.specimen.set.iter_mut().zip(labels).filter(|(_, l)| **l == label) {
+                        *set = true;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Marks the pixels of the bore's window that the specimen's blocks cover, corners rounded.
+    pub fn to_pixels(&self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
+        let (w, h, step) = (coarse.width, coarse.height, coarse.step);
+        let middle = (step - 1) as f32 / 2.0;
+        // Between the middles of blocks, a pixel is inside where the four around it say so by their nearness.
+        let place = |at: usize, last: usize| {
+            let x = ((at as f32 - middle) / step as f32).clamp(0.0, (last - 1) as f32);
+            (x as usize, (x as usize + 1).min(last - 1), x.fract())
+        };
+        inside.clear();
+        for v in 0..bore.height() {
+            let (v0, v1, fv) = place(v, h);
+            for u in 0..bore.width {
+                let (u0, u1, fu) = place(u, w);
+                let is = |u: usize, v: usize| f32::from(self.specimen.set[v * w + u]);
+                let (upper, lower) = (is(u0, v0) + fu * (is(u1, v0) - is(u0, v0)), is(u0, v1) + fu * (is(u1, v1) - is(u0, v1)));
+                inside.push(upper + fv * (lower - upper) > 0.5 - 1e-3);
+            }
+        }
+    }
+}

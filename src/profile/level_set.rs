@@ -1,0 +1,110 @@
+//! A level set with region and edge terms (Zhang, Matuszewski, Shark and Moore 2008).
+//!
+//! ```text
+//!   phi_t = |grad phi| ( a (I - mu)  +  b div( g grad phi / |grad phi| ) )          phi > 0 inside
+//!                         region            edge: shortest way along weak g
+//! ```
+//! `I` is the lightness contrast, `mu` a level between background and body, `g` falls where `I` is steep. It is compact and
+//! sharp, and leaks where the larva is transparent. `phi` stays near a distance by a diffusion that pulls its slope towards 1
+//! (Li et al. 2010), so that it is never built anew; only a band around the front is moved.
+
+use super::coarse::Coarse;
+use super::plane::quantile;
+use super::settings::LevelSetSettings;
+
+/// Half the width of the band that moves, blocks.
+const BAND: f32 = 3.0;
+const TIME_STEP: f32 = 0.3;
+/// Weight of the pull towards slope 1; stable for `TIME_STEP` times this below 1/4.
+const DISTANCE_PULL: f32 = 0.3;
+
+#[derive(Debug, Default)]
+pub(super) struct LevelSet {
+    /// Above 0 inside.
+    pub phi: Vec<f32>,
+    stop: Vec<f32>,
+    next: Vec<f32>,
+    /// `grad phi / |grad phi|` and its length.
+    normal: [Vec<f32>; 2],
+    slope: Vec<f32>,
+    scratch: Vec<f32>,
+}
+
+impl LevelSet {
+    /// Starts from what is clearly darker than `mu` and lets the front run.
+    pub fn run(&mut self, coarse: &Coarse, settings: &LevelSetSettings) {
+        let (w, h) = (coarse.width, coarse.height);
+        let size = w * h;
+        let mu = self.level_between(coarse, settings);
+        for field in [&mut self.stop, &mut self.next, &mut self.slope].into_iter().chain(&mut self.normal) {
+            field.clear();
+            field.resize(size, 0.0);
+        }
+        for v in 0..h {
+            let (above, below) = (v.saturating_sub(1) * w, (v + 1).min(h - 1) * w);
+            for u in 0..w {
+                let (left, right) = (u.saturating_sub(1), (u + 1).min(w - 1));
+                let (du, dv) = (
+                    coarse.smooth[0][v * w + right] - coarse.smooth[0][v * w + left],
+                    coarse.smooth[0][below + u] - coarse.smooth[0][above + u],
+                );
+                self.stop[v * w + u] = 1.0 / (1.0 + (du * du + dv * dv) / (mu * mu));
+            }
+        }
+        self.phi.clear();
+        // Outside the walls nothing can be; there the front never comes.
+        self.phi.extend(
+            coarse.smooth[0].iter().zip(&coarse.within).map(|(i, within)| if *within { (i - mu).clamp(-BAND, BAND) } else { -BAND }),
+        );
+        for _ in 0..settings.steps {
+            self.step(coarse, mu, settings);
+        }
+    }
+
+    /// `mu`: a share of the body's typical contrast, but well above the noise.
+    fn level_between(&mut self, coarse: &Coarse, settings: &LevelSetSettings) -> f32 {
+        let clear = settings.least_sigma as f32;
+        self.scratch.clear();
+        self.scratch.extend(coarse.smooth[0].iter().zip(&coarse.within).filter(|(i, w)| **w && **i > clear).map(|(i, _)| *i));
+        (settings.level_share as f32 * quantile(&mut self.scratch, 0.5)).max(clear)
+    }
+
+    fn step(&mut self, coarse: &Coarse, mu: f32, settings: &LevelSetSettings) {
+        let (w, h) = (coarse.width, coarse.height);
+        let (region, edge) = (settings.region as f32, settings.edge as f32);
+        let phi = &self.phi;
+        let at = |u: usize, v: usize| phi[v * w + u];
+        for v in 0..h {
+            let (v0, v1) = (v.saturating_sub(1), (v + 1).min(h - 1));
+            for u in 0..w {
+                let i = v * w + u;
+                let (u0, u1) = (u.saturating_sub(1), (u + 1).min(w - 1));
+                let (du, dv) = ((at(u1, v) - at(u0, v)) / 2.0, (at(u, v1) - at(u, v0)) / 2.0);
+                let length = (du * du + dv * dv).sqrt();
+                let unit = 1.0 / length.max(1e-3);
+                (self.normal[0][i], self.normal[1][i], self.slope[i]) = (du * unit, dv * unit, length);
+            }
+        }
+        let [nu, nv] = &self.normal;
+        for v in 0..h {
+            let (v0, v1) = (v.saturating_sub(1), (v + 1).min(h - 1));
+            for u in 0..w {
+                let i = v * w + u;
+                self.next[i] = phi[i];
+                let (left, right, above, below) = (v * w + u.saturating_sub(1), v * w + (u + 1).min(w - 1), v0 * w + u, v1 * w + u);
+                let far = [i, left, right, above, below].iter().all(|&i| phi[i].abs() >= BAND);
+                if !coarse.within[i] || far {
+                    continue;
+                }
+                let flow = |i: usize, n: &[f32]| self.stop[i] * n[i];
+                let curvature = (flow(right, nu) - flow(left, nu) + flow(below, nv) - flow(above, nv)) / 2.0;
+                let pressure = ((coarse.smooth[0][i] - mu) / mu).clamp(-1.0, 1.0);
+                let laplace = phi[left] + phi[right] + phi[above] + phi[below] - 4.0 * phi[i];
+                let bend = (nu[right] - nu[left] + nv[below] - nv[above]) / 2.0;
+                let change = self.slope[i].max(0.2) * (region * pressure + edge * curvature) + DISTANCE_PULL * (laplace - bend);
+                self.next[i] = (phi[i] + TIME_STEP * change).clamp(-BAND, BAND);
+            }
+        }
+        std::mem::swap(&mut self.phi, &mut self.next);
+    }
+}

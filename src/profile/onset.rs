@@ -1,0 +1,244 @@
+//! How the darkness sets in at a specimen's edge, and where: least squares at one place of the outline.
+//!
+//! ```text
+//!      step: a plate, a fin     rims: light bent away,       root: a round body, whose thickness
+//!           ________            at a fin and at a body        ___---    grows as the root of the depth
+//!          |                      |\     |'-.               .-'
+//!   ______/                   ____/ '.___/    '-.     _____/
+//!         e                       e      e                 e
+//!      y(s) = level + a step(s - e) + c rim(s - e) + d rim'(s - e) + q root(s - e),   all blurred;   a, c, d, q >= 0
+//! ```
+//! Which of them an edge shows depends on the specimen and on the light, so each place of the outline finds its own
+//! mixture. All of them begin at the edge and none may be negative: so the edge is where the darkness begins, whatever course
+//! it takes from there. The level outside is free, but held near 0 by what is known of the background.
+
+/// Samples along a normal: from `REACH_PX` outside to `REACH_PX` inside.
+pub(super) const PER_PX: usize = 2;
+pub(super) const REACH_PX: usize = 9;
+pub(super) const SAMPLES: usize = 2 * REACH_PX * PER_PX + 1;
+/// Positions that the fit tries per px.
+pub(super) const SHIFTS_PER_PX: usize = 4;
+
+/// Depths at which the dark rim has half faded that an edge shows in bright field where it bends the light away: a fin's is
+/// about as thin as the blur, a round body's grows with its radius.
+const RIMS_PX: [f64; 2] = [1.0, 4.0];
+/// The background is known to about this, in standard deviations of a pixel's noise.
+const LEVEL_SIGMA: f32 = 0.7;
+/// Reach of the fit on either side of the edge, beside what the blur spreads: more of the inside shows pigment and organs.
+const WINDOW_PX: f64 = 1.5;
+
+/// The courses of darkness: step, two rims, root.
+const COURSES: usize = 4;
+type Vector = [f32; COURSES];
+type Matrix = [[f32; COURSES]; COURSES];
+
+/// The fit of one shift at one place.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fit {
+    /// Energy of the samples about the free level, and what is left of it unexplained.
+    pub energy: f32,
+    pub residual: f32,
+    /// Height of step and rim together with the root's one pixel inside.
+    pub height: f32,
+    /// Samples in the window.
+    pub samples: usize,
+}
+
+/// One shift: the samples that it explains, and the courses over them.
+struct Shift {
+    from: usize,
+    upto: usize,
+    courses: [[f32; SAMPLES]; COURSES],
+    /// `grams[n]`: products of the courses over the first `n` samples of the window, and their sums.
+    grams: Vec<(Matrix, Vector)>,
+}
+
+/// The blurred courses at every shift.
+pub(super) struct Onsets {
+    shifts: Vec<Shift>,
+    first_px: f64,
+    used: [bool; COURSES],
+}
+
+/// Which courses a frame's edges show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// Step and rims: light is bent away at the edge.
+    Sharp,
+    /// Root as well: nothing bends the light, the darkness grows with the thickness alone.
+    Rounded,
+}
+
+impl Onsets {
+    /// For edges that `sigma` px of blur have spread, looked for as far as `search_px` outside and inside.
+    pub fn new(sigma: f64, kind: Kind, search_px: [f64; 2]) -> Self {
+        let per_px = SHIFTS_PER_PX as f64;
+        let (first, last) = ((-search_px[0] * per_px).round() as i32, (search_px[1] * per_px).round() as i32);
+        let courses = Courses::new(sigma);
+        let index = |s: f64| ((s + REACH_PX as f64) * PER_PX as f64).round().clamp(0.0, (SAMPLES - 1) as f64) as usize;
+        let shifts = (first..=last.max(first))
+            .map(|k| {
+                let e = f64::from(k) / per_px;
+                let (from, upto) = (index(e - (WINDOW_PX + 1.5 * sigma)), index(e + WINDOW_PX + sigma) + 1);
+                let courses = courses.at(|i| i as f64 / PER_PX as f64 - REACH_PX as f64 - e);
+                Shift { from, upto, grams: grams(&courses, from, upto), courses }
+            })
+            .collect();
+        Self { shifts, first_px: f64::from(first) / per_px, used: [true, true, true, kind == Kind::Rounded] }
+    }
+
+    pub fn count(&self) -> usize {
+        self.shifts.len()
+    }
+
+    /// Place of a shift, which may lie between two, px inwards.
+    pub fn place_px(&self, shift: f64) -> f64 {
+        self.first_px + shift / SHIFTS_PER_PX as f64
+    }
+
+    /// Least squares of the samples on the courses of shift `k`, over the window of shift `window`.
+    pub fn fit(&self, k: usize, window: usize, samples: &[f32]) -> Fit {
+        let shift = &self.shifts[k];
+        let w = &self.shifts[window];
+        let (from, upto) = (w.from.min(samples.len()), w.upto.min(samples.len()));
+        let n = upto - from;
+        let (gram, sums) = if k == window { shift.grams[n] } else { gram_over(&shift.courses, from, upto) };
+        let seen = &samples[from..upto];
+        let (mut sum, mut yy) = (0.0f32, 0.0f32);
+        for &y in seen {
+            sum += y;
+            yy += y * y;
+        }
+        let mut right: Vector = shift.courses.each_ref().map(|course| seen.iter().zip(&course[from..upto]).map(|(y, c)| y * c).sum());
+        // The free level, projected out: a ridge keeps it near 0.
+        let free = 1.0 / (n as f32 + 1.0 / (LEVEL_SIGMA * LEVEL_SIGMA));
+        let mut normal = gram;
+        for i in 0..COURSES {
+            for j in 0..COURSES {
+                normal[i][j] -= sums[i] * sums[j] * free;
+            }
+            normal[i][i] += 1e-3;
+            right[i] -= sums[i] * sum * free;
+        }
+        let energy = (yy - sum * sum * free).max(0.0);
+        let (heights, explained) = non_negative(&normal, &right, self.used);
+        Fit { energy, residual: (energy - explained).max(0.0), height: heights.iter().sum(), samples: n }
+    }
+}
+
+/// Products of the courses over the first samples of a window, for every number of them.
+fn grams(courses: &[[f32; SAMPLES]; COURSES], from: usize, upto: usize) -> Vec<(Matrix, Vector)> {
+    let mut gram = ([[0.0; COURSES]; COURSES], [0.0; COURSES]);
+    let mut all = vec![gram];
+    for at in from..upto {
+        for i in 0..COURSES {
+            for j in 0..COURSES {
+                gram.0[i][j] += courses[i][at] * courses[j][at];
+            }
+            gram.1[i] += courses[i][at];
+        }
+        all.push(gram);
+    }
+    all
+}
+
+fn gram_over(courses: &[[f32; SAMPLES]; COURSES], from: usize, upto: usize) -> (Matrix, Vector) {
+    let dot = |i: usize, j: usize| courses[i][from..upto].iter().zip(&courses[j][from..upto]).map(|(a, b)| a * b).sum();
+    let mut gram = [[0.0; COURSES]; COURSES];
+    for i in 0..COURSES {
+        for j in 0..=i {
+            gram[i][j] = dot(i, j);
+            gram[j][i] = gram[i][j];
+        }
+    }
+    (gram, courses.each_ref().map(|course| course[from..upto].iter().sum()))
+}
+
+/// Non-negative least squares: solved freely, and again without the most negative, until none is. Gives the solution and the
+/// energy that it explains.
+fn non_negative(normal: &Matrix, right: &Vector, mut used: [bool; COURSES]) -> (Vector, f32) {
+    for _ in 0..COURSES {
+        let x = solved(normal, right, used);
+        let worst = (0..COURSES).filter(|&i| used[i]).min_by(|&i, &j| x[i].total_cmp(&x[j]));
+        match worst {
+            Some(i) if x[i] < 0.0 => used[i] = false,
+            _ => return (x, x.iter().zip(right).map(|(a, b)| a * b).sum()),
+        }
+    }
+    ([0.0; COURSES], 0.0)
+}
+
+/// Solves the equations of the unknowns in use by Cholesky's way; the others are 0.
+fn solved(normal: &Matrix, right: &Vector, used: [bool; COURSES]) -> Vector {
+    let mut lower = [[0.0f32; COURSES]; COURSES];
+    let mut x = [0.0f32; COURSES];
+    for i in (0..COURSES).filter(|&i| used[i]) {
+        let mut y = right[i];
+        for j in (0..i).filter(|&j| used[j]) {
+            let sum: f32 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
+            lower[i][j] = (normal[i][j] - sum) / lower[j][j];
+            y -= lower[i][j] * x[j];
+        }
+        let sum: f32 = (0..i).map(|k| lower[i][k] * lower[i][k]).sum();
+        lower[i][i] = (normal[i][i] - sum).max(1e-6).sqrt();
+        x[i] = y / lower[i][i];
+    }
+    for i in (0..COURSES).rev().filter(|&i| used[i]) {
+        let sum: f32 = (i + 1..COURSES).filter(|&k| used[k]).map(|k| lower[k][i] * x[k]).sum();
+        x[i] = (x[i] - sum) / lower[i][i];
+    }
+    x
+}
+
+/// The blurred courses over the depth, at every place that samples and shifts can be apart.
+struct Courses {
+    table: Vec<Vector>,
+}
+
+/// Farthest depth of the table, px, and its steps per px.
+const DEPTH_PX: usize = 2 * REACH_PX + 2;
+const STEPS_PER_PX: usize = if PER_PX > SHIFTS_PER_PX { PER_PX } else { SHIFTS_PER_PX };
+
+impl Courses {
+    fn new(sigma: f64) -> Self {
+        // Cells this fine make the blur an integral; none straddles the edge.
+        const CELLS: usize = 16;
+        let cell = 1.0 / CELLS as f64;
+        let reach = (4.0 * sigma * CELLS as f64).ceil() as i64;
+        let weight = |d: i64| (-0.5 * ((d as f64 + 0.5) * cell / sigma).powi(2)).exp();
+        let weights: Vec<f64> = (-reach..reach).map(weight).collect();
+        let sum: f64 = weights.iter().sum();
+        let sharp: Vec<[f64; COURSES]> = (0..(DEPTH_PX * CELLS) as i64 + reach).map(|c| course((c as f64 + 0.5) * cell)).collect();
+        let (first, last) = (-((DEPTH_PX * STEPS_PER_PX) as i64), (DEPTH_PX * STEPS_PER_PX) as i64);
+        let blurred = |step: i64| {
+            let at = step * (CELLS / STEPS_PER_PX) as i64;
+            let mut mean = [0.0; COURSES];
+            for (d, w) in (-reach..reach).zip(&weights) {
+                if let Some(value) = usize::try_from(at + d).ok().and_then(|c| sharp.get(c)) {
+                    mean.iter_mut().zip(value).for_each(|(m, v)| *m += w * v);
+                }
+            }
+            mean.map(|m| (m / sum) as f32)
+        };
+        Self { table: (first..=last).map(blurred).collect() }
+    }
+
+    /// The courses at the depths of all samples.
+    fn at(&self, depth_px: impl Fn(usize) -> f64) -> [[f32; SAMPLES]; COURSES] {
+        let mut courses = [[0.0; SAMPLES]; COURSES];
+        for i in 0..SAMPLES {
+            let step = (depth_px(i) * STEPS_PER_PX as f64).round() + (DEPTH_PX * STEPS_PER_PX) as f64;
+            let values = self.table[(step.max(0.0) as usize).min(self.table.len() - 1)];
+            (0..COURSES).for_each(|c| courses[c][i] = values[c]);
+        }
+        courses
+    }
+}
+
+/// The courses at a depth inside, before blur.
+fn course(depth_px: f64) -> [f64; COURSES] {
+    // A ray's bend grows with the slope of the thickness, which falls as the root of the depth; what the lens still catches of
+    // it falls with the fourth power of that slope.
+    let rim = |half: f64| 1.0 / (1.0 + (depth_px / half).powi(2));
+    [1.0, rim(RIMS_PX[0]), rim(RIMS_PX[1]), depth_px.sqrt()]
+}

@@ -1,0 +1,232 @@
+//! Outlines: traced around pixels, smoothed, walked in even steps, and filled again.
+//!
+//! ```text
+//!   set of pixels --cracks between them--> closed staircase --smoothed--> even steps with normals
+//!   polygons --winding number--> pixels whose centres they enclose
+//! ```
+
+use super::plane::gaussian;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// A closed outline in pixel coordinates (pixel centres at integers), the last vertex joined to the first.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Polygon {
+    pub vertices: Vec<[f64; 2]>,
+}
+
+impl Polygon {
+    /// Area enclosed, px^2.
+    pub fn area_px2(&self) -> f64 {
+        let n = self.vertices.len();
+        let cross = |i: usize| {
+            let ([u0, v0], [u1, v1]) = (self.vertices[i], self.vertices[(i + 1) % n]);
+            u0 * v1 - u1 * v0
+        };
+        (0..n).map(cross).sum::<f64>().abs() / 2.0
+    }
+}
+
+/// Closed outlines one after the other in one list of points.
+#[derive(Debug, Default)]
+pub(super) struct Outlines {
+    pub points: Vec<[f64; 2]>,
+    pub ranges: Vec<Range<usize>>,
+}
+
+impl Outlines {
+    pub fn clear(&mut self) {
+        self.points.clear();
+        self.ranges.clear();
+    }
+
+    pub fn each(&self) -> impl Iterator<Item = &[[f64; 2]]> {
+        self.ranges.iter().map(|range| &self.points[range.clone()])
+    }
+}
+
+/// Follows the cracks around each connected set of true pixels: outer outlines only, clockwise on the screen; those of fewer
+/// than `least` cracks are left out. `used` is memory.
+pub(super) fn trace(inside: &[bool], width: usize, top: usize, least: usize, used: &mut Vec<bool>, out: &mut Outlines) {
+    let height = inside.len() / width;
+    let is = |u: isize, v: isize| {
+        (0..width as isize).contains(&u) && (0..height as isize).contains(&v) && inside[v as usize * width + u as usize]
+    };
+    out.clear();
+    // A crack that runs rightwards has an inside pixel below it and an outside pixel above it.
+    used.clear();
+    used.resize(inside.len(), false);
+    for start in 0..inside.len() {
+        let (u, v) = ((start % width) as isize, (start / width) as isize);
+        if used[start] || !is(u, v) || is(u, v - 1) {
+            continue;
+        }
+        let first = out.points.len();
+        let (mut corner, mut way) = ((u, v), (1isize, 0isize));
+        // Twice the area enclosed, positive clockwise.
+        let mut doubled = 0;
+        loop {
+            out.points.push([corner.0 as f64 - 0.5, corner.1 as f64 - 0.5 + top as f64]);
+            if way == (1, 0) {
+                used[corner.1 as usize * width + corner.0 as usize] = true;
+            }
+            doubled += corner.0 * way.1 - corner.1 * way.0;
+            corner = (corner.0 + way.0, corner.1 + way.1);
+            // The pixels ahead of the corner, on the left (outside) and on the right (inside) of the way.
+            let ahead = |side: (isize, isize)| {
+                let u = corner.0 + (way.0 + side.0 - 1).div_euclid(2);
+                let v = corner.1 + (way.1 + side.1 - 1).div_euclid(2);
+                is(u, v)
+            };
+            let (left, right) = ((way.1, -way.0), (-way.1, way.0));
+            way = if ahead(left) {
+                left
+            } else if ahead(right) {
+                way
+            } else {
+                right
+            };
+            if corner == (u, v) && way == (1, 0) {
+                break;
+            }
+        }
+        if doubled > 0 && out.points.len() - first >= least {
+            out.ranges.push(first..out.points.len());
+        } else {
+            out.points.truncate(first);
+        }
+    }
+}
+
+/// Smooths the staircase of cracks away and walks what is left in steps of about `step_px`.
+pub(super) fn smoothed(cracks: &Outlines, sigma_px: f64, step_px: f64, scratch: &mut Vec<[f64; 2]>, out: &mut Outlines) {
+    let kernel = gaussian(sigma_px);
+    out.clear();
+    for outline in cracks.each() {
+        scratch.clear();
+        smooth_cyclic(outline, &kernel, scratch);
+        let first = out.points.len();
+        resample(scratch, step_px, &mut out.points);
+        out.ranges.push(first..out.points.len());
+    }
+}
+
+/// What a cyclic mean is taken of.
+pub(super) trait Mean: Copy {
+    const ZERO: Self;
+    fn add(&mut self, weight: f32, other: Self);
+}
+
+impl Mean for f64 {
+    const ZERO: Self = 0.0;
+    fn add(&mut self, weight: f32, other: Self) {
+        *self += f64::from(weight) * other;
+    }
+}
+
+impl Mean for f32 {
+    const ZERO: Self = 0.0;
+    fn add(&mut self, weight: f32, other: Self) {
+        *self += weight * other;
+    }
+}
+
+impl<T: Mean, const N: usize> Mean for [T; N] {
+    const ZERO: Self = [T::ZERO; N];
+    fn add(&mut self, weight: f32, other: Self) {
+        self.iter_mut().zip(other).for_each(|(sum, value)| sum.add(weight, value));
+    }
+}
+
+/// Appends the means of the values around each, weighed by the kernel.
+pub(super) fn smooth_cyclic<T: Mean>(values: &[T], kernel: &[f32], out: &mut Vec<T>) {
+    let (n, reach) = (values.len(), kernel.len() / 2);
+    let behind = n * (reach / n + 1) - reach;
+    out.extend((0..n).map(|i| {
+        let mut mean = T::ZERO;
+        for (k, &weight) in kernel.iter().enumerate() {
+            mean.add(weight, values[(i + k + behind) % n]);
+        }
+        mean
+    }));
+}
+
+/// Appends vertices at equal steps of about `step_px` along a closed outline.
+fn resample(outline: &[[f64; 2]], step_px: f64, out: &mut Vec<[f64; 2]>) {
+    let n = outline.len();
+    let side = |i: usize| {
+        let (a, b) = (outline[i], outline[(i + 1) % n]);
+        (b[0] - a[0]).hypot(b[1] - a[1])
+    };
+    let length: f64 = (0..n).map(side).sum();
+    let count = ((length / step_px).round() as usize).max(8);
+    let (mut i, mut before) = (0, 0.0);
+    for k in 0..count {
+        let target = length * k as f64 / count as f64;
+        while i + 1 < n && before + side(i) < target {
+            before += side(i);
+            i += 1;
+        }
+        let (a, b) = (outline[i], outline[(i + 1) % n]);
+        let part = ((target - before) / side(i).max(1e-12)).clamp(0.0, 1.0);
+        out.push([a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]);
+    }
+}
+
+/// Appends the unit normals that point inside a clockwise outline.
+pub(super) fn normals(points: &[[f64; 2]], out: &mut Vec<[f64; 2]>) {
+    let n = points.len();
+    out.extend((0..n).map(|i| {
+        let (a, b) = (points[(i + n - 1) % n], points[(i + 1) % n]);
+        let (du, dv) = (b[0] - a[0], b[1] - a[1]);
+        let length = du.hypot(dv).max(1e-9);
+        [-dv / length, du / length]
+    }));
+}
+
+/// Crossings of polygon sides with the rows of a mask; memory of [`rasterise`].
+#[derive(Debug, Default)]
+pub(super) struct Crossings {
+    rows: Vec<Vec<(f64, i32)>>,
+}
+
+/// Marks every pixel whose centre an outline encloses (a vertex order that winds around it, in either sense).
+pub(super) fn rasterise(polygons: &[Polygon], mask: &mut super::Mask, crossings: &mut Crossings) {
+    fill(polygons, (mask.width(), mask.height()), crossings, |u, v| mask.set(u, v, true));
+}
+
+/// Calls back with every pixel of a picture of that size whose centre an outline encloses.
+pub(super) fn fill(polygons: &[Polygon], (w, h): (usize, usize), crossings: &mut Crossings, mut each: impl FnMut(usize, usize)) {
+    crossings.rows.resize(h, Vec::new());
+    for polygon in polygons {
+        crossings.rows.iter_mut().for_each(Vec::clear);
+        let n = polygon.vertices.len();
+        for i in 0..n {
+            let ([u0, v0], [u1, v1]) = (polygon.vertices[i], polygon.vertices[(i + 1) % n]);
+            let (from, to, way) = if v0 <= v1 { (v0, v1, 1) } else { (v1, v0, -1) };
+            let first = from.ceil().max(0.0) as usize;
+            // Half open: a vertex on a row belongs to the side below it only.
+            let mut v = first;
+            while (v as f64) < to && v < h {
+                let part = (v as f64 - v0) / (v1 - v0);
+                crossings.rows[v].push((u0 + part * (u1 - u0), way));
+                v += 1;
+            }
+        }
+        for (v, row) in crossings.rows.iter_mut().enumerate() {
+            row.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let mut winding = 0;
+            for pair in row.windows(2) {
+                winding += pair[0].1;
+                if winding != 0 {
+                    let from = pair[0].0.ceil().max(0.0) as usize;
+                    let mut u = from;
+                    while (u as f64) < pair[1].0 && u < w {
+                        each(u, v);
+                        u += 1;
+                    }
+                }
+            }
+        }
+    }
+}

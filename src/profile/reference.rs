@@ -1,0 +1,32 @@
+//! The rig's empty capillary, seen once: what a frame is compared with where there is such a picture.
+
+use super::settings::WallSettings;
+use super::{Picture, ProfileError, Walls, walls};
+
+/// A picture of the empty capillary with its walls, by which it is laid over each frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reference {
+    picture: Picture,
+    walls: Walls,
+}
+
+impl Reference {
+    /// # Errors
+    /// Refuses a picture without two walls.
+    pub fn new(picture: Picture, settings: &WallSettings) -> Result<Self, ProfileError> {
+        let walls = walls::find(&picture, settings)?;
+        Ok(Self { picture, walls })
+    }
+
+    pub fn walls(&self) -> Walls {
+        self.walls
+    }
+
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.picture.width(), self.picture.height())
+    }
+
+    pub(super) fn plane(&self, channel: usize) -> &[u8] {
+        &self.picture.planes()[channel]
+    }
+}

@@ -1,0 +1,231 @@
+//! Sets of blocks: hysteresis, closing, opening, holes, connected pieces. All write into memory that is kept.
+
+/// A set of blocks of a map `width` wide.
+#[derive(Debug, Default, Clone)]
+pub(super) struct Region {
+    pub width: usize,
+    pub set: Vec<bool>,
+}
+
+/// Memory of the operations below.
+#[derive(Debug, Default)]
+pub(super) struct Scratch {
+    stack: Vec<usize>,
+    other: Vec<bool>,
+}
+
+/// The neighbours of block `at` in a map `width` wide: 4 of them, or 8 with the diagonals.
+pub(super) fn neighbours(at: usize, width: usize, len: usize, diagonals: bool) -> impl Iterator<Item = usize> {
+    const STEPS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+    let (u, v) = ((at % width) as isize, (at / width) as isize);
+    let (w, h) = (width as isize, (len / width) as isize);
+    STEPS[..if diagonals { 8 } else { 4 }].iter().filter_map(move |(du, dv)| {
+        let (u, v) = (u + du, v + dv);
+        ((0..w).contains(&u) && (0..h).contains(&v)).then_some((v * w + u) as usize)
+    })
+}
+
+impl Region {
+    /// Takes the blocks that `inside` says yes to.
+    pub fn take(&mut self, width: usize, inside: impl Iterator<Item = bool>) {
+        self.width = width;
+        self.set.clear();
+        self.set.extend(inside);
+    }
+
+    pub fn copy(&mut self, other: &Self) {
+        self.width = other.width;
+        self.set.clear();
+        self.set.extend_from_slice(&other.set);
+    }
+
+    /// Adds all blocks for which `more` holds and that hang together with the set through such blocks.
+    pub fn grow(&mut self, more: impl Fn(usize) -> bool, scratch: &mut Scratch) {
+        let stack = &mut scratch.stack;
+        stack.clear();
+        stack.extend((0..self.set.len()).filter(|&i| self.set[i]));
+        while let Some(at) = stack.pop() {
+            for next in neighbours(at, self.width, self.set.len(), true) {
+                if !self.set[next] && more(next) {
+                    self.set[next] = true;
+                    stack.push(next);
+                }
+            }
+        }
+    }
+
+    /// Bridges gaps narrower than twice the radius.
+    pub fn close(&mut self, radius: usize, scratch: &mut Scratch) {
+        self.dilate(radius, scratch);
+        self.invert();
+        self.dilate(radius, scratch);
+        self.invert();
+    }
+
+    /// Removes whiskers narrower than twice the radius.
+    pub fn open(&mut self, radius: usize, scratch: &mut Scratch) {
+        self.invert();
+        self.dilate(radius, scratch);
+        self.invert();
+        self.dilate(radius, scratch);
+    }
+
+    fn invert(&mut self) {
+        self.set.iter_mut().for_each(|s| *s = !*s);
+    }
+
+    /// Grows the set by a disc.
+    pub fn dilate(&mut self, radius: usize, scratch: &mut Scratch) {
+        let (w, h, r) = (self.width, self.set.len() / self.width, radius as isize);
+        let grown = &mut scratch.other;
+        grown.clear();
+        grown.resize(self.set.len(), false);
+        for v in 0..h {
+            let row = &self.set[v * w..(v + 1) * w];
+            if !row.contains(&true) {
+                continue;
+            }
+            for dv in -r..=r {
+                let to = v as isize + dv;
+                if !(0..h as isize).contains(&to) {
+                    continue;
+                }
+                // A radius of r + 1/2 makes rounder small discs than r.
+                let half = ((radius as f64 + 0.5).powi(2) - (dv * dv) as f64).sqrt() as usize;
+                let out = &mut grown[to as usize * w..(to as usize + 1) * w];
+                let mut u = 0;
+                while u < w {
+                    if !row[u] {
+                        u += 1;
+                        continue;
+                    }
+                    let from = u;
+                    while u < w && row[u] {
+                        u += 1;
+                    }
+                    out[from.saturating_sub(half)..(u + half).min(w)].fill(true);
+                }
+            }
+        }
+        std::mem::swap(&mut self.set, grown);
+    }
+
+    /// Fills background that is shut in by the set alone: the bright swim bladder, a bead's clear centre. What reaches a block
+    /// that is not `within` the walls is open water, also where the specimen touches the wall on both sides of it.
+    pub fn fill_holes(&mut self, within: &[bool], scratch: &mut Scratch) {
+        let (w, len) = (self.width, self.set.len());
+        // Open water, from everything beyond the walls inwards.
+        let open = &mut scratch.other;
+        open.clear();
+        open.extend(within.iter().map(|within| !within));
+        let h = len / w;
+        for v in 0..h {
+            for u in [0, w - 1] {
+                open[v * w + u] |= !self.set[v * w + u];
+            }
+        }
+        for u in 0..w {
+            for v in [0, h - 1] {
+                open[v * w + u] |= !self.set[v * w + u];
+            }
+        }
+        let stack = &mut scratch.stack;
+        stack.clear();
+        stack.extend((0..len).filter(|&i| open[i]));
+        while let Some(at) = stack.pop() {
+            for next in neighbours(at, w, len, false) {
+                if !open[next] && !self.set[next] {
+                    open[next] = true;
+                    stack.push(next);
+                }
+            }
+        }
+        for (set, open) in self.set.iter_mut().zip(open) {
+            *set |= !*open;
+        }
+    }
+}
+
+/// Connected pieces of a region, from the largest down.
+#[derive(Debug, Default)]
+pub(super) struct Pieces {
+    /// Number of its piece in each block, from 1; 0 in none.
+    pub labels: Vec<u32>,
+    /// Label and size.
+    pub sizes: Vec<(u32, usize)>,
+}
+
+impl Pieces {
+    pub fn find(&mut self, region: &Region, scratch: &mut Scratch) {
+        let (w, len) = (region.width, region.set.len());
+        self.labels.clear();
+        self.labels.resize(len, 0);
+        self.sizes.clear();
+        for start in 0..len {
+            if !region.set[start] || self.labels[start] != 0 {
+                continue;
+            }
+            let label = self.sizes.len() as u32 + 1;
+            let mut size = 0;
+            self.labels[start] = label;
+            scratch.stack.clear();
+            scratch.stack.push(start);
+            while let Some(at) = scratch.stack.pop() {
+                size += 1;
+                for next in neighbours(at, w, len, true) {
+                    if region.set[next] && self.labels[next] == 0 {
+                        self.labels[next] = label;
+                        scratch.stack.push(next);
+                    }
+                }
+            }
+            self.sizes.push((label, size));
+        }
+        // Of two equal pieces the first found stays first: the same frame gives the same answer.
+        self.sizes.sort_by_key(|&(label, size)| (std::cmp::Reverse(size), label));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn region(rows: &[&str]) -> Region {
+        Region { width: rows[0].len(), set: rows.iter().flat_map(|r| r.chars().map(|c| c == '#')).collect() }
+    }
+
+    fn drawn(region: &Region) -> Vec<String> {
+        region.set.chunks(region.width).map(|row| row.iter().map(|s| if *s { '#' } else { '.' }).collect()).collect()
+    }
+
+    #[test]
+    fn holes_are_filled_where_only_the_set_shuts_them_in() {
+        let mut r = region(&["........", ".####...", ".#..#.##", ".####.#.", "......##"]);
+        r.fill_holes(&[true; 40], &mut Scratch::default());
+        assert_eq!(drawn(&r), ["........", ".####...", ".####.##", ".####.#.", "......##"], "a bay at the frame's end stays open");
+        let mut r = region(&["........", ".####...", ".#..#...", "........", "........"]);
+        let within: Vec<bool> = (0..40).map(|i| i < 24).collect();
+        r.fill_holes(&within, &mut Scratch::default());
+        assert_eq!(drawn(&r)[2], ".#..#...", "a bay at the wall is open water");
+    }
+
+    #[test]
+    fn pieces_are_counted_with_their_diagonals_from_the_largest_down() {
+        let r = region(&["#...##", ".#..##", "......", "...#.."]);
+        let mut pieces = Pieces::default();
+        pieces.find(&r, &mut Scratch::default());
+        assert_eq!(pieces.sizes.iter().map(|s| s.1).collect::<Vec<_>>(), [4, 2, 1]);
+        assert_eq!(pieces.labels[0], pieces.labels[7]);
+    }
+
+    #[test]
+    fn closing_bridges_and_opening_shaves() {
+        let mut r = region(&["..........", "..........", ".###.####.", ".###.####.", ".###.####.", "..........", ".........."]);
+        r.close(1, &mut Scratch::default());
+        assert_eq!(drawn(&r)[3], ".########.");
+        let mut r = region(&["..........", "....#.....", ".########.", ".########.", ".########.", "..........", ".........."]);
+        r.open(1, &mut Scratch::default());
+        assert_eq!(drawn(&r)[1], "..........");
+        assert_eq!(drawn(&r)[3], ".########.");
+    }
+}
