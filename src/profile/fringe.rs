@@ -40,6 +40,7 @@ pub(super) struct Fringe {
     borders: Vec<f32>,
     sums: Vec<f32>,
     path: Path,
+    runs: Vec<f32>,
     believed: Vec<bool>,
     polygon: Vec<Polygon>,
     crossings: Crossings,
@@ -157,12 +158,20 @@ impl Fringe {
         // Along the found path chance gives more than its mean, as the path looks for it: what is believed must be clearly more.
         let found = |i: usize| (self.borders[i * reach + self.path.chosen[i]] / chance).clamp(-most, most);
         let window = (settings.run_px / STEP_PX / 2.0) as usize;
-        self.believed.clear();
-        self.believed.extend((0..steps).map(|i| {
+        self.runs.clear();
+        self.runs.extend((0..steps).map(|i| {
             let near = (0..=2 * window).map(|k| (i + k + steps * (window / steps + 1) - window) % steps);
             let (sum, n) = near.filter(|&j| self.path.chosen[j] > 0).fold((0.0, 0), |(s, n), j| (s + found(j), n + 1));
-            2 * n > window && sum >= settings.least as f32 * n as f32
+            if self.path.chosen[i] > 0 && 2 * n > window { sum / n as f32 } else { 0.0 }
         }));
+        // What is believed goes on, both ways around, as long as some border is left.
+        let least = settings.least as f32;
+        self.believed.clear();
+        self.believed.extend(self.runs.iter().map(|run| *run >= least));
+        for i in (0..2 * steps).chain((0..2 * steps).rev()) {
+            let (here, neighbours) = (i % steps, [(i + 1) % steps, (i + steps - 1) % steps]);
+            self.believed[here] |= self.runs[here] >= GOES_ON * least && neighbours.iter().any(|&j| self.believed[j]);
+        }
         for (chosen, believed) in self.path.chosen.iter_mut().zip(&self.believed) {
             if !believed {
                 *chosen = 0;
@@ -173,6 +182,8 @@ impl Fringe {
 
 /// Darkness below which the body's edge is passed, standard deviations of a pixel's noise.
 const OUTSIDE_SIGMA: f32 = 0.8;
+/// A believed fringe goes on while it shows this share of the border that is needed to be believed.
+const GOES_ON: f32 = 0.75;
 /// What is fainter than this may be fringe already.
 const FAINT_SIGMA: f32 = 5.0;
 /// Cost of a place that the fringe cannot reach.
