@@ -26,6 +26,8 @@ pub(super) struct Coarse {
     pub colour: Vec<f32>,
     /// Lightness and colour, smoothed a little.
     pub smooth: [Vec<f32>; 2],
+    /// Share of the light that is missing.
+    pub opacity: Vec<f32>,
     /// Blocks whose middle lies between the walls.
     pub within: Vec<bool>,
     scratch: Vec<f32>,
@@ -42,6 +44,8 @@ impl Coarse {
         (self.width, self.height) = (bore.width.div_ceil(self.step), bore.height().div_ceil(self.step));
         let grey = contrast.colour.is_empty();
         average(&contrast.lightness.data, bore, self.step, &mut self.lightness);
+        average(&contrast.darkness.data, bore, self.step, &mut self.opacity);
+        self.opacity.iter_mut().for_each(|o| *o /= contrast.all_light);
         if grey {
             self.colour.clear();
             self.colour.resize(self.lightness.len(), 0.0);

@@ -10,6 +10,7 @@
 //! A pixel's width of dilation is 7 % of a larva's volume, so the edge is not where a threshold is crossed, which moves with
 //! contrast and blur, but where the fitted darkness begins (see [`super::onset`]). How blurred a frame is, its own edges tell.
 
+use super::bubble::Disc;
 use super::onset::{Kind, Onsets, PER_PX, REACH_PX, SAMPLES, SHIFTS_PER_PX};
 use super::outline::{Outlines, Polygon, normals, smooth_cyclic};
 use super::path::Path;
@@ -44,6 +45,8 @@ pub(super) struct Limits<'a> {
     /// Those of them that were found without the fringe. A fringe's border is known nearly, and looking further would find the
     /// body's edge, which is so much darker.
     pub body: &'a [bool],
+    /// What hides the edge: there the outline stays where it is.
+    pub bubbles: &'a [Disc],
     /// Lowest and highest row that an edge may have in a column: the walls' inner lines.
     pub rows: &'a dyn Fn(f64) -> (f64, f64),
 }
@@ -55,7 +58,7 @@ struct Place {
     inward: [f64; 2],
     /// Samples as far as half the way through the specimen.
     seen: usize,
-    /// The frame's border is no edge of the specimen: the outline stays where it is.
+    /// The frame's border is no edge of the specimen, and a bubble's is none: the outline stays where it is.
     at_border: bool,
     /// The body's edge is elsewhere.
     fringe: bool,
@@ -134,7 +137,7 @@ impl EdgeFinder {
                     inward,
                     seen: (((REACH_PX as f64 + deep) * PER_PX as f64) as usize + 1).min(SAMPLES),
                     fringe: !is_in(limits.body, darkness, at, inward, FRINGE_PX + 0.5),
-                    at_border: at[0] < 0.5 || at[0] > last_u - 0.5,
+                    at_border: at[0] < 0.5 || at[0] > last_u - 0.5 || limits.bubbles.iter().any(|b| b.near(at)),
                     shift: 0,
                     contrast: 0.0,
                 }

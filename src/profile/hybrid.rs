@@ -8,6 +8,7 @@
 //! Together, a faint thing counts where it hangs on something certain.
 
 use super::background::Bore;
+use super::bubble::{Bubbles, Disc};
 use super::coarse::{Coarse, bent};
 use super::level_set::LevelSet;
 use super::mean_shift::MeanShift;
@@ -16,6 +17,9 @@ use super::settings::{Method, SegmentSettings};
 
 /// A faint piece steps down at its border by at least this share of the contrast that continues foreground.
 const OWN_EDGE: f32 = 0.6;
+
+/// The blur of a body's edge: it would tie all faint pieces around the body together.
+const RIM_BLOCKS: usize = 2;
 
 /// Finds the specimen's blocks; keeps its memory from frame to frame.
 #[derive(Debug, Default)]
@@ -26,6 +30,7 @@ pub(super) struct Hybrid {
     pub specimen: Region,
     /// All foreground that is larger than a speck, the specimen's pieces and others.
     pub pieces: Pieces,
+    bubbles: Bubbles,
     near: Region,
     /// Sum and number of the steps around each piece.
     steps: Vec<(f32, u32)>,
@@ -61,13 +66,25 @@ impl Hybrid {
         }
         self.tidy(coarse, settings);
         self.keep_specimen(coarse, bore, settings);
+        if settings.method == Method::Hybrid {
+            self.bubbles.find(coarse, &mut self.scratch);
+            let least = settings.min_area_bore2 * (bore.mean_px / coarse.step as f64).powi(2);
+            self.bubbles.cut(&mut self.specimen, least, &mut self.scratch);
+        }
+    }
+
+    /// Bubbles in the way of the specimen's edge, px of the picture.
+    pub fn bubbles(&self, coarse: &Coarse, bore: &Bore) -> impl Iterator<Item = Disc> {
+        let (step, middle, top) = (coarse.step as f64, (coarse.step - 1) as f64 / 2.0, bore.top as f64);
+        let discs: &[Disc] = &self.bubbles.discs;
+        discs.iter().map(move |d| Disc { u: d.u * step + middle, v: d.v * step + middle + top, radius: d.radius * step })
     }
 
     /// Takes back what was grown on to the certain part, `near`, and has no edge of its own: where the background's model is off,
     /// contrast fades slowly into the bore; where a fin ends, it steps down.
     fn drop_shades(&mut self, coarse: &Coarse, low: f32) {
         let (w, len) = (coarse.width, coarse.within.len());
-        self.near.dilate(1, &mut self.scratch);
+        self.near.dilate(RIM_BLOCKS, &mut self.scratch);
         for (certain, set) in self.near.set.iter_mut().zip(&self.specimen.set) {
             *certain = *set && !*certain;
         }

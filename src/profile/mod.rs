@@ -7,6 +7,7 @@
 mod background;
 mod bayer;
 mod body;
+mod bubble;
 mod coarse;
 mod detection;
 mod edge;

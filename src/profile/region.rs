@@ -70,6 +70,33 @@ impl Region {
         self.dilate(radius, scratch);
     }
 
+    /// Chamfer distance of each block of the set from the nearest one outside it; the map's border is no outside.
+    pub fn depth(&self, depth: &mut Vec<f32>) {
+        const ASLANT: f32 = std::f32::consts::SQRT_2;
+        let (w, len) = (self.width, self.set.len());
+        depth.clear();
+        depth.extend(self.set.iter().map(|set| if *set { len as f32 } else { 0.0 }));
+        let mut relax = |at: usize, from: Option<usize>, step: f32| {
+            if let Some(from) = from {
+                depth[at] = depth[at].min(depth[from] + step);
+            }
+        };
+        for at in 0..len {
+            let (up, left, right) = (at >= w, at % w > 0, at % w + 1 < w);
+            relax(at, left.then(|| at - 1), 1.0);
+            relax(at, up.then(|| at - w), 1.0);
+            relax(at, (up && left).then(|| at - w - 1), ASLANT);
+            relax(at, (up && right).then(|| at - w + 1), ASLANT);
+        }
+        for at in (0..len).rev() {
+            let (down, left, right) = (at + w < len, at % w > 0, at % w + 1 < w);
+            relax(at, right.then(|| at + 1), 1.0);
+            relax(at, down.then(|| at + w), 1.0);
+            relax(at, (down && right).then(|| at + w + 1), ASLANT);
+            relax(at, (down && left).then(|| at + w - 1), ASLANT);
+        }
+    }
+
     fn invert(&mut self) {
         self.set.iter_mut().for_each(|s| *s = !*s);
     }

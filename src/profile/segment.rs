@@ -1,6 +1,7 @@
 //! One frame to one profile: the order of the steps and their refusals.
 
 use super::background::{Background, Bore};
+use super::bubble::Disc;
 use super::coarse::Coarse;
 use super::edge::{self, EdgeFinder, EdgePoint, Limits, Refined};
 use super::fringe::{self, Fringe};
@@ -59,6 +60,7 @@ pub struct Segmenter {
     coarse: Coarse,
     hybrid: Hybrid,
     inside: Vec<bool>,
+    bubbles: Vec<Disc>,
     body: Vec<bool>,
     used: Vec<bool>,
     cracks: Outlines,
@@ -105,6 +107,8 @@ impl Segmenter {
         self.hybrid.to_pixels(&self.coarse, &bore, &mut self.inside);
 
         let rows = |u: f64| (walls.upper.inner.at(u), walls.lower.inner.at(u));
+        self.bubbles.clear();
+        self.bubbles.extend(self.hybrid.bubbles(&self.coarse, &bore));
         self.body.clear();
         self.body.extend_from_slice(&self.inside);
         if settings.method == Method::Hybrid {
@@ -117,7 +121,7 @@ impl Segmenter {
         }
         outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
         outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.scratch, &mut self.outlines);
-        let limits = Limits { inside: &self.inside, body: &self.body, rows: &rows };
+        let limits = Limits { inside: &self.inside, body: &self.body, bubbles: &self.bubbles, rows: &rows };
         let Refined { edge, points, blur_px } = self.edge.refine(&self.outlines, &contrast.darkness, &limits, &settings.edge);
         let mut mask = Mask::empty(width, height);
         outline::rasterise(&edge, &mut mask, &mut self.crossings);
