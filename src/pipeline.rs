@@ -9,10 +9,11 @@
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
-use crate::profile::{self, Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, SegmentSettings};
+use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters};
 use crate::reconstruction::{Reconstruction, ReconstructionError, ReconstructionSettings};
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Everything the numbers depend on besides the frames and their angles.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +22,8 @@ pub struct PipelineSettings {
     pub grid: VoxelGrid,
     pub planned_views: u32,
     pub segment: SegmentSettings,
+    /// The empty capillary, which every frame is compared with where there is such a picture.
+    pub reference: Option<Arc<Reference>>,
     pub reconstruction: ReconstructionSettings,
     /// A sphere is fitted to what should be one.
     pub sphere: bool,
@@ -85,6 +88,8 @@ pub enum PipelineError {
     Reconstruction(#[from] ReconstructionError),
     #[error("the frame is {found_width} x {found_height} px, the rig's camera {width} x {height} px")]
     FrameSize { width: u32, height: u32, found_width: u32, found_height: u32 },
+    #[error("the picture of the empty capillary cannot be used: {0}")]
+    Reference(ProfileError),
     #[error("{used} of {planned} views gave a profile; {needed} are needed. First reason: {reason}")]
     TooFewViews { used: usize, planned: u32, needed: usize, reason: String },
 }
@@ -92,6 +97,7 @@ pub enum PipelineError {
 /// A specimen under reconstruction.
 pub struct Pipeline {
     settings: PipelineSettings,
+    segmenters: Segmenters,
     reconstruction: Reconstruction,
     views: Vec<ViewRecord>,
     /// Masks of the views that count, with their angles: kept so that a hull of fewer views than planned can be carved with
@@ -108,9 +114,28 @@ pub struct Seen {
 }
 
 impl PipelineSettings {
+    /// The same with frames compared with this one of the empty capillary.
+    pub fn compared_with(self, empty: Option<&RawFrame>) -> Result<Self, PipelineError> {
+        let reference = empty.map(|frame| Reference::new(Picture::from_frame(frame), &self.segment.walls)).transpose();
+        Ok(Self { reference: reference.map_err(PipelineError::Reference)?.map(Arc::new), ..self })
+    }
+}
+
+impl Pipeline {
+    pub fn new(settings: PipelineSettings) -> Result<Self, PipelineError> {
+        let reconstruction =
+            Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
+        let segmenters = Segmenters::default();
+        Ok(Self { settings, segmenters, reconstruction, views: Vec::new(), used: Vec::new(), closure: None, clipped: [false; 2] })
+    }
+
+    pub fn settings(&self) -> &PipelineSettings {
+        &self.settings
+    }
+
     /// Looks at a frame; independent of every other, so any number may be looked at at once.
     pub fn look(&self, frame: &RawFrame) -> Result<Seen, PipelineError> {
-        let camera = &self.camera;
+        let camera = &self.settings.camera;
         if (frame.width(), frame.height()) != (camera.width, camera.height) {
             return Err(PipelineError::FrameSize {
                 width: camera.width,
@@ -120,20 +145,8 @@ impl PipelineSettings {
             });
         }
         let picture = Picture::from_frame(frame);
-        let profile = profile::segment(&picture, &self.segment);
+        let profile = self.segmenters.segment(&picture, &self.settings.segment, self.settings.reference.as_deref());
         Ok(Seen { picture, profile })
-    }
-}
-
-impl Pipeline {
-    pub fn new(settings: PipelineSettings) -> Result<Self, PipelineError> {
-        let reconstruction =
-            Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
-        Ok(Self { settings, reconstruction, views: Vec::new(), used: Vec::new(), closure: None, clipped: [false; 2] })
-    }
-
-    pub fn settings(&self) -> &PipelineSettings {
-        &self.settings
     }
 
     /// Carves with one view and gives the live volume, um^3. A frame without a profile is left out by name.

@@ -22,7 +22,10 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("export", &["surface"]),
     ("device", &["units", "frame", "cancel"]),
     ("acquisition", &["units", "frame", "cancel", "hash", "device"]),
-    ("config", &["units", "frame", "geometry", "profile", "reconstruction", "pipeline", "acquisition", "device", "http", "session"]),
+    (
+        "config",
+        &["units", "frame", "geometry", "profile", "reconstruction", "pipeline", "acquisition", "device", "http", "session", "store"],
+    ),
     ("store", &["units", "frame", "hash", "geometry", "profile", "pipeline", "acquisition", "config", "session"]),
     ("session", &["units", "frame", "cancel", "profile", "surface", "pipeline", "export", "device", "acquisition", "config", "store"]),
     ("http", &["range", "session"]),

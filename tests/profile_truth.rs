@@ -131,7 +131,7 @@ fn a_blur_that_is_not_the_configured_one_is_flagged() {
                 let omega = f64::from(view) * std::f64::consts::TAU / 6.0;
                 let frame = scene.render(&hardware_sim::scene::Exposure { angle_rad: omega, number: u64::from(view) });
                 let frame = RawFrame::new(frame.width, frame.height, PixelFormat::BayerRG8, frame.to_bayer_rg8()).unwrap();
-                let seen = pipeline.settings().look(&frame).unwrap();
+                let seen = pipeline.look(&frame).unwrap();
                 pipeline.observe(view, omega, &seen).unwrap();
             }
             let (_, record) = pipeline.finish().unwrap();

@@ -68,7 +68,8 @@ pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
     reader.require_finished()?;
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
-    let mut pipeline = Pipeline::new(recording.method.pipeline(&recording.rig.camera, sphere)?)?;
+    let settings = recording.method.pipeline(&recording.rig.camera, sphere)?;
+    let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
     let entries: Vec<_> = recording.ledger.entries().iter().collect();
     let bar = ProgressBar::new(entries.len() as u64)
         .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
@@ -76,7 +77,7 @@ pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
     let seen: Vec<_> = entries
         .par_iter()
         .map(|entry| {
-            let seen = pipeline.settings().look(&reader.frame(entry)?)?;
+            let seen = pipeline.look(&reader.frame(entry)?)?;
             bar.inc(1);
             anyhow::Ok((*entry, seen))
         })

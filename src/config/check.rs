@@ -3,11 +3,15 @@
 use super::Method;
 use super::raw::{CameraDriver, Raw, RotationDriver, SamplerDriver};
 use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
+use crate::frame::RawFrame;
 use crate::geometry::Camera;
 use crate::http::HttpSettings;
+use crate::profile::{Picture, Reference};
+use crate::store::frames;
 use crate::units::StepsPerRevolution;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A configuration that may be acted on.
 #[derive(Debug, Clone)]
@@ -19,6 +23,8 @@ pub struct Config {
     pub acquisition: AcquisitionSettings,
     /// The rig's nominal camera.
     pub optics: Camera,
+    /// What this camera sees of the capillary when it is empty.
+    pub empty_capillary: Option<Arc<RawFrame>>,
     pub rotation: RotationDriver,
     pub camera: CameraDriver,
     pub sampler: SamplerDriver,
@@ -46,7 +52,7 @@ impl Config {
         Self::parse(&text, path)
     }
 
-    /// `path` names the source in errors only.
+    /// `path` names the source in errors; what the text names is looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let raw: Raw = toml::from_str(text).map_err(|e| ConfigError::Syntax { path: path.to_owned(), source: Box::new(e) })?;
         let o = &raw.optics;
@@ -95,6 +101,10 @@ impl Config {
             breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
             breaches.extend(method.surface.check().iter().map(|e| format!("  methods.{name}.surface.{e}")));
         }
+        let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {
+            let file = path.parent().unwrap_or(Path::new("")).join(named);
+            empty_capillary(&file, &raw).map_err(|e| breaches.push(format!("  optics.empty_capillary = {named:?}: {e}"))).ok()
+        });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
         let RotationDriver::Grbl(rotation) = &raw.rotation;
         let CameraDriver::Aravis(camera) = &raw.camera;
@@ -116,10 +126,26 @@ impl Config {
             steps_per_revolution: raw.rig.steps_per_revolution,
             acquisition: raw.acquisition,
             optics,
+            empty_capillary,
             rotation: raw.rotation,
             camera: raw.camera,
             sampler: raw.sampler,
             methods: raw.methods,
         })
     }
+}
+
+/// Reads the picture of the empty capillary and looks whether every method finds the walls in it.
+fn empty_capillary(file: &Path, raw: &Raw) -> Result<Arc<RawFrame>, String> {
+    const WAY_OUT: &str = "put the `frames/detect.png` of a well there that was skipped as empty, or leave the key out";
+    let frame = frames::decode(file, raw.camera.pixel_format()).map_err(|e| format!("{e}; {WAY_OUT}"))?;
+    let (found, expected) = ((frame.width(), frame.height()), (raw.optics.width_px, raw.optics.height_px));
+    if found != expected {
+        return Err(format!("{} x {} px; expected the {} x {} px of [optics]; {WAY_OUT}", found.0, found.1, expected.0, expected.1));
+    }
+    let picture = Picture::from_frame(&frame);
+    for (name, method) in &raw.methods {
+        Reference::new(picture.clone(), &method.segment.walls).map_err(|e| format!("with method {name:?}: {e}; {WAY_OUT}"))?;
+    }
+    Ok(Arc::new(frame))
 }

@@ -39,6 +39,7 @@ impl Method {
             grid: VoxelGrid::new(self.box_um, self.voxel_um)?,
             planned_views: self.asd,
             segment: self.segment.clone(),
+            reference: None,
             reconstruction: ReconstructionSettings { epsilon: self.epsilon, surface: self.surface },
             sphere,
         })

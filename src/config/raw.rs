@@ -53,6 +53,9 @@ pub(super) struct RawOptics {
     pub gamma_deg: f64,
     pub width_px: u32,
     pub height_px: u32,
+    /// A frame of the empty capillary, as this camera takes it; relative to the configuration file.
+    #[serde(default)]
+    pub empty_capillary: Option<PathBuf>,
 }
 
 /// Which controller turns the capillary.

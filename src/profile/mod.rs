@@ -27,6 +27,7 @@ mod quality;
 mod reference;
 mod region;
 mod segment;
+mod segmenters;
 mod settings;
 mod walls;
 
@@ -38,5 +39,6 @@ pub use picture::Picture;
 pub use quality::ProfileQuality;
 pub use reference::Reference;
 pub use segment::{Profile, ProfileError, Segmenter, segment};
+pub use segmenters::Segmenters;
 pub use settings::{EdgeSettings, FringeSettings, LevelSetSettings, MeanShiftSettings, Method, SegmentSettings, WallSettings};
 pub use walls::{Line, Wall, Walls};

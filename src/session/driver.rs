@@ -335,7 +335,7 @@ impl Running {
             // `check` has looked it up; a plan that names no method never comes here.
             None => return Err((instrument, StoreError::Format { path: id.into(), expected: "a known method", found: plan.method })),
         };
-        let record = RunRecord::new(id, plan, method.clone(), self.mode);
+        let record = RunRecord::new(id, plan, method.clone(), self.mode, self.config.empty_capillary.as_deref());
         let journalled = self.store.save_run(&record).and_then(|()| {
             self.journal.append(
                 "run.accepted",

@@ -18,7 +18,6 @@ use crate::device::{DeviceError, Position, Rig, StreamCounters};
 use crate::export;
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, PipelineError};
-use crate::profile::{self, Picture};
 use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RigRecord, StoreError};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -216,13 +215,14 @@ impl RunContext {
                 pixel_format: self.config.camera.pixel_format(),
                 steps_per_revolution: self.config.steps_per_revolution,
                 sense: self.config.acquisition.sense,
+                empty_capillary_sha256: None,
                 rotation_identity: rig.rotation.identity().to_owned(),
                 camera_identity: rig.camera.identity().to_owned(),
             },
             &self.method_name,
             self.method.clone(),
         );
-        let mut writer = RecordingWriter::create(&self.folder.join(well), recording)?;
+        let mut writer = RecordingWriter::create(&self.folder.join(well), recording, self.config.empty_capillary.as_deref())?;
         let end = self.judge(rig, &mut writer, planned, loaded.truth);
         // The record is closed on every way out, a fault's included; the fault is what is told then.
         let closed = writer.close();
@@ -253,28 +253,43 @@ impl RunContext {
         if self.cancel.is_cancelled() {
             return Ok(None);
         }
-        let picture = Picture::from_frame(&detected.frame);
-        self.tell(Progress::Detected { live: Live { frame_jpg: live::jpeg(&picture), ..Live::default() } });
-        match profile::segment(&picture, &self.method.segment) {
+        let looked = self.pipeline(planned).and_then(|pipeline| {
+            let seen = pipeline.look(&detected.frame)?;
+            Ok((pipeline, seen))
+        });
+        let (pipeline, seen) = match looked {
+            Ok(looked) => looked,
+            Err(e) => return Ok(Some(WellEnd::Failed(e.to_string()))),
+        };
+        self.tell(Progress::Detected { live: Live { frame_jpg: live::jpeg(&seen.picture), ..Live::default() } });
+        match seen.profile {
             Ok(p) => match p.detection.skip_reason() {
                 Some(reason) => {
                     tracing::info!(well = %planned.well, reason, detection = ?p.detection, "the well is skipped");
                     Ok(Some(WellEnd::Skipped(reason)))
                 }
-                None => self.revolve(rig, writer, planned),
+                None => self.revolve(rig, writer, planned, pipeline),
             },
             // A frame that cannot be judged is not taken for an empty well: the revolution decides.
-            Err(_) => self.revolve(rig, writer, planned),
+            Err(_) => self.revolve(rig, writer, planned, pipeline),
         }
     }
 
-    fn revolve(&self, rig: &mut Rig, writer: &mut RecordingWriter, planned: &PlannedWell) -> Result<Option<WellEnd>, RunError> {
+    /// What looks at this well's frames and measures its specimen.
+    fn pipeline(&self, planned: &PlannedWell) -> Result<Pipeline, PipelineError> {
+        let settings = self.method.pipeline(&self.config.optics, planned.specimen == SpecimenKind::Bead)?;
+        Pipeline::new(settings.compared_with(self.config.empty_capillary.as_deref())?)
+    }
+
+    fn revolve(
+        &self,
+        rig: &mut Rig,
+        writer: &mut RecordingWriter,
+        planned: &PlannedWell,
+        pipeline: Pipeline,
+    ) -> Result<Option<WellEnd>, RunError> {
         let well = planned.well.as_str();
         self.phase(well, Phase::Revolve, true);
-        let settings = match self.method.pipeline(&self.config.optics, planned.specimen == SpecimenKind::Bead) {
-            Ok(settings) => settings,
-            Err(e) => return Ok(Some(WellEnd::Failed(e.to_string()))),
-        };
         let plan = match RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order) {
             Ok(plan) => plan,
             Err(e) => return Ok(Some(WellEnd::Failed(e.to_string()))),
@@ -282,7 +297,7 @@ impl RunContext {
         // Room for every view: the axis never waits for the science.
         let (send, views) = sync_channel::<(LedgerEntry, RawFrame)>(self.method.asd as usize + 1);
         let (revolved, specimen) = std::thread::scope(|scope| {
-            let science = scope.spawn(move || self.reconstruct(settings, writer, well, views));
+            let science = scope.spawn(move || self.reconstruct(pipeline, writer, well, views));
             let revolved = acquisition::revolve(rig, &plan, &self.config.acquisition, &self.cancel, |entry, frame| {
                 send.send((entry, frame)).map_err(|_| SinkClosed)
             });
@@ -304,15 +319,11 @@ impl RunContext {
     /// The specimen thread: stores and carves what the rig thread hands on, then measures.
     fn reconstruct(
         &self,
-        settings: crate::pipeline::PipelineSettings,
+        mut pipeline: Pipeline,
         writer: &mut RecordingWriter,
         well: &str,
         views: Receiver<(LedgerEntry, RawFrame)>,
     ) -> Result<WellEnd, RunError> {
-        let mut pipeline = match Pipeline::new(settings) {
-            Ok(pipeline) => pipeline,
-            Err(e) => return Ok(WellEnd::Failed(e.to_string())),
-        };
         let mut clock = StageClock::default();
         let mut seen = 0;
         for (entry, frame) in views {
@@ -358,7 +369,7 @@ impl RunContext {
     ) -> Result<Result<(), PipelineError>, RunError> {
         let (index, closure, omega, achieved_steps) = (entry.view, entry.closure, entry.omega, entry.achieved_steps.0);
         clock.store.time(|| writer.add_view(entry, frame))?;
-        let seen = match clock.profile.time(|| pipeline.settings().look(frame)) {
+        let seen = match clock.profile.time(|| pipeline.look(frame)) {
             Ok(seen) => seen,
             Err(e) => return Ok(Err(e)),
         };

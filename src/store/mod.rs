@@ -18,6 +18,8 @@ pub use journal::Journal;
 pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, Software};
 
 use crate::config::Method;
+use crate::frame::RawFrame;
+use crate::hash::sha256_hex;
 use crate::session::{Event, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus};
 use serde::{Deserialize, Serialize};
 use std::fs::File;
@@ -34,6 +36,9 @@ pub struct RunRecord {
     pub mode: Mode,
     pub plan: RunPlan,
     pub method: Method,
+    /// Of the empty capillary's picture that the frames are compared with, as in every `recording.json`.
+    #[serde(default)]
+    pub empty_capillary_sha256: Option<String>,
     /// RFC 3339, UTC.
     pub started: String,
     pub ended: Option<String>,
@@ -42,7 +47,7 @@ pub struct RunRecord {
 }
 
 impl RunRecord {
-    pub fn new(id: &str, plan: RunPlan, method: Method, mode: Mode) -> Self {
+    pub fn new(id: &str, plan: RunPlan, method: Method, mode: Mode, empty: Option<&RawFrame>) -> Self {
         let wells = plan.plate_map.iter().map(WellStatus::pending).collect();
         Self {
             schema: RUN_SCHEMA.into(),
@@ -51,6 +56,7 @@ impl RunRecord {
             mode,
             plan,
             method,
+            empty_capillary_sha256: empty.map(|frame| sha256_hex(frame.bytes())),
             started: jiff::Timestamp::now().to_string(),
             ended: None,
             outcome: None,

@@ -4,6 +4,7 @@
 //! runs/RUN/A01/recording.json          rig, method, ledger (rewritten durably after each view)
 //!              frames/view_000.png     the raw frame, lossless; Bayer frames stay mosaics
 //!              frames/closure.png      the view at 360 deg
+//!              frames/empty.png        the empty capillary that the frames are compared with, where there is one
 //!              frames/detect.png       the frame on which the well was judged
 //!              profiles/view_000.png   the mask that was carved with
 //!              measurement.json        the numbers
@@ -60,6 +61,9 @@ pub struct RigRecord {
     /// psi; the angles are the ledger's.
     pub camera: Camera,
     pub pixel_format: PixelFormat,
+    /// Of the bytes of `frames/empty.png`, where frames were compared with the empty capillary.
+    #[serde(default)]
+    pub empty_capillary_sha256: Option<String>,
     pub steps_per_revolution: StepsPerRevolution,
     pub sense: Sense,
     pub rotation_identity: String,
@@ -108,6 +112,9 @@ fn frame_file(entry: &LedgerEntry) -> String {
     if entry.closure { "frames/closure.png".into() } else { format!("frames/view_{:03}.png", entry.view) }
 }
 
+/// The frame of the empty capillary, relative to the recording.
+const EMPTY: &str = "frames/empty.png";
+
 /// Writes a recording; what `add_view` has returned from survives a crash.
 pub struct RecordingWriter {
     folder: PathBuf,
@@ -117,14 +124,19 @@ pub struct RecordingWriter {
 }
 
 impl RecordingWriter {
-    /// Starts a recording in a folder that has none.
-    pub fn create(folder: &Path, recording: Recording) -> Result<Self, StoreError> {
+    /// Starts a recording in a folder that has none. With the frame of the empty capillary that its frames are compared
+    /// with, it is reproducible from its own folder.
+    pub fn create(folder: &Path, recording: Recording, empty: Option<&RawFrame>) -> Result<Self, StoreError> {
         if folder.join(RECORDING).exists() {
             return Err(StoreError::Exists { path: folder.to_owned() });
         }
         durable::create_folder(&folder.join("frames"))?;
         durable::create_folder(&folder.join("profiles"))?;
         let mut writer = Self { folder: folder.to_owned(), recording, written: BTreeMap::new() };
+        if let Some(frame) = empty {
+            writer.put(EMPTY, &frames::encode(frame)?)?;
+        }
+        writer.recording.rig.empty_capillary_sha256 = empty.map(|frame| sha256_hex(frame.bytes()));
         writer.save()?;
         Ok(writer)
     }
@@ -231,10 +243,20 @@ impl RecordingReader {
         if !path.exists() {
             return Err(StoreError::MissingFrame { path, view: entry.view });
         }
+        self.unaltered(path, &entry.sha256)
+    }
+
+    /// The empty capillary that the frames were compared with, if they were.
+    pub fn empty_capillary(&self) -> Result<Option<RawFrame>, StoreError> {
+        let expected = self.recording.rig.empty_capillary_sha256.as_deref();
+        expected.map(|expected| self.unaltered(self.folder.join(EMPTY), expected)).transpose()
+    }
+
+    fn unaltered(&self, path: PathBuf, expected: &str) -> Result<RawFrame, StoreError> {
         let frame = frames::decode(&path, self.recording.rig.pixel_format)?;
         let found = sha256_hex(frame.bytes());
-        if found != entry.sha256 {
-            return Err(StoreError::Altered { path, expected: entry.sha256.clone(), found });
+        if found != expected {
+            return Err(StoreError::Altered { path, expected: expected.to_owned(), found });
         }
         Ok(frame)
     }

@@ -2,18 +2,20 @@
 //!
 //! ```text
 //!  IMAGES ── input ── RawFrame ── profile::segment ─┬─ STEM.mask.png     8 bit grey, inside 255
-//!  --settings, --method ──────────────────┘         ├─ STEM.edge.json    sub-pixel outlines
+//!  --settings, --method, --reference ─────┘         ├─ STEM.edge.json    sub-pixel outlines
 //!                                                   ├─ STEM.overlay.png  the picture with outline and walls
 //!                                                   └─ STEM.json         figures, or why there is no profile; written last
 //! ```
-//! What concerns the whole call (settings, names) is refused before anything is written. A picture that fails fails alone.
+//! What concerns the whole call (settings, names, the empty capillary) is refused before anything is written. A picture that fails fails alone.
 
+mod empty;
 mod input;
 mod output;
 mod overlay;
 
-use crate::profile::{self, Method, SegmentSettings};
+use crate::profile::{Method, Picture, SegmentSettings, Segmenters};
 use anyhow::{Context, bail};
+use empty::Empty;
 use output::{Names, Report};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
@@ -34,6 +36,9 @@ pub struct Args {
     /// TOML with the keys of a method's `segment` table; what is left out has its default
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
+    /// Picture of the empty capillary, taken as the others were: what stands in it (dust, scratches, glass) is no specimen
+    #[arg(long, value_name = "EMPTY")]
+    reference: Option<PathBuf>,
     /// Grey pictures are Bayer mosaics whose first row reads R G R G
     #[arg(long)]
     bayer: bool,
@@ -62,12 +67,14 @@ impl From<MethodName> for Method {
 /// Where nothing could be begun, and at the end where a picture has no profile; its own file then says why.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let settings = settings(args)?;
+    let empty = args.reference.as_deref().map(|file| Empty::read(file, &settings, args.bayer)).transpose()?;
+    let segmenters = Segmenters::default();
     let names = Names::choose(&args.images, &args.out)?;
     let done = AtomicUsize::new(0);
     let failed = names
         .par_iter()
         .map(|names| {
-            let report = one(names, &settings, args.bayer);
+            let report = one(names, &settings, args.bayer, empty.as_ref(), &segmenters);
             let written = report.write(names);
             let told = match &written {
                 Ok(()) => report.told(),
@@ -84,14 +91,18 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn one<'a>(names: &Names, settings: &'a SegmentSettings, bayer: bool) -> Report<'a> {
-    let mut report = Report::new(names, settings);
+fn one<'a>(names: &Names, settings: &'a SegmentSettings, bayer: bool, empty: Option<&'a Empty>, segmenters: &Segmenters) -> Report<'a> {
+    let mut report = Report::new(names, settings, empty.map(|e| e.sha256.as_str()));
     match input::read(&names.image, bayer) {
         Err(e) => report.fail(format!("{e:#}")),
-        Ok(input) => {
-            let picture = profile::Picture::from_frame(&input.frame);
-            report.found(&input, profile::segment(&picture, settings).map(|profile| (picture, profile)));
-        }
+        Ok(input) => match empty.map_or(Ok(()), |e| e.is_of_the_kind_of(&input)) {
+            Err(e) => report.fail(e.to_string()),
+            Ok(()) => {
+                let picture = Picture::from_frame(&input.frame);
+                let profile = segmenters.segment(&picture, settings, empty.map(|e| &e.reference));
+                report.found(&input, profile.map(|profile| (picture, profile)));
+            }
+        },
     }
     report
 }

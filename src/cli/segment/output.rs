@@ -81,6 +81,8 @@ pub(super) struct Report<'a> {
     software: Software,
     input: InputReport,
     settings: &'a SegmentSettings,
+    /// SHA-256 of the file of the empty capillary.
+    reference: Option<&'a str>,
     /// Why there is no profile.
     error: Option<String>,
     profile: Option<ProfileReport>,
@@ -145,13 +147,14 @@ impl EdgePolygon {
 }
 
 impl<'a> Report<'a> {
-    pub fn new(names: &Names, settings: &'a SegmentSettings) -> Self {
+    pub fn new(names: &Names, settings: &'a SegmentSettings, reference: Option<&'a str>) -> Self {
         let name = names.image.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Self {
             schema: SCHEMA,
             software: Software::this(),
             input: InputReport { name, sha256: None, width_px: None, height_px: None, pixel_format: None, bits: None },
             settings,
+            reference,
             error: None,
             profile: None,
             drawn: None,

@@ -25,6 +25,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     anyhow::ensure!(recorded.is_file(), "{}: is missing, so there is nothing to compare the replay with", recorded.display());
     let recording = reader.recording();
     config.optics = recording.rig.camera.clone();
+    config.empty_capillary = reader.empty_capillary()?.map(Arc::new);
     config.steps_per_revolution = recording.rig.steps_per_revolution;
     config.acquisition.sense = recording.rig.sense;
     config.methods.insert(recording.method_name.clone(), recording.method.clone());

@@ -1,0 +1,25 @@
+//! Segmenters for as many frames as are looked at at once.
+//!
+//! ```text
+//! frame ─> a segmenter that is free, or a new one ─> profile
+//!              ^───────── put back, with its memory ──'
+//! ```
+
+use super::{Picture, Profile, ProfileError, Reference, SegmentSettings, Segmenter};
+use std::sync::{Mutex, PoisonError};
+
+/// Lends each caller a segmenter of its own. A profile does not depend on which: a segmenter keeps memory, not findings.
+#[derive(Default)]
+pub struct Segmenters(Mutex<Vec<Segmenter>>);
+
+impl Segmenters {
+    /// # Errors
+    /// As [`Segmenter::segment`].
+    pub fn segment(&self, picture: &Picture, settings: &SegmentSettings, reference: Option<&Reference>) -> Result<Profile, ProfileError> {
+        let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut segmenter = free.unwrap_or_default();
+        let profile = segmenter.segment(picture, settings, reference);
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(segmenter);
+        profile
+    }
+}
