@@ -44,8 +44,8 @@ impl Default for WallSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EdgeSettings {
-    /// Blur of the frame (optics, sensor and demosaicing) as a Gaussian's standard deviation, px: a property of the rig, to be
-    /// measured. Every frame's quality says what it finds; 0.1 px too little moves the edge 0.15 px outwards.
+    /// Blur of the rig's frames (optics, sensor and demosaicing) as a Gaussian's standard deviation, px: from where the search for
+    /// a frame's own blur starts, and what stands for it where its edges don't tell.
     pub blur_px: f64,
     /// How far outside the coarse outline the edge is searched, px.
     pub search_outside_px: f64,
@@ -64,7 +64,7 @@ pub struct EdgeSettings {
 impl Default for EdgeSettings {
     fn default() -> Self {
         Self {
-            blur_px: 1.0,
+            blur_px: 1.1,
             search_outside_px: 3.5,
             search_inside_px: 6.5,
             along_px: 1.5,
