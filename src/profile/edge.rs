@@ -242,7 +242,7 @@ impl EdgeFinder {
 /// Edges of which the blur is told: so high that noise adds nothing. Where a frame has too few, fainter ones have to do.
 /// Rounded courses explain a sharp edge a little better too, having more freedom, and roundness looks like blur: they are
 /// believed where they explain this many times more. High edges, as they are where light is bent away, speak against them.
-const BLUR_CONTRASTS: [(f32, f64); 2] = [(25.0, 4.5), (8.0, 2.0)];
+const BLUR_CONTRASTS: [(f32, f64); 2] = [(25.0, 8.0), (8.0, 2.0)];
 /// Fewer clear places than this don't tell a frame's blur, and more than twice as many only cost time.
 const BLUR_PLACES: usize = 60;
 /// A blur that is off by no more than this share moves no edge by 0.05 px.
