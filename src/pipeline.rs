@@ -9,7 +9,7 @@
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
-use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters};
+use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
 use crate::reconstruction::{Reconstruction, ReconstructionError, ReconstructionSettings};
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
@@ -49,6 +49,31 @@ pub struct ViewRecord {
     /// What the frame shows.
     #[serde(default)]
     pub detection: Option<Detection>,
+    /// The capillary's walls against the rig's calibration.
+    #[serde(default)]
+    pub walls: Option<WallRecord>,
+}
+
+/// The walls of one frame as a ruler laid on the rig's calibration, in the column of the principal point. The walls are the
+/// same glass in every frame: what changes here is the rig.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct WallRecord {
+    /// Between the inner wall lines, by the calibrated scale across.
+    pub bore_um: f64,
+    /// The bore's middle below the calibrated axis, px.
+    pub shift_px: f64,
+    /// The bore's tilt less the calibrated one, positive when the right end is lower, degrees.
+    pub tilt_deg: f64,
+}
+
+impl WallRecord {
+    fn of(walls: &Walls, camera: &Camera) -> Self {
+        Self {
+            bore_um: walls.bore_px(camera.ux) / camera.ky,
+            shift_px: walls.middle_v(camera.ux) - camera.uy,
+            tilt_deg: walls.tilt_deg() - camera.gamma.to_degrees(),
+        }
+    }
 }
 
 /// The view at 0 deg against the view at 360 deg: lost steps and a specimen that moved show only here.
@@ -152,9 +177,19 @@ impl Pipeline {
     /// Carves with one view and gives the live volume, um^3. A frame without a profile is left out by name.
     pub fn observe(&mut self, index: u32, omega: f64, seen: &Seen) -> Result<f64, PipelineError> {
         let mut volume_um3 = self.reconstruction.hull().live().volume_um3;
-        let mut record =
-            ViewRecord { index, omega, used: false, reason: None, area_px: None, area_ratio: None, quality: None, detection: None };
+        let mut record = ViewRecord {
+            index,
+            omega,
+            used: false,
+            reason: None,
+            area_px: None,
+            area_ratio: None,
+            quality: None,
+            detection: None,
+            walls: None,
+        };
         record.detection = seen.profile.as_ref().ok().map(|p| p.detection);
+        record.walls = seen.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera));
         match &seen.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
@@ -272,6 +307,7 @@ mod tests {
             area_ratio: None,
             quality: None,
             detection: None,
+            walls: None,
         };
         let mut views: Vec<_> =
             [Some(100), Some(100), None, Some(150), Some(100), Some(80)].into_iter().zip(0..).map(|(a, i)| view(i, a)).collect();
