@@ -62,20 +62,20 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
     // Each on a line of its own, with key, value, range and unit.
     let mut broken = text.replace("\"127.0.0.1:8420\"", "\"0.0.0.0:8420\"\nmax_connections = 0\nallowed_hosts = [\"http://x\"]");
     broken += "[methods.standard.surface]\nfairing_lambda = -1.0\n";
-    broken += "[methods.standard.segment]\nfine_px = 0.0\nclosing_px = 100000\nlow_sigma = 8.0\n";
-    broken += "[methods.standard.segment.walls]\nmin_depth = -2.0\n";
+    broken += "[methods.standard.segment]\nclosing_px = 100000\nlow_sigma = 9.0\n";
+    broken += "[methods.standard.segment.fringe]\nalong_px = 0.0\n[methods.standard.segment.walls]\nmin_depth = -2.0\n";
     broken += "[methods.standard.segment.edge]\nblur_px = 0.0\nalong_px = nan\nsearch_inside_px = 8.0\n";
     let said = check(&broken);
     for line in [
         "  http.max_connections = 0; expected 1 to 65536 connections",
         "methods.standard.surface.fairing_lambda = -1; expected 0 to 100 (weight)",
-        "methods.standard.segment.fine_px = 0; expected 0.3 to 10 px",
+        "methods.standard.segment.fringe.along_px = 0; expected 0.3 to 30 px",
         "methods.standard.segment.closing_px = 100000; expected 0 to 30 px",
-        "methods.standard.segment.low_sigma = 8; expected 1 to 7 standard deviations of the noise",
+        "methods.standard.segment.low_sigma = 9; expected 0.1 to 8 standard deviations of the noise",
         "methods.standard.segment.walls.min_depth = -2; expected 0.5 to 100 grey values",
         "methods.standard.segment.edge.blur_px = 0; expected 0.3 to 5 px",
         "methods.standard.segment.edge.along_px = NaN; expected 0.3 to 10 px",
-        "methods.standard.segment.edge.search_inside_px + edge.inside_px = 10.5; expected 1 to 9 px",
+        "methods.standard.segment.edge.search_inside_px = 8; expected 0.5 to 7 px",
     ] {
         assert!(said.lines().any(|l| l.trim() == line.trim()), "{line} is not in: {said}");
     }

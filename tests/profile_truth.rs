@@ -1,16 +1,22 @@
-//! Profiles of simulated frames against the scene's exact coverage, through the Bayer mosaic and with noise.
+//! Profiles of simulated frames against the scene's exact outline, through the Bayer mosaic and with noise.
 //!
-//! The settings were chosen on the individual with seed 1; the seeds here are others.
+//! The settings were chosen on the frames of seeds 1 and 7; the seeds here are others.
 
 #![allow(clippy::unwrap_used)]
+
+mod truth;
 
 use carved::config::Config;
 use carved::frame::{PixelFormat, RawFrame};
 use carved::pipeline::Pipeline;
-use carved::profile::{Kind, Mask, Picture, Polygon, Profile, ProfileError, SegmentSettings, segment};
-use hardware_sim::scene::{Coverage, Placement, Scene, SceneSettings, Specimen};
+use carved::profile::{Kind, Mask, Method, Picture, ProfileError, SegmentSettings, segment};
+use hardware_sim::scene::frame_set::{Difficulty, frame_set};
+use hardware_sim::scene::{Placement, Scene, SceneSettings, Specimen};
 use proptest::prelude::*;
 use std::path::Path;
+use truth::{Judged, judge};
+
+const SEED: u64 = 23;
 
 fn scene(seed: u64, tilt_rad: f64, specimen: Option<Specimen>, rests_on_wall: bool) -> Scene {
     let mut settings = SceneSettings::default();
@@ -27,90 +33,93 @@ fn picture(scene: &Scene, angle_rad: f64, number: u64) -> Picture {
     Picture::from_frame(&RawFrame::new(frame.width, frame.height, PixelFormat::BayerRG8, frame.to_bayer_rg8()).unwrap())
 }
 
-/// Mean signed distance of an outline from the truth's half-coverage line, positive outside, px. Vertices whose normal meets
-/// no truth within 8 px count as 8 px.
-fn mean_signed_error(edge: &[Polygon], truth: &Coverage) -> f64 {
-    let (w, h) = (truth.width as usize, truth.height as usize);
-    let coverage = |u: f64, v: f64| {
-        let (u, v) = (u.clamp(0.0, (w - 1) as f64), v.clamp(0.0, (h - 1) as f64));
-        let (u0, v0) = (u as usize, v as usize);
-        let (u1, v1) = ((u0 + 1).min(w - 1), (v0 + 1).min(h - 1));
-        let p = |u: usize, v: usize| f64::from(truth.data[v * w + u]);
-        let (fu, fv) = (u.fract(), v.fract());
-        (p(u0, v0) * (1.0 - fu) + p(u1, v0) * fu) * (1.0 - fv) + (p(u0, v1) * (1.0 - fu) + p(u1, v1) * fu) * fv
-    };
-    let mut errors = Vec::new();
-    for polygon in edge {
-        let n = polygon.vertices.len();
-        for i in 0..n {
-            let ([u, v], a, b) = (polygon.vertices[i], polygon.vertices[(i + n - 2) % n], polygon.vertices[(i + 2) % n]);
-            let length = (b[0] - a[0]).hypot(b[1] - a[1]).max(1e-9);
-            let inward = [-(b[1] - a[1]) / length, (b[0] - a[0]) / length];
-            let inside = coverage(u, v) >= 127.5;
-            let way = if inside { -1.0 } else { 1.0 };
-            let step = 0.05;
-            let off = (1..=160)
-                .map(|k| f64::from(k) * step)
-                .find(|s| (coverage(u + way * s * inward[0], v + way * s * inward[1]) >= 127.5) != inside);
-            errors.push(way * (off.unwrap_or(8.0) - step / 2.0));
-        }
-    }
-    errors.iter().sum::<f64>() / errors.len().max(1) as f64
+const METHODS: [(Method, &str); 3] = [(Method::Hybrid, "hybrid"), (Method::MeanShift, "mean shift"), (Method::LevelSet, "level set")];
+const DIFFICULTIES: [Difficulty; 4] = [Difficulty::Easy, Difficulty::Medium, Difficulty::Hard, Difficulty::Vicious];
+
+/// The value in the middle; of an even number the upper one.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted[sorted.len() / 2]
 }
 
-struct Judged {
-    name: String,
-    iou: f64,
-    error_px: f64,
-    profile: Profile,
-}
+/// Least medians of the hybrid by difficulty: overlap, worst overlap, share of the outline within 1 px, share of the fins.
+type Floor = [f64; 4];
+const FLOORS: [Floor; 4] = [[0.988, 0.87, 0.955, 0.96], [0.985, 0.965, 0.93, 0.94], [0.95, 0.75, 0.81, 0.78], [0.91, 0.63, 0.66, 0.5]];
 
-fn judge(name: String, scene: &Scene, angle_rad: f64, number: u64) -> Judged {
-    let profile = segment(&picture(scene, angle_rad, number), &SegmentSettings::default()).unwrap();
-    let truth = scene.truth_mask(angle_rad);
-    let truth_mask = Mask::from_coverage(truth.width as usize, truth.height as usize, truth.data.clone()).unwrap();
-    let (iou, error_px) = (profile.mask.iou(&truth_mask), mean_signed_error(&profile.edge, &truth));
-    let q = &profile.quality;
-    println!("{name:20} IoU {iou:.4}  edge {error_px:+.3} px  contrast {:5.1}  wall {:.3}", q.edge_contrast_sigma, q.wall_contact_share);
-    assert!(profile.detection.is_specimen(), "{name}: called {:?}", profile.detection);
-    Judged { name, iou, error_px, profile }
-}
-
-/// Reached over these 32 frames: a mean signed error of +0.012 px, 0.026 px standard deviation from frame to frame, 0.063 px
-/// at worst; overlap with the truth 0.995 in the median, 0.992 at worst.
+/// Every second frame of the set, so that each difficulty has nine, by every method.
 ///
-/// The mean may be off by 0.07 px over any set of views; 32 frames tell it to 0.026 / sqrt(32) = 0.005 px, four of which are
-/// kept as margin: 0.05 px here. One frame stays within four standard deviations of the mean reached, 0.012 + 4 * 0.026 =
-/// 0.12 px. A larva loses 4 % of its overlap per px: 0.05 px more cost the median 0.002, 0.12 px a frame 0.005 of 0.995.
+/// Measured, IoU in the median and at worst, median share within 1 px, median share of the fins found:
+/// ```text
+///             hybrid                       mean shift                   level set
+///   easy      0.990 0.879 0.964 0.98       0.989 0.857 0.973 0.36       0.986 0.831 0.954 0.01
+///   medium    0.987 0.973 0.944 0.95       0.867 0.858 0.572 0.12       0.860 0.835 0.598 0.01
+///   hard      0.958 0.767 0.832 0.82       0.884 0.792 0.556 0.13       0.856 0.746 0.582 0.01
+///   vicious   0.923 0.644 0.678 0.55       0.869 0.540 0.583 0.02       0.868 0.593 0.587 0.01
+///   all       0.986                        0.884                        0.868
+/// ```
+/// The hybrid's mean signed error is -0.07 px in the median of all frames, +0.01, -0.11, -0.17, -0.07 px by difficulty. Its
+/// worst easy and hard frames are beads around which it believes a fringe that is not there. The floors lie a tenth of what is
+/// missing from 1, or more, below what was measured: one frame of nine may get a little worse.
 #[test]
-fn larvae_and_beads_come_out_with_their_true_outline() {
-    let mut judged = Vec::new();
-    for (seed, tilt_rad) in [(12, 0.004), (23, -0.034)] {
-        for rests_on_wall in [false, true] {
-            for kind in [3u8, 4, 5, 0] {
-                let (name, specimen) = match kind {
-                    0 => ("bead".to_owned(), Specimen::bead(500.0).unwrap()),
-                    dpf => (format!("{dpf} dpf"), Specimen::larva(dpf, seed).unwrap()),
-                };
-                let scene = scene(seed, tilt_rad, Some(specimen), rests_on_wall);
-                for view in 0..2u64 {
-                    let angle_rad = 0.9 + 1.3 * view as f64 + seed as f64;
-                    let place = if rests_on_wall { " wall" } else { "" };
-                    judged.push(judge(format!("{name} seed {seed} {view}{place}"), &scene, angle_rad, view));
-                }
-            }
+fn profiles_are_those_of_the_truth() {
+    let mut table: Vec<[Vec<Judged>; 3]> = DIFFICULTIES.iter().map(|_| Default::default()).collect();
+    for spec in frame_set(SEED).unwrap().iter().step_by(2) {
+        let truth = spec.render().unwrap();
+        let frame = &truth.frame;
+        let (format, bytes) =
+            if spec.mono { (PixelFormat::Mono8, frame.to_mono8()) } else { (PixelFormat::BayerRG8, frame.to_bayer_rg8()) };
+        let picture = Picture::from_frame(&RawFrame::new(frame.width, frame.height, format, bytes).unwrap());
+        let row = DIFFICULTIES.iter().position(|d| *d == spec.difficulty).unwrap();
+        print!("{:36}", spec.name);
+        for ((method, _), judged) in METHODS.into_iter().zip(&mut table[row]) {
+            let profile = segment(&picture, &SegmentSettings { method, ..SegmentSettings::default() }).unwrap();
+            let j = judge(&profile, &truth);
+            print!("  {:.4} {:+.3} {:.3} {:.2}", j.iou, j.signed_px.unwrap_or(f64::NAN), j.within_share, j.fins.unwrap_or(f64::NAN));
+            judged.push(j);
         }
+        println!();
     }
-    let mut ious: Vec<f64> = judged.iter().map(|j| j.iou).collect();
-    ious.sort_by(f64::total_cmp);
-    let mean = judged.iter().map(|j| j.error_px).sum::<f64>() / judged.len() as f64;
-    println!("{} frames: IoU median {:.4}, worst {:.4}; mean signed error {mean:+.3} px", judged.len(), ious[ious.len() / 2], ious[0]);
-    assert!(ious[ious.len() / 2] >= 0.993 && ious[0] >= 0.99, "IoU median {}, worst {}", ious[ious.len() / 2], ious[0]);
-    assert!(mean.abs() < 0.05, "mean signed error {mean:+.3} px");
-    for j in &judged {
-        assert!(j.error_px.abs() < 0.12, "{}: {:+.3} px", j.name, j.error_px);
-        assert!(!j.profile.detection.is_clipped_left() && !j.profile.detection.is_clipped_right(), "{}", j.name);
+    for (k, (_, name)) in METHODS.iter().enumerate() {
+        for (difficulty, judged) in DIFFICULTIES.iter().zip(&table) {
+            let of = &judged[k];
+            let worst = of.iter().map(|j| j.iou).fold(1.0, f64::min);
+            println!(
+                "{name:10} {:8} IoU median {:.4}, worst {worst:.4}; edge {:+.3} px; within 1 px {:.3}; fins {:.2}",
+                format!("{difficulty:?}"),
+                median(of.iter().map(|j| j.iou)),
+                median(of.iter().filter_map(|j| j.signed_px)),
+                median(of.iter().map(|j| j.within_share)),
+                median(of.iter().filter_map(|j| j.fins)),
+            );
+        }
+        let all = || table.iter().flat_map(|judged| &judged[k]);
+        println!(
+            "{name:10} all      IoU median {:.4}, mean {:.4}; edge {:+.3} px; within {:.3}; fins {:.2}",
+            median(all().map(|j| j.iou)),
+            all().map(|j| j.iou).sum::<f64>() / all().count() as f64,
+            median(all().filter_map(|j| j.signed_px)),
+            median(all().map(|j| j.within_share)),
+            median(all().filter_map(|j| j.fins)),
+        );
     }
+    let of = |row: usize, k: usize, figure: fn(&Judged) -> Option<f64>| median(table[row][k].iter().filter_map(figure));
+    for (row, [iou, worst, within, fins]) in FLOORS.into_iter().enumerate() {
+        let name = DIFFICULTIES[row];
+        for k in 1..METHODS.len() {
+            assert!(of(row, 0, |j| Some(j.iou)) > of(row, k, |j| Some(j.iou)), "{name:?}: {} is better than the hybrid", METHODS[k].1);
+        }
+        let least = table[row][0].iter().map(|j| j.iou).fold(1.0, f64::min);
+        let found = [of(row, 0, |j| Some(j.iou)), least, of(row, 0, |j| Some(j.within_share)), of(row, 0, |j| j.fins)];
+        let names = ["median IoU", "worst IoU", "share within 1 px", "share of the fins"];
+        for ((what, found), floor) in names.iter().zip(found).zip([iou, worst, within, fins]) {
+            assert!(found >= floor, "{name:?}: {what} {found:.4}, at least {floor} was reached");
+        }
+        let signed = of(row, 0, |j| j.signed_px);
+        assert!(signed.abs() < 0.25, "{name:?}: the outline lies {signed:+.3} px beside the truth");
+    }
+    let all = |k: usize| median(table.iter().flat_map(|judged| &judged[k]).map(|j| j.iou));
+    assert!(all(0) >= all(1).max(all(2)) + 0.08, "hybrid {}, mean shift {}, level set {}", all(0), all(1), all(2));
 }
 
 /// A specimen measured on a scene of the default optics carries no flag for its blur; with half the blur or twice it does.
@@ -162,9 +171,10 @@ fn a_larva_that_leaves_the_field_says_on_which_side() {
     let scene = scene(41, 0.0, None, false);
     let larva = Specimen::larva(4, 41).unwrap().placed(Placement { x_um: 1500.0, ..Placement::default() });
     scene.load(Some(larva)).unwrap();
-    let judged = judge("clipped".to_owned(), &scene, 0.4, 1);
-    assert!(!judged.profile.detection.is_clipped_left() && judged.profile.detection.is_clipped_right());
-    assert!(judged.iou > 0.97, "IoU {}", judged.iou);
+    let profile = segment(&picture(&scene, 0.4, 1), &SegmentSettings::default()).unwrap();
+    let truth = Mask::from_coverage(1024, 1024, scene.truth_mask(0.4).data).unwrap();
+    assert!(!profile.detection.is_clipped_left() && profile.detection.is_clipped_right());
+    assert!(profile.mask.iou(&truth) > 0.97, "IoU {}", profile.mask.iou(&truth));
 }
 
 #[test]

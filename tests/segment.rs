@@ -192,13 +192,13 @@ fn a_call_that_would_lose_a_result_is_refused_whole() {
     for name in ["a.png", "a.bmp", "a.edge.png", "a.mask.png"] {
         colour(&frame).save(dir.path().join(name)).unwrap();
     }
-    std::fs::write(dir.path().join("bad.toml"), "clip_sigma = 0.5\n").unwrap();
+    std::fs::write(dir.path().join("bad.toml"), "high_sigma = 0.05\n").unwrap();
     std::fs::write(dir.path().join("unknown.toml"), "clip = 4\n").unwrap();
     let (bad, unknown) = (dir.path().join("bad.toml").display().to_string(), dir.path().join("unknown.toml").display().to_string());
     let refusals: [(&[&str], &[&str], &str); 5] = [
         (&[], &["a.png", "a.bmp"], "a.mask.png"),
         (&[], &["a.png", "a.edge.png"], "a.edge.json"),
-        (&["--settings", &bad], &["a.png"], "clip_sigma = 0.5; expected 1 to 100"),
+        (&["--settings", &bad], &["a.png"], "high_sigma = 0.05; expected 0.1 to 100"),
         (&["--settings", &unknown], &["a.png"], "unknown field `clip`"),
         (&["--settings", "absent.toml"], &["a.png"], "absent.toml"),
     ];

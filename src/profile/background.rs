@@ -142,12 +142,12 @@ impl Background {
         self.brightest();
         // Each round believes the estimate more: from 2 % of the level down to the noise alone.
         for tolerance in [0.02, 0.01, 0.0] {
-            self.to_modes(sigma);
+            self.slide_to_modes(sigma);
             light = self.fit_light(&light, |level| (tolerance * level).max(2.5 * sigma));
             self.even_out(&light);
             sigma = self.spread(sigma);
         }
-        self.to_modes(sigma);
+        self.slide_to_modes(sigma);
         light
     }
 
@@ -191,7 +191,7 @@ impl Background {
 
     /// Slides each row's level to the mode beside it: a body that is nearly as bright as the light and fills its row must not
     /// become the background.
-    fn to_modes(&mut self, sigma: f32) {
+    fn slide_to_modes(&mut self, sigma: f32) {
         self.support.clear();
         for (row, level) in self.even.chunks_exact(self.table.cols).zip(&mut self.profile) {
             let first = *level;

@@ -131,27 +131,24 @@ fn grams(courses: &[[f32; SAMPLES]; COURSES], from: usize, upto: usize) -> Vec<(
     let mut gram = ([[0.0; COURSES]; COURSES], [0.0; COURSES]);
     let mut all = vec![gram];
     for at in from..upto {
-        for i in 0..COURSES {
-            for j in 0..COURSES {
-                gram.0[i][j] += courses[i][at] * courses[j][at];
-            }
-            gram.1[i] += courses[i][at];
+        let values = courses.each_ref().map(|course| course[at]);
+        for (row, a) in gram.0.iter_mut().zip(values) {
+            row.iter_mut().zip(values).for_each(|(product, b)| *product += a * b);
         }
+        gram.1.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
         all.push(gram);
     }
     all
 }
 
 fn gram_over(courses: &[[f32; SAMPLES]; COURSES], from: usize, upto: usize) -> (Matrix, Vector) {
-    let dot = |i: usize, j: usize| courses[i][from..upto].iter().zip(&courses[j][from..upto]).map(|(a, b)| a * b).sum();
+    let seen = courses.each_ref().map(|course| &course[from..upto]);
     let mut gram = [[0.0; COURSES]; COURSES];
-    for i in 0..COURSES {
-        for j in 0..=i {
-            gram[i][j] = dot(i, j);
-            gram[j][i] = gram[i][j];
-        }
+    for (i, j) in (0..COURSES).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+        gram[i][j] = seen[i].iter().zip(seen[j]).map(|(a, b)| a * b).sum();
+        gram[j][i] = gram[i][j];
     }
-    (gram, courses.each_ref().map(|course| course[from..upto].iter().sum()))
+    (gram, seen.map(|course| course.iter().sum()))
 }
 
 /// Non-negative least squares: solved freely, and again without the most negative, until none is. Gives the solution and the
@@ -229,7 +226,7 @@ impl Courses {
         for i in 0..SAMPLES {
             let step = (depth_px(i) * STEPS_PER_PX as f64).round() + (DEPTH_PX * STEPS_PER_PX) as f64;
             let values = self.table[(step.max(0.0) as usize).min(self.table.len() - 1)];
-            (0..COURSES).for_each(|c| courses[c][i] = values[c]);
+            courses.iter_mut().zip(values).for_each(|(course, value)| course[i] = value);
         }
         courses
     }

@@ -23,7 +23,7 @@ impl Path {
         self.came.clear();
         for step in 0..2 * steps {
             let costs = &self.costs[step % steps * states..][..states];
-            for k in 0..states {
+            for (k, cost) in costs.iter().enumerate() {
                 let (mut least, mut from) = (f32::INFINITY, 0u8);
                 for j in k.saturating_sub(REACH)..(k + REACH + 1).min(states) {
                     let apart = j as f32 - k as f32;
@@ -32,7 +32,7 @@ impl Path {
                         (least, from) = (total, (j + REACH - k) as u8);
                     }
                 }
-                self.next[k] = least + costs[k];
+                self.next[k] = least + cost;
                 self.came.push(from);
             }
             let least = self.next.iter().copied().fold(f32::INFINITY, f32::min);

@@ -13,6 +13,7 @@ pub(super) struct Plane {
 }
 
 impl Plane {
+    #[cfg(test)]
     pub fn filled(width: usize, height: usize, top: usize, value: f32) -> Self {
         Self { width, height, top, data: vec![value; width * height] }
     }
@@ -39,38 +40,6 @@ impl Plane {
         let upper = p(u0, v0) + fu * (p(u1, v0) - p(u0, v0));
         let lower = p(u0, v1) + fu * (p(u1, v1) - p(u0, v1));
         upper + fv * (lower - upper)
-    }
-
-    /// Gaussian smoothing; the border is continued by its own value.
-    pub fn smoothed(&self, sigma_px: f64) -> Self {
-        let kernel = gaussian(sigma_px);
-        let (w, h) = (self.width, self.height);
-        let reach = kernel.len() / 2;
-        let mut padded = vec![0.0f32; w + 2 * reach];
-        let mut across = vec![0.0f32; w * h];
-        for v in 0..h {
-            let row = self.row(v);
-            padded[..reach].fill(row[0]);
-            padded[reach..reach + w].copy_from_slice(row);
-            padded[reach + w..].fill(row[w - 1]);
-            let out = &mut across[v * w..(v + 1) * w];
-            for (k, &weight) in kernel.iter().enumerate() {
-                for (o, p) in out.iter_mut().zip(&padded[k..k + w]) {
-                    *o += weight * p;
-                }
-            }
-        }
-        let mut data = vec![0.0f32; w * h];
-        for v in 0..h {
-            let out = &mut data[v * w..(v + 1) * w];
-            for (k, &weight) in kernel.iter().enumerate() {
-                let from = (v + k).saturating_sub(reach).min(h - 1);
-                for (o, p) in out.iter_mut().zip(&across[from * w..(from + 1) * w]) {
-                    *o += weight * p;
-                }
-            }
-        }
-        Self { width: w, height: h, top: self.top, data }
     }
 }
 
@@ -104,13 +73,5 @@ mod tests {
         let p = ramp(6, 4);
         assert!((p.sample(2.25, 6.5) - 17.25).abs() < 1e-5);
         assert!((p.sample(-9.0, 5.0) - 0.0).abs() < 1e-6 && (p.sample(99.0, 99.0) - 35.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn smoothing_keeps_a_constant_and_a_ramp_away_from_the_border() {
-        let s = ramp(20, 20).smoothed(1.0);
-        assert!((s.data[10 * 20 + 10] - 110.0).abs() < 1e-3);
-        let flat = Plane::filled(3, 1, 0, 7.0).smoothed(2.5);
-        assert!(flat.data.iter().all(|v| (v - 7.0).abs() < 1e-5), "also where the kernel is wider than the window");
     }
 }
