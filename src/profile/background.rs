@@ -531,3 +531,82 @@ impl Table {
         2.0 * t / (self.rows - 1) as f64 - 1.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::settings::WallSettings;
+    use super::super::synthetic::{Noise, blurred_step};
+    use super::super::walls;
+    use super::*;
+    use crate::frame::{PixelFormat, RawFrame};
+
+    const WIDTH: usize = 512;
+    const HEIGHT: usize = 320;
+    const BODY: [f64; 4] = [240.0, 160.0, 130.0, 45.0];
+
+    /// A capillary between rows 60 and 260 in uneven light, with or without a dark body, moved down and tilted.
+    fn picture(body: bool, down_px: f64, slope: f64, seed: u64) -> Picture {
+        let mut noise = Noise::new(seed);
+        let mut grey = |u: f64, v: f64| {
+            let (x, y) = (u / 256.0 - 1.0, v / 160.0 - 1.0);
+            let light = 190.0 * (1.0 + 0.06 * x - 0.05 * x * x - 0.03 * y);
+            let t = v - down_px - slope * (u - 255.5);
+            let line = |at: f64| 0.6 * (-0.5 * ((t - at) / 1.5).powi(2)).exp();
+            let glass = 1.0 - line(60.0) - line(260.0);
+            // Glass darkens the bore towards its walls.
+            let across = ((t - 160.0) / 100.0).clamp(-1.0, 1.0);
+            let shade = 1.0 - 0.1 * across.powi(4);
+            let [u0, v0, a, b] = BODY;
+            let depth = (1.0 - ((u - u0) / a).hypot((v - v0) / b)) * b;
+            let body = if body { 1.0 - 0.4 * blurred_step(depth, 1.5) } else { 1.0 };
+            (light * glass * shade * body + 1.5 * noise.next()).round().clamp(0.0, 255.0) as u8
+        };
+        let bytes = (0..WIDTH * HEIGHT).map(|i| grey((i % WIDTH) as f64, (i / WIDTH) as f64)).collect();
+        Picture::from_frame(&RawFrame::new(WIDTH as u32, HEIGHT as u32, PixelFormat::Mono8, bytes).unwrap())
+    }
+
+    /// Largest mean contrast of a block of 16 x 16 px off the walls and off the body, and least mean contrast inside it.
+    fn contrasts(reference: Option<&Reference>) -> (f32, f32) {
+        let picture = picture(true, 0.0, 0.0, 1);
+        let bore = Bore::of(&picture, walls::find(&picture, &WallSettings::default()).unwrap());
+        let mut background = Background::default();
+        background.take_away(&bore, &picture, reference);
+        let lightness = &background.contrast.lightness;
+        // The reference's own noise counts too, halved or not by how it lies between rows.
+        let least_and_most = if reference.is_some() { (1.8, 2.2) } else { (1.4, 1.65) };
+        let noise = background.contrast.noise_grey;
+        assert!((least_and_most.0..least_and_most.1).contains(&noise), "noise {noise}");
+        let (mut outside, mut inside) = (0.0f32, f32::MAX);
+        for v0 in (76..232).step_by(16) {
+            for u0 in (0..WIDTH).step_by(16) {
+                let depth = |u: usize, v: usize| 1.0 - ((u as f64 - BODY[0]) / BODY[2]).hypot((v as f64 - BODY[1]) / BODY[3]);
+                let corners = [depth(u0, v0), depth(u0 + 15, v0), depth(u0, v0 + 15), depth(u0 + 15, v0 + 15)];
+                let rows = v0 - bore.top..v0 - bore.top + 16;
+                let mean = rows.map(|v| lightness.row(v)[u0..u0 + 16].iter().sum::<f32>()).sum::<f32>() / 256.0;
+                if corners.iter().all(|d| *d < -0.15) {
+                    if mean.abs() > outside.abs() {
+                        outside = mean;
+                    }
+                } else if corners.iter().all(|d| *d > 0.15) {
+                    inside = inside.min(mean);
+                }
+            }
+        }
+        println!("outside {outside:.3}, inside {inside:.1}");
+        (outside, inside)
+    }
+
+    /// A block's own noise is 1 / 16; five times that for the largest of 200.
+    #[test]
+    fn what_is_empty_has_no_contrast() {
+        let (outside, inside) = contrasts(None);
+        assert!(outside.abs() < 0.3 && inside > 20.0, "outside {outside}, inside {inside}");
+    }
+
+    #[test]
+    fn nor_beside_a_picture_of_the_empty_capillary_that_lies_elsewhere() {
+        let reference = Reference::new(picture(false, 1.5, 0.004, 2), &WallSettings::default()).unwrap();
+        let (outside, inside) = contrasts(Some(&reference));
+        assert!(outside.abs() < 0.3 && inside > 20.0, "outside {outside}, inside {inside}");
+    }
+}

@@ -64,6 +64,19 @@ impl Coarse {
         }
     }
 
+    /// The maps of a test: this lightness, no colour, walls nowhere.
+    #[cfg(test)]
+    pub fn of_lightness(width: usize, lightness: Vec<f32>) -> Self {
+        let mut coarse = Self { width, height: lightness.len() / width, step: 1, ..Self::default() };
+        coarse.colour = vec![0.0; lightness.len()];
+        coarse.within = vec![true; lightness.len()];
+        coarse.lightness = lightness;
+        for (smooth, map) in coarse.smooth.iter_mut().zip([&coarse.lightness, &coarse.colour]) {
+            binomial(map, width, coarse.height, &mut coarse.scratch, smooth);
+        }
+        coarse
+    }
+
     fn mark_within(&mut self, bore: &Bore, margin_px: f64) {
         self.within.clear();
         self.within.resize(self.width * self.height, false);
@@ -120,5 +133,41 @@ fn binomial(map: &[f32], w: usize, h: usize, across: &mut Vec<f32>, out: &mut Ve
     for v in 0..h {
         let (above, below) = (v.saturating_sub(1) * w, (v + 1).min(h - 1) * w);
         out.extend((0..w).map(|u| (across[above + u] + 2.0 * across[v * w + u] + across[below + u]) / 4.0));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::{Noise, bore};
+    use super::*;
+
+    #[test]
+    fn blocks_are_means_also_where_they_are_cut() {
+        let data: Vec<f32> = (0..5 * 3).map(|i| i as f32).collect();
+        let mut out = Vec::new();
+        average(&data, &bore(5, 3), 2, &mut out);
+        assert_eq!(out, [3.0, 5.0, 6.5, 10.5, 12.5, 14.0]);
+    }
+
+    /// A body in a fifth of the map does not count as noise.
+    #[test]
+    fn noise_is_1_after_normalising() {
+        let (width, height) = (120, 60);
+        let mut noise = Noise::new(3);
+        let mut map: Vec<f32> =
+            (0..width * height).map(|i| 0.4 * noise.next() as f32 + if i % width < width / 5 { 20.0 } else { 0.0 }).collect();
+        normalise(&mut map, width, 0.0, &mut Vec::new());
+        let straight = |b: f32| b.signum() * BEND * ((b.abs() / BEND).exp() - 1.0);
+        let empty: Vec<f32> = (0..map.len()).filter(|i| i % width > width / 5).map(|i| straight(map[i])).collect();
+        let sigma = (empty.iter().map(|m| m * m).sum::<f32>() / empty.len() as f32).sqrt();
+        // 5700 numbers tell it to 1 %; the quartile of their differences to 2 %, and the body's edge adds as much.
+        assert!((sigma - 1.0).abs() < 0.06, "{sigma}");
+    }
+
+    #[test]
+    fn a_model_error_counts_as_noise() {
+        let mut map = vec![0.0, 8.0, 0.0, 0.0, 0.0, 0.0];
+        normalise(&mut map, 6, 2.0, &mut Vec::new());
+        assert!((map[1] - bent(4.0)).abs() < 1e-5, "{}", map[1]);
     }
 }

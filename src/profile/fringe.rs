@@ -188,3 +188,77 @@ const GOES_ON: f32 = 0.75;
 const FAINT_SIGMA: f32 = 5.0;
 /// Cost of a place that the fringe cannot reach.
 const BLOCKED: f32 = 50.0;
+
+#[cfg(test)]
+mod tests {
+    use super::super::outline::{smoothed, trace};
+    use super::super::synthetic::{Noise, blurred_step, bore, plane};
+    use super::*;
+
+    const WIDTH: usize = 320;
+    const HEIGHT: usize = 200;
+    const BODY: f64 = 35.0;
+    const RING: f64 = 52.0;
+
+    fn place(u: f64, v: f64) -> (f64, f64) {
+        (u - 160.0, v - 99.0)
+    }
+
+    /// Pixels added around a dark disc under noise of 1, with `beside` around it.
+    fn added(beside: impl Fn(f64, f64) -> f64) -> Vec<bool> {
+        let mut noise = Noise::new(17);
+        let darkness = plane(WIDTH, HEIGHT, |u, v| {
+            let (x, y) = place(u, v);
+            let body = blurred_step(BODY - x.hypot(y), 1.0);
+            40.0 * body + (1.0 - body) * beside(x, y) + noise.next()
+        });
+        let body: Vec<bool> = (0..WIDTH * HEIGHT)
+            .map(|i| {
+                let (x, y) = place((i % WIDTH) as f64, (i / WIDTH) as f64);
+                x.hypot(y) < BODY
+            })
+            .collect();
+        let (mut cracks, mut outlines) = (Outlines::default(), Outlines::default());
+        trace(&body, WIDTH, 0, 12, &mut Vec::new(), &mut cracks);
+        smoothed(&cracks, OUTLINE_SMOOTHING_PX, STEP_PX, &mut Vec::new(), &mut outlines);
+        let mut inside = body.clone();
+        Fringe::default().add(&outlines, &darkness, &bore(WIDTH, HEIGHT), &FringeSettings::default(), &mut inside);
+        inside.iter().zip(&body).map(|(now, before)| *now && !*before).collect()
+    }
+
+    fn count(added: &[bool], of: impl Fn(f64) -> bool) -> usize {
+        (0..added.len())
+            .filter(|&i| {
+                let (x, y) = place((i % WIDTH) as f64, (i / WIDTH) as f64);
+                added[i] && of(x.hypot(y))
+            })
+            .count()
+    }
+
+    /// 85 % of it: the border is placed some 2 px inside where it is, and nowhere outside.
+    #[test]
+    fn a_ring_as_faint_as_the_noise_is_found() {
+        let added = added(|x, y| blurred_step(RING - x.hypot(y), 1.0));
+        let ring = std::f64::consts::PI * (RING * RING - BODY * BODY);
+        let (within, beyond) = (count(&added, |r| r < RING), count(&added, |r| r > RING + 2.0));
+        println!("{within} of {ring:.0} within, {beyond} beyond");
+        assert!(within as f64 > 0.8 * ring && (beyond as f64) < 0.05 * ring, "{within} of {ring:.0}, {beyond} beyond");
+    }
+
+    #[test]
+    fn nothing_is_added_where_nothing_is() {
+        let added = added(|_, _| 0.0);
+        // The smoothed outline lies up to a px beside the disc's pixels.
+        println!("{} added", count(&added, |_| true));
+        assert!(count(&added, |r| r > BODY + 2.0) == 0, "{} px", count(&added, |r| r > BODY + 2.0));
+    }
+
+    #[test]
+    fn an_opaque_blob_beside_is_not_taken() {
+        let added = added(|x, y| 60.0 * blurred_step(12.0 - (x - 60.0).hypot(y), 1.0));
+        let taken =
+            (0..added.len()).filter(|i| added[*i] && (((i % WIDTH) as f64 - 220.0).hypot((i / WIDTH) as f64 - 99.0)) < 11.0).count();
+        println!("{taken} px of the blob");
+        assert!(taken < 10, "{taken} px of the blob");
+    }
+}

@@ -182,3 +182,54 @@ impl Hybrid {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::bore;
+    use super::*;
+
+    const WIDTH: usize = 60;
+    const HEIGHT: usize = 40;
+
+    /// A body in columns 10..20 from wall to wall; to its right, as far as `beside` is above 1, something faint that was grown on to it. Gives
+    /// the number of its columns that are kept.
+    fn kept(beside: impl Fn(f32) -> f32) -> usize {
+        let contrast = |u: usize| {
+            if (10..20).contains(&u) {
+                30.0
+            } else if u >= 20 {
+                beside(u as f32 - 19.5)
+            } else {
+                0.0
+            }
+        };
+        let map = (0..WIDTH * HEIGHT).map(|i| contrast(i % WIDTH)).collect();
+        let coarse = Coarse::of_lightness(WIDTH, map);
+        let mut hybrid = Hybrid::default();
+        let set = |least: f32| (0..WIDTH * HEIGHT).map(move |i| (i, least));
+        hybrid.near.take(WIDTH, set(20.0).map(|(i, least)| coarse.lightness[i] > least));
+        hybrid.specimen.take(WIDTH, set(1.0).map(|(i, least)| coarse.lightness[i] > least));
+        hybrid.drop_shades(&coarse, 1.3);
+        (20 + RIM_BLOCKS..WIDTH).filter(|u| hybrid.specimen.set[20 * WIDTH + u]).count()
+    }
+
+    #[test]
+    fn a_shade_that_fades_is_dropped_and_what_ends_in_a_step_is_kept() {
+        assert_eq!(kept(|out| 3.0 - 0.1 * out), 0, "a ramp has no edge of its own");
+        assert_eq!(kept(|out| if out < 15.0 { 2.0 } else { 0.0 }), 15 - RIM_BLOCKS, "a fin of 2 sigma has");
+    }
+
+    /// Between two blocks a mask rounds corners and moves no edge by more than half a pixel.
+    #[test]
+    fn blocks_become_the_pixels_that_they_cover() {
+        let mut coarse = Coarse::of_lightness(10, vec![0.0; 100]);
+        coarse.step = 3;
+        let mut hybrid = Hybrid::default();
+        hybrid.specimen.take(10, (0..100).map(|i| (3..7).contains(&(i % 10)) && (2..6).contains(&(i / 10))));
+        let mut inside = Vec::new();
+        hybrid.to_pixels(&coarse, &bore(30, 30), &mut inside);
+        let pixels = inside.iter().filter(|i| **i).count();
+        assert!((4 * 4 * 9 - 8..=4 * 4 * 9 + 28).contains(&pixels), "{pixels}");
+        assert!(inside[10 * 30 + 14] && !inside[10 * 30 + 7] && !inside[3 * 30 + 14]);
+    }
+}

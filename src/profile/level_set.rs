@@ -108,3 +108,67 @@ impl LevelSet {
         std::mem::swap(&mut self.phi, &mut self.next);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::{Noise, blurred_step};
+    use super::*;
+
+    const SIZE: usize = 60;
+    const RADIUS: f64 = 15.0;
+
+    /// What the front encloses of a disc of contrast 15 under noise of 1, with something beside it.
+    fn found(beside: impl Fn(f64, f64) -> f64) -> (Vec<bool>, LevelSet) {
+        let mut noise = Noise::new(5);
+        let map = (0..SIZE * SIZE).map(|i| {
+            let (u, v) = ((i % SIZE) as f64 - 29.5, (i / SIZE) as f64 - 29.5);
+            let disc = blurred_step(RADIUS - u.hypot(v), 0.7);
+            (15.0 * disc + (1.0 - disc) * beside(u, v) + noise.next()) as f32
+        });
+        let coarse = Coarse::of_lightness(SIZE, map.collect());
+        let mut set = LevelSet::default();
+        set.run(&coarse, &LevelSetSettings::default());
+        assert!(set.phi.iter().all(|phi| phi.is_finite() && phi.abs() <= BAND));
+        (set.phi.iter().map(|phi| *phi > 0.0).collect(), set)
+    }
+
+    fn radius(inside: &[bool]) -> f64 {
+        (inside.iter().filter(|i| **i).count() as f64 / std::f64::consts::PI).sqrt()
+    }
+
+    /// The level is 0.4 of the contrast, so the front stands a little outside half height: 0.25 of the blur of 0.7 and the
+    /// smoothing's 0.7 together.
+    #[test]
+    fn a_disc_is_found_with_its_area() {
+        let (inside, _) = found(|_, _| 0.0);
+        println!("radius {:.3}", radius(&inside));
+        assert!((radius(&inside) - RADIUS - 0.25).abs() < 0.3, "{}", radius(&inside));
+    }
+
+    /// What is clearly darker than nothing and fainter than the level is lost, which is why it is not used alone.
+    #[test]
+    fn a_transparent_side_is_lost() {
+        let (inside, _) = found(|u, v| if u > 0.0 && v.abs() < 8.0 { 2.5 } else { 0.0 });
+        let beyond = (0..SIZE * SIZE).filter(|i| inside[*i] && (i % SIZE) as f64 - 29.5 > RADIUS + 2.0).count();
+        assert!(beyond <= 2 && (radius(&inside) - RADIUS).abs() < 0.8, "{beyond} blocks beyond, radius {}", radius(&inside));
+    }
+
+    /// Through a side without an edge it runs on as far as the dark goes, but not into what is brighter than the background.
+    #[test]
+    fn it_leaks_into_the_dark_and_never_into_the_bright() {
+        let (inside, _) = found(|u, v| {
+            if u > 0.0 && v.abs() < 6.0 {
+                9.0
+            } else if u < 0.0 {
+                -9.0
+            } else {
+                0.0
+            }
+        });
+        let count = |of: &dyn Fn(f64, f64) -> bool| {
+            (0..SIZE * SIZE).filter(|i| inside[*i] && of((i % SIZE) as f64 - 29.5, (i / SIZE) as f64 - 29.5)).count()
+        };
+        assert!(count(&|u, v| u > 20.0 && v.abs() < 5.0) > 80, "the arm is taken");
+        assert_eq!(count(&|u, v| u < 0.0 && u.hypot(v) > RADIUS + 1.5), 0);
+    }
+}

@@ -105,3 +105,51 @@ impl Window<'_> {
         [l, c]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::synthetic::Noise;
+    use super::*;
+
+    const WIDTH: usize = 60;
+    const HEIGHT: usize = 40;
+
+    /// Mean and standard deviation of the modes left and right of a noisy step in the middle, `beside` blocks and more from it.
+    fn sides(step: f32, beside: usize) -> [(f32, f32); 2] {
+        let mut noise = Noise::new(11);
+        let map = (0..WIDTH * HEIGHT).map(|i| noise.next() as f32 + if i % WIDTH < WIDTH / 2 { 0.0 } else { step }).collect();
+        let mut shift = MeanShift::default();
+        shift.run(&Coarse::of_lightness(WIDTH, map), &MeanShiftSettings::default());
+        [0..WIDTH / 2 - beside, WIDTH / 2 + beside..WIDTH].map(|columns| {
+            let modes: Vec<f32> = (0..WIDTH * HEIGHT).filter(|i| columns.contains(&(i % WIDTH))).map(|i| shift.lightness[i]).collect();
+            let mean = modes.iter().sum::<f32>() / modes.len() as f32;
+            (mean, (modes.iter().map(|m| (m - mean) * (m - mean)).sum::<f32>() / modes.len() as f32).sqrt())
+        })
+    }
+
+    /// A full window averages 81 blocks: 0.11 is left of a noise of 1, more where the window is cut.
+    #[test]
+    fn a_step_keeps_its_two_levels_and_each_becomes_flat() {
+        let [left, right] = sides(3.0, REACH + 1);
+        println!("{left:?} {right:?}");
+        assert!(left.0.abs() < 0.15 && (right.0 - 3.0).abs() < 0.15, "{left:?} {right:?}");
+        assert!(left.1 < 0.4 && right.1 < 0.4, "{left:?} {right:?}");
+    }
+
+    #[test]
+    fn a_step_as_small_as_the_noise_shows_in_every_block() {
+        let [left, right] = sides(1.0, REACH + 1);
+        println!("{left:?} {right:?}");
+        assert!(right.0 - left.0 > 0.8, "{left:?} {right:?}");
+        assert!(left.1 + right.1 < 0.5 * (right.0 - left.0), "{left:?} {right:?}");
+    }
+
+    #[test]
+    fn what_is_beyond_the_walls_is_not_mixed_in() {
+        let mut coarse = Coarse::of_lightness(WIDTH, (0..WIDTH * HEIGHT).map(|i| if i < 5 * WIDTH { 2.0 } else { 0.0 }).collect());
+        coarse.within[..5 * WIDTH].fill(false);
+        let mut shift = MeanShift::default();
+        shift.run(&coarse, &MeanShiftSettings::default());
+        assert!(shift.lightness[5 * WIDTH..].iter().all(|m| m.abs() < 1e-5));
+    }
+}

@@ -29,6 +29,8 @@ mod region;
 mod segment;
 mod segmenters;
 mod settings;
+#[cfg(test)]
+mod synthetic;
 mod walls;
 
 pub use detection::{Detection, Head, Kind, Likelihoods, Side};

@@ -239,3 +239,24 @@ fn course(depth_px: f64) -> [f64; COURSES] {
     let rim = |half: f64| 1.0 / (1.0 + (depth_px / half).powi(2));
     [1.0, rim(RIMS_PX[0]), rim(RIMS_PX[1]), depth_px.sqrt()]
 }
+
+/// What a normal shows without noise of darkness that begins at depth `begins`: the courses in these heights, blurred by sums
+/// over a hundredth of a px, on a level.
+#[cfg(test)]
+pub(super) fn blurred_samples(begins: f64, blur: f64, heights: [f64; COURSES], level: f64) -> [f32; SAMPLES] {
+    const STEP: f64 = 0.01;
+    std::array::from_fn(|i| {
+        let depth = i as f64 / PER_PX as f64 - REACH_PX as f64 - begins;
+        let reach = (5.0 * blur / STEP) as i32;
+        let (mut sum, mut weights) = (0.0, 0.0);
+        for k in -reach..=reach {
+            let off = (f64::from(k) + 0.5) * STEP;
+            let weight = (-0.5 * (off / blur).powi(2)).exp();
+            weights += weight;
+            if depth + off > 0.0 {
+                sum += weight * course(depth + off).iter().zip(heights).map(|(c, h)| c * h).sum::<f64>();
+            }
+        }
+        (level + sum / weights) as f32
+    })
+}

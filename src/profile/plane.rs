@@ -13,11 +13,6 @@ pub(super) struct Plane {
 }
 
 impl Plane {
-    #[cfg(test)]
-    pub fn filled(width: usize, height: usize, top: usize, value: f32) -> Self {
-        Self { width, height, top, data: vec![value; width * height] }
-    }
-
     /// Sizes the window for a bore and clears it.
     pub fn reset(&mut self, bore: &Bore) {
         (self.width, self.height, self.top) = (bore.width, bore.height(), bore.top);

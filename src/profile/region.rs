@@ -54,7 +54,8 @@ impl Region {
         }
     }
 
-    /// Bridges gaps narrower than twice the radius.
+    /// Bridges gaps narrower than twice the radius, and those narrower than the radius to the map's end, beyond which the set
+    /// is taken to go on.
     pub fn close(&mut self, radius: usize, scratch: &mut Scratch) {
         self.dilate(radius, scratch);
         self.invert();
@@ -247,9 +248,14 @@ mod tests {
 
     #[test]
     fn closing_bridges_and_opening_shaves() {
-        let mut r = region(&["..........", "..........", ".###.####.", ".###.####.", ".###.####.", "..........", ".........."]);
+        let gap = "..###.####..";
+        let mut r = region(&["............", "............", gap, gap, gap, "............", "............"]);
         r.close(1, &mut Scratch::default());
-        assert_eq!(drawn(&r)[3], ".########.");
+        assert_eq!(drawn(&r)[3], "..########..");
+        assert_eq!(drawn(&r)[1], "............");
+        let mut r = region(&["..........", ".####.....", "#####....."]);
+        r.close(1, &mut Scratch::default());
+        assert_eq!(drawn(&r)[1], "#####.....", "what nearly reaches the map's end goes on beyond it");
         let mut r = region(&["..........", "....#.....", ".########.", ".########.", ".########.", "..........", ".........."]);
         r.open(1, &mut Scratch::default());
         assert_eq!(drawn(&r)[1], "..........");
