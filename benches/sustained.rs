@@ -72,7 +72,7 @@ fn single(frames: &[(String, RawFrame)]) {
                 continue;
             }
             colours.push(coloured);
-            profiles.push(whole - coloured);
+            profiles.push(whole.saturating_sub(coloured));
             both.push(whole);
         }
     }

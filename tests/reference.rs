@@ -34,10 +34,10 @@ fn frame(scene: &Scene, angle_rad: f64, number: u64) -> RawFrame {
 /// the mean with the empty capillary, 0.930 without. A third of that gain is asked for.
 #[test]
 fn dust_and_scratches_that_the_empty_capillary_shows_are_no_specimen() {
+    const SEEDS: [u64; 4] = [3, 4, 5, 6];
     let settings = SegmentSettings::default();
     let mut segmenter = Segmenter::default();
     let mut mean = [0.0; 2];
-    const SEEDS: [u64; 4] = [3, 4, 5, 6];
     for seed in SEEDS {
         let scene = dusty(seed);
         let reference = Reference::new(Picture::from_frame(&frame(&scene, 0.0, 100)), &settings.walls).unwrap();

@@ -103,7 +103,7 @@ impl Config {
         }
         let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {
             let file = path.parent().unwrap_or(Path::new("")).join(named);
-            empty_capillary(&file, &raw).map_err(|e| breaches.push(format!("  optics.empty_capillary = {named:?}: {e}"))).ok()
+            empty_capillary(&file, &raw).map_err(|e| breaches.push(format!("  optics.empty_capillary = \"{}\": {e}", named.display()))).ok()
         });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
         let RotationDriver::Grbl(rotation) = &raw.rotation;

@@ -592,7 +592,6 @@ mod tests {
                 }
             }
         }
-        println!("outside {outside:.3}, inside {inside:.1}");
         (outside, inside)
     }
 

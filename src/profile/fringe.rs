@@ -241,7 +241,6 @@ mod tests {
         let added = added(|x, y| blurred_step(RING - x.hypot(y), 1.0));
         let ring = std::f64::consts::PI * (RING * RING - BODY * BODY);
         let (within, beyond) = (count(&added, |r| r < RING), count(&added, |r| r > RING + 2.0));
-        println!("{within} of {ring:.0} within, {beyond} beyond");
         assert!(within as f64 > 0.8 * ring && (beyond as f64) < 0.05 * ring, "{within} of {ring:.0}, {beyond} beyond");
     }
 
@@ -249,7 +248,6 @@ mod tests {
     fn nothing_is_added_where_nothing_is() {
         let added = added(|_, _| 0.0);
         // The smoothed outline lies up to a px beside the disc's pixels.
-        println!("{} added", count(&added, |_| true));
         assert!(count(&added, |r| r > BODY + 2.0) == 0, "{} px", count(&added, |r| r > BODY + 2.0));
     }
 
@@ -258,7 +256,6 @@ mod tests {
         let added = added(|x, y| 60.0 * blurred_step(12.0 - (x - 60.0).hypot(y), 1.0));
         let taken =
             (0..added.len()).filter(|i| added[*i] && (((i % WIDTH) as f64 - 220.0).hypot((i / WIDTH) as f64 - 99.0)) < 11.0).count();
-        println!("{taken} px of the blob");
         assert!(taken < 10, "{taken} px of the blob");
     }
 }

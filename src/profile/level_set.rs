@@ -141,7 +141,6 @@ mod tests {
     #[test]
     fn a_disc_is_found_with_its_area() {
         let (inside, _) = found(|_, _| 0.0);
-        println!("radius {:.3}", radius(&inside));
         assert!((radius(&inside) - RADIUS - 0.25).abs() < 0.3, "{}", radius(&inside));
     }
 

@@ -131,7 +131,6 @@ mod tests {
     #[test]
     fn a_step_keeps_its_two_levels_and_each_becomes_flat() {
         let [left, right] = sides(3.0, REACH + 1);
-        println!("{left:?} {right:?}");
         assert!(left.0.abs() < 0.15 && (right.0 - 3.0).abs() < 0.15, "{left:?} {right:?}");
         assert!(left.1 < 0.4 && right.1 < 0.4, "{left:?} {right:?}");
     }
@@ -139,7 +138,6 @@ mod tests {
     #[test]
     fn a_step_as_small_as_the_noise_shows_in_every_block() {
         let [left, right] = sides(1.0, REACH + 1);
-        println!("{left:?} {right:?}");
         assert!(right.0 - left.0 > 0.8, "{left:?} {right:?}");
         assert!(left.1 + right.1 < 0.5 * (right.0 - left.0), "{left:?} {right:?}");
     }

@@ -95,14 +95,15 @@ fn one<'a>(names: &Names, settings: &'a SegmentSettings, bayer: bool, empty: Opt
     let mut report = Report::new(names, settings, empty.map(|e| e.sha256.as_str()));
     match input::read(&names.image, bayer) {
         Err(e) => report.fail(format!("{e:#}")),
-        Ok(input) => match empty.map_or(Ok(()), |e| e.is_of_the_kind_of(&input)) {
-            Err(e) => report.fail(e.to_string()),
-            Ok(()) => {
+        Ok(input) => {
+            if let Err(e) = empty.map_or(Ok(()), |e| e.is_of_the_kind_of(&input)) {
+                report.fail(e.to_string());
+            } else {
                 let picture = Picture::from_frame(&input.frame);
                 let profile = segmenters.segment(&picture, settings, empty.map(|e| &e.reference));
                 report.found(&input, profile.map(|profile| (picture, profile)));
             }
-        },
+        }
     }
     report
 }
