@@ -14,6 +14,7 @@
 //! through the strips' half-levels.
 
 use super::Picture;
+use super::plane::quantile;
 use super::segment::ProfileError;
 use super::settings::WallSettings;
 use serde::{Deserialize, Serialize};
@@ -145,6 +146,7 @@ pub(super) fn find(picture: &Picture, settings: &WallSettings) -> Result<Walls, 
         upper: Wall { outer: place(upper_outer), inner: place(upper_inner) },
         lower: Wall { outer: place(lower_outer), inner: place(lower_inner) },
     };
+    let walls = past_dark_glass(walls, &strips, settings);
     let last = (picture.width() - 1) as f64;
     let open = [0.0, last].iter().all(|&u| walls.bore_px(u) >= settings.min_bore_share * height as f64);
     if open { Ok(walls) } else { Err(no_walls()) }
@@ -261,6 +263,42 @@ fn pair(lines: &[Candidate], height: usize, settings: &WallSettings) -> Option<(
     }
     // A specimen may hide the inner line of one wall altogether: the other wall's thickness then stands for both.
     Some(([upper, upper + inner.0], [lower - inner.1, lower]))
+}
+
+/// Moves the inner lines to the foot of the glass where that is dark throughout and shows no lines of its own. The foot is
+/// where the brightest strips, which show no specimen there, come half the way up to the bore.
+fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings) -> Walls {
+    /// Below the foot lies the line, by its half width; and nearer than a line's width nothing new is found.
+    const LINE_PX: f64 = 1.0;
+    const APART_PX: f64 = 2.5;
+    let outer_px = walls.lower.outer.v_mid - walls.upper.outer.v_mid;
+    let deepest = (settings.max_wall_share * outer_px) as usize;
+    let foot = |outer: Line, inwards: f64| {
+        let grey_at = |depth: usize| {
+            let mut greys: Vec<f32> = strips
+                .rows
+                .iter()
+                .zip(&strips.centres_u)
+                .filter_map(|(rows, &u)| {
+                    let v = (outer.at(u) + inwards * depth as f64).round();
+                    (v >= 0.0).then(|| rows.get(v as usize).copied()).flatten()
+                })
+                .collect();
+            quantile(&mut greys, 0.8)
+        };
+        let greys: Vec<f32> = (0..=deepest).map(grey_at).collect();
+        let (dark, bright) = greys.iter().fold((f32::MAX, f32::MIN), |(d, b), &g| (d.min(g), b.max(g)));
+        greys.iter().rposition(|&g| g < (dark + bright) / 2.0).map(|d| d as f64 - LINE_PX)
+    };
+    let feet = [foot(walls.upper.outer, 1.0), foot(walls.lower.outer, -1.0)];
+    for (wall, inwards, own, other) in [(&mut walls.upper, 1.0, feet[0], feet[1]), (&mut walls.lower, -1.0, feet[1], feet[0])] {
+        // A specimen all along a wall makes it look thicker; glass is as thick above as below, but a wall's outer line may be missed.
+        let Some(depth) = own.map(|own| other.filter(|other| own > 2.0 * other && *other > APART_PX).unwrap_or(own)) else { continue };
+        if depth > inwards * (wall.inner.v_mid - wall.outer.v_mid) + APART_PX {
+            wall.inner = wall.outer.through(wall.outer.v_mid + inwards * depth);
+        }
+    }
+    walls
 }
 
 /// Places the dark line near `rough`: the darkest place of each strip that shows it, then the straight line that most strips
