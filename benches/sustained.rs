@@ -12,6 +12,7 @@ use anyhow::Context;
 use carved::frame::{PixelFormat, RawFrame};
 use carved::hash::sha256_hex;
 use carved::profile::{Picture, SegmentSettings, Segmenter};
+use hardware_sim::scene::Exposure;
 use hardware_sim::scene::frame_set::{FrameSpec, frame_set};
 use rayon::prelude::*;
 use std::path::Path;
@@ -34,7 +35,7 @@ fn main() -> anyhow::Result<()> {
 }
 
 fn render(spec: &FrameSpec) -> anyhow::Result<(String, RawFrame)> {
-    let rgb = spec.render()?.frame;
+    let rgb = spec.scene()?.render(&Exposure { angle_rad: spec.angle_rad, number: spec.number });
     let (format, bytes) = if spec.mono { (PixelFormat::Mono8, rgb.to_mono8()) } else { (PixelFormat::BayerRG8, rgb.to_bayer_rg8()) };
     Ok((spec.name.clone(), RawFrame::new(rgb.width, rgb.height, format, bytes)?))
 }

@@ -69,10 +69,22 @@ impl Bore {
     fn v_of(&self, t: f64, u: f64) -> f64 {
         self.walls.upper.inner.at(u) + (t - MARGIN_PX as f64) * self.walls.bore_px(u) / self.mean_px
     }
+}
 
-    /// Table row of picture row `v` in column `u`.
-    fn t_of(&self, v: f64, u: f64) -> f64 {
-        (v - self.walls.upper.inner.at(u)) * self.mean_px / self.walls.bore_px(u) + MARGIN_PX as f64
+/// One column of the bore.
+#[derive(Debug)]
+struct Column {
+    /// Row of the upper wall's inner line.
+    inner_v: f64,
+    bore_px: f64,
+    /// The light's three terms across the bore.
+    light: [f32; ACROSS],
+}
+
+impl Column {
+    /// Table row of picture row `v`.
+    fn t_of(&self, v: f64, mean_px: f64) -> f64 {
+        (v - self.inner_v) * mean_px / self.bore_px + MARGIN_PX as f64
     }
 }
 
@@ -107,8 +119,8 @@ pub(super) struct Background {
     support: Vec<f32>,
     slope: Vec<f32>,
     scratch: Vec<f32>,
-    /// The light's three terms across the bore, in every column.
-    columns: Vec<[f32; ACROSS]>,
+    /// What every column has of its own.
+    columns: Vec<Column>,
     before_row: Vec<f32>,
     pub contrast: Contrast,
 }
@@ -331,7 +343,11 @@ impl Background {
         self.slope.clear();
         self.slope.extend((0..rows).map(|t| (self.profile[(t + 1).min(rows - 1)] - self.profile[t.saturating_sub(1)]).abs() / 2.0));
         self.columns.clear();
-        self.columns.extend((0..bore.width).map(|u| light.column(2.0 * u as f64 / (bore.width.max(2) - 1) as f64 - 1.0)));
+        self.columns.extend((0..bore.width).map(|u| Column {
+            inner_v: bore.walls.upper.inner.at(u as f64),
+            bore_px: bore.walls.bore_px(u as f64),
+            light: light.column(2.0 * u as f64 / (bore.width.max(2) - 1) as f64 - 1.0),
+        }));
         let mid_level = self.profile[rows / 2];
         let unit = share * mid_level / noise;
         let last = (rows - 1) as f32;
@@ -346,14 +362,16 @@ impl Background {
             self.before_row.clear();
             if let Some(before) = before {
                 let typical = self.table.typical;
-                self.before_row.extend((0..bore.width).map(|u| before.at(bore.t_of(row_v, u as f64), u) / typical));
+                let t = |u: usize| self.columns[u].t_of(row_v, bore.mean_px);
+                self.before_row.extend((0..bore.width).map(|u| before.at(t(u), u) / typical));
             }
             for u in 0..bore.width {
-                let t = (bore.t_of(row_v, u as f64) as f32).clamp(0.0, last);
+                let column = &self.columns[u];
+                let t = (column.t_of(row_v, bore.mean_px) as f32).clamp(0.0, last);
                 let (t0, part) = (t as usize, t.fract());
                 let t1 = (t0 + 1).min(rows - 1);
                 let y = t * per_row - 1.0;
-                let [c0, c1, c2] = self.columns[u];
+                let [c0, c1, c2] = column.light;
                 let lit = (c0 + y * c1 + (1.5 * y * y - 0.5) * c2).max(0.1) * self.before_row.get(u).copied().unwrap_or(1.0);
                 let level = ((self.profile[t0] + part * (self.profile[t1] - self.profile[t0])) * lit).max(1.0);
                 let slope = (self.slope[t0] + part * (self.slope[t1] - self.slope[t0])) * lit * MISPLACED_PX;
@@ -568,7 +586,7 @@ mod tests {
     /// Largest mean contrast of a block of 16 x 16 px off the walls and off the body, and least mean contrast inside it.
     fn contrasts(reference: Option<&Reference>) -> (f32, f32) {
         let picture = picture(true, 0.0, 0.0, 1);
-        let bore = Bore::of(&picture, walls::find(&picture, &WallSettings::default()).unwrap());
+        let bore = Bore::of(&picture, walls::WallFinder::default().find(&picture, &WallSettings::default()).unwrap());
         let mut background = Background::default();
         background.take_away(&bore, &picture, reference);
         let lightness = &background.contrast.lightness;

@@ -3,39 +3,61 @@
 /// Each missing colour is the mean of the nearest pixels that have it; at the border the mosaic is mirrored, which keeps
 /// its phase.
 pub(super) fn demosaic_rg(raw: &[u8], width: usize, height: usize) -> [Vec<u8>; 3] {
-    let mirror = |i: isize, n: usize| -> usize {
-        let last = n as isize - 1;
-        let i = if i < 0 {
-            -i
-        } else if i > last {
-            2 * last - i
-        } else {
-            i
-        };
-        i.clamp(0, last) as usize
-    };
     let mut planes: [Vec<u8>; 3] = std::array::from_fn(|_| vec![0; width * height]);
     let [red, green, blue] = &mut planes;
     for v in 0..height {
-        let rows = [mirror(v as isize - 1, height), v, mirror(v as isize + 1, height)].map(|r| &raw[r * width..(r + 1) * width]);
-        for u in 0..width {
-            let (l, r) = (mirror(u as isize - 1, width), mirror(u as isize + 1, width));
-            let p = |row: usize, col: usize| u32::from(rows[row][col]);
-            let centre = rows[1][u];
-            let across = (p(1, l) + p(1, r)).div_ceil(2) as u8;
-            let down = (p(0, u) + p(2, u)).div_ceil(2) as u8;
-            let plus = ((p(1, l) + p(1, r) + p(0, u) + p(2, u) + 2) / 4) as u8;
-            let corners = ((p(0, l) + p(0, r) + p(2, l) + p(2, r) + 2) / 4) as u8;
-            let at = v * width + u;
-            (red[at], green[at], blue[at]) = match (v % 2, u % 2) {
-                (0, 0) => (centre, plus, corners),
-                (0, _) => (across, centre, down),
-                (_, 0) => (down, centre, across),
-                _ => (corners, plus, centre),
-            };
-        }
+        let span = v * width..(v + 1) * width;
+        let rows = Rows([mirror(v as isize - 1, height), v, mirror(v as isize + 1, height)].map(|r| &raw[r * width..(r + 1) * width]));
+        let (red, green, blue) = (&mut red[span.clone()], &mut green[span.clone()], &mut blue[span]);
+        // A row with blue is a row with red whose colours have changed places, one pixel on.
+        if v % 2 == 0 { rows.fill(0, red, green, blue) } else { rows.fill(1, blue, green, red) }
     }
     planes
+}
+
+/// Index `i` of `n`, mirrored at both ends.
+fn mirror(i: isize, n: usize) -> usize {
+    let last = n as isize - 1;
+    let i = if i < 0 { -i } else { i };
+    let i = if i > last { 2 * last - i } else { i };
+    i.clamp(0, last) as usize
+}
+
+/// A row of the mosaic between its neighbours.
+struct Rows<'a>([&'a [u8]; 3]);
+
+impl Rows<'_> {
+    /// Fills the row's three colours: `own` is the colour that the row has at every second pixel from `phase` on, green at the
+    /// others; `other` is that of the rows above and below.
+    fn fill(&self, phase: usize, own: &mut [u8], green: &mut [u8], other: &mut [u8]) {
+        let width = own.len();
+        let mut set = |u: usize, (l, r): (usize, usize)| {
+            let [above, here, below] = self.0;
+            let mean = |a: u8, b: u8| u16::from(a).midpoint(u16::from(b) + 1) as u8;
+            let mean_of_4 = |a: u8, b: u8, c: u8, d: u8| ((u16::from(a) + u16::from(b) + u16::from(c) + u16::from(d) + 2) / 4) as u8;
+            if u % 2 == phase {
+                own[u] = here[u];
+                green[u] = mean_of_4(here[l], here[r], above[u], below[u]);
+                other[u] = mean_of_4(above[l], above[r], below[l], below[r]);
+            } else {
+                own[u] = mean(here[l], here[r]);
+                green[u] = here[u];
+                other[u] = mean(above[u], below[u]);
+            }
+        };
+        let ends = |u: usize| (mirror(u as isize - 1, width), mirror(u as isize + 1, width));
+        let pairs = width.saturating_sub(2) / 2;
+        if width > 0 {
+            set(0, ends(0));
+        }
+        for u in (0..pairs).map(|k| 1 + 2 * k) {
+            set(u, (u - 1, u + 1));
+            set(u + 1, (u, u + 2));
+        }
+        for u in (1 + 2 * pairs).max(1)..width {
+            set(u, ends(u));
+        }
+    }
 }
 
 #[cfg(test)]

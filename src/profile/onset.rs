@@ -48,7 +48,8 @@ pub(super) struct Fit {
 struct Shift {
     from: usize,
     upto: usize,
-    courses: [[f32; SAMPLES]; COURSES],
+    /// By sample, so that all courses are summed at once.
+    courses: [Vector; SAMPLES],
     /// `grams[n]`: products of the courses over the first `n` samples of the window, and their sums.
     grams: Vec<(Matrix, Vector)>,
 }
@@ -109,7 +110,10 @@ impl Onsets {
             sum += y;
             yy += y * y;
         }
-        let mut right: Vector = shift.courses.each_ref().map(|course| seen.iter().zip(&course[from..upto]).map(|(y, c)| y * c).sum());
+        let mut right: Vector = [0.0; COURSES];
+        for (y, courses) in seen.iter().zip(&shift.courses[from..upto]) {
+            right.iter_mut().zip(courses).for_each(|(sum, c)| *sum += y * c);
+        }
         // The free level, projected out: a ridge keeps it near 0.
         let free = 1.0 / (n as f32 + 1.0 / (LEVEL_SIGMA * LEVEL_SIGMA));
         let mut normal = gram;
@@ -127,28 +131,27 @@ impl Onsets {
 }
 
 /// Products of the courses over the first samples of a window, for every number of them.
-fn grams(courses: &[[f32; SAMPLES]; COURSES], from: usize, upto: usize) -> Vec<(Matrix, Vector)> {
+fn grams(courses: &[Vector; SAMPLES], from: usize, upto: usize) -> Vec<(Matrix, Vector)> {
     let mut gram = ([[0.0; COURSES]; COURSES], [0.0; COURSES]);
     let mut all = vec![gram];
-    for at in from..upto {
-        let values = courses.each_ref().map(|course| course[at]);
-        for (row, a) in gram.0.iter_mut().zip(values) {
-            row.iter_mut().zip(values).for_each(|(product, b)| *product += a * b);
-        }
-        gram.1.iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
+    for at in &courses[from..upto] {
+        add_to(&mut gram, at);
         all.push(gram);
     }
     all
 }
 
-fn gram_over(courses: &[[f32; SAMPLES]; COURSES], from: usize, upto: usize) -> (Matrix, Vector) {
-    let seen = courses.each_ref().map(|course| &course[from..upto]);
-    let mut gram = [[0.0; COURSES]; COURSES];
-    for (i, j) in (0..COURSES).flat_map(|i| (0..=i).map(move |j| (i, j))) {
-        gram[i][j] = seen[i].iter().zip(seen[j]).map(|(a, b)| a * b).sum();
-        gram[j][i] = gram[i][j];
+fn gram_over(courses: &[Vector; SAMPLES], from: usize, upto: usize) -> (Matrix, Vector) {
+    let mut gram = ([[0.0; COURSES]; COURSES], [0.0; COURSES]);
+    courses[from..upto].iter().for_each(|at| add_to(&mut gram, at));
+    gram
+}
+
+fn add_to((gram, sums): &mut (Matrix, Vector), at: &Vector) {
+    for (row, a) in gram.iter_mut().zip(at) {
+        row.iter_mut().zip(at).for_each(|(product, b)| *product += a * b);
     }
-    (gram, seen.map(|course| course.iter().sum()))
+    sums.iter_mut().zip(at).for_each(|(sum, value)| *sum += value);
 }
 
 /// Non-negative least squares: solved freely, and again without the most negative, until none is. Gives the solution and the
@@ -221,14 +224,11 @@ impl Courses {
     }
 
     /// The courses at the depths of all samples.
-    fn at(&self, depth_px: impl Fn(usize) -> f64) -> [[f32; SAMPLES]; COURSES] {
-        let mut courses = [[0.0; SAMPLES]; COURSES];
-        for i in 0..SAMPLES {
+    fn at(&self, depth_px: impl Fn(usize) -> f64) -> [Vector; SAMPLES] {
+        std::array::from_fn(|i| {
             let step = (depth_px(i) * STEPS_PER_PX as f64).round() + (DEPTH_PX * STEPS_PER_PX) as f64;
-            let values = self.table[(step.max(0.0) as usize).min(self.table.len() - 1)];
-            courses.iter_mut().zip(values).for_each(|(course, value)| course[i] = value);
-        }
-        courses
+            self.table[(step.max(0.0) as usize).min(self.table.len() - 1)]
+        })
     }
 }
 

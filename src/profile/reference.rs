@@ -1,7 +1,8 @@
 //! The rig's empty capillary, seen once: what a frame is compared with where there is such a picture.
 
 use super::settings::WallSettings;
-use super::{Picture, ProfileError, Walls, walls};
+use super::walls::WallFinder;
+use super::{Picture, ProfileError, Walls};
 
 /// A picture of the empty capillary with its walls, by which it is laid over each frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -14,7 +15,7 @@ impl Reference {
     /// # Errors
     /// Refuses a picture without two walls.
     pub fn new(picture: Picture, settings: &WallSettings) -> Result<Self, ProfileError> {
-        let walls = walls::find(&picture, settings)?;
+        let walls = WallFinder::default().find(&picture, settings)?;
         Ok(Self { picture, walls })
     }
 

@@ -8,7 +8,8 @@ use super::fringe::{self, Fringe};
 use super::hybrid::Hybrid;
 use super::outline::{self, Crossings, Outlines, Polygon};
 use super::settings::{Method, SegmentSettings};
-use super::{Detection, Mask, Picture, ProfileQuality, Reference, Walls, detection, quality, walls};
+use super::walls::WallFinder;
+use super::{Detection, Mask, Picture, ProfileQuality, Reference, Walls, detection, quality};
 
 /// The outline of the specimen in one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,6 +57,7 @@ const SATURATED: u8 = 254;
 /// Segments frames; keeps its memory from frame to frame, so that a warm one allocates only what it hands out.
 #[derive(Default)]
 pub struct Segmenter {
+    walls: WallFinder,
     background: Background,
     coarse: Coarse,
     hybrid: Hybrid,
@@ -98,7 +100,7 @@ impl Segmenter {
             return Err(ProfileError::ReferenceSize { width, height, wide, high });
         }
         check_exposure(picture, settings)?;
-        let walls = walls::find(picture, &settings.walls)?;
+        let walls = self.walls.find(picture, &settings.walls)?;
         let bore = Bore::of(picture, walls);
         self.background.take_away(&bore, picture, reference);
         let contrast = &self.background.contrast;
@@ -164,6 +166,7 @@ fn saturated_share(picture: &Picture, top: usize, bottom: usize) -> f64 {
     let [red, green, blue] = picture.planes();
     let span = top * picture.width()..bottom * picture.width();
     let n = span.len().max(1);
-    let saturated = span.filter(|&i| red[i].min(green[i]).min(blue[i]) >= SATURATED).count();
+    let colours = red[span.clone()].iter().zip(&green[span.clone()]).zip(&blue[span]);
+    let saturated = colours.filter(|((r, g), b)| *(*r).min(g).min(b) >= SATURATED).count();
     saturated as f64 / n as f64
 }

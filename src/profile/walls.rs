@@ -77,6 +77,7 @@ impl Walls {
 }
 
 /// Mean grey of vertical strips, row by row.
+#[derive(Debug, Default)]
 struct Strips {
     /// Column of each strip's middle.
     centres_u: Vec<f64>,
@@ -85,38 +86,38 @@ struct Strips {
 }
 
 impl Strips {
-    fn of(picture: &Picture) -> Self {
+    fn read(&mut self, picture: &Picture) {
         let (w, h) = (picture.width(), picture.height());
         let count = (w / 16).clamp(4, 48).min(w);
-        let bounds: Vec<usize> = (0..=count).map(|k| k * w / count).collect();
-        let mut rows = vec![vec![0.0f32; h]; count];
+        let bound = |k: usize| k * w / count;
+        self.rows.resize(count, Vec::new());
+        self.rows.iter_mut().for_each(|rows| rows.resize(h, 0.0));
         let [red, green, blue] = picture.planes();
         for v in 0..h {
-            for (k, strip) in rows.iter_mut().enumerate() {
-                let span = v * w + bounds[k]..v * w + bounds[k + 1];
+            for (k, strip) in self.rows.iter_mut().enumerate() {
+                let span = v * w + bound(k)..v * w + bound(k + 1);
                 let sum = |plane: &[u8]| plane[span.clone()].iter().map(|&p| u32::from(p)).sum::<u32>();
                 let grey = sum(red) + 2 * sum(green) + sum(blue);
                 strip[v] = grey as f32 / (4 * span.len()) as f32;
             }
         }
-        let centres_u = bounds.windows(2).map(|b| (b[0] + b[1] - 1) as f64 / 2.0).collect();
-        Self { centres_u, rows }
+        self.centres_u.clear();
+        self.centres_u.extend((0..count).map(|k| (bound(k) + bound(k + 1) - 1) as f64 / 2.0));
     }
 
     /// How much darker each row is than the brightest row within `reach` above and the brightest within `reach` below.
-    fn dips(&self, reach: usize) -> Vec<Vec<f32>> {
+    fn dips(&self, reach: usize, dips: &mut Vec<Vec<f32>>) {
         let brightest = |rows: &[f32]| rows.iter().copied().fold(f32::MIN, f32::max);
-        let dips_of = |rows: &Vec<f32>| {
+        dips.resize(self.rows.len(), Vec::new());
+        for (rows, dips) in self.rows.iter().zip(dips) {
             let h = rows.len();
-            (0..h)
-                .map(|v| {
-                    let above = brightest(&rows[v.saturating_sub(reach)..=v]);
-                    let below = brightest(&rows[v..(v + reach + 1).min(h)]);
-                    above.min(below) - rows[v]
-                })
-                .collect()
-        };
-        self.rows.iter().map(dips_of).collect()
+            dips.clear();
+            dips.extend((0..h).map(|v| {
+                let above = brightest(&rows[v.saturating_sub(reach)..=v]);
+                let below = brightest(&rows[v..(v + reach + 1).min(h)]);
+                above.min(below) - rows[v]
+            }));
+        }
     }
 }
 
@@ -127,21 +128,48 @@ struct Candidate {
     support: f64,
 }
 
-/// Finds the walls.
-///
-/// # Errors
-/// [`ProfileError::NoWalls`] with the number of straight dark lines that were found.
-pub(super) fn find(picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
-    let strips = Strips::of(picture);
+/// Finds walls; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct WallFinder {
+    strips: Strips,
+    /// By strip, as its rows.
+    dips: Vec<Vec<f32>>,
+    weights: Vec<Vec<f32>>,
+}
+
+impl WallFinder {
+    /// # Errors
+    /// [`ProfileError::NoWalls`] with the number of straight dark lines that were found.
+    pub fn find(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
+        self.strips.read(picture);
+        let reach = (settings.line_reach_share * picture.height() as f64).round().max(4.0) as usize;
+        self.strips.dips(reach, &mut self.dips);
+        // A dip of half the least depth counts nothing, one of the least depth and more counts 1.
+        let half = settings.min_depth / 2.0;
+        self.weights.resize(self.dips.len(), Vec::new());
+        for (weights, dips) in self.weights.iter_mut().zip(&self.dips) {
+            weights.clear();
+            weights.extend(dips.iter().map(|d| ((d - half) / half).clamp(0.0, 1.0)));
+        }
+        choose(picture, &self.strips, &self.dips, &self.weights, settings)
+    }
+}
+
+/// The four lines that the strips vote for.
+fn choose(
+    picture: &Picture,
+    strips: &Strips,
+    dips: &[Vec<f32>],
+    weights: &[Vec<f32>],
+    settings: &WallSettings,
+) -> Result<Walls, ProfileError> {
     let height = picture.height();
-    let reach = (settings.line_reach_share * height as f64).round().max(4.0) as usize;
-    let dips = strips.dips(reach);
     let mid_u = (picture.width() - 1) as f64 / 2.0;
-    let votes = vote(&strips, &dips, mid_u, settings);
+    let votes = vote(strips, dips, weights, mid_u, settings);
     let lines = candidates(&votes, settings);
     let no_walls = || ProfileError::NoWalls { lines: lines.len(), needed_support: settings.min_support };
     let ([upper_outer, upper_inner], [lower_inner, lower_outer]) = pair(&lines, height, settings).ok_or_else(no_walls)?;
-    let place = |v: f64| place_line(&strips, &dips, votes.course.through(v), settings);
+    let place = |v: f64| place_line(strips, dips, votes.course.through(v), settings);
     let walls = Walls {
         upper: Wall { outer: place(upper_outer), inner: place(upper_inner) },
         lower: Wall { outer: place(lower_outer), inner: place(lower_inner) },
@@ -165,13 +193,10 @@ struct Votes {
 const BENT_BETTER: f32 = 1.05;
 
 /// Votes along the course, tilt and bend, on which they pile up highest.
-fn vote(strips: &Strips, dips: &[Vec<f32>], mid_u: f64, settings: &WallSettings) -> Votes {
+fn vote(strips: &Strips, dips: &[Vec<f32>], weights: &[Vec<f32>], mid_u: f64, settings: &WallSettings) -> Votes {
     let height = dips[0].len();
     let half_width = mid_u.max(1.0);
     let steps = ((settings.max_tilt_deg.to_radians().tan() * half_width) / 0.5).ceil() as i32;
-    // A dip of half the least depth counts nothing, one of the least depth and more counts 1.
-    let half = settings.min_depth / 2.0;
-    let weights: Vec<Vec<f32>> = dips.iter().map(|dip| dip.iter().map(|d| ((d - half) / half).clamp(0.0, 1.0)).collect()).collect();
     let course = |step: i32, sag_px: f64| Line {
         u_mid: mid_u,
         v_mid: 0.0,
