@@ -299,17 +299,14 @@ fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings) -
     let outer_px = walls.lower.outer.v_mid - walls.upper.outer.v_mid;
     let deepest = (settings.max_wall_share * outer_px) as usize;
     let foot = |outer: Line, inwards: f64| {
+        let mut across: Vec<f32> = Vec::with_capacity(strips.rows.len());
         let grey_at = |depth: usize| {
-            let mut greys: Vec<f32> = strips
-                .rows
-                .iter()
-                .zip(&strips.centres_u)
-                .filter_map(|(rows, &u)| {
-                    let v = (outer.at(u) + inwards * depth as f64).round();
-                    (v >= 0.0).then(|| rows.get(v as usize).copied()).flatten()
-                })
-                .collect();
-            quantile(&mut greys, 0.8)
+            across.clear();
+            across.extend(strips.rows.iter().zip(&strips.centres_u).filter_map(|(rows, &u)| {
+                let v = (outer.at(u) + inwards * depth as f64).round();
+                (v >= 0.0).then(|| rows.get(v as usize).copied()).flatten()
+            }));
+            quantile(&mut across, 0.8)
         };
         let greys: Vec<f32> = (0..=deepest).map(grey_at).collect();
         let (dark, bright) = greys.iter().fold((f32::MAX, f32::MIN), |(d, b), &g| (d.min(g), b.max(g)));
