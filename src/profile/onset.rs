@@ -17,7 +17,7 @@ pub(super) const PER_PX: usize = 2;
 pub(super) const REACH_PX: usize = 9;
 pub(super) const SAMPLES: usize = 2 * REACH_PX * PER_PX + 1;
 /// Positions that the fit tries per px.
-pub(super) const SHIFTS_PER_PX: usize = 4;
+pub(super) const SHIFTS_PER_PX: usize = 8;
 
 /// Depths at which the dark rim has half faded that an edge shows in bright field where it bends the light away: a fin's is
 /// about as thin as the blur, a round body's grows with its radius.
@@ -121,7 +121,7 @@ impl Onsets {
             for j in 0..COURSES {
                 normal[i][j] -= sums[i] * sums[j] * free;
             }
-            normal[i][i] += 1e-3;
+            normal[i][i] += 2e-5;
             right[i] -= sums[i] * sum * free;
         }
         let energy = (yy - sum * sum * free).max(0.0);

@@ -310,7 +310,7 @@ fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings) -
         };
         let greys: Vec<f32> = (0..=deepest).map(grey_at).collect();
         let (dark, bright) = greys.iter().fold((f32::MAX, f32::MIN), |(d, b), &g| (d.min(g), b.max(g)));
-        greys.iter().rposition(|&g| g < (dark + bright) / 2.0).map(|d| d as f64 - LINE_PX)
+        greys.iter().rposition(|&g| g < f32::midpoint(dark, bright)).map(|d| d as f64 - LINE_PX)
     };
     let feet = [foot(walls.upper.outer, 1.0), foot(walls.lower.outer, -1.0)];
     for (wall, inwards, own, other) in [(&mut walls.upper, 1.0, feet[0], feet[1]), (&mut walls.lower, -1.0, feet[1], feet[0])] {
