@@ -12,6 +12,7 @@
 use super::Mask;
 use super::background::Bore;
 use super::body::Body;
+use super::bubble::Disc;
 use super::opacity::Grid;
 use super::pieces::{self, Piece};
 use super::plane::Plane;
@@ -135,17 +136,20 @@ pub(super) fn any(of: impl IntoIterator<Item = f64>) -> f64 {
     1.0 - of.into_iter().map(|p| 1.0 - p).product::<f64>()
 }
 
-/// Decides by the darkness of the bore, in which the loss of all light counts `all_light`.
-pub(super) fn detect(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32) -> Detection {
-    let grid = Grid::of(mask, bore, darkness, all_light);
+/// Decides by the darkness of the bore, in which the loss of all light counts `all_light`; `bubbles` are those found in it.
+pub(super) fn detect(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32, bubbles: &[Disc]) -> Detection {
+    let grid = Grid::of(mask, bore, darkness, all_light, bubbles);
     let (labels, pieces) = pieces::find(&grid);
     let body = Body::of(&grid, &labels, &pieces);
     let looks: Vec<_> = pieces.iter().map(Piece::looks).collect();
-    let larva = any(looks.iter().map(|l| l.larva));
+    let [clipped_left, clipped_right] = grid.clipped();
+    // What reaches out of the picture is more than is seen of it: a tail by itself has no body's look.
+    let cut = |p: &Piece| if p.in_mask { clipped_left.max(clipped_right) } else { 0.0 };
+    let larva = any(pieces.iter().zip(&looks).map(|(p, l)| l.larva + cut(p) * l.debris));
     // Something round that the segmentation did not take for a specimen is too small for one.
     let bead = any(pieces.iter().zip(&looks).map(|(p, l)| if p.in_mask { l.bead } else { 0.0 }));
     let bubble = any(looks.iter().map(|l| l.bubble));
-    let debris = any(pieces.iter().zip(&looks).map(|(p, l)| if p.in_mask { l.debris } else { l.debris + l.bead }));
+    let debris = any(pieces.iter().zip(&looks).map(|(p, l)| (1.0 - cut(p)) * l.debris + if p.in_mask { 0.0 } else { l.bead }));
     let two = body.as_ref().map_or(0.0, Body::two);
     // What there is goes by what matters most: debris beside a larva is a larva's picture.
     let mut left = 1.0;
@@ -175,7 +179,6 @@ pub(super) fn detect(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32)
         (Kind::Bead, l.bead),
     ];
     let (kind, confidence) = kinds.into_iter().fold((Kind::Empty, 0.0), |best, next| if next.1 > best.1 { next } else { best });
-    let [clipped_left, clipped_right] = grid.clipped();
     let head = match (&body, kind) {
         (Some(body), Kind::Larva) => body.head(),
         _ => Head { side: None, confidence: 0.0 },

@@ -450,21 +450,20 @@ mod tests {
     }
 
     /// Step, a fin's rim, a body's rim and root, each alone and mixed, at any place between the shifts and under any blur, are
-    /// placed 0.16 px too far outside at most, and 0.21 px too far inside (the root alone). That is without noise, by the
+    /// placed 0.07 px too far outside at most, and 0.12 px too far inside (the root alone). That is without noise, by the
     /// model that is the truth: courses that may not be negative make the residual kink at the edge, where a parabola between
-    /// shifts of a quarter of a px errs by up to half of one, and the ridge prefers small heights. What is mixed as at a
-    /// larva's edge errs by 0.06 px.
+    /// shifts errs by up to half of one. What is mixed as at a larva's edge errs by 0.02 px.
     #[test]
     fn darkness_begins_where_it_begins_whatever_its_course() {
         let (step, fin, body, root) = ([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]);
         let mixtures = [
-            (step, 0.14),
-            (fin, 0.17),
+            (step, 0.08),
+            (fin, 0.07),
             (body, 0.09),
-            (root, 0.22),
-            ([1.0, 2.0, 0.0, 0.0], 0.17),
-            ([0.5, 0.0, 1.0, 0.0], 0.07),
-            ([1.0, 0.5, 0.5, 0.3], 0.06),
+            (root, 0.14),
+            ([1.0, 2.0, 0.0, 0.0], 0.09),
+            ([0.5, 0.0, 1.0, 0.0], 0.09),
+            ([1.0, 0.5, 0.5, 0.3], 0.05),
         ];
         for (mixture, tolerance) in mixtures {
             for blur in [0.6, 1.0, 1.5] {
@@ -475,7 +474,7 @@ mod tests {
                     let (found, lifted) = (place(0.0), place(0.5));
                     assert!((found - begins).abs() < tolerance, "{mixture:?}, blur {blur}: {found:.3} for {begins}");
                     // A background that is off by half a pixel's noise moves an edge of 20 by less than the bias above.
-                    assert!((lifted - found).abs() < 0.13, "{mixture:?}, blur {blur}: {lifted:.3} on a level, {found:.3} without");
+                    assert!((lifted - found).abs() < 0.15, "{mixture:?}, blur {blur}: {lifted:.3} on a level, {found:.3} without");
                 }
             }
         }

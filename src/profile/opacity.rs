@@ -6,6 +6,7 @@
 
 use super::Mask;
 use super::background::Bore;
+use super::bubble::Disc;
 use super::detection::above;
 use super::plane::Plane;
 
@@ -31,7 +32,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    pub fn of(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32) -> Self {
+    pub fn of(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32, bubbles: &[Disc]) -> Self {
         let cell = ((bore.mean_px / CELLS_ACROSS) as usize).max(1);
         let (width, height) = (bore.width / cell, bore.height() / cell);
         let share = 1.0 / (cell * cell) as f32 / all_light;
@@ -46,6 +47,7 @@ impl Grid {
         };
         // Six standard deviations of a cell's noise, where that is more.
         let least = BODY.max(6.0 / all_light / cell as f32);
+        let specimen = mask.data().iter().any(|&p| p != 0);
         let mut count = vec![0usize; width];
         for row in 0..height {
             count.fill(0);
@@ -62,7 +64,9 @@ impl Grid {
                 let (u, v) = ((column * cell + cell / 2) as f64, (bore.top + row * cell + cell / 2) as f64);
                 grid.open[at] = v - bore.walls.upper.inner.at(u) > WALL_PX && bore.walls.lower.inner.at(u) - v > WALL_PX;
                 grid.masked[at] = 2 * covered > cell * cell;
-                grid.filled[at] = grid.masked[at] || grid.open[at] && grid.opacity[at] > least;
+                // A bubble that was cut off the specimen is no part of it, and no second one.
+                let cut_off = specimen && bubbles.iter().any(|b| b.near([u, v]));
+                grid.filled[at] = grid.masked[at] || grid.open[at] && grid.opacity[at] > least && !cut_off;
             }
         }
         grid

@@ -134,7 +134,7 @@ impl Segmenter {
             blur_px,
             ..quality::of_edge(&edge, &points, &bore)
         };
-        let detection = detection::detect(&mask, &bore, &contrast.darkness, contrast.all_light);
+        let detection = detection::detect(&mask, &bore, &contrast.darkness, contrast.all_light, &self.bubbles);
         Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
     }
 }
