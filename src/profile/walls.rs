@@ -174,7 +174,7 @@ fn choose(
         upper: Wall { outer: place(upper_outer), inner: place(upper_inner) },
         lower: Wall { outer: place(lower_outer), inner: place(lower_inner) },
     };
-    let walls = past_dark_glass(walls, &strips, settings);
+    let walls = past_dark_glass(walls, strips, settings);
     let last = (picture.width() - 1) as f64;
     let open = [0.0, last].iter().all(|&u| walls.bore_px(u) >= settings.min_bore_share * height as f64);
     if open { Ok(walls) } else { Err(no_walls()) }
