@@ -28,9 +28,10 @@ impl Disc {
     }
 }
 
-/// Opacity of a bubble's ring, and of what counts as clear around it.
+/// Opacity of a bubble's ring.
 const BLACK: f32 = 0.6;
-const CLEAR: f32 = 0.4;
+/// What is around it takes less than this: every body takes more, so that a swim bladder is none.
+const CLEAR: f32 = 0.12;
 /// Smaller discs show no middle, blocks.
 const LEAST_RADIUS: f64 = 4.0;
 /// The blur around a bubble, blocks.
