@@ -73,7 +73,7 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
         "methods.standard.segment.closing_px = 100000; expected 0 to 30 px",
         "methods.standard.segment.low_sigma = 9; expected 0.1 to 8 standard deviations of the noise",
         "methods.standard.segment.walls.min_depth = -2; expected 0.5 to 100 grey values",
-        "methods.standard.segment.edge.blur_px = 0; expected 0.3 to 5 px",
+        "methods.standard.segment.edge.blur_px = 0; expected 0.3 to 4 px",
         "methods.standard.segment.edge.along_px = NaN; expected 0.3 to 10 px",
         "methods.standard.segment.edge.search_inside_px = 8; expected 0.5 to 7 px",
     ] {

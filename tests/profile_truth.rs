@@ -229,3 +229,38 @@ proptest! {
         }
     }
 }
+
+/// A segmenter keeps memory, not knowledge: after frames of other sizes, methods, colours and contents, with bubbles and with
+/// a reference, each frame gives what a fresh segmenter gives.
+#[test]
+fn a_frame_gives_the_same_whatever_came_before() {
+    let list = frame_set(SEED).unwrap();
+    let frame = |name: &str| {
+        let spec = list.iter().find(|spec| spec.name == name).unwrap();
+        spec.scene().unwrap().render(&hardware_sim::scene::Exposure { angle_rad: spec.angle_rad, number: spec.number })
+    };
+    let read = |format: PixelFormat, (w, h): (u32, u32), bytes: Vec<u8>| Picture::from_frame(&RawFrame::new(w, h, format, bytes).unwrap());
+    let bubble = frame("vicious_bead_bubble_touches");
+    let larva = frame("easy_4dpf_side");
+    let size = (larva.width, larva.height);
+    let low = 700;
+    let cut: Vec<u8> = larva.data.chunks(larva.width as usize * 3).take(low).flatten().copied().collect();
+    let empty = picture(&scene(31, 0.0, None, false), 0.0, 31);
+    let reference = carved::profile::Reference::new(empty.clone(), &SegmentSettings::default().walls).unwrap();
+    let steps = [
+        (read(PixelFormat::BayerRG8, (bubble.width, bubble.height), bubble.to_bayer_rg8()), Method::Hybrid, None),
+        (read(PixelFormat::RGB8Packed, size, larva.data.clone()), Method::MeanShift, None),
+        (read(PixelFormat::RGB8Packed, (larva.width, low as u32), cut), Method::LevelSet, None),
+        (read(PixelFormat::Mono8, size, larva.to_mono8()), Method::Hybrid, None),
+        (empty, Method::Hybrid, Some(&reference)),
+        (read(PixelFormat::BayerRG8, size, larva.to_bayer_rg8()), Method::Hybrid, None),
+    ];
+    let mut warm = carved::profile::Segmenter::default();
+    for round in 0..2 {
+        for (n, (picture, method, reference)) in steps.iter().enumerate() {
+            let settings = SegmentSettings { method: *method, ..SegmentSettings::default() };
+            let fresh = carved::profile::Segmenter::default().segment(picture, &settings, *reference);
+            assert!(warm.segment(picture, &settings, *reference) == fresh, "round {round}, frame {n}");
+        }
+    }
+}

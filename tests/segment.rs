@@ -224,7 +224,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let (frame, _) = larva();
     colour(&frame).save(dir.path().join("a.png")).unwrap();
     grey(&frame, frame.to_mono8()).save(dir.path().join("b.png")).unwrap();
-    std::fs::write(dir.path().join("s.toml"), "method = \"mean-shift\"\nlow_sigma = 4.0\n[edge]\nblur_px = 0.9\n").unwrap();
+    std::fs::write(dir.path().join("s.toml"), "method = \"hybrid\"\nlow_sigma = 4.0\n[edge]\nblur_px = 0.9\n").unwrap();
     let results = |threads: &str| {
         let output = common::carved()
             .env("RAYON_NUM_THREADS", threads)
@@ -241,7 +241,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
     assert_eq!(one.len(), 8);
     assert!(one == results("4"));
     let report = json(&dir.path().join("out/a.json"));
-    assert_eq!(report["settings"]["method"], "mean-shift");
+    assert_eq!(report["settings"]["method"], "hybrid");
     assert_eq!(report["settings"]["low_sigma"], 4.0);
     assert_eq!(report["settings"]["edge"]["blur_px"], 0.9);
 }

@@ -48,11 +48,13 @@ pub(super) struct Bore {
 
 impl Bore {
     pub fn of(picture: &Picture, walls: Walls) -> Self {
-        let last = (picture.width() - 1) as f64;
-        let highest = walls.upper.inner.at(0.0).min(walls.upper.inner.at(last)) - MARGIN_PX as f64;
-        let lowest = walls.lower.inner.at(0.0).max(walls.lower.inner.at(last)) + MARGIN_PX as f64;
-        let top = highest.floor().max(0.0) as usize;
-        let bottom = (lowest.ceil().max(0.0) as usize + 1).min(picture.height());
+        let (last, height) = ((picture.width() - 1) as f64, picture.height());
+        // Walls may bend: their highest and lowest places are at the ends or near the middle.
+        let columns = [0.0, last / 4.0, last / 2.0, 0.75 * last, last];
+        let highest = columns.map(|u| walls.upper.inner.at(u)).into_iter().fold(f64::INFINITY, f64::min) - MARGIN_PX as f64;
+        let lowest = columns.map(|u| walls.lower.inner.at(u)).into_iter().fold(f64::NEG_INFINITY, f64::max) + MARGIN_PX as f64;
+        let top = (highest.floor().max(0.0) as usize).min(height - 1);
+        let bottom = (lowest.ceil().max(0.0) as usize + 1).min(height);
         Self { walls, width: picture.width(), top, bottom: bottom.max(top + 1), mean_px: walls.bore_px(last / 2.0) }
     }
 

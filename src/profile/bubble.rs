@@ -28,8 +28,10 @@ impl Disc {
     }
 }
 
-/// Opacity of a bubble's ring.
+/// Opacity from which on a block is black.
 const BLACK: f32 = 0.6;
+/// Opacity of a bubble's ring: 0.92, where that of dead tissue and of plugs is up to 0.87.
+const RING: f32 = 0.88;
 /// What is around it takes less than this: every body takes more, so that a swim bladder is none.
 const CLEAR: f32 = 0.12;
 /// Smaller discs show no middle, blocks.
@@ -39,9 +41,9 @@ const RIM: f64 = 1.2;
 /// The same in px of the picture.
 const BLUR_PX: f64 = 5.0;
 /// Share of the circle around a bubble that must be clear: the rest may touch the specimen.
-const FREE_SHARE: f64 = 0.4;
+const FREE_SHARE: f64 = 0.5;
 /// The middle lets this much more light through than the ring, as a share of the ring's opacity.
-const BRIGHT_MIDDLE: f32 = 0.2;
+const BRIGHT_MIDDLE: f32 = 0.4;
 /// A middle that is larger than this share of the disc is a bead's.
 const MIDDLE_SHARE: f64 = 0.15;
 
@@ -116,7 +118,8 @@ fn is_bubble(coarse: &Coarse, disc: Disc) -> bool {
         })
     };
     let free = around(disc.radius + 2.5).filter(|&(u, v)| opacity(u, v).is_none_or(|o| o < CLEAR)).count();
-    let ring = around(0.6 * disc.radius).filter_map(|(u, v)| opacity(u, v)).sum::<f32>() / TURNS as f32;
+    let (sum, seen) = around(0.6 * disc.radius).filter_map(|(u, v)| opacity(u, v)).fold((0.0, 0), |(sum, n), o| (sum + o, n + 1));
+    let ring = sum / seen.max(1) as f32;
     let reach = disc.radius as i64;
     let (mut all, mut bright, mut least) = (0usize, 0usize, f32::INFINITY);
     for dv in -reach..=reach {
@@ -131,7 +134,7 @@ fn is_bubble(coarse: &Coarse, disc: Disc) -> bool {
         }
     }
     free as f64 >= FREE_SHARE * TURNS as f64
-        && ring > BLACK
+        && ring > RING
         && least < (1.0 - BRIGHT_MIDDLE) * ring
         && (bright as f64) < MIDDLE_SHARE * all as f64
 }

@@ -97,11 +97,6 @@ const LIKELY: f64 = 0.5;
 const SURE: f64 = 0.8;
 
 impl Detection {
-    /// Whether there is a specimen to be measured.
-    pub fn is_specimen(&self) -> bool {
-        matches!(self.kind, Kind::Larva | Kind::Bead)
-    }
-
     /// Why this well isn't worth a revolution; `None` where it is, or where the picture doesn't tell surely enough: then the
     /// revolution decides.
     pub fn skip_reason(&self) -> Option<&'static str> {

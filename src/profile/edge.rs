@@ -24,7 +24,7 @@ pub struct EdgePoint {
     pub contrast: f64,
     /// Standard error of the position, px; infinite where nothing could be fitted.
     pub error_px: f64,
-    /// The vertex lies on a wall or on the frame's border, where the specimen's own edge cannot be seen.
+    /// The vertex lies on a wall, on the frame's border or at a bubble, where the specimen's own edge cannot be seen.
     pub bounded: bool,
 }
 
@@ -161,6 +161,12 @@ impl EdgeFinder {
                         (OUT_OF_REACH, 0.0)
                     } else {
                         let fit = model.fit(k, k, &self.samples[i][..place.seen]);
+                        if fit.samples == 0 {
+                            // Beyond the middle of something thin.
+                            self.path.costs.push(OUT_OF_REACH);
+                            self.heights.push(0.0);
+                            continue;
+                        }
                         // Share of the samples' energy left unexplained; a strong edge counts more.
                         ((2.0 * fit.residual - fit.energy) / (noise2 * fit.samples as f32 + fit.energy), fit.height)
                     };
@@ -301,6 +307,9 @@ fn least_near(start: i32, mut residual: impl FnMut(i32) -> f64) -> (f64, f64) {
             }
             best = next;
         }
+    }
+    if !bounds.contains(&(best.0 - 2)) || !bounds.contains(&(best.0 + 2)) {
+        return (f64::from(best.0), best.1);
     }
     let (a, c) = (residual(best.0 - 2), residual(best.0 + 2));
     let bend = a - 2.0 * best.1 + c;

@@ -66,6 +66,7 @@ impl Hybrid {
         }
         self.tidy(coarse, settings);
         self.keep_specimen(coarse, bore, settings);
+        self.bubbles.discs.clear();
         if settings.method == Method::Hybrid {
             self.bubbles.find(coarse, &mut self.scratch);
             let least = settings.min_area_bore2 * (bore.mean_px / coarse.step as f64).powi(2);

@@ -41,7 +41,7 @@ pub enum ProfileError {
     #[error("the frame is over-exposed: {share:.3} of its pixels are saturated, at most {limit:.3} may be; shorten the exposure")]
     OverExposed { share: f64, limit: f64 },
     #[error(
-        "no capillary: {lines} straight dark lines cross at least {needed_support:.2} of the frame, two walls are needed; \
+        "no capillary: of the straight dark lines that cross at least {needed_support:.2} of the frame ({lines} found) no two are its walls; \
          check that the capillary is in view and in focus"
     )]
     NoWalls { lines: usize, needed_support: f64 },

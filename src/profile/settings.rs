@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct WallSettings {
     /// Largest tilt of the capillary, degrees.
     pub max_tilt_deg: f64,
-    /// Largest sag of a wall between the frame's ends, share of the frame's width.
+    /// Largest bend of a wall, as the depth of its ends against its middle, share of the frame's width.
     pub max_sag_share: f64,
     /// Least share of the frame's width along which a wall must be visible.
     pub min_support: f64,
@@ -92,7 +92,7 @@ pub enum Method {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MeanShiftSettings {
-    /// Bandwidth of contrast, standard deviations of a block's noise.
+    /// Bandwidth of contrast, standard deviations of a block's noise; high contrast counts by its logarithm.
     pub range_sigma: f64,
 }
 
@@ -108,7 +108,7 @@ impl Default for MeanShiftSettings {
 pub struct LevelSetSettings {
     /// The level between background and body, as a share of the body's typical contrast.
     pub level_share: f64,
-    /// That level is at least this, standard deviations of a block's noise.
+    /// That level is at least this, standard deviations of a block's noise; high contrast counts by its logarithm.
     pub least_sigma: f64,
     /// Weight of the region term.
     pub region: f64,
@@ -255,7 +255,7 @@ impl SegmentSettings {
         // The edge is fitted in a window of this reach to either side of the coarse outline.
         let reach = REACH_PX as f64 - 2.0;
         let of_edge: [Setting; 7] = [
-            ("edge.blur_px", edge.blur_px, 0.3..=5.0, "px"),
+            ("edge.blur_px", edge.blur_px, 0.3..=4.0, "px"),
             ("edge.search_outside_px", edge.search_outside_px, 0.5..=reach, "px"),
             ("edge.search_inside_px", edge.search_inside_px, 0.5..=reach, "px"),
             ("edge.along_px", edge.along_px, 0.3..=10.0, "px"),

@@ -176,7 +176,7 @@ fn choose(
     };
     let walls = past_dark_glass(walls, strips, settings);
     let last = (picture.width() - 1) as f64;
-    let open = [0.0, last].iter().all(|&u| walls.bore_px(u) >= settings.min_bore_share * height as f64);
+    let open = [0.0, last / 2.0, last].iter().all(|&u| walls.bore_px(u) >= settings.min_bore_share * height as f64);
     if open { Ok(walls) } else { Err(no_walls()) }
 }
 

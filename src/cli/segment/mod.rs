@@ -18,6 +18,7 @@ use anyhow::{Context, bail};
 use empty::Empty;
 use output::{Names, Report};
 use rayon::prelude::*;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -81,7 +82,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 Err(e) => format!("not written: {e}"),
             };
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            eprintln!("[{count}/{}] {}: {told}", args.images.len(), names.image.display());
+            // Whoever reads along may have left; the results count.
+            let _ = writeln!(std::io::stderr(), "[{count}/{}] {}: {told}", args.images.len(), names.image.display());
             usize::from(written.is_err() || report.failed())
         })
         .sum::<usize>();

@@ -6,7 +6,7 @@
 //!   detection.rs  6 and more of each class     --+        frame, coverage, outline
 //! ```
 //! A recipe says what is difficult; the seed draws individuals, pigment, marks, noise, and small turns and shifts. Seed 1 is
-//! THE set: methods are tuned on it and judged on other seeds, which give other frames of the same recipes. Labels
+//! THE set: methods are tuned on it (7 was looked at meanwhile) and judged on other seeds, which give other frames of the same recipes. Labels
 //! (`touches_wall`, `clipped`, `fill`) are measured on the geometry that is drawn, not copied from the recipe.
 
 mod detection;
