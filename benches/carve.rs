@@ -3,7 +3,7 @@
 //! The solid has elliptic slices and a thin fin. Its silhouettes come column by column from the slices' extents across the
 //! line of sight: parallel rays, which at 60 mm is half a pixel from the pinhole's, as good a load as any.
 
-use carved::carver::Carver;
+use carved::carver::{Carver, Leaves};
 use carved::geometry::{BoxUm, Camera, Projection, VoxelGrid};
 use carved::profile::Mask;
 use carved::reconstruction::{HullModel, ReconstructionSettings};
@@ -70,7 +70,7 @@ fn grid(size: f64) -> VoxelGrid {
 fn carve(views: &[(Mask, Projection)], size: f64) -> Carver {
     let mut carver = Carver::new(grid(size), views.len(), 0.05).unwrap_or_else(|e| panic!("{e}"));
     for (mask, projection) in views {
-        carver.observe(mask, projection).unwrap_or_else(|e| panic!("{e}"));
+        carver.observe(mask, projection, Leaves::default()).unwrap_or_else(|e| panic!("{e}"));
     }
     carver
 }
@@ -110,7 +110,7 @@ fn one_larva(c: &mut Criterion) {
             new,
             |mut hull| {
                 for (mask, projection) in &views {
-                    hull.observe(mask, projection).unwrap_or_else(|e| panic!("{e}"));
+                    hull.observe(mask, projection, Leaves::default()).unwrap_or_else(|e| panic!("{e}"));
                 }
                 hull.finish(false)
             },

@@ -6,6 +6,7 @@
 //! ```
 //! Pure: the same frames and angles give the same bytes of numbers, whoever asks.
 
+use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
@@ -125,9 +126,8 @@ pub struct Pipeline {
     segmenters: Segmenters,
     reconstruction: Reconstruction,
     views: Vec<ViewRecord>,
-    /// Masks of the views that count, with their angles: kept so that a hull of fewer views than planned can be carved with
-    /// the tolerance of those.
-    used: Vec<(u32, f64, Mask)>,
+    /// The profile of view 0, which the closure view is compared with.
+    first: Option<Mask>,
     closure: Option<ClosureRecord>,
     clipped: [bool; 2],
 }
@@ -151,7 +151,7 @@ impl Pipeline {
         let reconstruction =
             Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
         let segmenters = Segmenters::default();
-        Ok(Self { settings, segmenters, reconstruction, views: Vec::new(), used: Vec::new(), closure: None, clipped: [false; 2] })
+        Ok(Self { settings, segmenters, reconstruction, views: Vec::new(), first: None, closure: None, clipped: [false; 2] })
     }
 
     pub fn settings(&self) -> &PipelineSettings {
@@ -193,13 +193,16 @@ impl Pipeline {
         match &seen.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
-                volume_um3 = self.reconstruction.observe(&p.mask, omega)?.volume_um3;
+                let leaves = Leaves { left: p.detection.is_clipped_left(), right: p.detection.is_clipped_right() };
+                volume_um3 = self.reconstruction.observe(&p.mask, omega, leaves)?.volume_um3;
                 record.used = true;
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
-                self.clipped[0] |= p.detection.is_clipped_left();
-                self.clipped[1] |= p.detection.is_clipped_right();
-                self.used.push((index, omega, p.mask.clone()));
+                self.clipped[0] |= leaves.left;
+                self.clipped[1] |= leaves.right;
+                if index == 0 {
+                    self.first = Some(p.mask.clone());
+                }
             }
             Err(e) => record.reason = Some(e.to_string()),
         }
@@ -209,8 +212,7 @@ impl Pipeline {
 
     /// Compares the view at 360 deg with the first; it is never carved. Without both profiles there is no comparison.
     pub fn observe_closure(&mut self, seen: &Seen) {
-        let first = self.used.iter().find(|(index, ..)| *index == 0).map(|(.., mask)| mask);
-        if let (Some(first), Ok(last)) = (first, &seen.profile) {
+        if let (Some(first), Ok(last)) = (&self.first, &seen.profile) {
             let shift_px = first.centroid().zip(last.mask.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
             self.closure = Some(ClosureRecord { iou: first.iou(&last.mask), shift_px });
         }
@@ -225,7 +227,7 @@ impl Pipeline {
     pub fn finish(mut self) -> Result<(Mesh, SpecimenRecord), PipelineError> {
         self.views.sort_by_key(|v| v.index);
         compare_areas(&mut self.views);
-        let used = self.used.len();
+        let used = self.reconstruction.hull().live().views;
         // Opposite views are mirror images: half a turn encloses the body, less leaves the hull open on a side.
         let needed = (self.settings.planned_views as usize).div_ceil(2).max(3);
         if used < needed {
@@ -243,11 +245,7 @@ impl Pipeline {
         flag(self.clipped[1], "clipped_right");
         // The tolerance is a share of the views that count, and the live hull was carved with that of the planned ones.
         if used < self.settings.planned_views as usize {
-            let s = &self.settings;
-            self.reconstruction = Reconstruction::new(&s.camera, s.grid, used, s.reconstruction)?;
-            for (_, omega, mask) in &self.used {
-                self.reconstruction.observe(mask, *omega)?;
-            }
+            self.reconstruction.replan(used)?;
         }
         flag(self.reconstruction.hull().touches_box(), "outside_box");
         flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN), "moved");

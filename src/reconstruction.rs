@@ -7,7 +7,7 @@
 //! ```
 //! The same views in any order give the same model bit for bit, on any number of threads.
 
-use crate::carver::{CarveError, Carver};
+use crate::carver::{CarveError, Carver, Leaves};
 use crate::geometry::{Camera, CameraError, Projection, VoxelGrid};
 use crate::measure::{self, AreaMethod, Measurement, SphereError};
 use crate::profile::Mask;
@@ -116,9 +116,17 @@ impl HullModel {
 
     /// # Errors
     /// Refuses what the carver refuses; the model is then unchanged.
-    pub fn observe(&mut self, mask: &Mask, projection: &Projection) -> Result<LiveVolume, ReconstructionError> {
-        self.carver.observe(mask, projection)?;
+    pub fn observe(&mut self, mask: &Mask, projection: &Projection, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
+        self.carver.observe(mask, projection, leaves)?;
         Ok(self.live())
+    }
+
+    /// Carves the views so far again with the tolerance of another plan.
+    ///
+    /// # Errors
+    /// Refuses a plan of fewer views than were observed.
+    pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
+        Ok(self.carver.replan(planned_views)?)
     }
 
     pub fn live(&self) -> LiveVolume {
@@ -188,6 +196,7 @@ impl HullModel {
 /// A model of the views of one camera at known angles.
 ///
 /// ```
+/// use carved::carver::Leaves;
 /// use carved::geometry::{BoxUm, Camera, VoxelGrid};
 /// use carved::profile::Mask;
 /// use carved::reconstruction::{Reconstruction, ReconstructionSettings};
@@ -203,7 +212,7 @@ impl HullModel {
 /// let grid = VoxelGrid::new(BoxUm { min: [-300.0; 3], max: [300.0; 3] }, 10.0)?;
 /// let mut model = Reconstruction::new(&camera, grid, 12, ReconstructionSettings::default())?;
 /// for view in 0..12 {
-///     model.observe(&disc, std::f64::consts::TAU * f64::from(view) / 12.0)?;
+///     model.observe(&disc, std::f64::consts::TAU * f64::from(view) / 12.0, Leaves::default())?;
 /// }
 /// let ball_um3 = 4.0 / 3.0 * std::f64::consts::PI * 200.0f64.powi(3);
 /// let volume_um3 = model.finish(true)?.measurement.volume_um3;
@@ -234,7 +243,7 @@ impl Reconstruction {
     ///
     /// # Errors
     /// Refuses a mask that is not of the sensor's size, and what the carver refuses; the model is then unchanged.
-    pub fn observe(&mut self, mask: &Mask, omega: f64) -> Result<LiveVolume, ReconstructionError> {
+    pub fn observe(&mut self, mask: &Mask, omega: f64, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
         let Camera { width, height, .. } = self.camera;
         if (mask.width(), mask.height()) != (width as usize, height as usize) {
             return Err(ReconstructionError::MaskSize {
@@ -247,7 +256,15 @@ impl Reconstruction {
         if !omega.is_finite() {
             return Err(ReconstructionError::Omega { found: omega });
         }
-        self.hull.observe(mask, &self.camera.projection(omega))
+        self.hull.observe(mask, &self.camera.projection(omega), leaves)
+    }
+
+    /// Carves the views so far again with the tolerance of another plan.
+    ///
+    /// # Errors
+    /// As [`HullModel::replan`].
+    pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
+        self.hull.replan(planned_views)
     }
 
     /// The model so far: its live volume, its carver.

@@ -18,7 +18,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("surface", &["geometry", "profile", "carver"]),
     ("measure", &["geometry", "carver", "surface"]),
     ("reconstruction", &["range", "geometry", "profile", "carver", "surface", "measure"]),
-    ("pipeline", &["frame", "geometry", "profile", "reconstruction", "surface", "measure"]),
+    ("pipeline", &["frame", "geometry", "profile", "carver", "reconstruction", "surface", "measure"]),
     ("export", &["surface"]),
     ("device", &["units", "frame", "cancel"]),
     ("acquisition", &["units", "frame", "cancel", "hash", "device"]),

@@ -1,35 +1,52 @@
 //! The visual hull with tolerance, carved view by view.
 //!
 //! ```text
-//!  grid ── regions of 32^3 ── blocks of 8^3 ── voxels          Mask + Projection ── Shadow (what a box of voxels sees)
-//!            one count          one count       bit planes                            │
-//!                 └─────────────────┴───────────────┴──────── judged inside, outside ─┘
-//!                                                             or cut: then one level down
+//!  grid ── tiles of 8 x 8 rows ── blocks of 64 x 8 x 8 ── voxels       Mask ── Runs ─┬─ Lines   a row of voxels is a line
+//!            one range of life      one count    bit planes                          └─ Boxes   any other projection
+//!                └──────────────────────┴──────────┴──────────── Spans, words missed ────┘
 //! ```
 //! A voxel's centre is projected in f64 and samples `mask[floor(v + 0.5)][floor(u + 0.5)]`. It is covered when that pixel
 //! is inside and the centre lies in front of the camera; a centre outside the image, or not in front of the camera, is a
-//! miss. A voxel lives while its misses do not exceed `floor(epsilon N + 1e-9)` of the planned `N` views, and never comes
-//! back: the live hull only shrinks, always contains the final one, and does not depend on the order of the views.
+//! miss. Where a view says that the specimen leaves the image on the left or right, it goes on there as it left: beyond that
+//! side the image's last column decides. A voxel lives while its misses do not exceed `floor(epsilon N + 1e-9)` of the
+//! planned `N` views, and never comes back: the live hull only shrinks, always contains the final one, and does not depend on
+//! the order of the views.
 //!
-//! Boxes that a view covers wholly cost nothing, boxes that it misses wholly cost one count, so the work of a view follows
-//! the surface. The result is that of the definition bit for bit: a box is settled as a whole only where a rigorous
-//! bound of its image allows it.
+//! Blocks that a view covers wholly cost nothing, blocks that it misses wholly cost one count, so the work of a view follows
+//! the surface. The result is that of the definition bit for bit, which decides wherever a quicker way is not certain.
+//! The views are kept, as runs, so that one can be taken back.
 
-mod bits;
-mod region;
-mod shadow;
+mod boxes;
+mod counts;
+mod definition;
+mod lines;
+mod misses;
+mod residual;
+mod runs;
+mod tile;
 
 #[cfg(test)]
 mod tests;
 
-pub use bits::{BLOCK, Bits};
+pub use definition::Leaves;
+pub use residual::ResidualVolume;
+pub use runs::Runs;
 
 use crate::geometry::{Projection, VoxelGrid};
 use crate::profile::Mask;
-use bits::Tally;
+use boxes::Boxes;
+use counts::{ROW, SIDE, Tally};
+use definition::{Centres, View};
+use lines::Lines;
+use misses::Spans;
 use rayon::prelude::*;
-use region::{REGION, Region};
-use shadow::Shadow;
+use tile::{Sight, Tile};
+
+/// Voxels along the edge of a block as the surface sees them.
+pub const BLOCK: usize = 8;
+
+/// One bit per voxel of a block: word `z`, bit `8 y + x`.
+pub type Bits = [u64; BLOCK];
 
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum CarveError {
@@ -39,8 +56,10 @@ pub enum CarveError {
     NoViews,
     #[error("view {found} of {planned} planned: the tolerance was set for {planned}. Plan more views and carve again")]
     TooManyViews { planned: usize, found: usize },
-    #[error("the mask is {width} x {height} px; it needs at least one pixel and less than {limit} on a side")]
+    #[error("the mask is {width} x {height} px; it needs at least one pixel and at most {limit} on a side")]
     MaskSize { width: usize, height: usize, limit: usize },
+    #[error("there is no view {found} to take back: {observed} were observed")]
+    NoSuchView { found: usize, observed: usize },
 }
 
 /// What a block of 8^3 voxels holds; voxels outside the grid count as dead.
@@ -52,79 +71,167 @@ pub enum BlockKind {
     Mixed,
 }
 
+/// A view as it was observed.
+#[derive(Debug, Clone)]
+pub struct Observed {
+    pub runs: Runs,
+    pub projection: Projection,
+    pub leaves: Leaves,
+}
+
 /// A visual hull in the making.
 #[derive(Debug, Clone)]
 pub struct Carver {
-    grid: VoxelGrid,
+    hull: Hull,
     planned: usize,
-    observed: usize,
+    epsilon: f64,
+    views: Vec<Observed>,
+}
+
+/// Miss counts of a grid, and what counting needs.
+#[derive(Debug, Clone)]
+struct Hull {
+    grid: VoxelGrid,
+    centres: Centres,
     tally: Tally,
-    region_counts: [usize; 3],
-    regions: Vec<Region>,
+    tile_counts: [usize; 2],
+    tiles: Vec<Tile>,
     live: u64,
-    /// Reused from view to view.
+    /// Reused from view to view: one per piece of the tiles.
+    spans: Vec<Spans>,
+    lines: lines::Buffers,
     sums: Vec<u32>,
 }
 
+/// The tiles are spread over the threads in this many pieces: so many that none waits long for the last.
+const PIECES: usize = 64;
+
+fn tally(planned_views: usize, epsilon: f64) -> Result<Tally, CarveError> {
+    if !(0.0..1.0).contains(&epsilon) {
+        return Err(CarveError::Epsilon { found: epsilon });
+    }
+    if planned_views == 0 {
+        return Err(CarveError::NoViews);
+    }
+    Ok(Tally::new((epsilon * planned_views as f64 + 1e-9).floor() as u32))
+}
+
+impl Hull {
+    fn new(grid: VoxelGrid, tally: Tally) -> Self {
+        let counts = grid.counts();
+        let tile_counts = [1, 2].map(|a| counts[a].div_ceil(SIDE));
+        let places = (0..tile_counts[1]).flat_map(|z| (0..tile_counts[0]).map(move |y| [y * SIDE, z * SIDE]));
+        let tiles: Vec<Tile> = places.map(|lo| Tile::new(lo, counts)).collect();
+        let spans = vec![Spans::new(counts[0].div_ceil(ROW)); PIECES];
+        let live = grid.len() as u64;
+        Self {
+            grid,
+            centres: definition::centres(&grid),
+            tally,
+            tile_counts,
+            tiles,
+            live,
+            spans,
+            lines: lines::Buffers::default(),
+            sums: Vec::new(),
+        }
+    }
+
+    /// As new, its memory kept.
+    fn reset(&mut self, tally: Tally) {
+        self.tally = tally;
+        self.tiles.iter_mut().for_each(Tile::reset);
+        self.live = self.grid.len() as u64;
+    }
+
+    fn observe(&mut self, runs: &Runs, leaves: Leaves, projection: &Projection) {
+        let view = View::new(runs, leaves, projection, &self.centres);
+        let sight = match Lines::new(view, self.grid.size(), self.grid.counts(), &mut self.lines) {
+            Some(lines) => Sight::Lines(lines),
+            None => Sight::Boxes(Boxes::new(view, &mut self.sums)),
+        };
+        let tally = self.tally;
+        let piece = self.tiles.len().div_ceil(PIECES);
+        self.live = self
+            .tiles
+            .par_chunks_mut(piece)
+            .zip(&mut self.spans)
+            .map(|(tiles, spans)| {
+                tiles
+                    .iter_mut()
+                    .map(|tile| {
+                        tile.observe(&sight, tally, spans);
+                        tile.live()
+                    })
+                    .sum::<u64>()
+            })
+            .sum();
+    }
+}
+
 impl Carver {
-    /// Masks wider or higher than this would overflow the sums of covered pixels.
+    /// Masks wider or higher than this have columns that do not fit the runs.
     pub const MAX_MASK_SIDE: usize = 65_535;
 
     /// # Errors
     /// Refuses a tolerance outside `0..1` and a plan without views.
     pub fn new(grid: VoxelGrid, planned_views: usize, epsilon: f64) -> Result<Self, CarveError> {
-        if !(0.0..1.0).contains(&epsilon) {
-            return Err(CarveError::Epsilon { found: epsilon });
-        }
-        if planned_views == 0 {
-            return Err(CarveError::NoViews);
-        }
-        let budget = (epsilon * planned_views as f64 + 1e-9).floor() as u32;
-        let counts = grid.counts();
-        let region_counts = counts.map(|n| n.div_ceil(REGION));
-        let mut regions = Vec::with_capacity(region_counts.iter().product());
-        for z in 0..region_counts[2] {
-            for y in 0..region_counts[1] {
-                for x in 0..region_counts[0] {
-                    regions.push(Region::new([x, y, z].map(|r| r * REGION), counts));
-                }
-            }
-        }
-        Ok(Self {
-            grid,
-            planned: planned_views,
-            observed: 0,
-            tally: Tally::new(budget),
-            region_counts,
-            regions,
-            live: grid.len() as u64,
-            sums: Vec::new(),
-        })
+        let hull = Hull::new(grid, tally(planned_views, epsilon)?);
+        Ok(Self { hull, planned: planned_views, epsilon, views: Vec::new() })
     }
 
     /// Counts one view's misses.
     ///
     /// # Errors
-    /// Refuses more views than were planned, and a mask too large for the sums; the hull is then unchanged.
-    pub fn observe(&mut self, mask: &Mask, projection: &Projection) -> Result<(), CarveError> {
-        if self.observed == self.planned {
-            return Err(CarveError::TooManyViews { planned: self.planned, found: self.observed + 1 });
+    /// Refuses more views than were planned, and a mask too large for its runs; the hull is then unchanged.
+    pub fn observe(&mut self, mask: &Mask, projection: &Projection, leaves: Leaves) -> Result<(), CarveError> {
+        let observed = self.views.len();
+        if observed == self.planned {
+            return Err(CarveError::TooManyViews { planned: self.planned, found: observed + 1 });
         }
-        let (width, height) = (mask.width(), mask.height());
-        if [width, height].iter().any(|&n| n == 0 || n > Self::MAX_MASK_SIDE) {
-            return Err(CarveError::MaskSize { width, height, limit: Self::MAX_MASK_SIDE });
-        }
-        let shadow = Shadow::new(&self.grid, mask, projection, std::mem::take(&mut self.sums));
-        let tally = self.tally;
-        self.regions.par_iter_mut().for_each(|region| region.observe(&shadow, tally));
-        self.sums = shadow.into_sums();
-        self.live = self.regions.iter().map(Region::live).sum();
-        self.observed += 1;
+        let runs = Runs::new(mask)?;
+        self.hull.observe(&runs, leaves, projection);
+        self.views.push(Observed { runs, projection: *projection, leaves });
         Ok(())
     }
 
+    /// Takes a view back, as if it had never been observed; those after it move up by one. The plan stays.
+    ///
+    /// # Errors
+    /// Refuses a view that was not observed.
+    pub fn forget(&mut self, view: usize) -> Result<(), CarveError> {
+        if view >= self.views.len() {
+            return Err(CarveError::NoSuchView { found: view, observed: self.views.len() });
+        }
+        self.views.remove(view);
+        self.carve_again();
+        Ok(())
+    }
+
+    /// Carves the views again with the tolerance of another number of planned views.
+    ///
+    /// # Errors
+    /// Refuses a plan without views, and one of fewer views than were observed.
+    pub fn replan(&mut self, planned_views: usize) -> Result<(), CarveError> {
+        let found = self.views.len();
+        if planned_views < found {
+            return Err(CarveError::TooManyViews { planned: planned_views, found });
+        }
+        self.hull.tally = tally(planned_views, self.epsilon)?;
+        self.planned = planned_views;
+        self.carve_again();
+        Ok(())
+    }
+
+    fn carve_again(&mut self) {
+        self.hull.reset(self.hull.tally);
+        for Observed { runs, projection, leaves } in &self.views {
+            self.hull.observe(runs, *leaves, projection);
+        }
+    }
+
     pub fn grid(&self) -> &VoxelGrid {
-        &self.grid
+        &self.hull.grid
     }
 
     pub fn planned_views(&self) -> usize {
@@ -132,55 +239,82 @@ impl Carver {
     }
 
     pub fn observed_views(&self) -> usize {
-        self.observed
+        self.views.len()
+    }
+
+    /// The views that carved, in the order in which they came.
+    pub fn views(&self) -> &[Observed] {
+        &self.views
     }
 
     /// Misses that a voxel survives.
     pub fn budget(&self) -> u32 {
-        self.tally.budget()
+        self.hull.tally.budget()
     }
 
     pub fn live_voxels(&self) -> u64 {
-        self.live
+        self.hull.live
     }
 
     /// Volume of the live hull, in the cube of the grid's unit.
     pub fn volume_um3(&self) -> f64 {
-        self.live as f64 * self.grid.voxel_volume()
+        self.hull.live as f64 * self.grid().voxel_volume()
+    }
+
+    /// Bytes that counts, views and buffers take.
+    pub fn bytes(&self) -> usize {
+        let hull = &self.hull;
+        let tiles: usize = hull.tiles.iter().map(|tile| size_of::<Tile>() + tile.bytes()).sum();
+        let views: usize = self.views.iter().map(|view| size_of::<Observed>() + view.runs.bytes()).sum();
+        tiles + views + hull.spans.iter().map(Spans::bytes).sum::<usize>() + hull.lines.bytes() + hull.sums.capacity() * size_of::<u32>()
     }
 
     /// Whether voxel `(i, j, k)` lives; outside the grid nothing does.
     pub fn is_live(&self, i: usize, j: usize, k: usize) -> bool {
-        let block = [i, j, k].map(|n| (n / BLOCK) as i32);
-        bits::get(&self.block(block), [i % BLOCK, j % BLOCK, k % BLOCK])
+        let [nx, ny, nz] = self.grid().counts();
+        i < nx && j < ny && k < nz && {
+            let words = self.tile(j / SIDE, k / SIDE).words(i / ROW, self.hull.tally);
+            words[k % SIDE * SIDE + j % SIDE] >> (i % ROW) & 1 != 0
+        }
     }
 
     /// Blocks of 8^3 voxels along each axis; the last ones may reach over the grid's end.
     pub fn block_counts(&self) -> [usize; 3] {
-        self.grid.counts().map(|n| n.div_ceil(BLOCK))
+        self.grid().counts().map(|n| n.div_ceil(BLOCK))
     }
 
     /// The live voxels of a block as bits; outside the grid none.
     pub fn block(&self, block: [i32; 3]) -> Bits {
-        self.locate(block).map_or(bits::NONE, |(region, cell)| region.bits(cell, self.tally))
+        let Some([x, y, z]) = self.held(block) else { return [0; BLOCK] };
+        let words = self.tile(y, z).words(x / (ROW / BLOCK), self.hull.tally);
+        let shift = x % (ROW / BLOCK) * BLOCK;
+        std::array::from_fn(|k| (0..BLOCK).fold(0, |bits, j| bits | (words[k * SIDE + j] >> shift & 0xff) << (BLOCK * j)))
     }
 
-    /// What a block holds, without looking at its voxels.
+    /// What a block holds.
     pub fn block_kind(&self, block: [i32; 3]) -> BlockKind {
-        self.locate(block).map_or(BlockKind::Dead, |(region, cell)| region.kind(cell, self.tally))
+        let Some([x, y, z]) = self.held(block) else { return BlockKind::Dead };
+        match self.tile(y, z).uniform(x / (ROW / BLOCK), self.hull.tally) {
+            Some(false) => BlockKind::Dead,
+            _ => match self.block(block) {
+                bits if bits == [0; BLOCK] => BlockKind::Dead,
+                bits if bits == [u64::MAX; BLOCK] => BlockKind::Full,
+                _ => BlockKind::Mixed,
+            },
+        }
     }
 
-    fn locate(&self, block: [i32; 3]) -> Option<(&Region, [usize; 3])> {
-        const CELLS: usize = REGION / BLOCK;
+    /// The block's place, if it has voxels of the grid.
+    fn held(&self, block: [i32; 3]) -> Option<[usize; 3]> {
+        let counts = self.block_counts();
         let mut at = [0; 3];
         for axis in 0..3 {
-            at[axis] = usize::try_from(block[axis]).ok()?;
-            if at[axis] >= self.region_counts[axis] * CELLS {
-                return None;
-            }
+            at[axis] = usize::try_from(block[axis]).ok().filter(|&n| n < counts[axis])?;
         }
-        let [x, y, z] = at.map(|n| n / CELLS);
-        let region = &self.regions[(z * self.region_counts[1] + y) * self.region_counts[0] + x];
-        Some((region, at.map(|n| n % CELLS)))
+        Some(at)
+    }
+
+    fn tile(&self, y: usize, z: usize) -> &Tile {
+        &self.hull.tiles[z * self.hull.tile_counts[0] + y]
     }
 }

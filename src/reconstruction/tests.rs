@@ -49,7 +49,7 @@ fn started(planned: usize) -> Reconstruction {
 fn made(views: &[(Mask, f64)]) -> Model {
     let mut model = started(views.len());
     for (mask, omega) in views {
-        model.observe(mask, *omega).unwrap();
+        model.observe(mask, *omega, Leaves::default()).unwrap();
     }
     model.finish(true).unwrap()
 }
@@ -94,7 +94,7 @@ fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
     let mut model = started(12);
     let mut last = f64::INFINITY;
     for (mask, omega) in &views {
-        let live = model.observe(mask, *omega).unwrap();
+        let live = model.observe(mask, *omega, Leaves::default()).unwrap();
         assert!(live.volume_um3 <= last);
         last = live.volume_um3;
         let mesh = model.live_mesh();
@@ -111,10 +111,10 @@ fn what_makes_no_model_is_refused_by_name() {
     let mut model = started(2);
     assert_eq!(model.finish(false), Err(ReconstructionError::NoViews { observed: 0, planned: 2 }));
     let small = ReconstructionError::MaskSize { width: 9, height: 9, sensor_width: 160, sensor_height: 144 };
-    assert_eq!(model.observe(&Mask::empty(9, 9), 0.0), Err(small));
-    assert!(matches!(model.observe(&bead(0.0, CENTRE, 250.0), f64::NAN), Err(ReconstructionError::Omega { .. })));
+    assert_eq!(model.observe(&Mask::empty(9, 9), 0.0, Leaves::default()), Err(small));
+    assert!(matches!(model.observe(&bead(0.0, CENTRE, 250.0), f64::NAN, Leaves::default()), Err(ReconstructionError::Omega { .. })));
     assert_eq!(model.hull().live().views, 0, "refused views don't count");
-    model.observe(&Mask::empty(160, 144), 0.0).unwrap();
+    model.observe(&Mask::empty(160, 144), 0.0, Leaves::default()).unwrap();
     assert_eq!(model.finish(false), Err(ReconstructionError::EmptyHull { observed: 1 }));
 
     let grid = *model.hull().carver().grid();

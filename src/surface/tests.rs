@@ -1,7 +1,7 @@
 //! Surfaces of fields whose area and volume are known.
 
 use super::*;
-use crate::carver::{BLOCK, Carver};
+use crate::carver::{BLOCK, Carver, Leaves};
 use crate::geometry::{BoxUm, Projection, VoxelGrid};
 use crate::profile::Mask;
 use proptest::prelude::*;
@@ -154,7 +154,7 @@ fn prism() -> Carver {
     let mut carver = Carver::new(grid, 1, 0.0).unwrap();
     // From so far away the rays are parallel to 20 parts in a million.
     let far = Projection::from_matrix([[1e6, 0.0, 0.0, 0.0], [0.0, 1e6, 0.0, 0.0], [0.0, 0.0, 1.0, 1e6]]).unwrap();
-    carver.observe(&mask, &far).unwrap();
+    carver.observe(&mask, &far, Leaves::default()).unwrap();
     carver
 }
 

@@ -1,0 +1,67 @@
+//! The definition of a miss, voxel by voxel: what every quicker way must give to the last bit.
+
+use super::Runs;
+use crate::geometry::{Projection, VoxelGrid};
+
+/// On which sides of the image the specimen goes on: beyond them a voxel is judged by the image's last column there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Leaves {
+    pub left: bool,
+    pub right: bool,
+}
+
+impl Leaves {
+    pub(super) fn any(self) -> bool {
+        self.left || self.right
+    }
+}
+
+/// The centres of the grid's voxels along each axis.
+pub(super) type Centres = [Vec<f64>; 3];
+
+pub(super) fn centres(grid: &VoxelGrid) -> Centres {
+    std::array::from_fn(|a| (0..grid.counts()[a]).map(|i| grid.centre(a, i)).collect())
+}
+
+/// One view of one grid.
+#[derive(Clone, Copy)]
+pub(super) struct View<'a> {
+    pub runs: &'a Runs,
+    pub leaves: Leaves,
+    pub rows: &'a [[f64; 4]; 3],
+    pub centres: &'a Centres,
+}
+
+impl<'a> View<'a> {
+    pub fn new(runs: &'a Runs, leaves: Leaves, projection: &'a Projection, centres: &'a Centres) -> Self {
+        Self { runs, leaves, rows: projection.rows(), centres }
+    }
+
+    /// What a row of voxels along x adds to each row of the projection; rounds as [`Projection::project`] does.
+    pub fn rest(&self, j: usize, k: usize) -> [f64; 3] {
+        let (y, z) = (self.centres[1][j], self.centres[2][k]);
+        self.rows.map(|r| (r[1] * y + r[2] * z) + r[3])
+    }
+
+    /// `u + 0.5` and `v + 0.5` of voxel `i` of a row, and its depth.
+    pub fn image(&self, i: usize, rest: &[f64; 3]) -> [f64; 3] {
+        let x = self.centres[0][i];
+        let [u, v, w]: [f64; 3] = std::array::from_fn(|c| self.rows[c][0] * x + rest[c]);
+        [u / w + 0.5, v / w + 0.5, w]
+    }
+
+    /// Whether the view covers the centre of voxel `i` of a row.
+    pub fn covers(&self, i: usize, rest: &[f64; 3]) -> bool {
+        let [mut u, v, w] = self.image(i, rest);
+        let (width, height) = (self.runs.width(), self.runs.height());
+        // A specimen that leaves the image goes on as it left.
+        if self.leaves.left && u < 0.0 {
+            u = 0.0;
+        } else if self.leaves.right && u >= width as f64 {
+            u = (width - 1) as f64;
+        }
+        // Within these limits truncation is floor.
+        let seen = w > 0.0 && u >= 0.0 && v >= 0.0 && u < width as f64 && v < height as f64;
+        seen && self.runs.covers(u as usize, v as usize)
+    }
+}

@@ -1,0 +1,243 @@
+//! A tile: 8 x 8 rows of voxels along the capillary's whole length, cut into blocks of 64 x 8 x 8.
+
+use super::counts::{self, ROW, ROWS, SIDE, Tally, Words};
+use super::lines::Verdict;
+use super::misses::{Missed, Spans};
+use super::{Boxes, Lines};
+
+/// How a view is looked up.
+pub(super) enum Sight<'a> {
+    Lines(Lines<'a>),
+    Boxes(Boxes<'a>),
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Block {
+    /// Every voxel has this many misses.
+    Uniform(u32),
+    /// The voxels differ; their words are in this slot.
+    Mixed(u32),
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Tile {
+    /// First row along y and z, and the one after the last that the grid holds.
+    lo: [usize; 2],
+    hi: [usize; 2],
+    /// Voxels of a row.
+    length: usize,
+    live: u64,
+    /// The blocks that may live, from first to before last.
+    reach: [usize; 2],
+    /// Bit `8 z + y`: the row may hold a live voxel.
+    rows: u64,
+    blocks: Vec<Block>,
+    slots: Vec<u64>,
+    free: Vec<u32>,
+}
+
+impl Tile {
+    /// The tile whose first row is `lo` along y and z, in a grid of `counts`.
+    pub fn new(lo: [usize; 2], counts: [usize; 3]) -> Self {
+        let mut tile = Self {
+            lo,
+            hi: [0, 1].map(|a| (lo[a] + SIDE).min(counts[a + 1])),
+            length: counts[0],
+            live: 0,
+            reach: [0; 2],
+            rows: 0,
+            blocks: vec![Block::Uniform(0); counts[0].div_ceil(ROW)],
+            slots: Vec::new(),
+            free: Vec::new(),
+        };
+        tile.reset();
+        tile
+    }
+
+    /// As new, its memory kept.
+    pub fn reset(&mut self) {
+        self.blocks.fill(Block::Uniform(0));
+        self.slots.clear();
+        self.free.clear();
+        let [y, z] = self.sides();
+        self.live = (self.length * y * z) as u64;
+        self.reach = [0, self.blocks.len()];
+        self.rows = counts::corner([1, y, z]).iter().enumerate().fold(0, |rows, (row, word)| rows | word << row);
+    }
+
+    fn sides(&self) -> [usize; 2] {
+        [self.hi[0] - self.lo[0], self.hi[1] - self.lo[1]]
+    }
+
+    pub fn live(&self) -> u64 {
+        self.live
+    }
+
+    /// Bytes on the heap.
+    pub fn bytes(&self) -> usize {
+        self.blocks.capacity() * size_of::<Block>() + self.slots.capacity() * size_of::<u64>() + self.free.capacity() * size_of::<u32>()
+    }
+
+    /// The voxels of a row in `block`, from first to before last.
+    fn voxels(&self, block: usize) -> [usize; 2] {
+        [block * ROW, (block * ROW + ROW).min(self.length)]
+    }
+
+    /// The bits that a block has in the grid.
+    fn held(&self, block: usize) -> Words {
+        let ([from, to], [y, z]) = (self.voxels(block), self.sides());
+        counts::corner([to - from, y, z])
+    }
+
+    /// The live voxels of a block.
+    pub fn words(&self, block: usize, tally: Tally) -> Words {
+        match self.blocks[block] {
+            Block::Uniform(misses) if misses > tally.budget() => [0; ROWS],
+            Block::Uniform(_) => self.held(block),
+            Block::Mixed(slot) => self.live_words(slot, tally),
+        }
+    }
+
+    /// Whether a block's voxels are all alike: live, or dead.
+    pub fn uniform(&self, block: usize, tally: Tally) -> Option<bool> {
+        match self.blocks[block] {
+            Block::Uniform(misses) => Some(misses <= tally.budget()),
+            Block::Mixed(_) => None,
+        }
+    }
+
+    fn live_words(&self, slot: u32, tally: Tally) -> Words {
+        let at = slot as usize * tally.words();
+        std::array::from_fn(|row| self.slots[at + row])
+    }
+
+    /// Counts one view's misses.
+    pub fn observe(&mut self, sight: &Sight, tally: Tally, spans: &mut Spans) {
+        if self.live == 0 {
+            return;
+        }
+        let before = self.live;
+        match sight {
+            Sight::Lines(lines) => {
+                let span = [self.voxels(self.reach[0])[0], self.voxels(self.reach[1] - 1)[1]];
+                match lines.judge(span, self.lo, self.hi) {
+                    Verdict::Inside => return,
+                    Verdict::Outside => self.each_block(tally, |_, _| Missed::All),
+                    Verdict::Cut => {
+                        spans.clear();
+                        let mut rows = self.rows;
+                        while rows != 0 {
+                            let row = rows.trailing_zeros() as usize;
+                            rows &= rows - 1;
+                            lines.look(span, (self.lo[0] + row % SIDE, self.lo[1] + row / SIDE), row, spans);
+                            spans.close(row);
+                        }
+                        self.each_block(tally, |tile, block| {
+                            let [from, to] = tile.voxels(block);
+                            spans.missed(from, to)
+                        });
+                    }
+                }
+            }
+            Sight::Boxes(boxes) => self.each_block(tally, |tile, block| {
+                let [from, to] = tile.voxels(block);
+                let live = tile.words(block, tally);
+                boxes.missed([from, tile.lo[0], tile.lo[1]], [to, tile.hi[0], tile.hi[1]], &live)
+            }),
+        }
+        if self.live < before {
+            self.shrink(tally);
+        }
+    }
+
+    fn each_block(&mut self, tally: Tally, missed: impl Fn(&Self, usize) -> Missed) {
+        for block in self.reach[0]..self.reach[1] {
+            if self.blocks[block] != Block::Uniform(tally.budget() + 1) {
+                let missed = missed(self, block);
+                self.live -= u64::from(self.count(block, missed, tally));
+            }
+        }
+    }
+
+    /// Counts what a view misses of a block that lives; returns how many voxels died.
+    fn count(&mut self, block: usize, missed: Missed, tally: Tally) -> u32 {
+        match (missed, self.blocks[block]) {
+            (Missed::None, _) => 0,
+            (Missed::All, Block::Uniform(misses)) => self.miss_all(block, misses, tally),
+            (Missed::All, Block::Mixed(slot)) => self.add(block, slot, &[u64::MAX; ROWS], tally),
+            (Missed::Some(words), Block::Mixed(slot)) => self.add(block, slot, &words, tally),
+            (Missed::Some(words), Block::Uniform(misses)) => {
+                let held = self.held(block);
+                let hit = |row: usize| words[row] & held[row];
+                if (0..ROWS).all(|row| hit(row) == 0) {
+                    return 0;
+                }
+                if (0..ROWS).all(|row| hit(row) == held[row]) {
+                    return self.miss_all(block, misses, tally);
+                }
+                let slot = self.take_slot(tally);
+                tally.fill(self.slot(slot, tally), &held, misses);
+                self.blocks[block] = Block::Mixed(slot);
+                self.add(block, slot, &words, tally)
+            }
+        }
+    }
+
+    fn miss_all(&mut self, block: usize, misses: u32, tally: Tally) -> u32 {
+        self.blocks[block] = Block::Uniform(misses + 1);
+        let ([from, to], [y, z]) = (self.voxels(block), self.sides());
+        if misses == tally.budget() { ((to - from) * y * z) as u32 } else { 0 }
+    }
+
+    fn add(&mut self, block: usize, slot: u32, missed: &Words, tally: Tally) -> u32 {
+        let words = self.slot(slot, tally);
+        let died = Tally::add(words, missed);
+        if died > 0 && words[..ROWS].iter().all(|&word| word == 0) {
+            self.blocks[block] = Block::Uniform(tally.budget() + 1);
+            self.free.push(slot);
+        }
+        died
+    }
+
+    fn take_slot(&mut self, tally: Tally) -> u32 {
+        self.free.pop().unwrap_or_else(|| {
+            let slot = self.slots.len() / tally.words();
+            self.slots.resize((slot + 1) * tally.words(), 0);
+            slot as u32
+        })
+    }
+
+    fn slot(&mut self, slot: u32, tally: Tally) -> &mut [u64] {
+        let at = slot as usize * tally.words();
+        &mut self.slots[at..at + tally.words()]
+    }
+
+    /// Forgets blocks and rows that have died.
+    fn shrink(&mut self, tally: Tally) {
+        let dead = Block::Uniform(tally.budget() + 1);
+        let [mut from, mut to] = self.reach;
+        while from < to && self.blocks[from] == dead {
+            from += 1;
+        }
+        while from < to && self.blocks[to - 1] == dead {
+            to -= 1;
+        }
+        self.reach = [from, to];
+        let mut any: Words = [0; ROWS];
+        for block in &self.blocks[from..to] {
+            match *block {
+                Block::Uniform(misses) if misses > tally.budget() => {}
+                Block::Uniform(_) => return,
+                Block::Mixed(slot) => {
+                    let at = slot as usize * tally.words();
+                    any.iter_mut().zip(&self.slots[at..at + ROWS]).for_each(|(any, word)| *any |= word);
+                }
+            }
+        }
+        self.rows &= any.iter().enumerate().fold(0, |rows, (row, word)| rows | u64::from(*word != 0) << row);
+        if self.live == 0 {
+            self.slots = Vec::new();
+            self.free = Vec::new();
+        }
+    }
+}
