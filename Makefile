@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test lint bench web deny deps-build deps-web deps-test
+.PHONY: help build run test lint bench web deny deps-build deps-web deps-test deps-bench
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -36,8 +36,9 @@ lint: deps-build $(NODE_MODULES) ## formatting, clippy with and without the came
 	$(CARGO) clippy --workspace --all-targets --locked --no-default-features -- -D warnings
 	cd web && npm run --silent check
 
-bench: deps-build ## benchmarks
+bench: deps-build deps-bench ## benchmarks, then other tools beside carved: docs/performance.md
 	$(CARGO) bench --workspace --locked
+	benches/peers/run.sh
 
 web: $(PAGE) ## the operator's page alone: web/dist
 
@@ -53,6 +54,9 @@ deps-web:
 
 deps-test:
 	@scripts/install-deps test
+
+deps-bench:
+	@scripts/install-deps bench
 
 $(NODE_MODULES): web/package-lock.json web/package.json | deps-web
 	cd web && npm ci --ignore-scripts --no-audit --no-fund

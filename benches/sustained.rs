@@ -6,16 +6,22 @@
 //! two threads   frames per second over three rounds
 //! ```
 //! The digest is of all masks and outlines, bit by bit: a change that only saves time leaves it as it is.
-//! `cargo bench --bench sustained -- --write DIR` writes the frames as PNG, in colour, and measures nothing.
+//!
+//! ```text
+//! --write DIR   writes the frames as PNG, in colour, and measures nothing
+//! --read DIR    takes the PNG pictures of a folder instead of the set
+//! --rows N      keeps the middle N rows of each frame, as somebody would who has found the bore already
+//! ```
 
 use anyhow::Context;
 use carved::frame::{PixelFormat, RawFrame};
 use carved::hash::sha256_hex;
 use carved::profile::{Picture, SegmentSettings, Segmenter};
+use clap::Parser;
 use hardware_sim::scene::Exposure;
 use hardware_sim::scene::frame_set::{FrameSpec, frame_set};
 use rayon::prelude::*;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
@@ -23,15 +29,62 @@ const SEED: u64 = 1;
 const THREADS: usize = 2;
 const ROUNDS: usize = 3;
 
+/// Frames through segmentation, timed.
+#[derive(Parser)]
+struct Options {
+    #[arg(long, value_name = "DIR")]
+    write: Option<PathBuf>,
+    #[arg(long, value_name = "DIR")]
+    read: Option<PathBuf>,
+    #[arg(long, value_name = "N")]
+    rows: Option<u32>,
+    /// What `cargo bench` passes on.
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
 fn main() -> anyhow::Result<()> {
-    let frames: Vec<(String, RawFrame)> = frame_set(SEED)?.par_iter().map(render).collect::<Result<_, _>>()?;
-    let args: Vec<String> = std::env::args().collect();
-    if let Some(at) = args.iter().position(|a| a == "--write") {
-        return write(&frames, Path::new(args.get(at + 1).context("--write needs a folder")?));
+    let options = Options::parse();
+    let mut frames: Vec<(String, RawFrame)> = match &options.read {
+        Some(folder) => read(folder)?,
+        None => frame_set(SEED)?.par_iter().map(render).collect::<Result<_, _>>()?,
+    };
+    if let Some(rows) = options.rows {
+        frames = frames.into_iter().map(|(name, frame)| Ok((name, middle(&frame, rows)?))).collect::<anyhow::Result<_>>()?;
+    }
+    if let Some(folder) = &options.write {
+        return write(&frames, folder);
     }
     single(&frames);
     sustained(&frames);
     Ok(())
+}
+
+fn read(folder: &Path) -> anyhow::Result<Vec<(String, RawFrame)>> {
+    let mut files = std::fs::read_dir(folder)
+        .with_context(|| folder.display().to_string())?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<Vec<PathBuf>>>()?;
+    files.retain(|f| f.extension().is_some_and(|e| e == "png"));
+    files.sort();
+    anyhow::ensure!(!files.is_empty(), "{} has no .png", folder.display());
+    let picture = |file: &PathBuf| {
+        let rgb = image::open(file).with_context(|| file.display().to_string())?.to_rgb8();
+        let (width, height) = rgb.dimensions();
+        let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok((name, RawFrame::new(width, height, PixelFormat::RGB8Packed, rgb.into_raw())?))
+    };
+    files.iter().map(picture).collect()
+}
+
+/// The middle rows of a frame. They begin on an even row, so that a mosaic stays the same mosaic.
+fn middle(frame: &RawFrame, rows: u32) -> anyhow::Result<RawFrame> {
+    let (width, height) = (frame.width(), frame.height());
+    anyhow::ensure!((1..=height).contains(&rows), "--rows {rows}: the frames have {height}");
+    let first = ((height - rows) / 2) & !1;
+    let row_bytes = width as usize * frame.format().bytes_per_pixel();
+    let bytes = &frame.bytes()[first as usize * row_bytes..(first + rows) as usize * row_bytes];
+    Ok(RawFrame::new(width, rows, frame.format(), bytes.to_vec())?)
 }
 
 fn render(spec: &FrameSpec) -> anyhow::Result<(String, RawFrame)> {
@@ -54,6 +107,7 @@ fn single(frames: &[(String, RawFrame)]) {
     let mut segmenter = Segmenter::default();
     let (mut colours, mut profiles, mut both) = (Vec::new(), Vec::new(), Vec::new());
     let mut told = Vec::new();
+    let mut found = 0;
     for round in 0..=ROUNDS {
         for (_, frame) in frames {
             let began = Instant::now();
@@ -65,6 +119,7 @@ fn single(frames: &[(String, RawFrame)]) {
                 // Buffers grow and caches fill: what comes out is kept, the time is not.
                 match profile {
                     Ok(p) => {
+                        found += 1;
                         told.extend_from_slice(p.mask.data());
                         told.extend(p.edge.iter().flat_map(|e| &e.vertices).flatten().flat_map(|x| x.to_le_bytes()));
                     }
@@ -77,7 +132,7 @@ fn single(frames: &[(String, RawFrame)]) {
             both.push(whole);
         }
     }
-    println!("{} frames, digest {}", frames.len(), &sha256_hex(&told)[..16]);
+    println!("{} frames, {found} profiles, digest {}", frames.len(), &sha256_hex(&told)[..16]);
     for (name, times) in [("demosaic", &mut colours), ("segment", &mut profiles), ("both", &mut both)] {
         times.sort_unstable();
         println!("{name:9} p50 {:6.2} ms   p95 {:6.2} ms   worst {:6.2} ms", ms(times, 0.5), ms(times, 0.95), ms(times, 1.0));
