@@ -8,7 +8,7 @@
 //! each path lies in a function of its own whose name callgrind starts and stops at: nothing else is counted.
 
 use anyhow::Context;
-use carved::carver::{CarveError, Carver};
+use carved::carver::{CarveError, Carver, Leaves};
 use carved::frame::{PixelFormat, RawFrame};
 use carved::geometry::{BoxUm, Projection, VoxelGrid};
 use carved::profile::{Mask, Picture, Profile, ProfileError, SegmentSettings, Segmenter};
@@ -66,7 +66,7 @@ fn main() -> anyhow::Result<()> {
 #[inline(never)]
 fn hot_carve(carver: &mut Carver, views: &[(Mask, Projection)]) -> Result<(), CarveError> {
     for (mask, projection) in views {
-        carver.observe(mask, projection)?;
+        carver.observe(mask, projection, Leaves::default())?;
     }
     Ok(())
 }
