@@ -150,7 +150,7 @@ impl Background {
 
     /// Fits the light and leaves the level of each row in `profile`.
     fn estimate(&mut self, bore: &Bore, picture: &Picture, channel: usize, flat: bool) -> Light {
-        let mut light = if flat { Light::even() } else { Light::outside(bore, picture, channel) };
+        let mut light = if flat { Light::even() } else { Light::outside(bore, picture, channel, &mut self.scratch) };
         self.even_out(&light);
         let mut sigma = self.roughness();
         self.brightest();
@@ -421,7 +421,8 @@ impl Light {
     }
 
     /// The light along the capillary by the water above and below it: a parabola through the medians of column blocks.
-    fn outside(bore: &Bore, picture: &Picture, channel: usize) -> Self {
+    /// `greys` is memory.
+    fn outside(bore: &Bore, picture: &Picture, channel: usize, greys: &mut Vec<f32>) -> Self {
         const BLOCKS: usize = 24;
         let (w, h) = (picture.width(), picture.height());
         let plane = &picture.planes()[channel];
@@ -435,14 +436,14 @@ impl Light {
             let above = (bore.walls.upper.outer.at(mid) - MARGIN_PX as f64).clamp(0.0, h as f64) as usize;
             let below = (bore.walls.lower.outer.at(mid) + MARGIN_PX as f64).clamp(0.0, h as f64) as usize;
             for (side, rows) in [above.saturating_sub(band)..above, below..(below + band).min(h)].into_iter().enumerate() {
-                let mut greys: Vec<f32> = Vec::new();
+                greys.clear();
                 for v in rows.step_by(3) {
                     greys.extend(plane[v * w + columns.start..v * w + columns.end].iter().step_by(2).map(|&p| f32::from(p)));
                 }
                 if greys.len() < 16 {
                     continue;
                 }
-                let grey = f64::from(quantile(&mut greys, 0.5));
+                let grey = f64::from(quantile(greys, 0.5));
                 let x = 2.0 * mid / w as f64 - 1.0;
                 // Each side has a level of its own: above and below the lamp need not be the same.
                 let basis = SVector::<f64, 4>::from([f64::from(side == 0), f64::from(side == 1), x, 1.5 * x * x - 0.5]);

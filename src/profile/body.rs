@@ -8,7 +8,7 @@
 
 use super::detection::{Head, Side, above, any};
 use super::opacity::{BODY, Grid};
-use super::pieces::{BLACK, Piece};
+use super::pieces::{BLACK, Piece, Things};
 
 /// Half the width of a solid black place that may be an eye. An eye seen edge on has 0.1 and more; a bladder's rim and
 /// pigment have 0.08 at most.
@@ -22,7 +22,7 @@ const BLADDER_BORE: std::ops::Range<f64> = 0.6..1.6;
 const END_BORE: f64 = 0.5;
 
 /// The eyes of one head: where along the capillary from the left end, and half the width of the larger one.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 struct Eyes {
     at_bore: f64,
     radius_bore: f64,
@@ -32,8 +32,10 @@ struct Eyes {
 pub(super) struct Body {
     /// Extent along the capillary.
     length_bore: f64,
-    /// From the largest eye down.
-    heads: Vec<Eyes>,
+    /// Those of the head with the largest eye.
+    eyes: Option<Eyes>,
+    /// How likely any further black place is another head's eyes.
+    second_head: f64,
     /// Width near the left and the right end, share of the greatest; none where that end is out of sight.
     ends: [Option<f64>; 2],
     /// Depth of the deepest neck: 1 - its width over the lesser of the widths to both sides of it.
@@ -46,26 +48,61 @@ pub(super) struct Body {
     others: f64,
 }
 
-impl Body {
-    /// Of the specimen; `None` where there is none.
-    pub fn of(grid: &Grid, labels: &[u16], pieces: &[Piece]) -> Option<Self> {
+/// Measures bodies; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct BodyFinder {
+    /// By label: the specimen's pieces.
+    owned: Vec<bool>,
+    /// Along the capillary: cells of the body, its width, and the greatest width from there on to the right.
+    count: Vec<f64>,
+    width: Vec<f64>,
+    right: Vec<f64>,
+    depth: Vec<f32>,
+    groups: Vec<Group>,
+}
+
+/// Black places near each other: first and last column, and how deep the deepest is, in cells.
+#[derive(Debug, Clone, Copy)]
+struct Group {
+    from: usize,
+    to: usize,
+    radius: f32,
+}
+
+impl Group {
+    fn eyes(&self, per_bore: f64, first: usize) -> Eyes {
+        Eyes {
+            at_bore: (self.from + self.to) as f64 / 2.0 / per_bore - first as f64 / per_bore,
+            radius_bore: f64::from(self.radius) / per_bore,
+        }
+    }
+}
+
+impl BodyFinder {
+    /// The specimen's body; `None` where there is none.
+    pub fn find(&mut self, grid: &Grid, things: &Things) -> Option<Body> {
+        let (labels, pieces) = (&things.labels, &things.pieces);
         // A larva that the segmentation lost is there all the same.
         let largest = pieces.iter().find(|p| p.in_mask).or_else(|| pieces.first().filter(|p| p.looks().larva > 0.5))?;
         // What else is another's: a tail that a transparent stretch cuts off is in the mask and lies behind the body.
         let own = |p: &&Piece| p.label == largest.label || p.in_mask && !p.beside(largest);
-        let mut owned = vec![false; usize::from(u16::MAX) + 1];
+        let owned = &mut self.owned;
+        owned.clear();
+        owned.resize(usize::from(u16::MAX) + 1, false);
         pieces.iter().filter(own).for_each(|p| owned[usize::from(p.label)] = true);
         // A leak of the mask into clear water has no width.
         let body = |at: usize| owned[usize::from(labels[at])] && grid.opacity[at] > BODY;
         let column = |u: usize| (0..grid.height).map(move |v| v * grid.width + u);
-        let raw: Vec<f64> = (0..grid.width).map(|u| column(u).filter(|&at| body(at)).count() as f64 / grid.per_bore).collect();
+        let raw = &mut self.count;
+        raw.clear();
+        raw.extend((0..grid.width).map(|u| column(u).filter(|&at| body(at)).count() as f64 / grid.per_bore));
         let reach = (0.1 * grid.per_bore) as usize;
-        let width: Vec<f64> = (0..raw.len())
-            .map(|u| {
-                let near = &raw[u.saturating_sub(reach)..(u + reach + 1).min(raw.len())];
-                near.iter().sum::<f64>() / near.len() as f64
-            })
-            .collect();
+        let width = &mut self.width;
+        width.clear();
+        width.extend((0..raw.len()).map(|u| {
+            let near = &raw[u.saturating_sub(reach)..(u + reach + 1).min(raw.len())];
+            near.iter().sum::<f64>() / near.len() as f64
+        }));
         // Pigment apart from the body is narrower than this.
         let seen = |w: &f64| *w > 0.06;
         let (first, last) = (width.iter().position(seen)?, width.iter().rposition(seen)?);
@@ -74,12 +111,14 @@ impl Body {
         let behind = ((END_BORE * grid.per_bore) as usize).min(width.len() - 1);
         let left = (first > reach).then(|| width[behind] / greatest);
         let right = (last + reach < grid.width - 1).then(|| width[width.len() - 1 - behind] / greatest);
-        let (neck, beside_neck_bore) = neck(width);
-        let mut heads = heads(grid, &body);
-        for eyes in &mut heads {
-            eyes.at_bore -= first as f64 / grid.per_bore;
-        }
-        let depth = grid.depth(body);
+        let (neck, beside_neck_bore) = neck(width, &mut self.right);
+        heads(grid, &body, &mut self.depth, &mut self.groups);
+        let length_bore = width.len() as f64 / grid.per_bore;
+        let mut heads = self.groups.iter().map(|group| group.eyes(grid.per_bore, first));
+        let eyes = heads.next();
+        let second_head = eyes.map_or(0.0, |eyes| second_head(eyes, heads, length_bore));
+        let depth = &mut self.depth;
+        grid.depth(body, depth);
         let deep = (0.08 * grid.per_bore) as f32;
         let mut histogram = [0usize; 64];
         for at in (0..labels.len()).filter(|&at| depth[at] > deep) {
@@ -91,9 +130,10 @@ impl Body {
             below += n;
             20 * below > total
         });
-        Some(Self {
-            length_bore: width.len() as f64 / grid.per_bore,
-            heads,
+        Some(Body {
+            length_bore,
+            eyes,
+            second_head,
             ends: [left, right],
             neck,
             beside_neck_bore,
@@ -101,35 +141,24 @@ impl Body {
             others: any(pieces.iter().filter(|p| !own(p)).map(|p| p.looks().larva)),
         })
     }
+}
 
+impl Body {
     /// How likely it is more than one larva.
     pub fn two(&self) -> f64 {
         // In opaque tissue every place may be as black as an eye.
-        let heads = self.second_head() * (1.0 - self.dead());
+        let heads = self.second_head * (1.0 - self.dead());
         let neck = above(self.neck, 0.45, 0.12) * above(self.beside_neck_bore, 0.25, 0.06);
         // The longest larva in the narrowest bore in use has 7.
         let long = above(self.length_bore, 7.5, 0.3);
         any([heads, neck, long, self.others])
     }
 
-    /// How likely any further black place is another head's eyes.
-    fn second_head(&self) -> f64 {
-        let Some((first, others)) = self.heads.split_first() else { return 0.0 };
-        any(others.iter().map(|eyes| {
-            let eye = above(eyes.radius_bore, EYE_BORE, 0.015);
-            let apart = (eyes.at_bore - first.at_bore).abs();
-            // Where the bladder lies, pigment over its dark rim may look like an eye. It is none where the larger one is near
-            // an end, as the eyes of one larva are.
-            let nearest = first.at_bore.min(self.length_bore - first.at_bore);
-            if BLADDER_BORE.contains(&apart) { eye * above(nearest, 1.1, 0.2) } else { eye }
-        }))
-    }
-
     /// Towards which side the head lies, by the logarithms of odds that its eyes, its ends and its girth give.
     pub fn head(&self) -> Head {
         let [left, right] = self.ends;
         // An end out of sight is further away than what is seen.
-        let eyes = self.heads.first().map_or(0.0, |eyes| {
+        let eyes = self.eyes.map_or(0.0, |eyes| {
             let to_left = eyes.at_bore + if left.is_some() { 0.0 } else { 1.0 };
             let to_right = self.length_bore - eyes.at_bore + if right.is_some() { 0.0 } else { 1.0 };
             3.0 * (to_right / to_left.max(0.1)).ln().clamp(-1.0, 1.0)
@@ -150,37 +179,47 @@ impl Body {
     }
 }
 
-/// The heads by their eyes: groups of solid black places, the one with the largest eye first.
-fn heads(grid: &Grid, body: &impl Fn(usize) -> bool) -> Vec<Eyes> {
-    let depth = grid.depth(|at| body(at) && grid.opacity[at] > BLACK);
+/// How likely any of the other black places is another head's eyes.
+fn second_head(first: Eyes, others: impl Iterator<Item = Eyes>, length_bore: f64) -> f64 {
+    any(others.map(|eyes| {
+        let eye = above(eyes.radius_bore, EYE_BORE, 0.015);
+        let apart = (eyes.at_bore - first.at_bore).abs();
+        // Where the bladder lies, pigment over its dark rim may look like an eye. It is none where the larger one is near
+        // an end, as the eyes of one larva are.
+        let nearest = first.at_bore.min(length_bore - first.at_bore);
+        if BLADDER_BORE.contains(&apart) { eye * above(nearest, 1.1, 0.2) } else { eye }
+    }))
+}
+
+/// Leaves the heads by their eyes: groups of solid black places, the one with the largest eye first. `depth` is memory.
+fn heads(grid: &Grid, body: &impl Fn(usize) -> bool, depth: &mut Vec<f32>, groups: &mut Vec<Group>) {
+    grid.depth(|at| body(at) && grid.opacity[at] > BLACK, depth);
     let gap = HEAD_BORE * grid.per_bore;
-    let mut groups: Vec<(usize, usize, f32)> = Vec::new();
+    groups.clear();
     for u in 0..grid.width {
         let deepest = (0..grid.height).map(|v| depth[v * grid.width + u]).fold(0.0, f32::max);
         if f64::from(deepest) < LEAST_EYE_BORE * grid.per_bore {
             continue;
         }
         match groups.last_mut() {
-            Some((_, last, radius)) if (u - *last) as f64 <= gap => (*last, *radius) = (u, radius.max(deepest)),
-            _ => groups.push((u, u, deepest)),
+            Some(group) if (u - group.to) as f64 <= gap => (group.to, group.radius) = (u, group.radius.max(deepest)),
+            _ => groups.push(Group { from: u, to: u, radius: deepest }),
         }
     }
-    groups.sort_by(|a, b| b.2.total_cmp(&a.2));
-    let eyes = |(from, to, radius): &(usize, usize, f32)| Eyes {
-        at_bore: (from + to) as f64 / 2.0 / grid.per_bore,
-        radius_bore: f64::from(*radius) / grid.per_bore,
-    };
-    groups.iter().map(eyes).collect()
+    // Of two as large the left one stays first.
+    groups.sort_unstable_by(|a, b| b.radius.total_cmp(&a.radius).then(a.from.cmp(&b.from)));
 }
 
-/// The deepest place between two wider ones: its depth relative to the lesser of them, and the width of that.
-fn neck(width: &[f64]) -> (f64, f64) {
-    let mut right: Vec<f64> = width.to_vec();
+/// The deepest place between two wider ones: its depth relative to the lesser of them, and the width of that. `right` is
+/// memory.
+fn neck(width: &[f64], right: &mut Vec<f64>) -> (f64, f64) {
+    right.clear();
+    right.extend_from_slice(width);
     for u in (0..right.len().saturating_sub(1)).rev() {
         right[u] = right[u].max(right[u + 1]);
     }
     let mut left = 0.0f64;
-    width.iter().zip(&right).fold((0.0, 0.0), |best: (f64, f64), (&w, &right)| {
+    width.iter().zip(&*right).fold((0.0, 0.0), |best: (f64, f64), (&w, &right)| {
         left = left.max(w);
         let beside = left.min(right);
         let depth = 1.0 - w / beside.max(1e-9);

@@ -69,7 +69,7 @@ impl Bubbles {
         self.black.depth(&mut self.depth);
         self.order.clear();
         self.order.extend((0..self.depth.len()).filter(|&i| f64::from(self.depth[i]) >= LEAST_RADIUS));
-        self.order.sort_by(|&a, &b| self.depth[b].total_cmp(&self.depth[a]).then(a.cmp(&b)));
+        self.order.sort_unstable_by(|&a, &b| self.depth[b].total_cmp(&self.depth[a]).then(a.cmp(&b)));
         for &at in &self.order {
             let disc = Disc { u: (at % w) as f64, v: (at / w) as f64, radius: f64::from(self.depth[at]) };
             // The deepest place of each black thing decides on all of it.

@@ -11,10 +11,10 @@
 
 use super::Mask;
 use super::background::Bore;
-use super::body::Body;
+use super::body::{Body, BodyFinder};
 use super::bubble::Disc;
 use super::opacity::Grid;
-use super::pieces::{self, Piece};
+use super::pieces::{Piece, Things};
 use super::plane::Plane;
 use serde::{Deserialize, Serialize};
 
@@ -131,21 +131,33 @@ pub(super) fn any(of: impl IntoIterator<Item = f64>) -> f64 {
     1.0 - of.into_iter().map(|p| 1.0 - p).product::<f64>()
 }
 
-/// Decides by the darkness of the bore, in which the loss of all light counts `all_light`; `bubbles` are those found in it.
-pub(super) fn detect(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32, bubbles: &[Disc]) -> Detection {
-    let grid = Grid::of(mask, bore, darkness, all_light, bubbles);
-    let (labels, pieces) = pieces::find(&grid);
-    let body = Body::of(&grid, &labels, &pieces);
-    let looks: Vec<_> = pieces.iter().map(Piece::looks).collect();
-    let [clipped_left, clipped_right] = grid.clipped();
+/// Detects; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Detector {
+    grid: Grid,
+    things: Things,
+    body: BodyFinder,
+}
+
+impl Detector {
+    /// Decides by the darkness of the bore, in which the loss of all light counts `all_light`; `bubbles` are those found in it.
+    pub fn detect(&mut self, mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32, bubbles: &[Disc]) -> Detection {
+        self.grid.fill(mask, bore, darkness, all_light, bubbles);
+        self.things.find(&self.grid);
+        decide(&self.things.pieces, self.body.find(&self.grid, &self.things).as_ref(), self.grid.clipped())
+    }
+}
+
+fn decide(pieces: &[Piece], body: Option<&Body>, [clipped_left, clipped_right]: [f64; 2]) -> Detection {
+    let looks = || pieces.iter().map(|p| (p, p.looks()));
     // What reaches out of the picture is more than is seen of it: a tail by itself has no body's look.
     let cut = |p: &Piece| if p.in_mask { clipped_left.max(clipped_right) } else { 0.0 };
-    let larva = any(pieces.iter().zip(&looks).map(|(p, l)| l.larva + cut(p) * l.debris));
+    let larva = any(looks().map(|(p, l)| l.larva + cut(p) * l.debris));
     // Something round that the segmentation did not take for a specimen is too small for one.
-    let bead = any(pieces.iter().zip(&looks).map(|(p, l)| if p.in_mask { l.bead } else { 0.0 }));
-    let bubble = any(looks.iter().map(|l| l.bubble));
-    let debris = any(pieces.iter().zip(&looks).map(|(p, l)| (1.0 - cut(p)) * l.debris + if p.in_mask { 0.0 } else { l.bead }));
-    let two = body.as_ref().map_or(0.0, Body::two);
+    let bead = any(looks().map(|(p, l)| if p.in_mask { l.bead } else { 0.0 }));
+    let bubble = any(looks().map(|(_, l)| l.bubble));
+    let debris = any(looks().map(|(p, l)| (1.0 - cut(p)) * l.debris + if p.in_mask { 0.0 } else { l.bead }));
+    let two = body.map_or(0.0, Body::two);
     // What there is goes by what matters most: debris beside a larva is a larva's picture.
     let mut left = 1.0;
     let [larva, bead, bubble, debris] = [larva, bead, bubble, debris].map(|p| {
@@ -154,7 +166,7 @@ pub(super) fn detect(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32,
         share
     });
     // Each piece is one of the four: what they leave over is nobody's but where there may be nothing at all.
-    let something = any(looks.iter().map(|l| l.larva + l.bead + l.bubble + l.debris));
+    let something = any(looks().map(|(_, l)| l.larva + l.bead + l.bubble + l.debris));
     let scale = if left < 1.0 { something / (1.0 - left) } else { 0.0 };
     let likelihoods = Likelihoods {
         empty: 1.0 - something,
@@ -174,10 +186,10 @@ pub(super) fn detect(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32,
         (Kind::Bead, l.bead),
     ];
     let (kind, confidence) = kinds.into_iter().fold((Kind::Empty, 0.0), |best, next| if next.1 > best.1 { next } else { best });
-    let head = match (&body, kind) {
+    let head = match (body, kind) {
         (Some(body), Kind::Larva) => body.head(),
         _ => Head { side: None, confidence: 0.0 },
     };
-    let dead = body.as_ref().map_or(0.0, |b| larva * b.dead());
+    let dead = body.map_or(0.0, |b| larva * b.dead());
     Detection { kind, confidence, likelihoods, clipped_left, clipped_right, head, dead }
 }

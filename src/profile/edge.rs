@@ -70,6 +70,7 @@ struct Place {
 /// Finds edges; keeps its memory from frame to frame.
 #[derive(Default)]
 pub(super) struct EdgeFinder {
+    kernel: Vec<f32>,
     places: Vec<Place>,
     inward: Vec<[f64; 2]>,
     raw: Vec<[f32; SAMPLES]>,
@@ -116,7 +117,7 @@ impl EdgeFinder {
     /// Reads the darkness along all normals, averaged along the outlines.
     fn look(&mut self, outlines: &Outlines, darkness: &Plane, limits: &Limits, settings: &EdgeSettings) {
         let last_u = (darkness.width - 1) as f64;
-        let kernel = gaussian(settings.along_px / STEP_PX);
+        gaussian(settings.along_px / STEP_PX, &mut self.kernel);
         self.places.clear();
         self.samples.clear();
         for outline in outlines.each() {
@@ -129,7 +130,9 @@ impl EdgeFinder {
                     darkness.sample(p[0] + s * n[0], p[1] + s * n[1])
                 })
             }));
-            smooth_cyclic(&self.raw, &kernel, &mut self.samples);
+            let first = self.samples.len();
+            self.samples.resize(first + self.raw.len(), [0.0; SAMPLES]);
+            smooth_cyclic(self.raw.as_flattened(), SAMPLES, &self.kernel, self.samples[first..].as_flattened_mut());
             self.places.extend(outline.iter().zip(&self.inward).map(|(&at, &inward)| {
                 let deep = half_thickness(at, inward, darkness, limits.inside);
                 Place {
@@ -223,8 +226,10 @@ impl EdgeFinder {
             let shift = if place.at_border { place.shift as f64 } else { settle(model, place.shift, &samples[..place.seen]).0 };
             model.place_px(shift)
         }));
+        gaussian(settings.shift_smoothing_px / STEP_PX, &mut self.kernel);
         self.smooth.clear();
-        smooth_cyclic(&self.shifts, &gaussian(settings.shift_smoothing_px / STEP_PX), &mut self.smooth);
+        self.smooth.resize(self.shifts.len(), 0.0);
+        smooth_cyclic(&self.shifts, 1, &self.kernel, &mut self.smooth);
         // A blurred step of height a under white noise of 1 is placed to sqrt(2 sqrt(pi) blur) / a per sample and pixel;
         // averaging along the outline divides by the root of what it averages.
         let spread = (2.0 * std::f64::consts::PI.sqrt() * sigma).sqrt() * f64::from(noise2(settings)).sqrt();
@@ -361,7 +366,7 @@ fn half_thickness(p: [f64; 2], n: [f64; 2], window: &Plane, inside: &[bool]) -> 
 mod tests {
     use super::super::Mask;
     use super::super::onset::blurred_samples;
-    use super::super::outline::{Crossings, rasterise, smoothed, trace};
+    use super::super::outline::{Crossings, Smoother, rasterise, smoothed, trace};
     use super::super::synthetic::{Noise, blurred_step, plane};
     use super::*;
 
@@ -376,7 +381,7 @@ mod tests {
         let inside: Vec<bool> = (0..SIZE * SIZE).map(|i| depth((i % SIZE) as f64, (i / SIZE) as f64) > -coarse).collect();
         let (mut cracks, mut outlines) = (Outlines::default(), Outlines::default());
         trace(&inside, SIZE, 0, 12, &mut Vec::new(), &mut cracks);
-        smoothed(&cracks, EdgeSettings::default().outline_smoothing_px, STEP_PX, &mut Vec::new(), &mut outlines);
+        smoothed(&cracks, EdgeSettings::default().outline_smoothing_px, STEP_PX, &mut Smoother::default(), &mut outlines);
         let limits = Limits { inside: &inside, body: &inside, bubbles: &[], rows: &|_| (-1e9, 1e9) };
         EdgeFinder::default().refine(&outlines, &darkness, &limits, &EdgeSettings::default())
     }

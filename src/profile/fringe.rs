@@ -11,7 +11,7 @@
 //! counting no more than a faint line would, so that no bubble or speck beside the larva pulls it out.
 
 use super::background::Bore;
-use super::outline::{Crossings, Outlines, Polygon, fill, normals};
+use super::outline::{Crossings, Outlines, fill, normals, smooth_cyclic};
 use super::path::Path;
 use super::plane::{Plane, gaussian, quantile};
 use super::settings::FringeSettings;
@@ -34,7 +34,9 @@ const WALL_SHADE_PX: f64 = 6.0;
 /// Finds the fringe; keeps its memory from frame to frame.
 #[derive(Default)]
 pub(super) struct Fringe {
+    kernel: Vec<f32>,
     inward: Vec<[f64; 2]>,
+    /// Darkness along the normals, place by place, and its means along the outline.
     raw: Vec<f32>,
     mean: Vec<f32>,
     borders: Vec<f32>,
@@ -42,7 +44,7 @@ pub(super) struct Fringe {
     path: Path,
     runs: Vec<f32>,
     believed: Vec<bool>,
-    polygon: Vec<Polygon>,
+    vertices: Vec<[f64; 2]>,
     crossings: Crossings,
 }
 
@@ -54,7 +56,7 @@ impl Fringe {
             return;
         }
         let samples = INNER + reach + OUTER;
-        let kernel = gaussian(settings.along_px / STEP_PX);
+        gaussian(settings.along_px / STEP_PX, &mut self.kernel);
         for outline in outlines.each() {
             self.inward.clear();
             normals(outline, &mut self.inward);
@@ -65,34 +67,19 @@ impl Fringe {
                     darkness.sample(p[0] - s * n[0], p[1] - s * n[1])
                 }));
             }
-            self.average(outline.len(), samples, &kernel);
+            self.mean.clear();
+            self.mean.resize(self.raw.len(), 0.0);
+            smooth_cyclic(&self.raw, samples, &self.kernel, &mut self.mean);
             self.gather(outline, bore, samples, reach, settings);
             self.follow(outline.len(), reach, settings);
-            self.polygon.clear();
-            let vertices = outline.iter().zip(&self.inward).zip(&self.path.chosen);
-            let vertices = vertices.map(|((p, n), &d)| [p[0] - d as f64 * n[0], p[1] - d as f64 * n[1]]).collect();
-            self.polygon.push(Polygon { vertices });
-            fill(&self.polygon, (bore.width, bore.bottom), &mut self.crossings, |u, v| {
+            self.vertices.clear();
+            let places = outline.iter().zip(&self.inward).zip(&self.path.chosen);
+            self.vertices.extend(places.map(|((p, n), &d)| [p[0] - d as f64 * n[0], p[1] - d as f64 * n[1]]));
+            fill(std::iter::once(self.vertices.as_slice()), (bore.width, bore.bottom), &mut self.crossings, |u, v| {
                 if v >= bore.top {
                     inside[(v - bore.top) * bore.width + u] = true;
                 }
             });
-        }
-    }
-
-    /// Averages along the outline, distance by distance.
-    fn average(&mut self, steps: usize, samples: usize, kernel: &[f32]) {
-        let reach = kernel.len() / 2;
-        let behind = steps * (reach / steps + 1) - reach;
-        self.mean.clear();
-        self.mean.resize(steps * samples, 0.0);
-        for (i, mean) in self.mean.chunks_exact_mut(samples).enumerate() {
-            for (k, &weight) in kernel.iter().enumerate() {
-                let from = (i + k + behind) % steps * samples;
-                for (m, r) in mean.iter_mut().zip(&self.raw[from..from + samples]) {
-                    *m += weight * r;
-                }
-            }
         }
     }
 
@@ -191,7 +178,7 @@ const BLOCKED: f32 = 50.0;
 
 #[cfg(test)]
 mod tests {
-    use super::super::outline::{smoothed, trace};
+    use super::super::outline::{Smoother, smoothed, trace};
     use super::super::synthetic::{Noise, blurred_step, bore, plane};
     use super::*;
 
@@ -220,7 +207,7 @@ mod tests {
             .collect();
         let (mut cracks, mut outlines) = (Outlines::default(), Outlines::default());
         trace(&body, WIDTH, 0, 12, &mut Vec::new(), &mut cracks);
-        smoothed(&cracks, OUTLINE_SMOOTHING_PX, STEP_PX, &mut Vec::new(), &mut outlines);
+        smoothed(&cracks, OUTLINE_SMOOTHING_PX, STEP_PX, &mut Smoother::default(), &mut outlines);
         let mut inside = body.clone();
         Fringe::default().add(&outlines, &darkness, &bore(WIDTH, HEIGHT), &FringeSettings::default(), &mut inside);
         inside.iter().zip(&body).map(|(now, before)| *now && !*before).collect()

@@ -8,6 +8,7 @@ mod background;
 mod bayer;
 mod body;
 mod bubble;
+mod chamfer;
 mod coarse;
 mod detection;
 mod edge;

@@ -7,6 +7,7 @@
 use super::Mask;
 use super::background::Bore;
 use super::bubble::Disc;
+use super::chamfer;
 use super::detection::above;
 use super::plane::Plane;
 
@@ -17,6 +18,7 @@ pub(super) const BODY: f32 = 0.12;
 /// Cells this near to a wall show the wall's own line, px.
 const WALL_PX: f64 = 4.0;
 
+#[derive(Debug, Default)]
 pub(super) struct Grid {
     pub width: usize,
     pub height: usize,
@@ -29,47 +31,46 @@ pub(super) struct Grid {
     pub open: Vec<bool>,
     /// The cell belongs to the mask or is darker than an empty bore can be.
     pub filled: Vec<bool>,
+    /// Pixels of the mask in each cell of a row.
+    covered: Vec<usize>,
 }
 
 impl Grid {
-    pub fn of(mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32, bubbles: &[Disc]) -> Self {
+    pub fn fill(&mut self, mask: &Mask, bore: &Bore, darkness: &Plane, all_light: f32, bubbles: &[Disc]) {
         let cell = ((bore.mean_px / CELLS_ACROSS) as usize).max(1);
         let (width, height) = (bore.width / cell, bore.height() / cell);
         let share = 1.0 / (cell * cell) as f32 / all_light;
-        let mut grid = Self {
-            width,
-            height,
-            per_bore: bore.mean_px / cell as f64,
-            opacity: vec![0.0; width * height],
-            masked: vec![false; width * height],
-            open: vec![false; width * height],
-            filled: vec![false; width * height],
-        };
+        (self.width, self.height, self.per_bore) = (width, height, bore.mean_px / cell as f64);
+        self.opacity.clear();
+        self.opacity.resize(width * height, 0.0);
+        for cells in [&mut self.masked, &mut self.open, &mut self.filled] {
+            cells.clear();
+            cells.resize(width * height, false);
+        }
         // Six standard deviations of a cell's noise, where that is more.
         let least = BODY.max(6.0 / all_light / cell as f32);
         let specimen = mask.data().iter().any(|&p| p != 0);
-        let mut count = vec![0usize; width];
         for row in 0..height {
-            count.fill(0);
-            let sums = &mut grid.opacity[row * width..(row + 1) * width];
+            self.covered.clear();
+            self.covered.resize(width, 0);
+            let sums = &mut self.opacity[row * width..(row + 1) * width];
             for v in row * cell..(row + 1) * cell {
                 let covered = &mask.data()[(bore.top + v) * bore.width..];
                 for (u, (dark, inside)) in darkness.row(v).iter().zip(covered).take(width * cell).enumerate() {
                     sums[u / cell] += share * dark;
-                    count[u / cell] += usize::from(*inside != 0);
+                    self.covered[u / cell] += usize::from(*inside != 0);
                 }
             }
-            for (column, covered) in count.iter().enumerate() {
+            for (column, covered) in self.covered.iter().enumerate() {
                 let at = row * width + column;
                 let (u, v) = ((column * cell + cell / 2) as f64, (bore.top + row * cell + cell / 2) as f64);
-                grid.open[at] = v - bore.walls.upper.inner.at(u) > WALL_PX && bore.walls.lower.inner.at(u) - v > WALL_PX;
-                grid.masked[at] = 2 * covered > cell * cell;
+                self.open[at] = v - bore.walls.upper.inner.at(u) > WALL_PX && bore.walls.lower.inner.at(u) - v > WALL_PX;
+                self.masked[at] = 2 * covered > cell * cell;
                 // A bubble that was cut off the specimen is no part of it, and no second one.
                 let cut_off = specimen && bubbles.iter().any(|b| b.near([u, v]));
-                grid.filled[at] = grid.masked[at] || grid.open[at] && grid.opacity[at] > least && !cut_off;
+                self.filled[at] = self.masked[at] || self.open[at] && self.opacity[at] > least && !cut_off;
             }
         }
-        grid
     }
 
     /// How surely what is in the mask leaves the picture to the left and to the right: by how much light the mask's cells
@@ -89,31 +90,8 @@ impl Grid {
         })
     }
 
-    /// Chamfer distance, in cells, of each cell of `set` from the nearest one outside; the border of the grid is no outside.
-    pub fn depth(&self, set: impl Fn(usize) -> bool) -> Vec<f32> {
-        const ASLANT: f32 = std::f32::consts::SQRT_2;
-        let (w, h) = (self.width, self.height);
-        let far = (w + h) as f32;
-        let mut depth: Vec<f32> = (0..w * h).map(|at| if set(at) { far } else { 0.0 }).collect();
-        let mut relax = |at: usize, from: Option<usize>, step: f32| {
-            if let Some(from) = from {
-                depth[at] = depth[at].min(depth[from] + step);
-            }
-        };
-        for at in 0..w * h {
-            let (up, left, right) = (at >= w, at % w > 0, at % w + 1 < w);
-            relax(at, left.then(|| at - 1), 1.0);
-            relax(at, up.then(|| at - w), 1.0);
-            relax(at, (up && left).then(|| at - w - 1), ASLANT);
-            relax(at, (up && right).then(|| at - w + 1), ASLANT);
-        }
-        for at in (0..w * h).rev() {
-            let (down, left, right) = (at + w < w * h, at % w > 0, at % w + 1 < w);
-            relax(at, right.then(|| at + 1), 1.0);
-            relax(at, down.then(|| at + w), 1.0);
-            relax(at, (down && right).then(|| at + w + 1), ASLANT);
-            relax(at, (down && left).then(|| at + w - 1), ASLANT);
-        }
-        depth
+    /// How deep each cell of `set` lies, in cells.
+    pub fn depth(&self, set: impl Fn(usize) -> bool, depth: &mut Vec<f32>) {
+        chamfer::depth(self.width, (0..self.opacity.len()).map(set), depth);
     }
 }

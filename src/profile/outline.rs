@@ -98,57 +98,59 @@ pub(super) fn trace(inside: &[bool], width: usize, top: usize, least: usize, use
     }
 }
 
+/// Memory of [`smoothed`].
+#[derive(Debug, Default)]
+pub(super) struct Smoother {
+    kernel: Vec<f32>,
+    means: Vec<[f64; 2]>,
+}
+
 /// Smooths the staircase of cracks away and walks what is left in steps of about `step_px`.
-pub(super) fn smoothed(cracks: &Outlines, sigma_px: f64, step_px: f64, scratch: &mut Vec<[f64; 2]>, out: &mut Outlines) {
-    let kernel = gaussian(sigma_px);
+pub(super) fn smoothed(cracks: &Outlines, sigma_px: f64, step_px: f64, memory: &mut Smoother, out: &mut Outlines) {
+    gaussian(sigma_px, &mut memory.kernel);
     out.clear();
     for outline in cracks.each() {
-        scratch.clear();
-        smooth_cyclic(outline, &kernel, scratch);
+        memory.means.clear();
+        memory.means.resize(outline.len(), [0.0; 2]);
+        smooth_cyclic(outline.as_flattened(), 2, &memory.kernel, memory.means.as_flattened_mut());
         let first = out.points.len();
-        resample(scratch, step_px, &mut out.points);
+        resample(&memory.means, step_px, &mut out.points);
         out.ranges.push(first..out.points.len());
     }
 }
 
 /// What a cyclic mean is taken of.
 pub(super) trait Mean: Copy {
-    const ZERO: Self;
     fn add(&mut self, weight: f32, other: Self);
 }
 
 impl Mean for f64 {
-    const ZERO: Self = 0.0;
     fn add(&mut self, weight: f32, other: Self) {
         *self += f64::from(weight) * other;
     }
 }
 
 impl Mean for f32 {
-    const ZERO: Self = 0.0;
     fn add(&mut self, weight: f32, other: Self) {
         *self += weight * other;
     }
 }
 
-impl<T: Mean, const N: usize> Mean for [T; N] {
-    const ZERO: Self = [T::ZERO; N];
-    fn add(&mut self, weight: f32, other: Self) {
-        self.iter_mut().zip(other).for_each(|(sum, value)| sum.add(weight, value));
+/// Adds to `means` those of the places around each place, weighed by the kernel; a place is `at_each` values that follow each other.
+pub(super) fn smooth_cyclic<T: Mean>(values: &[T], at_each: usize, kernel: &[f32], means: &mut [T]) {
+    let (n, reach) = (values.len() / at_each, kernel.len() / 2);
+    if n == 0 {
+        return;
     }
-}
-
-/// Appends the means of the values around each, weighed by the kernel.
-pub(super) fn smooth_cyclic<T: Mean>(values: &[T], kernel: &[f32], out: &mut Vec<T>) {
-    let (n, reach) = (values.len(), kernel.len() / 2);
     let behind = n * (reach / n + 1) - reach;
-    out.extend((0..n).map(|i| {
-        let mut mean = T::ZERO;
+    for (i, mean) in means.chunks_exact_mut(at_each).enumerate() {
         for (k, &weight) in kernel.iter().enumerate() {
-            mean.add(weight, values[(i + k + behind) % n]);
+            let from = (i + k + behind) % n * at_each;
+            for (sum, &value) in mean.iter_mut().zip(&values[from..from + at_each]) {
+                sum.add(weight, value);
+            }
         }
-        mean
-    }));
+    }
 }
 
 /// Appends vertices at equal steps of about `step_px` along a closed outline.
@@ -192,29 +194,38 @@ pub(super) struct Crossings {
 
 /// Marks every pixel whose centre an outline encloses (a vertex order that winds around it, in either sense).
 pub(super) fn rasterise(polygons: &[Polygon], mask: &mut super::Mask, crossings: &mut Crossings) {
-    fill(polygons, (mask.width(), mask.height()), crossings, |u, v| mask.set(u, v, true));
+    fill(polygons.iter().map(|p| p.vertices.as_slice()), (mask.width(), mask.height()), crossings, |u, v| mask.set(u, v, true));
 }
 
 /// Calls back with every pixel of a picture of that size whose centre an outline encloses.
-pub(super) fn fill(polygons: &[Polygon], (w, h): (usize, usize), crossings: &mut Crossings, mut each: impl FnMut(usize, usize)) {
-    crossings.rows.resize(h, Vec::new());
-    for polygon in polygons {
-        crossings.rows.iter_mut().for_each(Vec::clear);
-        let n = polygon.vertices.len();
+pub(super) fn fill<'a>(
+    outlines: impl Iterator<Item = &'a [[f64; 2]]>,
+    (w, h): (usize, usize),
+    crossings: &mut Crossings,
+    mut each: impl FnMut(usize, usize),
+) {
+    // Rows that this picture does not have are kept for one that has them.
+    if crossings.rows.len() < h {
+        crossings.rows.resize(h, Vec::new());
+    }
+    let rows = &mut crossings.rows[..h];
+    for vertices in outlines {
+        rows.iter_mut().for_each(Vec::clear);
+        let n = vertices.len();
         for i in 0..n {
-            let ([u0, v0], [u1, v1]) = (polygon.vertices[i], polygon.vertices[(i + 1) % n]);
+            let ([u0, v0], [u1, v1]) = (vertices[i], vertices[(i + 1) % n]);
             let (from, to, way) = if v0 <= v1 { (v0, v1, 1) } else { (v1, v0, -1) };
             let first = from.ceil().max(0.0) as usize;
             // Half open: a vertex on a row belongs to the side below it only.
             let mut v = first;
             while (v as f64) < to && v < h {
                 let part = (v as f64 - v0) / (v1 - v0);
-                crossings.rows[v].push((u0 + part * (u1 - u0), way));
+                rows[v].push((u0 + part * (u1 - u0), way));
                 v += 1;
             }
         }
-        for (v, row) in crossings.rows.iter_mut().enumerate() {
-            row.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (v, row) in rows.iter_mut().enumerate() {
+            row.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
             let mut winding = 0;
             for pair in row.windows(2) {
                 winding += pair[0].1;

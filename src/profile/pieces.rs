@@ -79,21 +79,117 @@ impl Piece {
     }
 }
 
-/// Everything in the bore: the label of each cell (0: nothing), and the pieces from the largest down.
-pub(super) fn find(grid: &Grid) -> (Vec<u16>, Vec<Piece>) {
-    let mut labels = vec![0u16; grid.opacity.len()];
-    let (mut count, mut stack) = (0u16, Vec::new());
-    for at in 0..labels.len() {
-        if grid.filled[at] && labels[at] == 0 && count < u16::MAX {
-            count += 1;
-            labels[at] = count;
-            stack.push(at);
-            spread(grid, &mut labels, &mut stack, count);
+/// What is summed over the cells of one thing.
+#[derive(Debug, Clone, Copy)]
+struct Sums {
+    cells: usize,
+    masked: bool,
+    inner: usize,
+    black: usize,
+    low: [usize; 2],
+    high: [usize; 2],
+    light: f64,
+    rim: f64,
+    rim_cells: usize,
+    deepest: f32,
+    middle: f64,
+}
+
+impl Sums {
+    const NONE: Self = Self {
+        cells: 0,
+        masked: false,
+        inner: 0,
+        black: 0,
+        low: [usize::MAX; 2],
+        high: [0; 2],
+        light: 0.0,
+        rim: 0.0,
+        rim_cells: 0,
+        deepest: 0.0,
+        middle: 0.0,
+    };
+}
+
+/// Finds the things in the bore; keeps its memory from frame to frame.
+#[derive(Debug, Default)]
+pub(super) struct Things {
+    /// Of each cell; 0 where nothing is.
+    pub labels: Vec<u16>,
+    /// From the largest down.
+    pub pieces: Vec<Piece>,
+    stack: Vec<usize>,
+    depth: Vec<f32>,
+    sums: Vec<Sums>,
+}
+
+impl Things {
+    pub fn find(&mut self, grid: &Grid) {
+        let labels = &mut self.labels;
+        labels.clear();
+        labels.resize(grid.opacity.len(), 0);
+        let mut count = 0u16;
+        for at in 0..labels.len() {
+            if grid.filled[at] && labels[at] == 0 && count < u16::MAX {
+                count += 1;
+                labels[at] = count;
+                self.stack.push(at);
+                spread(grid, labels, &mut self.stack, count);
+            }
         }
+        self.measure(grid, count.into());
+        // Of two of the same size the first found stays first.
+        self.pieces.sort_unstable_by(|a, b| b.area_bore2.total_cmp(&a.area_bore2).then(a.label.cmp(&b.label)));
     }
-    let mut pieces = measure(grid, &labels, count.into());
-    pieces.sort_by(|a, b| b.area_bore2.total_cmp(&a.area_bore2));
-    (labels, pieces)
+
+    fn measure(&mut self, grid: &Grid, count: usize) {
+        let Self { labels, sums: all, depth, .. } = self;
+        all.clear();
+        all.resize(count, Sums::NONE);
+        grid.depth(|at| labels[at] != 0, depth);
+        let named = || labels.iter().enumerate().filter(|(_, label)| **label != 0).map(|(at, label)| (at, usize::from(*label) - 1));
+        for (at, k) in named() {
+            let sums = &mut all[k];
+            sums.cells += 1;
+            sums.masked |= grid.masked[at];
+            // The outermost cell is half outside.
+            if depth[at] > 1.0 {
+                sums.inner += 1;
+                sums.black += usize::from(grid.opacity[at] > BLACK);
+            }
+            sums.light += f64::from(1.0 - grid.opacity[at]);
+            for (axis, place) in [at % grid.width, at / grid.width].into_iter().enumerate() {
+                sums.low[axis] = sums.low[axis].min(place);
+                sums.high[axis] = sums.high[axis].max(place);
+            }
+            if depth[at] > 1.0 && depth[at] < 3.0 {
+                sums.rim += f64::from(grid.opacity[at]);
+                sums.rim_cells += 1;
+            }
+            sums.deepest = sums.deepest.max(depth[at]);
+        }
+        for (at, k) in named() {
+            if depth[at] >= 0.7 * all[k].deepest {
+                all[k].middle = all[k].middle.max(f64::from(1.0 - grid.opacity[at]));
+            }
+        }
+        let measured = all.iter().enumerate().map(|(k, s)| {
+            let cells = s.cells.max(1) as f64;
+            Piece {
+                label: k as u16 + 1,
+                in_mask: s.masked,
+                from_bore: s.low[0] as f64 / grid.per_bore,
+                area_bore2: s.cells as f64 / grid.per_bore.powi(2),
+                size_bore: [0, 1].map(|axis| (s.high[axis] + 1).saturating_sub(s.low[axis]) as f64 / grid.per_bore),
+                half_width_bore: f64::from(s.deepest) / grid.per_bore,
+                black: s.black as f64 / s.inner.max(1) as f64,
+                rim: s.rim / s.rim_cells.max(1) as f64,
+                middle_light: s.middle - s.light / cells,
+            }
+        });
+        self.pieces.clear();
+        self.pieces.extend(measured.filter(|p| p.area_bore2 >= SPECK_BORE2));
+    }
 }
 
 /// Labels what hangs together with the cells on the stack.
@@ -109,80 +205,4 @@ fn spread(grid: &Grid, labels: &mut [u16], stack: &mut Vec<usize>, label: u16) {
             }
         }
     }
-}
-
-fn measure(grid: &Grid, labels: &[u16], count: usize) -> Vec<Piece> {
-    #[derive(Clone, Copy)]
-    struct Sums {
-        cells: usize,
-        masked: bool,
-        inner: usize,
-        black: usize,
-        low: [usize; 2],
-        high: [usize; 2],
-        light: f64,
-        rim: f64,
-        rim_cells: usize,
-        deepest: f32,
-        middle: f64,
-    }
-    let fresh = Sums {
-        cells: 0,
-        masked: false,
-        inner: 0,
-        black: 0,
-        low: [usize::MAX; 2],
-        high: [0; 2],
-        light: 0.0,
-        rim: 0.0,
-        rim_cells: 0,
-        deepest: 0.0,
-        middle: 0.0,
-    };
-    let mut all = vec![fresh; count];
-    let depth = grid.depth(|at| labels[at] != 0);
-    let named = || labels.iter().enumerate().filter(|(_, label)| **label != 0).map(|(at, label)| (at, usize::from(*label) - 1));
-    for (at, k) in named() {
-        let sums = &mut all[k];
-        sums.cells += 1;
-        sums.masked |= grid.masked[at];
-        // The outermost cell is half outside.
-        if depth[at] > 1.0 {
-            sums.inner += 1;
-            sums.black += usize::from(grid.opacity[at] > BLACK);
-        }
-        sums.light += f64::from(1.0 - grid.opacity[at]);
-        for (axis, place) in [at % grid.width, at / grid.width].into_iter().enumerate() {
-            sums.low[axis] = sums.low[axis].min(place);
-            sums.high[axis] = sums.high[axis].max(place);
-        }
-        if depth[at] > 1.0 && depth[at] < 3.0 {
-            sums.rim += f64::from(grid.opacity[at]);
-            sums.rim_cells += 1;
-        }
-        sums.deepest = sums.deepest.max(depth[at]);
-    }
-    for (at, k) in named() {
-        if depth[at] >= 0.7 * all[k].deepest {
-            all[k].middle = all[k].middle.max(f64::from(1.0 - grid.opacity[at]));
-        }
-    }
-    all.iter()
-        .enumerate()
-        .map(|(k, s)| {
-            let cells = s.cells.max(1) as f64;
-            Piece {
-                label: k as u16 + 1,
-                in_mask: s.masked,
-                from_bore: s.low[0] as f64 / grid.per_bore,
-                area_bore2: s.cells as f64 / grid.per_bore.powi(2),
-                size_bore: [0, 1].map(|axis| (s.high[axis] + 1).saturating_sub(s.low[axis]) as f64 / grid.per_bore),
-                half_width_bore: f64::from(s.deepest) / grid.per_bore,
-                black: s.black as f64 / s.inner.max(1) as f64,
-                rim: s.rim / s.rim_cells.max(1) as f64,
-                middle_light: s.middle - s.light / cells,
-            }
-        })
-        .filter(|p| p.area_bore2 >= SPECK_BORE2)
-        .collect()
 }

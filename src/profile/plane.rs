@@ -38,12 +38,13 @@ impl Plane {
     }
 }
 
-/// Weights of a Gaussian that is cut at three standard deviations and sums to 1.
-pub(super) fn gaussian(sigma: f64) -> Vec<f32> {
+/// Leaves the weights of a Gaussian that is cut at three standard deviations and sums to 1.
+pub(super) fn gaussian(sigma: f64, kernel: &mut Vec<f32>) {
     let reach = (3.0 * sigma).ceil() as i32;
-    let raw: Vec<f64> = (-reach..=reach).map(|k| (-0.5 * (f64::from(k) / sigma).powi(2)).exp()).collect();
-    let sum: f64 = raw.iter().sum();
-    raw.iter().map(|w| (w / sum) as f32).collect()
+    let weight = |k: i32| (-0.5 * (f64::from(k) / sigma).powi(2)).exp();
+    let sum: f64 = (-reach..=reach).map(weight).sum();
+    kernel.clear();
+    kernel.extend((-reach..=reach).map(|k| (weight(k) / sum) as f32));
 }
 
 /// The value at `share` (0 to 1) of the sorted values; 0 for none. Reorders its input.

@@ -32,9 +32,9 @@ pub struct ProfileQuality {
 
 const UNCERTAIN_PX: f64 = 0.5;
 
-/// Measures the edge figures of `edge`, whose vertices `points` describes one by one.
-pub(super) fn of_edge(edge: &[Polygon], points: &[Vec<EdgePoint>], bore: &Bore) -> ProfileQuality {
-    let mut contrasts = Vec::new();
+/// Measures the edge figures of `edge`, whose vertices `points` describes one by one; `contrasts` is memory.
+pub(super) fn of_edge(edge: &[Polygon], points: &[Vec<EdgePoint>], bore: &Bore, contrasts: &mut Vec<f64>) -> ProfileQuality {
+    contrasts.clear();
     let (mut total, mut uncertain, mut touching, mut cut, mut squares) = (0usize, 0usize, 0usize, 0usize, 0.0);
     let last_u = (bore.width - 1) as f64;
     for (polygon, record) in edge.iter().zip(points) {
@@ -56,7 +56,7 @@ pub(super) fn of_edge(edge: &[Polygon], points: &[Vec<EdgePoint>], bore: &Bore) 
     if total == 0 {
         return ProfileQuality::default();
     }
-    contrasts.sort_by(f64::total_cmp);
+    contrasts.sort_unstable_by(f64::total_cmp);
     let seen = contrasts.len();
     ProfileQuality {
         edge_contrast_sigma: contrasts.get(seen / 2).copied().unwrap_or(0.0),

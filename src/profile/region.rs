@@ -1,5 +1,7 @@
 //! Sets of blocks: hysteresis, closing, opening, holes, connected pieces. All write into memory that is kept.
 
+use super::chamfer;
+
 /// A set of blocks of a map `width` wide.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Region {
@@ -71,31 +73,9 @@ impl Region {
         self.dilate(radius, scratch);
     }
 
-    /// Chamfer distance of each block of the set from the nearest one outside it; the map's border is no outside.
+    /// How deep each block of the set lies.
     pub fn depth(&self, depth: &mut Vec<f32>) {
-        const ASLANT: f32 = std::f32::consts::SQRT_2;
-        let (w, len) = (self.width, self.set.len());
-        depth.clear();
-        depth.extend(self.set.iter().map(|set| if *set { len as f32 } else { 0.0 }));
-        let mut relax = |at: usize, from: Option<usize>, step: f32| {
-            if let Some(from) = from {
-                depth[at] = depth[at].min(depth[from] + step);
-            }
-        };
-        for at in 0..len {
-            let (up, left, right) = (at >= w, at % w > 0, at % w + 1 < w);
-            relax(at, left.then(|| at - 1), 1.0);
-            relax(at, up.then(|| at - w), 1.0);
-            relax(at, (up && left).then(|| at - w - 1), ASLANT);
-            relax(at, (up && right).then(|| at - w + 1), ASLANT);
-        }
-        for at in (0..len).rev() {
-            let (down, left, right) = (at + w < len, at % w > 0, at % w + 1 < w);
-            relax(at, right.then(|| at + 1), 1.0);
-            relax(at, down.then(|| at + w), 1.0);
-            relax(at, (down && right).then(|| at + w + 1), ASLANT);
-            relax(at, (down && left).then(|| at + w - 1), ASLANT);
-        }
+        chamfer::depth(self.width, self.set.iter().copied(), depth);
     }
 
     fn invert(&mut self) {
@@ -210,7 +190,7 @@ impl Pieces {
             self.sizes.push((label, size));
         }
         // Of two equal pieces the first found stays first: the same frame gives the same answer.
-        self.sizes.sort_by_key(|&(label, size)| (std::cmp::Reverse(size), label));
+        self.sizes.sort_unstable_by_key(|&(label, size)| (std::cmp::Reverse(size), label));
     }
 }
 

@@ -3,13 +3,14 @@
 use super::background::{Background, Bore};
 use super::bubble::Disc;
 use super::coarse::Coarse;
+use super::detection::Detector;
 use super::edge::{self, EdgeFinder, EdgePoint, Limits, Refined};
 use super::fringe::{self, Fringe};
 use super::hybrid::Hybrid;
-use super::outline::{self, Crossings, Outlines, Polygon};
+use super::outline::{self, Crossings, Outlines, Polygon, Smoother};
 use super::settings::{Method, SegmentSettings};
 use super::walls::WallFinder;
-use super::{Detection, Mask, Picture, ProfileQuality, Reference, Walls, detection, quality};
+use super::{Detection, Mask, Picture, ProfileQuality, Reference, Walls, quality};
 
 /// The outline of the specimen in one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -54,7 +55,8 @@ const LEAST_CRACKS: usize = 12;
 /// From here on a pixel counts as saturated.
 const SATURATED: u8 = 254;
 
-/// Segments frames; keeps its memory from frame to frame, so that a warm one allocates only what it hands out.
+/// Segments frames; keeps its memory from frame to frame, so that a warm one allocates only what it hands out: the mask, and the
+/// outlines with their points. (The mean shift's rows go to rayon's pool, which keeps books of its own.)
 #[derive(Default)]
 pub struct Segmenter {
     walls: WallFinder,
@@ -66,11 +68,13 @@ pub struct Segmenter {
     body: Vec<bool>,
     used: Vec<bool>,
     cracks: Outlines,
-    scratch: Vec<[f64; 2]>,
+    smoother: Smoother,
     outlines: Outlines,
     fringe: Fringe,
     edge: EdgeFinder,
     crossings: Crossings,
+    contrasts: Vec<f64>,
+    detector: Detector,
 }
 
 /// Separates the specimen from the capillary in one frame.
@@ -117,12 +121,12 @@ impl Segmenter {
             // Once more from what was found: around the body's tip, normals spread too far to follow a fin.
             for _ in 0..fringe::ROUNDS {
                 outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
-                outline::smoothed(&self.cracks, fringe::OUTLINE_SMOOTHING_PX, fringe::STEP_PX, &mut self.scratch, &mut self.outlines);
+                outline::smoothed(&self.cracks, fringe::OUTLINE_SMOOTHING_PX, fringe::STEP_PX, &mut self.smoother, &mut self.outlines);
                 self.fringe.add(&self.outlines, &contrast.darkness, &bore, &settings.fringe, &mut self.inside);
             }
         }
         outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
-        outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.scratch, &mut self.outlines);
+        outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.smoother, &mut self.outlines);
         let limits = Limits { inside: &self.inside, body: &self.body, bubbles: &self.bubbles, rows: &rows };
         let Refined { edge, points, blur_px } = self.edge.refine(&self.outlines, &contrast.darkness, &limits, &settings.edge);
         let mut mask = Mask::empty(width, height);
@@ -132,9 +136,9 @@ impl Segmenter {
             saturated_share: saturated_share(picture, bore.top, bore.bottom),
             noise_grey: contrast.noise_grey,
             blur_px,
-            ..quality::of_edge(&edge, &points, &bore)
+            ..quality::of_edge(&edge, &points, &bore, &mut self.contrasts)
         };
-        let detection = detection::detect(&mask, &bore, &contrast.darkness, contrast.all_light, &self.bubbles);
+        let detection = self.detector.detect(&mask, &bore, &contrast.darkness, contrast.all_light, &self.bubbles);
         Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
     }
 }

@@ -135,6 +135,19 @@ pub(super) struct WallFinder {
     /// By strip, as its rows.
     dips: Vec<Vec<f32>>,
     weights: Vec<Vec<f32>>,
+    votes: Votes,
+    lines: Vec<Candidate>,
+    scratch: Scratch,
+}
+
+/// Memory of placing lines.
+#[derive(Debug, Default)]
+struct Scratch {
+    /// Where the strips show a line.
+    points: Vec<(f64, f64)>,
+    /// Greys of the glass by depth, and of one depth by strip.
+    greys: Vec<f32>,
+    across: Vec<f32>,
 }
 
 impl WallFinder {
@@ -151,36 +164,32 @@ impl WallFinder {
             weights.clear();
             weights.extend(dips.iter().map(|d| ((d - half) / half).clamp(0.0, 1.0)));
         }
-        choose(picture, &self.strips, &self.dips, &self.weights, settings)
+        self.choose(picture, settings)
+    }
+
+    /// The four lines that the strips vote for.
+    fn choose(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
+        let height = picture.height();
+        let mid_u = (picture.width() - 1) as f64 / 2.0;
+        self.votes.cast(&self.strips, &self.dips, &self.weights, mid_u, settings);
+        candidates(&self.votes, settings, &mut self.lines);
+        let no_walls = || ProfileError::NoWalls { lines: self.lines.len(), needed_support: settings.min_support };
+        let ([upper_outer, upper_inner], [lower_inner, lower_outer]) = pair(&self.lines, height, settings).ok_or_else(no_walls)?;
+        let (strips, scratch) = (&self.strips, &mut self.scratch);
+        let mut place = |v: f64| place_line(strips, &self.dips, self.votes.course.through(v), settings, &mut scratch.points);
+        let walls = Walls {
+            upper: Wall { outer: place(upper_outer), inner: place(upper_inner) },
+            lower: Wall { outer: place(lower_outer), inner: place(lower_inner) },
+        };
+        let walls = past_dark_glass(walls, strips, settings, scratch);
+        let last = (picture.width() - 1) as f64;
+        let open = [0.0, last / 2.0, last].iter().all(|&u| walls.bore_px(u) >= settings.min_bore_share * height as f64);
+        if open { Ok(walls) } else { Err(no_walls()) }
     }
 }
 
-/// The four lines that the strips vote for.
-fn choose(
-    picture: &Picture,
-    strips: &Strips,
-    dips: &[Vec<f32>],
-    weights: &[Vec<f32>],
-    settings: &WallSettings,
-) -> Result<Walls, ProfileError> {
-    let height = picture.height();
-    let mid_u = (picture.width() - 1) as f64 / 2.0;
-    let votes = vote(strips, dips, weights, mid_u, settings);
-    let lines = candidates(&votes, settings);
-    let no_walls = || ProfileError::NoWalls { lines: lines.len(), needed_support: settings.min_support };
-    let ([upper_outer, upper_inner], [lower_inner, lower_outer]) = pair(&lines, height, settings).ok_or_else(no_walls)?;
-    let place = |v: f64| place_line(strips, dips, votes.course.through(v), settings);
-    let walls = Walls {
-        upper: Wall { outer: place(upper_outer), inner: place(upper_inner) },
-        lower: Wall { outer: place(lower_outer), inner: place(lower_inner) },
-    };
-    let walls = past_dark_glass(walls, strips, settings);
-    let last = (picture.width() - 1) as f64;
-    let open = [0.0, last / 2.0, last].iter().all(|&u| walls.bore_px(u) >= settings.min_bore_share * height as f64);
-    if open { Ok(walls) } else { Err(no_walls()) }
-}
-
 /// What the strips say of each row of the middle column, along one course.
+#[derive(Debug)]
 struct Votes {
     course: Line,
     /// Share of strips that are dark there.
@@ -189,71 +198,85 @@ struct Votes {
     depth: Vec<f32>,
 }
 
+impl Default for Votes {
+    fn default() -> Self {
+        Self { course: Line { u_mid: 0.0, v_mid: 0.0, slope: 0.0, bend: 0.0 }, support: Vec::new(), depth: Vec::new() }
+    }
+}
+
 /// A bend counts only if it raises the score by this: a straight wall is not bent by what lies beside it.
 const BENT_BETTER: f32 = 1.05;
 
-/// Votes along the course, tilt and bend, on which they pile up highest.
-fn vote(strips: &Strips, dips: &[Vec<f32>], weights: &[Vec<f32>], mid_u: f64, settings: &WallSettings) -> Votes {
-    let height = dips[0].len();
-    let half_width = mid_u.max(1.0);
-    let steps = ((settings.max_tilt_deg.to_radians().tan() * half_width) / 0.5).ceil() as i32;
-    let course = |step: i32, sag_px: f64| Line {
-        u_mid: mid_u,
-        v_mid: 0.0,
-        slope: f64::from(step) * 0.5 / half_width,
-        bend: sag_px / (half_width * half_width),
-    };
-    let mut votes = vec![0.0f32; height];
-    let score = |course: Line, votes: &mut Vec<f32>| {
-        votes.fill(0.0);
-        for (weight, &u) in weights.iter().zip(&strips.centres_u) {
+impl Votes {
+    /// Votes along the course, tilt and bend, on which they pile up highest.
+    fn cast(&mut self, strips: &Strips, dips: &[Vec<f32>], weights: &[Vec<f32>], mid_u: f64, settings: &WallSettings) {
+        let height = dips[0].len();
+        let half_width = mid_u.max(1.0);
+        let steps = ((settings.max_tilt_deg.to_radians().tan() * half_width) / 0.5).ceil() as i32;
+        let course = |step: i32, sag_px: f64| Line {
+            u_mid: mid_u,
+            v_mid: 0.0,
+            slope: f64::from(step) * 0.5 / half_width,
+            bend: sag_px / (half_width * half_width),
+        };
+        let votes = &mut self.support;
+        votes.clear();
+        votes.resize(height, 0.0);
+        let mut score = |course: Line| {
+            votes.fill(0.0);
+            for (weight, &u) in weights.iter().zip(&strips.centres_u) {
+                let shift = course.at(u).round() as isize;
+                let (into, from) = ((-shift).max(0) as usize, shift.max(0) as usize);
+                for (vote, w) in votes.iter_mut().skip(into).zip(weight.iter().skip(from)) {
+                    *vote += w;
+                }
+            }
+            votes.iter().map(|v| v * v).sum::<f32>()
+        };
+        let mut best = (f32::MIN, 0, course(0, 0.0));
+        for step in -steps..=steps {
+            let straight = course(step, 0.0);
+            let found = score(straight);
+            if found > best.0 {
+                best = (found, step, straight);
+            }
+        }
+        let (straight, step) = (best.0, best.1);
+        let sags = (settings.max_sag_share * 2.0 * half_width).round() as i32;
+        for step in step - 6..=step + 6 {
+            for sag in (-sags..=sags).filter(|s| *s != 0) {
+                let bent = course(step, f64::from(sag));
+                let found = score(bent);
+                if found > best.0 && found > BENT_BETTER * straight {
+                    best = (found, step, bent);
+                }
+            }
+        }
+        let (course, count) = (best.2, dips.len() as f32);
+        score(course);
+        for vote in votes.iter_mut() {
+            *vote /= count;
+        }
+        self.course = course;
+        self.depth.clear();
+        self.depth.resize(height, 0.0);
+        for (dip, &u) in dips.iter().zip(&strips.centres_u) {
             let shift = course.at(u).round() as isize;
-            let (into, from) = ((-shift).max(0) as usize, shift.max(0) as usize);
-            for (vote, w) in votes.iter_mut().skip(into).zip(weight.iter().skip(from)) {
-                *vote += w;
-            }
-        }
-        votes.iter().map(|v| v * v).sum::<f32>()
-    };
-    let mut best = (f32::MIN, 0, course(0, 0.0));
-    for step in -steps..=steps {
-        let straight = course(step, 0.0);
-        let found = score(straight, &mut votes);
-        if found > best.0 {
-            best = (found, step, straight);
-        }
-    }
-    let (straight, step) = (best.0, best.1);
-    let sags = (settings.max_sag_share * 2.0 * half_width).round() as i32;
-    for step in step - 6..=step + 6 {
-        for sag in (-sags..=sags).filter(|s| *s != 0) {
-            let bent = course(step, f64::from(sag));
-            let found = score(bent, &mut votes);
-            if found > best.0 && found > BENT_BETTER * straight {
-                best = (found, step, bent);
+            for (v, sum) in self.depth.iter_mut().enumerate() {
+                let from = v as isize + shift;
+                if (0..height as isize).contains(&from) {
+                    *sum += dip[from as usize].min(12.0 * settings.min_depth) / count;
+                }
             }
         }
     }
-    let (course, count) = (best.2, dips.len() as f32);
-    score(course, &mut votes);
-    let mut depth = vec![0.0f32; height];
-    for (dip, &u) in dips.iter().zip(&strips.centres_u) {
-        let shift = course.at(u).round() as isize;
-        for (v, sum) in depth.iter_mut().enumerate() {
-            let from = v as isize + shift;
-            if (0..height as isize).contains(&from) {
-                *sum += dip[from as usize].min(12.0 * settings.min_depth) / count;
-            }
-        }
-    }
-    Votes { course, support: votes.iter().map(|v| v / count).collect(), depth }
 }
 
-/// Rows that are darkest within 3 px of themselves, where enough strips voted.
-fn candidates(votes: &Votes, settings: &WallSettings) -> Vec<Candidate> {
+/// Leaves the rows that are darkest within 3 px of themselves, where enough strips voted.
+fn candidates(votes: &Votes, settings: &WallSettings, lines: &mut Vec<Candidate>) {
     const APART: usize = 3;
     let (support, depth) = (&votes.support, &votes.depth);
-    let mut lines: Vec<Candidate> = Vec::new();
+    lines.clear();
     for v in 0..support.len() {
         let near = v.saturating_sub(APART)..(v + APART + 1).min(support.len());
         let best = near.clone().map(|k| support[k]).fold(0.0, f32::max);
@@ -262,25 +285,24 @@ fn candidates(votes: &Votes, settings: &WallSettings) -> Vec<Candidate> {
             lines.push(Candidate { v: v as f64, support: f64::from(best) });
         }
     }
-    lines
 }
 
 /// Chooses the outer and inner line of both walls. The walls are the outermost well-supported lines; a wall's second line is
 /// taken at the depth at which the other wall has one too, since glass is as thick above as below.
 fn pair(lines: &[Candidate], height: usize, settings: &WallSettings) -> Option<([f64; 2], [f64; 2])> {
     let strongest = lines.iter().map(|l| l.support).fold(0.0, f64::max);
-    let strong: Vec<f64> = lines.iter().filter(|l| l.support >= 0.6 * strongest).map(|l| l.v).collect();
-    let (&upper, &lower) = (strong.first()?, strong.last()?);
+    let mut strong = lines.iter().filter(|l| l.support >= 0.6 * strongest).map(|l| l.v);
+    let upper = strong.next()?;
+    let lower = strong.next_back().unwrap_or(upper);
     let outer_px = lower - upper;
     if outer_px < settings.min_bore_share * height as f64 {
         return None;
     }
     let deepest = settings.max_wall_share * outer_px;
-    let depths = |of: &dyn Fn(f64) -> f64| -> Vec<f64> { lines.iter().map(|l| of(l.v)).filter(|d| *d > 0.0 && *d <= deepest).collect() };
-    let (above, below) = (depths(&|v| v - upper), depths(&|v| lower - v));
+    let in_glass = |depth: &f64| *depth > 0.0 && *depth <= deepest;
     let mut inner = (0.0, 0.0);
-    for &a in &above {
-        for &b in &below {
+    for a in lines.iter().map(|l| l.v - upper).filter(in_glass) {
+        for b in lines.iter().map(|l| lower - l.v).filter(in_glass) {
             if (a - b).abs() <= (0.15 * a).max(2.0) && a + b > inner.0 + inner.1 {
                 inner = (a, b);
             }
@@ -292,23 +314,24 @@ fn pair(lines: &[Candidate], height: usize, settings: &WallSettings) -> Option<(
 
 /// Moves the inner lines to the foot of the glass where that is dark throughout and shows no lines of its own. The foot is
 /// where the brightest strips, which show no specimen there, come half the way up to the bore.
-fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings) -> Walls {
+fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings, scratch: &mut Scratch) -> Walls {
     /// Below the foot lies the line, by its half width; and nearer than a line's width nothing new is found.
     const LINE_PX: f64 = 1.0;
     const APART_PX: f64 = 2.5;
     let outer_px = walls.lower.outer.v_mid - walls.upper.outer.v_mid;
     let deepest = (settings.max_wall_share * outer_px) as usize;
-    let foot = |outer: Line, inwards: f64| {
-        let mut across: Vec<f32> = Vec::with_capacity(strips.rows.len());
+    let Scratch { greys, across, .. } = scratch;
+    let mut foot = |outer: Line, inwards: f64| {
         let grey_at = |depth: usize| {
             across.clear();
             across.extend(strips.rows.iter().zip(&strips.centres_u).filter_map(|(rows, &u)| {
                 let v = (outer.at(u) + inwards * depth as f64).round();
                 (v >= 0.0).then(|| rows.get(v as usize).copied()).flatten()
             }));
-            quantile(&mut across, 0.8)
+            quantile(across, 0.8)
         };
-        let greys: Vec<f32> = (0..=deepest).map(grey_at).collect();
+        greys.clear();
+        greys.extend((0..=deepest).map(grey_at));
         let (dark, bright) = greys.iter().fold((f32::MAX, f32::MIN), |(d, b), &g| (d.min(g), b.max(g)));
         greys.iter().rposition(|&g| g < f32::midpoint(dark, bright)).map(|d| d as f64 - LINE_PX)
     };
@@ -325,15 +348,11 @@ fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings) -
 
 /// Places the dark line near `rough`: the darkest place of each strip that shows it, then the straight line that most strips
 /// agree on.
-fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSettings) -> Line {
-    let points: Vec<(f64, f64)> = strips
-        .rows
-        .iter()
-        .zip(dips)
-        .zip(&strips.centres_u)
-        .filter_map(|((rows, dips), &u)| darkest_near(rows, dips, rough.at(u), settings.min_depth).map(|v| (u, v)))
-        .collect();
-    consensus(&points, rough).unwrap_or(rough)
+fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSettings, points: &mut Vec<(f64, f64)>) -> Line {
+    let shown = strips.rows.iter().zip(dips).zip(&strips.centres_u);
+    points.clear();
+    points.extend(shown.filter_map(|((rows, dips), &u)| darkest_near(rows, dips, rough.at(u), settings.min_depth).map(|v| (u, v))));
+    consensus(points, rough).unwrap_or(rough)
 }
 
 /// The darkest place within 3 px of `near`, between rows by the parabola through three of them.
@@ -355,7 +374,7 @@ fn darkest_near(rows: &[f32], dips: &[f32], near: f64, min_depth: f32) -> Option
 
 /// The course through two of the points, bent as `rough` is or a little more or less, that has the most others within
 /// `AGREE_PX`; then least squares through those. Only courses within a degree of `rough` count.
-fn consensus(points: &[(f64, f64)], rough: Line) -> Option<Line> {
+fn consensus(points: &mut Vec<(f64, f64)>, rough: Line) -> Option<Line> {
     const AGREE_PX: f64 = 0.7;
     const SAG_STEPS: i32 = 3;
     let half_width = rough.u_mid.max(1.0);
@@ -380,12 +399,12 @@ fn consensus(points: &[(f64, f64)], rough: Line) -> Option<Line> {
         }
     }
     let line = best?.1;
-    let agreeing: Vec<_> = points.iter().filter(|p| (p.1 - line.at(p.0)).abs() < AGREE_PX).collect();
-    Some(straightened(&agreeing, line))
+    points.retain(|p| (p.1 - line.at(p.0)).abs() < AGREE_PX);
+    Some(straightened(points, line))
 }
 
 /// Moves and tilts a course to the least squares of the points.
-fn straightened(points: &[&(f64, f64)], line: Line) -> Line {
+fn straightened(points: &[(f64, f64)], line: Line) -> Line {
     let n = points.len() as f64;
     let (mean_u, mean_off) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1 - line.at(p.0)).sum::<f64>() / n);
     let spread: f64 = points.iter().map(|p| (p.0 - mean_u).powi(2)).sum();
