@@ -184,6 +184,80 @@ fn a_picture_that_fails_says_why_and_the_others_go_on() {
     assert_eq!(left.len(), 6 + 4, "no part is left: {left:?}");
 }
 
+/// Each of these gave an outline once, or an error that did not help.
+#[test]
+fn pictures_taken_amiss_are_refused_by_name() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, _) = larva();
+    let rgb = colour(&frame);
+    let save = |image: DynamicImage, name: &str| image.save(dir.path().join(name)).unwrap();
+    save(grey(&frame, frame.to_bayer_rg8()), "mosaic.png");
+    save(rgb.rotate90(), "turned.png");
+    // The walls' outer lines lie at rows 91 and 209: 4 px of water are left beside them.
+    let walls = segment_walls(&frame);
+    let (top, bottom) = (walls[0].round() as u32 - 4, walls[1].round() as u32 + 4);
+    save(rgb.crop_imm(0, top, frame.width, bottom - top + 1), "tight.png");
+    std::fs::create_dir(dir.path().join("folder.png")).unwrap();
+    let pipe = dir.path().join("pipe.png");
+    nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let refusals = [
+        ("mosaic", "--bayer"),
+        ("turned", "turn the picture by 90 degrees"),
+        ("tight", "4 px of what is beyond the capillary's walls"),
+        ("folder", "found a folder"),
+        ("pipe", "found a pipe"),
+    ];
+    let images: Vec<String> = refusals.iter().map(|(name, _)| format!("{name}.png")).collect();
+    let output = segment_files(dir.path(), &[], &images.iter().map(String::as_str).collect::<Vec<_>>());
+    assert_eq!(output.status.code(), Some(1));
+    for (name, why) in refusals {
+        let error = json(&dir.path().join(format!("out/{name}.json")))["error"].as_str().unwrap_or_default().to_owned();
+        assert!(error.contains(why), "{name}: {error}");
+    }
+}
+
+fn segment_walls(frame: &Rgb) -> [f64; 2] {
+    let raw = RawFrame::new(frame.width, frame.height, PixelFormat::RGB8Packed, frame.data.clone()).unwrap();
+    let walls = segment(&Picture::from_frame(&raw), &SegmentSettings::default()).unwrap().walls;
+    let ends = |line: carved::profile::Line| [line.at(0.0), line.at(512.0)];
+    let ([a, b], [c, d]) = (ends(walls.upper.outer), ends(walls.lower.outer));
+    [a.min(b), c.max(d)]
+}
+
+/// What compression left is no noise: the outline is given, and what it is worth is said.
+#[test]
+fn a_picture_that_was_compressed_too_much_is_flagged() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, _) = larva();
+    for quality in [75, 95] {
+        let file = std::fs::File::create(dir.path().join(format!("q{quality}.jpg"))).unwrap();
+        image::codecs::jpeg::JpegEncoder::new_with_quality(file, quality).encode_image(&colour(&frame)).unwrap();
+    }
+    colour(&frame).save(dir.path().join("whole.png")).unwrap();
+    let output = segment_files(dir.path(), &[], &["q75.jpg", "q95.jpg", "whole.png"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let warning = |name: &str| json(&dir.path().join(format!("out/{name}.json")))["warning"].clone();
+    assert!(warning("q75").as_str().is_some_and(|w| w.contains("compression")), "{}", warning("q75"));
+    assert!(stderr(&output).lines().any(|l| l.contains("q75.jpg") && l.contains("compression")), "{}", stderr(&output));
+    assert_eq!((warning("q95"), warning("whole")), (Value::Null, Value::Null));
+}
+
+/// A folder stands where the mask should go: nothing half written is left, and no file that is not there is pointed to.
+#[test]
+fn results_that_cannot_be_written_are_told_from_pictures_without_a_profile() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, _) = larva();
+    colour(&frame).save(dir.path().join("a.png")).unwrap();
+    std::fs::create_dir_all(dir.path().join("out/a.mask.png/in_the_way")).unwrap();
+    let output = segment_files(dir.path(), &[], &["a.png"]);
+    assert_eq!(output.status.code(), Some(1));
+    let told = stderr(&output);
+    assert!(told.contains("not written") && told.contains("1 of 1 pictures could not be written"), "{told}");
+    assert!(!told.contains("JSON"), "{told}");
+    let left: Vec<_> = std::fs::read_dir(dir.path().join("out")).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    assert_eq!(left, ["a.mask.png"]);
+}
+
 /// Nothing is written where the call itself is wrong.
 #[test]
 fn a_call_that_would_lose_a_result_is_refused_whole() {

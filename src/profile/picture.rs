@@ -35,6 +35,13 @@ impl Picture {
         &self.planes
     }
 
+    /// Rows for columns: what lies along one side of the picture then lies along the other.
+    pub(super) fn transposed(&self) -> Self {
+        let (w, h) = (self.width, self.height);
+        let planes = self.planes.each_ref().map(|plane| (0..w * h).map(|i| plane[i % h * w + i / h]).collect());
+        Self { width: h, height: w, planes }
+    }
+
     /// Number of planes that say something of their own: 1 where all are equal, else 3.
     pub fn colours(&self) -> usize {
         let [red, green, blue] = &self.planes;

@@ -1,6 +1,6 @@
 //! One frame to one profile: the order of the steps and their refusals.
 
-use super::background::{Background, Bore};
+use super::background::{Background, Bore, MARGIN_PX};
 use super::bubble::Disc;
 use super::coarse::Coarse;
 use super::detection::Detector;
@@ -46,6 +46,20 @@ pub enum ProfileError {
          check that the capillary is in view and in focus"
     )]
     NoWalls { lines: usize, needed_support: f64 },
+    #[error(
+        "no capillary from left to right: it seems to run from top to bottom; turn the picture by 90 degrees, or the camera on its mount"
+    )]
+    OnItsSide,
+    #[error(
+        "no capillary: the two dark lines that could be its walls are straight along {straight_share:.2} of the picture, at least \
+         {needed_share} is expected; they may be the specimen's own edges: take the picture so that both walls are in view"
+    )]
+    CrookedWalls { straight_share: f64, needed_share: f64 },
+    #[error(
+        "the picture shows {beyond_px:.0} px of what is beyond the capillary's walls, at least {needed_px} px are needed above or below it to \
+         tell the light from the specimen: leave more of it in the picture, or compare with a picture of the empty capillary"
+    )]
+    TooTight { beyond_px: f64, needed_px: usize },
 }
 
 /// Frames smaller than this in either direction cannot hold a capillary and its surroundings.
@@ -105,6 +119,9 @@ impl Segmenter {
         }
         check_exposure(picture, settings)?;
         let walls = self.walls.find(picture, &settings.walls)?;
+        if reference.is_none() {
+            check_surroundings(&walls, width, height)?;
+        }
         let bore = Bore::of(picture, walls);
         self.background.take_away(&bore, picture, reference);
         let contrast = &self.background.contrast;
@@ -141,6 +158,17 @@ impl Segmenter {
         let detection = self.detector.detect(&mask, &bore, &contrast.darkness, contrast.all_light, &self.bubbles);
         Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
     }
+}
+
+/// Asks for a row of pixels along the capillary that the glass and its blur leave alone: the light's course is read there.
+fn check_surroundings(walls: &Walls, width: usize, height: usize) -> Result<(), ProfileError> {
+    let (last_u, last_v) = ((width - 1) as f64, (height - 1) as f64);
+    let least = |of: &dyn Fn(f64) -> f64| [0.0, last_u / 2.0, last_u].into_iter().map(of).fold(f64::INFINITY, f64::min);
+    let beyond_px = least(&|u| walls.upper.outer.at(u)).max(least(&|u| last_v - walls.lower.outer.at(u))).max(0.0);
+    if beyond_px.round() < MARGIN_PX as f64 {
+        return Err(ProfileError::TooTight { beyond_px, needed_px: MARGIN_PX });
+    }
+    Ok(())
 }
 
 fn check_exposure(picture: &Picture, settings: &SegmentSettings) -> Result<(), ProfileError> {

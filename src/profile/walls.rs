@@ -128,6 +128,12 @@ struct Candidate {
     support: f64,
 }
 
+/// Share of the strips that agree on the straight course of each wall, by one of its lines. Walls in soft, small real frames have
+/// 0.53 and more, sharp ones 0.8 and more; the edges of a specimen in a picture without walls mostly have 0.4 or less.
+const LEAST_STRAIGHT_SHARE: f64 = 0.45;
+/// Lines nearer to the picture's upper or lower end cannot be placed.
+const BORDER_PX: f64 = 4.0;
+
 /// Finds walls; keeps its memory from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct WallFinder {
@@ -152,8 +158,22 @@ struct Scratch {
 
 impl WallFinder {
     /// # Errors
-    /// [`ProfileError::NoWalls`] with the number of straight dark lines that were found.
+    /// [`ProfileError::NoWalls`] with the number of straight dark lines that were found; [`ProfileError::OnItsSide`] where they
+    /// go from top to bottom; [`ProfileError::CrookedWalls`] where what was found is as straight as no wall.
     pub fn find(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
+        /// Across a narrow bore, an eye may be a line; along a capillary both walls are.
+        const CLEAR_SUPPORT: f64 = 0.8;
+        let found = self.search(picture, settings);
+        if found.is_err() {
+            let clear = WallSettings { min_support: settings.min_support.max(CLEAR_SUPPORT), ..settings.clone() };
+            if self.search(&picture.transposed(), &clear).is_ok() {
+                return Err(ProfileError::OnItsSide);
+            }
+        }
+        found
+    }
+
+    fn search(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
         self.strips.read(picture);
         let reach = (settings.line_reach_share * picture.height() as f64).round().max(4.0) as usize;
         self.strips.dips(reach, &mut self.dips);
@@ -177,10 +197,15 @@ impl WallFinder {
         let ([upper_outer, upper_inner], [lower_inner, lower_outer]) = pair(&self.lines, height, settings).ok_or_else(no_walls)?;
         let (strips, scratch) = (&self.strips, &mut self.scratch);
         let mut place = |v: f64| place_line(strips, &self.dips, self.votes.course.through(v), settings, &mut scratch.points);
-        let walls = Walls {
-            upper: Wall { outer: place(upper_outer), inner: place(upper_inner) },
-            lower: Wall { outer: place(lower_outer), inner: place(lower_inner) },
-        };
+        let [(upper_outer, a), (upper_inner, b)] = [upper_outer, upper_inner].map(&mut place);
+        let [(lower_inner, c), (lower_outer, d)] = [lower_inner, lower_outer].map(place);
+        // One of its lines is enough for a wall: dirt or the specimen may hide the other.
+        let straight_share = a.max(b).min(c.max(d));
+        if straight_share < LEAST_STRAIGHT_SHARE {
+            return Err(ProfileError::CrookedWalls { straight_share, needed_share: LEAST_STRAIGHT_SHARE });
+        }
+        let walls =
+            Walls { upper: Wall { outer: upper_outer, inner: upper_inner }, lower: Wall { outer: lower_outer, inner: lower_inner } };
         let walls = past_dark_glass(walls, strips, settings, scratch);
         let last = (picture.width() - 1) as f64;
         let open = [0.0, last / 2.0, last].iter().all(|&u| walls.bore_px(u) >= settings.min_bore_share * height as f64);
@@ -347,18 +372,22 @@ fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings, s
 }
 
 /// Places the dark line near `rough`: the darkest place of each strip that shows it, then the straight line that most strips
-/// agree on.
-fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSettings, points: &mut Vec<(f64, f64)>) -> Line {
+/// agree on. Gives their share too; at the picture's border, where nothing can be placed, all are taken to agree.
+fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSettings, points: &mut Vec<(f64, f64)>) -> (Line, f64) {
     let shown = strips.rows.iter().zip(dips).zip(&strips.centres_u);
     points.clear();
     points.extend(shown.filter_map(|((rows, dips), &u)| darkest_near(rows, dips, rough.at(u), settings.min_depth).map(|v| (u, v))));
-    consensus(points, rough).unwrap_or(rough)
+    match consensus(points, rough) {
+        Some(line) => (line, points.len() as f64 / strips.rows.len() as f64),
+        None if rough.v_mid < BORDER_PX || rough.v_mid + BORDER_PX + 1.0 > dips[0].len() as f64 => (rough, 1.0),
+        None => (rough, 0.0),
+    }
 }
 
 /// The darkest place within 3 px of `near`, between rows by the parabola through three of them.
 fn darkest_near(rows: &[f32], dips: &[f32], near: f64, min_depth: f32) -> Option<f64> {
     let near = near.round();
-    if near < 4.0 || near + 5.0 > rows.len() as f64 {
+    if near < BORDER_PX || near + BORDER_PX + 1.0 > rows.len() as f64 {
         return None;
     }
     let near = near as usize;

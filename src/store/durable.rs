@@ -13,9 +13,16 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     name.push(".part");
     let part = folder.join(name);
     let mut file = File::create(&part).map_err(at("create"))?;
-    file.write_all(bytes).map_err(at("write"))?;
-    file.sync_data().map_err(at("sync"))?;
-    fs::rename(&part, path).map_err(at("rename"))?;
+    let written = file
+        .write_all(bytes)
+        .map_err(at("write"))
+        .and_then(|()| file.sync_data().map_err(at("sync")))
+        .and_then(|()| fs::rename(&part, path).map_err(at("rename")));
+    if written.is_err() {
+        // What is left of it is of no use; that the write failed is the error to tell.
+        let _ = fs::remove_file(&part);
+    }
+    written?;
     sync_folder(folder)
 }
 

@@ -1,5 +1,6 @@
 //! A picture file of any common kind as the frame a camera would have sent.
 
+use super::mosaic;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::hash::sha256_hex;
 use anyhow::{Context, bail};
@@ -18,6 +19,11 @@ pub(super) struct Input {
 
 /// Alpha is left out: what a picture shows where it is transparent is not known to be light.
 pub(super) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
+    // A pipe would be waited for, and nobody may ever write to it.
+    let kind = std::fs::metadata(path).context("cannot be read")?.file_type();
+    if !kind.is_file() {
+        bail!("found {}, expected a picture's file", if kind.is_dir() { "a folder" } else { "a pipe or device" });
+    }
     let bytes = std::fs::read(path).context("cannot be read")?;
     let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().context("cannot be read")?;
     if reader.format().is_none() {
@@ -40,6 +46,14 @@ pub(super) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
         (image, true) => eight_bits(&image.into_luma16().into_raw()),
         (image, false) => eight_bits(&image.into_rgb16().into_raw()),
     };
+    if format == PixelFormat::Mono8
+        && let Some(step) = mosaic::step_grey(&pixels, width as usize)
+    {
+        bail!(
+            "found what looks like a colour camera's mosaic: every second pixel differs from those beside it by {step:.1} grey values in the \
+             mean; read it with --bayer, or give the picture in colour"
+        );
+    }
     Ok(Input { frame: RawFrame::new(width, height, format, pixels)?, sha256: sha256_hex(&bytes), bits })
 }
 

@@ -8,8 +8,10 @@
 //! ```
 //! What concerns the whole call (settings, names, the empty capillary) is refused before anything is written. A picture that fails fails alone.
 
+mod blocks;
 mod empty;
 mod input;
+mod mosaic;
 mod output;
 mod overlay;
 
@@ -72,6 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let segmenters = Segmenters::default();
     let names = Names::choose(&args.images, &args.out)?;
     let done = AtomicUsize::new(0);
+    let unwritten = AtomicUsize::new(0);
     let failed = names
         .par_iter()
         .map(|names| {
@@ -84,13 +87,25 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             // Whoever reads along may have left; the results count.
             let _ = writeln!(std::io::stderr(), "[{count}/{}] {}: {told}", args.images.len(), names.image.display());
-            usize::from(written.is_err() || report.failed())
+            if written.is_err() {
+                unwritten.fetch_add(1, Ordering::Relaxed);
+            }
+            usize::from(written.is_ok() && report.failed())
         })
         .sum::<usize>();
-    if failed > 0 {
-        bail!("{failed} of {} pictures have no profile; the lines above and their JSON files say why", args.images.len());
+    failure(failed, unwritten.into_inner(), args.images.len()).map_or(Ok(()), |why| bail!("{why}"))
+}
+
+/// What is to be said at the end; nothing where all is well.
+fn failure(failed: usize, unwritten: usize, of: usize) -> Option<String> {
+    let no_profile = format!("{failed} of {of} pictures have no profile; the lines above and their JSON files say why");
+    let not_written = format!("the results of {unwritten} of {of} pictures could not be written; the lines above say why");
+    match (failed, unwritten) {
+        (0, 0) => None,
+        (_, 0) => Some(no_profile),
+        (0, _) => Some(not_written),
+        _ => Some(format!("{no_profile}. And {not_written}")),
     }
-    Ok(())
 }
 
 fn one<'a>(names: &Names, settings: &'a SegmentSettings, bayer: bool, empty: Option<&'a Empty>, segmenters: &Segmenters) -> Report<'a> {

@@ -1,5 +1,6 @@
 //! What a picture leaves: names that clash with nothing, and the four files.
 
+use super::blocks;
 use super::input::Input;
 use super::overlay;
 use crate::profile::{Detection, EdgePoint, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Walls};
@@ -85,6 +86,8 @@ pub(super) struct Report<'a> {
     reference: Option<&'a str>,
     /// Why there is no profile.
     error: Option<String>,
+    /// Why the profile may be wrong whatever its figures say.
+    warning: Option<String>,
     profile: Option<ProfileReport>,
     #[serde(skip)]
     drawn: Option<(Picture, Profile)>,
@@ -156,6 +159,7 @@ impl<'a> Report<'a> {
             settings,
             reference,
             error: None,
+            warning: None,
             profile: None,
             drawn: None,
         }
@@ -174,6 +178,12 @@ impl<'a> Report<'a> {
         match found {
             Err(e) => self.fail(e.to_string()),
             Ok((picture, profile)) => {
+                self.warning = blocks::too_blocky(&picture.planes()[1], picture.width()).map(|ratio| {
+                    format!(
+                        "lossy compression left steps between its blocks {ratio:.1} times those inside them: the outline may be wrong; save \
+                         pictures without loss, or as JPEG of quality 95"
+                    )
+                });
                 self.profile = Some(ProfileReport {
                     area_px: profile.mask.area_px(),
                     area_px2: profile.edge.iter().map(Polygon::area_px2).sum::<f64>() + 0.0,
@@ -194,7 +204,10 @@ impl<'a> Report<'a> {
     pub fn told(&self) -> String {
         match (&self.error, &self.profile) {
             (Some(error), _) => error.clone(),
-            (None, Some(p)) => format!("{} ({:.2}), {} px", p.detection.kind.name(), p.detection.confidence, p.area_px),
+            (None, Some(p)) => {
+                let warning = self.warning.as_ref().map(|w| format!("; {w}")).unwrap_or_default();
+                format!("{} ({:.2}), {} px{warning}", p.detection.kind.name(), p.detection.confidence, p.area_px)
+            }
             (None, None) => "not looked at".into(),
         }
     }
