@@ -10,6 +10,7 @@
 //! A pixel's width of dilation is 7 % of a larva's volume, so the edge is not where a threshold is crossed, which moves with
 //! contrast and blur, but where the fitted darkness begins (see [`super::onset`]). How blurred a frame is, its own edges tell.
 
+use super::blur::{self, Models, SAME_BLUR};
 use super::bubble::Disc;
 use super::onset::{Kind, Onsets, PER_PX, REACH_PX, SAMPLES, SHIFTS_PER_PX};
 use super::outline::{Outlines, Polygon, normals, smooth_cyclic};
@@ -196,16 +197,13 @@ impl EdgeFinder {
         let &(least, rounded_better) = BLUR_CONTRASTS.iter().find(|(least, _)| enough(*least))?;
         let every = self.places.iter().filter(clear(least)).count().div_ceil(BLUR_PLACES * 2);
         let (places, samples, models) = (&self.places, &self.samples, &mut self.models);
-        let mut residual = |step: i32, kind: Kind| {
-            let model = models.get(Models::blur_px(step), kind);
+        let residual = |blur_px: f64, kind: Kind| {
+            let model = models.get(blur_px, kind);
             let chosen = places.iter().zip(samples).filter(|(place, _)| clear(least)(place)).step_by(every);
             // In units of each edge's own height, so that no edge outweighs the others.
             chosen.map(|(p, samples)| f64::from(settle(model, p.shift, &samples[..p.seen]).1 / (p.contrast * p.contrast))).sum::<f64>()
         };
-        let sharp = least_near(Models::step(near), |step| residual(step, Kind::Sharp));
-        let rounded = least_near(Models::step(near), |step| residual(step, Kind::Rounded));
-        let (best, kind) = if rounded.1 * rounded_better < sharp.1 { (rounded, Kind::Rounded) } else { (sharp, Kind::Sharp) };
-        Some((Models::blur_px_between(best.0) / READ_HIGH, kind))
+        Some(blur::told(near, rounded_better, residual))
     }
 
     /// Places the edge of one outline between the shifts.
@@ -256,70 +254,10 @@ impl EdgeFinder {
 const BLUR_CONTRASTS: [(f32, f64); 2] = [(25.0, 8.0), (8.0, 2.0)];
 /// Fewer clear places than this don't tell a frame's blur, and more than twice as many only cost time.
 const BLUR_PLACES: usize = 60;
-/// The fit reads the blur of discs of known blur (0.6 to 2.0 px) this much too high.
-const READ_HIGH: f64 = 1.05;
-/// A blur that is off by no more than this share moves no edge by 0.05 px.
-const SAME_BLUR: f64 = 0.04;
+
 /// Variance that averaging along the outline leaves of a pixel's noise.
 fn noise2(settings: &EdgeSettings) -> f32 {
     1.0 / (2.0 * std::f32::consts::PI.sqrt() * settings.along_px as f32).max(1.0)
-}
-
-/// The models by blur, made once each: a frame needs a few of them, and the next frame the same.
-#[derive(Default)]
-struct Models {
-    search_px: [f64; 2],
-    made: Vec<(i32, Kind, [f64; 2], Onsets)>,
-}
-
-impl Models {
-    /// Steps per doubling of the blur; a step is less than [`SAME_BLUR`] of it to either side.
-    const PER_DOUBLING: f64 = 12.0;
-    const RANGE_PX: (f64, f64) = (0.3, 4.0);
-
-    fn step(blur_px: f64) -> i32 {
-        (blur_px.clamp(Self::RANGE_PX.0, Self::RANGE_PX.1).log2() * Self::PER_DOUBLING).round() as i32
-    }
-
-    fn blur_px(step: i32) -> f64 {
-        Self::blur_px_between(f64::from(step))
-    }
-
-    fn blur_px_between(step: f64) -> f64 {
-        (step / Self::PER_DOUBLING).exp2()
-    }
-
-    fn get(&mut self, blur_px: f64, kind: Kind) -> &Onsets {
-        let key = (Self::step(blur_px), kind, self.search_px);
-        let at = self.made.iter().position(|(step, kind, search_px, _)| (*step, *kind, *search_px) == key).unwrap_or_else(|| {
-            self.made.push((key.0, kind, self.search_px, Onsets::new(Self::blur_px(key.0), kind, self.search_px)));
-            self.made.len() - 1
-        });
-        &self.made[at].3
-    }
-}
-
-/// Walks downhill in steps of the blur from `start`, first wide, then narrow; between steps by the parabola. Gives the place
-/// and the least residual.
-fn least_near(start: i32, mut residual: impl FnMut(i32) -> f64) -> (f64, f64) {
-    let bounds = Models::step(Models::RANGE_PX.0)..=Models::step(Models::RANGE_PX.1);
-    let mut best = (start, residual(start));
-    for stride in [4, -4, 2, -2] {
-        while bounds.contains(&(best.0 + stride)) {
-            let next = (best.0 + stride, residual(best.0 + stride));
-            if next.1 >= best.1 {
-                break;
-            }
-            best = next;
-        }
-    }
-    if !bounds.contains(&(best.0 - 2)) || !bounds.contains(&(best.0 + 2)) {
-        return (f64::from(best.0), best.1);
-    }
-    let (a, c) = (residual(best.0 - 2), residual(best.0 + 2));
-    let bend = a - 2.0 * best.1 + c;
-    let part = if bend > 0.0 { (a - c) / bend } else { 0.0 };
-    (f64::from(best.0) + part.clamp(-2.0, 2.0), best.1)
 }
 
 /// Follows the residual from shift `k` down to its least value near by, in one window for all shifts, so that they explain

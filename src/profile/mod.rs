@@ -6,6 +6,7 @@
 
 mod background;
 mod bayer;
+mod blur;
 mod body;
 mod bubble;
 mod chamfer;
