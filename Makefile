@@ -55,8 +55,9 @@ deps-web:
 deps-test:
 	@scripts/install-deps test
 
+# What cannot be installed is skipped with its reason.
 deps-bench:
-	@scripts/install-deps bench
+	-@scripts/install-deps bench
 
 $(NODE_MODULES): web/package-lock.json web/package.json | deps-web
 	cd web && npm ci --ignore-scripts --no-audit --no-fund

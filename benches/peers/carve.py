@@ -3,6 +3,7 @@
     python carve.py PHANTOM_FOLDER
 """
 
+import math
 import sys
 from pathlib import Path
 
@@ -10,7 +11,9 @@ import carvers
 import report
 import surfaces
 from ours import Said, bench
-from report import at_most, ms, times
+from phantom import BOX_UM
+from phantom_views import grid
+from report import ms, times
 from timing import in_own_process
 
 VIEWS = 84
@@ -35,27 +38,35 @@ def differs(name, found, rule):
     return [f"{name} keeps {found:.0f} voxels, its rule {rule}"]
 
 
-def carving(folder, sd_um, said, wrong):
+def carving(machine, folder, sd_um, said, wrong):
     own = said.get("carve", "seconds", sd=sd_um, views=VIEWS, variant="clean")
     own_count = said.get("carve", "voxels", sd=sd_um, views=VIEWS, variant="clean")
     centre = in_own_process(carvers.centre_count, folder / "clean", sd_um, volume(folder, sd_um))
     wrong += differs(f"SD {sd_um}: carved", own_count, centre)
-    rows = [["carved", "centre, float64", ms(own), "1", at_most(own, GOAL_S[sd_um], ms), told(own_count, centre)]]
+    rows = [["carved", "centre, float64", ms(own), "1", machine.at_most(own, GOAL_S[sd_um], ms), told(own_count, centre)]]
     per_view = []
     for name, carver, rule, goal in PEERS:
         seconds, count, *views = in_own_process(carver, folder / "clean", sd_um)
         expected = in_own_process(carvers.corner_count, folder / "clean", sd_um) if rule == "any corner" else centre
         wrong += differs(f"SD {sd_um}: {name}", count, expected)
-        rows.append([name, rule, ms(seconds), *report.ratio(seconds, own, goal), told(count, expected)])
+        rows.append([name, rule, ms(seconds), *machine.ratio(seconds, own, goal), told(count, expected)])
         per_view = views or per_view
         print(rows[-1], flush=True)
-    views = [["carved", ms(said.get("view", "median", sd=sd_um)), ms(said.get("view", "worst", sd=sd_um))], ["numba, incremental", *map(ms, per_view)]]
+    own_view = [ms(said.get("view", key, sd=sd_um, views=VIEWS, variant="clean")) for key in ("median", "worst")]
+    views = [["carved", *own_view], ["numba, incremental", *map(ms, per_view)]]
+    megabytes = said.get("memory", "megabytes", sd=sd_um, views=VIEWS, variant="clean")
     return [
         f"### {VIEWS} views at SD {sd_um} um",
         "",
         *report.table(["carver", "rule", "median", "times carved", "goal", "voxels (beside its rule)"], rows),
         *report.table(["one view", "median", "worst"], views),
+        *([] if megabytes is None else [f"carved's hull and views take {megabytes:.1f} MB; a byte per voxel, as in numpy and numba, is {dense_mb(sd_um):.0f} MB.", ""]),
     ]
+
+
+def dense_mb(sd_um):
+    counts, _ = grid({"box_um": BOX_UM}, sd_um)
+    return math.prod(counts) / 1e6
 
 
 def volume(folder, sd_um):
@@ -66,7 +77,7 @@ def told(count, rule):
     return "not measured" if count is None else f"{count:.0f} ({count - rule:+.0f})"
 
 
-def uneven(folder, said, wrong):
+def uneven(machine, folder, said, wrong):
     rows = []
     for sd_um in GOAL_S:
         clean = said.get("carve", "seconds", sd=sd_um, views=VIEWS, variant="clean")
@@ -78,7 +89,7 @@ def uneven(folder, said, wrong):
             slower = None if None in (own, clean) else own / clean
             batch, _ = in_own_process(carvers.numba_batch, folder / variant, sd_um)
             found = "not measured" if slower is None else f"{slower:.2f}"
-            rows.append([variant, f"{sd_um}", ms(own), found, at_most(slower, GOAL_UNEVEN, str), told(count, rule), ms(batch), times(batch, own)])
+            rows.append([variant, f"{sd_um}", ms(own), found, machine.at_most(slower, GOAL_UNEVEN, str), told(count, rule), ms(batch), times(batch, own)])
             print(rows[-1], flush=True)
     return [
         "### Axis and edges that are not ideal",
@@ -89,7 +100,7 @@ def uneven(folder, said, wrong):
     ]
 
 
-def afterwards(folder, said):
+def afterwards(machine, folder, said, wrong):
     own_surface, own_count = (said.get("surface", key, sd=SURFACE_SD) for key in ("seconds", "triangles"))
     own_fairing = said.get("fairing", "seconds")
     own_vrv = said.get("vrv", "seconds", views=21, sd=10)
@@ -97,13 +108,15 @@ def afterwards(folder, said):
     surface, triangles = in_own_process(surfaces.flying_edges, hull, SURFACE_SD)
     fairing, faired = in_own_process(surfaces.implicit_fairing, hull, SURFACE_SD)
     strict, _ = in_own_process(carvers.numba_batch, folder / "clean", 10.0, 21, 0.0)
+    rule = in_own_process(carvers.centre_count, folder / "clean", 10.0, None, 21, 0.0)
+    wrong += differs("VRV: carved", said.get("vrv", "voxels", views=21, sd=10), rule)
     tolerant, _ = in_own_process(carvers.numba_batch, folder / "clean", 10.0, 21, carvers.EPSILON)
     own_triangles = "" if own_count is None else f", {own_count:.0f} triangles"
 
     rows = [
-        ["iso-surface at SD 5.5", ms(own_surface) + own_triangles, f"VTK flying edges, {triangles} triangles", ms(surface), times(surface, own_surface), at_most(own_surface, GOAL_SURFACE_S, ms)],
-        ["fairing of it, 10 iterations", ms(own_fairing), f"libigl and scipy, {faired} triangles", ms(fairing), times(fairing, own_fairing), at_most(own_fairing, GOAL_FAIRING_S, ms)],
-        ["VRV, 21 views, SD 10", ms(own_vrv), "numba, early exit, no miss allowed", ms(strict), times(strict, own_vrv), at_most(own_vrv, GOAL_VRV_S, ms)],
+        ["iso-surface at SD 5.5", ms(own_surface) + own_triangles, f"VTK flying edges, {triangles} triangles", ms(surface), times(surface, own_surface), machine.at_most(own_surface, GOAL_SURFACE_S, ms)],
+        ["fairing of it, 10 iterations", ms(own_fairing), f"libigl and scipy, {faired} triangles", ms(fairing), times(fairing, own_fairing), machine.at_most(own_fairing, GOAL_FAIRING_S, ms)],
+        ["VRV, 21 views, SD 10", ms(own_vrv), "numba, early exit, no miss allowed", ms(strict), times(strict, own_vrv), machine.at_most(own_vrv, GOAL_VRV_S, ms)],
         ["", "", "numba, early exit, one miss allowed", ms(tolerant), times(tolerant, own_vrv), ""],
     ]
     return [
@@ -117,14 +130,15 @@ def afterwards(folder, said):
 
 
 def main(folder):
+    machine = report.Machine()
     said = Said(bench("carve_peers", folder.resolve()))
     wrong = []
-    lines = [line for sd_um in GOAL_S for line in carving(folder, sd_um, said, wrong)]
-    lines += uneven(folder, said, wrong) + afterwards(folder, said)
-    report.write("carve", [
+    lines = [line for sd_um in GOAL_S for line in carving(machine, folder, sd_um, said, wrong)]
+    lines += uneven(machine, folder, said, wrong) + afterwards(machine, folder, said, wrong)
+    report.write(machine.page(), "carve", [
         "## Carving",
         "",
-        *report.setting(["numpy", "numba", "open3d", "vtk", "libigl", "scipy"]),
+        *machine.lines(["numpy", "numba", "open3d", "vtk", "libigl", "scipy"]),
         "",
         "A larva phantom seen by 84 views in a box of 5 x 1 x 1 mm; 4 of 84 views may miss a voxel that counts. Two rules decide which voxels stay. *Centre*: the",
         "voxel's centre samples the nearest pixel of the mask; what is outside the image is a miss. In float32 single voxels at the surface fall into the",

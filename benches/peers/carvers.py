@@ -95,12 +95,12 @@ def open3d_silhouettes(folder, sd_um):
     return median_s(carve, 1, warm=False)
 
 
-def centre_count(folder, sd_um, keep_as=None):
+def centre_count(folder, sd_um, keep_as=None, views=None, epsilon=EPSILON):
     """Voxels that the definition keeps; `keep_as` stores them for the surfaces."""
-    told, masks, matrices = load(folder)
+    told, masks, matrices = load(folder, views)
     counts, origin = grid(told, sd_um)
     hull = np.zeros(counts, np.uint8)
-    numba_carvers.centre_rule(hull, masks, matrices, origin, sd_um, budget(EPSILON, len(masks)))
+    numba_carvers.centre_rule(hull, masks, matrices, origin, sd_um, budget(epsilon, len(masks)))
     if keep_as is not None:
         np.save(keep_as, hull)
     return int(hull.sum())

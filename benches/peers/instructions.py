@@ -49,7 +49,7 @@ def main(folder):
         print(rows[-1], flush=True)
     valgrind = subprocess.run(["valgrind", "--version"], check=True, capture_output=True, text=True).stdout.strip()
     rust = subprocess.run(["rustc", "--version"], check=True, capture_output=True, text=True).stdout.strip()
-    report.write("instructions", [
+    report.write(report.PAGE, "instructions", [
         "## Instructions",
         "",
         f"{report.processor()}. {report.today()}. {valgrind}, {rust}, bench profile, one thread; instructions read (Ir) within the function alone. A busy machine does",

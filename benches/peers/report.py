@@ -1,4 +1,8 @@
-"""docs/performance.md: a section per part, each rewritten by its own run and left alone by the others'."""
+"""docs/performance.md: a section per part, each rewritten by its own run and left alone by the others'.
+
+Times that were taken beside other work go to target/performance.md instead: such work slows threaded tools most, so that even
+the ratios are wrong, and in carved's favour.
+"""
 
 import os
 import platform
@@ -16,9 +20,9 @@ Written by `benches/peers/run.sh`, section by section; [benches/peers](../benche
 section ran one after the other on the machine it names. **Times belong to that machine, ratios travel.** The goals are for a quiet machine.
 """
 PARTS = ("segmentation", "carve", "instructions")
-# The machine's load before the run, and what it may be for the machine to be called quiet.
-LOAD = os.getloadavg()[0]
-QUIET = LOAD <= 0.3
+BUSY_PAGE = ROOT / "target" / "performance.md"
+# Cores that other work may take on a machine that is called quiet, and how long it is watched, s.
+QUIET_CORES, WATCHED_S = 0.2, 3
 
 
 def processor():
@@ -30,13 +34,48 @@ def today():
     return time.strftime("%Y-%m-%d")
 
 
-def setting(packages):
-    """The lines that say where, when and with what a section was measured."""
-    lines = [f"{processor()}. {today()}. Load before the run: {LOAD:.2f}."]
-    if not QUIET:
-        lines.append("**Other work ran on the machine: times are too long, ratios are rough, and nothing is said about the goals.**")
-    lines.append("Python " + platform.python_version() + ", " + ", ".join(f"{p} {version(p)}" for p in packages) + ".")
-    return lines
+class Machine:
+    """The machine as it was before the run, while this process did nothing."""
+
+    def __init__(self):
+        before = busy_s()
+        time.sleep(WATCHED_S)
+        self.others_cores = (busy_s() - before) / WATCHED_S
+        self.quiet = self.others_cores <= QUIET_CORES
+        if not self.quiet:
+            print(f"Other work takes {self.others_cores:.2f} cores: what is measured goes to {BUSY_PAGE.relative_to(ROOT)}", flush=True)
+
+    def lines(self, packages):
+        """Where, when and with what a section was measured."""
+        busy = [] if self.quiet else ["**Other work ran on the machine: times are too long, ratios wrong, and nothing is said about the goals.**"]
+        versions = ", ".join(f"{p} {version(p)}" for p in packages)
+        return [
+            f"{processor()}. {today()}. Other work before the run: {self.others_cores:.2f} cores.",
+            *busy,
+            f"Python {platform.python_version()}, {versions}.",
+        ]
+
+    def page(self):
+        return PAGE if self.quiet else BUSY_PAGE
+
+    def ratio(self, theirs, own, goal):
+        """How many times as long as carved a peer takes, and beside it the goal."""
+        if own is None:
+            return ["not measured", f"{goal}"]
+        return [times(theirs, own), f"{goal}" + self.verdict(theirs / own >= goal)]
+
+    def at_most(self, found, goal, show):
+        return f"at most {show(goal)}" + ("" if found is None else self.verdict(found <= goal))
+
+    def verdict(self, met):
+        """Only a quiet machine can tell."""
+        return "" if not self.quiet else ": met" if met else ": missed"
+
+
+def busy_s():
+    """Processor time of all that has run on this machine: all but idle and waiting, and guests, which are in it twice."""
+    user, nice, system, _, _, irq, softirq, steal, *_ = map(int, Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:])
+    return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
 
 
 def table(head, rows):
@@ -49,32 +88,16 @@ def ms(seconds):
     return f"{seconds:.2f} s" if seconds >= 1 else f"{seconds * 1e3:.0f} ms" if seconds >= 0.1 else f"{seconds * 1e3:.3g} ms"
 
 
-def ratio(theirs, own, goal):
-    """How many times as long as carved a peer takes, and beside it the goal."""
-    if own is None:
-        return ["not measured", f"{goal}"]
-    return [times(theirs, own), f"{goal}" + verdict(theirs / own >= goal)]
-
-
 def times(theirs, own):
     return "not measured" if own is None else f"{theirs / own:.1f}"
 
 
-def at_most(found, goal, show):
-    return f"at most {show(goal)}" + ("" if found is None else verdict(found <= goal))
-
-
-def verdict(met):
-    """Only a quiet machine can tell."""
-    return "" if not QUIET else ": met" if met else ": missed"
-
-
-def write(part, lines):
-    """Puts a section into the page, in the place of an older one."""
+def write(page, part, lines):
+    """Puts a section into a page, in the place of an older one."""
     text = "\n".join(lines).strip()
-    old = PAGE.read_text() if PAGE.exists() else ""
+    old = page.read_text() if page.exists() else ""
     sections = dict(re.findall(r"<!-- (\w+) -->\n(.*?)\n<!-- end -->", old, re.S))
     sections[part] = text
     body = [f"<!-- {p} -->\n{sections[p]}\n<!-- end -->\n" for p in PARTS if p in sections]
-    PAGE.write_text(HEAD + "\n" + "\n".join(body))
-    print("\n" + text + f"\n\nwritten to {PAGE.relative_to(ROOT)}", flush=True)
+    page.write_text(HEAD + "\n" + "\n".join(body))
+    print("\n" + text + f"\n\nwritten to {page.relative_to(ROOT)}", flush=True)

@@ -59,7 +59,7 @@ def own_s(*arguments):
     return float(p50) / 1e3, f"{float(p50):.1f} ms (95 %: {float(p95):.1f} ms), {rate[2]} frames/s of {rate[1]}"
 
 
-def rows_of(files, whole_s, crop_s):
+def rows_of(machine, files, whole_s, crop_s):
     rows, sums = [], {"whole": 0.0, "crop": 0.0}
     for name in METHODS:
         for kind, keep in (("whole", None), ("crop", CROP_ROWS)):
@@ -68,13 +68,14 @@ def rows_of(files, whole_s, crop_s):
             rows.append([name, kind, report.ms(seconds), report.times(seconds, whole_s), ""])
             print(rows[-1], flush=True)
     for kind, goal in (("whole", GOAL_WHOLE), ("crop", GOAL_CROP)):
-        rows.append(["**both, one after the other**", kind, report.ms(sums[kind]), *report.ratio(sums[kind], whole_s, goal)])
+        rows.append(["**both, one after the other**", kind, report.ms(sums[kind]), *machine.ratio(sums[kind], whole_s, goal)])
     if crop_s is not None:
         rows.append(["both, beside carved on the same crop", "crop", report.ms(sums["crop"]), report.times(sums["crop"], crop_s), ""])
     return rows
 
 
 def main(phantom, work):
+    machine = report.Machine()
     bench("sustained", "--write", work)
     rig = sorted(work.glob("*.png"))[::EVERY]
     larva = sorted((phantom / "rgb").glob("*.png"))
@@ -82,10 +83,10 @@ def main(phantom, work):
     larva_s, larva_line = own_s("--read", phantom / "rgb")
     crop_s, crop_line = own_s("--read", phantom / "rgb", "--rows", CROP_ROWS)
     head = ["peer", "picture", "median", "times carved on the whole frame", "goal"]
-    report.write("segmentation", [
+    report.write(machine.page(), "segmentation", [
         "## Segmentation",
         "",
-        *report.setting(["opencv-python-headless", "scikit-image", "numpy"]),
+        *machine.lines(["opencv-python-headless", "scikit-image", "numpy"]),
         "",
         "carved's hybrid finds walls, background, profile, sub-pixel edge and what it is, in one thread. The peers give what the library gives, a filtered picture",
         f"and a coarse mask, with the threads they take. Whole frames have 1024 x 1024 px; the crop is the {CROP_ROWS} rows of the bore, which somebody would have to find",
@@ -93,11 +94,11 @@ def main(phantom, work):
         "",
         f"Frames of the emulated rig. carved, all 72 of the set: {rig_line}. Peers: every {EVERY}th of them.",
         "",
-        *report.table(head, rows_of(rig, rig_s, None)),
+        *report.table(head, rows_of(machine, rig, rig_s, None)),
         f"{len(larva)} frames of the phantom that carving is timed on, plain light and walls. carved: {larva_line}.",
         f"On the crop, which here holds the walls: {crop_line}.",
         "",
-        *report.table(head, rows_of(larva, larva_s, crop_s)),
+        *report.table(head, rows_of(machine, larva, larva_s, crop_s)),
     ])
 
 
