@@ -18,6 +18,7 @@ use super::Runs;
 use super::counts::{ROW, ones};
 use super::definition::View;
 use super::misses::Spans;
+use rayon::prelude::*;
 
 /// Unsafe distance from a rounding border, px or voxels: millions of times what rounding can move.
 const MARGIN: f64 = 1e-6;
@@ -41,29 +42,35 @@ struct Event {
 /// The buffers of [`Lines`], kept from view to view.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Buffers {
-    /// Line `first + n` has the events `events[starts[n]..starts[n + 1]]`.
-    starts: Vec<u32>,
-    events: Vec<Event>,
-    /// The longest covered run of each line.
-    cores: Vec<[u16; 2]>,
-    /// How many of the lines before have an event.
-    filled: Vec<u32>,
+    /// The lines of each phase of a pixel's height; an upright view has one.
+    phases: Vec<Phase>,
     /// `1 / (size (a_x - t c_x))` for `t = column - 0.5`: with it a column's border becomes a voxel without a division.
     inverse: Vec<f64>,
     /// The mask's words by column of words, and each phase's sheared ones.
     bits: Vec<u64>,
-    sheared: Vec<u64>,
+    sheared: Vec<Vec<u64>>,
+}
+
+/// The lines whose heights are whole pixels and one fraction.
+#[derive(Debug, Clone, Default)]
+struct Phase {
+    /// Line `n` has the events `events[starts[n]..starts[n + 1]]`.
+    starts: Vec<u32>,
+    events: Vec<Event>,
+    /// The longest covered run of each line.
+    cores: Vec<[u16; 2]>,
 }
 
 /// What the lines of one view look like.
 pub(super) struct Lines<'a> {
     view: View<'a>,
-    size: f64,
     counts: [usize; 3],
+    /// Centre of voxel 0 along x, in voxels.
+    first_x: f64,
     /// Columns grow with x.
     ascending: bool,
     tilt: Option<Tilt>,
-    /// Number of the first line: rows of the mask, or phases of them.
+    /// Height of each phase's first line, whole pixels.
     first: i64,
     buffers: &'a Buffers,
 }
@@ -81,6 +88,12 @@ struct Tilt {
     pad: f64,
 }
 
+/// Whole part below; `f64::floor` is a function call where the target has no instruction for it.
+fn floor(x: f64) -> i64 {
+    let whole = x as i64;
+    whole - i64::from(x < whole as f64)
+}
+
 /// What a view says of a tile as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
@@ -95,9 +108,10 @@ impl Tilt {
         2.0 / self.phases as f64
     }
 
-    /// Height of the line through an image point, px above or below the middle column's.
-    fn height(self, [u, v]: [f64; 2]) -> f64 {
-        v - self.slope * (u - self.middle)
+    /// The row that takes the place of v's in a projection: it gives the height of the line through an image point, which is
+    /// `v - slope (u - middle)`.
+    fn height(self, [u, v, w]: [f64; 3]) -> f64 {
+        v - self.slope * u + self.slope * self.middle * w
     }
 }
 
@@ -145,7 +159,7 @@ impl Family {
         // Within half the image's width from its middle a row leaves the common slope by this.
         let bend = (highest - lowest) / 2.0 * (right - left) / 2.0;
         let pad = slope.abs() / 2.0 + MARGIN;
-        let phases = [8usize, 4, 2].into_iter().find(|&n| 2.0 * (bend + pad) < 1.0 / n as f64)?;
+        let phases = [16usize, 8, 4, 2].into_iter().find(|&n| 2.0 * (bend + pad) < 1.0 / n as f64)?;
         Some(Self { ascending, tilt: Some(Tilt { slope, phases, middle: f64::midpoint(left, right), pad }) })
     }
 }
@@ -161,16 +175,16 @@ impl<'a> Lines<'a> {
             None => buffers.take_rows(view.runs),
             Some(tilt) => buffers.shear(view.runs, tilt),
         };
-        buffers.sum_up();
-        Some(Self { view, size, counts, ascending, tilt, first, buffers })
+        Some(Self { view, counts, first_x: view.centres[0][0] / size, ascending, tilt, first, buffers })
     }
 
-    fn events(&self, line: i64) -> &[Event] {
-        match usize::try_from(line - self.first) {
-            Ok(n) if n + 1 < self.buffers.starts.len() => {
-                &self.buffers.events[self.buffers.starts[n] as usize..self.buffers.starts[n + 1] as usize]
-            }
-            _ => &[],
+    /// A line's events and its longest covered run.
+    fn line(&self, line: i64) -> (&[Event], [u16; 2]) {
+        let phases = self.buffers.phases.len() as i64;
+        let phase = &self.buffers.phases[line.rem_euclid(phases) as usize];
+        match usize::try_from(line.div_euclid(phases) - self.first) {
+            Ok(n) if n < phase.cores.len() => (&phase.events[phase.starts[n] as usize..phase.starts[n + 1] as usize], phase.cores[n]),
+            _ => (&[], [0; 2]),
         }
     }
 
@@ -184,111 +198,155 @@ impl<'a> Lines<'a> {
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
         for (j, k) in [lo[0], hi[0] - 1].into_iter().flat_map(|j| [lo[1], hi[1] - 1].map(|k| (j, k))) {
             let rest = self.view.rest(j, k);
+            let [a, b] = self.heights(span, &rest);
+            (top, bottom) = (top.min(a).min(b), bottom.max(a).max(b));
             for i in [span[0], span[1] - 1] {
-                let [u, v, _] = self.view.image(i, &rest);
-                let height = self.tilt.map_or(v, |tilt| tilt.height([u - 0.5, v - 0.5]));
-                (top, bottom) = (top.min(height), bottom.max(height));
+                let u = self.view.image(i, &rest)[0];
                 (left, right) = (left.min(u), right.max(u));
             }
         }
-        let (pad, phases) = self.tilt.map_or((MARGIN, 1.0), |tilt| (tilt.pad + MARGIN, tilt.phases as f64));
-        let [from, to] = [(top - pad) * phases, (bottom + pad) * phases].map(|line| line.floor() as i64);
-        let held = self.buffers.cores.len() as i64;
-        let inner = |line: i64| (line - self.first).clamp(0, held) as usize;
-        if self.buffers.filled[inner(from)] == self.buffers.filled[inner(to + 1)] {
-            return Verdict::Outside;
+        let [from, to] = [top - MARGIN, bottom + MARGIN].map(|height| floor(height * self.phases()));
+        let (mut outside, mut inside) = (true, true);
+        for line in from..=to {
+            let (events, [start, end]) = self.line(line);
+            outside &= events.is_empty();
+            inside &= left >= f64::from(start) + MARGIN && right < f64::from(end) - MARGIN;
+            if !outside && !inside {
+                return Verdict::Cut;
+            }
         }
-        let inside = from >= self.first
-            && to < self.first + held
-            && self.buffers.cores[inner(from)..=inner(to)]
-                .iter()
-                .all(|&[start, end]| left >= f64::from(start) + MARGIN && right < f64::from(end) - MARGIN);
-        if inside { Verdict::Inside } else { Verdict::Cut }
+        if outside { Verdict::Outside } else { Verdict::Inside }
     }
 
-    /// Tells `spans` which voxels of `span` the view covers in the row `(j, k)`.
+    fn phases(&self) -> f64 {
+        self.buffers.phases.len() as f64
+    }
+
+    /// Between which heights the line of a row runs over the voxels of `span`: `v + 0.5` of an upright one.
+    fn heights(&self, span: [usize; 2], rest: &[f64; 3]) -> [f64; 2] {
+        let Some(tilt) = self.tilt else { return [rest[1] / rest[2] + 0.5; 2] };
+        let per_x = tilt.height(self.view.rows.map(|row| row[0]));
+        let offset = tilt.height(*rest);
+        let [a, b] = [span[0], span[1] - 1].map(|i| {
+            let x = self.view.centres[0][i];
+            (per_x * x + offset) / (self.view.rows[2][0] * x + rest[2])
+        });
+        [a.min(b) - tilt.pad, a.max(b) + tilt.pad]
+    }
+
+    /// Tells `spans` which of the voxels `span` the view covers in the row `(j, k)`.
     pub fn look(&self, span: [usize; 2], (j, k): (usize, usize), row: usize, spans: &mut Spans) {
         let rest = self.view.rest(j, k);
-        let line = match self.tilt {
-            None => Some((rest[1] / rest[2] + 0.5).floor() as i64),
-            Some(tilt) => {
-                let [top, bottom] = {
-                    let [a, b] = [span[0], span[1] - 1].map(|i| {
-                        let [u, v, _] = self.view.image(i, &rest);
-                        tilt.height([u - 0.5, v - 0.5])
-                    });
-                    [a.min(b) - tilt.pad, a.max(b) + tilt.pad]
-                };
-                let line = (top * tilt.phases as f64).floor();
-                (bottom <= line / tilt.phases as f64 + tilt.window()).then_some(line as i64)
-            }
-        };
-        let Some(line) = line else {
+        let [top, bottom] = self.heights(span, &rest);
+        let line = floor(top * self.phases());
+        if self.tilt.is_some_and(|tilt| bottom > line as f64 / tilt.phases as f64 + tilt.window()) {
             // Wider than a line: voxel by voxel.
-            self.one_by_one(span[0], span[1], &rest, row, spans);
+            spans.open(row, span);
+            spans.settle(row, span, true);
+            self.one_by_one(span, &rest, row, spans);
             return;
-        };
-        let events = self.events(line);
-        let leaves = self.view.leaves;
-        match *events {
-            [Event { column: start, class: Class::Covered }, Event { column: end, class: Class::Missed }] if !leaves.any() => {
-                let [start, end] = [start, end].map(|column| self.border(usize::from(column), &rest));
-                spans.cover(row, start.min(end), start.max(end));
-            }
-            _ => self.walk(events, span, &rest, row, spans),
+        }
+        let (events, core) = self.line(line);
+        if self.view.leaves.any() {
+            return self.turn(events, span, &rest, row, spans);
+        }
+        if events.is_empty() {
+            return;
+        }
+        let [a, b] = core.map(|column| self.border(usize::from(column), &rest));
+        let core = [a.min(b), a.max(b)];
+        if events.len() == 2 && core[0] < core[1] || core[0] <= span[0] && core[1] >= span[1] {
+            spans.cover(row, core[0], core[1]);
+        } else if let Some([from, to]) = self.soften(events, core, span, &rest) {
+            spans.cover(row, from, to);
+        } else {
+            self.turn(events, span, &rest, row, spans);
         }
     }
 
-    /// The stretches of a line, as voxels in growing order.
-    fn walk(&self, events: &[Event], span: [usize; 2], rest: &[f64; 3], row: usize, spans: &mut Spans) {
-        let (leaves, width) = (self.view.leaves, self.view.runs.width());
-        let class = |goes_on: bool| if goes_on { Class::Unsure } else { Class::Missed };
-        let n = events.len();
-        // Stretch 0 is left of the image, stretch 1 its begin before the first event, the last one right of it.
-        let stretch = |at: usize| match at {
-            0 => class(leaves.left),
-            1 => Class::Missed,
-            at if at < n + 2 => events[at - 2].class,
-            _ => class(leaves.right),
-        };
-        let border = |at: usize| match at {
-            0 => self.outermost(true),
-            1 => self.border(0, rest),
-            at if at < n + 2 => self.border(usize::from(events[at - 2].column), rest),
-            at if at == n + 2 => self.border(width, rest),
-            _ => self.outermost(false),
-        };
-        let stretches = n + 3;
-        let mut from = if self.ascending { border(0) } else { border(stretches) };
-        for step in 0..stretches {
-            let at = if self.ascending { step } else { stretches - 1 - step };
-            let to = border(if self.ascending { at + 1 } else { at });
-            let (a, b) = (from.max(span[0]), to.min(span[1]));
-            if a < b {
-                match stretch(at) {
-                    Class::Missed => {}
-                    Class::Covered => spans.cover(row, a, b),
-                    Class::Unsure => self.one_by_one(a, b, rest, row, spans),
-                }
+    /// The covered voxels of a line that is unsure at the ends of its covered run alone, if they are all one run.
+    fn soften(&self, events: &[Event], core: [usize; 2], span: [usize; 2], rest: &[f64; 3]) -> Option<[usize; 2]> {
+        use Class::{Covered, Missed, Unsure};
+        let (left, right) = match events {
+            [Event { class: Covered, .. }, unsure @ Event { class: Unsure, .. }, end @ Event { class: Missed, .. }] => {
+                (None, Some([unsure, end]))
             }
-            from = to;
+            [unsure @ Event { class: Unsure, .. }, start @ Event { class: Covered, .. }, Event { class: Missed, .. }] => {
+                (Some([unsure, start]), None)
+            }
+            [
+                a @ Event { class: Unsure, .. },
+                b @ Event { class: Covered, .. },
+                c @ Event { class: Unsure, .. },
+                d @ Event { class: Missed, .. },
+            ] => (Some([a, b]), Some([c, d])),
+            _ => return None,
+        };
+        let (below, above) = if self.ascending { (left, right) } else { (right, left) };
+        let voxels = |stretch: Option<[&Event; 2]>| {
+            let [a, b] = stretch?.map(|event| self.border(usize::from(event.column), rest));
+            Some(a.min(b).max(span[0])..a.max(b).min(span[1]))
+        };
+        let [mut from, mut to] = core;
+        if let Some(below) = voxels(below) {
+            let covered = below.clone().rev().take_while(|&i| self.view.covers(i, rest)).count();
+            from = below.end.max(below.start) - covered;
+            if (below.start..from).any(|i| self.view.covers(i, rest)) {
+                return None;
+            }
         }
+        if let Some(above) = voxels(above) {
+            to = above.start + above.clone().take_while(|&i| self.view.covers(i, rest)).count();
+            if (to..above.end).any(|i| self.view.covers(i, rest)) {
+                return None;
+            }
+        }
+        Some([from, to])
     }
 
-    fn one_by_one(&self, from: usize, to: usize, rest: &[f64; 3], row: usize, spans: &mut Spans) {
-        let mut open = None;
+    /// A line of many stretches: where one ends and the next is of another class the row turns, and what is unsure is looked
+    /// at.
+    fn turn(&self, events: &[Event], span: [usize; 2], rest: &[f64; 3], row: usize, spans: &mut Spans) {
+        // The events that the span can meet.
+        let columns = [span[0], span[1] - 1].map(|i| self.view.image(i, rest)[0]);
+        let (low, high) = (columns[0].min(columns[1]) - 1.0, columns[0].max(columns[1]) + 1.0);
+        let first = events.partition_point(|e| f64::from(e.column) < low);
+        let last = first + events[first..].partition_point(|e| f64::from(e.column) <= high);
+        let left = first.checked_sub(1).map_or(Class::Missed, |before| events[before].class);
+        let right = last.checked_sub(1).map_or(Class::Missed, |before| events[before].class);
+        spans.open(row, span);
+        let mut unsure = std::mem::take(&mut spans.unsure);
+        let (mut class, mut from) = (left, self.outermost(true));
+        for event in &events[first..last] {
+            let to = self.border(usize::from(event.column), rest);
+            if (class == Class::Covered) != (event.class == Class::Covered) {
+                spans.turn(row, span, to);
+            }
+            if class == Class::Unsure {
+                unsure.push([from, to]);
+            }
+            (class, from) = (event.class, to);
+        }
+        if class == Class::Unsure {
+            unsure.push([from, self.outermost(false)]);
+        }
+        spans.settle(row, span, if self.ascending { left } else { right } != Class::Covered);
+        if self.view.leaves.any() {
+            unsure.push([self.outermost(true), self.border(0, rest)]);
+            unsure.push([self.border(self.view.runs.width(), rest), self.outermost(false)]);
+        }
+        for [a, b] in unsure.drain(..) {
+            self.one_by_one([a.min(b).max(span[0]), a.max(b).min(span[1])], rest, row, spans);
+        }
+        spans.unsure = unsure;
+    }
+
+    /// Lets the definition decide about the voxels of a range of a row that is missed so far.
+    fn one_by_one(&self, [from, to]: [usize; 2], rest: &[f64; 3], row: usize, spans: &mut Spans) {
         for i in from..to {
-            match (self.view.covers(i, rest), open) {
-                (true, None) => open = Some(i),
-                (false, Some(start)) => {
-                    spans.cover(row, start, i);
-                    open = None;
-                }
-                _ => {}
+            if self.view.covers(i, rest) {
+                spans.find(row, i);
             }
-        }
-        if let Some(start) = open {
-            spans.cover(row, start, to);
         }
     }
 
@@ -299,36 +357,82 @@ impl<'a> Lines<'a> {
 
     /// The first voxel of a row in `column` or beyond where columns grow with x; where they fall, the one after the last.
     fn border(&self, column: usize, rest: &[f64; 3]) -> usize {
+        // Added and taken away, it leaves the nearest whole number, which its lowest bits hold in between.
+        const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
         let t = column as f64 - 0.5;
-        let n = self.counts[0];
-        let at = (t * rest[2] - rest[0]) * self.buffers.inverse[column] - self.view.centres[0][0] / self.size;
-        let above = at.clamp(-1.0, n as f64) + 1.0;
-        let whole = above as usize;
-        let part = above - whole as f64;
-        if part > MARGIN && part < 1.0 - MARGIN {
-            return whole.min(n);
-        }
-        // A centre lies on the border, as far as this can tell.
-        let Some(near) = (whole + usize::from(part > 0.5)).checked_sub(1) else { return 0 };
-        if near >= n {
-            return n;
-        }
-        let reached = self.view.image(near, rest)[0] >= column as f64;
-        near + usize::from(reached != self.ascending)
+        let at = (t * rest[2] - rest[0]) * self.buffers.inverse[column] - self.first_x;
+        let sum = at + WHOLE;
+        let (near, off) = (sum.to_bits() as i32, at - (sum - WHOLE));
+        let next = if off.abs() < MARGIN {
+            // A centre lies on the border, as far as this can tell.
+            let reached = usize::try_from(near).is_ok_and(|i| i < self.counts[0] && self.view.image(i, rest)[0] >= column as f64);
+            near + i32::from(reached != self.ascending)
+        } else {
+            near + i32::from(off > 0.0)
+        };
+        next.clamp(0, self.counts[0] as i32) as usize
     }
 }
 
 impl Buffers {
     /// Bytes on the heap.
     pub fn bytes(&self) -> usize {
-        self.starts.capacity() * size_of::<u32>()
-            + self.events.capacity() * size_of::<Event>()
-            + self.cores.capacity() * size_of::<[u16; 2]>()
-            + self.filled.capacity() * size_of::<u32>()
-            + self.inverse.capacity() * size_of::<f64>()
-            + (self.bits.capacity() + self.sheared.capacity()) * size_of::<u64>()
+        let phase = |p: &Phase| {
+            p.starts.capacity() * size_of::<u32>() + p.events.capacity() * size_of::<Event>() + p.cores.capacity() * size_of::<[u16; 2]>()
+        };
+        let words = self.bits.capacity() + self.sheared.iter().map(Vec::capacity).sum::<usize>();
+        self.phases.iter().map(phase).sum::<usize>() + self.inverse.capacity() * size_of::<f64>() + words * size_of::<u64>()
     }
 
+    /// An upright view's lines are the rows of the mask; returns the first one's height.
+    fn take_rows(&mut self, runs: &Runs) -> i64 {
+        self.phases.resize_with(1, Phase::default);
+        let phase = &mut self.phases[0];
+        phase.clear();
+        for v in runs.rows() {
+            for &[start, end] in runs.row(v) {
+                phase.events.push(Event { column: start, class: Class::Covered });
+                phase.events.push(Event { column: end, class: Class::Missed });
+            }
+            phase.close_line();
+        }
+        runs.rows().start as i64
+    }
+
+    /// A tilted view's lines, a phase apart; returns the first ones' height in whole pixels.
+    fn shear(&mut self, runs: &Runs, tilt: Tilt) -> i64 {
+        let (rows, columns) = (runs.rows(), runs.width().div_ceil(ROW));
+        let held = rows.len();
+        self.bits.clear();
+        self.bits.resize(columns * held, 0);
+        for v in rows.clone() {
+            for &[start, end] in runs.row(v) {
+                for_words(usize::from(start), usize::from(end), |word, bits| self.bits[word * held + v - rows.start] |= bits);
+            }
+        }
+        // Rows of the sheared picture, so that each row of the mask is in it whatever the column.
+        let reach = (tilt.slope.abs() * tilt.middle.max(runs.width() as f64 - tilt.middle)).ceil() as usize + 2;
+        let height = held + 2 * reach;
+        self.phases.resize_with(tilt.phases, Phase::default);
+        self.sheared.resize_with(tilt.phases, Vec::new);
+        let bits = &self.bits;
+        self.sheared.par_iter_mut().enumerate().for_each(|(phase, sheared)| {
+            shear(bits, sheared, runs.width(), [held, reach], |column| {
+                let at = phase as f64 / tilt.phases as f64 + tilt.slope * (column as f64 - tilt.middle);
+                floor(at + 0.5)
+            });
+        });
+        // A line lies between its phase and the one two further on, some of a pixel further down.
+        let sheared = &self.sheared;
+        self.phases.par_iter_mut().enumerate().for_each(|(phase, lines)| {
+            let far = &sheared[(phase + 2) % tilt.phases];
+            lines.take([&sheared[phase], far], usize::from(phase + 2 >= tilt.phases), height, runs.width());
+        });
+        rows.start as i64 - reach as i64
+    }
+}
+
+impl Phase {
     fn clear(&mut self) {
         self.starts.clear();
         self.starts.push(0);
@@ -349,103 +453,56 @@ impl Buffers {
         self.starts.push(self.events.len() as u32);
     }
 
-    fn sum_up(&mut self) {
-        self.filled.clear();
-        self.filled.push(0);
-        let mut before = 0;
-        for pair in self.starts.windows(2) {
-            before += u32::from(pair[0] != pair[1]);
-            self.filled.push(before);
-        }
-    }
-
-    /// An upright view's lines are the rows of the mask; returns the number of the first.
-    fn take_rows(&mut self, runs: &Runs) -> i64 {
+    /// The lines between two sheared pictures, the far one's rows `lower` down: covered where both are, missed where neither is.
+    fn take(&mut self, [near, far]: [&[u64]; 2], lower: usize, height: usize, width: usize) {
         self.clear();
-        for v in runs.rows() {
-            for &[start, end] in runs.row(v) {
-                self.events.push(Event { column: start, class: Class::Covered });
-                self.events.push(Event { column: end, class: Class::Missed });
+        for row in 0..height {
+            let mut last = [false; 2];
+            for (word, column) in (0..near.len()).step_by(height).zip((0u32..).step_by(ROW)) {
+                let (a, b) = (near[word + row], if row + lower < height { far[word + row + lower] } else { 0 });
+                let (both, either) = (a & b, a | b);
+                let turns = |bits: u64, before: bool| bits ^ (bits << 1 | u64::from(before));
+                let mut left = turns(both, last[0]) | turns(either, last[1]);
+                while left != 0 {
+                    let bit = left.trailing_zeros();
+                    left &= left - 1;
+                    let class = match (both >> bit & 1, either >> bit & 1) {
+                        (1, _) => Class::Covered,
+                        (_, 1) => Class::Unsure,
+                        _ => Class::Missed,
+                    };
+                    self.events.push(Event { column: (column + bit) as u16, class });
+                }
+                last = [both, either].map(|bits| bits >> (ROW - 1) != 0);
+            }
+            if last != [false; 2] {
+                self.events.push(Event { column: width as u16, class: Class::Missed });
             }
             self.close_line();
         }
-        runs.rows().start as i64
     }
+}
 
-    /// A tilted view's lines, a phase apart; returns the number of the first.
-    fn shear(&mut self, runs: &Runs, tilt: Tilt) -> i64 {
-        self.clear();
-        let (rows, columns) = (runs.rows(), runs.width().div_ceil(ROW));
-        let held = rows.len();
-        self.bits.clear();
-        self.bits.resize(columns * held, 0);
-        for v in rows.clone() {
-            for &[start, end] in runs.row(v) {
-                for_words(usize::from(start), usize::from(end), |word, bits| self.bits[word * held + v - rows.start] |= bits);
-            }
-        }
-        // Rows of the sheared picture, so that each row of the mask is in it whatever the column.
-        let reach = (tilt.slope.abs() * tilt.middle.max(runs.width() as f64 - tilt.middle)).ceil() as usize + 2;
-        let height = held + 2 * reach;
-        let per_phase = columns * height;
-        self.sheared.clear();
-        self.sheared.resize(per_phase * tilt.phases, 0);
-        for (phase, sheared) in self.sheared.chunks_exact_mut(per_phase.max(1)).enumerate() {
-            let moved = |column: usize| {
-                let at = phase as f64 / tilt.phases as f64 + tilt.slope * (column as f64 - tilt.middle);
-                (at + 0.5).floor() as i64
-            };
-            let mut start = 0;
-            while start < runs.width() {
-                let by = moved(start);
-                let end = last_alike(start, runs.width(), |column| moved(column) == by);
-                // Sheared row s holds the mask's row `s - reach + by`.
-                let (from, to) = ((-by).max(-(reach as i64)), (held as i64 - by).min((held + reach) as i64));
-                if from < to {
-                    for_words(start, end, |word, bits| {
-                        let source = &self.bits[word * held..][(from + by) as usize..(to + by) as usize];
-                        let target = &mut sheared[word * height..][(from + reach as i64) as usize..(to + reach as i64) as usize];
-                        for (t, s) in target.iter_mut().zip(source) {
-                            *t |= s & bits;
-                        }
-                    });
+/// Moves a mask's columns up: row `s` of the sheared picture holds the mask's row `s - reach + by(column)`.
+fn shear(mask: &[u64], sheared: &mut Vec<u64>, width: usize, [held, reach]: [usize; 2], by: impl Fn(usize) -> i64) {
+    let height = held + 2 * reach;
+    sheared.clear();
+    sheared.resize(width.div_ceil(ROW) * height, 0);
+    let mut start = 0;
+    while start < width {
+        let moved = by(start);
+        let end = last_alike(start, width, |column| by(column) == moved);
+        let (from, to) = ((-moved).max(-(reach as i64)), (held as i64 - moved).min((held + reach) as i64));
+        if from < to {
+            for_words(start, end, |word, bits| {
+                let source = &mask[word * held..][(from + moved) as usize..(to + moved) as usize];
+                let target = &mut sheared[word * height..][(from + reach as i64) as usize..(to + reach as i64) as usize];
+                for (t, s) in target.iter_mut().zip(source) {
+                    *t |= s & bits;
                 }
-                start = end;
-            }
+            });
         }
-        for line in 0..height * tilt.phases {
-            self.take_line(line, tilt.phases, columns, height, runs.width());
-        }
-        (rows.start as i64 - reach as i64) * tilt.phases as i64
-    }
-
-    /// The line between phase `line` and the one two further on: covered where both are, missed where neither is.
-    fn take_line(&mut self, line: usize, phases: usize, columns: usize, height: usize, width: usize) {
-        let per_phase = columns * height;
-        let place = |line: usize| (line / phases < height).then(|| line % phases * per_phase + line / phases);
-        let (near, far) = (place(line), place(line + 2));
-        let mut last = [false; 2];
-        for word in 0..columns {
-            let [a, b] = [near, far].map(|at| at.map_or(0, |at| self.sheared[at + word * height]));
-            let (both, either) = (a & b, a | b);
-            let turns = |bits: u64, before: bool| bits ^ (bits << 1 | u64::from(before));
-            let mut left = turns(both, last[0]) | turns(either, last[1]);
-            while left != 0 {
-                let bit = left.trailing_zeros();
-                left &= left - 1;
-                let class = match (both >> bit & 1, either >> bit & 1) {
-                    (1, _) => Class::Covered,
-                    (_, 1) => Class::Unsure,
-                    _ => Class::Missed,
-                };
-                self.events.push(Event { column: (word * ROW) as u16 + bit as u16, class });
-            }
-            last = [both, either].map(|bits| bits >> (ROW - 1) != 0);
-        }
-        if last != [false; 2] {
-            self.events.push(Event { column: width as u16, class: Class::Missed });
-        }
-        self.close_line();
+        start = end;
     }
 }
 

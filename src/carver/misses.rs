@@ -2,8 +2,9 @@
 
 use super::counts::{ROW, ROWS, Words, ones};
 
-/// What a view misses of a block.
+/// What a view misses of a block; lives on the stack for as long as it takes to count it.
 #[derive(Debug, PartialEq, Eq)]
+#[allow(clippy::large_enum_variant, reason = "it never leaves the stack")]
 pub(super) enum Missed {
     None,
     All,
@@ -11,7 +12,7 @@ pub(super) enum Missed {
     Some(Words),
 }
 
-/// The voxels that a view covers in each row of a tile: one span from first to last, and the gaps within.
+/// The voxels that a view covers in each row of a tile: one span from first to last, or a span of all with bits of its gaps.
 #[derive(Debug, Clone)]
 pub(super) struct Spans {
     starts: [u32; ROWS],
@@ -22,6 +23,8 @@ pub(super) struct Spans {
     /// Bits of the gaps, for the blocks that have some.
     gaps: Vec<Words>,
     gapped: Vec<bool>,
+    /// Stretches of the row under way that the definition has to decide.
+    pub unsure: Vec<[usize; 2]>,
 }
 
 impl Spans {
@@ -34,12 +37,13 @@ impl Spans {
             ends_from_to: [0; 2],
             gaps: vec![[0; ROWS]; blocks],
             gapped: vec![false; blocks],
+            unsure: Vec::new(),
         }
     }
 
     /// Bytes on the heap.
     pub fn bytes(&self) -> usize {
-        self.gaps.capacity() * size_of::<Words>() + self.gapped.capacity()
+        self.gaps.capacity() * size_of::<Words>() + self.gapped.capacity() + self.unsure.capacity() * size_of::<[usize; 2]>()
     }
 
     pub fn clear(&mut self) {
@@ -54,21 +58,44 @@ impl Spans {
         self.ends_from_to = [u32::MAX, 0];
     }
 
-    /// Covers voxels of a row; the stretches of a row come in growing order.
+    /// Covers these voxels of a row and no other.
     pub fn cover(&mut self, row: usize, from: usize, to: usize) {
-        if from >= to {
-            return;
+        if from < to {
+            (self.starts[row], self.ends[row]) = (from as u32, to as u32);
         }
-        let before = self.ends[row] as usize;
-        if before == 0 {
-            self.starts[row] = from as u32;
-        } else if before < from {
-            for block in before / ROW..from.div_ceil(ROW) {
-                self.gapped[block] = true;
-                self.gaps[block][row] |= ones((from - block * ROW).min(ROW)) & !ones(before.saturating_sub(block * ROW));
+    }
+
+    /// Begins a row whose voxels of `span` are told bit by bit.
+    pub fn open(&mut self, row: usize, [from, to]: [usize; 2]) {
+        (self.starts[row], self.ends[row]) = (0, u32::MAX);
+        self.gapped[from / ROW..to.div_ceil(ROW)].fill(true);
+    }
+
+    /// From this voxel on the row is covered if it was missed before, and missed if it was covered; turns may come in any order.
+    pub fn turn(&mut self, row: usize, [from, to]: [usize; 2], at: usize) {
+        if at < to {
+            let at = at.max(from / ROW * ROW);
+            self.gaps[at / ROW][row] ^= 1 << (at % ROW);
+        }
+    }
+
+    /// Makes bits of the turns of an open row, whose first voxels are missed or not.
+    pub fn settle(&mut self, row: usize, [from, to]: [usize; 2], missed: bool) {
+        let mut before = if missed { u64::MAX } else { 0 };
+        for gaps in &mut self.gaps[from / ROW..to.div_ceil(ROW)] {
+            let mut bits = gaps[row];
+            for shift in [1, 2, 4, 8, 16, 32] {
+                bits ^= bits << shift;
             }
+            bits ^= before;
+            gaps[row] = bits;
+            before = 0u64.wrapping_sub(bits >> (ROW - 1));
         }
-        self.ends[row] = to as u32;
+    }
+
+    /// Covers one voxel of a settled row.
+    pub fn find(&mut self, row: usize, i: usize) {
+        self.gaps[i / ROW][row] &= !(1 << (i % ROW));
     }
 
     /// Ends a row that was looked at.
@@ -102,19 +129,23 @@ mod tests {
         let mut spans = Spans::new(3);
         spans.clear();
         for row in 0..ROWS {
-            // Row 7 has a gap over the border of two blocks.
-            spans.cover(row, 10 + row % 2, if row == 7 { 60 } else { 100 });
             if row == 7 {
-                spans.cover(7, 70, 100);
+                // A gap over the border of two blocks, and one of no length; what is right of the span does not count.
+                spans.open(7, [0, 128]);
+                [100, 11, 70, 60, 30, 30, 150].into_iter().for_each(|at| spans.turn(7, [0, 128], at));
+                spans.settle(7, [0, 128], true);
+                spans.find(7, 3);
+            } else {
+                spans.cover(row, 10 + row % 2, 100);
             }
             spans.close(row);
         }
         let Missed::Some(first) = spans.missed(0, 64) else { panic!("cut") };
-        assert_eq!((first[0], first[1]), ((1 << 10) - 1, (1 << 11) - 1));
-        assert_eq!(first[7], (1 << 11) - 1 | 0xf << 60);
+        assert_eq!((first[0], first[1]), (ones(10), ones(11)));
+        assert_eq!(first[7], (ones(11) & !(1 << 3)) | (0xf << 60));
         let Missed::Some(second) = spans.missed(64, 128) else { panic!("cut") };
         assert_eq!((second[0], second[7]), (!ones(36), !ones(36) | ones(6)));
-        assert_eq!(spans.missed(128, 190), Missed::All);
+        assert_eq!(spans.missed(128, 190), Missed::Some(std::array::from_fn(|row| if row == 7 { 0 } else { u64::MAX })));
         spans.clear();
         for row in 0..ROWS {
             spans.cover(row, 0, 192);

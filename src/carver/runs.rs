@@ -10,10 +10,10 @@ pub struct Runs {
     height: usize,
     /// First row that has a run.
     first: usize,
-    /// Row `first + n` has the runs `runs[starts[n]..starts[n + 1]]`.
+    /// Row `first + n` has the runs `covered[starts[n]..starts[n + 1]]`.
     starts: Vec<u32>,
     /// First covered column, and the one after the last.
-    runs: Vec<[u16; 2]>,
+    covered: Vec<[u16; 2]>,
 }
 
 impl Runs {
@@ -35,31 +35,34 @@ impl Runs {
     }
 
     fn push_row(&mut self, row: &[u8]) {
-        let mut open = None;
-        let mut at = 0;
-        while at < row.len() {
-            // Eight pixels alike, and like the one before, hold no end of a run.
-            if let Some(eight) = row.get(at..at + 8) {
-                let alike = if open.is_some() { eight.iter().all(|&p| p != 0) } else { blank(eight) };
-                if alike {
-                    at += 8;
-                    continue;
+        // Pixels are 0 or 255. Where 64 are as the one before nothing happens; else eight of them are a word, and where it
+        // changes is where a run begins or ends.
+        let mut start = None;
+        for (at, pixels) in (0..).step_by(64).zip(row.chunks(64)) {
+            let (any, all) = pixels.iter().fold((0, u8::MAX), |(any, all), &p| (any | p, all & p));
+            if if start.is_some() { all != 0 } else { any == 0 } {
+                continue;
+            }
+            for (at, eight) in (at..).step_by(8).zip(pixels.chunks(8)) {
+                let mut bytes = [eight[eight.len() - 1]; 8];
+                bytes[..eight.len()].copy_from_slice(eight);
+                let word = u64::from_le_bytes(bytes);
+                let mut turns = word ^ (word << 8 | u64::from(start.is_some()) * 0xff);
+                while turns != 0 {
+                    let byte = turns.trailing_zeros() / 8;
+                    turns &= !(0xff << (8 * byte));
+                    let at = at as u16 + byte as u16;
+                    match start.take() {
+                        None => start = Some(at),
+                        Some(start) => self.covered.push([start, at]),
+                    }
                 }
             }
-            match (open, row[at] != 0) {
-                (None, true) => open = Some(at),
-                (Some(start), false) => {
-                    self.runs.push([start as u16, at as u16]);
-                    open = None;
-                }
-                _ => {}
-            }
-            at += 1;
         }
-        if let Some(start) = open {
-            self.runs.push([start as u16, row.len() as u16]);
+        if let Some(start) = start {
+            self.covered.push([start, row.len() as u16]);
         }
-        self.starts.push(self.runs.len() as u32);
+        self.starts.push(self.covered.len() as u32);
     }
 
     pub fn width(&self) -> usize {
@@ -78,7 +81,7 @@ impl Runs {
     /// The runs of a row, from left to right.
     pub(super) fn row(&self, v: usize) -> &[[u16; 2]] {
         match v.checked_sub(self.first) {
-            Some(n) if n + 1 < self.starts.len() => &self.runs[self.starts[n] as usize..self.starts[n + 1] as usize],
+            Some(n) if n + 1 < self.starts.len() => &self.covered[self.starts[n] as usize..self.starts[n + 1] as usize],
             _ => &[],
         }
     }
@@ -89,7 +92,7 @@ impl Runs {
 
     /// Bytes on the heap.
     pub(super) fn bytes(&self) -> usize {
-        self.starts.capacity() * size_of::<u32>() + self.runs.capacity() * size_of::<[u16; 2]>()
+        self.starts.capacity() * size_of::<u32>() + self.covered.capacity() * size_of::<[u16; 2]>()
     }
 }
 

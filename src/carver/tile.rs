@@ -29,8 +29,8 @@ pub(super) struct Tile {
     live: u64,
     /// The blocks that may live, from first to before last.
     reach: [usize; 2],
-    /// Bit `8 z + y`: the row may hold a live voxel.
-    rows: u64,
+    /// Between which voxels each row `8 z + y` may live.
+    rows: [[u32; 2]; ROWS],
     blocks: Vec<Block>,
     slots: Vec<u64>,
     free: Vec<u32>,
@@ -45,7 +45,7 @@ impl Tile {
             length: counts[0],
             live: 0,
             reach: [0; 2],
-            rows: 0,
+            rows: [[0; 2]; ROWS],
             blocks: vec![Block::Uniform(0); counts[0].div_ceil(ROW)],
             slots: Vec::new(),
             free: Vec::new(),
@@ -62,7 +62,7 @@ impl Tile {
         let [y, z] = self.sides();
         self.live = (self.length * y * z) as u64;
         self.reach = [0, self.blocks.len()];
-        self.rows = counts::corner([1, y, z]).iter().enumerate().fold(0, |rows, (row, word)| rows | word << row);
+        self.rows = counts::corner([1, y, z]).map(|word| if word == 0 { [0; 2] } else { [0, self.length as u32] });
     }
 
     fn sides(&self) -> [usize; 2] {
@@ -125,11 +125,9 @@ impl Tile {
                     Verdict::Outside => self.each_block(tally, |_, _| Missed::All),
                     Verdict::Cut => {
                         spans.clear();
-                        let mut rows = self.rows;
-                        while rows != 0 {
-                            let row = rows.trailing_zeros() as usize;
-                            rows &= rows - 1;
-                            lines.look(span, (self.lo[0] + row % SIDE, self.lo[1] + row / SIDE), row, spans);
+                        for (row, &[from, to]) in self.rows.iter().enumerate().filter(|(_, [from, to])| from < to) {
+                            let at = (self.lo[0] + row % SIDE, self.lo[1] + row / SIDE);
+                            lines.look([from as usize, to as usize], at, row, spans);
                             spans.close(row);
                         }
                         self.each_block(tally, |tile, block| {
@@ -223,18 +221,23 @@ impl Tile {
             to -= 1;
         }
         self.reach = [from, to];
-        let mut any: Words = [0; ROWS];
-        for block in &self.blocks[from..to] {
-            match *block {
-                Block::Uniform(misses) if misses > tally.budget() => {}
-                Block::Uniform(_) => return,
-                Block::Mixed(slot) => {
-                    let at = slot as usize * tally.words();
-                    any.iter_mut().zip(&self.slots[at..at + ROWS]).for_each(|(any, word)| *any |= word);
-                }
-            }
+        let word = |block: usize, row: usize| match self.blocks[block] {
+            Block::Uniform(misses) if misses > tally.budget() => 0,
+            Block::Uniform(_) => u64::MAX,
+            Block::Mixed(slot) => self.slots[slot as usize * tally.words() + row],
+        };
+        let mut rows = self.rows;
+        for (row, range) in rows.iter_mut().enumerate().filter(|(_, [from, to])| from < to) {
+            let first = (from..to).map(|block| (block, word(block, row))).find(|(_, word)| *word != 0);
+            let last = (from..to).rev().map(|block| (block, word(block, row))).find(|(_, word)| *word != 0);
+            let (Some((first, low)), Some((last, high))) = (first, last) else {
+                *range = [0; 2];
+                continue;
+            };
+            let end = last * ROW + ROW - high.leading_zeros() as usize;
+            *range = [(first * ROW) as u32 + low.trailing_zeros(), end.min(self.length) as u32];
         }
-        self.rows &= any.iter().enumerate().fold(0, |rows, (row, word)| rows | u64::from(*word != 0) << row);
+        self.rows = rows;
         if self.live == 0 {
             self.slots = Vec::new();
             self.free = Vec::new();
