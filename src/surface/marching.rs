@@ -1,11 +1,17 @@
 //! Welded marching cubes over the blocks that can hold surface.
 //!
+//! ```text
+//!  blocks ─ inside bits ─> crossed edges, cut cells      counted, block by block
+//!                             │ sums of the counts: where each block's vertices and triangles go
+//!                             └──────────────────────> vertices, triangles    written there, block by block
+//! ```
 //! Every crossed edge of the lattice belongs to the block of its lower end, which numbers it by its rank among the
 //! block's crossed edges. A cell finds the vertices of its twelve edges by a bit count in one of eight blocks: no hash
-//! of vertices, no merging afterwards, and the same mesh on any number of threads.
+//! of vertices, no merging afterwards, and the same mesh on any number of threads. Blocks go slice by slice along x, so
+//! that vertices that are neighbours are near each other in memory, too.
 
 use super::cube::{EDGES, TRIANGLES};
-use super::{Field, Mesh, SIDE, Samples};
+use super::{Field, Inside, Mesh, SIDE};
 use crate::carver::BLOCK;
 use rayon::prelude::*;
 
@@ -15,36 +21,44 @@ struct Crossings {
     /// Bit `8 y + x` of word `8 axis + z`.
     edges: [u64; 3 * BLOCK],
     /// Edges in the words before.
-    ranks: [u32; 3 * BLOCK],
-    /// Bit x of row `SIDE z + y`.
-    inside: [u16; SIDE * SIDE],
-    vertices: Vec<[f64; 3]>,
-    first: u32,
+    ranks: [u16; 3 * BLOCK],
+    inside: Inside,
+    triangles: usize,
+    first_vertex: u32,
 }
 
-/// The surface of a field at its level.
+/// The surface of a field.
 pub fn extract(field: &impl Field) -> Mesh {
     let mut blocks = field.blocks();
-    blocks.sort_unstable_by_key(|&[x, y, z]| [z, y, x]);
+    blocks.sort_unstable_by_key(|&block| key(block));
     blocks.dedup();
-    let mut active: Vec<Crossings> =
-        blocks.par_iter().map_init(|| [0.0; SIDE * SIDE * SIDE], |samples, &block| crossings(field, block, samples)).flatten().collect();
-    let mut first = 0;
+    let mut active: Vec<Crossings> = blocks.par_iter().filter_map(|&block| crossings(field, block)).collect();
+    let (mut vertices, mut triangles) = (0, 0);
     for block in &mut active {
-        block.first = first;
-        first += block.vertices.len() as u32;
+        block.first_vertex = vertices as u32;
+        vertices += block.vertices();
+        triangles += block.triangles;
     }
-    let triangles = active.par_iter().map(|block| triangles(&active, block)).collect::<Vec<_>>().concat();
-    Mesh { vertices: active.into_iter().flat_map(|b| b.vertices).collect(), triangles }
+    let mut mesh = Mesh { vertices: vec![[0.0; 3]; vertices], triangles: vec![[0; 3]; triangles] };
+    let places = pieces(&mut mesh.vertices, active.iter().map(Crossings::vertices));
+    active.par_iter().zip(places).for_each(|(block, out)| block.place(field, out));
+    let places = pieces(&mut mesh.triangles, active.iter().map(|block| block.triangles));
+    active.par_iter().zip(places).for_each(|(block, out)| block.join(&active, out));
+    mesh
 }
 
-fn crossings(field: &impl Field, block: [i32; 3], samples: &mut Samples) -> Option<Crossings> {
-    field.samples(block, samples);
-    let level = field.level();
-    let mut inside = [0u16; SIDE * SIDE];
-    for (row, values) in inside.iter_mut().zip(samples.chunks_exact(SIDE)) {
-        *row = values.iter().enumerate().fold(0, |bits, (x, &v)| bits | u16::from(v > level) << x);
-    }
+/// Slice by slice along x, the axis that a specimen is long along.
+fn key([x, y, z]: [i32; 3]) -> [i32; 3] {
+    [x, z, y]
+}
+
+/// Cuts a list into consecutive pieces of these lengths.
+fn pieces<T>(mut rest: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<&mut [T]> {
+    lengths.map_while(|n| rest.split_off_mut(..n)).collect()
+}
+
+fn crossings(field: &impl Field, block: [i32; 3]) -> Option<Crossings> {
+    let inside = field.inside(block);
     if inside.iter().all(|&row| row == inside[0]) && (inside[0] == 0 || inside[0] == (1 << SIDE) - 1) {
         return None;
     }
@@ -58,64 +72,87 @@ fn crossings(field: &impl Field, block: [i32; 3], samples: &mut Samples) -> Opti
             }
         }
     }
-    let mut ranks = [0; 3 * BLOCK];
-    let mut vertices = Vec::new();
-    let (origin, spacing) = (field.origin(), field.spacing());
-    for (word, &bits) in edges.iter().enumerate() {
-        ranks[word] = vertices.len() as u32;
-        let (axis, z) = (word / BLOCK, word % BLOCK);
-        let mut left = bits;
-        while left != 0 {
-            let bit = left.trailing_zeros() as usize;
-            left &= left - 1;
-            let at = [bit % BLOCK, bit / BLOCK, z];
-            let index = (at[2] * SIDE + at[1]) * SIDE + at[0];
-            let (a, b) = (samples[index], samples[index + [1, SIDE, SIDE * SIDE][axis]]);
-            let mut vertex: [f64; 3] = std::array::from_fn(|c| f64::from(block[c] * BLOCK as i32) + at[c] as f64);
-            vertex[axis] += f64::from(level - a) / f64::from(b - a);
-            vertices.push(std::array::from_fn(|c| origin[c] + vertex[c] * spacing));
-        }
-    }
-    Some(Crossings { block, edges, ranks, inside, vertices, first: 0 })
+    let mut rank = 0;
+    let ranks = edges.map(|word| {
+        rank += word.count_ones() as u16;
+        rank - word.count_ones() as u16
+    });
+    let mut found = Crossings { block, edges, ranks, inside, triangles: 0, first_vertex: 0 };
+    let mut triangles = 0;
+    found.cut_cells(|_, pattern| triangles += TRIANGLES[pattern].len());
+    found.triangles = triangles;
+    Some(found)
 }
 
 impl Crossings {
+    fn vertices(&self) -> usize {
+        const LAST: usize = 3 * BLOCK - 1;
+        usize::from(self.ranks[LAST]) + self.edges[LAST].count_ones() as usize
+    }
+
     fn vertex(&self, axis: usize, [x, y, z]: [usize; 3]) -> u32 {
         let (word, bit) = (axis * BLOCK + z, BLOCK * y + x);
-        self.first + self.ranks[word] + (self.edges[word] & ((1 << bit) - 1)).count_ones()
+        self.first_vertex + u32::from(self.ranks[word]) + (self.edges[word] & ((1 << bit) - 1)).count_ones()
     }
-}
 
-fn triangles(active: &[Crossings], block: &Crossings) -> Vec<[u32; 3]> {
-    // The block itself and its seven neighbours towards larger coordinates, where its last cells' edges may live.
-    let around: [Option<&Crossings>; 8] = std::array::from_fn(|n| {
-        let wanted: [i32; 3] = std::array::from_fn(|a| block.block[a] + (n >> a & 1) as i32);
-        let key = |[x, y, z]: [i32; 3]| [z, y, x];
-        active.binary_search_by_key(&key(wanted), |b| key(b.block)).ok().map(|at| &active[at])
-    });
-    let mut out = Vec::new();
-    for z in 0..BLOCK {
-        for y in 0..BLOCK {
-            let rows = [z * SIDE + y, z * SIDE + y + 1, (z + 1) * SIDE + y, (z + 1) * SIDE + y + 1].map(|r| block.inside[r]);
-            if rows.iter().all(|&r| r == rows[0]) && (rows[0] == 0 || rows[0] == (1 << SIDE) - 1) {
-                continue;
-            }
-            for x in 0..BLOCK {
-                let pattern = rows.iter().enumerate().fold(0, |bits, (n, row)| bits | (row >> x & 3) << (2 * n));
-                for triangle in &TRIANGLES[usize::from(pattern)] {
-                    let corners = triangle.map(|edge| {
-                        let (start, axis) = EDGES[edge as usize];
-                        let at: [usize; 3] = std::array::from_fn(|a| [x, y, z][a] + (start >> a & 1));
-                        let owner = (0..3).fold(0, |n, a| n | (at[a] / BLOCK) << a);
-                        around[owner].map(|b| b.vertex(axis, at.map(|c| c % BLOCK)))
-                    });
-                    // A field keeps its promise of blocks when all three are there.
-                    if let [Some(a), Some(b), Some(c)] = corners {
-                        out.push([a, b, c]);
-                    }
+    /// Calls back with every cell that has corners on both sides, and which of them are inside.
+    fn cut_cells(&self, mut each: impl FnMut([usize; 3], usize)) {
+        for z in 0..BLOCK {
+            for y in 0..BLOCK {
+                let rows = [z * SIDE + y, z * SIDE + y + 1, (z + 1) * SIDE + y, (z + 1) * SIDE + y + 1].map(|r| self.inside[r]);
+                let some = rows.iter().fold(0, |bits, row| bits | row | row >> 1);
+                let all = rows.iter().fold(u16::MAX, |bits, row| bits & row & row >> 1);
+                let mut cut = some & !all & 0xff;
+                while cut != 0 {
+                    let x = cut.trailing_zeros() as usize;
+                    cut &= cut - 1;
+                    let pattern = rows.iter().rev().fold(0, |bits, row| bits << 2 | (row >> x & 3));
+                    each([x, y, z], usize::from(pattern));
                 }
             }
         }
     }
-    out
+
+    /// Writes the block's vertices.
+    fn place(&self, field: &impl Field, out: &mut [[f64; 3]]) {
+        let (origin, spacing) = (field.origin(), field.spacing());
+        let mut out = out.iter_mut();
+        for (word, &bits) in self.edges.iter().enumerate() {
+            let (axis, z) = (word / BLOCK, word % BLOCK);
+            let mut left = bits;
+            while left != 0 {
+                let bit = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let within = [bit % BLOCK, bit / BLOCK, z];
+                let at: [i32; 3] = std::array::from_fn(|a| self.block[a] * BLOCK as i32 + within[a] as i32);
+                let mut place = at.map(f64::from);
+                place[axis] += field.crossing(at, axis);
+                if let Some(vertex) = out.next() {
+                    *vertex = std::array::from_fn(|a| origin[a] + place[a] * spacing);
+                }
+            }
+        }
+    }
+
+    /// Writes the block's triangles.
+    fn join(&self, active: &[Self], out: &mut [[u32; 3]]) {
+        // The block itself and its seven neighbours towards larger coordinates, where its last cells' edges may live.
+        let around: [Option<&Self>; 8] = std::array::from_fn(|n| {
+            let wanted: [i32; 3] = std::array::from_fn(|a| self.block[a] + (n >> a & 1) as i32);
+            active.binary_search_by_key(&key(wanted), |b| key(b.block)).ok().map(|at| &active[at])
+        });
+        let mut out = out.iter_mut();
+        self.cut_cells(|cell, pattern| {
+            let corner = |edge: u8| {
+                let (start, axis) = EDGES[edge as usize];
+                let at: [usize; 3] = std::array::from_fn(|a| cell[a] + (start >> a & 1));
+                let owner = (0..3).fold(0, |n, a| n | (at[a] / BLOCK) << a);
+                // A field that keeps its promise of blocks has them all.
+                around[owner].map_or(0, |b| b.vertex(axis, at.map(|c| c % BLOCK)))
+            };
+            for (triangle, to) in TRIANGLES[pattern].iter().zip(out.by_ref()) {
+                *to = triangle.map(corner);
+            }
+        });
+    }
 }

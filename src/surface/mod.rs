@@ -5,8 +5,8 @@
 //!         └─ Coarse (share of live voxels) ───┤
 //!  any other Field (distance, coverage) ──────┴─ extract ── Mesh ── fair ── Mesh      Mesh + Projection ── silhouette
 //! ```
-//! A [`Field`] gives samples on a lattice, block by block; [`extract`] welds marching cubes over the blocks that can hold
-//! surface, so a continuous field needs no more than a further `Field`. Meshes are closed, and their triangles turn
+//! A [`Field`] says which samples of a lattice are inside, block by block, and where its surface crosses between two of them;
+//! [`extract`] welds marching cubes over the blocks that can hold surface. Meshes are closed, and their triangles turn
 //! counter-clockwise seen from outside.
 
 mod cube;
@@ -22,7 +22,7 @@ mod silhouette;
 mod tests;
 
 pub use fairing::{Fairing, FairingError, fair};
-pub use field::{Field, SIDE, Samples};
+pub use field::{Field, Inside, SIDE};
 pub use marching::extract;
 pub use mesh::{Mesh, Topology};
 pub use occupancy::{Coarse, Occupancy};

@@ -1,6 +1,6 @@
 //! The fields that a carver carries: occupancy voxel by voxel, and the share of live voxels on a coarser lattice.
 
-use super::{Field, SIDE, Samples};
+use super::{Field, Inside, SIDE};
 use crate::carver::{BLOCK, Bits, BlockKind, Carver};
 
 /// 1 in live voxels, 0 elsewhere: the paper's binary volume.
@@ -13,10 +13,6 @@ impl Field for Occupancy<'_> {
 
     fn spacing(&self) -> f64 {
         self.0.grid().size()
-    }
-
-    fn level(&self) -> f32 {
-        0.5
     }
 
     /// A block and its seven neighbours towards larger coordinates hold the samples of its cells: there is no surface
@@ -38,21 +34,25 @@ impl Field for Occupancy<'_> {
             .collect()
     }
 
-    fn samples(&self, [x, y, z]: [i32; 3], out: &mut Samples) {
+    fn inside(&self, [x, y, z]: [i32; 3]) -> Inside {
         let bits: [Bits; 8] = std::array::from_fn(|n| {
             let n = n as i32;
             self.0.block([x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)])
         });
+        let mut out = [0; SIDE * SIDE];
         for k in 0..SIDE {
             for j in 0..SIDE {
                 let half = (k / BLOCK) << 2 | (j / BLOCK) << 1;
                 let row = |n: usize| bits[half | n][k % BLOCK] >> (BLOCK * (j % BLOCK));
-                let nine = row(0) & 0xff | (row(1) & 1) << BLOCK;
-                for (i, sample) in out[(k * SIDE + j) * SIDE..][..SIDE].iter_mut().enumerate() {
-                    *sample = (nine >> i & 1) as f32;
-                }
+                out[k * SIDE + j] = (row(0) & 0xff | (row(1) & 1) << BLOCK) as u16;
             }
         }
+        out
+    }
+
+    /// Half way: nothing is known but that one of the two lives.
+    fn crossing(&self, _at: [i32; 3], _axis: usize) -> f64 {
+        0.5
     }
 }
 
@@ -71,6 +71,8 @@ pub struct Coarse {
 impl Coarse {
     /// Voxels along the edge of a cube.
     pub const CUBE: usize = BLOCK / 2;
+    /// The share at the surface.
+    const LEVEL: f32 = 0.5;
 
     pub fn new(carver: &Carver) -> Self {
         let grid = carver.grid();
@@ -93,6 +95,14 @@ impl Coarse {
         }
         Self { origin: std::array::from_fn(|a| grid.centre(a, 0) + middle), spacing: grid.size() * Self::CUBE as f64, counts, shares }
     }
+
+    /// Share of live voxels in a cube; none outside the grid.
+    fn share(&self, at: [i32; 3]) -> f32 {
+        // Negative coordinates wrap to huge ones.
+        let at = at.map(|c| c as usize);
+        let held = (0..3).all(|a| at[a] < self.counts[a]);
+        if held { self.shares[(at[2] * self.counts[1] + at[1]) * self.counts[0] + at[0]] } else { 0.0 }
+    }
 }
 
 impl Field for Coarse {
@@ -104,20 +114,26 @@ impl Field for Coarse {
         self.spacing
     }
 
-    fn level(&self) -> f32 {
-        0.5
-    }
-
     fn blocks(&self) -> Vec<[i32; 3]> {
         each([-1; 3], self.counts.map(|n| n.div_ceil(BLOCK) as i32)).collect()
     }
 
-    fn samples(&self, block: [i32; 3], out: &mut Samples) {
-        for (sample, at) in out.iter_mut().zip(each([0; 3], [SIDE as i32; 3])) {
-            let at: [usize; 3] = std::array::from_fn(|a| (block[a] * BLOCK as i32 + at[a]) as usize);
-            // Negative coordinates wrap to huge ones.
-            let held = (0..3).all(|a| at[a] < self.counts[a]);
-            *sample = if held { self.shares[(at[2] * self.counts[1] + at[1]) * self.counts[0] + at[0]] } else { 0.0 };
+    fn inside(&self, block: [i32; 3]) -> Inside {
+        let mut out = [0; SIDE * SIDE];
+        for (n, row) in out.iter_mut().enumerate() {
+            for x in 0..SIDE {
+                let within = [x, n % SIDE, n / SIDE];
+                let at = std::array::from_fn(|a| block[a] * BLOCK as i32 + within[a] as i32);
+                *row |= u16::from(self.share(at) > Self::LEVEL) << x;
+            }
         }
+        out
+    }
+
+    fn crossing(&self, at: [i32; 3], axis: usize) -> f64 {
+        let mut next = at;
+        next[axis] += 1;
+        let (a, b) = (self.share(at), self.share(next));
+        f64::from(Self::LEVEL - a) / f64::from(b - a)
     }
 }
