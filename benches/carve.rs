@@ -1,4 +1,4 @@
-//! Carving, iso-surface and fairing of a larva-like solid: `cargo bench --bench carve`.
+//! Carving and measuring a larva-like solid: `cargo bench --bench carve`.
 //!
 //! The solid has elliptic slices and a thin fin. Its silhouettes come column by column from the slices' extents across the
 //! line of sight: parallel rays, which at 60 mm is half a pixel from the pinhole's, as good a load as any.
@@ -7,9 +7,7 @@ use carved::carver::{Carver, Leaves};
 use carved::geometry::{BoxUm, Camera, Projection, VoxelGrid};
 use carved::profile::Mask;
 use carved::reconstruction::{HullModel, ReconstructionSettings};
-use carved::surface::{Coarse, Fairing, Occupancy, extract, fair};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
-use std::hint::black_box;
 
 fn camera(gamma: f64) -> Camera {
     Camera {
@@ -87,19 +85,6 @@ fn carving(c: &mut Criterion) {
     group.finish();
 }
 
-fn surfaces(c: &mut Criterion) {
-    let carver = carve(&views(84, 0.0), 5.5);
-    let mut group = c.benchmark_group("surface of 84 views at 5.5");
-    group.sample_size(10);
-    group.bench_function("binary", |b| b.iter(|| extract(&Occupancy(black_box(&carver)))));
-    group.bench_function("coarse, for the page", |b| b.iter(|| extract(&Coarse::new(black_box(&carver)))));
-    let mesh = extract(&Occupancy(&carver));
-    println!("{} triangles", mesh.triangles.len());
-    let fairing = Fairing { lambda: 0.8, iterations: 10 };
-    group.bench_function("fairing, 10 iterations", |b| b.iter(|| fair(black_box(&mesh), fairing)));
-    group.finish();
-}
-
 fn one_larva(c: &mut Criterion) {
     let views = views(21, 0.0);
     let mut group = c.benchmark_group("larva of 21 views at 6.93");
@@ -110,7 +95,7 @@ fn one_larva(c: &mut Criterion) {
             new,
             |mut hull| {
                 for (mask, projection) in &views {
-                    hull.observe(mask, projection, Leaves::default()).unwrap_or_else(|e| panic!("{e}"));
+                    hull.observe(mask, &[], projection, Leaves::default()).unwrap_or_else(|e| panic!("{e}"));
                 }
                 hull.finish(false)
             },
@@ -120,5 +105,5 @@ fn one_larva(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, carving, surfaces, one_larva);
+criterion_group!(benches, carving, one_larva);
 criterion_main!(benches);

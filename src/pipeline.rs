@@ -194,7 +194,7 @@ impl Pipeline {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
                 let leaves = Leaves { left: p.detection.is_clipped_left(), right: p.detection.is_clipped_right() };
-                volume_um3 = self.reconstruction.observe(&p.mask, omega, leaves)?.volume_um3;
+                volume_um3 = self.reconstruction.observe(&p.mask, &p.edge, omega, leaves)?.volume_um3;
                 record.used = true;
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);

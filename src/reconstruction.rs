@@ -1,18 +1,20 @@
 //! From profiles to a measured model: the one path of a live run, of replay and of offline work.
 //!
 //! ```text
-//!  (Mask, omega) per view ── observe ── LiveVolume           after each view
-//!                               │ └──── live_mesh            coarse, for the page
-//!                             finish ── Model                mesh and measurement
+//!  (Mask, outlines, omega) per view ── observe ── LiveVolume           after each view
+//!                                         │ └──── live_mesh            coarse, for the page
+//!                                       finish ── Model                mesh and measurement
 //! ```
+//! A model has two surfaces. The paper's is that of the binary voxels, faired: its tables are of it. The field's is where the
+//! outlines themselves put it, at their sub-pixel positions, and needs no fairing: that is the mesh that is kept.
 //! The same views in any order give the same model bit for bit, on any number of threads.
 
 use crate::carver::{CarveError, Carver, Leaves};
 use crate::geometry::{Camera, CameraError, Projection, VoxelGrid};
 use crate::measure::{self, AreaMethod, Measurement, SphereError};
-use crate::profile::Mask;
+use crate::profile::{Mask, Polygon};
 use crate::range::{OutOfRange, outside};
-use crate::surface::{self, Coarse, Fairing, FairingError, Mesh, Occupancy};
+use crate::surface::{self, Coarse, Contour, Distance, Fairing, FairingError, Mesh, Occupancy};
 use serde::{Deserialize, Serialize};
 
 /// How the surface is made of the voxels.
@@ -91,7 +93,7 @@ pub struct LiveVolume {
 /// What is left when all views are in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// The faired surface.
+    /// The field's surface.
     pub mesh: Mesh,
     pub measurement: Measurement,
 }
@@ -100,6 +102,8 @@ pub struct Model {
 #[derive(Debug, Clone)]
 pub struct HullModel {
     carver: Carver,
+    /// Of the views that carved.
+    contours: Vec<Contour>,
     settings: ReconstructionSettings,
 }
 
@@ -111,13 +115,24 @@ impl HullModel {
         if !(found.is_finite() && found >= 0.0) {
             return Err(FairingError::Lambda { found }.into());
         }
-        Ok(Self { carver: Carver::new(grid, planned_views, settings.epsilon)?, settings })
+        Ok(Self { carver: Carver::new(grid, planned_views, settings.epsilon)?, contours: Vec::new(), settings })
     }
 
+    /// Carves with one view. `outlines` are those that the mask was filled from; without any, the sides of its pixels are.
+    ///
     /// # Errors
     /// Refuses what the carver refuses; the model is then unchanged.
-    pub fn observe(&mut self, mask: &Mask, projection: &Projection, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
+    pub fn observe(
+        &mut self,
+        mask: &Mask,
+        outlines: &[Polygon],
+        projection: &Projection,
+        leaves: Leaves,
+    ) -> Result<LiveVolume, ReconstructionError> {
         self.carver.observe(mask, projection, leaves)?;
+        let grid = self.carver.grid();
+        let centre = std::array::from_fn(|a| f64::midpoint(grid.centre(a, 0), grid.centre(a, grid.counts()[a] - 1)));
+        self.contours.push(Contour::new(mask, outlines, projection, leaves, centre, Distance::reach_um(grid)));
         Ok(self.live())
     }
 
@@ -155,7 +170,12 @@ impl HullModel {
         surface::extract(&Occupancy(&self.carver))
     }
 
-    /// Makes the surface and measures it; `sphere` fits one, for beads.
+    /// The hull's surface where the views' outlines put it.
+    pub fn field_mesh(&self) -> Mesh {
+        surface::extract(&Distance::new(&self.carver, &self.contours))
+    }
+
+    /// Makes the surfaces and measures them; `sphere` fits one, for beads.
     ///
     /// # Errors
     /// Says so when no view was observed, no voxel is left, or no sphere is determined.
@@ -167,10 +187,11 @@ impl HullModel {
         }
         let SurfaceSettings { fairing_lambda: lambda, fairing_iterations: iterations } = self.settings.surface;
         let unfaired = self.unfaired_mesh();
-        let mesh = surface::fair(&unfaired, Fairing { lambda, iterations })?;
+        let faired = surface::fair(&unfaired, Fairing { lambda, iterations })?;
+        let mesh = self.field_mesh();
         let empty = ReconstructionError::EmptyHull { observed: views };
-        let (Some(centroid_um), Some(extents)) = (measure::centroid(&mesh), measure::extents(&mesh)) else { return Err(empty) };
-        let mesh_volume_um3 = measure::volume(&mesh);
+        let (Some(centroid_um), Some(extents)) = (measure::centroid(&faired), measure::extents(&faired)) else { return Err(empty) };
+        let mesh_volume_um3 = measure::volume(&faired);
         let extent_um = extents.sides();
         let measurement = Measurement {
             voxels,
@@ -181,13 +202,15 @@ impl HullModel {
             volume_um3,
             mesh_volume_um3,
             fairing_volume_loss: 1.0 - mesh_volume_um3 / measure::volume(&unfaired),
-            area_um2: measure::area(&mesh),
+            area_um2: measure::area(&faired),
             unfaired_area_um2: measure::area(&unfaired),
             area_method: AreaMethod { operator: "umbrella".into(), lambda, iterations },
+            field_volume_um3: measure::volume(&mesh),
+            field_area_um2: measure::area(&mesh),
             centroid_um,
             extent_um,
             length_um: extent_um[0],
-            sphere: if sphere { Some(measure::fit_sphere(&mesh.vertices)?) } else { None },
+            sphere: if sphere { Some(measure::fit_sphere(&faired.vertices)?) } else { None },
         };
         Ok(Model { mesh, measurement })
     }
@@ -212,7 +235,7 @@ impl HullModel {
 /// let grid = VoxelGrid::new(BoxUm { min: [-300.0; 3], max: [300.0; 3] }, 10.0)?;
 /// let mut model = Reconstruction::new(&camera, grid, 12, ReconstructionSettings::default())?;
 /// for view in 0..12 {
-///     model.observe(&disc, std::f64::consts::TAU * f64::from(view) / 12.0, Leaves::default())?;
+///     model.observe(&disc, &[], std::f64::consts::TAU * f64::from(view) / 12.0, Leaves::default())?;
 /// }
 /// let ball_um3 = 4.0 / 3.0 * std::f64::consts::PI * 200.0f64.powi(3);
 /// let volume_um3 = model.finish(true)?.measurement.volume_um3;
@@ -239,11 +262,11 @@ impl Reconstruction {
         Ok(Self { camera: camera.clone(), hull: HullModel::new(grid, planned_views, settings)? })
     }
 
-    /// Takes the view at angle `omega` (rad).
+    /// Takes the view at angle `omega` (rad); `outlines` are those that the mask was filled from, if there are any.
     ///
     /// # Errors
     /// Refuses a mask that is not of the sensor's size, and what the carver refuses; the model is then unchanged.
-    pub fn observe(&mut self, mask: &Mask, omega: f64, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
+    pub fn observe(&mut self, mask: &Mask, outlines: &[Polygon], omega: f64, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
         let Camera { width, height, .. } = self.camera;
         if (mask.width(), mask.height()) != (width as usize, height as usize) {
             return Err(ReconstructionError::MaskSize {
@@ -256,7 +279,7 @@ impl Reconstruction {
         if !omega.is_finite() {
             return Err(ReconstructionError::Omega { found: omega });
         }
-        self.hull.observe(mask, &self.camera.projection(omega), leaves)
+        self.hull.observe(mask, outlines, &self.camera.projection(omega), leaves)
     }
 
     /// Carves the views so far again with the tolerance of another plan.
@@ -277,7 +300,7 @@ impl Reconstruction {
         self.hull.live_mesh()
     }
 
-    /// Makes the surface and measures it; `sphere` fits one, for beads.
+    /// Makes the surfaces and measures them; `sphere` fits one, for beads.
     ///
     /// # Errors
     /// As [`HullModel::finish`].

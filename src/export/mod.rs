@@ -2,13 +2,16 @@
 //!
 //! ```text
 //!  Mesh ── ply ── MeshLab, CloudCompare, Fiji, trimesh
-//!       └─ glb ── three.js on the page, Blender
+//!       ├─ glb ── three.js on the page, Blender
+//!       └─ decimate ── Mesh of fewer triangles
 //! ```
-//! Both write to any `Write`, in the mesh's own unit; what is a file and whether it may be replaced is the caller's matter.
+//! Both formats write to any `Write`, in the mesh's own unit; what is a file and whether it may be replaced is the caller's matter.
 
+mod decimate;
 mod glb;
 mod ply;
 
+pub use decimate::{Decimated, decimate};
 pub use glb::write_glb;
 pub use ply::write_ply;
 
@@ -57,6 +60,59 @@ mod tests {
         let indices = at + 8 + json["bufferViews"][2]["byteOffset"].as_u64().unwrap() as usize;
         let found: Vec<usize> = (0..12).map(|i| word(indices + 4 * i)).collect();
         assert_eq!(found, [0, 1, 2, 0, 3, 1, 0, 2, 3, 1, 3, 2]);
+    }
+
+    /// A cube with a side of 10, each face cut into n^2 squares of two triangles; vertices are shared along the cube's edges.
+    fn cube(n: i32) -> Mesh {
+        let mut numbers = std::collections::BTreeMap::new();
+        let mut mesh = Mesh::default();
+        for (axis, up) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
+            for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+                let mut corner = |a: i32, b: i32| {
+                    let mut at = [0; 3];
+                    at[axis] = up * n;
+                    at[(axis + 1) % 3] = i + a;
+                    at[(axis + 2) % 3] = j + b;
+                    *numbers.entry(at).or_insert_with(|| {
+                        mesh.vertices.push(at.map(|c| 10.0 * f64::from(c) / f64::from(n)));
+                        mesh.vertices.len() as u32 - 1
+                    })
+                };
+                let [p, q, r, s] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                mesh.triangles.extend(if up == 1 { [[p, q, r], [p, r, s]] } else { [[p, r, q], [p, s, r]] });
+            }
+        }
+        mesh
+    }
+
+    #[test]
+    fn what_is_flat_needs_few_triangles_and_what_is_round_keeps_its_error() {
+        let flat = cube(16);
+        assert!(flat.topology().is_closed() && flat.triangles.len() == 3072);
+        let Decimated { mesh, error } = decimate(&flat, 0.01);
+        assert!(mesh.triangles.len() <= 24 && error <= 0.01, "{} triangles, off by {error}", mesh.triangles.len());
+        assert!((crate::measure::volume(&mesh) / 1000.0 - 1.0).abs() < 1e-3);
+        assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < mesh.vertices.len()));
+
+        // The same cube blown up to a ball of 100 um.
+        let mut round = cube(64);
+        for v in &mut round.vertices {
+            let from_middle = v.map(|c| c - 5.0);
+            let length = from_middle.iter().map(|c| c * c).sum::<f64>().sqrt();
+            *v = from_middle.map(|c| 100.0 * c / length);
+        }
+        for max_error in [0.2, 1.0] {
+            let Decimated { mesh, error } = decimate(&round, max_error);
+            assert!(error <= max_error && mesh.triangles.len() * 8 < round.triangles.len(), "{} triangles", mesh.triangles.len());
+            // The middles of chords lie as far inside as the surface gets: the mean square's root bounds them within a few times.
+            for &t in &mesh.triangles {
+                let [a, b, c] = mesh.corners(t);
+                let middle: [f64; 3] = std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0);
+                let inside = 100.0 - middle.iter().map(|x| x * x).sum::<f64>().sqrt();
+                assert!(inside < 4.0 * max_error, "{inside} um at an error of {max_error} um");
+            }
+        }
+        assert_eq!(decimate(&Mesh::default(), 1.0).mesh, Mesh::default());
     }
 
     #[test]

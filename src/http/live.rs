@@ -45,7 +45,7 @@ pub(super) async fn profile(State(app): State<AppState>, headers: HeaderMap) -> 
     newest(&headers, app.session.live().profile_png, "profile", "image/png")
 }
 
-/// The model as far as it has been carved, in um.
+/// The model as far as it has been carved, then the finished one in fewer triangles, in um.
 #[utoipa::path(get, path = "/v1/live/mesh.glb", tag = "live", responses(
     (status = 200, description = "Binary glTF", body = Vec<u8>, content_type = "model/gltf-binary"),
     (status = 304, description = "The client has it"),

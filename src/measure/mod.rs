@@ -1,11 +1,13 @@
 //! Numbers of a model: what is written down for a specimen.
 //!
 //! ```text
-//!  Carver ── voxels x SD^3 ───────────────────────────── volume_um3
-//!  Mesh (faired) ── signed tetrahedra ────────────────── mesh_volume_um3, centroid_um
-//!                ├─ Heron's formula over its triangles ─ area_um2
+//!  Carver ── voxels x SD^3 ───────────────────────────── volume_um3                          the paper's
+//!  Mesh of the voxels, faired
+//!                ├─ signed tetrahedra ────────────────── mesh_volume_um3, centroid_um
+//!                ├─ Heron's formula over its triangles ─ area_um2                            the paper's
 //!                ├─ extents ──────────────────────────── length_um along the capillary
 //!                └─ least-squares sphere ─────────────── sphere (beads)
+//!  Mesh of the field, as it is ───────────────────────── field_volume_um3, field_area_um2    of the outlines
 //! ```
 //! The area depends on how the mesh was smoothed by up to a tenth, so [`Measurement`] says which operator, weight and
 //! number of iterations made it.
@@ -43,6 +45,10 @@ pub struct Measurement {
     pub unfaired_area_um2: f64,
     /// What made `area_um2` of the binary voxels.
     pub area_method: AreaMethod,
+    /// Volume that the field's mesh encloses: the tolerant hull of the outlines at their sub-pixel positions.
+    pub field_volume_um3: f64,
+    /// Area of the field's mesh by Heron's formula, without fairing.
+    pub field_area_um2: f64,
     /// Centre of mass of the faired mesh.
     pub centroid_um: [f64; 3],
     /// Extent of the faired mesh along each axis.
@@ -121,6 +127,8 @@ mod tests {
             area_um2: 812.0,
             unfaired_area_um2: 880.0,
             area_method: AreaMethod { operator: "umbrella".into(), lambda: 0.8, iterations: 10 },
+            field_volume_um3: 995.2,
+            field_area_um2: 815.0,
             centroid_um: [1.0, 2.0, 3.0],
             extent_um: [4.0, 5.0, 6.0],
             length_um: 4.0,

@@ -49,7 +49,7 @@ fn started(planned: usize) -> Reconstruction {
 fn made(views: &[(Mask, f64)]) -> Model {
     let mut model = started(views.len());
     for (mask, omega) in views {
-        model.observe(mask, *omega, Leaves::default()).unwrap();
+        model.observe(mask, &[], *omega, Leaves::default()).unwrap();
     }
     model.finish(true).unwrap()
 }
@@ -70,6 +70,10 @@ fn a_bead_has_its_size() {
     assert!((m.area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.02, "{}", m.area_um2);
     assert!(m.unfaired_area_um2 > 1.06 * m.area_um2, "fairing takes the staircase off");
     assert!((0.0..0.02).contains(&m.fairing_volume_loss), "{}", m.fairing_volume_loss);
+    // The pixels' sides are the outline here: the same hull without the voxels' staircase.
+    assert!((m.field_volume_um3 / m.volume_um3 - 1.0).abs() < 0.004, "{m:?}");
+    assert!((m.field_area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.03, "{}", m.field_area_um2);
+    assert!((measure::area(&mesh) - m.field_area_um2).abs() < 1e-9 * m.field_area_um2, "the mesh that is kept is the field's");
     assert_eq!(m.volume_um3, m.voxels as f64 * 6.93f64.powi(3));
     assert_eq!(mesh.topology().euler_characteristic(), 2);
     assert!(mesh.topology().is_closed());
@@ -94,7 +98,7 @@ fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
     let mut model = started(12);
     let mut last = f64::INFINITY;
     for (mask, omega) in &views {
-        let live = model.observe(mask, *omega, Leaves::default()).unwrap();
+        let live = model.observe(mask, &[], *omega, Leaves::default()).unwrap();
         assert!(live.volume_um3 <= last);
         last = live.volume_um3;
         let mesh = model.live_mesh();
@@ -111,10 +115,10 @@ fn what_makes_no_model_is_refused_by_name() {
     let mut model = started(2);
     assert_eq!(model.finish(false), Err(ReconstructionError::NoViews { observed: 0, planned: 2 }));
     let small = ReconstructionError::MaskSize { width: 9, height: 9, sensor_width: 160, sensor_height: 144 };
-    assert_eq!(model.observe(&Mask::empty(9, 9), 0.0, Leaves::default()), Err(small));
-    assert!(matches!(model.observe(&bead(0.0, CENTRE, 250.0), f64::NAN, Leaves::default()), Err(ReconstructionError::Omega { .. })));
+    assert_eq!(model.observe(&Mask::empty(9, 9), &[], 0.0, Leaves::default()), Err(small));
+    assert!(matches!(model.observe(&bead(0.0, CENTRE, 250.0), &[], f64::NAN, Leaves::default()), Err(ReconstructionError::Omega { .. })));
     assert_eq!(model.hull().live().views, 0, "refused views don't count");
-    model.observe(&Mask::empty(160, 144), 0.0, Leaves::default()).unwrap();
+    model.observe(&Mask::empty(160, 144), &[], 0.0, Leaves::default()).unwrap();
     assert_eq!(model.finish(false), Err(ReconstructionError::EmptyHull { observed: 1 }));
 
     let grid = *model.hull().carver().grid();

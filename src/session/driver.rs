@@ -518,6 +518,10 @@ impl Running {
                     serde_json::json!({"index": index, "closure": closure, "achieved_steps": achieved_steps, "volume_um3": volume_um3});
                 self.event("view.taken", Some(&well), data)?;
             }
+            Progress::Model { glb } => {
+                self.publisher.set_live(|l| l.mesh_glb = Some(glb));
+                self.publish(|_| ());
+            }
             Progress::Hardware { rotation, counters } => {
                 let disk_free_bytes = self.store.free_bytes();
                 self.publish(|s| {

@@ -63,7 +63,7 @@ pub struct Live {
     pub frame_jpg: Option<Arc<Vec<u8>>>,
     /// PNG of the frame's size, transparent but for the profile's edge.
     pub profile_png: Option<Arc<Vec<u8>>>,
-    /// Binary glTF of the live hull, in um.
+    /// Binary glTF of the live hull, then of the finished model, in um.
     pub mesh_glb: Option<Arc<Vec<u8>>>,
 }
 

@@ -56,6 +56,10 @@ pub enum Progress {
         volume_um3: Option<f64>,
         live: Live,
     },
+    /// The finished surface, for the page.
+    Model {
+        glb: Arc<Vec<u8>>,
+    },
     WellDone {
         result: WellStatus,
         seconds: f64,
@@ -345,6 +349,10 @@ impl RunContext {
         let unit = if self.mode == Mode::Simulated { "um (simulated)" } else { "um" };
         export::write_ply(&mesh, unit, &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
         writer.add_file("mesh.ply", &ply)?;
+        if let Some(glb) = live::model(&mesh) {
+            writer.add_file("model.glb", &glb)?;
+            self.tell(Progress::Model { glb });
+        }
         let record = MeasurementFile { mode: self.mode, record };
         writer.add_json(MEASUREMENT, &record)?;
         let record = record.record;

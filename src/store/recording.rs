@@ -8,7 +8,8 @@
 //!              frames/detect.png       the frame on which the well was judged
 //!              profiles/view_000.png   the mask that was carved with
 //!              measurement.json        the numbers
-//!              mesh.ply                the faired surface, um
+//!              mesh.ply                the surface, um
+//!              model.glb               the same in fewer triangles
 //!              SHA256SUMS              of all of the above, when the record is closed
 //! ```
 

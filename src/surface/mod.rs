@@ -2,14 +2,17 @@
 //!
 //! ```text
 //!  Carver ── Occupancy (binary, the paper's) ─┐
-//!         └─ Coarse (share of live voxels) ───┤
-//!  any other Field (distance, coverage) ──────┴─ extract ── Mesh ── fair ── Mesh      Mesh + Projection ── silhouette
+//!         ├─ Coarse (share of live voxels) ───┤
+//!         └─ Distance (to the outlines, um) ──┴─ extract ── Mesh ── fair ── Mesh      Mesh + Projection ── silhouette
+//!  Mask, outlines ── Contour ─┘
 //! ```
 //! A [`Field`] says which samples of a lattice are inside, block by block, and where its surface crosses between two of them;
 //! [`extract`] welds marching cubes over the blocks that can hold surface. Meshes are closed, and their triangles turn
 //! counter-clockwise seen from outside.
 
+mod contour;
 mod cube;
+mod distance;
 mod fairing;
 mod field;
 mod marching;
@@ -21,6 +24,8 @@ mod silhouette;
 #[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
 mod tests;
 
+pub use contour::Contour;
+pub use distance::Distance;
 pub use fairing::{Fairing, FairingError, fair};
 pub use field::{Field, Inside, SIDE};
 pub use marching::extract;

@@ -15,45 +15,87 @@ impl Field for Occupancy<'_> {
         self.0.grid().size()
     }
 
-    /// A block and its seven neighbours towards larger coordinates hold the samples of its cells: there is no surface
-    /// where all eight are full, or all dead.
     fn blocks(&self) -> Vec<[i32; 3]> {
-        let counts = self.0.block_counts().map(|n| n as i32);
-        let stride = counts.map(|n| n as usize + 2);
-        // One layer more on each side than there are blocks.
-        let mut kinds = vec![BlockKind::Dead; stride.iter().product()];
-        let at = |[x, y, z]: [i32; 3]| ((z + 1) as usize * stride[1] + (y + 1) as usize) * stride[0] + (x + 1) as usize;
-        for block in each([0; 3], counts) {
-            kinds[at(block)] = self.0.block_kind(block);
-        }
-        each([-1; 3], counts)
-            .filter(|&[x, y, z]| {
-                let first = kinds[at([x, y, z])];
-                first == BlockKind::Mixed || (1..8).any(|n| kinds[at([x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)])] != first)
-            })
-            .collect()
+        Kinds::new(self.0).surface_blocks(|_| false)
     }
 
     fn inside(&self, [x, y, z]: [i32; 3]) -> Inside {
-        let bits: [Bits; 8] = std::array::from_fn(|n| {
-            let n = n as i32;
-            self.0.block([x + (n & 1), y + (n >> 1 & 1), z + (n >> 2)])
-        });
-        let mut out = [0; SIDE * SIDE];
-        for k in 0..SIDE {
-            for j in 0..SIDE {
-                let half = (k / BLOCK) << 2 | (j / BLOCK) << 1;
-                let row = |n: usize| bits[half | n][k % BLOCK] >> (BLOCK * (j % BLOCK));
-                out[k * SIDE + j] = (row(0) & 0xff | (row(1) & 1) << BLOCK) as u16;
-            }
-        }
-        out
+        inside_rows(|[i, j, k]| self.0.block([x + i, y + j, z + k]))
     }
 
     /// Half way: nothing is known but that one of the two lives.
     fn crossing(&self, _at: [i32; 3], _axis: usize) -> f64 {
         0.5
     }
+}
+
+/// What each block of a carver holds; one layer around the grid is dead.
+pub(super) struct Kinds {
+    counts: [i32; 3],
+    stride: [usize; 3],
+    of_blocks: Vec<BlockKind>,
+}
+
+impl Kinds {
+    pub fn new(carver: &Carver) -> Self {
+        let counts = carver.block_counts().map(|n| n as i32);
+        let stride = counts.map(|n| n as usize + 2);
+        let mut found = Self { counts, stride, of_blocks: vec![BlockKind::Dead; stride.iter().product()] };
+        for block in each([0; 3], counts) {
+            let at = found.number(block);
+            found.of_blocks[at] = carver.block_kind(block);
+        }
+        found
+    }
+
+    /// Numbers in use are below this.
+    pub fn len(&self) -> usize {
+        self.of_blocks.len()
+    }
+
+    /// Number of a block that is at most one layer outside the grid.
+    pub fn number(&self, [x, y, z]: [i32; 3]) -> usize {
+        ((z + 1) as usize * self.stride[1] + (y + 1) as usize) * self.stride[0] + (x + 1) as usize
+    }
+
+    pub fn of(&self, block: [i32; 3]) -> BlockKind {
+        self.of_blocks[self.number(block)]
+    }
+
+    pub fn holds(&self, block: [i32; 3]) -> bool {
+        (0..3).all(|a| (0..self.counts[a]).contains(&block[a]))
+    }
+
+    /// Every block of the grid.
+    pub fn held(&self) -> impl Iterator<Item = [i32; 3]> {
+        each([0; 3], self.counts)
+    }
+
+    /// A block and its seven neighbours towards larger coordinates hold the samples of its cells: there is no surface where all
+    /// eight are full, or all dead, and none is said to be `mixed`.
+    pub fn surface_blocks(&self, mixed: impl Fn([i32; 3]) -> bool) -> Vec<[i32; 3]> {
+        each([-1; 3], self.counts)
+            .filter(|&[x, y, z]| {
+                let first = self.of([x, y, z]);
+                let mut eight = each([0; 3], [2; 3]).map(|[i, j, k]| [x + i, y + j, z + k]);
+                first == BlockKind::Mixed || eight.any(|block| self.of(block) != first || mixed(block))
+            })
+            .collect()
+    }
+}
+
+/// The samples of a block and of the first layers of its neighbours towards larger coordinates, from the blocks' bits.
+pub(super) fn inside_rows(block: impl Fn([i32; 3]) -> Bits) -> Inside {
+    let bits: [Bits; 8] = std::array::from_fn(|n| block([n & 1, n >> 1 & 1, n >> 2].map(|c| c as i32)));
+    let mut out = [0; SIDE * SIDE];
+    for k in 0..SIDE {
+        for j in 0..SIDE {
+            let half = (k / BLOCK) << 2 | (j / BLOCK) << 1;
+            let row = |n: usize| bits[half | n][k % BLOCK] >> (BLOCK * (j % BLOCK));
+            out[k * SIDE + j] = (row(0) & 0xff | (row(1) & 1) << BLOCK) as u16;
+        }
+    }
+    out
 }
 
 fn each(lo: [i32; 3], hi: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {

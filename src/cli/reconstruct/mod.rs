@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let surface = SurfaceSettings { fairing_lambda: args.fairing_lambda, fairing_iterations: args.fairing_iterations };
     let mut hull = HullModel::new(grid, views.len(), ReconstructionSettings { epsilon: args.epsilon, surface })?;
     for (view, projection) in views.iter().zip(&cameras.projections) {
-        hull.observe(&view.mask, projection, Leaves::default()).with_context(|| view.path.display().to_string())?;
+        hull.observe(&view.mask, &[], projection, Leaves::default()).with_context(|| view.path.display().to_string())?;
     }
     let model = hull.finish(args.sphere)?;
     let mut ply = Vec::new();

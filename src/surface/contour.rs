@@ -1,0 +1,284 @@
+//! One view's outline as a signed distance, sampled at the pixels around it.
+//!
+//! ```text
+//!  sides of the polygons, or of the mask's pixels ── nearest within the band ── + inside, - outside ── um at the grid's depth
+//!        . . -3 -2 -1 | 1  2  3  3  3  3 | ..                bilinear between pixel centres
+//! ```
+//! A displacement of the image is worth as many um as the shortest displacement of the object that makes it, so that distances
+//! of views with other scales along and across the capillary can be compared.
+
+use crate::carver::Leaves;
+use crate::geometry::Projection;
+use crate::profile::{Mask, Polygon};
+
+/// Edge of the tiles whose extremes are known, px.
+const TILE: usize = 4;
+
+#[derive(Debug, Clone)]
+pub struct Contour {
+    /// The projection into the crop: column 0, row 0 of the samples is at (0, 0).
+    rows: [[f64; 4]; 3],
+    columns: usize,
+    lines: usize,
+    samples: Vec<f32>,
+    /// Least and largest sample that a point of the tile can be interpolated from.
+    tiles: Vec<[f32; 2]>,
+    tile_columns: usize,
+    band_um: f32,
+}
+
+/// What a view says of a whole box.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Side {
+    /// At least the band away from the outline, and inside it.
+    Inside,
+    Outside,
+    Near,
+}
+
+impl Contour {
+    /// `outlines` are those that `mask` was filled from; without any, the sides of the mask's pixels are the outline. Distances
+    /// are of use up to `reach_um` and measured at `centre`'s depth.
+    pub fn new(mask: &Mask, outlines: &[Polygon], projection: &Projection, leaves: Leaves, centre: [f64; 3], reach_um: f64) -> Self {
+        let metric = Metric::at(projection, centre);
+        // Samples around the outline must be exact where a point within reach is interpolated from them: a pixel's diagonal.
+        let band_um = reach_um + 2.0 * metric.pixel_um();
+        let sides: Vec<[[f64; 2]; 2]> = if outlines.is_empty() {
+            pixel_sides(mask)
+        } else {
+            outlines.iter().flat_map(|p| (0..p.vertices.len()).map(|i| [p.vertices[i], p.vertices[(i + 1) % p.vertices.len()]])).collect()
+        };
+        let border = Border { width: mask.width() as f64, height: mask.height() as f64, leaves, px_per_um: metric.span_px(1.0) };
+        let sides: Vec<_> = sides.into_iter().filter(|side| !border.is_left_through(side)).collect();
+        let margin = metric.span_px(band_um).map(|px| px.ceil() + 1.0);
+        let bound = |axis: usize, sign: f64| sides.iter().flatten().map(|p| sign * p[axis]).fold(f64::NEG_INFINITY, f64::max);
+        let low: [f64; 2] = std::array::from_fn(|a| if sides.is_empty() { 0.0 } else { (-bound(a, -1.0) - margin[a]).floor() });
+        let high: [f64; 2] = std::array::from_fn(|a| if sides.is_empty() { 1.0 } else { (bound(a, 1.0) + margin[a]).ceil() });
+        let [columns, lines] = [0, 1].map(|a| (high[a] - low[a]) as usize + 1);
+
+        let mut squares = vec![(band_um * band_um) as f32; columns * lines];
+        for [a, b] in &sides {
+            let [from, to] = [a, b].map(|p| [p[0] - low[0], p[1] - low[1]]);
+            metric.draw(from, to, band_um, columns, &mut squares);
+        }
+        // What is beyond the border is not known; the outline is taken to go on as it reaches it.
+        let end = [mask.width(), mask.height()].map(|n| n.max(1) as f64 - 1.0);
+        let sample = |n: usize| {
+            let (u, v) = ((n % columns) as f64 + low[0], (n / columns) as f64 + low[1]);
+            // Beyond a side that it leaves through, a specimen goes on as in the image's last column.
+            let least = if leaves.left { 0.0 } else { f64::NEG_INFINITY };
+            let most = if leaves.right { end[0] } else { f64::INFINITY };
+            let column = ((u.clamp(least, most) - low[0]) as usize).min(columns - 1);
+            let distance = squares[n / columns * columns + column].sqrt();
+            let signed = if mask.covers(u.clamp(0.0, end[0]), v.clamp(0.0, end[1])) { distance } else { -distance };
+            signed.min(border.inside_um(u, v).clamp(-band_um, band_um) as f32)
+        };
+        let samples: Vec<f32> = (0..columns * lines).map(sample).collect();
+        let p = projection.rows();
+        let shifted = |row: usize| std::array::from_fn(|c| p[row][c] - low[row] * p[2][c]);
+        let (tiles, tile_columns) = extremes(&samples, columns, lines);
+        Self { rows: [shifted(0), shifted(1), p[2]], columns, lines, samples, tiles, tile_columns, band_um: band_um as f32 }
+    }
+
+    /// Where all of a box of points between two corners lies.
+    pub(super) fn side(&self, low: [f64; 3], high: [f64; 3]) -> Side {
+        let (mut from, mut to) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for n in 0..8 {
+            let corner: [f64; 3] = std::array::from_fn(|a| if n >> a & 1 == 0 { low[a] } else { high[a] });
+            let [u, v, w] = self.rows.map(|r| r[0] * corner[0] + r[1] * corner[1] + r[2] * corner[2] + r[3]);
+            if w <= 0.0 {
+                return Side::Near;
+            }
+            for (a, at) in [u / w, v / w].into_iter().enumerate() {
+                from[a] = from[a].min(at);
+                to[a] = to[a].max(at);
+            }
+        }
+        // A hundredth of a pixel for the rounding of the points in between.
+        let tile = |at: f64, end: usize| (at.clamp(0.0, (end - 1) as f64) as usize) / TILE;
+        let [first, last] =
+            [(from, -0.01), (to, 0.01)].map(|(at, more)| [tile(at[0] + more, self.columns), tile(at[1] + more, self.lines)]);
+        let (mut least, mut largest) = (f32::INFINITY, f32::NEG_INFINITY);
+        for row in first[1]..=last[1] {
+            for [low, high] in &self.tiles[row * self.tile_columns..][first[0]..=last[0]] {
+                least = least.min(*low);
+                largest = largest.max(*high);
+            }
+        }
+        // The band went through a square and a root.
+        let band_um = 0.999 * self.band_um;
+        match (least, largest) {
+            (low, _) if low >= band_um => Side::Inside,
+            (_, high) if high <= -band_um => Side::Outside,
+            _ => Side::Near,
+        }
+    }
+
+    pub(super) fn band_um(&self) -> f32 {
+        self.band_um
+    }
+
+    /// Distances of the points `start + n step e_x`, um.
+    pub(super) fn row<const N: usize>(&self, start: [f64; 3], step: f64) -> [f32; N] {
+        let at = self.rows.map(|r| r[0] * start[0] + ((r[1] * start[1] + r[2] * start[2]) + r[3]));
+        // In the crop's small coordinates f32 is good for a ten-thousandth of a pixel.
+        let at = at.map(|x| x as f32);
+        let by = self.rows.map(|r| (r[0] * step) as f32);
+        // The last sample is outside by the whole band, and so is what would lie between it and the next.
+        let (right, bottom) = (below(self.columns - 1), below(self.lines - 1));
+        let w: [f32; N] = std::array::from_fn(|n| at[2] + n as f32 * by[2]);
+        let u: [f32; N] = std::array::from_fn(|n| clamp((at[0] + n as f32 * by[0]) / w[n], right));
+        let v: [f32; N] = std::array::from_fn(|n| clamp((at[1] + n as f32 * by[1]) / w[n], bottom));
+        // Whole columns and lines; i32 is what processors round to at once.
+        let (i, j) = (u.map(|u| u as i32), v.map(|v| v as i32));
+        let (s, t): ([f32; N], [f32; N]) = (std::array::from_fn(|n| u[n] - i[n] as f32), std::array::from_fn(|n| v[n] - j[n] as f32));
+        let mut corners = [[0.0; 4]; N];
+        for n in 0..N {
+            let first = j[n] as usize * self.columns + i[n] as usize;
+            let (upper, lower) = (&self.samples[first..][..2], &self.samples[first + self.columns..][..2]);
+            corners[n] = [upper[0], upper[1], lower[0], lower[1]];
+        }
+        std::array::from_fn(|n| {
+            let [a, b, c, d] = corners[n];
+            let (upper, lower) = (a + s[n] * (b - a), c + s[n] * (d - c));
+            if w[n] > 0.0 { upper + t[n] * (lower - upper) } else { -self.band_um }
+        })
+    }
+}
+
+/// The number before one.
+fn below(n: usize) -> f32 {
+    (n as f32).next_down()
+}
+
+/// Between 0 and `end`, and 0 for what is no number.
+fn clamp(x: f32, end: f32) -> f32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    if x < end { x } else { end }
+}
+
+/// The image itself ends: beyond its border nothing is covered, but where the specimen leaves it.
+struct Border {
+    width: f64,
+    height: f64,
+    leaves: Leaves,
+    px_per_um: [f64; 2],
+}
+
+impl Border {
+    /// An outline that runs down a side which the specimen leaves through is none of the specimen's.
+    fn is_left_through(&self, side: &[[f64; 2]; 2]) -> bool {
+        (self.leaves.left && side.iter().all(|p| p[0] < 0.5)) || (self.leaves.right && side.iter().all(|p| p[0] > self.width - 1.5))
+    }
+
+    fn inside_um(&self, u: f64, v: f64) -> f64 {
+        let left = if self.leaves.left { f64::INFINITY } else { u + 0.5 };
+        let right = if self.leaves.right { f64::INFINITY } else { self.width - 0.5 - u };
+        let along = left.min(right) / self.px_per_um[0];
+        let across = (v + 0.5).min(self.height - 0.5 - v) / self.px_per_um[1];
+        along.min(across)
+    }
+}
+
+/// Between inside and outside pixels, and around those at the image's border.
+fn pixel_sides(mask: &Mask) -> Vec<[[f64; 2]; 2]> {
+    let (w, h) = (mask.width(), mask.height());
+    let inside = |u: usize, v: usize| u < w && v < h && mask.get(u, v);
+    let is_empty = |v: usize| v >= h || mask.row(v).iter().all(|&p| p == 0);
+    let mut sides = Vec::new();
+    let mut empty_above = true;
+    for v in 0..=h {
+        let empty = is_empty(v);
+        if !(empty && empty_above) {
+            for u in 0..=w {
+                let here = inside(u, v);
+                let at = [u as f64 - 0.5, v as f64 - 0.5];
+                // Pixels before the first wrap to huge numbers, which are outside.
+                if here != inside(u.wrapping_sub(1), v) {
+                    sides.push([at, [at[0], at[1] + 1.0]]);
+                }
+                if here != inside(u, v.wrapping_sub(1)) {
+                    sides.push([at, [at[0] + 1.0, at[1]]]);
+                }
+            }
+        }
+        empty_above = empty;
+    }
+    sides
+}
+
+/// Per tile the extremes of the samples that its points are interpolated from: those of the next column and row included.
+fn extremes(samples: &[f32], columns: usize, lines: usize) -> (Vec<[f32; 2]>, usize) {
+    let tile_columns = columns.div_ceil(TILE);
+    let mut tiles = vec![[f32::INFINITY, f32::NEG_INFINITY]; tile_columns * lines.div_ceil(TILE)];
+    for (row, line) in tiles.chunks_exact_mut(tile_columns).zip(0..) {
+        for v in TILE * line..(TILE * line + TILE + 1).min(lines) {
+            let values = &samples[v * columns..(v + 1) * columns];
+            for (tile, column) in row.iter_mut().zip(0..) {
+                for &value in &values[TILE * column..(TILE * column + TILE + 1).min(columns)] {
+                    *tile = [tile[0].min(value), tile[1].max(value)];
+                }
+            }
+        }
+    }
+    (tiles, tile_columns)
+}
+
+/// What a displacement of the image, px, is worth in um: `|W d|`, with `W W^T` the inverse of `J J^T` and `J` the derivative
+/// of the image by the object.
+struct Metric {
+    w: [[f64; 2]; 2],
+    /// `J J^T`, px^2 / um^2.
+    gain: [[f64; 2]; 2],
+}
+
+impl Metric {
+    fn at(projection: &Projection, centre: [f64; 3]) -> Self {
+        let p = projection.rows();
+        let [u, v, w] = p.map(|r| r[0] * centre[0] + r[1] * centre[1] + r[2] * centre[2] + r[3]);
+        let w = if w.abs() > f64::MIN_POSITIVE { w } else { f64::MIN_POSITIVE };
+        let j: [[f64; 3]; 2] = [(0, u / w), (1, v / w)].map(|(row, at)| std::array::from_fn(|c| (p[row][c] - at * p[2][c]) / w));
+        let gain: [[f64; 2]; 2] = std::array::from_fn(|a| std::array::from_fn(|b| (0..3).map(|c| j[a][c] * j[b][c]).sum()));
+        // The inverse of the lower triangular root of the gain.
+        let l00 = gain[0][0].sqrt();
+        let l10 = gain[1][0] / l00;
+        let l11 = (gain[1][1] - l10 * l10).sqrt();
+        Self { w: [[1.0 / l00, 0.0], [-l10 / (l00 * l11), 1.0 / l11]], gain }
+    }
+
+    fn um(&self, [u, v]: [f64; 2]) -> [f64; 2] {
+        [self.w[0][0] * u, self.w[1][0] * u + self.w[1][1] * v]
+    }
+
+    /// The larger side of a pixel.
+    fn pixel_um(&self) -> f64 {
+        let length = |d: [f64; 2]| self.um(d)[0].hypot(self.um(d)[1]);
+        length([1.0, 0.0]).max(length([0.0, 1.0]))
+    }
+
+    /// How far displacements of that length reach along u and v.
+    fn span_px(&self, um: f64) -> [f64; 2] {
+        [0, 1].map(|a| um * self.gain[a][a].sqrt())
+    }
+
+    /// Lowers the squared distances of the samples around a side to those to it.
+    fn draw(&self, a: [f64; 2], b: [f64; 2], band_um: f64, columns: usize, squares: &mut [f32]) {
+        let reach = self.span_px(band_um);
+        let range = |axis: usize| {
+            let (low, high) = (a[axis].min(b[axis]) - reach[axis], a[axis].max(b[axis]) + reach[axis]);
+            low.ceil().max(0.0) as usize..=high.floor().max(0.0) as usize
+        };
+        let along = self.um([b[0] - a[0], b[1] - a[1]]);
+        let length2 = along[0] * along[0] + along[1] * along[1];
+        let share = if length2 > 0.0 { 1.0 / length2 } else { 0.0 };
+        for v in range(1) {
+            let line = &mut squares[v * columns..(v + 1) * columns];
+            for u in range(0) {
+                let to = self.um([u as f64 - a[0], v as f64 - a[1]]);
+                let t = ((to[0] * along[0] + to[1] * along[1]) * share).clamp(0.0, 1.0);
+                let off = [to[0] - t * along[0], to[1] - t * along[1]];
+                line[u] = line[u].min((off[0] * off[0] + off[1] * off[1]) as f32);
+            }
+        }
+    }
+}
