@@ -1,10 +1,12 @@
-//! A warm segmenter works in the memory it has: counted by the allocator of this program, which is why it stands alone.
+//! A warm segmenter and a warm count of the residual volume work in the memory that they have: counted by the allocator of this program, which is why it stands alone.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 #![allow(unsafe_code)] // an allocator cannot be written without
 
+use carved::carver::{ResidualVolume, Runs};
 use carved::frame::{PixelFormat, RawFrame};
-use carved::profile::{EdgePoint, Picture, Polygon, Profile, SegmentSettings, Segmenter};
+use carved::geometry::{BoxUm, Camera, VoxelGrid};
+use carved::profile::{EdgePoint, Mask, Picture, Polygon, Profile, SegmentSettings, Segmenter};
 use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -102,4 +104,46 @@ fn a_warm_segmenter_asks_for_what_it_hands_out_and_keeps_nothing() {
         assert!((vectors..=vectors + BESIDE_CALLS).contains(&counted.calls), "frame {n}: {} calls", counted.calls);
         assert!(counted.held <= (out + BESIDE_BYTES) as isize, "frame {n}: {} bytes are kept, {out} handed out", counted.held);
     }
+}
+
+/// Calibration counts thousands of times; upright and rolled cameras are looked up in different ways.
+#[test]
+fn a_warm_count_of_the_residual_volume_asks_for_nothing() {
+    let mut mask = Mask::empty(256, 256);
+    for (u, v) in (40..200).flat_map(|u| (100..160).map(move |v| (u, v))) {
+        // A ragged edge has rows of many runs.
+        mask.set(u, v, v > 103 || u % 3 == 0);
+    }
+    let runs = Runs::new(&mask).unwrap();
+    let grid = VoxelGrid::new(BoxUm { min: [-1000.0, -400.0, -400.0], max: [1000.0, 400.0, 400.0] }, 10.0).unwrap();
+    let phi = std::f64::consts::FRAC_PI_2;
+    let camera = |gamma: f64| Camera {
+        f: 60_000.0,
+        kx: 0.1,
+        ky: 0.1,
+        ux: 127.5,
+        uy: 130.0,
+        s: 0.0,
+        alpha: 0.0,
+        gamma,
+        phi,
+        width: 256,
+        height: 256,
+    };
+    // The work has to be done by this thread, whose calls are counted.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
+    pool.install(|| {
+        let mut residual = ResidualVolume::new(grid, 0.0).unwrap();
+        let mut count = |gamma: f64| {
+            let views = (0..21).map(|view| (&runs, camera(gamma).projection(f64::from(view) * 0.3)));
+            residual.count(views).unwrap()
+        };
+        let warm = [0.0, 0.03].map(&mut count);
+        for (gamma, voxels) in [0.0, 0.03].into_iter().zip(warm) {
+            let (found, counted) = counted(|| count(gamma));
+            assert_eq!(found, voxels);
+            assert!(found > 10_000, "{found} voxels: nothing to count");
+            assert_eq!((counted.calls, counted.held), (0, 0), "gamma {gamma}: {counted:?}");
+        }
+    });
 }

@@ -180,7 +180,7 @@ impl<'a> Lines<'a> {
 
     /// A line's events and its longest covered run.
     fn line(&self, line: i64) -> (&[Event], [u16; 2]) {
-        let phases = self.buffers.phases.len() as i64;
+        let phases = self.phases() as i64;
         let phase = &self.buffers.phases[line.rem_euclid(phases) as usize];
         match usize::try_from(line.div_euclid(phases) - self.first) {
             Ok(n) if n < phase.cores.len() => (&phase.events[phase.starts[n] as usize..phase.starts[n + 1] as usize], phase.cores[n]),
@@ -205,7 +205,7 @@ impl<'a> Lines<'a> {
                 (left, right) = (left.min(u), right.max(u));
             }
         }
-        let [from, to] = [top - MARGIN, bottom + MARGIN].map(|height| floor(height * self.phases()));
+        let [from, to] = [top - MARGIN, bottom + MARGIN].map(|height| floor(height * self.phases() as f64));
         let (mut outside, mut inside) = (true, true);
         for line in from..=to {
             let (events, [start, end]) = self.line(line);
@@ -218,8 +218,8 @@ impl<'a> Lines<'a> {
         if outside { Verdict::Outside } else { Verdict::Inside }
     }
 
-    fn phases(&self) -> f64 {
-        self.buffers.phases.len() as f64
+    fn phases(&self) -> usize {
+        self.tilt.map_or(1, |tilt| tilt.phases)
     }
 
     /// Between which heights the line of a row runs over the voxels of `span`: `v + 0.5` of an upright one.
@@ -238,7 +238,7 @@ impl<'a> Lines<'a> {
     pub fn look(&self, span: [usize; 2], (j, k): (usize, usize), row: usize, spans: &mut Spans) {
         let rest = self.view.rest(j, k);
         let [top, bottom] = self.heights(span, &rest);
-        let line = floor(top * self.phases());
+        let line = floor(top * self.phases() as f64);
         if self.tilt.is_some_and(|tilt| bottom > line as f64 / tilt.phases as f64 + tilt.window()) {
             // Wider than a line: voxel by voxel.
             spans.open(row, span);
@@ -384,9 +384,16 @@ impl Buffers {
         self.phases.iter().map(phase).sum::<usize>() + self.inverse.capacity() * size_of::<f64>() + words * size_of::<u64>()
     }
 
+    /// Has room for so many phases; what a view does not use stays for the next.
+    fn grow(&mut self, phases: usize) {
+        let held = self.phases.len().max(phases);
+        self.phases.resize_with(held, Phase::default);
+        self.sheared.resize_with(held, Vec::new);
+    }
+
     /// An upright view's lines are the rows of the mask; returns the first one's height.
     fn take_rows(&mut self, runs: &Runs) -> i64 {
-        self.phases.resize_with(1, Phase::default);
+        self.grow(1);
         let phase = &mut self.phases[0];
         phase.clear();
         for v in runs.rows() {
@@ -413,10 +420,9 @@ impl Buffers {
         // Rows of the sheared picture, so that each row of the mask is in it whatever the column.
         let reach = (tilt.slope.abs() * tilt.middle.max(runs.width() as f64 - tilt.middle)).ceil() as usize + 2;
         let height = held + 2 * reach;
-        self.phases.resize_with(tilt.phases, Phase::default);
-        self.sheared.resize_with(tilt.phases, Vec::new);
+        self.grow(tilt.phases);
         let bits = &self.bits;
-        self.sheared.par_iter_mut().enumerate().for_each(|(phase, sheared)| {
+        self.sheared[..tilt.phases].par_iter_mut().enumerate().for_each(|(phase, sheared)| {
             shear(bits, sheared, runs.width(), [held, reach], |column| {
                 let at = phase as f64 / tilt.phases as f64 + tilt.slope * (column as f64 - tilt.middle);
                 floor(at + 0.5)
@@ -424,7 +430,7 @@ impl Buffers {
         });
         // A line lies between its phase and the one two further on, some of a pixel further down.
         let sheared = &self.sheared;
-        self.phases.par_iter_mut().enumerate().for_each(|(phase, lines)| {
+        self.phases[..tilt.phases].par_iter_mut().enumerate().for_each(|(phase, lines)| {
             let far = &sheared[(phase + 2) % tilt.phases];
             lines.take([&sheared[phase], far], usize::from(phase + 2 >= tilt.phases), height, runs.width());
         });

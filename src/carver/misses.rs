@@ -132,7 +132,9 @@ mod tests {
             if row == 7 {
                 // A gap over the border of two blocks, and one of no length; what is right of the span does not count.
                 spans.open(7, [0, 128]);
-                [100, 11, 70, 60, 30, 30, 150].into_iter().for_each(|at| spans.turn(7, [0, 128], at));
+                for at in [100, 11, 70, 60, 30, 30, 150] {
+                    spans.turn(7, [0, 128], at);
+                }
                 spans.settle(7, [0, 128], true);
                 spans.find(7, 3);
             } else {

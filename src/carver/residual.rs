@@ -3,7 +3,7 @@
 use super::{CarveError, Hull, Leaves, Runs, tally};
 use crate::geometry::{Projection, VoxelGrid};
 
-/// Counts what views leave of one grid, again and again, in the same memory.
+/// Counts what views leave of one grid, again and again: once warm it asks for no more memory.
 #[derive(Debug, Clone)]
 pub struct ResidualVolume {
     hull: Hull,

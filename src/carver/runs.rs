@@ -47,7 +47,7 @@ impl Runs {
                 let mut bytes = [eight[eight.len() - 1]; 8];
                 bytes[..eight.len()].copy_from_slice(eight);
                 let word = u64::from_le_bytes(bytes);
-                let mut turns = word ^ (word << 8 | u64::from(start.is_some()) * 0xff);
+                let mut turns = word ^ ((word << 8) | (u64::from(start.is_some()) * 0xff));
                 while turns != 0 {
                     let byte = turns.trailing_zeros() / 8;
                     turns &= !(0xff << (8 * byte));

@@ -239,8 +239,8 @@ impl Tile {
         }
         self.rows = rows;
         if self.live == 0 {
-            self.slots = Vec::new();
-            self.free = Vec::new();
+            self.slots.clear();
+            self.free.clear();
         }
     }
 }
