@@ -129,12 +129,26 @@ def afterwards(machine, folder, said, wrong):
     ]
 
 
+def scaling(said):
+    """What a view costs from 1e6 voxels to 1e9, and how it grows beside the surface."""
+    found = [values for kind, values in said.lines if kind == "scale"]
+    if not found:
+        return []
+    n0, t0 = float(found[0]["voxels"]), float(found[0]["median"])
+    rows = []
+    for values in found:
+        n, median = float(values["voxels"]), float(values["median"])
+        rows.append([f"{n / 1e6:.0f}", ms(median), f"{median / t0:.1f}", f"{(n / n0) ** (2 / 3):.1f}", f"{n / n0:.0f}", ms(float(values["total"])), f"{float(values['megabytes']):.0f}"])
+    head = ["10^6 voxels", "one view, median", "grows by", "the surface by", "the volume by", f"{VIEWS} views", "MB, views and buffers included"]
+    return ["### From a million voxels to a thousand million", "", "The same views and box, smaller and smaller voxels, one run each.", "", *report.table(head, rows)]
+
+
 def main(folder):
     machine = report.Machine()
     said = Said(bench("carve_peers", folder.resolve()))
     wrong = []
     lines = [line for sd_um in GOAL_S for line in carving(machine, folder, sd_um, said, wrong)]
-    lines += uneven(machine, folder, said, wrong) + afterwards(machine, folder, said, wrong)
+    lines += uneven(machine, folder, said, wrong) + scaling(said) + afterwards(machine, folder, said, wrong)
     report.write(machine.page(), "carve", [
         "## Carving",
         "",

@@ -180,9 +180,10 @@ impl<'a> Lines<'a> {
 
     /// A line's events and its longest covered run.
     fn line(&self, line: i64) -> (&[Event], [u16; 2]) {
-        let phases = self.phases() as i64;
-        let phase = &self.buffers.phases[line.rem_euclid(phases) as usize];
-        match usize::try_from(line.div_euclid(phases) - self.first) {
+        // Phases are a power of two.
+        let phases = self.phases();
+        let phase = &self.buffers.phases[line as usize & (phases - 1)];
+        match usize::try_from((line >> phases.trailing_zeros()) - self.first) {
             Ok(n) if n < phase.cores.len() => (&phase.events[phase.starts[n] as usize..phase.starts[n + 1] as usize], phase.cores[n]),
             _ => (&[], [0; 2]),
         }
