@@ -114,7 +114,8 @@ impl<'a> Boxes<'a> {
         let stride = u1 - u0 + 1;
         let at = |u: usize, v: usize| self.sums[(v - v0) * stride + u - u0];
         let covered = (at(ub, vb) - at(ua, vb)) - (at(ub, va) - at(ua, va));
-        if covered == 0 && (whole || !self.view.leaves.any()) {
+        // Beyond a side that the specimen leaves, the last column decides, which is among these pixels.
+        if covered == 0 {
             Verdict::Outside
         } else if whole && covered as usize == (ub - ua) * (vb - va) {
             Verdict::Inside
