@@ -144,6 +144,10 @@ fn replay_gives_the_same_numbers(recording: &Path, scratch: &Path) {
     let replayed = daemon.run_folder().join("A03");
     assert_eq!(std::fs::read(recording.join("measurement.json")).unwrap(), std::fs::read(replayed.join("measurement.json")).unwrap());
     assert_eq!(std::fs::read(recording.join("mesh.ply")).unwrap(), std::fs::read(replayed.join("mesh.ply")).unwrap());
+    let model = std::fs::read(recording.join("model.glb")).unwrap();
+    assert_eq!(model, std::fs::read(replayed.join("model.glb")).unwrap());
+    let surface = std::fs::metadata(recording.join("mesh.ply")).unwrap().len();
+    assert!(model.starts_with(b"glTF") && (model.len() as u64) < surface / 4, "{} of {surface} bytes", model.len());
 }
 
 /// kill -9 in the middle of a revolution: what was acknowledged is readable, and the run does not stay "in progress".

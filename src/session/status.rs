@@ -159,8 +159,13 @@ pub struct WellStatus {
     /// Why a skipped or failed well has no number.
     pub reason: Option<String>,
     pub flags: Vec<String>,
+    /// Of the voxels.
     pub volume_um3: Option<f64>,
+    /// Of the voxels' surface, faired.
     pub area_um2: Option<f64>,
+    /// Of the surface where the outlines put it, which is the one that is shown.
+    pub field_volume_um3: Option<f64>,
+    pub field_area_um2: Option<f64>,
     /// Of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
 }
@@ -177,6 +182,8 @@ impl WellStatus {
             flags: Vec::new(),
             volume_um3: None,
             area_um2: None,
+            field_volume_um3: None,
+            field_area_um2: None,
             diameter_um: None,
         }
     }

@@ -107,7 +107,7 @@ pub struct RunContext {
 
 /// Why a well has no number.
 enum WellEnd {
-    Measured { flags: Vec<String>, volume_um3: f64, area_um2: f64, diameter_um: Option<f64> },
+    Measured { flags: Vec<String>, volume_um3: f64, area_um2: f64, field_volume_um3: f64, field_area_um2: f64, diameter_um: Option<f64> },
     Skipped(&'static str),
     Failed(String),
 }
@@ -177,11 +177,13 @@ impl RunContext {
             let Some(end) = self.well(instrument, planned)? else { return Ok(ControlFlow::Break(())) };
             let mut result = WellStatus::pending(planned);
             match end {
-                WellEnd::Measured { flags, volume_um3, area_um2, diameter_um } => {
+                WellEnd::Measured { flags, volume_um3, area_um2, field_volume_um3, field_area_um2, diameter_um } => {
                     result.end(SpecimenOutcome::Succeeded, None);
                     result.flags = flags;
                     result.volume_um3 = Some(volume_um3);
                     result.area_um2 = Some(area_um2);
+                    result.field_volume_um3 = Some(field_volume_um3);
+                    result.field_area_um2 = Some(field_area_um2);
                     result.diameter_um = diameter_um;
                 }
                 WellEnd::Skipped(reason) => result.end(SpecimenOutcome::Skipped, Some(reason)),
@@ -362,6 +364,8 @@ impl RunContext {
             flags: record.flags.clone(),
             volume_um3: m.volume_um3,
             area_um2: m.area_um2,
+            field_volume_um3: m.field_volume_um3,
+            field_area_um2: m.field_area_um2,
             diameter_um: m.sphere.as_ref().map(|s| s.diameter_um),
         })
     }

@@ -2,6 +2,7 @@
 
 use super::{Field, Inside, SIDE};
 use crate::carver::{BLOCK, Bits, BlockKind, Carver};
+use rayon::prelude::*;
 
 /// 1 in live voxels, 0 elsewhere: the paper's binary volume.
 pub struct Occupancy<'a>(pub &'a Carver);
@@ -41,10 +42,12 @@ impl Kinds {
         let counts = carver.block_counts().map(|n| n as i32);
         let stride = counts.map(|n| n as usize + 2);
         let mut found = Self { counts, stride, of_blocks: vec![BlockKind::Dead; stride.iter().product()] };
-        for block in each([0; 3], counts) {
-            let at = found.number(block);
-            found.of_blocks[at] = carver.block_kind(block);
-        }
+        let layer = stride[0] * stride[1];
+        found.of_blocks.par_chunks_mut(layer).skip(1).take(counts[2] as usize).enumerate().for_each(|(z, kinds)| {
+            for [x, y, _] in each([0; 3], [counts[0], counts[1], 1]) {
+                kinds[(y + 1) as usize * stride[0] + (x + 1) as usize] = carver.block_kind([x, y, z as i32]);
+            }
+        });
         found
     }
 
@@ -73,14 +76,15 @@ impl Kinds {
 
     /// A block and its seven neighbours towards larger coordinates hold the samples of its cells: there is no surface where all
     /// eight are full, or all dead, and none is said to be `mixed`.
-    pub fn surface_blocks(&self, mixed: impl Fn([i32; 3]) -> bool) -> Vec<[i32; 3]> {
-        each([-1; 3], self.counts)
-            .filter(|&[x, y, z]| {
-                let first = self.of([x, y, z]);
-                let mut eight = each([0; 3], [2; 3]).map(|[i, j, k]| [x + i, y + j, z + k]);
-                first == BlockKind::Mixed || eight.any(|block| self.of(block) != first || mixed(block))
-            })
-            .collect()
+    pub fn surface_blocks(&self, mixed: impl Fn([i32; 3]) -> bool + Sync) -> Vec<[i32; 3]> {
+        let is_cut = |[x, y, z]: [i32; 3]| {
+            let first = self.of([x, y, z]);
+            let mut eight = each([0; 3], [2; 3]).map(|[i, j, k]| [x + i, y + j, z + k]);
+            first == BlockKind::Mixed || eight.any(|block| self.of(block) != first || mixed(block))
+        };
+        let [x, y, z] = self.counts;
+        let layer = |k: i32| each([-1, -1, k], [x, y, k + 1]).filter(|&block| is_cut(block)).collect::<Vec<_>>();
+        (-1..z).into_par_iter().flat_map_iter(layer).collect()
     }
 }
 

@@ -48,6 +48,8 @@ export interface WellStatus {
   flags: string[];
   volume_um3: number | null;
   area_um2: number | null;
+  field_volume_um3: number | null;
+  field_area_um2: number | null;
   diameter_um: number | null;
 }
 

@@ -67,6 +67,15 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
       ...fact("Surface area", number("area", squareMillimetres(well.area_um2), squareMicrometres(well.area_um2))),
     );
   }
+  const { field_volume_um3, field_area_um2 } = well;
+  if (field_volume_um3 !== null) {
+    const shown = number("field-volume", nanolitres(field_volume_um3), cubicMicrometres(field_volume_um3));
+    rows.push(...fact("Volume of the surface shown", shown));
+  }
+  if (field_area_um2 !== null) {
+    const shown = number("field-area", squareMillimetres(field_area_um2), squareMicrometres(field_area_um2));
+    rows.push(...fact("Its area", shown));
+  }
   if (well.diameter_um !== null) rows.push(...fact("Diameter", number("diameter", micrometres(well.diameter_um, 1))));
   return rows;
 }

@@ -66,6 +66,8 @@ async function compare(well: WellStatus): Promise<void> {
   const numbers: [string, number | null, string][] = [
     ["volume", well.volume_um3, "µm³"],
     ["area", well.area_um2, "µm²"],
+    ["field-volume", well.field_volume_um3, "µm³"],
+    ["field-area", well.field_area_um2, "µm²"],
   ];
   for (const [name, value, unit] of numbers) {
     if (value === null) assert.equal(await card.locator(`[data-number="${name}"]`).count(), 0, `${well.well} ${name}`);

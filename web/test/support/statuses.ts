@@ -12,6 +12,8 @@ export function well(name: string, change: Partial<WellStatus> = {}): WellStatus
     flags: [],
     volume_um3: null,
     area_um2: null,
+    field_volume_um3: null,
+    field_area_um2: null,
     diameter_um: null,
     ...change,
   };
