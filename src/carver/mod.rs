@@ -106,6 +106,9 @@ struct Hull {
 /// The tiles are spread over the threads in this many pieces: so many that none waits long for the last.
 const PIECES: usize = 64;
 
+/// Words that a hull asks for before its first view, at most: 16 MB, of which the paper's grids take 3 to 8.
+const ROOM_WORDS: usize = 1 << 21;
+
 fn tally(planned_views: usize, epsilon: f64) -> Result<Tally, CarveError> {
     if !(0.0..1.0).contains(&epsilon) {
         return Err(CarveError::Epsilon { found: epsilon });
@@ -121,7 +124,9 @@ impl Hull {
         let counts = grid.counts();
         let tile_counts = [1, 2].map(|a| counts[a].div_ceil(SIDE));
         let places = (0..tile_counts[1]).flat_map(|z| (0..tile_counts[0]).map(move |y| [y * SIDE, z * SIDE]));
-        let tiles: Vec<Tile> = places.map(|lo| Tile::new(lo, counts)).collect();
+        // About half of the blocks are cut by the first views.
+        let room = (counts[0].div_ceil(ROW) / 2).min(ROOM_WORDS / (tile_counts[0] * tile_counts[1] * tally.words())) * tally.words();
+        let tiles: Vec<Tile> = places.map(|lo| Tile::new(lo, counts, room)).collect();
         let spans = vec![Spans::new(counts[0].div_ceil(ROW)); PIECES];
         let live = grid.len() as u64;
         Self {

@@ -37,8 +37,8 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    /// The tile whose first row is `lo` along y and z, in a grid of `counts`.
-    pub fn new(lo: [usize; 2], counts: [usize; 3]) -> Self {
+    /// The tile whose first row is `lo` along y and z, in a grid of `counts`, with room for some words.
+    pub fn new(lo: [usize; 2], counts: [usize; 3], room: usize) -> Self {
         let mut tile = Self {
             lo,
             hi: [0, 1].map(|a| (lo[a] + SIDE).min(counts[a + 1])),
@@ -47,7 +47,8 @@ impl Tile {
             reach: [0; 2],
             rows: [[0; 2]; ROWS],
             blocks: vec![Block::Uniform(0); counts[0].div_ceil(ROW)],
-            slots: Vec::new(),
+            // Written to, so that the pages are there before the first view asks for them.
+            slots: vec![u64::MAX; room],
             free: Vec::new(),
         };
         tile.reset();
