@@ -11,6 +11,8 @@ use crate::carver::Leaves;
 use crate::geometry::Projection;
 use crate::profile::{Mask, Polygon};
 
+/// The band, as a sample.
+const WHOLE_BAND: f32 = i16::MAX as f32;
 /// Edge of the tiles whose extremes are known, px.
 const TILE: usize = 4;
 
@@ -20,8 +22,9 @@ pub struct Contour {
     rows: [[f64; 4]; 3],
     columns: usize,
     lines: usize,
-    samples: Vec<f32>,
-    /// Least and largest sample that a point of the tile can be interpolated from.
+    /// In 32767ths of the band: half the memory, and to a thousandth of a um.
+    samples: Vec<i16>,
+    /// Least and largest distance that a point of the tile can be interpolated from.
     tiles: Vec<[f32; 2]>,
     tile_columns: usize,
     band_um: f32,
@@ -77,7 +80,9 @@ impl Contour {
         let p = projection.rows();
         let shifted = |row: usize| std::array::from_fn(|c| p[row][c] - low[row] * p[2][c]);
         let (tiles, tile_columns) = extremes(&samples, columns, lines);
-        Self { rows: [shifted(0), shifted(1), p[2]], columns, lines, samples, tiles, tile_columns, band_um: band_um as f32 }
+        let band_um = band_um as f32;
+        let samples = samples.iter().map(|um| (um / band_um * WHOLE_BAND).round() as i16).collect();
+        Self { rows: [shifted(0), shifted(1), p[2]], columns, lines, samples, tiles, tile_columns, band_um }
     }
 
     /// Where all of a box of points between two corners lies.
@@ -136,12 +141,13 @@ impl Contour {
         for n in 0..N {
             let first = j[n] as usize * self.columns + i[n] as usize;
             let (upper, lower) = (&self.samples[first..][..2], &self.samples[first + self.columns..][..2]);
-            corners[n] = [upper[0], upper[1], lower[0], lower[1]];
+            corners[n] = [upper[0], upper[1], lower[0], lower[1]].map(f32::from);
         }
+        let um = self.band_um / WHOLE_BAND;
         std::array::from_fn(|n| {
             let [a, b, c, d] = corners[n];
             let (upper, lower) = (a + s[n] * (b - a), c + s[n] * (d - c));
-            if w[n] > 0.0 { upper + t[n] * (lower - upper) } else { -self.band_um }
+            if w[n] > 0.0 { um * (upper + t[n] * (lower - upper)) } else { -self.band_um }
         })
     }
 }
