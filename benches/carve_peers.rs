@@ -72,6 +72,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             continue;
         }
         let views = read(&folder.join(variant))?;
+        if views.len() != 84 {
+            return Err(format!("{variant}: {} views, 84 are needed", views.len()).into());
+        }
         for size in [6.93, 5.5] {
             for count in [21, 84] {
                 let some: Views = views.iter().step_by(views.len() / count).cloned().collect();

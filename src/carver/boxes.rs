@@ -5,33 +5,26 @@
 //! the bound and of the voxels' own projection, makes the bound rigorous. Whether its pixels are all inside or all outside
 //! is read from a table of sums in four look-ups.
 
-use super::counts::{ROW, SIDE, Words};
-use super::definition::View;
-use super::lines::Verdict;
-use super::misses::Missed;
+use super::counts::{ROW, SIDE, Words, ones};
+use super::definition::{ROUNDING, View};
+use super::misses::{Missed, Verdict};
 
 /// Voxels of a row that are judged at once within a block.
 const PIECE: usize = 8;
 
 pub(super) struct Boxes<'a> {
     view: View<'a>,
-    /// Largest magnitude that the terms of each row sum up to: the scale of its rounding errors.
     magnitude: [f64; 3],
     /// The pixels that the grid can reach, `[u0, u1) x [v0, v1)`, and the sums over them.
     reach: [usize; 4],
     sums: &'a mut Vec<u32>,
 }
 
-/// Generous bound of the rounding of one row: it takes four products, three sums and a quotient, half an ulp each.
-const ROUNDING: f64 = 16.0 * f64::EPSILON;
-
 impl<'a> Boxes<'a> {
     /// `sums` is a buffer to be reused.
     pub fn new(view: View<'a>, sums: &'a mut Vec<u32>) -> Self {
         let counts = [0, 1, 2].map(|a| view.centres[a].len());
-        let far: [f64; 3] = std::array::from_fn(|a| view.centres[a][0].abs().max(view.centres[a][counts[a] - 1].abs()));
-        let magnitude = view.rows.map(|r| r[0].abs() * far[0] + r[1].abs() * far[1] + r[2].abs() * far[2] + r[3].abs());
-        let mut boxes = Self { view, magnitude, reach: [0; 4], sums };
+        let mut boxes = Self { view, magnitude: view.magnitude(), reach: [0; 4], sums };
         boxes.reach = match boxes.bound([0; 3], counts) {
             Bound::Pixels { lo, hi, .. } => [lo[0], hi[0] + 1, lo[1], hi[1] + 1],
             Bound::Nowhere => [0; 4],
@@ -72,7 +65,7 @@ impl<'a> Boxes<'a> {
         let mut words = [0; SIDE * SIDE];
         for from in (lo[0]..hi[0]).step_by(PIECE) {
             let (shift, to) = (from % ROW, (from + PIECE).min(hi[0]));
-            let piece = |word: u64| word >> shift & ((1 << (to - from)) - 1);
+            let piece = |word: u64| word >> shift & ones(to - from);
             match self.judge([from, lo[1], lo[2]], [to, hi[1], hi[2]]) {
                 Verdict::Inside => {}
                 Verdict::Outside => words.iter_mut().for_each(|word| *word |= piece(u64::MAX) << shift),
@@ -114,7 +107,7 @@ impl<'a> Boxes<'a> {
         let stride = u1 - u0 + 1;
         let at = |u: usize, v: usize| self.sums[(v - v0) * stride + u - u0];
         let covered = (at(ub, vb) - at(ua, vb)) - (at(ub, va) - at(ua, va));
-        // Beyond a side that the specimen leaves, the last column decides, which is among these pixels.
+        // Where a specimen leaves the image its last column decides, which is among these pixels.
         if covered == 0 {
             Verdict::Outside
         } else if whole && covered as usize == (ub - ua) * (vb - va) {

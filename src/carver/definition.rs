@@ -16,6 +16,10 @@ impl Leaves {
     }
 }
 
+/// Generous bound of the rounding of one row of a projection, relative: it takes four products, three sums and a quotient, half
+/// an ulp each.
+pub(super) const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
 /// The centres of the grid's voxels along each axis.
 pub(super) type Centres = [Vec<f64>; 3];
 
@@ -35,6 +39,12 @@ pub(super) struct View<'a> {
 impl<'a> View<'a> {
     pub fn new(runs: &'a Runs, leaves: Leaves, projection: &'a Projection, centres: &'a Centres) -> Self {
         Self { runs, leaves, rows: projection.rows(), centres }
+    }
+
+    /// Largest magnitude that the terms of each row of the projection sum up to: the scale of its rounding errors.
+    pub fn magnitude(&self) -> [f64; 3] {
+        let far = self.centres.each_ref().map(|c| c[0].abs().max(c[c.len() - 1].abs()));
+        self.rows.map(|r| r[0].abs() * far[0] + r[1].abs() * far[1] + r[2].abs() * far[2] + r[3].abs())
     }
 
     /// What a row of voxels along x adds to each row of the projection; rounds as [`Projection::project`] does.

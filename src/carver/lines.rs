@@ -16,14 +16,18 @@
 
 use super::Runs;
 use super::counts::{ROW, ones};
-use super::definition::View;
-use super::misses::Spans;
+use super::definition::{ROUNDING, View};
+use super::misses::{Spans, Verdict};
 use rayon::prelude::*;
 
-/// Unsafe distance from a rounding border, px or voxels: millions of times what rounding can move.
+/// Unsafe distance from a rounding border, px or voxels: at least twenty times what rounding can move, see the next two.
 const MARGIN: f64 = 1e-6;
 /// Rounding errors of an image point beyond this leave no room in the margin, px.
 const ROUNDING_MAX: f64 = 1e-9;
+/// Voxels advance by so many pixels: slower, rounding in pixels would be too much in voxels, and faster, rows are no lines.
+const STEP_PX: std::ops::Range<f64> = 0.02..50.0;
+/// Borders of columns further away than this from the grid, in voxels, are beyond the whole numbers that are found in a sum.
+const FARTHEST: f64 = (1 << 30) as f64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Class {
@@ -94,14 +98,6 @@ fn floor(x: f64) -> i64 {
     whole - i64::from(x < whole as f64)
 }
 
-/// What a view says of a tile as a whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Verdict {
-    Inside,
-    Outside,
-    Cut,
-}
-
 impl Tilt {
     /// The span of a pixel's height that one line stands for: two phases.
     fn window(self) -> f64 {
@@ -128,8 +124,10 @@ impl Family {
         let mut ascending = None;
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-        let far: [f64; 3] = std::array::from_fn(|axis| ends(axis).map(|i| view.centres[axis][i].abs()).into_iter().fold(0.0, f64::max));
-        let magnitude = |r: &[f64; 4]| r[0].abs() * far[0] + r[1].abs() * far[1] + r[2].abs() * far[2] + r[3].abs();
+        let magnitude = view.magnitude();
+        // A row's line runs to its vanishing point, in column a_x / c_x: beyond that no column has a place on it. So the image has to
+        // end before it.
+        let places = [-0.5, view.runs.width() as f64 - 0.5].map(|t| (t, size * (a[0] - t * c[0])));
         for (j, k) in ends(1).into_iter().flat_map(|j| ends(2).map(|k| (j, k))) {
             let rest = view.rest(j, k);
             // Of a row's line: du/dx and dv/dx are these over the squared depth.
@@ -141,8 +139,12 @@ impl Family {
                 let step = du * size / (w * w);
                 let grows = step > 0.0;
                 // The depth's own rounding, relative, moves an image point by that share of its coordinates.
-                let moved = f64::EPSILON * 16.0 * (magnitude(a) + magnitude(b) + (u.abs() + 1.0) * magnitude(c)) / w;
-                if !(w > 0.0 && (0.02..50.0).contains(&step.abs()) && moved < ROUNDING_MAX) || ascending.is_some_and(|up| up != grows) {
+                let moved = ROUNDING * (magnitude[0] + magnitude[1] + (u.abs() + 1.0) * magnitude[2]) / w;
+                let near = |(t, per_voxel): (f64, f64)| {
+                    (per_voxel > 0.0) == grows && ((t * rest[2] - rest[0]) / per_voxel - view.centres[0][0] / size).abs() < FARTHEST
+                };
+                let is_line = w > 0.0 && STEP_PX.contains(&step.abs()) && moved < ROUNDING_MAX && places.into_iter().all(near);
+                if !is_line || ascending.is_some_and(|up| up != grows) {
                     return None;
                 }
                 ascending = Some(grows);
@@ -207,8 +209,12 @@ impl<'a> Lines<'a> {
             }
         }
         let [from, to] = [top - MARGIN, bottom + MARGIN].map(|height| floor(height * self.phases() as f64));
-        let (mut outside, mut inside) = (true, true);
-        for line in from..=to {
+        let held = self.buffers.phases[0].cores.len() as i64;
+        let phases = self.phases() as i64;
+        let (first, last) = (self.first * phases, (self.first + held) * phases - 1);
+        // Lines that are not held are missed throughout.
+        let (mut outside, mut inside) = (true, from >= first && to <= last);
+        for line in from.max(first)..=to.min(last) {
             let (events, [start, end]) = self.line(line);
             outside &= events.is_empty();
             inside &= left >= f64::from(start) + MARGIN && right < f64::from(end) - MARGIN;

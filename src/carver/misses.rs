@@ -2,6 +2,14 @@
 
 use super::counts::{ROW, ROWS, Words, ones};
 
+/// What a view says of some voxels as a whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    Inside,
+    Outside,
+    Cut,
+}
+
 /// What a view misses of a block; lives on the stack for as long as it takes to count it.
 #[derive(Debug, PartialEq, Eq)]
 #[allow(clippy::large_enum_variant, reason = "it never leaves the stack")]

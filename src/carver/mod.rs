@@ -45,6 +45,9 @@ use tile::{Sight, Tile};
 /// Voxels along the edge of a block as the surface sees them.
 pub const BLOCK: usize = 8;
 
+// A surface's block is a piece of a carver's: as many rows, and whole bytes of their words.
+const _: () = assert!(BLOCK == SIDE && ROW % BLOCK == 0);
+
 /// One bit per voxel of a block: word `z`, bit `8 y + x`.
 pub type Bits = [u64; BLOCK];
 
@@ -58,6 +61,8 @@ pub enum CarveError {
     TooManyViews { planned: usize, found: usize },
     #[error("the mask is {width} x {height} px; it needs at least one pixel and at most {limit} on a side")]
     MaskSize { width: usize, height: usize, limit: usize },
+    #[error("{observed} views were observed, so {planned} cannot be planned: plan at least as many, or take views back first")]
+    PlanTooSmall { planned: usize, observed: usize },
     #[error("there is no view {found} to take back: {observed} were observed")]
     NoSuchView { found: usize, observed: usize },
 }
@@ -116,7 +121,8 @@ fn tally(planned_views: usize, epsilon: f64) -> Result<Tally, CarveError> {
     if planned_views == 0 {
         return Err(CarveError::NoViews);
     }
-    Ok(Tally::new((epsilon * planned_views as f64 + 1e-9).floor() as u32))
+    // So that the miss after the last tolerated one is still a number.
+    Ok(Tally::new(((epsilon * planned_views as f64 + 1e-9).floor() as u32).min(u32::MAX - 1)))
 }
 
 impl Hull {
@@ -127,7 +133,7 @@ impl Hull {
         // About half of the blocks are cut by the first views.
         let room = (counts[0].div_ceil(ROW) / 2).min(ROOM_WORDS / (tile_counts[0] * tile_counts[1] * tally.words())) * tally.words();
         let tiles: Vec<Tile> = places.map(|lo| Tile::new(lo, counts, room)).collect();
-        let spans = vec![Spans::new(counts[0].div_ceil(ROW)); PIECES];
+        let spans = vec![Spans::new(counts[0].div_ceil(ROW)); PIECES.min(tiles.len())];
         let live = grid.len() as u64;
         Self {
             grid,
@@ -209,7 +215,7 @@ impl Carver {
             return Err(CarveError::NoSuchView { found: view, observed: self.views.len() });
         }
         self.views.remove(view);
-        self.carve_again();
+        self.carve_again(self.hull.tally);
         Ok(())
     }
 
@@ -218,18 +224,18 @@ impl Carver {
     /// # Errors
     /// Refuses a plan without views, and one of fewer views than were observed.
     pub fn replan(&mut self, planned_views: usize) -> Result<(), CarveError> {
-        let found = self.views.len();
-        if planned_views < found {
-            return Err(CarveError::TooManyViews { planned: planned_views, found });
+        let observed = self.views.len();
+        if planned_views < observed {
+            return Err(CarveError::PlanTooSmall { planned: planned_views, observed });
         }
-        self.hull.tally = tally(planned_views, self.epsilon)?;
+        let tally = tally(planned_views, self.epsilon)?;
         self.planned = planned_views;
-        self.carve_again();
+        self.carve_again(tally);
         Ok(())
     }
 
-    fn carve_again(&mut self) {
-        self.hull.reset(self.hull.tally);
+    fn carve_again(&mut self, tally: Tally) {
+        self.hull.reset(tally);
         for Observed { runs, projection, leaves } in &self.views {
             self.hull.observe(runs, *leaves, projection);
         }

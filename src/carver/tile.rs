@@ -1,8 +1,7 @@
 //! A tile: 8 x 8 rows of voxels along the capillary's whole length, cut into blocks of 64 x 8 x 8.
 
 use super::counts::{self, ROW, ROWS, SIDE, Tally, Words};
-use super::lines::Verdict;
-use super::misses::{Missed, Spans};
+use super::misses::{Missed, Spans, Verdict};
 use super::{Boxes, Lines};
 
 /// How a view is looked up.
