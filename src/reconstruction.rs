@@ -14,7 +14,7 @@ use crate::geometry::{Camera, CameraError, Projection, VoxelGrid};
 use crate::measure::{self, AreaMethod, Measurement, SphereError};
 use crate::profile::{Mask, Polygon};
 use crate::range::{OutOfRange, outside};
-use crate::surface::{self, Coarse, Contour, Distance, Fairing, FairingError, Mesh, Occupancy};
+use crate::surface::{self, Coarse, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
 use serde::{Deserialize, Serialize};
 
 /// How the surface is made of the voxels.
@@ -76,6 +76,8 @@ pub enum ReconstructionError {
     )]
     EmptyHull { observed: usize },
     #[error(transparent)]
+    Contour(#[from] ContourError),
+    #[error(transparent)]
     Fairing(#[from] FairingError),
     #[error("sphere: {0}")]
     Sphere(#[from] SphereError),
@@ -121,7 +123,7 @@ impl HullModel {
     /// Carves with one view. `outlines` are those that the mask was filled from; without any, the sides of its pixels are.
     ///
     /// # Errors
-    /// Refuses what the carver refuses; the model is then unchanged.
+    /// Refuses what the carver refuses, and a camera in the box's middle; the model is then unchanged.
     pub fn observe(
         &mut self,
         mask: &Mask,
@@ -129,10 +131,11 @@ impl HullModel {
         projection: &Projection,
         leaves: Leaves,
     ) -> Result<LiveVolume, ReconstructionError> {
-        self.carver.observe(mask, projection, leaves)?;
         let grid = self.carver.grid();
         let centre = std::array::from_fn(|a| f64::midpoint(grid.centre(a, 0), grid.centre(a, grid.counts()[a] - 1)));
-        self.contours.push(Contour::new(mask, outlines, projection, leaves, centre, Distance::reach_um(grid)));
+        let contour = Contour::new(mask, outlines, projection, leaves, centre, Distance::reach_um(grid))?;
+        self.carver.observe(mask, projection, leaves)?;
+        self.contours.push(contour);
         Ok(self.live())
     }
 

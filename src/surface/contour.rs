@@ -16,6 +16,15 @@ const WHOLE_BAND: f32 = i16::MAX as f32;
 /// Edge of the tiles whose extremes are known, px.
 const TILE: usize = 4;
 
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum ContourError {
+    #[error(
+        "the middle of the voxel box lies {depth} um in front of the camera, where a voxel and a half are {voxel_px} px, in an image of {image_px} \
+         px: no outline can be followed there. Check the projection, the box and their units"
+    )]
+    Depth { depth: f64, voxel_px: f64, image_px: usize },
+}
+
 #[derive(Debug, Clone)]
 pub struct Contour {
     /// The projection into the crop: column 0, row 0 of the samples is at (0, 0).
@@ -42,8 +51,24 @@ pub(super) enum Side {
 impl Contour {
     /// `outlines` are those that `mask` was filled from; without any, the sides of the mask's pixels are the outline. Distances
     /// are of use up to `reach_um` and measured at `centre`'s depth.
-    pub fn new(mask: &Mask, outlines: &[Polygon], projection: &Projection, leaves: Leaves, centre: [f64; 3], reach_um: f64) -> Self {
+    ///
+    /// # Errors
+    /// Refuses a camera at or close before the box's centre, where distances have no scale.
+    pub fn new(
+        mask: &Mask,
+        outlines: &[Polygon],
+        projection: &Projection,
+        leaves: Leaves,
+        centre: [f64; 3],
+        reach_um: f64,
+    ) -> Result<Self, ContourError> {
         let metric = Metric::at(projection, centre);
+        let [wide, high] = metric.span_px(reach_um);
+        let (depth, voxel_px, image_px) = (projection.depth(centre), wide.max(high), mask.width().max(mask.height()));
+        // Numbers that are none fail every comparison.
+        if !(depth > 0.0 && voxel_px < image_px as f64 && metric.pixel_um().is_finite()) {
+            return Err(ContourError::Depth { depth, voxel_px, image_px });
+        }
         // Samples around the outline must be exact where a point within reach is interpolated from them: a pixel's diagonal.
         let band_um = reach_um + 2.0 * metric.pixel_um();
         let sides: Vec<[[f64; 2]; 2]> = if outlines.is_empty() {
@@ -82,7 +107,7 @@ impl Contour {
         let (tiles, tile_columns) = extremes(&samples, columns, lines);
         let band_um = band_um as f32;
         let samples = samples.iter().map(|um| (um / band_um * WHOLE_BAND).round() as i16).collect();
-        Self { rows: [shifted(0), shifted(1), p[2]], columns, lines, samples, tiles, tile_columns, band_um }
+        Ok(Self { rows: [shifted(0), shifted(1), p[2]], columns, lines, samples, tiles, tile_columns, band_um })
     }
 
     /// Where all of a box of points between two corners lies.

@@ -24,7 +24,7 @@ mod silhouette;
 #[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
 mod tests;
 
-pub use contour::Contour;
+pub use contour::{Contour, ContourError};
 pub use distance::Distance;
 pub use fairing::{Fairing, FairingError, fair};
 pub use field::{Field, Inside, SIDE};

@@ -73,7 +73,7 @@ fn carved_leaving(camera: &Camera, views: usize, epsilon: f64, size: f64, with_o
         let (mask, outlines, projection) = view(camera, omega);
         carver.observe(&mask, &projection, leaves).unwrap();
         let outlines = if with_outlines { &outlines[..] } else { &[] };
-        contours.push(Contour::new(&mask, outlines, &projection, leaves, [0.0; 3], Distance::reach_um(&grid)));
+        contours.push(Contour::new(&mask, outlines, &projection, leaves, [0.0; 3], Distance::reach_um(&grid)).unwrap());
     }
     Carved { carver, contours, omegas }
 }
