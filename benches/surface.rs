@@ -90,7 +90,7 @@ fn surfaces(c: &mut Criterion) {
     let contour = |(mask, projection): &(Mask, Projection)| {
         Contour::new(mask, &[], projection, Leaves::default(), [0.0; 3], Distance::reach_um(&grid))
     };
-    let contours: Vec<Contour> = views.iter().map(contour).collect();
+    let contours: Vec<Contour> = views.iter().map(contour).collect::<Result<_, _>>().unwrap_or_else(|e| panic!("{e}"));
     let binary = extract(&Occupancy(&carver));
     let field = extract(&Distance::new(&carver, &contours));
     println!("{} triangles of the voxels, {} of the field", binary.triangles.len(), field.triangles.len());

@@ -46,7 +46,7 @@ use tile::{Sight, Tile};
 pub const BLOCK: usize = 8;
 
 // A surface's block is a piece of a carver's: as many rows, and whole bytes of their words.
-const _: () = assert!(BLOCK == SIDE && ROW % BLOCK == 0);
+const _: () = assert!(BLOCK == SIDE && ROW.is_multiple_of(BLOCK));
 
 /// One bit per voxel of a block: word `z`, bit `8 y + x`.
 pub type Bits = [u64; BLOCK];
