@@ -5,11 +5,12 @@
 //!             |      '- smooth unevenness of the light: a polynomial of low order
 //!             '- what the glass does across the bore, the same in every column: dark towards the walls
 //! ```
-//! The light's course along the capillary is read first from the water outside it, where no specimen is. A specimen darkens
-//! what it covers, so the brightest cells of a row show the empty bore: they give the row its first level, from where it
-//! slides to the mode beside it; the polynomial is then fitted to the cells that agree. Cells are means of some pixels: what
-//! is as faint as a pixel's noise still stands out from them, and is not taken for light. Where the rig has a picture of its
-//! empty capillary, all this is done on the quotient of the two pictures, in which glass, dust and scratches are gone.
+//! The light's course along the capillary is read first from the water outside it, where no specimen is, and divided out: it
+//! may fall off to nothing, which no polynomial follows. A specimen darkens what it covers, so the brightest cells of a row
+//! show the empty bore: they give the row its first level, from where it slides to the mode beside it; the polynomial is then
+//! fitted to the cells that agree. Cells are means of some pixels: what is as faint as a pixel's noise still stands out from
+//! them, and is not taken for light. Where the rig has a picture of its empty capillary, all this is done on the quotient of
+//! the two pictures, in which glass, dust and scratches are gone.
 
 use super::plane::{Plane, quantile};
 use super::{Picture, Reference, Walls};
@@ -81,6 +82,8 @@ struct Column {
     bore_px: f64,
     /// The light's three terms across the bore.
     light: [f32; ACROSS],
+    /// The light by the water beside the capillary, where it stands for what is known: at table row 0, and more per row.
+    beside: [f32; 2],
 }
 
 impl Column {
@@ -124,6 +127,8 @@ pub(super) struct Background {
     /// What every column has of its own.
     columns: Vec<Column>,
     before_row: Vec<f32>,
+    /// Lent to [`Before`] while a colour is read.
+    beside: Beside,
     pub contrast: Contrast,
 }
 
@@ -138,19 +143,27 @@ impl Background {
         self.contrast.colour.resize(if colours == 3 { size } else { 0 }, 0.0);
         (self.contrast.noise_grey, self.contrast.all_light) = (0.0, 0.0);
         for channel in 0..colours {
-            let before = reference.map(|r| Before { plane: r.plane(channel), bore: Bore { walls: r.walls(), ..bore.clone() } });
-            let before = before.as_ref();
-            self.table.fill(bore, &picture.planes()[channel], before);
-            let light = self.estimate(bore, picture, channel, before.is_some());
-            let noise = self.noise(bore, &picture.planes()[channel], before);
+            let before = if let Some(r) = reference {
+                Before::Picture { plane: r.plane(channel), bore: Bore { walls: r.walls(), ..bore.clone() } }
+            } else {
+                let mut beside = std::mem::take(&mut self.beside);
+                beside.read(bore, &picture.planes()[channel], picture.height());
+                Before::Beside(beside)
+            };
+            self.table.fill(bore, &picture.planes()[channel], &before);
+            let light = self.estimate();
+            let noise = self.noise(bore, &picture.planes()[channel], &before);
             self.contrast.noise_grey += f64::from(noise) / colours as f64;
-            self.subtract(bore, picture, channel, &light, noise, before);
+            self.subtract(bore, picture, channel, &light, noise, &before);
+            if let Before::Beside(beside) = before {
+                self.beside = beside;
+            }
         }
     }
 
     /// Fits the light and leaves the level of each row in `profile`.
-    fn estimate(&mut self, bore: &Bore, picture: &Picture, channel: usize, flat: bool) -> Light {
-        let mut light = if flat { Light::even() } else { Light::outside(bore, picture, channel, &mut self.scratch) };
+    fn estimate(&mut self) -> Light {
+        let mut light = Light::even();
         self.even_out(&light);
         let mut sigma = self.roughness();
         self.brightest();
@@ -311,7 +324,7 @@ impl Background {
     }
 
     /// Noise of a pixel, grey values: one pixel of each cell that shows the empty bore, where the level is even.
-    fn noise(&mut self, bore: &Bore, plane: &[u8], before: Option<&Before>) -> f32 {
+    fn noise(&mut self, bore: &Bore, plane: &[u8], before: &Before) -> f32 {
         let (rows, cols) = (self.table.rows, self.table.cols);
         self.scratch.clear();
         let sigma = self.spread(f32::MAX.sqrt()).min(self.roughness().max(LEAST_CELL_NOISE) * 2.0);
@@ -327,7 +340,7 @@ impl Background {
                 if v < bore.top as f64 || v >= bore.bottom as f64 {
                     continue;
                 }
-                let level = self.profile[t] * self.lit[at] * before.map_or(1.0, |b| b.at(t as f64, u) / self.table.typical);
+                let level = self.profile[t] * self.lit[at] * before.at(t as f64, u) / self.table.typical;
                 self.scratch.push((f32::from(plane[v as usize * bore.width + u]) - level).abs());
             }
         }
@@ -335,8 +348,10 @@ impl Background {
     }
 
     /// Adds one colour's contrast to that of the others.
-    fn subtract(&mut self, bore: &Bore, picture: &Picture, channel: usize, light: &Light, noise: f32, before: Option<&Before>) {
+    fn subtract(&mut self, bore: &Bore, picture: &Picture, channel: usize, light: &Light, noise: f32, before: &Before) {
         const MISPLACED_PX: f32 = 0.2;
+        // Where less light than this falls, in noises of a pixel, the share that is missing is not known.
+        const TELLING: f32 = 8.0;
         let colours = picture.colours();
         let share = 1.0 / colours as f32;
         // Blue counts up, red down.
@@ -349,6 +364,10 @@ impl Background {
             inner_v: bore.walls.upper.inner.at(u as f64),
             bore_px: bore.walls.bore_px(u as f64),
             light: light.column(2.0 * u as f64 / (bore.width.max(2) - 1) as f64 - 1.0),
+            beside: match before {
+                Before::Picture { .. } => [1.0, 0.0],
+                Before::Beside(beside) => beside.columns[u].map(|light| light / self.table.typical),
+            },
         }));
         let mid_level = self.profile[rows / 2];
         let unit = share * mid_level / noise;
@@ -362,7 +381,7 @@ impl Background {
             let seen = &picture.planes()[channel][(bore.top + v) * bore.width..][..bore.width];
             let (lightness, darkness) = (&mut lightness.data[span.clone()], &mut darkness.data[span.clone()]);
             self.before_row.clear();
-            if let Some(before) = before {
+            if let Before::Picture { .. } = before {
                 let typical = self.table.typical;
                 let t = |u: usize| self.columns[u].t_of(row_v, bore.mean_px);
                 self.before_row.extend((0..bore.width).map(|u| before.at(t(u), u) / typical));
@@ -374,13 +393,14 @@ impl Background {
                 let t1 = (t0 + 1).min(rows - 1);
                 let y = t * per_row - 1.0;
                 let [c0, c1, c2] = column.light;
-                let lit = (c0 + y * c1 + (1.5 * y * y - 0.5) * c2).max(0.1) * self.before_row.get(u).copied().unwrap_or(1.0);
+                let known = (column.beside[0] + t * column.beside[1]) * self.before_row.get(u).copied().unwrap_or(1.0);
+                let lit = (c0 + y * c1 + (1.5 * y * y - 0.5) * c2).max(0.1) * known;
                 let level = ((self.profile[t0] + part * (self.profile[t1] - self.profile[t0])) * lit).max(1.0);
                 let slope = (self.slope[t0] + part * (self.slope[t1] - self.slope[t0])) * lit * MISPLACED_PX;
                 let off = level - f32::from(seen[u]);
                 let sigmas = off / (noise * noise + slope * slope).sqrt();
                 lightness[u] += share * sigmas;
-                darkness[u] += unit * off / level;
+                darkness[u] += unit * off / level.max(TELLING * noise);
                 if let Some(colour) = colour.get_mut(span.start + u) {
                     *colour += colour_sign * sigmas;
                 }
@@ -389,23 +409,105 @@ impl Background {
     }
 }
 
-/// One colour of the empty capillary's picture, looked up along this frame's bore.
-struct Before<'a> {
-    plane: &'a [u8],
-    /// This frame's bore between the reference's walls.
-    bore: Bore,
+/// What one colour of the empty bore is known to look like before the frame's own bore is read.
+enum Before<'a> {
+    /// The empty capillary's picture, and this frame's bore between that picture's walls.
+    Picture { plane: &'a [u8], bore: Bore },
+    /// Without one, the light beside the capillary.
+    Beside(Beside),
 }
 
 impl Before<'_> {
     /// Grey at table row `t` in column `u`; beyond the picture its border goes on.
     fn at(&self, t: f64, u: usize) -> f32 {
-        let width = self.bore.width;
-        let last = self.plane.len() / width - 1;
-        let v = self.bore.v_of(t, u as f64).clamp(0.0, last as f64);
-        let (v0, part) = (v as usize, v.fract() as f32);
-        let (a, b) = (f32::from(self.plane[v0 * width + u]), f32::from(self.plane[(v0 + 1).min(last) * width + u]));
-        a + part * (b - a)
+        match self {
+            Self::Picture { plane, bore } => {
+                let width = bore.width;
+                let last = plane.len() / width - 1;
+                let v = bore.v_of(t, u as f64).clamp(0.0, last as f64);
+                let (v0, part) = (v as usize, v.fract() as f32);
+                let (a, b) = (f32::from(plane[v0 * width + u]), f32::from(plane[(v0 + 1).min(last) * width + u]));
+                a + part * (b - a)
+            }
+            Self::Beside(beside) => beside.columns[u][0] + t as f32 * beside.columns[u][1],
+        }
     }
+}
+
+/// The light along the capillary by the water above and below it, straight across in between.
+#[derive(Debug, Default)]
+struct Beside {
+    /// Grey at table row 0, and more per row.
+    columns: Vec<[f32; 2]>,
+    /// One block's pixels on one side.
+    greys: Vec<u8>,
+}
+
+impl Beside {
+    /// Blocks of columns whose middle grey is taken; between them it is straight.
+    const BLOCKS: usize = 24;
+    /// Fewer pixels tell no block's light.
+    const LEAST_SEEN: usize = 16;
+
+    /// Reads one colour's light off the picture.
+    fn read(&mut self, bore: &Bore, plane: &[u8], height: usize) {
+        let w = bore.width;
+        let band = (0.4 * bore.mean_px) as usize;
+        let mut blocks = [[0.0f32; 2]; Self::BLOCKS];
+        let mut seen = [true; 2];
+        for (block, levels) in blocks.iter_mut().enumerate() {
+            let columns = block * w / Self::BLOCKS..((block + 1) * w / Self::BLOCKS).max(block * w / Self::BLOCKS + 1).min(w);
+            let mid = (columns.start + columns.end) as f64 / 2.0;
+            // Beyond the glass and its blur.
+            let above = (bore.walls.upper.outer.at(mid) - MARGIN_PX as f64).clamp(0.0, height as f64) as usize;
+            let below = (bore.walls.lower.outer.at(mid) + MARGIN_PX as f64).clamp(0.0, height as f64) as usize;
+            for (side, rows) in [above.saturating_sub(band)..above, below..(below + band).min(height)].into_iter().enumerate() {
+                self.greys.clear();
+                for v in rows.step_by(3) {
+                    self.greys.extend(plane[v * w + columns.start..v * w + columns.end].iter().step_by(2));
+                }
+                seen[side] &= self.greys.len() >= Self::LEAST_SEEN;
+                levels[side] = middle_half(&mut self.greys);
+            }
+        }
+        let sides = [0, 1].map(|side| blocks.map(|levels| levels[side]));
+        // Each side has a level of its own, which says nothing: above and below the lamp need not be the same, and a row's
+        // level is found in the bore.
+        let shapes = sides.map(|side| {
+            let mean = side.iter().sum::<f32>() / Self::BLOCKS as f32;
+            side.map(|grey| grey * 128.0 / mean.max(1.0))
+        });
+        let [above, below] = match seen {
+            [true, true] => shapes,
+            [true, false] => [shapes[0]; 2],
+            [false, true] => [shapes[1]; 2],
+            [false, false] => [[128.0; Self::BLOCKS]; 2],
+        };
+        let at = |side: &[f32; Self::BLOCKS], u: usize| {
+            let x = (u as f32 + 0.5) * Self::BLOCKS as f32 / w as f32 - 0.5;
+            let k = (x.max(0.0) as usize).min(Self::BLOCKS - 2);
+            (side[k] + (x - k as f32) * (side[k + 1] - side[k])).max(1.0)
+        };
+        let rows = (bore.table_rows() - 1) as f32;
+        self.columns.clear();
+        self.columns.extend((0..w).map(|u| {
+            let (a, b) = (at(&above, u), at(&below, u));
+            // The bands' middles lie this much beyond the table on either side, as a share of its height.
+            let beyond = |wall: f64| ((wall + band as f64 / 2.0) / f64::from(rows)) as f32;
+            let mid = u as f64;
+            let from = beyond(bore.walls.upper.inner.at(mid) - bore.walls.upper.outer.at(mid));
+            let upto = beyond(bore.walls.lower.outer.at(mid) - bore.walls.lower.inner.at(mid));
+            let slope = (b - a) / (1.0 + from + upto);
+            [(a + from * slope).max(1.0), slope / rows]
+        }));
+    }
+}
+
+/// The mean of the middle half: as sure as a mean, and as indifferent to specks as a median. 0 for none.
+fn middle_half(greys: &mut [u8]) -> f32 {
+    greys.sort_unstable();
+    let middle = &greys[greys.len() / 4..greys.len() - greys.len() / 4];
+    middle.iter().map(|&g| f32::from(g)).sum::<f32>() / middle.len().max(1) as f32
 }
 
 /// The smooth unevenness of the light over `x, y` in -1..1.
@@ -418,51 +520,6 @@ impl Light {
         let mut terms = SVector::zeros();
         terms[0] = 1.0;
         Self { terms }
-    }
-
-    /// The light along the capillary by the water above and below it: a parabola through the medians of column blocks.
-    /// `greys` is memory.
-    fn outside(bore: &Bore, picture: &Picture, channel: usize, greys: &mut Vec<f32>) -> Self {
-        const BLOCKS: usize = 24;
-        let (w, h) = (picture.width(), picture.height());
-        let plane = &picture.planes()[channel];
-        let band = (0.4 * bore.mean_px) as usize;
-        let mut normal = SMatrix::<f64, 4, 4>::zeros();
-        let mut right = SVector::<f64, 4>::zeros();
-        for block in 0..BLOCKS {
-            let columns = block * w / BLOCKS..(block + 1) * w / BLOCKS;
-            let mid = (columns.start + columns.end) as f64 / 2.0;
-            // Beyond the glass and its blur.
-            let above = (bore.walls.upper.outer.at(mid) - MARGIN_PX as f64).clamp(0.0, h as f64) as usize;
-            let below = (bore.walls.lower.outer.at(mid) + MARGIN_PX as f64).clamp(0.0, h as f64) as usize;
-            for (side, rows) in [above.saturating_sub(band)..above, below..(below + band).min(h)].into_iter().enumerate() {
-                greys.clear();
-                for v in rows.step_by(3) {
-                    greys.extend(plane[v * w + columns.start..v * w + columns.end].iter().step_by(2).map(|&p| f32::from(p)));
-                }
-                if greys.len() < 16 {
-                    continue;
-                }
-                let grey = f64::from(quantile(greys, 0.5));
-                let x = 2.0 * mid / w as f64 - 1.0;
-                // Each side has a level of its own: above and below the lamp need not be the same.
-                let basis = SVector::<f64, 4>::from([f64::from(side == 0), f64::from(side == 1), x, 1.5 * x * x - 0.5]);
-                normal += basis * basis.transpose();
-                right += basis * grey;
-            }
-        }
-        for i in 0..4 {
-            normal[(i, i)] += 1e-3;
-        }
-        let mut light = Self::even();
-        if let Some(fit) = normal.cholesky().map(|c| c.solve(&right)) {
-            let level = fit[0].max(fit[1]);
-            if level > 1.0 {
-                light.terms[ACROSS] = (fit[2] / level).clamp(-0.5, 0.5);
-                light.terms[2 * ACROSS] = (fit[3] / level).clamp(-0.5, 0.5);
-            }
-        }
-        light
     }
 
     fn basis(x: f64, y: f64) -> SVector<f64, TERMS> {
@@ -501,13 +558,13 @@ struct Table {
     cols: usize,
     stride: usize,
     width: usize,
-    /// `values[t * cols + k]`: mean grey; with a reference, its quotient by that, times the reference's typical grey.
+    /// `values[t * cols + k]`: mean grey over what is known before, times the typical grey of that.
     values: Vec<f32>,
     typical: f32,
 }
 
 impl Table {
-    fn fill(&mut self, bore: &Bore, plane: &[u8], before: Option<&Before>) {
+    fn fill(&mut self, bore: &Bore, plane: &[u8], before: &Before) {
         self.width = bore.width;
         // 256 cells decide a row's level to a twentieth of the noise; more only cost time.
         self.stride = (bore.width / 256).max(1);
@@ -527,20 +584,13 @@ impl Table {
                     seen.iter().map(|&p| u32::from(p)).sum::<u32>() as f32 / seen.len() as f32
                 };
                 let (a, b) = (mean(v0), mean(v1));
-                let mut value = a + part * (b - a);
-                if let Some(before) = before {
-                    let before = columns.clone().map(|u| before.at(t as f64, u)).sum::<f32>() / columns.len() as f32;
-                    sum += f64::from(before);
-                    value /= before.max(1.0);
-                }
-                self.values[t * self.cols + k] = value;
+                let before = columns.clone().map(|u| before.at(t as f64, u)).sum::<f32>() / columns.len() as f32;
+                sum += f64::from(before);
+                self.values[t * self.cols + k] = (a + part * (b - a)) / before.max(1.0);
             }
         }
-        self.typical = 1.0;
-        if before.is_some() {
-            self.typical = ((sum / self.values.len() as f64) as f32).max(1.0);
-            self.values.iter_mut().for_each(|value| *value *= self.typical);
-        }
+        self.typical = ((sum / self.values.len() as f64) as f32).max(1.0);
+        self.values.iter_mut().for_each(|value| *value *= self.typical);
     }
 
     fn x(&self, k: usize) -> f64 {
@@ -565,12 +615,14 @@ mod tests {
     const HEIGHT: usize = 320;
     const BODY: [f64; 4] = [240.0, 160.0, 130.0, 45.0];
 
-    /// A capillary between rows 60 and 260 in uneven light, with or without a dark body, moved down and tilted.
-    fn picture(body: bool, down_px: f64, slope: f64, seed: u64) -> Picture {
+    /// A capillary between rows 60 and 260 in uneven light, with or without a dark body, moved down and tilted. Towards the left end
+    /// `fall` of the light is missing.
+    fn picture(body: bool, (down_px, slope): (f64, f64), fall: f64, seed: u64) -> Picture {
         let mut noise = Noise::new(seed);
         let mut grey = |u: f64, v: f64| {
             let (x, y) = (u / 256.0 - 1.0, v / 160.0 - 1.0);
-            let light = 190.0 * (1.0 + 0.06 * x - 0.05 * x * x - 0.03 * y);
+            let far = ((u - 511.0) / 511.0).powi(2);
+            let light = 190.0 * (1.0 + 0.06 * x - 0.05 * x * x - 0.03 * y) * (1.0 - fall * far).max(0.0);
             let t = v - down_px - slope * (u - 255.5);
             let line = |at: f64| 0.6 * (-0.5 * ((t - at) / 1.5).powi(2)).exp();
             let glass = 1.0 - line(60.0) - line(260.0);
@@ -587,14 +639,16 @@ mod tests {
     }
 
     /// Largest mean contrast of a block of 16 x 16 px off the walls and off the body, and least mean contrast inside it.
-    fn contrasts(reference: Option<&Reference>) -> (f32, f32) {
-        let picture = picture(true, 0.0, 0.0, 1);
+    fn contrasts(reference: Option<&Reference>, fall: f64) -> (f32, f32) {
+        let picture = picture(true, (0.0, 0.0), fall, 1);
         let bore = Bore::of(&picture, walls::WallFinder::default().find(&picture, &WallSettings::default()).unwrap());
         let mut background = Background::default();
         background.take_away(&bore, &picture, reference);
         let lightness = &background.contrast.lightness;
-        // The reference's own noise counts too, halved or not by how it lies between rows.
-        let least_and_most = if reference.is_some() { (1.8, 2.2) } else { (1.4, 1.65) };
+        // The reference's own noise counts too, halved or not by how it lies between rows; so does what the light's course
+        // between its blocks is off by where it falls off.
+        let most = if fall > 0.0 { 3.0 } else { 1.65 };
+        let least_and_most = if reference.is_some() { (1.8, 2.2) } else { (1.4, most) };
         let noise = background.contrast.noise_grey;
         assert!((least_and_most.0..least_and_most.1).contains(&noise), "noise {noise}");
         let (mut outside, mut inside) = (0.0f32, f32::MAX);
@@ -619,14 +673,21 @@ mod tests {
     /// A block's own noise is 1 / 16; five times that for the largest of 200.
     #[test]
     fn what_is_empty_has_no_contrast() {
-        let (outside, inside) = contrasts(None);
+        let (outside, inside) = contrasts(None, 0.0);
         assert!(outside.abs() < 0.3 && inside > 20.0, "outside {outside}, inside {inside}");
+    }
+
+    /// Where it is dark, the body takes less light: a fifth of it at its left end.
+    #[test]
+    fn nor_where_the_light_falls_off_to_nothing() {
+        let (outside, inside) = contrasts(None, 0.9);
+        assert!(outside.abs() < 0.5 && inside > 4.0, "outside {outside}, inside {inside}");
     }
 
     #[test]
     fn nor_beside_a_picture_of_the_empty_capillary_that_lies_elsewhere() {
-        let reference = Reference::new(picture(false, 1.5, 0.004, 2), &WallSettings::default()).unwrap();
-        let (outside, inside) = contrasts(Some(&reference));
+        let reference = Reference::new(picture(false, (1.5, 0.004), 0.0, 2), &WallSettings::default()).unwrap();
+        let (outside, inside) = contrasts(Some(&reference), 0.0);
         assert!(outside.abs() < 0.3 && inside > 20.0, "outside {outside}, inside {inside}");
     }
 }

@@ -8,12 +8,13 @@
 //! ```
 //! No pixel of a fin need stand out from the noise, nor from what the background's model is off by. Its border does, once it
 //! is averaged along the outline and asked to run on: the path around the body that gathers the most border, each place
-//! counting no more than a faint line would, so that no bubble or speck beside the larva pulls it out.
+//! counting no more than a faint line would, so that no bubble or speck beside the larva pulls it out. What is thin and much
+//! darker than any fin's border, a scratch or a grain, is taken out beforehand.
 
-use super::background::Bore;
+use super::background::{Bore, Contrast};
 use super::outline::{Crossings, Outlines, fill, normals, smooth_cyclic};
 use super::path::Path;
-use super::plane::{Plane, gaussian, quantile};
+use super::plane::{gaussian, quantile};
 use super::settings::FringeSettings;
 
 /// The fringe is followed this many times, each from what was found before.
@@ -25,11 +26,24 @@ pub(super) const OUTLINE_SMOOTHING_PX: f64 = 5.0;
 const INNER: usize = 3;
 /// Samples beyond the last distance: the bright side of the border.
 const OUTER: usize = 11;
-/// Width of the stripe inside a border that is compared, and of the border's own blur, px.
-const INSIDE_PX: usize = 5;
-const GAP_PX: usize = 3;
-/// The glass' shade, which the background's model does not follow to a grey value, reaches this far into the bore, px.
-const WALL_SHADE_PX: f64 = 6.0;
+/// Samples inside a border that are compared, and the fewest outside.
+const INSIDE: usize = 5;
+const LEAST_OUTSIDE: usize = 5;
+/// A border's course going outwards: the fin, its line, the line's blur; then the water. In bright field the line takes twice
+/// what the fin takes.
+const FIN: f32 = 0.55;
+const LINE: [f32; 3] = [1.1, 1.1, 0.25];
+/// How nearly straight the background's model is off over that course: the squared px by which its slope is held near 0.
+const SLOPE_PX2: f32 = 500.0;
+/// Nearer to a wall its own line shows, px.
+const WALL_LINE_PX: f64 = 4.0;
+/// A mark takes this share of the light at least, and these standard deviations of a pixel's noise: a fin's border takes
+/// 2 %, in the noise too.
+const MARK_SHARE: f32 = 0.04;
+const MARK_SIGMA: f32 = 5.0;
+/// Its greatest width and that of its blur on either side, samples. What is wider is opaque.
+const MARK_WIDTH: usize = 9;
+const MARK_BLUR: usize = 2;
 
 /// Finds the fringe; keeps its memory from frame to frame.
 #[derive(Default)]
@@ -40,7 +54,7 @@ pub(super) struct Fringe {
     raw: Vec<f32>,
     mean: Vec<f32>,
     borders: Vec<f32>,
-    sums: Vec<f32>,
+    filters: Filters,
     path: Path,
     runs: Vec<f32>,
     believed: Vec<bool>,
@@ -48,15 +62,27 @@ pub(super) struct Fringe {
     crossings: Crossings,
 }
 
+/// How round an outline may be and still have fins: its area over that of a disc with its length. Larvae are below 0.4.
+const ROUND: f64 = 0.85;
+
+/// Whether an outline is that of a bead: a disc has no fins, and the blurred rim of one passes for a fin's border.
+pub(super) fn is_disc(outline: &[[f64; 2]]) -> bool {
+    let sides = || outline.iter().zip(outline.iter().cycle().skip(1));
+    let twice_area: f64 = sides().map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
+    let length: f64 = sides().map(|(a, b)| (b[0] - a[0]).hypot(b[1] - a[1])).sum();
+    std::f64::consts::TAU * twice_area.abs() > ROUND * length * length
+}
+
 impl Fringe {
     /// Adds to `inside`, the pixels of the bore's window, what lies between the outlines and their fringes.
-    pub fn add(&mut self, outlines: &Outlines, darkness: &Plane, bore: &Bore, settings: &FringeSettings, inside: &mut [bool]) {
+    pub fn add(&mut self, outlines: &Outlines, contrast: &Contrast, bore: &Bore, settings: &FringeSettings, inside: &mut [bool]) {
         let reach = (settings.reach_bore * bore.mean_px).round() as usize;
         if reach < 4 {
             return;
         }
         let samples = INNER + reach + OUTER;
         gaussian(settings.along_px / STEP_PX, &mut self.kernel);
+        let mark = (MARK_SHARE * contrast.all_light).max(MARK_SIGMA);
         for outline in outlines.each() {
             self.inward.clear();
             normals(outline, &mut self.inward);
@@ -64,9 +90,11 @@ impl Fringe {
             for (p, n) in outline.iter().zip(&self.inward) {
                 self.raw.extend((0..samples).map(|k| {
                     let s = k as f64 - INNER as f64;
-                    darkness.sample(p[0] - s * n[0], p[1] - s * n[1])
+                    // Of an even noise, also where little light falls.
+                    contrast.lightness.sample(p[0] - s * n[0], p[1] - s * n[1])
                 }));
             }
+            self.raw.chunks_exact_mut(samples).for_each(|normal| clear_marks(normal, mark));
             self.mean.clear();
             self.mean.resize(self.raw.len(), 0.0);
             smooth_cyclic(&self.raw, samples, &self.kernel, &mut self.mean);
@@ -83,8 +111,8 @@ impl Fringe {
         }
     }
 
-    /// How much of a border there is at each distance: the darkness of some px inside less that of some px outside. Where the
-    /// body's own edge is not yet passed there is none; near the wall and behind something opaque there can be none.
+    /// How much of a border there is at each distance. Where the body's own edge is not yet passed there is none; near the wall
+    /// and behind something opaque there can be none.
     fn gather(&mut self, outline: &[[f64; 2]], bore: &Bore, samples: usize, reach: usize, settings: &FringeSettings) {
         let last_u = (bore.width - 1) as f64;
         let opaque = settings.opaque_sigma as f32;
@@ -93,31 +121,21 @@ impl Fringe {
             let open = |k: &usize| {
                 let s = *k as f64 - INNER as f64;
                 let (u, v) = (p[0] - s * n[0], p[1] - s * n[1]);
-                let (upper, lower) = (bore.walls.upper.inner.at(u) + WALL_SHADE_PX, bore.walls.lower.inner.at(u) - WALL_SHADE_PX);
+                let (upper, lower) = (bore.walls.upper.inner.at(u) + WALL_LINE_PX, bore.walls.lower.inner.at(u) - WALL_LINE_PX);
                 u >= 0.0 && u <= last_u && v >= upper && v <= lower
             };
             let passed = |k: &usize| mean[*k] < OUTSIDE_SIGMA || (mean[*k] < FAINT_SIGMA && mean[k + 1] > mean[*k]);
             let first = (INNER + 1..INNER + reach).find(passed).unwrap_or(samples);
             let last = (first..samples).take_while(|k| open(k) && mean[*k] <= opaque).last().unwrap_or(0);
-            self.sums.clear();
-            self.sums.push(0.0);
-            let mut sum = 0.0;
-            self.sums.extend(mean.iter().map(|m| {
-                sum += m;
-                sum
-            }));
-            let mean_of = |from: usize, upto: usize| (self.sums[upto] - self.sums[from]) / (upto - from) as f32;
             self.borders.extend((0..reach).map(|d| {
                 let at = INNER + d;
-                let (inner, outer) = (at.saturating_sub(INSIDE_PX).max(first), (at + OUTER + 1).min(last + 1));
+                let (inner, outer) = (at.saturating_sub(INSIDE).max(first), (at + OUTER + 1).min(last + 1));
                 if at < first + 2 {
                     0.0
-                } else if outer < at + GAP_PX + 3 {
+                } else if outer < at + LEAST_OUTSIDE {
                     f32::NEG_INFINITY
                 } else {
-                    // In units of what chance does with that few samples.
-                    let (n, m) = ((at + 2 - inner) as f32, (outer - at - GAP_PX) as f32);
-                    (mean_of(inner, at + 2) - mean_of(at + GAP_PX, outer)) / (1.0 / n + 1.0 / m).sqrt()
+                    self.filters.of(at - inner, outer - at).iter().zip(&mean[inner..outer]).map(|(w, m)| w * m).sum()
                 }
             }));
         }
@@ -167,6 +185,50 @@ impl Fringe {
     }
 }
 
+/// Matched filters of a border by the samples that there are of it.
+struct Filters(Vec<Vec<f32>>);
+
+impl Filters {
+    /// For `inside` samples before the border and `outside` from it on.
+    fn of(&self, inside: usize, outside: usize) -> &[f32] {
+        &self.0[inside * (OUTER + 2) + outside]
+    }
+
+    /// The border's course without what an uneven background shows as well, a level and a slope; white noise of 1 gives 1.
+    fn made(inside: usize, outside: usize) -> Vec<f32> {
+        let course = |k: usize| if k < inside { FIN } else { LINE.get(k - inside).copied().unwrap_or(0.0) };
+        let n = (inside + outside) as f32;
+        let middle = (n - 1.0) / 2.0;
+        let level = (0..inside + outside).map(course).sum::<f32>() / n;
+        let places = || (0..inside + outside).map(|k| (course(k) - level, k as f32 - middle));
+        let slope = places().map(|(c, x)| c * x).sum::<f32>() / (places().map(|(_, x)| x * x).sum::<f32>() + SLOPE_PX2);
+        let energy = places().map(|(c, x)| (c - slope * x).powi(2)).sum::<f32>();
+        places().map(|(c, x)| (c - slope * x) / energy.sqrt().max(1e-3)).collect()
+    }
+}
+
+impl Default for Filters {
+    fn default() -> Self {
+        Self((0..(INSIDE + 1) * (OUTER + 2)).map(|i| Self::made(i / (OUTER + 2), i % (OUTER + 2))).collect())
+    }
+}
+
+/// Takes out of a normal, outside the body, what is thin and darker than `mark`.
+fn clear_marks(normal: &mut [f32], mark: f32) {
+    let Some(outside) = normal.iter().position(|d| *d < mark / 2.0) else { return };
+    let mut at = outside;
+    while at < normal.len() {
+        let width = normal[at..].iter().take_while(|d| **d > mark).count();
+        let beyond = at + width;
+        // What goes on beyond the last sample may be of any width.
+        if (1..=MARK_WIDTH).contains(&width) && beyond < normal.len() {
+            let (from, upto) = (at.saturating_sub(MARK_BLUR).max(outside), (beyond + MARK_BLUR).min(normal.len()));
+            normal[from..upto].fill(0.0);
+        }
+        at = beyond + 1;
+    }
+}
+
 /// Darkness below which the body's edge is passed, standard deviations of a pixel's noise.
 const OUTSIDE_SIGMA: f32 = 0.8;
 /// A believed fringe goes on while it shows this share of the border that is needed to be believed.
@@ -209,7 +271,8 @@ mod tests {
         trace(&body, WIDTH, 0, 12, &mut Vec::new(), &mut cracks);
         smoothed(&cracks, OUTLINE_SMOOTHING_PX, STEP_PX, &mut Smoother::default(), &mut outlines);
         let mut inside = body.clone();
-        Fringe::default().add(&outlines, &darkness, &bore(WIDTH, HEIGHT), &FringeSettings::default(), &mut inside);
+        let contrast = Contrast { lightness: darkness, all_light: 100.0, ..Contrast::default() };
+        Fringe::default().add(&outlines, &contrast, &bore(WIDTH, HEIGHT), &FringeSettings::default(), &mut inside);
         inside.iter().zip(&body).map(|(now, before)| *now && !*before).collect()
     }
 
@@ -224,6 +287,15 @@ mod tests {
 
     /// 85 % of it: the border is placed some 2 px inside where it is, and nowhere outside.
     #[test]
+    fn beads_are_discs_and_larvae_are_none() {
+        let ellipse = |a: f64, b: f64| -> Vec<[f64; 2]> {
+            (0..200).map(|i| f64::from(i) * std::f64::consts::TAU / 200.0).map(|t| [a * t.cos(), b * t.sin()]).collect()
+        };
+        assert!(is_disc(&ellipse(45.0, 45.0)) && is_disc(&ellipse(50.0, 42.0)), "a bead, and one through refracting glass");
+        assert!(!is_disc(&ellipse(60.0, 30.0)) && !is_disc(&ellipse(300.0, 40.0)));
+    }
+
+    #[test]
     fn a_ring_as_faint_as_the_noise_is_found() {
         let added = added(|x, y| blurred_step(RING - x.hypot(y), 1.0));
         let ring = std::f64::consts::PI * (RING * RING - BODY * BODY);
@@ -236,6 +308,18 @@ mod tests {
         let added = added(|_, _| 0.0);
         // The smoothed outline lies up to a px beside the disc's pixels.
         assert!(count(&added, |r| r > BODY + 2.0) == 0, "{} px", count(&added, |r| r > BODY + 2.0));
+    }
+
+    /// A line from the body outwards and one along it, each a hundred times as dark as the noise.
+    #[test]
+    fn scratches_are_not_followed_and_hide_no_ring() {
+        let line = |x: f64, y: f64| 100.0 * (blurred_step(1.5 - (x - 0.4 * y).abs(), 1.0) + blurred_step(1.5 - (y - 62.0).abs(), 1.0));
+        let alone = added(line);
+        assert!(count(&alone, |r| r > BODY + 2.0) < 60, "{} px", count(&alone, |r| r > BODY + 2.0));
+        let with = added(|x, y| blurred_step(RING - x.hypot(y), 1.0) + line(x, y));
+        let ring = std::f64::consts::PI * (RING * RING - BODY * BODY);
+        let (within, beyond) = (count(&with, |r| r < RING), count(&with, |r| r > RING + 2.0));
+        assert!(within as f64 > 0.75 * ring && (beyond as f64) < 0.05 * ring, "{within} of {ring:.0}, {beyond} beyond");
     }
 
     #[test]

@@ -139,7 +139,10 @@ impl Segmenter {
             for _ in 0..fringe::ROUNDS {
                 outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
                 outline::smoothed(&self.cracks, fringe::OUTLINE_SMOOTHING_PX, fringe::STEP_PX, &mut self.smoother, &mut self.outlines);
-                self.fringe.add(&self.outlines, &contrast.darkness, &bore, &settings.fringe, &mut self.inside);
+                if self.outlines.each().all(fringe::is_disc) {
+                    break;
+                }
+                self.fringe.add(&self.outlines, contrast, &bore, &settings.fringe, &mut self.inside);
             }
         }
         outline::trace(&self.inside, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);

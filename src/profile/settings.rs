@@ -147,7 +147,7 @@ pub struct FringeSettings {
 
 impl Default for FringeSettings {
     fn default() -> Self {
-        Self { reach_bore: 0.35, along_px: 10.0, bar: 2.0, most: 6.0, run_px: 60.0, least: 2.3, opaque_sigma: 12.0, kink: 0.8 }
+        Self { reach_bore: 0.35, along_px: 6.0, bar: 2.0, most: 6.0, run_px: 60.0, least: 2.3, opaque_sigma: 12.0, kink: 0.8 }
     }
 }
 
