@@ -75,6 +75,11 @@ pub enum ReconstructionError {
         "no voxel of the grid is left after {observed} views: the profiles do not agree on a body. Check masks, angles, camera and box"
     )]
     EmptyHull { observed: usize },
+    #[error(
+        "the camera's plane cuts the voxel box: its corners lie from {nearest} to {farthest} um in front of the camera. The box must lie wholly before \
+         it: check the projection, the box and their units"
+    )]
+    CameraInBox { nearest: f64, farthest: f64 },
     #[error(transparent)]
     Contour(#[from] ContourError),
     #[error(transparent)]
@@ -123,7 +128,7 @@ impl HullModel {
     /// Carves with one view. `outlines` are those that the mask was filled from; without any, the sides of its pixels are.
     ///
     /// # Errors
-    /// Refuses what the carver refuses, and a camera in the box's middle; the model is then unchanged.
+    /// Refuses what the carver refuses, and a camera that does not have the whole box before it; the model is then unchanged.
     pub fn observe(
         &mut self,
         mask: &Mask,
@@ -133,6 +138,14 @@ impl HullModel {
     ) -> Result<LiveVolume, ReconstructionError> {
         let grid = self.carver.grid();
         let centre = std::array::from_fn(|a| f64::midpoint(grid.centre(a, 0), grid.centre(a, grid.counts()[a] - 1)));
+        let depths: [f64; 8] = std::array::from_fn(|n| {
+            projection.depth(std::array::from_fn(|a| grid.centre(a, if n >> a & 1 == 0 { 0 } else { grid.counts()[a] - 1 })))
+        });
+        let (nearest, farthest) = depths.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &d| (low.min(d), high.max(d)));
+        // The box ends half a voxel beyond the outermost centres, at most a voxel's length along the line of sight.
+        if nearest <= grid.size() {
+            return Err(ReconstructionError::CameraInBox { nearest, farthest });
+        }
         let contour = Contour::new(mask, outlines, projection, leaves, centre, Distance::reach_um(grid))?;
         self.carver.observe(mask, projection, leaves)?;
         self.contours.push(contour);

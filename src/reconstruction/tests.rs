@@ -124,13 +124,20 @@ fn what_makes_no_model_is_refused_by_name() {
     let grid = *model.hull().carver().grid();
     let mut hull = HullModel::new(grid, 4, ReconstructionSettings::default()).unwrap();
     let middle: [f64; 3] = std::array::from_fn(|a| f64::midpoint(grid.centre(a, 0), grid.centre(a, grid.counts()[a] - 1)));
-    for depth in [-5.0, 0.0, 1e-9, 1e-3] {
+    let half = middle[2] - grid.centre(2, 0);
+    for depth in [-5.0, 0.0, 1e-3, half - 1.0, half + 2.0 * grid.size()] {
         let [x, y, z] = middle.map(|c| -c);
         let near =
             Projection::from_matrix([[100.0, 0.0, 80.0, 100.0 * x], [0.0, 100.0, 72.0, 100.0 * y], [0.0, 0.0, 1.0, z + depth]]).unwrap();
-        let refused = hull.observe(&bead(0.0, CENTRE, 250.0), &[], &near, Leaves::default());
-        assert!(matches!(refused, Err(ReconstructionError::Contour(_))), "{depth}: {refused:?}");
+        let observed = hull.clone().observe(&bead(0.0, CENTRE, 250.0), &[], &near, Leaves::default());
+        match observed {
+            Err(ReconstructionError::CameraInBox { .. }) => assert!(depth < half, "{depth}"),
+            other => assert!(depth > half && other.is_ok(), "{depth}: {other:?}"),
+        }
     }
+    let close = Projection::from_matrix([[1e6, 0.0, 80.0, 0.0], [0.0, 1e6, 72.0, 0.0], [0.0, 0.0, 1.0, 2000.0]]).unwrap();
+    let refused = hull.observe(&bead(0.0, CENTRE, 250.0), &[], &close, Leaves::default());
+    assert!(matches!(refused, Err(ReconstructionError::Contour(_))), "{refused:?}");
     assert_eq!(hull.live().views, 0);
 
     let lambda = SurfaceSettings { fairing_lambda: -0.1, ..SurfaceSettings::default() };

@@ -127,6 +127,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let mut ply = Vec::new();
     crate::export::write_ply(&model.mesh, args.unit.name(), &mut ply)?;
     let overlaps = report::overlaps(&hull, &views, &cameras.projections);
+    for doubt in report::doubts(&hull, &overlaps) {
+        eprintln!("carved: {doubt}");
+    }
     let mesh_path = destination.write(&ply)?;
     println!("{:#}", report::report(&hull, &model.measurement, &views, &overlaps, args.unit, &mesh_path)?);
     Ok(())

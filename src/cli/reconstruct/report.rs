@@ -23,6 +23,22 @@ pub(super) fn overlaps(hull: &HullModel, views: &[View], projections: &[Projecti
         .collect()
 }
 
+/// Mean overlap below which views do not show one body: profiles of a good recording reach 0.94 to 0.97.
+const OVERLAP_LEAST: f64 = 0.9;
+
+/// What makes the numbers doubtful, in plain words.
+pub(super) fn doubts(hull: &HullModel, overlaps: &[f64]) -> Vec<String> {
+    let mean = overlaps.iter().sum::<f64>() / overlaps.len() as f64;
+    let low = (mean < OVERLAP_LEAST).then(|| {
+        format!(
+            "warning: the hull's images overlap the masks by {mean:.2} in the mean, {OVERLAP_LEAST} and more is usual. Masks (inside = 255), angles (rad), \
+             cameras or the order of the files do not fit each other"
+        )
+    });
+    let cut = hull.touches_box().then(|| "warning: the hull reaches the end of the box, and may go on outside: widen --box".to_owned());
+    low.into_iter().chain(cut).collect()
+}
+
 pub(super) fn report(
     hull: &HullModel,
     measurement: &Measurement,
