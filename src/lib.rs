@@ -3,7 +3,7 @@
 //! Data flows one way:
 //!
 //! ```text
-//! units, frame  <- geometry <- profile, carver <- surface <- measure <- reconstruction     science: values in, values out
+//! units, frame  <- geometry <- profile, carver <- calibration, surface <- measure <- reconstruction   science: values in, values out
 //! units, frame  <- device <- acquisition                                                    instrument: blocking, no science
 //! both          <- session <- http, cli                                                     edges: store, export, network
 //! ```
@@ -11,6 +11,7 @@
 //! sides; `http` sees the session's handle and snapshots. `tests/house.rs` holds these rules.
 
 pub mod acquisition;
+pub mod calibration;
 pub mod cancel;
 pub mod carver;
 pub mod cli;

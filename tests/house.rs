@@ -15,10 +15,11 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("geometry", &[]),
     ("profile", &["frame", "range", "geometry"]),
     ("carver", &["geometry", "profile"]),
+    ("calibration", &["geometry", "profile", "carver"]),
     ("surface", &["geometry", "profile", "carver"]),
-    ("measure", &["geometry", "carver", "surface"]),
-    ("reconstruction", &["range", "geometry", "profile", "carver", "surface", "measure"]),
-    ("pipeline", &["frame", "geometry", "profile", "carver", "reconstruction", "surface", "measure"]),
+    ("measure", &["geometry", "carver", "calibration", "surface"]),
+    ("reconstruction", &["range", "geometry", "profile", "carver", "calibration", "surface", "measure"]),
+    ("pipeline", &["frame", "geometry", "profile", "carver", "calibration", "reconstruction", "surface", "measure"]),
     ("export", &["surface"]),
     ("device", &["units", "frame", "cancel"]),
     ("acquisition", &["units", "frame", "cancel", "hash", "device"]),
@@ -31,7 +32,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("http", &["range", "session"]),
 ];
 
-const SCIENCE: &[&str] = &["units", "frame", "range", "geometry", "profile", "carver", "surface", "measure", "reconstruction", "pipeline"];
+const SCIENCE: &[&str] =
+    &["units", "frame", "range", "geometry", "profile", "carver", "calibration", "surface", "measure", "reconstruction", "pipeline"];
 const NOT_IN_SCIENCE: &[&str] =
     &["tokio", "std::fs", "std::net", "std::thread", "std::time", "Instant::now", "SystemTime", "jiff", "axum", "tracing", "println!"];
 

@@ -14,6 +14,7 @@
 
 mod solid;
 mod sphere;
+pub mod support;
 
 pub use solid::{Extents, area, centroid, extents, volume};
 pub use sphere::{SphereError, SphereFit, fit_sphere};

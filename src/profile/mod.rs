@@ -11,6 +11,7 @@ mod body;
 mod bubble;
 mod chamfer;
 mod coarse;
+mod columns;
 mod detection;
 mod edge;
 mod fringe;
@@ -35,6 +36,7 @@ mod settings;
 mod synthetic;
 mod walls;
 
+pub use columns::{ColumnEdges, Columns};
 pub use detection::{Detection, Head, Kind, Likelihoods, Side};
 pub use edge::EdgePoint;
 pub use mask::{Mask, WrongMaskSize};

@@ -1,0 +1,26 @@
+//! Where the axis is and how far the capillary turned, from the profiles of one turn.
+//!
+//! ```text
+//!  Columns per view ── closed form ── uy, gamma ── least squares ── uy, gamma, alpha, rho, dy_i, covariance
+//!                                                     │    ▲
+//!                             a slice's tangents ─────┘    └── views that do not belong, a specimen that moved
+//! ```
+//! Unknown per slice is its shape, as a support function: it is eliminated, so that no model of the specimen is needed. What
+//! silhouettes do not tell is not asked: `f`, `kx`, `ky` and `ux` are the rig's.
+
+mod closed_form;
+mod least_squares;
+mod robust;
+mod screen;
+mod slices;
+mod support;
+mod tangents;
+mod turn;
+
+pub use closed_form::axis;
+pub use least_squares::{GivenView, PASSES_MOST, Priors, Solution, solve};
+pub use screen::{Bad, Moved, ViewOff};
+pub use slices::{Fit, Sight, Slice, directions, fit, harmonics};
+pub use support::Support;
+pub use tangents::{Pose, Side, Tangent, TurnView};
+pub use turn::{Calibration, CalibrationError, PsiSd, VIEWS_LEAST, ViewState, calibrate};

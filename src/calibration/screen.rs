@@ -1,0 +1,220 @@
+//! Views that do not belong, and a specimen that did not stay where it was.
+//!
+//! ```text
+//!   residuals of a view against the fit of all others, slice by slice ── over the slices ── rms, and what they look like:
+//!       down the image: dy     along the capillary: dx (edge slope)     turned: domega (h')
+//!   one view out of line: left out     all views from some view on: the specimen moved
+//! ```
+
+use super::least_squares::Solution;
+use super::robust::{mad_sd, median};
+use nalgebra::{Matrix3, Vector3};
+use rayon::prelude::*;
+
+/// How one view is off the model of all others.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewOff {
+    /// Of the distances between its edges and the model's, px; robust.
+    pub rms_px: f64,
+    /// Down the image, its shift in the solution included, px.
+    pub dy_px: f64,
+    /// Along the capillary, px.
+    pub dx_px: f64,
+    /// About the capillary, rad.
+    pub turn: f64,
+}
+
+/// Of residuals, what one view may have: a few px of a long profile that are wrong don't make a view wrong.
+const TRIM: f64 = 0.1;
+
+/// Each view against the model of all others.
+pub fn views_off(solution: &Solution) -> Vec<ViewOff> {
+    let (camera, slices) = (&solution.camera, &solution.slices);
+    (0..solution.dy_px.len())
+        .into_par_iter()
+        .map(|view| {
+            let mut rows: Vec<(Vector3<f64>, f64)> = Vec::new();
+            for (slice, fit) in slices {
+                for (at, off_um) in fit.unheld(slice, view) {
+                    let sight = &slice.sights[at];
+                    let sign = sight.side.sign();
+                    let [_, slope_um] = fit.support.at(sight.tangent.theta);
+                    // An edge that lies lower by 1 px; a specimen that lies 1 px to the right shows what was left of it; one that
+                    // has turned on shows what was behind.
+                    let row = Vector3::new(sign, -sign * sight.tangent.edge_slope, -slope_um * camera.ky);
+                    rows.push((row, off_um * camera.ky));
+                }
+            }
+            off(&rows, solution.dy_px[view])
+        })
+        .collect()
+}
+
+fn off(rows: &[(Vector3<f64>, f64)], dy_px: f64) -> ViewOff {
+    let mut sizes: Vec<f64> = rows.iter().map(|(_, r)| r * r).collect();
+    sizes.sort_by(f64::total_cmp);
+    sizes.truncate(((1.0 - TRIM) * sizes.len() as f64).ceil() as usize);
+    let rms_px = (sizes.iter().sum::<f64>() / sizes.len().max(1) as f64).sqrt();
+    // A px, 3 px and 3 deg are what a view is expected to be off at most: profiles without a slope tell no shift along x.
+    let mut fit = Vector3::zeros();
+    let expected = Vector3::new(1.0, 3.0, 0.05);
+    let mut weights = vec![1.0; rows.len()];
+    for _ in 0..3 {
+        let mut normal = Matrix3::from_diagonal(&expected.map(|sd: f64| 1.0 / (sd * sd)));
+        let mut right = Vector3::zeros();
+        for ((row, r), weight) in rows.iter().zip(&weights) {
+            normal += *weight * row * row.transpose();
+            right += *weight * *r * row;
+        }
+        let Some(factor) = normal.cholesky() else { break };
+        fit = factor.solve(&right);
+        let left: Vec<f64> = rows.iter().map(|(row, r)| r - row.dot(&fit)).collect();
+        let sd = mad_sd(&left).max(0.05);
+        weights = left.iter().map(|r| super::robust::huber(r / sd)).collect();
+    }
+    ViewOff { rms_px, dy_px: dy_px + fit[0], dx_px: fit[1], turn: fit[2] }
+}
+
+/// Why a view is left out; all px.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Bad {
+    #[error("blank: no pixel of it is inside")]
+    Blank,
+    #[error("its profile is {found:.1} px off the other views' model, theirs {usual:.1} px: it leaks, or shows something else")]
+    Residual { found: f64, usual: f64 },
+    #[error("it lies {found:.1} px off in the image where views of this turn scatter by {usual:.1} px: it jumped")]
+    Jumped { found: f64, usual: f64 },
+    #[error("its profile covers {found:.2} times what the other views' turn makes expected: it leaks, or a part is missing")]
+    Area { found: f64 },
+}
+
+/// A view is no outlier within these, px: what segmentation and a mounted capillary scatter by.
+const RESIDUAL_LEAST_PX: f64 = 1.2;
+const JUMP_LEAST_PX: f64 = 2.5;
+
+/// The view that is most out of line, if one is.
+pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
+    let usual = median(offs.iter().map(|o| o.rms_px).collect());
+    let spread = |of: &dyn Fn(&ViewOff) -> f64| {
+        let middle = median(offs.iter().map(of).collect());
+        let sd = mad_sd(&offs.iter().map(|o| of(o) - middle).collect::<Vec<_>>());
+        (middle, sd)
+    };
+    let (dy, dy_sd) = spread(&|o| o.dy_px);
+    let (dx, dx_sd) = spread(&|o| o.dx_px);
+    let judged = offs.iter().enumerate().flat_map(|(view, o)| {
+        let most = (4.0 * usual).max(RESIDUAL_LEAST_PX);
+        let jump = |off: f64, sd: f64| (off.abs() / (6.0 * sd).max(JUMP_LEAST_PX), Bad::Jumped { found: off.abs(), usual: sd });
+        [(o.rms_px / most, Bad::Residual { found: o.rms_px, usual }), jump(o.dy_px - dy, dy_sd), jump(o.dx_px - dx, dx_sd)]
+            .map(|(excess, bad)| (excess, view, bad))
+    });
+    let (excess, view, bad) = judged.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    (excess > 1.0).then_some((view, bad))
+}
+
+/// A profile's area may be off what the turn of the others makes expected by this share: a larva's own turn is 2 omega.
+const AREA_OFF: f64 = 0.25;
+
+/// Views whose area is out of line with the turn's, before anything is solved: a profile that leaks to the wall would bend the
+/// model of few views to itself.
+pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
+    let mut weights = vec![1.0; views.len()];
+    let wave = |omega: f64| Vector3::new(1.0, (2.0 * omega).cos(), (2.0 * omega).sin());
+    let middle = median(views.iter().map(|v| v.1).collect());
+    if views.len() < 6 || middle <= 0.0 {
+        return Vec::new();
+    }
+    let mut off: Vec<f64> = views.iter().map(|(_, area)| area / middle - 1.0).collect();
+    for _ in 0..8 {
+        let sd = mad_sd(&off).max(0.02);
+        for (weight, o) in weights.iter_mut().zip(&off) {
+            // Redescending: a profile of twice the area has no say at all.
+            let far = (o / (4.0 * sd)).abs();
+            *weight = if far < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };
+        }
+        // Held to a constant unless the views say otherwise.
+        let mut normal = Matrix3::from_diagonal(&Vector3::new(1e-9, 0.5, 0.5));
+        let mut right = Vector3::zeros();
+        for ((omega, area), weight) in views.iter().zip(&weights) {
+            let row = wave(*omega);
+            normal += *weight * row * row.transpose();
+            right += *weight * area / middle * row;
+        }
+        let Some(factor) = normal.cholesky() else { return Vec::new() };
+        let fit = factor.solve(&right);
+        off = views.iter().map(|(omega, area)| area / middle - wave(*omega).dot(&fit)).collect();
+    }
+    off.iter().enumerate().filter(|(_, o)| o.abs() > AREA_OFF).map(|(view, o)| (view, Bad::Area { found: 1.0 + o })).collect()
+}
+
+/// What changed between the views before `view` and those from it on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Moved {
+    pub view: usize,
+    /// Along the capillary and across it, px.
+    pub along_px: f64,
+    pub across_px: f64,
+    pub turn: f64,
+}
+
+/// Least views on either side of a change: fewer are bad views.
+const SIDE: usize = 3;
+/// Changes below these are not told from what profiles scatter by: 5 um along and across, a degree.
+const MOVED_PX: f64 = 1.0;
+const TURNED: f64 = 0.02;
+/// A change counts from so many standard deviations of its own on: the best of some tens of places is looked for.
+const SURE: f64 = 6.0;
+
+/// Looks for the view from which on the specimen lies elsewhere.
+pub fn moved(offs: &[ViewOff], omegas: &[f64]) -> Option<Moved> {
+    let n = offs.len();
+    if n < 2 * SIDE + 2 {
+        return None;
+    }
+    let best = (SIDE..=n - SIDE).map(|at| {
+        let (along, along_sure) = step(offs, at, |o| o.dx_px);
+        let (turn, turn_sure) = step(offs, at, |o| o.turn);
+        let (across, across_sure) = step_across(offs, omegas, at);
+        let score = [(along.abs() / MOVED_PX, along_sure), (turn.abs() / TURNED, turn_sure), (across / MOVED_PX, across_sure)]
+            .into_iter()
+            .filter(|(size, sure)| *size > 1.0 && *sure > SURE)
+            .map(|(_, sure)| sure)
+            .fold(0.0, f64::max);
+        (score, Moved { view: at, along_px: along, across_px: across, turn })
+    });
+    best.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score > 0.0).map(|(_, moved)| moved)
+}
+
+/// Difference of the medians after and before, and in how many standard deviations of itself.
+fn step(offs: &[ViewOff], at: usize, of: impl Fn(&ViewOff) -> f64) -> (f64, f64) {
+    let (before, after): (Vec<f64>, Vec<f64>) = (offs[..at].iter().map(&of).collect(), offs[at..].iter().map(&of).collect());
+    let (a, b) = (median(before.clone()), median(after.clone()));
+    let sd = mad_sd(&before.iter().map(|v| v - a).chain(after.iter().map(|v| v - b)).collect::<Vec<_>>());
+    let own = sd * (1.0 / before.len() as f64 + 1.0 / after.len() as f64).sqrt() * 1.25;
+    (b - a, (b - a).abs() / own.max(1e-9))
+}
+
+/// A body that lies elsewhere across moves with cos and sin of omega: the size of what its later part adds to that of all.
+fn step_across(offs: &[ViewOff], omegas: &[f64], at: usize) -> (f64, f64) {
+    let n = offs.len();
+    let fit = |rows: &dyn Fn(usize) -> Vec<f64>| -> Option<(nalgebra::DVector<f64>, f64)> {
+        let width = rows(0).len();
+        let matrix = nalgebra::DMatrix::from_fn(n, width, |i, j| rows(i)[j]);
+        let right = nalgebra::DVector::from_fn(n, |i, _| offs[i].dy_px);
+        let normal = matrix.transpose() * &matrix + nalgebra::DMatrix::identity(width, width) * 1e-3;
+        let solved = normal.cholesky()?.solve(&(matrix.transpose() * &right));
+        let left = (right - matrix * &solved).norm_squared();
+        Some((solved, left))
+    };
+    let wave = |i: usize| vec![1.0, omegas[i].cos(), omegas[i].sin()];
+    let both = |i: usize| {
+        let later = f64::from(u8::from(i >= at));
+        wave(i).into_iter().chain(wave(i).into_iter().map(|w| w * later)).collect::<Vec<_>>()
+    };
+    let (Some((_, without)), Some((found, with))) = (fit(&wave), fit(&both)) else { return (0.0, 0.0) };
+    let size = found[3].abs().max(found[4].hypot(found[5]));
+    let free = (n as f64 - 6.0).max(1.0);
+    // As an F test of three, brought to the scale of standard deviations.
+    let sure = ((without - with).max(0.0) / 3.0 / (with / free).max(1e-6)).sqrt();
+    (size, sure)
+}

@@ -1,0 +1,167 @@
+//! Slices of the specimen, each with the tangents that all views give of it and the support function nearest to them.
+
+use super::robust::huber;
+use super::support::{Support, basis};
+use super::tangents::{Pose, Side, Tangent, TurnView};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// A slice needs this share of the views: towards the ends perspective hides it from some.
+const SHARE_OF_VIEWS: f64 = 0.75;
+
+/// A tangent with the view and edge that it is from.
+#[derive(Debug, Clone, Copy)]
+pub struct Sight {
+    pub view: usize,
+    pub side: Side,
+    pub tangent: Tangent,
+}
+
+/// The tangents of a slice.
+#[derive(Debug, Clone)]
+pub struct Slice {
+    pub x_um: f64,
+    pub sights: Vec<Sight>,
+}
+
+impl Slice {
+    /// Nothing where too few views see the slice.
+    pub fn of(x_um: f64, pose: &Pose, views: &[TurnView], support: Option<&Support>) -> Option<Self> {
+        let mut sights = Vec::with_capacity(2 * views.len());
+        for (view, seen) in views.iter().enumerate() {
+            for side in Side::BOTH {
+                if let Some(tangent) = pose.tangent(x_um, seen, side, support) {
+                    sights.push(Sight { view, side, tangent });
+                }
+            }
+        }
+        (sights.len() as f64 >= 2.0 * SHARE_OF_VIEWS * views.len() as f64).then_some(Self { x_um, sights })
+    }
+}
+
+/// The support function nearest to a slice's tangents.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    pub support: Support,
+    /// Of the offsets, um.
+    pub residuals: Vec<f64>,
+    pub weights: Vec<f64>,
+    /// Rows of the series at each tangent, one after the other.
+    pub rows: Vec<f64>,
+    pub normal: Cholesky<f64, Dyn>,
+}
+
+impl Fit {
+    /// A view's residuals against the fit of the others: each sight of it with its own residual over what it has of its own fit.
+    pub fn unheld(&self, slice: &Slice, view: usize) -> Vec<(usize, f64)> {
+        let own = own(slice, view);
+        if own.is_empty() {
+            return Vec::new();
+        }
+        let rows = self.rows_of(&own);
+        let lever = rows.transpose() * self.normal.solve(&rows);
+        // (I - B S B' W) e = r
+        let open = DMatrix::from_fn(own.len(), own.len(), |a, b| f64::from(u8::from(a == b)) - lever[(a, b)] * self.weights[own[b]]);
+        let residual = DVector::from_iterator(own.len(), own.iter().map(|&at| self.residuals[at]));
+        // A view that alone tells some coefficient cannot be judged by the others.
+        let Some(unheld) = open.lu().solve(&residual) else { return Vec::new() };
+        own.into_iter().zip(unheld.iter().copied()).collect()
+    }
+
+    /// How the coefficients change when a view is left out.
+    pub fn without(&self, slice: &Slice, view: usize) -> Vec<f64> {
+        let unheld = self.unheld(slice, view);
+        if unheld.is_empty() {
+            return vec![0.0; self.support.coefficients.len()];
+        }
+        let own: Vec<usize> = unheld.iter().map(|(at, _)| *at).collect();
+        let weighed = DVector::from_iterator(own.len(), unheld.iter().map(|(at, e)| -self.weights[*at] * e));
+        self.normal.solve(&(self.rows_of(&own) * weighed)).as_slice().to_vec()
+    }
+
+    /// The series at some sights, a column each.
+    fn rows_of(&self, sights: &[usize]) -> DMatrix<f64> {
+        let size = self.support.coefficients.len();
+        DMatrix::from_fn(size, sights.len(), |k, n| self.rows[sights[n] * size + k])
+    }
+}
+
+fn own(slice: &Slice, view: usize) -> Vec<usize> {
+    slice.sights.iter().enumerate().filter(|(_, s)| s.view == view).map(|(at, _)| at).collect()
+}
+
+/// Fits `harmonics` to a slice; residuals beyond some `sd_um` count less. `ridge` holds the harmonics that the tangents do not tell.
+pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, ridge: f64, rounds: usize) -> Option<Fit> {
+    let size = 2 * harmonics + 1;
+    let n = slice.sights.len();
+    let mut rows = vec![0.0; n * size];
+    for (sight, row) in slice.sights.iter().zip(rows.chunks_exact_mut(size)) {
+        basis(sight.tangent.theta, row);
+    }
+    let mut weights = vec![1.0; n];
+    let mut round = 0;
+    loop {
+        let mut normal = vec![0.0; size * size];
+        let mut right = vec![0.0; size];
+        for ((sight, row), weight) in slice.sights.iter().zip(rows.chunks_exact(size)).zip(&weights) {
+            for (a, &value) in row.iter().enumerate() {
+                let weighed = weight * value;
+                right[a] += weighed * sight.tangent.offset_um;
+                for (sum, &other) in normal[a * size..=a * size + a].iter_mut().zip(row) {
+                    *sum += weighed * other;
+                }
+            }
+        }
+        for k in 1..=harmonics {
+            let held = ridge * (k as f64).powi(4);
+            for a in [2 * k - 1, 2 * k] {
+                normal[a * size + a] += held;
+            }
+        }
+        let normal = DMatrix::from_fn(size, size, |a, b| normal[a.max(b) * size + a.min(b)]).cholesky()?;
+        let coefficients = normal.solve(&DVector::from_vec(right));
+        let support = Support { coefficients: coefficients.as_slice().to_vec() };
+        let residuals: Vec<f64> = slice
+            .sights
+            .iter()
+            .zip(rows.chunks_exact(size))
+            .map(|(s, row)| s.tangent.offset_um - row.iter().zip(&support.coefficients).map(|(a, b)| a * b).sum::<f64>())
+            .collect();
+        round += 1;
+        if round > rounds {
+            return Some(Fit { support, residuals, weights, rows, normal });
+        }
+        for (weight, residual) in weights.iter_mut().zip(&residuals) {
+            *weight = huber(residual / sd_um);
+        }
+    }
+}
+
+/// Harmonics that so many views of a turn determine: 3, 5, 6 and 8 for 7, 12, 14 and 21 views.
+pub fn harmonics(omegas: &[f64]) -> usize {
+    (omegas.len().min(directions(omegas)).saturating_sub(1) / 2).clamp(1, 20)
+}
+
+/// Directions that views see a slice's edges from: opposite views are mirror images and count once.
+pub fn directions(omegas: &[f64]) -> usize {
+    let turn = std::f64::consts::TAU;
+    let mut normals: Vec<f64> = omegas.iter().flat_map(|w| [w.rem_euclid(turn), (w + turn / 2.0).rem_euclid(turn)]).collect();
+    normals.sort_by(f64::total_cmp);
+    let apart = 0.3 * turn / normals.len().max(1) as f64;
+    let gaps = normals.iter().enumerate().filter(|(i, a)| {
+        let next = normals.get(i + 1).copied().unwrap_or(normals[0] + turn);
+        next - **a > apart
+    });
+    gaps.count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn opposite_views_count_once() {
+        let even = |n: u32| (0..n).map(|i| f64::from(i) * std::f64::consts::TAU / f64::from(n)).collect::<Vec<_>>();
+        let found: Vec<_> = [4, 7, 12, 14, 21, 28, 84].map(even).iter().map(|o| (directions(o), harmonics(o))).collect();
+        assert_eq!(found, [(4, 1), (14, 3), (12, 5), (14, 6), (42, 8), (28, 8), (84, 8)]);
+    }
+}

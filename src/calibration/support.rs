@@ -1,0 +1,94 @@
+//! The support function of one slice as a Fourier series.
+//!
+//! ```text
+//!   h(theta) = a0 + sum_k (a_k cos k theta + b_k sin k theta)      theta from y towards z, um
+//!              distance from the capillary's axis of the tangent whose outward normal points to theta
+//!   the slice: (y, z) = h (cos, sin) + h' (-sin, cos)      perimeter = 2 pi a0      area = 1/2 Int h (h + h'') dtheta
+//! ```
+
+use std::f64::consts::PI;
+
+/// A slice, as the coefficients `a0, a1, b1, a2, b2, ..`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Support {
+    pub coefficients: Vec<f64>,
+}
+
+impl Support {
+    /// `h` and its derivative at `theta`.
+    pub fn at(&self, theta: f64) -> [f64; 2] {
+        let (sin, cos) = theta.sin_cos();
+        let (mut s, mut c) = (0.0, 1.0);
+        let (mut h, mut slope) = (self.coefficients[0], 0.0);
+        for (pair, k) in self.coefficients[1..].chunks_exact(2).zip(1u32..) {
+            (c, s) = (c * cos - s * sin, s * cos + c * sin);
+            h += pair[0] * c + pair[1] * s;
+            slope += f64::from(k) * (pair[1] * c - pair[0] * s);
+        }
+        [h, slope]
+    }
+
+    /// `h + h''`: the radius of curvature of the outline where its normal points to `theta`.
+    pub fn curvature_radius(&self, theta: f64) -> f64 {
+        let mut r = self.coefficients[0];
+        for (pair, k) in self.coefficients[1..].chunks_exact(2).zip(1u32..) {
+            let (sin, cos) = (f64::from(k) * theta).sin_cos();
+            r += (1.0 - f64::from(k * k)) * (pair[0] * cos + pair[1] * sin);
+        }
+        r
+    }
+
+    /// `1/2 Int h (h + h'')`: harmonics lose `k^2 - 1` of what they are.
+    pub fn area_um2(&self) -> f64 {
+        let [first, rest @ ..] = &self.coefficients[..] else { return 0.0 };
+        let harmonics: f64 =
+            rest.chunks_exact(2).zip(1u32..).map(|(pair, k)| (1.0 - f64::from(k * k)) * (pair[0].powi(2) + pair[1].powi(2))).sum();
+        PI * (first * first + harmonics / 2.0)
+    }
+
+    /// By Cauchy, whatever the harmonics.
+    pub fn perimeter_um(&self) -> f64 {
+        2.0 * PI * self.coefficients[0]
+    }
+}
+
+/// The functions that the coefficients multiply, at `theta`.
+pub(crate) fn basis(theta: f64, row: &mut [f64]) {
+    let (sin, cos) = theta.sin_cos();
+    let (mut s, mut c) = (0.0, 1.0);
+    row[0] = 1.0;
+    for pair in row[1..].chunks_exact_mut(2) {
+        (c, s) = (c * cos - s * sin, s * cos + c * sin);
+        pair.copy_from_slice(&[c, s]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ellipse_has_its_area_and_perimeter() {
+        // h^2 = (a cos)^2 + (b sin)^2, whose series is sampled here in 64 directions.
+        let (a, b) = (150.0f64, 100.0f64);
+        let n = 64u32;
+        let h = |theta: f64| (a * theta.cos()).hypot(b * theta.sin());
+        let mut coefficients = vec![0.0; 25];
+        let mut row = vec![0.0; 25];
+        for i in 0..n {
+            let theta = 2.0 * PI * f64::from(i) / f64::from(n);
+            basis(theta, &mut row);
+            for (at, (sum, value)) in coefficients.iter_mut().zip(&row).enumerate() {
+                *sum += h(theta) * value * if at == 0 { 1.0 } else { 2.0 } / f64::from(n);
+            }
+        }
+        let support = Support { coefficients };
+        assert!((support.area_um2() / (PI * a * b) - 1.0).abs() < 1e-6, "{}", support.area_um2());
+        // Ramanujan's second formula, good to 1e-9 here.
+        let e = ((a - b) / (a + b)).powi(2);
+        let perimeter = PI * (a + b) * (1.0 + 3.0 * e / (10.0 + (4.0 - 3.0 * e).sqrt()));
+        assert!((support.perimeter_um() / perimeter - 1.0).abs() < 1e-6, "{}", support.perimeter_um());
+        let [value, slope] = support.at(0.3);
+        assert!((value - h(0.3)).abs() < 1e-3 && (slope - (h(0.3005) - h(0.2995)) / 1e-3).abs() < 1e-2, "{value} {slope}");
+    }
+}

@@ -1,0 +1,135 @@
+//! A column's edges as tangents to a slice of the specimen.
+//!
+//! ```text
+//!   edge (u, v) ── plane through the projection centre ── cut with the slice x = const ── tangent line (theta, offset)
+//!
+//!   m = (v - dy - uy) / (f ky)             normal in the camera's frame: (cos g - m sin g sin a, -m cos a)
+//!   offset = m (f' - x cos g sin a) - x sin g - y'      over the normal's length; theta = its angle - omega
+//! ```
+//! The column that sees a slice's tangent depends on where the tangent touches, since rays spread and the capillary is rolled:
+//! the slice's own support function, from the pass before, says where that is.
+
+use super::support::Support;
+use crate::geometry::Camera;
+use crate::profile::Columns;
+use std::f64::consts::PI;
+
+/// A view with what is known of its pose.
+#[derive(Debug, Clone, Copy)]
+pub struct TurnView<'a> {
+    pub columns: &'a Columns,
+    /// Angle of the capillary, rad.
+    pub omega: f64,
+    /// The profile's shift down the image against the camera's, px.
+    pub dy_px: f64,
+}
+
+/// Which edge of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    Upper,
+    Lower,
+}
+
+impl Side {
+    pub const BOTH: [Self; 2] = [Self::Upper, Self::Lower];
+
+    /// The outward normal's direction along v.
+    pub fn sign(self) -> f64 {
+        match self {
+            Self::Upper => -1.0,
+            Self::Lower => 1.0,
+        }
+    }
+}
+
+/// A tangent of a slice.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tangent {
+    /// Direction of the outward normal in the specimen's frame, rad.
+    pub theta: f64,
+    /// Distance from the capillary's axis.
+    pub offset_um: f64,
+    /// Tangent of the ray's angle with the optical axis, across the capillary.
+    pub ray: f64,
+    /// Of the edge, px of v per px of u.
+    pub edge_slope: f64,
+    /// Where the tangent touches, in the camera's frame: across, and in depth from the axis.
+    pub touch_um: [f64; 2],
+    /// px of the slice's column that the profile does not cover.
+    pub gap_px: f64,
+}
+
+/// Columns to either side that an edge's slope is taken over.
+const SLOPE_REACH_PX: f64 = 4.0;
+
+/// The camera's pose, worked out once.
+#[derive(Debug, Clone)]
+pub struct Pose {
+    camera: Camera,
+    cos_alpha: f64,
+    sin_alpha: f64,
+    cos_gamma: f64,
+    sin_gamma: f64,
+    /// Place of the axis before the camera.
+    across_um: f64,
+    depth_um: f64,
+}
+
+impl Pose {
+    pub fn new(camera: &Camera) -> Self {
+        let (sin_alpha, cos_alpha) = camera.alpha.sin_cos();
+        let (sin_gamma, cos_gamma) = camera.gamma.sin_cos();
+        let (across_um, depth_um) = (camera.f * camera.phi.cos(), camera.f * camera.phi.sin());
+        Self { camera: camera.clone(), cos_alpha, sin_alpha, cos_gamma, sin_gamma, across_um, depth_um }
+    }
+
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The column in which a point of slice `x_um` is seen that lies `touch_um` from the axis, across and in depth.
+    pub fn column(&self, x_um: f64, touch_um: [f64; 2]) -> f64 {
+        let [across, depth] = touch_um;
+        let (along, down) = (x_um * self.cos_gamma - across * self.sin_gamma, x_um * self.sin_gamma + across * self.cos_gamma);
+        let right = along * self.cos_alpha + depth * self.sin_alpha;
+        let away = depth * self.cos_alpha - along * self.sin_alpha + self.depth_um;
+        let c = &self.camera;
+        c.ux + (c.f * c.kx * right + c.s * (down + self.across_um)) / away
+    }
+
+    /// The slice that column `u` sees on the axis.
+    pub fn slice(&self, u: f64) -> f64 {
+        let c = &self.camera;
+        // Straight but for the tilt, whose part of x is 1e-4 of it: two steps are exact to rounding at any tilt that is allowed.
+        let mut x_um = (u - c.ux) / c.kx;
+        for _ in 0..3 {
+            x_um += (u - self.column(x_um, [0.0; 2])) / c.kx;
+        }
+        x_um
+    }
+
+    /// The tangent that one edge of a view gives of slice `x_um`, whose support function tells the column to read.
+    pub fn tangent(&self, x_um: f64, view: &TurnView, side: Side, support: Option<&Support>) -> Option<Tangent> {
+        let c = &self.camera;
+        let sign = side.sign();
+        let towards = if side == Side::Upper { PI } else { 0.0 };
+        // The ray leans by less than a hundredth: what touches is what a parallel ray would touch.
+        let [h, slope] = support.map_or([0.0; 2], |s| s.at(towards - view.omega));
+        let touch_um = [sign * h, sign * slope];
+        let u = self.column(x_um, touch_um);
+        let edges = view.columns.at(u)?;
+        let of = |e: crate::profile::ColumnEdges| if side == Side::Upper { e.upper } else { e.lower };
+        let v = of(edges) - view.dy_px;
+        let edge_slope = match (view.columns.at(u - SLOPE_REACH_PX), view.columns.at(u + SLOPE_REACH_PX)) {
+            (Some(a), Some(b)) => (of(b) - of(a)) / (2.0 * SLOPE_REACH_PX),
+            _ => 0.0,
+        };
+        let ray = (v - c.uy) / (c.f * c.ky);
+        let normal = [self.cos_gamma - ray * self.sin_gamma * self.sin_alpha, -ray * self.cos_alpha];
+        let length = normal[0].hypot(normal[1]);
+        let offset = ray * (self.depth_um - x_um * self.cos_gamma * self.sin_alpha) - x_um * self.sin_gamma - self.across_um;
+        let theta = normal[1].atan2(normal[0]) + towards - view.omega;
+        Some(Tangent { theta, offset_um: sign * offset / length, ray, edge_slope, touch_um, gap_px: edges.gap })
+    }
+}

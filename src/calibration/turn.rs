@@ -1,0 +1,174 @@
+//! The whole of a turn's calibration: which views belong, where the axis is, how far the capillary really turned.
+
+use super::closed_form::axis;
+use super::least_squares::{GivenView, Priors, Solution, solve};
+use super::screen::{Bad, Moved, moved, views_off, worst, wrong_areas};
+use super::tangents::TurnView;
+use crate::geometry::Camera;
+
+/// A turn of fewer views than these encloses nothing.
+pub const VIEWS_LEAST: usize = 4;
+/// Of the views, what may be left out: more are no outliers but the rule.
+const BAD_SHARE: f64 = 0.3;
+/// Angles off by this ratio are another number of steps per revolution, or a coupling that slips, and are named.
+const WRONG_STEPS: f64 = 0.01;
+/// From residuals of this on the angles themselves are doubted, px.
+const DOUBT_PX: f64 = 1.0;
+
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum CalibrationError {
+    #[error(
+        "{used} of {given} views show a specimen that they agree on; {VIEWS_LEAST} are needed to tell where the axis is. Calibrate with more views, or \
+         measure with the camera as it is"
+    )]
+    TooFewViews { used: usize, given: usize },
+    #[error("the views have no slices in common: their profiles lie in different columns of the image. Check the order of the views")]
+    NoSlices,
+}
+
+/// What became of a view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewState {
+    /// Why it is left out.
+    pub bad: Option<Bad>,
+    pub dy_px: f64,
+    /// Distance between its edges and the model of all others, root of the mean square.
+    pub residual_px: Option<f64>,
+}
+
+/// Standard deviations of what was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PsiSd {
+    pub uy_px: f64,
+    pub gamma_rad: f64,
+    pub alpha_rad: f64,
+    pub rho: f64,
+}
+
+#[derive(Debug, Clone)]
+pub struct Calibration {
+    /// The given one with uy, gamma and alpha of this turn.
+    pub camera: Camera,
+    /// From the closed form alone.
+    pub start: Camera,
+    /// True angles over the ledger's.
+    pub rho: f64,
+    pub sd: PsiSd,
+    /// One per view given.
+    pub views: Vec<ViewState>,
+    pub moved: Option<Moved>,
+    /// Of the edges against the model.
+    pub residual_sd_um: f64,
+    pub passes: usize,
+    pub converged: bool,
+    first: f64,
+}
+
+impl Calibration {
+    /// The true angle of a view that the ledger has at `omega`.
+    pub fn angle(&self, omega: f64) -> f64 {
+        self.first + self.rho * (omega - self.first)
+    }
+
+    /// The views that count, with what is now known of their pose.
+    pub fn turn_views<'a>(&self, given: &[GivenView<'a>]) -> Vec<TurnView<'a>> {
+        let used = given.iter().zip(&self.views).filter(|(_, state)| state.bad.is_none());
+        used.map(|(view, state)| TurnView { columns: view.columns, omega: self.angle(view.omega), dy_px: state.dy_px }).collect()
+    }
+
+    /// The camera of one view: its shift is one of the principal point.
+    pub fn camera_of(&self, view: usize) -> Camera {
+        Camera { uy: self.camera.uy + self.views[view].dy_px, ..self.camera.clone() }
+    }
+
+    pub fn has_wrong_steps(&self) -> bool {
+        (self.rho - 1.0).abs() > WRONG_STEPS.max(5.0 * self.sd.rho)
+    }
+}
+
+/// Finds uy, gamma, alpha, the ratio of true to planned angles and each view's shift; leaves out views that do not belong.
+///
+/// # Errors
+/// Says so when too few views agree on a specimen.
+pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result<Calibration, CalibrationError> {
+    let mut bad: Vec<Option<Bad>> = given.iter().map(|v| v.columns.extent().is_none().then_some(Bad::Blank)).collect();
+    let seen = |bad: &[Option<Bad>]| -> Vec<usize> { (0..given.len()).filter(|&i| bad[i].is_none()).collect() };
+    let areas: Vec<(f64, f64)> = seen(&bad).iter().map(|&i| (given[i].omega, given[i].columns.area_px())).collect();
+    for (at, why) in wrong_areas(&areas) {
+        let view = seen_at(&bad, at);
+        bad[view] = Some(why);
+    }
+    let least = VIEWS_LEAST.max(((1.0 - BAD_SHARE) * given.len() as f64) as usize);
+    let mut used = seen(&bad);
+    let too_few = |used: &[usize]| CalibrationError::TooFewViews { used: used.len(), given: given.len() };
+    if used.len() < VIEWS_LEAST {
+        return Err(too_few(&used));
+    }
+    let (mut start, mut solution) = solved(camera, given, &used, priors)?;
+    let mut offs = views_off(&solution);
+    let omegas = |used: &[usize]| used.iter().map(|&i| given[i].omega).collect::<Vec<_>>();
+    let shifted = moved(&offs, &omegas(&used));
+    if shifted.is_none() {
+        while let Some((at, why)) = worst(&offs) {
+            if used.len() <= least {
+                break;
+            }
+            bad[used[at]] = Some(why);
+            used.remove(at);
+            (start, solution) = solved(camera, given, &used, priors)?;
+            offs = views_off(&solution);
+        }
+    }
+    let mut views: Vec<ViewState> = bad.into_iter().map(|bad| ViewState { bad, dy_px: 0.0, residual_px: None }).collect();
+    for ((&i, off), &dy_px) in used.iter().zip(&offs).zip(&solution.dy_px) {
+        views[i] = ViewState { bad: None, dy_px, residual_px: Some(off.rms_px) };
+    }
+    let sd = |at: usize| solution.covariance[(at, at)].sqrt();
+    Ok(Calibration {
+        sd: PsiSd { uy_px: sd(0), gamma_rad: sd(1), alpha_rad: sd(2), rho: sd(3) },
+        camera: solution.camera,
+        start,
+        rho: solution.rho,
+        views,
+        moved: shifted.map(|m| Moved { view: used[m.view], ..m }),
+        residual_sd_um: solution.residual_sd_um,
+        passes: solution.passes,
+        converged: solution.converged,
+        first: given[used[0]].omega,
+    })
+}
+
+/// The view that is the `at`-th of those not yet bad.
+fn seen_at(bad: &[Option<Bad>], at: usize) -> usize {
+    (0..bad.len()).filter(|&i| !matches!(bad[i], Some(Bad::Blank))).nth(at).unwrap_or(0)
+}
+
+fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) -> Result<(Camera, Solution), CalibrationError> {
+    let views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
+    let from = |rho: f64, priors: Priors| {
+        let first = views[0].omega;
+        let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
+        let start = axis(camera, &turned)?;
+        let solution = solve(&start, rho, &views, priors)?;
+        Some((start, solution))
+    };
+    let nominal = from(1.0, priors);
+    let doubted = nominal.as_ref().is_none_or(|(_, s)| s.residual_sd_um * camera.ky > DOUBT_PX || !s.converged);
+    if !doubted {
+        return nominal.ok_or(CalibrationError::NoSlices);
+    }
+    // Another number of steps per revolution: the angles are all in one ratio to the plan's.
+    let wide = Priors { rho: 1.0, ..priors };
+    let others = RATIOS.iter().filter_map(|&rho| from(rho, wide));
+    let better = others.min_by(|a, b| a.1.residual_sd_um.total_cmp(&b.1.residual_sd_um));
+    match (nominal, better) {
+        // What is planned stands unless another ratio explains far more.
+        (Some(a), Some(b)) if b.1.residual_sd_um > 0.7 * a.1.residual_sd_um => Ok(a),
+        (_, Some(b)) => Ok(b),
+        (Some(a), None) => Ok(a),
+        (None, None) => Err(CalibrationError::NoSlices),
+    }
+}
+
+/// Ratios of true to planned angles that are tried; between them the least squares find their way.
+const RATIOS: [f64; 16] = [0.5, 0.6, 0.7, 0.75, 0.8, 0.84, 0.88, 0.92, 0.96, 1.04, 1.08, 1.14, 1.2, 1.3, 1.5, 2.0];

@@ -1,0 +1,13 @@
+//! Volume and area from the slices' support functions: profiles' edges in, no voxels.
+//!
+//! ```text
+//!  column of the image ── tangents of all views ── Fourier fit of h(theta) ─┐
+//!                                                 smoothed along x ─────────┴─ Sections ── volume = Int A dx
+//!                                                                                      └── area   = Int Int (h + h'') sqrt(1 + h_x^2)
+//! ```
+//! A slice is taken for convex: what is measured is the ideal visual hull, each slice filled to its convex outline. Where views
+//! show a slice to be two, `gap_share` says so, and the voxels are the ones to trust.
+
+mod sections;
+
+pub use sections::{Change, Section, Sections, SupportSettings};
