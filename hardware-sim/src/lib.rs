@@ -8,7 +8,10 @@
 //! ```
 //! The camera looks at where the shaft truly is, so a wrong move gives a wrong picture. Angle 0 is the reference switch:
 //! after homing with the default settings that is machine position 0, and the shaft stands one pull-off before it.
+//!
+//! [`analytic`] stands beside the rig: profiles by formulas, with their truth, where thousands are needed and no picture.
 
+pub mod analytic;
 pub mod clock;
 pub mod gige;
 pub mod grbl;

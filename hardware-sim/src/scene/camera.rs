@@ -101,6 +101,11 @@ impl View {
         Projected { u_px: (self.fkx * x + self.skew * y) / depth + self.ux, v_px: self.fky * y / depth + self.uy, depth_um: depth }
     }
 
+    /// The projection centre in the capillary's frame: what is projected to depth 0 in all directions.
+    pub fn centre(&self) -> [f64; 3] {
+        std::array::from_fn(|j| -(0..3).map(|i| self.rotation[i][j] * self.shift[i]).sum::<f64>())
+    }
+
     /// Length of the ray through a pixel per unit of depth.
     pub fn ray_length_per_depth(&self, u_px: f64, v_px: f64) -> f64 {
         let y = (v_px - self.uy) / self.fky;

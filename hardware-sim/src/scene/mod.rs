@@ -18,7 +18,7 @@ pub mod nuisance;
 pub mod optics;
 pub mod outline;
 pub mod phantom;
-mod seeded;
+pub(crate) mod seeded;
 
 pub use camera::Camera;
 pub use capillary::Capillary;

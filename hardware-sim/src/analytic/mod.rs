@@ -1,0 +1,24 @@
+//! Profiles of solids of known volume and area, without rendering: thousands of specimens to hold a calibration and a
+//! measurement against.
+//!
+//! ```text
+//!   Solid ── support function per slice ──► contour: where rays graze it ──► project ──► union ──► outline (px)
+//!     └────► truth: volume, area, ideal hull                                                │
+//!                                          Disturbance (seeded): camera off, slip, jitter ──┘──► views
+//!                                          shifts, uneven edges, faults
+//! ```
+//! Camera, angles and outlines are those of [`crate::scene`]; units um, px, rad.
+
+mod contour;
+mod disturbance;
+mod larva;
+mod loft;
+mod phantom;
+mod slice;
+mod truth;
+mod union;
+mod views;
+
+pub use disturbance::{Disturbance, Fault};
+pub use phantom::{Phantom, Pose, SizeError};
+pub use views::View;

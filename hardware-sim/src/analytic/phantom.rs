@@ -1,0 +1,172 @@
+//! A specimen that is seen by formulas: its solids, where it lies, what it truly measures and what outline it casts.
+
+use super::contour::contour;
+use super::larva::{Body, Plate};
+use super::loft::{Loft, Solid};
+use super::truth::{hull_volume_and_area, volume_and_area};
+use super::union::Lines;
+use crate::scene::camera::View as Sight;
+use crate::scene::phantom::LarvaError;
+use crate::scene::seeded::{Seeded, mixed};
+use crate::scene::{Camera, Outline, Truth};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// Where a phantom lies: rolled about its own x axis, then moved. It turns with the capillary.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Pose {
+    pub x_um: f64,
+    pub y_um: f64,
+    pub z_um: f64,
+    pub roll_rad: f64,
+}
+
+impl Pose {
+    /// As a specimen may come to lie: up to 100 um along, 40 um across, rolled by any angle.
+    pub fn seeded(seed: u64) -> Self {
+        let mut s = Seeded::new(mixed(seed ^ 0x905E));
+        Self { x_um: s.between(-100.0, 100.0), y_um: s.between(-40.0, 40.0), z_um: s.between(-40.0, 40.0), roll_rad: s.between(0.0, TAU) }
+    }
+
+    pub fn place(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let (sin, cos) = self.roll_rad.sin_cos();
+        [x + self.x_um, y * cos - z * sin + self.y_um, y * sin + z * cos + self.z_um]
+    }
+
+    /// Undoes [`Pose::place`].
+    fn own(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
+        let (sin, cos) = self.roll_rad.sin_cos();
+        let (y, z) = (y - self.y_um, z - self.z_um);
+        [x - self.x_um, y * cos + z * sin, z * cos - y * sin]
+    }
+
+    /// The same, then rolled about the capillary's axis and moved.
+    #[must_use]
+    pub fn moved(&self, by: &Self) -> Self {
+        let [x_um, y_um, z_um] = by.place([self.x_um, self.y_um, self.z_um]);
+        Self { x_um, y_um, z_um, roll_rad: self.roll_rad + by.roll_rad }
+    }
+}
+
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum SizeError {
+    #[error("{name} is {found} um; it must be a finite number above {above} um")]
+    TooSmall { name: &'static str, found: f64, above: f64 },
+}
+
+/// Something with a truth and with outlines.
+#[derive(Debug, Clone)]
+pub struct Phantom {
+    /// The body first; then what else casts a profile.
+    lofts: Vec<Loft>,
+    pose: Pose,
+    diameter_um: Option<f64>,
+}
+
+impl Phantom {
+    /// # Errors
+    /// Refuses a diameter that is no positive length.
+    pub fn sphere(diameter_um: f64) -> Result<Self, SizeError> {
+        let radius_um = above("sphere's diameter", diameter_um, 0.0)? / 2.0;
+        Ok(Self { diameter_um: Some(diameter_um), ..Self::ellipsoid([radius_um; 3])? })
+    }
+
+    /// Half axes along x, y and z.
+    ///
+    /// # Errors
+    /// Refuses half axes that are no positive lengths.
+    pub fn ellipsoid(half_axes_um: [f64; 3]) -> Result<Self, SizeError> {
+        for a in half_axes_um {
+            above("ellipsoid's half axis", a, 0.0)?;
+        }
+        Ok(Self::of(vec![Solid::Ellipsoid { half_axes_um }]))
+    }
+
+    /// A cylinder along x between two half spheres.
+    ///
+    /// # Errors
+    /// Refuses a diameter that is no positive length, and a length that is no larger than the diameter.
+    pub fn capsule(length_um: f64, diameter_um: f64) -> Result<Self, SizeError> {
+        let radius_um = above("capsule's diameter", diameter_um, 0.0)? / 2.0;
+        let half_cylinder_um = above("capsule's length", length_um, diameter_um)? / 2.0 - radius_um;
+        Ok(Self::of(vec![Solid::Capsule { radius_um, half_cylinder_um }]))
+    }
+
+    /// A larva-like body of 3, 4 or 5 dpf without fins.
+    ///
+    /// # Errors
+    /// Refuses other ages.
+    pub fn larva(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
+        Ok(Self::of(vec![Solid::Body(Body::new(dpf, seed)?)]))
+    }
+
+    /// The same body with its fin fold.
+    ///
+    /// # Errors
+    /// Refuses other ages.
+    pub fn finned(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
+        let body = Body::new(dpf, seed)?;
+        let plate = Plate::new(&body, seed);
+        Ok(Self::of(vec![Solid::Body(body), Solid::Plate(plate)]))
+    }
+
+    fn of(solids: Vec<Solid>) -> Self {
+        Self { lofts: solids.into_iter().map(Loft::new).collect(), pose: Pose::default(), diameter_um: None }
+    }
+
+    #[must_use]
+    pub fn placed(mut self, pose: Pose) -> Self {
+        self.pose = pose;
+        self
+    }
+
+    pub fn pose(&self) -> Pose {
+        self.pose
+    }
+
+    /// First and last x of all that casts a profile, as it is placed.
+    pub fn ends_um(&self) -> [f64; 2] {
+        let ends = |loft: &Loft| [loft.solid.slice(0.0).x, loft.solid.slice(loft.solid.span()).x];
+        let [from, to] = self.lofts.iter().map(ends).fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+        [from + self.pose.x_um, to + self.pose.x_um]
+    }
+
+    /// Volume and area of the body and of the ideal hull of body and fin fold, by integration: within 1e-5.
+    pub fn truth(&self) -> Truth {
+        let body = &self.lofts[0].solid;
+        let [volume_um3, area_um2] = volume_and_area(body);
+        let [hull_volume_um3, hull_area_um2] = match (body, self.lofts.get(1).map(|loft| &loft.solid)) {
+            (Solid::Body(body), Some(Solid::Plate(plate))) => hull_volume_and_area(body, plate),
+            _ => [volume_um3, area_um2],
+        };
+        let length_um = body.slice(body.span()).x - body.slice(0.0).x;
+        Truth { volume_um3, area_um2, hull_volume_um3, hull_area_um2, length_um, diameter_um: self.diameter_um }
+    }
+
+    /// What the camera sees with the axis turned by `omega_rad`: a closed outline, clockwise on the screen, not cut off at the
+    /// sensor's rim.
+    pub fn outline(&self, camera: &Camera, omega_rad: f64) -> Outline {
+        self.outline_at(&self.pose, &camera.view(omega_rad))
+    }
+
+    pub(super) fn outline_at(&self, pose: &Pose, sight: &Sight) -> Outline {
+        let eye = pose.own(sight.centre());
+        let seen = |loft: &Loft| {
+            let image = |point: [f64; 3]| {
+                let p = sight.project(pose.place(point));
+                [p.u_px, p.v_px]
+            };
+            let outline: Vec<[f64; 2]> = contour(loft, eye).into_iter().map(image).collect();
+            Lines::of(&outline)
+        };
+        self.lofts.iter().map(seen).reduce(|all, other| all.with(&other)).map(Lines::outline).unwrap_or_default()
+    }
+}
+
+fn above(name: &'static str, found: f64, above: f64) -> Result<f64, SizeError> {
+    if found.is_finite() && found > above { Ok(found) } else { Err(SizeError::TooSmall { name, found, above }) }
+}
+
+#[cfg(test)]
+mod tests;
