@@ -107,7 +107,8 @@ impl Disturbance {
     }
 
     pub(super) fn shift_px(&self, view: usize) -> f64 {
-        self.stream(Stream::Shift, view).normal(self.dy_px)
+        // Plus 0: without shifts it is 0, not -0.
+        self.stream(Stream::Shift, view).normal(self.dy_px) + 0.0
     }
 
     /// Where the specimen lies in a view.

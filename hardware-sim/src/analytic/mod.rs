@@ -14,6 +14,7 @@ mod disturbance;
 mod larva;
 mod loft;
 mod phantom;
+mod raster;
 mod slice;
 mod truth;
 mod union;
@@ -21,4 +22,5 @@ mod views;
 
 pub use disturbance::{Disturbance, Fault};
 pub use phantom::{Phantom, Pose, SizeError};
+pub use raster::coverage;
 pub use views::View;

@@ -10,7 +10,7 @@ use crate::scene::phantom::LarvaError;
 use crate::scene::seeded::{Seeded, mixed};
 use crate::scene::{Camera, Outline, Truth};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Where a phantom lies: rolled about its own x axis, then moved. It turns with the capillary.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -130,6 +130,15 @@ impl Phantom {
         let ends = |loft: &Loft| [loft.solid.slice(0.0).x, loft.solid.slice(loft.solid.span()).x];
         let [from, to] = self.lofts.iter().map(ends).fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         [from + self.pose.x_um, to + self.pose.x_um]
+    }
+
+    /// Least and greatest x, y and z of all that casts a profile, as it is placed.
+    pub fn bounds_um(&self) -> [[f64; 3]; 2] {
+        let slices = || self.lofts.iter().flat_map(|loft| &loft.slices);
+        let reach = |t: f64| slices().map(|slice| slice.support(t - self.pose.roll_rad).h).fold(f64::NEG_INFINITY, f64::max);
+        let [from, to] = self.ends_um();
+        let Pose { y_um, z_um, .. } = self.pose;
+        [[from, y_um - reach(PI), z_um - reach(1.5 * PI)], [to, y_um + reach(0.0), z_um + reach(FRAC_PI_2)]]
     }
 
     /// Volume and area of the body and of the ideal hull of body and fin fold, by integration: within 1e-5.

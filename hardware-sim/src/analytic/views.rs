@@ -109,7 +109,7 @@ fn uneven(outline: &[[f64; 2]], sd_px: f64, correlation_px: f64, seeded: &mut Se
 }
 
 /// Cuts an outline off at the sensor's rim and closes it there, one side of the rim after the other.
-fn within(outline: Outline, width: u32, height: u32) -> Outline {
+pub(super) fn within(outline: Outline, width: u32, height: u32) -> Outline {
     let rims = [(0, 1.0, -0.5), (0, -1.0, f64::from(width) - 0.5), (1, 1.0, -0.5), (1, -1.0, f64::from(height) - 0.5)];
     rims.into_iter().fold(outline, |outline, (axis, sign, rim)| {
         let room = |p: &[f64; 2]| sign * (p[axis] - rim);
