@@ -52,6 +52,7 @@ fn the_demo_plate_is_measured_stored_and_reproduced() {
     let (found, diameter) = (well(&status, "A03")["diameter_um"].as_f64().unwrap(), truth["diameter_um"].as_f64().unwrap());
     assert!((found / diameter - 1.0).abs() < 0.01, "bead: {found} um, truth {diameter} um");
 
+    larvae_have_their_place(&status, &folder);
     for name in ["A01", "A02", "A03"] {
         live_equals_offline(&folder.join(name));
     }
@@ -61,6 +62,22 @@ fn the_demo_plate_is_measured_stored_and_reproduced() {
 
     altered_recordings_are_refused(&folder.join("A03"), dir.path());
     replay_gives_the_same_numbers(&folder.join("A03"), dir.path());
+}
+
+/// Larvae of 3 and 5 dpf stand among the paper's of their age and ASD; its volumes by ASD are not known, and a bead has no age.
+fn larvae_have_their_place(status: &Value, folder: &Path) {
+    for (name, dpf, n) in [("A01", 3, 12), ("A02", 5, 24)] {
+        let stored = &json(&folder.join(name).join("measurement.json"))["reference"]["estimates"][0]["area"]["known"];
+        assert_eq!(stored["group"], format!("fixed ABxTL, {dpf} dpf, ASD 21"));
+        let short = &well(status, name)["reference"];
+        assert_eq!((&short["area"]["z"], &short["area"]["n"]), (&stored["z"], &json!(n)));
+        let words = short["area"]["words"].as_str().unwrap();
+        assert!(words.ends_with(&format!("the mean of {n} larvae of {dpf} dpf")), "{words}");
+        assert!(short["volume"]["words"].as_str().unwrap().starts_with("volume: no reference"), "{short}");
+        assert!(short["volume"]["z"].is_null(), "{short}");
+    }
+    assert!(well(status, "A03")["reference"].is_null());
+    assert!(json(&folder.join("A03/measurement.json")).get("reference").is_none());
 }
 
 /// `carved measure` finds the same bytes of numbers, and the last live volume is the measured one.

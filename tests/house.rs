@@ -25,10 +25,26 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("acquisition", &["units", "frame", "cancel", "hash", "device"]),
     (
         "config",
-        &["units", "frame", "geometry", "profile", "reconstruction", "pipeline", "acquisition", "device", "http", "session", "store"],
+        &[
+            "units",
+            "frame",
+            "geometry",
+            "profile",
+            "measure",
+            "reconstruction",
+            "pipeline",
+            "acquisition",
+            "device",
+            "http",
+            "session",
+            "store",
+        ],
     ),
-    ("store", &["units", "frame", "hash", "geometry", "profile", "pipeline", "acquisition", "config", "session"]),
-    ("session", &["units", "frame", "cancel", "profile", "surface", "pipeline", "export", "device", "acquisition", "config", "store"]),
+    ("store", &["units", "frame", "hash", "geometry", "profile", "measure", "pipeline", "acquisition", "config", "session"]),
+    (
+        "session",
+        &["units", "frame", "cancel", "profile", "surface", "measure", "pipeline", "export", "device", "acquisition", "config", "store"],
+    ),
     ("http", &["range", "session"]),
 ];
 

@@ -203,7 +203,8 @@ impl Recorded {
         for (entry, frame) in &self.frames {
             writer.add_view(entry.clone(), frame).unwrap();
         }
-        writer.add_json(MEASUREMENT, &MeasurementFile { mode: Mode::Simulated, record: self.numbers(empty) }).unwrap();
+        let file = MeasurementFile::new(writer.recording(), &[], self.numbers(empty));
+        writer.add_json(MEASUREMENT, &file).unwrap();
         writer.close().unwrap();
     }
 }

@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let reader = RecordingReader::open(&path)?;
         let record = measure(&reader)?;
         let recording = reader.recording();
-        let file = MeasurementFile { mode: recording.mode, record };
+        let file = MeasurementFile::new(recording, &reader.references()?, record);
         let stored = compare(&path, &file)?;
         differs += usize::from(stored == "differs");
         let line = Measured { recording: &path, well: &recording.specimen.well, stored, truth: recording.truth.as_ref(), file };

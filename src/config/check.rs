@@ -2,10 +2,12 @@
 
 use super::Method;
 use super::raw::{CameraDriver, Raw, RotationDriver, SamplerDriver};
+use super::references::{self, ReferencesError};
 use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
 use crate::frame::RawFrame;
 use crate::geometry::Camera;
 use crate::http::HttpSettings;
+use crate::measure::references::References;
 use crate::profile::{Picture, Reference};
 use crate::store::frames;
 use crate::units::StepsPerRevolution;
@@ -29,6 +31,8 @@ pub struct Config {
     pub camera: CameraDriver,
     pub sampler: SamplerDriver,
     pub methods: BTreeMap<String, Method>,
+    /// The larvae that specimens are compared with.
+    pub references: Arc<[References]>,
 }
 
 #[derive(Debug, Clone)]
@@ -105,6 +109,10 @@ impl Config {
             let file = path.parent().unwrap_or(Path::new("")).join(named);
             empty_capillary(&file, &raw).map_err(|e| breaches.push(format!("  optics.empty_capillary = \"{}\": {e}", named.display()))).ok()
         });
+        let references = configured_references(raw.references.as_deref(), path).unwrap_or_else(|e| {
+            breaches.push(format!("  references: {e}"));
+            Arc::new([])
+        });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
         let RotationDriver::Grbl(rotation) = &raw.rotation;
         let CameraDriver::Aravis(camera) = &raw.camera;
@@ -131,8 +139,15 @@ impl Config {
             camera: raw.camera,
             sampler: raw.sampler,
             methods: raw.methods,
+            references,
         })
     }
+}
+
+/// The named files, looked for beside the configuration `path`, or the paper's references.
+fn configured_references(named: Option<&[PathBuf]>, path: &Path) -> Result<Arc<[References]>, ReferencesError> {
+    let beside = path.parent().unwrap_or(Path::new(""));
+    named.map_or_else(references::embedded, |files| files.iter().map(|file| references::load(&beside.join(file))).collect())
 }
 
 /// Reads the picture of the empty capillary and looks whether every method finds the walls in it.

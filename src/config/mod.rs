@@ -7,6 +7,7 @@
 mod check;
 mod method;
 mod raw;
+pub mod references;
 
 pub use check::{Config, ConfigError, StoreConfig};
 pub use method::Method;

@@ -14,6 +14,9 @@ use std::path::PathBuf;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Raw {
+    /// Files of reference larvae, relative to the configuration file; the paper's where left out.
+    #[serde(default)]
+    pub references: Option<Vec<PathBuf>>,
     pub http: HttpSettings,
     pub store: RawStore,
     pub rig: RawRig,

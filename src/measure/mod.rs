@@ -12,6 +12,7 @@
 //! The area depends on how the mesh was smoothed by up to a tenth, so [`Measurement`] says which operator, weight and
 //! number of iterations made it.
 
+pub mod references;
 mod solid;
 mod sphere;
 pub mod support;

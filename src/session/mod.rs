@@ -13,6 +13,7 @@ mod handle;
 mod heart;
 mod live;
 mod plan;
+mod reference;
 mod sentence;
 mod state;
 mod status;
@@ -25,6 +26,7 @@ pub use worker::Instrument;
 pub use event::Event;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};
 pub use plan::{FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name};
+pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
     CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus, SchedulerAction,
     SpecimenOutcome, SpecimenStatus, State, Status, WellCounts, WellStatus,

@@ -38,6 +38,13 @@ pub struct PlannedWell {
     pub dpf: Option<f64>,
 }
 
+impl PlannedWell {
+    /// Days post fertilisation of a larva, where they are known.
+    pub fn age_of_larva(&self) -> Option<f64> {
+        self.dpf.filter(|_| self.specimen == SpecimenKind::Larva)
+    }
+}
+
 fn larva() -> SpecimenKind {
     SpecimenKind::Larva
 }

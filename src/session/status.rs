@@ -168,6 +168,9 @@ pub struct WellStatus {
     pub field_area_um2: Option<f64>,
     /// Of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
+    /// Where a larva of known age stands among reference larvae.
+    #[serde(default)]
+    pub reference: Option<Box<super::ReferenceStatus>>,
 }
 
 impl WellStatus {
@@ -185,6 +188,7 @@ impl WellStatus {
             field_volume_um3: None,
             field_area_um2: None,
             diameter_um: None,
+            reference: None,
         }
     }
 

@@ -9,7 +9,7 @@
 
 use super::fault;
 use super::live;
-use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
+use super::{Live, Mode, Phase, PlannedWell, ReferenceStatus, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
 use crate::acquisition::{self, AcquisitionError, LedgerEntry, RevolutionPlan, SinkClosed};
 use crate::cancel::CancelToken;
 use crate::config::{Config, Method};
@@ -107,7 +107,15 @@ pub struct RunContext {
 
 /// Why a well has no number.
 enum WellEnd {
-    Measured { flags: Vec<String>, volume_um3: f64, area_um2: f64, field_volume_um3: f64, field_area_um2: f64, diameter_um: Option<f64> },
+    Measured {
+        flags: Vec<String>,
+        volume_um3: f64,
+        area_um2: f64,
+        field_volume_um3: f64,
+        field_area_um2: f64,
+        diameter_um: Option<f64>,
+        reference: Option<Box<ReferenceStatus>>,
+    },
     Skipped(&'static str),
     Failed(String),
 }
@@ -177,7 +185,7 @@ impl RunContext {
             let Some(end) = self.well(instrument, planned)? else { return Ok(ControlFlow::Break(())) };
             let mut result = WellStatus::pending(planned);
             match end {
-                WellEnd::Measured { flags, volume_um3, area_um2, field_volume_um3, field_area_um2, diameter_um } => {
+                WellEnd::Measured { flags, volume_um3, area_um2, field_volume_um3, field_area_um2, diameter_um, reference } => {
                     result.end(SpecimenOutcome::Succeeded, None);
                     result.flags = flags;
                     result.volume_um3 = Some(volume_um3);
@@ -185,6 +193,7 @@ impl RunContext {
                     result.field_volume_um3 = Some(field_volume_um3);
                     result.field_area_um2 = Some(field_area_um2);
                     result.diameter_um = diameter_um;
+                    result.reference = reference;
                 }
                 WellEnd::Skipped(reason) => result.end(SpecimenOutcome::Skipped, Some(reason)),
                 WellEnd::Failed(reason) => result.end(SpecimenOutcome::Failed, Some(&reason)),
@@ -300,6 +309,7 @@ impl RunContext {
             Ok(plan) => plan,
             Err(e) => return Ok(Some(WellEnd::Failed(e.to_string()))),
         };
+        writer.add_references(&self.config.references)?;
         // Room for every view: the axis never waits for the science.
         let (send, views) = sync_channel::<(LedgerEntry, RawFrame)>(self.method.asd as usize + 1);
         let (revolved, specimen) = std::thread::scope(|scope| {
@@ -355,13 +365,14 @@ impl RunContext {
             writer.add_file("model.glb", &glb)?;
             self.tell(Progress::Model { glb });
         }
-        let record = MeasurementFile { mode: self.mode, record };
-        writer.add_json(MEASUREMENT, &record)?;
-        let record = record.record;
+        let file = MeasurementFile::new(writer.recording(), &self.config.references, record);
+        writer.add_json(MEASUREMENT, &file)?;
+        let MeasurementFile { record, reference, .. } = file;
         writer.add_json("timings.json", &clock)?;
         let m = &record.measurement;
         Ok(WellEnd::Measured {
-            flags: record.flags.clone(),
+            flags: record.flags,
+            reference: reference.as_ref().and_then(ReferenceStatus::of).map(Box::new),
             volume_um3: m.volume_um3,
             area_um2: m.area_um2,
             field_volume_um3: m.field_volume_um3,

@@ -7,6 +7,7 @@
 //!              frames/empty.png        the empty capillary that the frames are compared with, where there is one
 //!              frames/detect.png       the frame on which the well was judged
 //!              profiles/view_000.png   the mask that was carved with
+//!              references.json         the larvae that a larva of known age is compared with
 //!              measurement.json        the numbers
 //!              mesh.ply                the surface, um
 //!              model.glb               the same in fewer triangles
@@ -19,6 +20,7 @@ use crate::config::Method;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::geometry::Camera;
 use crate::hash::sha256_hex;
+use crate::measure::references::{References, Specimen, Standing, estimates};
 use crate::pipeline::SpecimenRecord;
 use crate::profile::Mask;
 use crate::session::{Mode, PlannedWell};
@@ -40,6 +42,30 @@ pub struct MeasurementFile {
     pub mode: Mode,
     #[serde(flatten)]
     pub record: SpecimenRecord,
+    /// The place among reference larvae, of a larva whose age is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Standing>,
+}
+
+impl MeasurementFile {
+    /// The numbers of a recording, compared with the references that it holds.
+    pub fn new(recording: &Recording, references: &[References], record: SpecimenRecord) -> Self {
+        let measurement = &record.measurement;
+        let standing = |dpf| {
+            let specimen = Specimen {
+                dpf,
+                asd: recording.method.asd,
+                views: measurement.views,
+                voxel_um: measurement.voxel_size_um,
+                epsilon: measurement.epsilon,
+                simulated: recording.mode == Mode::Simulated,
+                estimates: estimates(measurement),
+            };
+            Standing::of(&specimen, references)
+        };
+        let reference = recording.specimen.age_of_larva().filter(|_| !references.is_empty()).map(standing);
+        Self { mode: recording.mode, record, reference }
+    }
 }
 
 /// Which program wrote a file.
@@ -86,6 +112,9 @@ pub struct Recording {
     pub method: Method,
     /// Of a simulated specimen: what a perfect measurement would find. `null` on an instrument.
     pub truth: Option<serde_json::Value>,
+    /// Of `references.json`, where there are references of a larva.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub references_sha256: Option<String>,
     /// In the order in which the views were taken.
     pub ledger: Ledger,
 }
@@ -103,6 +132,7 @@ impl Recording {
             method_name: method_name.into(),
             method,
             truth: None,
+            references_sha256: None,
             ledger: Ledger::default(),
         }
     }
@@ -115,6 +145,9 @@ fn frame_file(entry: &LedgerEntry) -> String {
 
 /// The frame of the empty capillary, relative to the recording.
 const EMPTY: &str = "frames/empty.png";
+
+/// The reference larvae, relative to the recording.
+const REFERENCES: &str = "references.json";
 
 /// Writes a recording; what `add_view` has returned from survives a crash.
 pub struct RecordingWriter {
@@ -158,6 +191,21 @@ impl RecordingWriter {
         self.put("frames/detect.png", &frames::encode(frame)?)?;
         self.recording.truth = truth;
         self.save()
+    }
+
+    /// What the specimen is compared with: of a larva of known age, so that its recording gives its place from its own folder.
+    pub fn add_references(&mut self, references: &[References]) -> Result<(), StoreError> {
+        if self.recording.specimen.age_of_larva().is_none() || references.is_empty() {
+            return Ok(());
+        }
+        let text = durable::json_text(&self.folder.join(REFERENCES), &references)?;
+        self.put(REFERENCES, &text)?;
+        self.recording.references_sha256 = Some(sha256_hex(&text));
+        self.save()
+    }
+
+    pub fn recording(&self) -> &Recording {
+        &self.recording
     }
 
     /// Frame first, then the ledger that names it: a ledger never lists a frame that is not there.
@@ -251,6 +299,17 @@ impl RecordingReader {
     pub fn empty_capillary(&self) -> Result<Option<RawFrame>, StoreError> {
         let expected = self.recording.rig.empty_capillary_sha256.as_deref();
         expected.map(|expected| self.unaltered(self.folder.join(EMPTY), expected)).transpose()
+    }
+
+    /// The larvae that the specimen is compared with; none of a bead, or of a larva whose age is not known.
+    pub fn references(&self) -> Result<Vec<References>, StoreError> {
+        let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };
+        let path = self.folder.join(REFERENCES);
+        let found = sha256_hex(&std::fs::read(&path).map_err(StoreError::io("read", &path))?);
+        if found != *expected {
+            return Err(StoreError::Altered { path, expected: expected.clone(), found });
+        }
+        durable::read_json(&path, "references (carved.references/1)")
     }
 
     fn unaltered(&self, path: PathBuf, expected: &str) -> Result<RawFrame, StoreError> {

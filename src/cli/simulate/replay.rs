@@ -17,7 +17,7 @@ use std::sync::Arc;
 /// Grbl's `$27`, units.
 const HOMING_PULL_OFF: u16 = 27;
 
-/// The recording's rig and method take the place of the configured ones, its frames that of the scene.
+/// The recording's rig, method and references take the place of the configured ones, its frames that of the scene.
 pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> {
     let reader = RecordingReader::open(path)?;
     reader.require_finished()?;
@@ -26,6 +26,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     let recording = reader.recording();
     config.optics = recording.rig.camera.clone();
     config.empty_capillary = reader.empty_capillary()?.map(Arc::new);
+    config.references = reader.references()?.into();
     config.steps_per_revolution = recording.rig.steps_per_revolution;
     config.acquisition.sense = recording.rig.sense;
     config.methods.insert(recording.method_name.clone(), recording.method.clone());

@@ -1,0 +1,230 @@
+//! Reference larvae as they are written down: groups of one age, treatment and way of measuring.
+
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// What a file of references says it is.
+pub const SCHEMA: &str = "carved.references/1";
+
+/// One file of references.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct References {
+    pub schema: String,
+    pub name: String,
+    /// What one would look for here and not find.
+    #[serde(default, rename = "missing", skip_serializing_if = "Vec::is_empty")]
+    pub gaps: Vec<Gap>,
+    #[serde(default, rename = "group")]
+    pub groups: Vec<Group>,
+}
+
+/// What is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    Volume,
+    Area,
+    /// Volume and area together.
+    Joint,
+}
+
+/// A number that these references do not have, and why.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gap {
+    pub quantity: Quantity,
+    /// Of larvae of this age only.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dpf: Option<f64>,
+    pub why: String,
+}
+
+/// Larvae of one age that were measured in one way. What is left out is not known.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Group {
+    pub name: String,
+    /// Days post fertilisation.
+    pub dpf: f64,
+    /// `fixed`, `living`, or what was done to them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub treatment: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strain: Option<String>,
+    /// A further word that keeps larvae apart: a batch, a clutch.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cohort: Option<String>,
+    /// Larvae.
+    pub n: u32,
+    /// ASD: views per revolution.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub asd: Option<u32>,
+    /// SD: edge of a voxel, um.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voxel_um: Option<f64>,
+    /// Share of the views that may miss a voxel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub epsilon: Option<f64>,
+    /// What made the numbers; the paper's is `voxel`.
+    pub estimator: String,
+    /// Measured on an emulated rig.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub simulated: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub volume_um3: Option<Moments>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub area_um2: Option<Moments>,
+    /// Of volume and area over the larvae, um^5 (um^3 times um^2), with the divisor n - 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub covariance_um5: Option<f64>,
+    pub source: String,
+}
+
+/// Mean and standard deviation over the larvae, in the unit of the key.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Moments {
+    pub mean: f64,
+    pub sd: f64,
+}
+
+/// One thing wrong with references, and what it should be.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{place}{key} = {found}; expected {expected}")]
+pub struct Breach {
+    place: String,
+    key: &'static str,
+    found: String,
+    expected: &'static str,
+}
+
+impl Quantity {
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Volume => "volume",
+            Self::Area => "area",
+            Self::Joint => "volume and area together",
+        }
+    }
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl References {
+    /// Everything that is wrong, not the first thing only.
+    pub fn check(&self) -> Vec<Breach> {
+        let mut breaches = Vec::new();
+        let mut wrong = |key, found: &dyn fmt::Debug, expected| {
+            breaches.push(Breach { place: String::new(), key, found: format!("{found:?}"), expected });
+        };
+        if self.schema != SCHEMA {
+            wrong("schema", &self.schema, "\"carved.references/1\"");
+        }
+        if self.groups.is_empty() {
+            wrong("group", &"none", "at least one [[group]]");
+        }
+        let mut names: Vec<_> = self.groups.iter().map(|g| g.name.as_str()).collect();
+        names.sort_unstable();
+        for twice in names.windows(2).filter(|w| w[0] == w[1]) {
+            wrong("group.name", &twice[0], "a name that no other group of the file has");
+        }
+        breaches.extend(self.groups.iter().flat_map(Group::check));
+        breaches
+    }
+}
+
+impl Group {
+    /// Numbers that say something: a place among fewer than three larvae is none, and nothing is measured without spread.
+    fn check(&self) -> Vec<Breach> {
+        let mut breaches = Vec::new();
+        let mut wrong = |key, found: String, expected| {
+            breaches.push(Breach { place: format!("group {:?}: ", self.name), key, found, expected });
+        };
+        if !(0.0..=30.0).contains(&self.dpf) {
+            wrong("dpf", self.dpf.to_string(), "0 to 30 days post fertilisation");
+        }
+        if self.n < 3 {
+            wrong("n", self.n.to_string(), "3 larvae or more");
+        }
+        if let Some(asd) = self.asd.filter(|asd| *asd < 3) {
+            wrong("asd", asd.to_string(), "3 views per revolution or more, or no key where it is not known");
+        }
+        if let Some(size) = self.voxel_um.filter(|s| !positive(*s)) {
+            wrong("voxel_um", size.to_string(), "an edge above 0 um, or no key where it is not known");
+        }
+        if let Some(epsilon) = self.epsilon.filter(|e| !(0.0..0.5).contains(e)) {
+            wrong("epsilon", epsilon.to_string(), "0 up to, not including, 0.5, or no key where it is not known");
+        }
+        if self.estimator.is_empty() {
+            wrong("estimator", "\"\"".into(), "what made the numbers, as \"voxel\"");
+        }
+        for (key, moments) in [("volume_um3", self.volume_um3), ("area_um2", self.area_um2)] {
+            if let Some(m) = moments.filter(|m| !(positive(m.mean) && positive(m.sd))) {
+                wrong(key, format!("{{ mean = {}, sd = {} }}", m.mean, m.sd), "mean and standard deviation above 0");
+            }
+        }
+        match (self.volume_um3, self.area_um2, self.covariance_um5) {
+            (None, None, _) => wrong("volume_um3", "nothing".into(), "volume_um3, area_um2 or both"),
+            (Some(v), Some(a), Some(c)) if c.is_nan() || c.abs() >= v.sd * a.sd => {
+                wrong("covariance_um5", c.to_string(), "less than the product of both standard deviations");
+            }
+            (None, _, Some(c)) | (_, None, Some(c)) => {
+                wrong("covariance_um5", c.to_string(), "no covariance without both volume_um3 and area_um2");
+            }
+            _ => {}
+        }
+        breaches
+    }
+}
+
+fn positive(x: f64) -> bool {
+    x.is_finite() && x > 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::measure::references::tests;
+
+    fn sound() -> References {
+        let group = Group { n: 3, covariance_um5: Some(5e11), ..tests::group("a", 4.0) };
+        References { schema: SCHEMA.into(), name: "test".into(), gaps: Vec::new(), groups: vec![group] }
+    }
+
+    #[test]
+    fn every_breach_is_listed_with_its_group() {
+        assert_eq!(sound().check(), []);
+        let mut broken = sound();
+        let g = &mut broken.groups[0];
+        (g.dpf, g.n, g.asd, g.voxel_um, g.epsilon) = (-1.0, 2, Some(2), Some(0.0), Some(0.5));
+        g.area_um2 = Some(Moments { mean: 3.3e6, sd: f64::NAN });
+        g.estimator = String::new();
+        broken.groups.push(broken.groups[0].clone());
+        broken.schema = "carved.references/2".into();
+        let said: Vec<_> = broken.check().iter().map(ToString::to_string).collect();
+        assert_eq!(said.len(), 2 + 2 * 7, "{said:#?}");
+        assert!(said.contains(&"group \"a\": n = 2; expected 3 larvae or more".to_owned()), "{said:#?}");
+        assert!(said[0].starts_with("schema = \"carved.references/2\""), "{said:#?}");
+        assert!(said[1].starts_with("group.name = \"a\""), "{said:#?}");
+    }
+
+    #[test]
+    fn a_covariance_needs_both_quantities_and_less_than_their_spread() {
+        let with = |change: fn(&mut Group)| {
+            let mut references = sound();
+            change(&mut references.groups[0]);
+            references.check().len()
+        };
+        assert_eq!(with(|g| g.covariance_um5 = Some(1e12)), 1);
+        assert_eq!(with(|g| g.covariance_um5 = Some(f64::NAN)), 1);
+        assert_eq!(with(|g| g.covariance_um5 = Some(-0.99e12)), 0);
+        assert_eq!(with(|g| g.volume_um3 = None), 1);
+        assert_eq!(with(|g| (g.volume_um3, g.covariance_um5) = (None, None)), 0);
+        assert_eq!(with(|g| (g.volume_um3, g.area_um2, g.covariance_um5) = (None, None, None)), 1);
+    }
+}

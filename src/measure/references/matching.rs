@@ -1,0 +1,164 @@
+//! Which group of references a specimen may be compared with, and what of it does not match.
+//!
+//! ```text
+//!  groups ─ of its age? ─ of this estimator? ─ with this quantity? ─ not of another ASD? ─► the one with fewest mismatches
+//!                │               │                    │                      │
+//!               Age          Estimator             Quantity                 Asd          Missing, with what there is
+//! ```
+
+use super::estimate::Estimate;
+use super::group::{Group, Quantity, References};
+use serde::{Deserialize, Serialize};
+
+/// A larva of the plan's age is compared with groups within this, days: in a tenth of a day the paper's larvae grow by a fifth
+/// of their standard deviation at most (table 5, ASD 21: 0.29e6 um^2 from 4 to 5 dpf, SD 0.14e6).
+const SAME_AGE_DAYS: f64 = 0.1;
+
+/// One larva as it was measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Specimen {
+    /// Days post fertilisation.
+    pub dpf: f64,
+    /// Views per revolution of the method.
+    pub asd: u32,
+    /// Views that carved.
+    pub views: usize,
+    pub voxel_um: f64,
+    pub epsilon: f64,
+    pub simulated: bool,
+    pub estimates: Vec<Estimate>,
+}
+
+/// A value of a method or a word.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Known {
+    Number(f64),
+    Word(String),
+}
+
+/// One way in which a specimen and its reference larvae differ; `null` is what is not known.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Mismatch {
+    /// `asd`, `views`, `voxel_um`, `epsilon`, `treatment`, `strain`, `cohort` or `mode`.
+    pub key: String,
+    pub specimen: Option<Known>,
+    pub reference: Option<Known>,
+}
+
+/// At which question no group was left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MissingReason {
+    Age,
+    Estimator,
+    Quantity,
+    Asd,
+}
+
+/// Why there is nothing to compare with.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Missing {
+    pub quantity: Quantity,
+    pub reason: MissingReason,
+    /// What there is instead: ages in dpf, or views per revolution.
+    pub there_are: Vec<f64>,
+    /// What the references themselves say of it.
+    pub why: Vec<String>,
+}
+
+/// A group that may be asked.
+#[derive(Debug, Clone)]
+pub(super) struct Match<'a> {
+    pub group: &'a Group,
+    pub mismatches: Vec<Mismatch>,
+}
+
+/// Best first: of the specimen's ASD, then with the fewest mismatches, then of the most larvae.
+type Rank = (bool, usize, std::cmp::Reverse<u32>);
+
+impl Match<'_> {
+    pub fn rank(&self) -> Rank {
+        (!asd_is_matched(&self.mismatches), self.mismatches.len(), std::cmp::Reverse(self.group.n))
+    }
+}
+
+/// Whether reference and specimen are of the same ASD, as far as is known.
+pub(super) fn asd_is_matched(mismatches: &[Mismatch]) -> bool {
+    mismatches.iter().all(|m| m.key != "asd")
+}
+
+impl Specimen {
+    /// The best group of the specimen's age by this estimator, with what `numbers` takes of it for this quantity.
+    pub(super) fn find<'a, N>(
+        &self,
+        references: &'a [References],
+        estimator: &str,
+        quantity: Quantity,
+        numbers: impl Fn(&Group) -> Option<N>,
+    ) -> Result<(Match<'a>, N), Missing> {
+        let gaps = references.iter().flat_map(|r| &r.gaps).filter(|g| g.quantity == quantity);
+        let why = gaps.filter(|g| g.dpf.is_none_or(|dpf| self.is_of(dpf))).map(|g| g.why.clone()).collect();
+        let missing = |reason, mut there_are: Vec<f64>| {
+            there_are.sort_by(f64::total_cmp);
+            there_are.dedup();
+            Missing { quantity, reason, there_are, why }
+        };
+        let all: Vec<_> = references.iter().flat_map(|r| &r.groups).collect();
+        let of_age: Vec<_> = all.iter().filter(|g| self.is_of(g.dpf)).collect();
+        if of_age.is_empty() {
+            return Err(missing(MissingReason::Age, all.iter().map(|g| g.dpf).collect()));
+        }
+        let of_estimator: Vec<_> = of_age.into_iter().filter(|g| g.estimator == estimator).collect();
+        if of_estimator.is_empty() {
+            return Err(missing(MissingReason::Estimator, Vec::new()));
+        }
+        let with_quantity: Vec<_> = of_estimator.into_iter().filter_map(|g| Some((*g, numbers(g)?))).collect();
+        if with_quantity.is_empty() {
+            return Err(missing(MissingReason::Quantity, Vec::new()));
+        }
+        let asds = with_quantity.iter().filter_map(|(g, _)| g.asd.map(f64::from)).collect();
+        let fits = with_quantity.into_iter().filter_map(|(g, numbers)| Some((self.fit(g)?, numbers)));
+        fits.min_by_key(|(fit, _)| fit.rank()).ok_or_else(|| missing(MissingReason::Asd, asds))
+    }
+
+    fn is_of(&self, dpf: f64) -> bool {
+        // A hundredth of a second is forgiven to decimal ages.
+        (self.dpf - dpf).abs() <= SAME_AGE_DAYS + 1e-7
+    }
+
+    /// What does not match, whatever the group's age and quantities; nothing where it is of another ASD.
+    #[allow(clippy::float_cmp, reason = "a method's settings are the same or they are not")]
+    pub(super) fn fit<'a>(&self, group: &'a Group) -> Option<Match<'a>> {
+        if group.asd.is_some_and(|asd| asd != self.asd) {
+            return None;
+        }
+        let mut mismatches = Vec::new();
+        let mut differs = |key: &str, specimen: Option<Known>, reference: Option<Known>| {
+            mismatches.push(Mismatch { key: key.to_owned(), specimen, reference });
+        };
+        let asd = Known::Number(self.asd.into());
+        if group.asd.is_none() {
+            differs("asd", Some(asd.clone()), None);
+        }
+        if self.views != self.asd as usize {
+            differs("views", Some(Known::Number(self.views as f64)), Some(asd));
+        }
+        for (key, specimen, reference) in [("voxel_um", self.voxel_um, group.voxel_um), ("epsilon", self.epsilon, group.epsilon)] {
+            if reference != Some(specimen) {
+                differs(key, Some(Known::Number(specimen)), reference.map(Known::Number));
+            }
+        }
+        // The plate map says nothing of these of the specimen.
+        for (key, reference) in [("treatment", &group.treatment), ("strain", &group.strain), ("cohort", &group.cohort)] {
+            if let Some(word) = reference {
+                differs(key, None, Some(Known::Word(word.clone())));
+            }
+        }
+        if self.simulated != group.simulated {
+            let mode = |simulated: bool| Some(Known::Word(if simulated { "simulated" } else { "hardware" }.into()));
+            differs("mode", mode(self.simulated), mode(group.simulated));
+        }
+        Some(Match { group, mismatches })
+    }
+}

@@ -1,0 +1,78 @@
+//! Everything that the references say of one larva.
+
+use super::estimate::{Estimate, VOXEL};
+use super::group::{Group, Moments, Quantity, References};
+use super::joint::{JointPlace, JointPredictive};
+use super::matching::{Missing, Specimen};
+use super::predictive::{Place, Predictive};
+use super::stage::Stage;
+use serde::{Deserialize, Serialize};
+
+/// What there is, or why there is nothing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Answer<T> {
+    Known(T),
+    Missing(Missing),
+}
+
+/// The place of a larva among reference larvae of its age, by every estimator that has any.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Standing {
+    /// The age that it was compared at: the plate map's.
+    pub dpf: f64,
+    /// The paper's estimator first, whether it has references or not.
+    pub estimates: Vec<EstimateStanding>,
+}
+
+/// The place of one estimator's numbers.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct EstimateStanding {
+    pub estimator: String,
+    pub volume: Answer<Place>,
+    pub area: Answer<Place>,
+    pub joint: Answer<JointPlace>,
+    pub stage: Answer<Stage>,
+}
+
+impl<T> From<Result<T, Missing>> for Answer<T> {
+    fn from(found: Result<T, Missing>) -> Self {
+        found.map_or_else(Self::Missing, Self::Known)
+    }
+}
+
+impl<T> Answer<T> {
+    pub fn known(&self) -> Option<&T> {
+        match self {
+            Self::Known(found) => Some(found),
+            Self::Missing(_) => None,
+        }
+    }
+}
+
+impl Standing {
+    pub fn of(specimen: &Specimen, references: &[References]) -> Self {
+        let has = |name: &str| name == VOXEL || references.iter().flat_map(|r| &r.groups).any(|g| g.estimator == name);
+        let asked = specimen.estimates.iter().filter(|e| has(e.estimator));
+        let of_one = |e: &Estimate| {
+            let single = |quantity, value: f64, moments: fn(&Group) -> Option<Moments>| {
+                let found = specimen.find(references, e.estimator, quantity, |g| Predictive::new(moments(g)?, g.n));
+                found.map(|(fit, predictive)| predictive.place(value, &fit.group.name, fit.mismatches)).into()
+            };
+            let joint = specimen.find(references, e.estimator, Quantity::Joint, JointPredictive::of);
+            EstimateStanding {
+                estimator: e.estimator.to_owned(),
+                volume: single(Quantity::Volume, e.volume_um3, |g| g.volume_um3),
+                area: single(Quantity::Area, e.area_um2, |g| g.area_um2),
+                joint: joint.map(|(fit, numbers)| numbers.place(e.volume_um3, e.area_um2, &fit.group.name, fit.mismatches)).into(),
+                stage: specimen.stage(references, e).into(),
+            }
+        };
+        Self { dpf: specimen.dpf, estimates: asked.map(of_one).collect() }
+    }
+
+    /// The place of this estimator's numbers.
+    pub fn by(&self, estimator: &str) -> Option<&EstimateStanding> {
+        self.estimates.iter().find(|e| e.estimator == estimator)
+    }
+}

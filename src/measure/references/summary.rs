@@ -1,0 +1,155 @@
+//! Reference groups from single controls: n, mean, SD and covariance of what was measured alike.
+
+use super::group::{Group, Moments};
+use statrs::statistics::Statistics;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Fewer larvae than this make no group: two have a spread, but t with one degree of freedom places nothing (its 95 % interval
+/// is 15.6 SD to either side; with three larvae 5.0).
+pub const FEWEST: usize = 3;
+
+/// One control larva by one estimator. What is `None` is not known.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Control {
+    pub dpf: f64,
+    pub treatment: Option<String>,
+    pub strain: Option<String>,
+    pub cohort: Option<String>,
+    pub asd: Option<u32>,
+    pub voxel_um: Option<f64>,
+    pub epsilon: Option<f64>,
+    pub estimator: String,
+    pub simulated: bool,
+    pub volume_um3: Option<f64>,
+    pub area_um2: Option<f64>,
+}
+
+/// Why controls make no group.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum Unfit {
+    #[error("{group}: {n} larva(e); a place among fewer than {FEWEST} says nothing: measure more controls or leave these out")]
+    TooFew { group: String, n: usize },
+    #[error("{group}: {with} of {n} larvae have {key}; give it for all of them or for none")]
+    Uneven { group: String, key: &'static str, with: usize, n: usize },
+    #[error("{group}: {key} is the same number {n} times: is one larva given more than once?")]
+    NoSpread { group: String, key: &'static str, n: usize },
+}
+
+/// What a set of controls gave.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Summaries {
+    /// Youngest first.
+    pub groups: Vec<Group>,
+    pub refusals: Vec<Unfit>,
+    /// Ways of measuring that were mixed; they are kept apart.
+    pub warnings: Vec<String>,
+}
+
+/// Groups the controls by age, treatment, strain, cohort and way of measuring.
+pub fn summarise(controls: &[Control], source: &str) -> Summaries {
+    let mut by_name: BTreeMap<String, Vec<&Control>> = BTreeMap::new();
+    for control in controls {
+        by_name.entry(control.group_name()).or_default().push(control);
+    }
+    let mut summaries = Summaries { warnings: mixtures(controls), ..Summaries::default() };
+    for (name, members) in by_name {
+        match group(name, &members, source) {
+            Ok(group) => summaries.groups.push(group),
+            Err(unfit) => summaries.refusals.push(unfit),
+        }
+    }
+    summaries.groups.sort_by(|a, b| a.dpf.total_cmp(&b.dpf));
+    summaries
+}
+
+impl Control {
+    /// Age and what was done, which every way of measuring the same larvae shares.
+    fn larvae_name(&self) -> String {
+        let words = [&self.treatment, &self.strain, &self.cohort];
+        let words = words.iter().filter_map(|w| w.as_deref()).collect::<Vec<_>>().join(" ");
+        format!("{words}{}{} dpf", if words.is_empty() { "" } else { ", " }, self.dpf)
+    }
+
+    /// Names everything that keeps groups apart.
+    fn group_name(&self) -> String {
+        let mut name = self.larvae_name();
+        if let Some(asd) = self.asd {
+            name += &format!(", ASD {asd}");
+        }
+        if let Some(size) = self.voxel_um {
+            name += &format!(", SD {size} um");
+        }
+        if let Some(epsilon) = self.epsilon {
+            name += &format!(", epsilon {epsilon}");
+        }
+        name += &format!(", {}", self.estimator);
+        if self.simulated { name + ", simulated" } else { name }
+    }
+}
+
+fn group(name: String, members: &[&Control], source: &str) -> Result<Group, Unfit> {
+    let n = members.len();
+    if n < FEWEST {
+        return Err(Unfit::TooFew { group: name, n });
+    }
+    let values = |key, of: fn(&Control) -> Option<f64>| {
+        let values: Vec<f64> = members.iter().filter_map(|c| of(c)).collect();
+        match values.len() {
+            0 => Ok(None),
+            with if with < n => Err(Unfit::Uneven { group: name.clone(), key, with, n }),
+            _ if values.iter().all(|v| v.total_cmp(&values[0]).is_eq()) => Err(Unfit::NoSpread { group: name.clone(), key, n }),
+            _ => Ok(Some(values)),
+        }
+    };
+    let volumes = values("volume_um3", |c| c.volume_um3)?;
+    let areas = values("area_um2", |c| c.area_um2)?;
+    let moments = |values: &Option<Vec<f64>>| values.as_ref().map(|v| Moments { mean: v.mean(), sd: v.std_dev() });
+    let first = members[0];
+    Ok(Group {
+        dpf: first.dpf,
+        treatment: first.treatment.clone(),
+        strain: first.strain.clone(),
+        cohort: first.cohort.clone(),
+        n: n as u32,
+        asd: first.asd,
+        voxel_um: first.voxel_um,
+        epsilon: first.epsilon,
+        estimator: first.estimator.clone(),
+        simulated: first.simulated,
+        volume_um3: moments(&volumes),
+        area_um2: moments(&areas),
+        covariance_um5: volumes.zip(areas).map(|(v, a)| v.covariance(a)),
+        source: source.to_owned(),
+        name,
+    })
+}
+
+/// One line for each thing in which larvae of one age and treatment were measured differently.
+fn mixtures(controls: &[Control]) -> Vec<String> {
+    let mut larvae: BTreeMap<String, Vec<&Control>> = BTreeMap::new();
+    for control in controls {
+        larvae.entry(control.larvae_name()).or_default().push(control);
+    }
+    let number = |x: Option<f64>| x.map_or_else(|| "not given".to_owned(), |x| x.to_string());
+    let mut warnings = Vec::new();
+    for (name, members) in larvae {
+        let mut mixed = |what: &str, values: BTreeSet<String>| {
+            if values.len() > 1 {
+                let list = values.into_iter().collect::<Vec<_>>().join(", ");
+                warnings.push(format!("{name}: {what} is mixed ({list}); these are kept apart"));
+            }
+        };
+        mixed("ASD", members.iter().map(|c| number(c.asd.map(f64::from))).collect());
+        mixed("SD (voxel_um)", members.iter().map(|c| number(c.voxel_um)).collect());
+        mixed("epsilon", members.iter().map(|c| number(c.epsilon)).collect());
+        mixed("mode", members.iter().map(|c| if c.simulated { "simulated" } else { "hardware" }.to_owned()).collect());
+        // Every recording has all estimators' numbers; larvae that have only some of them are of another origin.
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        for control in &members {
+            *counts.entry(control.estimator.as_str()).or_default() += 1;
+        }
+        let uneven = counts.values().collect::<BTreeSet<_>>().len() > 1;
+        mixed("estimator", counts.keys().filter(|_| uneven).map(|e| (*e).to_owned()).collect());
+    }
+    warnings
+}

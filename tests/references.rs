@@ -1,0 +1,208 @@
+//! Reference larvae from their files to a specimen's record.
+
+#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
+
+mod common;
+
+use carved::carver::Leaves;
+use carved::config::{Config, references};
+use carved::geometry::{BoxUm, VoxelGrid};
+use carved::measure::references::{MissingReason, Quantity, References};
+use carved::pipeline::SpecimenRecord;
+use carved::profile::Mask;
+use carved::reconstruction::{Reconstruction, ReconstructionSettings};
+use carved::session::{Mode, PlannedWell, SpecimenKind};
+use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
+use std::path::{Path, PathBuf};
+
+fn shipped(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("config/references").join(name)
+}
+
+fn config() -> Config {
+    Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("config/simulated.toml")).unwrap()
+}
+
+fn group<'a>(all: &'a [References], name: &str) -> &'a carved::measure::references::Group {
+    all.iter().flat_map(|r| &r.groups).find(|g| g.name == name).unwrap_or_else(|| panic!("no group {name:?}"))
+}
+
+/// The paper's tables 5 and 6 as they were copied out, where that copy is at hand.
+#[test]
+fn the_built_in_references_are_the_papers_tables() {
+    let all = references::embedded().unwrap();
+    assert_eq!(all.iter().map(|r| r.groups.len()).collect::<Vec<_>>(), [24, 2]);
+    let shared = std::env::var("CARVED_SHARED").unwrap_or_else(|_| "../shared".into());
+    let tables = Path::new(env!("CARGO_MANIFEST_DIR")).join(shared).join("paper/tables.json");
+    if !tables.is_file() {
+        println!("skipped: {} is not there", tables.display());
+        return;
+    }
+    let tables = common::json(&tables);
+    let numbers = |value: &serde_json::Value| value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>();
+    let close = |found: f64, wanted: f64, unit: f64| assert!((found / unit - wanted).abs() < 1e-9, "{found} is not {wanted} x {unit}");
+    for dpf in ["3", "4", "5"] {
+        let row = &tables["table5_larva_area_1e6_um2"][dpf];
+        for ((asd, mean), sd) in numbers(&tables["asd"]).iter().zip(numbers(&row["mean"])).zip(numbers(&row["sd"])) {
+            let g = group(&all, &format!("fixed ABxTL, {dpf} dpf, ASD {asd}"));
+            let area = g.area_um2.unwrap();
+            close(area.mean, mean, 1e6);
+            close(area.sd, sd, 1e6);
+            assert_eq!((g.n.into(), g.asd.map(f64::from)), (row["n"].as_u64().unwrap(), Some(*asd)));
+            assert_eq!((g.dpf.to_string().as_str(), g.treatment.as_deref(), g.estimator.as_str()), (dpf, Some("fixed"), "voxel"));
+            assert!(g.volume_um3.is_none() && g.covariance_um5.is_none() && g.voxel_um.is_none(), "not in our copy: {g:?}");
+        }
+    }
+    let living = &tables["table6_living_larva"];
+    for (name, dpf) in [("living, 4 dpf", "4_dpf"), ("living, 5 dpf", "5_dpf")] {
+        let (g, row) = (group(&all, name), &living[dpf]);
+        assert_eq!((u64::from(g.n), g.asd), (row["n"].as_u64().unwrap(), None));
+        let area = numbers(&row["area_1e6_um2"]);
+        close(g.area_um2.unwrap().mean, area[0], 1e6);
+        close(g.area_um2.unwrap().sd, area[1], 1e6);
+        match row.get("volume_1e8_um3") {
+            Some(volume) => {
+                close(g.volume_um3.unwrap().mean, numbers(volume)[0], 1e8);
+                close(g.volume_um3.unwrap().sd, numbers(volume)[1], 1e8);
+            }
+            None => assert!(g.volume_um3.is_none()),
+        }
+    }
+}
+
+#[test]
+fn references_are_refused_by_file_and_key() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("lab.toml");
+    let text = std::fs::read_to_string(shipped("guo2017-living.toml")).unwrap();
+    let refused = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        references::load(&file).unwrap_err().to_string()
+    };
+    for (from, to, said) in [
+        ("n = 7", "n = 7\nnumber = 7", "number"),
+        ("mean = 2.69e8", "men = 2.69e8", "men"),
+        ("n = 7", "n = 2", "group \"living, 4 dpf\": n = 2; expected 3 larvae or more"),
+        ("carved.references/1", "carved.references/9", "schema = \"carved.references/9\""),
+        ("why = ", "because = ", "because"),
+    ] {
+        assert!(text.contains(from));
+        let error = refused(&text.replacen(from, to, 1));
+        assert!(error.contains("lab.toml") && error.contains(said), "{said} is not in: {error}");
+    }
+    let error = references::load(&dir.path().join("none.toml")).unwrap_err().to_string();
+    assert!(error.contains("none.toml") && error.contains("cannot read"), "{error}");
+}
+
+#[test]
+fn a_configuration_names_its_references_beside_itself() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("config/simulated.toml")).unwrap();
+    let path = dir.path().join("rig.toml");
+    assert_eq!(config().references, references::embedded().unwrap(), "the paper's where none are named");
+    std::fs::copy(shipped("guo2017-living.toml"), dir.path().join("mine.toml")).unwrap();
+    let mine = Config::parse(&format!("references = [\"mine.toml\"]\n{text}"), &path).unwrap();
+    assert_eq!(mine.references.iter().map(|r| r.name.as_str()).collect::<Vec<_>>(), ["Guo et al. 2017, living larvae"]);
+    assert!(Config::parse(&format!("references = []\n{text}"), &path).unwrap().references.is_empty());
+    let said = Config::parse(&format!("references = [\"mine.toml\", \"other.toml\"]\n{text}"), &path).unwrap_err().to_string();
+    assert!(said.contains("other.toml"), "{said}");
+}
+
+/// Numbers of a ball of this radius, of 21 views of it.
+fn ball(radius_px: f64) -> SpecimenRecord {
+    let camera = carved::geometry::Camera {
+        f: 60_000.0,
+        kx: 0.1,
+        ky: 0.1,
+        ux: 32.0,
+        uy: 32.0,
+        s: 0.0,
+        alpha: 0.0,
+        gamma: 0.0,
+        phi: std::f64::consts::FRAC_PI_2,
+        width: 65,
+        height: 65,
+    };
+    let mut disc = Mask::empty(65, 65);
+    for (u, v) in (0..65).flat_map(|u| (0..65).map(move |v| (u, v))) {
+        disc.set(u, v, (f64::from(u as u32) - 32.0).hypot(f64::from(v as u32) - 32.0) <= radius_px);
+    }
+    let grid = VoxelGrid::new(BoxUm { min: [-300.0; 3], max: [300.0; 3] }, 10.0).unwrap();
+    let mut model = Reconstruction::new(&camera, grid, 21, ReconstructionSettings::default()).unwrap();
+    for view in 0..21 {
+        model.observe(&disc, &[], std::f64::consts::TAU * f64::from(view) / 21.0, Leaves::default()).unwrap();
+    }
+    let measurement = serde_json::to_value(model.finish(false).unwrap().measurement).unwrap();
+    serde_json::from_value(serde_json::json!({"measurement": measurement, "views": [], "closure": null, "flags": []})).unwrap()
+}
+
+/// A recording with numbers and without frames.
+fn recorded(folder: &Path, well: PlannedWell, references: &[References], record: SpecimenRecord) -> MeasurementFile {
+    let config = config();
+    let rig = RigRecord {
+        name: "test".into(),
+        camera: config.optics.clone(),
+        pixel_format: config.camera.pixel_format(),
+        empty_capillary_sha256: None,
+        steps_per_revolution: config.steps_per_revolution,
+        sense: config.acquisition.sense,
+        rotation_identity: String::new(),
+        camera_identity: String::new(),
+    };
+    let recording = Recording::new("r", well, Mode::Simulated, rig, "standard", config.methods["standard"].clone());
+    let mut writer = RecordingWriter::create(folder, recording, None).unwrap();
+    writer.add_references(references).unwrap();
+    let file = MeasurementFile::new(writer.recording(), references, record);
+    writer.add_json(MEASUREMENT, &file).unwrap();
+    writer.close().unwrap();
+    file
+}
+
+fn larva(well: &str, dpf: Option<f64>) -> PlannedWell {
+    PlannedWell { well: well.into(), specimen: SpecimenKind::Larva, dpf }
+}
+
+#[test]
+fn a_recording_holds_what_its_larva_is_compared_with() {
+    let dir = tempfile::tempdir().unwrap();
+    let all = references::embedded().unwrap();
+    let folder = dir.path().join("A01");
+    let live = recorded(&folder, larva("A01", Some(3.0)), &all, ball(20.0));
+    let voxel = live.reference.as_ref().unwrap().by("voxel").unwrap();
+    let area = voxel.area.known().unwrap();
+    assert_eq!((area.group.as_str(), area.n), ("fixed ABxTL, 3 dpf, ASD 21", 12));
+    let keys: Vec<_> = area.mismatches.iter().map(|m| m.key.as_str()).collect();
+    assert_eq!(keys, ["voxel_um", "treatment", "strain", "mode"], "the paper's table says nothing of the first, the plan of the others");
+    let carved::measure::references::Answer::Missing(volume) = &voxel.volume else { panic!("there is no volume of 3 dpf") };
+    assert_eq!((volume.reason, volume.quantity), (MissingReason::Quantity, Quantity::Volume));
+    assert!(volume.why[0].contains("table 4") && volume.why.len() == 1, "{volume:?}");
+
+    // The same bytes from the recording's own folder.
+    let reader = RecordingReader::open(&folder).unwrap();
+    assert_eq!(reader.references().unwrap(), all.to_vec());
+    let again = MeasurementFile::new(reader.recording(), &reader.references().unwrap(), live.record.clone());
+    let text = String::from_utf8(carved::store::durable::json_text(&folder, &again).unwrap()).unwrap();
+    assert_eq!(text, std::fs::read_to_string(folder.join(MEASUREMENT)).unwrap());
+    assert_eq!(serde_json::from_str::<MeasurementFile>(&text).unwrap(), live);
+
+    // Other references are other numbers: they are refused by name.
+    let file = folder.join("references.json");
+    let altered = std::fs::read_to_string(&file).unwrap().replacen("0.05", "0.06", 1);
+    std::fs::write(&file, altered).unwrap();
+    let said = reader.references().unwrap_err().to_string();
+    assert!(said.contains("references.json") && said.contains("SHA-256"), "{said}");
+}
+
+#[test]
+fn only_a_larva_of_known_age_has_a_place() {
+    let dir = tempfile::tempdir().unwrap();
+    let all = references::embedded().unwrap();
+    let bead = PlannedWell { specimen: SpecimenKind::Bead, ..larva("A03", Some(3.0)) };
+    for (well, given) in [(larva("A01", None), &*all), (larva("A02", Some(3.0)), &[]), (bead, &*all)] {
+        let folder = dir.path().join(&well.well);
+        assert_eq!(recorded(&folder, well, given, ball(20.0)).reference, None);
+        assert!(!folder.join("references.json").exists());
+        assert!(!std::fs::read_to_string(folder.join(MEASUREMENT)).unwrap().contains("\"reference\""));
+        assert_eq!(RecordingReader::open(&folder).unwrap().references().unwrap(), []);
+    }
+}
