@@ -124,6 +124,15 @@ mod tests {
         }
     }
 
+    /// Squares on their corners, 20 wide and 8 apart: they cross where neither has a corner, and have a third square in common,
+    /// 12 wide.
+    #[test]
+    fn crossings_become_corners() {
+        let square = |u: f64| vec![[u - 10.0, 0.0], [u, -10.0], [u + 10.0, 0.0], [u, 10.0]];
+        let both = Lines::of(&square(0.0)).with(&Lines::of(&square(8.0))).outline();
+        assert!((area_px2(&both) - (200.0 + 200.0 - 72.0)).abs() < 1e-9, "{both:?}");
+    }
+
     #[test]
     fn what_holds_the_other_stays() {
         let (large, small) = (disc(50.0, 30.0, 20.0), disc(55.0, 33.0, 5.0));

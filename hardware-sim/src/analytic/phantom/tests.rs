@@ -224,3 +224,19 @@ fn the_bounds_are_those_of_the_mesh() {
         }
     }
 }
+
+/// Wherever a tip is seen from, its two sides are joined without a gap: vertices stay within a pixel of each other.
+#[test]
+fn every_individual_has_a_closed_outline() {
+    for seed in 0..100 {
+        let phantom = Phantom::finned(3 + (seed % 3) as u8, seed).unwrap().placed(Pose::seeded(seed));
+        let alpha_rad = 0.0175 * (seed as f64 / 50.0 - 1.0);
+        let camera = Camera { alpha_rad, gamma_rad: -alpha_rad, ..Camera::default() };
+        for angle in [0.0, 1.1, 2.9, 4.6] {
+            let outline = phantom.outline(&camera, angle);
+            let steps = outline.iter().zip(outline.iter().cycle().skip(1)).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1]));
+            let longest = steps.fold(0.0, |longest: f64, step| if step > longest || step.is_nan() { step } else { longest });
+            assert!(longest < 1.0, "seed {seed} at {angle}: {longest} px between two vertices");
+        }
+    }
+}
