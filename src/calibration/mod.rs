@@ -9,17 +9,31 @@
 //! silhouettes do not tell is not asked: `f`, `kx`, `ky` and `ux` are the rig's.
 
 mod closed_form;
+pub mod cma;
+mod coherence;
+mod free;
+mod gate;
 mod least_squares;
+mod objective;
+mod psi;
 mod robust;
 mod screen;
+mod search;
+pub mod simplex;
 mod slices;
 mod support;
 mod tangents;
 mod turn;
 
 pub use closed_form::axis;
+pub use coherence::coherence;
+pub use free::{Ask, Free, Parameter, Refusal};
+pub use gate::{Gate, gate};
 pub use least_squares::{GivenView, PASSES_MOST, Priors, Solution, solve};
+pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
+pub use psi::{Psi, PsiLength};
 pub use screen::{Bad, Moved, ViewOff};
+pub use search::{Found, Reach, Stop};
 pub use slices::{Fit, Sight, Slice, directions, fit, harmonics};
 pub use support::Support;
 pub use tangents::{Pose, Side, Tangent, TurnView};

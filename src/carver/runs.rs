@@ -90,6 +90,10 @@ impl Runs {
         self.row(v).iter().any(|&[start, end]| (usize::from(start)..usize::from(end)).contains(&u))
     }
 
+    pub fn area_px(&self) -> usize {
+        self.covered.iter().map(|&[start, end]| usize::from(end - start)).sum()
+    }
+
     /// Bytes on the heap.
     pub(super) fn bytes(&self) -> usize {
         self.starts.capacity() * size_of::<u32>() + self.covered.capacity() * size_of::<[u16; 2]>()
@@ -119,6 +123,7 @@ mod tests {
                 prop_assert!(runs.row(v).windows(2).all(|w| w[0][1] < w[1][0]), "runs that touch are one");
             }
             prop_assert!(runs.rows().len() <= height - 2 * blank);
+            prop_assert_eq!(runs.area_px(), mask.area_px());
         }
     }
 }

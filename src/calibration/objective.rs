@@ -1,0 +1,115 @@
+//! What a search over cameras makes large: the volume that the profiles leave, or how well they agree.
+//!
+//! ```text
+//!   psi ─┬─ Vrv        voxels that no view misses                         (the paper's)
+//!        └─ Coherence  share of the profiles that the hull fills again    (sub-pixel, nearly free)
+//! ```
+//! VRV is taken with eps = 0. A tolerance lets each voxel choose the views that it likes: with 0.05 the volume left has two
+//! maxima, half a pixel to either side of the true axis, and both beat the truth.
+
+use super::coherence::coherence;
+use super::free::Free;
+use super::psi::Psi;
+use super::search::{Found, Stop};
+use super::{cma, simplex};
+use crate::carver::{CarveError, ResidualVolume, Runs};
+use crate::geometry::VoxelGrid;
+use crate::profile::Columns;
+
+/// The paper's objective: how many voxels views leave. Beyond the image's sides nothing lives.
+#[derive(Debug, Clone)]
+pub struct Vrv<'a> {
+    volume: ResidualVolume,
+    runs: Vec<&'a Runs>,
+    voxel_um3: f64,
+}
+
+impl<'a> Vrv<'a> {
+    /// # Errors
+    /// Refuses a tolerance outside `0..1` and a set without views.
+    pub fn new(runs: Vec<&'a Runs>, grid: VoxelGrid, epsilon: f64) -> Result<Self, CarveError> {
+        if runs.is_empty() {
+            return Err(CarveError::NoViews);
+        }
+        Ok(Self { volume: ResidualVolume::new(grid, epsilon)?, runs, voxel_um3: grid.voxel_volume() })
+    }
+
+    /// # Errors
+    /// None for a `psi` of as many views as there are profiles.
+    pub fn voxels(&mut self, psi: &Psi) -> Result<u64, CarveError> {
+        self.volume.count(self.runs.iter().enumerate().map(|(view, &runs)| (runs, psi.projection(view))))
+    }
+
+    /// # Errors
+    /// None for a `psi` of as many views as there are profiles.
+    pub fn volume_um3(&mut self, psi: &Psi) -> Result<f64, CarveError> {
+        Ok(self.voxels(psi)? as f64 * self.voxel_um3)
+    }
+}
+
+/// What is made large.
+#[derive(Debug)]
+pub enum Objective<'a> {
+    /// Volume left, um^3.
+    Vrv(Vrv<'a>),
+    /// Mean overlap of hull and profile, 0 to 1.
+    Coherence(Vec<&'a Columns>),
+}
+
+impl Objective<'_> {
+    /// # Errors
+    /// None for a `psi` of as many views as there are profiles.
+    pub fn value(&mut self, psi: &Psi) -> Result<f64, CarveError> {
+        match self {
+            Self::Vrv(vrv) => vrv.volume_um3(psi),
+            Self::Coherence(columns) => Ok(coherence(columns, psi)),
+        }
+    }
+}
+
+/// How it is looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Optimiser {
+    NelderMead,
+    CmaEs { seed: u64 },
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimised {
+    pub psi: Psi,
+    pub before: f64,
+    pub after: f64,
+    pub evaluations: usize,
+    pub converged: bool,
+}
+
+/// Makes an objective as large as the freed unknowns can within their bounds, priors held against it.
+///
+/// # Errors
+/// Those of the objective.
+pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, how: Optimiser, stop: Stop) -> Result<Optimised, CarveError> {
+    let before = objective.value(start)?;
+    let mut failed = None;
+    let reaches = free.reaches(start);
+    let loss = |values: &[f64]| {
+        let psi = free.apply(start, values);
+        // Ratios count: a unit less or more must not change what priors weigh.
+        objective.value(&psi).map_or_else(
+            |error| {
+                failed.get_or_insert(error);
+                f64::INFINITY
+            },
+            |value| free.cost(start, &psi) - value.ln(),
+        )
+    };
+    let Found { at, evaluations, converged, .. } = match how {
+        Optimiser::NelderMead => simplex::minimise(&reaches, stop, loss),
+        Optimiser::CmaEs { seed } => cma::minimise(&reaches, stop, seed, loss),
+    };
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    let psi = free.apply(start, &at);
+    let after = objective.value(&psi)?;
+    Ok(Optimised { psi, before, after, evaluations: evaluations + 2, converged })
+}
