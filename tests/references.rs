@@ -206,3 +206,114 @@ fn only_a_larva_of_known_age_has_a_place() {
         assert_eq!(RecordingReader::open(&folder).unwrap().references().unwrap(), []);
     }
 }
+
+/// A run of larvae of one age, of which no two are of one size, and one bead.
+fn a_run(folder: &Path, radii_px: &[f64], dpf: f64) {
+    for (number, radius_px) in (1..).zip(radii_px) {
+        let well = format!("A{number:02}");
+        recorded(&folder.join(&well), larva(&well, Some(dpf)), &[], ball(*radius_px));
+    }
+    recorded(&folder.join("B01"), PlannedWell { specimen: SpecimenKind::Bead, ..larva("B01", None) }, &[], ball(20.0));
+    std::fs::write(folder.join("run.json"), "{}").unwrap();
+}
+
+#[test]
+fn a_labs_own_controls_become_references_that_match_its_next_larva() {
+    let dir = tempfile::tempdir().unwrap();
+    let (runs, out) = (dir.path().join("r1"), dir.path().join("lab.toml"));
+    let radii = [18.0, 19.5, 20.0, 21.5];
+    a_run(&runs, &radii, 4.0);
+    let build = |more: &[&str]| {
+        common::run(&[&["reference", "build", "--out", out.to_str().unwrap(), "--source", "run r1", runs.to_str().unwrap()], more].concat())
+    };
+    let output = build(&[]);
+    let said = common::stderr(&output);
+    assert!(output.status.success(), "{said}");
+    assert!(said.contains("B01") && said.contains("left out"), "a bead is no control: {said}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("4    "), "the table is shown");
+
+    let lab = references::load(&out).unwrap();
+    let voxel = lab.groups.iter().find(|g| g.estimator == "voxel").unwrap();
+    let volumes: Vec<f64> = radii.iter().map(|r| ball(*r).measurement.volume_um3).collect();
+    let mean = volumes.iter().sum::<f64>() / 4.0;
+    assert!((voxel.volume_um3.unwrap().mean / mean - 1.0).abs() < 1e-12 && voxel.covariance_um5.is_some(), "{voxel:?}");
+    assert_eq!((voxel.n, voxel.asd, voxel.voxel_um, voxel.epsilon), (4, Some(21), Some(10.0), Some(0.05)));
+    assert!(voxel.simulated && voxel.source == "run r1");
+    assert!(lab.groups.iter().any(|g| g.estimator == "field"), "every estimator has its own group");
+
+    // The next larva of the lab is placed by both numbers and both together, without a remark.
+    let next = recorded(&dir.path().join("next"), larva("A05", Some(4.0)), &[lab], ball(20.5));
+    for estimator in ["voxel", "field"] {
+        let standing = next.reference.as_ref().unwrap().by(estimator).unwrap().clone();
+        let (volume, joint) = (standing.volume.known().unwrap(), standing.joint.known().unwrap());
+        assert_eq!((&volume.mismatches, &joint.mismatches), (&vec![], &vec![]));
+        assert!(volume.z > 0.0 && volume.n == 4, "{volume:?}");
+    }
+
+    let again = build(&[]);
+    assert!(!again.status.success() && common::stderr(&again).contains("nothing is overwritten"));
+}
+
+#[test]
+fn controls_come_from_a_table_too_and_its_mistakes_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let (table, out) = (dir.path().join("controls.csv"), dir.path().join("lab.toml"));
+    let build = |text: &str| {
+        std::fs::write(&table, text).unwrap();
+        let output = common::run(&["reference", "build", "--strain", "AB", "--out", out.to_str().unwrap(), table.to_str().unwrap()]);
+        (output.status.success(), common::stderr(&output))
+    };
+    let sound = "dpf, group, asd, area_um2\n4, May, 21, 3.2e6\n4, May, 21, 3.3e6\n# a comment\n4, May, 21, 3.35e6\n";
+    for (text, said) in [
+        (sound.replace("asd", "views"), "unknown field `views`"),
+        (sound.replace("3.3e6", "-1"), "line 3: area_um2 = -1; expected a number above 0"),
+        (sound.replace("3.3e6", "big"), "line 3"),
+        (sound.replace("4, May, 21, 3.35e6", "5, May, 21, 3.35e6"), "2 larva(e)"),
+        (sound.replace("21, 3.35e6", "84, 3.35e6"), "ASD is mixed (21, 84)"),
+        ("dpf,area_um2\n".into(), "no control larva"),
+    ] {
+        let (done, error) = build(&text);
+        assert!(!done && error.contains(said), "{said} is not in: {error}");
+        assert!(!out.exists(), "nothing is written of {text}");
+    }
+    let (done, error) = build(sound);
+    assert!(done, "{error}");
+    let group = &references::load(&out).unwrap().groups[0];
+    assert_eq!((group.strain.as_deref(), group.cohort.as_deref(), group.estimator.as_str()), (Some("AB"), Some("May"), "voxel"));
+    assert_eq!((group.n, group.asd, group.voxel_um, group.volume_um3), (3, Some(21), None, None));
+    assert!((group.area_um2.unwrap().mean - 9.85e6 / 3.0).abs() < 1e-3 && !group.simulated);
+
+    let shown = common::run(&["reference", "show", out.to_str().unwrap()]);
+    assert!(String::from_utf8_lossy(&shown.stdout).contains("AB May"), "{shown:?}");
+}
+
+#[test]
+fn the_built_in_references_are_shown_with_what_they_lack() {
+    let output = common::run(&["reference", "show"]);
+    let shown = String::from_utf8(output.stdout).unwrap();
+    for line in ["fixed ABxTL  12  21   -      0.05     voxel      -            3.200e6 +- 1.50e5", "missing: volume of 5 dpf: ", "table 4"]
+    {
+        assert!(shown.contains(line), "{line} is not in:\n{shown}");
+    }
+}
+
+#[test]
+fn beads_are_scored_against_their_nominal_diameter() {
+    let dir = tempfile::tempdir().unwrap();
+    let bead = |well: &str, radius_px: f64| {
+        let mut record = serde_json::to_value(ball(radius_px)).unwrap();
+        record["measurement"]["sphere"] = serde_json::json!({"diameter_um": 20.0 * radius_px, "rms_um": 1.0, "centre_um": [0.0, 0.0, 0.0]});
+        let planned = PlannedWell { specimen: SpecimenKind::Bead, ..larva(well, None) };
+        recorded(&dir.path().join("r").join(well), planned, &[], serde_json::from_value(record).unwrap());
+    };
+    bead("A01", 19.0);
+    bead("A02", 20.0);
+    std::fs::write(dir.path().join("r/run.json"), "{}").unwrap();
+    let score = || common::run(&["reference", "beads", "--nominal-um", "410", dir.path().join("r").to_str().unwrap()]);
+    assert!(common::stderr(&score()).contains("2 bead(s) found; a score needs 3 or more"));
+    bead("A03", 21.0);
+    let score: serde_json::Value = serde_json::from_slice(&score().stdout).unwrap();
+    // Diameters 380, 400, 420 um: mean 400, SD with the divisor n 16.33, t = 10 sqrt(2) / 16.33.
+    assert!((score["t_score"].as_f64().unwrap() - 0.866_025_403_784_438_6).abs() < 1e-9, "{score}");
+    assert_eq!((&score["n"], &score["mean_um"]), (&serde_json::json!(3), &serde_json::json!(400.0)));
+}

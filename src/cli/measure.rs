@@ -44,7 +44,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 }
 
 /// Runs stand for the finished recordings in them; a recording that was named is measured or refused.
-fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for path in paths {
         if path.join("run.json").is_file() {

@@ -5,6 +5,7 @@ mod daemon;
 mod measure;
 mod notify;
 pub mod reconstruct;
+mod reference;
 mod segment;
 mod serve;
 mod simulate;
@@ -28,6 +29,9 @@ enum Command {
     Measure(measure::Args),
     /// Carve silhouettes of any origin and measure the result.
     Reconstruct(reconstruct::Args),
+    /// Work with the reference larvae that specimens are compared with.
+    #[command(subcommand)]
+    Reference(reference::Command),
     /// Find the specimen's outline in single pictures.
     Segment(segment::Args),
     /// Work with configurations.
@@ -48,6 +52,7 @@ pub fn main() -> anyhow::Result<()> {
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
         Command::Reconstruct(args) => reconstruct::run(&args),
+        Command::Reference(command) => reference::run(&command),
         Command::Segment(args) => segment::run(&args),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }

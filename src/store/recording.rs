@@ -301,6 +301,12 @@ impl RecordingReader {
         expected.map(|expected| self.unaltered(self.folder.join(EMPTY), expected)).transpose()
     }
 
+    /// The numbers that are stored beside the frames.
+    pub fn measurement(&self) -> Result<MeasurementFile, StoreError> {
+        super::sums::check_one(&self.folder, MEASUREMENT)?;
+        durable::read_json(&self.folder.join(MEASUREMENT), "the numbers of a specimen")
+    }
+
     /// The larvae that the specimen is compared with; none of a bead, or of a larva whose age is not known.
     pub fn references(&self) -> Result<Vec<References>, StoreError> {
         let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };

@@ -1,0 +1,29 @@
+//! `carved reference beads`: whether a set of measured beads has the diameter that it should have.
+
+use crate::cli::measure::expand;
+use crate::measure::references::bead::BeadScore;
+use crate::store::RecordingReader;
+use anyhow::Context;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`); those that are no beads are passed over.
+    #[arg(required = true)]
+    recordings: Vec<PathBuf>,
+    /// What the beads' mean diameter should be, um.
+    #[arg(long, default_value_t = 500.0)]
+    nominal_um: f64,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let mut diameters_um = Vec::new();
+    for path in expand(&args.recordings)? {
+        diameters_um.extend(RecordingReader::open(&path)?.measurement()?.record.measurement.sphere.map(|s| s.diameter_um));
+    }
+    let n = diameters_um.len();
+    let score = BeadScore::of(&diameters_um, args.nominal_um)
+        .with_context(|| format!("{n} bead(s) found; a score needs 3 or more, of different diameters"))?;
+    println!("{}", serde_json::to_string_pretty(&score)?);
+    Ok(())
+}

@@ -1,0 +1,77 @@
+//! `carved reference build`: control larvae to a file of references.
+
+use super::controls::{self, Words};
+use super::show;
+use crate::cli::measure::expand;
+use crate::measure::references::{Control, References, SCHEMA, Summaries, summarise};
+use crate::store::{RecordingReader, StoreError, durable};
+use anyhow::{Context, bail, ensure};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Recordings (`runs/RUN/A01`), whole runs (`runs/RUN`), or CSV with the columns dpf, `volume_um3`, `area_um2` and, where known,
+    /// treatment, strain, cohort (or group), asd, `voxel_um`, epsilon, estimator (voxel where left out).
+    #[arg(required = true)]
+    controls: Vec<PathBuf>,
+    /// The file to write; a configuration names it in `references`.
+    #[arg(long)]
+    out: PathBuf,
+    /// Name of these references [default: that of the file].
+    #[arg(long)]
+    name: Option<String>,
+    /// Where the larvae come from, for whoever reads the file.
+    #[arg(long, default_value = "own controls")]
+    source: String,
+    #[command(flatten)]
+    words: Words,
+    /// Take recordings with flags too.
+    #[arg(long)]
+    with_flagged: bool,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    if args.out.exists() {
+        return Err(StoreError::Exists { path: args.out.clone() }.into());
+    }
+    let controls = read(args)?;
+    let Summaries { groups, refusals, warnings } = summarise(&controls, &args.source);
+    for warning in warnings {
+        eprintln!("warning: {warning}");
+    }
+    let refused = refusals.iter().map(|r| format!("  {r}")).collect::<Vec<_>>();
+    ensure!(refused.is_empty(), "{} group(s) cannot be made, nothing is written:\n{}", refused.len(), refused.join("\n"));
+    let stem = || args.out.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let name = args.name.clone().unwrap_or_else(stem);
+    let references = References { schema: SCHEMA.into(), name, gaps: Vec::new(), groups };
+    let breaches = references.check();
+    ensure!(breaches.is_empty(), "{}", breaches.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"));
+    let text = toml::to_string(&references).context("the references as TOML")?;
+    durable::write(&args.out, format!("# Made by carved {} reference build.\n\n{text}", env!("CARGO_PKG_VERSION")).as_bytes())?;
+    print!("{}", show::table(&references));
+    println!("Written: {}", args.out.display());
+    Ok(())
+}
+
+/// Every control that the arguments name; what is left out is said.
+fn read(args: &Args) -> anyhow::Result<Vec<Control>> {
+    let mut all = Vec::new();
+    for path in expand(&args.controls)? {
+        if is_table(&path) {
+            all.extend(controls::of_table(&path, &args.words)?);
+            continue;
+        }
+        match controls::of_recording(&RecordingReader::open(&path)?, &args.words, args.with_flagged)? {
+            Ok(controls) => all.extend(controls),
+            Err(reason) => eprintln!("left out: {}: {reason}", path.display()),
+        }
+    }
+    if all.is_empty() {
+        bail!("no control larva was found; name recordings or runs of larvae whose plate map gives their age, or a CSV table");
+    }
+    Ok(all)
+}
+
+fn is_table(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"))
+}

@@ -1,0 +1,120 @@
+//! Control larvae out of recordings and tables.
+
+use crate::measure::references::{Control, VOXEL, estimates};
+use crate::session::Mode;
+use crate::store::{MeasurementFile, Recording, RecordingReader};
+use anyhow::{Context, bail};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Words for larvae whose recording or row has none.
+#[derive(Debug, clap::Args)]
+pub struct Words {
+    /// What was done to the larvae, as `fixed`.
+    #[arg(long)]
+    treatment: Option<String>,
+    #[arg(long)]
+    strain: Option<String>,
+    /// A further word that keeps these larvae apart from others: a batch, a clutch.
+    #[arg(long)]
+    cohort: Option<String>,
+}
+
+/// One row of a table. Only the age and one of the two numbers must be there.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Row {
+    dpf: f64,
+    #[serde(default)]
+    volume_um3: Option<f64>,
+    #[serde(default)]
+    area_um2: Option<f64>,
+    #[serde(default)]
+    treatment: Option<String>,
+    #[serde(default)]
+    strain: Option<String>,
+    #[serde(default, alias = "group")]
+    cohort: Option<String>,
+    #[serde(default)]
+    asd: Option<u32>,
+    #[serde(default)]
+    voxel_um: Option<f64>,
+    #[serde(default)]
+    epsilon: Option<f64>,
+    #[serde(default)]
+    estimator: Option<String>,
+}
+
+/// The rows of a CSV file.
+pub fn of_table(path: &Path, words: &Words) -> anyhow::Result<Vec<Control>> {
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .comment(Some(b'#'))
+        .from_path(path)
+        .with_context(|| format!("{}: cannot read the table", path.display()))?;
+    let mut controls = Vec::new();
+    let mut line = reader.position().line();
+    let headers = reader.headers().with_context(|| path.display().to_string())?.clone();
+    let mut record = csv::StringRecord::new();
+    while reader.read_record(&mut record).with_context(|| path.display().to_string())? {
+        line = record.position().map_or(line, csv::Position::line);
+        let at = || format!("{}, line {line}", path.display());
+        let row: Row = record.deserialize(Some(&headers)).with_context(at)?;
+        for (key, value) in [("volume_um3", row.volume_um3), ("area_um2", row.area_um2)] {
+            if let Some(value) = value.filter(|v| !v.is_finite() || *v <= 0.0) {
+                bail!("{}: {key} = {value}; expected a number above 0", at());
+            }
+        }
+        controls.push(row.control(words));
+    }
+    Ok(controls)
+}
+
+impl Row {
+    fn control(self, words: &Words) -> Control {
+        Control {
+            dpf: self.dpf,
+            treatment: self.treatment.or_else(|| words.treatment.clone()),
+            strain: self.strain.or_else(|| words.strain.clone()),
+            cohort: self.cohort.or_else(|| words.cohort.clone()),
+            asd: self.asd,
+            voxel_um: self.voxel_um,
+            epsilon: self.epsilon,
+            estimator: self.estimator.unwrap_or_else(|| VOXEL.to_owned()),
+            simulated: false,
+            volume_um3: self.volume_um3,
+            area_um2: self.area_um2,
+        }
+    }
+}
+
+/// One larva of a recording, by every estimator; or why it is no control.
+pub fn of_recording(reader: &RecordingReader, words: &Words, with_flagged: bool) -> anyhow::Result<Result<Vec<Control>, String>> {
+    let recording = reader.recording();
+    let Some(dpf) = recording.specimen.age_of_larva() else {
+        return Ok(Err("no larva whose age is known: its plate map gives no `dpf`, or says `bead`".into()));
+    };
+    let file = reader.measurement()?;
+    if !with_flagged && !file.record.flags.is_empty() {
+        return Ok(Err(format!("flagged {}; --with-flagged takes it all the same", file.record.flags.join(", "))));
+    }
+    Ok(Ok(of_larva(recording, &file, dpf, words)))
+}
+
+fn of_larva(recording: &Recording, file: &MeasurementFile, dpf: f64, words: &Words) -> Vec<Control> {
+    let m = &file.record.measurement;
+    let control = |e: crate::measure::references::Estimate| Control {
+        dpf,
+        treatment: words.treatment.clone(),
+        strain: words.strain.clone(),
+        cohort: words.cohort.clone(),
+        asd: Some(recording.method.asd),
+        voxel_um: Some(m.voxel_size_um),
+        epsilon: Some(m.epsilon),
+        estimator: e.estimator.to_owned(),
+        simulated: recording.mode == Mode::Simulated,
+        volume_um3: Some(e.volume_um3),
+        area_um2: Some(e.area_um2),
+    };
+    estimates(m).into_iter().map(control).collect()
+}

@@ -1,0 +1,60 @@
+//! `carved reference show`: references as a table for people.
+
+use crate::config::references;
+use crate::measure::references::{Group, Moments, References};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// The references to print [default: the paper's, which are built in].
+    file: Option<PathBuf>,
+}
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let all = match &args.file {
+        Some(file) => vec![references::load(file)?],
+        None => references::embedded()?.to_vec(),
+    };
+    print!("{}", all.iter().map(table).collect::<Vec<_>>().join("\n"));
+    Ok(())
+}
+
+const HEADINGS: [&str; 9] = ["dpf", "larvae", "n", "ASD", "SD um", "epsilon", "estimator", "volume um^3", "area um^2"];
+
+/// One line per group, the columns as wide as what stands in them, then what is missing.
+pub fn table(references: &References) -> String {
+    let mut rows = vec![HEADINGS.map(str::to_owned)];
+    rows.extend(references.groups.iter().map(row));
+    let widths: Vec<usize> = (0..HEADINGS.len()).map(|at| rows.iter().map(|r| r[at].chars().count()).max().unwrap_or(0)).collect();
+    let mut text = format!("{}\n", references.name);
+    for row in rows {
+        let cells: Vec<_> = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}", width = *width)).collect();
+        text += &format!("  {}\n", cells.join("  ").trim_end());
+    }
+    for gap in &references.gaps {
+        let age = gap.dpf.map_or_else(String::new, |dpf| format!(" of {dpf} dpf"));
+        text += &format!("  missing: {}{age}: {}\n", gap.quantity, gap.why);
+    }
+    text
+}
+
+fn row(g: &Group) -> [String; 9] {
+    let words = [&g.treatment, &g.strain, &g.cohort];
+    let mut larvae = words.iter().filter_map(|w| w.as_deref()).collect::<Vec<_>>().join(" ");
+    if g.simulated {
+        larvae += " (simulated)";
+    }
+    let known = |x: Option<String>| x.unwrap_or_else(|| "-".into());
+    let moments = |m: Option<Moments>| known(m.map(|m| format!("{:.3e} +- {:.2e}", m.mean, m.sd)));
+    [
+        g.dpf.to_string(),
+        larvae.trim().to_owned(),
+        g.n.to_string(),
+        known(g.asd.map(|x| x.to_string())),
+        known(g.voxel_um.map(|x| x.to_string())),
+        known(g.epsilon.map(|x| x.to_string())),
+        g.estimator.clone(),
+        moments(g.volume_um3),
+        moments(g.area_um2),
+    ]
+}
