@@ -10,6 +10,7 @@ use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
+use crate::measure::shape::Shape;
 use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
 use crate::reconstruction::{Reconstruction, ReconstructionError, ReconstructionSettings};
 use crate::surface::Mesh;
@@ -98,6 +99,9 @@ const BLUR_MISMATCH_PX: f64 = 0.15;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpecimenRecord {
     pub measurement: Measurement,
+    /// Of the kept mesh.
+    #[serde(default)]
+    pub shape: Option<Shape>,
     pub views: Vec<ViewRecord>,
     pub closure: Option<ClosureRecord>,
     /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
@@ -253,7 +257,8 @@ impl Pipeline {
         flag(looks_dead(&self.views), "dead_looking");
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
         let model = self.reconstruction.finish(self.settings.sphere)?;
-        Ok((model.mesh, SpecimenRecord { measurement: model.measurement, views: self.views, closure: self.closure, flags }))
+        let shape = Some(Shape::of(&model.mesh));
+        Ok((model.mesh, SpecimenRecord { measurement: model.measurement, shape, views: self.views, closure: self.closure, flags }))
     }
 }
 

@@ -13,6 +13,7 @@
 //! number of iterations made it.
 
 pub mod references;
+pub mod shape;
 mod solid;
 mod sphere;
 pub mod support;

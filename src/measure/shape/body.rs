@@ -1,0 +1,175 @@
+//! The body along its axis: slices, bending, and a frame of its own.
+//!
+//! ```text
+//!         dorsal
+//!    ___/-------\________           slice i of 100 at s = (i + 1/2) / 100 of the length:
+//!   ( o  | | | | | | | | ===>       area, perimeter, centre, height (dorsal to ventral), width (across that)
+//!    \___|_|_|/‾‾‾‾‾‾‾‾             head first
+//!       ventral
+//! ```
+
+use super::axis::{Axis, STATIONS, upright};
+use super::orientation::{Dorsal, Head};
+use super::section::{Flat, Plane, Section, cut, ranks};
+use super::{Refusal, Solid, Vector};
+use crate::surface::Mesh;
+use serde::{Deserialize, Serialize};
+
+/// What is measured along the axis.
+///
+/// Errors, on the mesh's facets: the length's that of the ends' places (a tip's radius of curvature r makes a slanting end
+/// plane err by r/2 times the slant squared); areas err as the facets do, by some `(facet / radius)^2 / 8`; the axis is known to
+/// `axis_rms_um`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Body {
+    /// Arc length of the body axis from end to end.
+    pub length_um: f64,
+    /// Slices' areas times their thickness over the solid's volume: 1 where the slices follow the body (Pappus).
+    pub slices_volume_share: f64,
+    /// Root mean square distance of the slices' centres from the axis.
+    pub axis_rms_um: f64,
+    pub head: Head,
+    pub dorsal: Dorsal,
+    pub to_body: ToBody,
+    pub bending: Bending,
+    /// At even places, head first.
+    pub stations: Vec<Station>,
+}
+
+/// One slice across the axis.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Station {
+    /// Arc length from the first end.
+    pub s_um: f64,
+    pub area_um2: f64,
+    /// Extent from side to side, across the height.
+    pub width_um: f64,
+    /// Extent along the direction from dorsal to ventral.
+    pub height_um: f64,
+    /// Length of the slice's border, holes and pieces included.
+    pub perimeter_um: f64,
+    /// Centre of the slice's area, in the coordinates of the mesh.
+    pub centre_um: [f64; 3],
+}
+
+/// How the axis bends, from the first station to the last.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Bending {
+    /// Sum of the angles between the axis' directions at neighbouring stations; 0 for a straight body.
+    pub total_deg: f64,
+    /// Largest curvature between neighbouring stations in the middle nine tenths; ends are too short to tell theirs.
+    pub max_curvature_per_mm: f64,
+    /// Straight distance of the axis' two ends over its length; 1 for a straight body.
+    pub end_to_end_share: f64,
+}
+
+/// A rigid motion into the body's own frame: `rotation (x - origin_um)`. There x runs from the first end to the other, y from
+/// dorsal to ventral, and z makes the two right-handed: the frame of a larva that looks to the left, back up, as pictures show it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct ToBody {
+    /// Rows are the body's axes in the coordinates of the mesh.
+    pub rotation: [[f64; 3]; 3],
+    /// The solid's centroid.
+    pub origin_um: [f64; 3],
+}
+
+impl ToBody {
+    pub fn apply(&self, point: [f64; 3]) -> [f64; 3] {
+        let from: [f64; 3] = std::array::from_fn(|a| point[a] - self.origin_um[a]);
+        self.rotation.map(|row| (0..3).map(|a| row[a] * from[a]).sum())
+    }
+}
+
+/// The slices at the stations.
+pub struct Slices {
+    pub axis: Axis,
+    pub s_um: Vec<f64>,
+    pub planes: Vec<Plane>,
+    pub ranks: Vec<u32>,
+    pub sections: Vec<Section>,
+    pub flats: Vec<Flat>,
+}
+
+/// Slices that hold another volume than the solid by more than this do not follow it. A larva's differ by 0.3 %.
+const VOLUME_OFF: f64 = 0.02;
+/// Slices at either end that the largest curvature leaves out.
+const END_STATIONS: usize = STATIONS / 20;
+
+impl Slices {
+    fn of(mesh: &Mesh, axis: Axis, across: Vector) -> Result<Self, Refusal> {
+        let s_um = axis.stations();
+        let planes = axis.planes(&s_um, across);
+        let ranks = ranks(mesh, &planes);
+        let (sections, corners) = cut(mesh, &planes, &ranks);
+        let flats: Vec<Flat> = sections.iter().filter_map(Section::flat).collect();
+        if flats.len() < STATIONS {
+            return Err(Refusal::Slices { empty: STATIONS - flats.len() });
+        }
+        if corners > 0 {
+            return Err(Refusal::Folded { corners });
+        }
+        Ok(Self { axis, s_um, planes, ranks, sections, flats })
+    }
+
+    pub fn centres(&self) -> impl Iterator<Item = Vector> {
+        self.planes.iter().zip(&self.flats).map(|(plane, flat)| plane.point(flat.centre))
+    }
+
+    /// Mean direction of the axis, weighted with the slices' areas: that along which the volume lies.
+    pub fn direction(&self) -> Vector {
+        self.planes.iter().zip(&self.flats).map(|(plane, flat)| plane.along * flat.area_um2).sum::<Vector>().normalize()
+    }
+}
+
+pub fn measure(mesh: &Mesh, solid: &Solid) -> Result<(Body, Slices), Refusal> {
+    let rough = Slices::of(mesh, Axis::of(mesh, solid)?, Vector::y())?;
+    let slice_um = rough.axis.length_um() / STATIONS as f64;
+    let share = rough.flats.iter().map(|f| f.area_um2).sum::<f64>() * slice_um / solid.volume_um3;
+    if (share - 1.0).abs() > VOLUME_OFF {
+        return Err(Refusal::Volume { share });
+    }
+    let head = Head::of(&rough);
+    let (dorsal, ventral) = Dorsal::of(&rough, &head);
+    let axis = if head.is_last() { rough.axis.reversed() } else { rough.axis };
+    let slices = Slices::of(mesh, axis, ventral)?;
+
+    let along = slices.direction();
+    let down = upright(ventral, along);
+    let to_body = ToBody { rotation: [along, down, along.cross(&down)].map(Into::into), origin_um: solid.centroid_um };
+    let stations = (0..STATIONS)
+        .map(|i| {
+            let ([height_um, width_um], flat) = (slices.sections[i].extent(), slices.flats[i]);
+            let Flat { area_um2, perimeter_um, .. } = flat;
+            let centre_um = slices.planes[i].point(flat.centre).into();
+            Station { s_um: slices.s_um[i], area_um2, width_um, height_um, perimeter_um, centre_um }
+        })
+        .collect();
+    let off = slices.flats.iter().map(|f| f.centre[0] * f.centre[0] + f.centre[1] * f.centre[1]).sum::<f64>();
+    let body = Body {
+        length_um: slices.axis.length_um(),
+        slices_volume_share: share,
+        axis_rms_um: (off / STATIONS as f64).sqrt(),
+        head: head.first(),
+        dorsal,
+        to_body,
+        bending: Bending::of(&slices),
+        stations,
+    };
+    Ok((body, slices))
+}
+
+impl Bending {
+    fn of(slices: &Slices) -> Self {
+        let length_um = slices.axis.length_um();
+        // Of small angles the sine keeps its digits, where the cosine loses them.
+        let angle = |pair: &[Plane]| pair[0].along.cross(&pair[1].along).norm().atan2(pair[0].along.dot(&pair[1].along));
+        let angles: Vec<f64> = slices.planes.windows(2).map(angle).collect();
+        let sharpest = angles[END_STATIONS..angles.len() - END_STATIONS].iter().copied().fold(0.0, f64::max);
+        let ends = slices.axis.at(length_um).0 - slices.axis.at(0.0).0;
+        Self {
+            total_deg: angles.iter().sum::<f64>().to_degrees(),
+            max_curvature_per_mm: 1e3 * sharpest / (length_um / STATIONS as f64),
+            end_to_end_share: ends.norm() / length_um,
+        }
+    }
+}

@@ -1,0 +1,92 @@
+//! The shape of a specimen: numbers that need no picture, only its surface.
+//!
+//! ```text
+//!  Mesh ─┬─ Solid       volume, area, centroid, principal moments and axes, sphericity
+//!        └─ Axis ─┬──── Body        length, head, dorsal, bending, 100 slices across the axis, frame of its own
+//!                 └──── Harmonics   power of the surface per degree of the spherical harmonics
+//! ```
+//! `docs/shape.md` has the formulas. Each part is there or a reason is: what a mesh does not tell is not guessed. All sums are
+//! in a fixed order, so that the same mesh gives the same bits on any number of threads.
+
+mod axis;
+mod body;
+mod harmonics;
+mod orientation;
+mod section;
+mod solid;
+
+pub use axis::STATIONS;
+pub use body::{Bending, Body, Station, ToBody};
+pub use harmonics::{Harmonics, MAX_DEGREE};
+pub use orientation::{Dorsal, End, Head};
+pub use solid::Solid;
+
+use crate::surface::Mesh;
+use serde::{Deserialize, Serialize};
+
+type Vector = nalgebra::Vector3<f64>;
+
+/// Shape of a closed mesh in um.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Shape {
+    pub solid: Option<Solid>,
+    /// Why there is no `solid`; then there is nothing else either.
+    pub solid_reason: Option<String>,
+    pub body: Option<Body>,
+    /// Why there is no `body`.
+    pub body_reason: Option<String>,
+    pub harmonics: Option<Harmonics>,
+    /// Why there are no `harmonics`.
+    pub harmonics_reason: Option<String>,
+}
+
+/// Why a part of the shape is not told.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum Refusal {
+    #[error("the surface is not closed: its area vectors leave {open_um2:.3e} um^2 instead of 0. Close its holes first")]
+    Open { open_um2: f64 },
+    #[error("{triangles} triangles enclose {volume_um3:.3e} um^3; a shape needs a solid whose triangles turn outwards")]
+    NoVolume { triangles: usize, volume_um3: f64 },
+    #[error("{empty} of 100 slices across the body hold nothing: the surface is in pieces, or bent so much that no axis was found")]
+    Slices { empty: usize },
+    #[error(
+        "neighbouring slices across the body axis meet within the body ({corners} corners of triangles): it is bent more sharply than it is thick"
+    )]
+    Folded { corners: usize },
+    #[error(
+        "the slices across the body axis hold {share:.3} of the volume instead of 1: the body is bent or branched so much that they do not follow it"
+    )]
+    Volume { share: f64 },
+    #[error("the body axis is not told, which the harmonics go around")]
+    NoAxis,
+    #[error(
+        "{rays} of {of} rays across the body axis meet the surface several times or never: its slices are not star-shaped around their centres"
+    )]
+    Star { rays: usize, of: usize },
+}
+
+impl Shape {
+    /// Measures a closed mesh whose triangles turn counter-clockwise seen from outside, in um.
+    pub fn of(mesh: &Mesh) -> Self {
+        let (solid, solid_reason) = told(Solid::of(mesh));
+        let found = solid.as_ref().map(|solid| body::measure(mesh, solid));
+        let (found, body_reason) = found.map_or((None, None), told);
+        let harmonics = found.as_ref().map(|(_, slices)| Harmonics::of(mesh, slices));
+        let (harmonics, harmonics_reason) = match (harmonics, &body_reason) {
+            (Some(harmonics), _) => told(harmonics),
+            (None, Some(_)) => told(Err(Refusal::NoAxis)),
+            (None, None) => (None, None),
+        };
+        Self { solid, solid_reason, body: found.map(|(body, _)| body), body_reason, harmonics, harmonics_reason }
+    }
+}
+
+fn told<T>(result: Result<T, Refusal>) -> (Option<T>, Option<String>) {
+    match result {
+        Ok(value) => (Some(value), None),
+        Err(refusal) => (None, Some(refusal.to_string())),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,83 @@
+//! The shape of phantoms whose length, head and back are known, carved from their exact silhouettes.
+//!
+//! ```text
+//!  Larva, placed ── truth_mask x 21 ── Reconstruction ── Mesh ── Shape      against Truth and Placement
+//! ```
+
+use carved::carver::Leaves;
+use carved::geometry::{BoxUm, Camera, VoxelGrid};
+use carved::measure::shape::{Body, End, Shape};
+use carved::profile::Mask;
+use carved::reconstruction::{Reconstruction, ReconstructionSettings};
+use carved::surface::Mesh;
+use hardware_sim::scene::{Larva, Placement, Scene, SceneSettings, Specimen};
+use std::f64::consts::{FRAC_PI_2, TAU};
+
+/// Coarse voxels: the field's surface does not need finer ones for what is asked here.
+const SD_UM: f64 = 12.0;
+const VIEWS: u32 = 21;
+
+fn hull(specimen: Specimen) -> Mesh {
+    let scene = Scene::new(SceneSettings::default());
+    scene.load(Some(specimen)).unwrap();
+    let k = 1.0 / 5.5;
+    let phi = FRAC_PI_2;
+    let camera = Camera { f: 60_000.0, kx: k, ky: k, ux: 511.5, uy: 511.5, s: 0.0, alpha: 0.0, gamma: 0.0, phi, width: 1024, height: 1024 };
+    let grid = VoxelGrid::new(BoxUm::PAPER, SD_UM).unwrap();
+    let mut model = Reconstruction::new(&camera, grid, VIEWS as usize, ReconstructionSettings::default()).unwrap();
+    for view in 0..VIEWS {
+        let omega = TAU * f64::from(view) / f64::from(VIEWS);
+        let mask = Mask::from_coverage(1024, 1024, scene.truth_mask(omega).data).unwrap();
+        model.observe(&mask, &[], omega, Leaves::default()).unwrap();
+    }
+    model.finish(false).unwrap().mesh
+}
+
+fn told(shape: &Shape) -> &Body {
+    shape.body.as_ref().unwrap_or_else(|| panic!("{:?}", shape.body_reason))
+}
+
+/// The body's length is known along x; its arc along the bowed head and the bent back is longer, and a head that hangs ends at a
+/// plane across itself: half a per cent between the two. The tail fin goes on for 3 % of the length.
+#[test]
+fn larvae_have_their_length_head_and_back_whichever_way_they_lie() {
+    for (dpf, seed, finned, faces_right, roll_rad) in
+        [(3, 0, false, false, 0.5), (3, 1, true, true, -2.2), (4, 2, true, false, 1.9), (5, 1, false, true, 3.0)]
+    {
+        let larva = Larva::new(dpf, seed).unwrap();
+        let specimen = if finned { larva } else { larva.without_fins() }.specimen();
+        let truth = specimen.truth();
+        let placement = Placement { roll_rad, faces_right, x_um: 80.0, y_um: 20.0, z_um: -10.0, ..Placement::default() };
+        let shape = Shape::of(&hull(specimen.placed(placement)));
+        let body = told(&shape);
+        let name = format!("{dpf} dpf, seed {seed}: length {} of {}, {:?} {:?}", body.length_um, truth.length_um, body.head, body.dorsal);
+        let expected = truth.length_um * if finned { 1.027 } else { 0.997 };
+        assert!((body.length_um / expected - 1.0).abs() < 0.006, "{name}");
+        assert!((body.slices_volume_share - 1.0).abs() < 2e-3, "{name}, share {}", body.slices_volume_share);
+        assert_eq!(body.head.end, Some(if faces_right { End::Right } else { End::Left }), "{name}");
+        assert!(body.head.confidence > 0.9, "{name}");
+        // The phantom's back is at -y, rolled with it.
+        let (sin, cos) = roll_rad.sin_cos();
+        let [_, y, z] = body.dorsal.direction.unwrap_or_else(|| panic!("{name}"));
+        assert!(-y * cos - z * sin > 5f64.to_radians().cos(), "{name}");
+        // It bends by its bow and its waves, not as a snake does.
+        assert!(body.bending.total_deg < 60.0 && body.bending.end_to_end_share > 0.99, "{name}: {:?}", body.bending);
+        let harmonics = shape.harmonics.as_ref().unwrap_or_else(|| panic!("{name}: {:?}", shape.harmonics_reason));
+        assert!(harmonics.power_share[0] > 0.9 && harmonics.power_share[1] > 0.02, "{name}: {harmonics:?}");
+        // The trunk is higher than wide, the tail thinner than the yolk.
+        let [yolk, tail] = [25, 80].map(|i| body.stations[i]);
+        assert!(yolk.height_um > 1.2 * yolk.width_um && yolk.area_um2 > 4.0 * tail.area_um2, "{name}: {yolk:?} {tail:?}");
+    }
+}
+
+#[test]
+fn a_bead_has_neither_head_nor_back_and_the_power_of_a_ball() {
+    let shape = Shape::of(&hull(Specimen::bead(500.0).unwrap().placed(Placement { x_um: 300.0, ..Placement::default() })));
+    let body = told(&shape);
+    assert_eq!((body.head.end, body.dorsal.direction), (None, None), "{:?} {:?}", body.head, body.dorsal);
+    // The tolerance of 21 views adds 0.7 % across the capillary (docs/measured.md), the pixels' sides as much again at a bead's size.
+    assert!((body.length_um / 500.0 - 1.0).abs() < 0.015, "{}", body.length_um);
+    let (solid, harmonics) = (shape.solid.unwrap(), shape.harmonics.unwrap());
+    assert!(solid.sphericity > 0.985, "{solid:?}");
+    assert!(harmonics.power_share[0] > 0.999 && (harmonics.power_um2[0].sqrt() / 250.0 - 1.0).abs() < 0.015, "{harmonics:?}");
+}
