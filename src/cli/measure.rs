@@ -1,11 +1,18 @@
 //! `carved measure`: the numbers of recordings, computed again from their frames.
+//!
+//! ```text
+//!  RECORDING ── ledger ── all views, or an even subset (--asd) ── the live run's pipeline ── one JSON line
+//! ```
+//! A recording that fails fails alone; its line says why.
 
+use crate::acquisition::{LedgerEntry, RevolutionPlan};
 use crate::pipeline::{Pipeline, SpecimenRecord};
 use crate::session::SpecimenKind;
 use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
-use anyhow::Context;
+use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -13,6 +20,10 @@ pub struct Args {
     /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`), of which every finished recording is measured.
     #[arg(required = true)]
     recordings: Vec<PathBuf>,
+    /// Measure with this many of the captured views, evenly spread: of 84 with 4, 7, 12, 14, 21, 28, 42 or any other divisor. The
+    /// tolerance is that of so many views. Compared with nothing that is stored.
+    #[arg(long, value_name = "VIEWS")]
+    asd: Option<u32>,
 }
 
 /// One line of output.
@@ -20,27 +31,89 @@ pub struct Args {
 struct Measured<'a> {
     recording: &'a Path,
     well: &'a str,
-    /// `identical`, `differs`, or `none` where the recording holds no measurement.
+    /// `identical`, `differs`, `none` where the recording holds no measurement, or `not_compared` where fewer views were
+    /// measured than it has.
     stored: &'static str,
+    /// Views that were measured, of so many captured.
+    asd: u32,
+    captured: u32,
     truth: Option<&'a serde_json::Value>,
     #[serde(flatten)]
     file: MeasurementFile,
 }
 
+/// The line of a recording that could not be measured.
+#[derive(serde::Serialize)]
+struct Failed<'a> {
+    recording: &'a Path,
+    error: String,
+}
+
+/// Measures every recording that can be.
+///
+/// # Errors
+/// At the end, with every recording that could not be measured or gave other numbers than are stored.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let mut differs = 0;
-    for path in expand(&args.recordings)? {
-        let reader = RecordingReader::open(&path)?;
-        let record = measure(&reader)?;
-        let recording = reader.recording();
-        let file = MeasurementFile::new(recording, &reader.references()?, record);
-        let stored = compare(&path, &file)?;
-        differs += usize::from(stored == "differs");
-        let line = Measured { recording: &path, well: &recording.specimen.well, stored, truth: recording.truth.as_ref(), file };
-        println!("{}", serde_json::to_string(&line)?);
+    let (mut failures, mut differ) = (Vec::new(), Vec::new());
+    for (path, found) in each(&args.recordings) {
+        let line = match found.and_then(|()| line(&path, args.asd)) {
+            Ok((line, differs)) => {
+                differ.extend(differs.then(|| path.display().to_string()));
+                line
+            }
+            Err(e) => {
+                let error = told(&e);
+                // Many an error names its file already.
+                let name = path.display().to_string();
+                failures.push(if error.contains(&name) { error.clone() } else { format!("{name}: {error}") });
+                serde_json::to_string(&Failed { recording: &path, error })?
+            }
+        };
+        writeln!(std::io::stdout(), "{line}")?;
     }
-    anyhow::ensure!(differs == 0, "{differs} recording(s) gave other numbers than are stored beside their frames");
+    let mut wrong = Vec::new();
+    if !failures.is_empty() {
+        wrong.push(format!("{} recording(s) could not be measured:\n{}", failures.len(), failures.join("\n")));
+    }
+    if !differ.is_empty() {
+        wrong.push(format!("{} recording(s) gave other numbers than are stored beside their frames: {}", differ.len(), differ.join(", ")));
+    }
+    ensure!(wrong.is_empty(), "{}", wrong.join("\n"));
     Ok(())
+}
+
+/// The error and its causes, each once.
+fn told(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
+        "" => cause,
+        said if said.contains(&cause) => told,
+        _ => format!("{told}: {cause}"),
+    })
+}
+
+/// A recording's line, and whether other numbers are stored.
+fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, bool)> {
+    let reader = RecordingReader::open(path)?;
+    let record = measure(&reader, asd)?;
+    // As if so many views had been planned.
+    let mut recording = reader.recording().clone();
+    let captured = recording.method.asd;
+    let asd = asd.unwrap_or(captured);
+    recording.method.asd = asd;
+    let file = MeasurementFile::new(&recording, &reader.references()?, record);
+    let stored = if asd == captured { compare(reader.folder(), &file)? } else { "not_compared" };
+    let well = &recording.specimen.well;
+    let line = Measured { recording: path, well, stored, asd, captured, truth: recording.truth.as_ref(), file };
+    Ok((serde_json::to_string(&line)?, stored == "differs"))
+}
+
+/// Every recording that the names stand for; a name that stands for none has its reason.
+fn each(names: &[PathBuf]) -> Vec<(PathBuf, anyhow::Result<()>)> {
+    let of = |name: &PathBuf| match expand(std::slice::from_ref(name)) {
+        Ok(paths) => paths.into_iter().map(|path| (path, Ok(()))).collect(),
+        Err(e) => vec![(name.clone(), Err(e))],
+    };
+    names.iter().flat_map(of).collect()
 }
 
 /// Runs stand for the finished recordings in them; a recording that was named is measured or refused.
@@ -54,7 +127,7 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
                 .filter(|p| p.join(MEASUREMENT).is_file())
                 .collect();
             wells.sort();
-            anyhow::ensure!(!wells.is_empty(), "{}: no recording of this run was measured", path.display());
+            ensure!(!wells.is_empty(), "{}: no recording of this run was measured", path.display());
             found.extend(wells);
         } else {
             found.push(path.clone());
@@ -63,26 +136,35 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The same path as a live run: frames and angles in, numbers out.
-pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
+/// The same path as a live run: frames and angles in, numbers out; of `asd` views where fewer are asked for.
+pub fn measure(reader: &RecordingReader, asd: Option<u32>) -> anyhow::Result<SpecimenRecord> {
     reader.require_finished()?;
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
-    let settings = recording.method.pipeline(&recording.rig.camera, sphere)?;
+    let mut method = recording.method.clone();
+    let entries = match asd {
+        Some(asd) if asd != method.asd => {
+            let entries = subset(recording.ledger.entries(), method.asd, asd).with_context(|| format!("--asd {asd}"))?;
+            method.asd = asd;
+            entries
+        }
+        _ => recording.ledger.entries().iter().collect(),
+    };
+    let settings = method.pipeline(&recording.rig.camera, sphere)?;
     let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
-    let entries: Vec<_> = recording.ledger.entries().iter().collect();
     let bar = ProgressBar::new(entries.len() as u64)
         .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
         .with_message(reader.folder().display().to_string());
-    let seen: Vec<_> = entries
+    let seen: anyhow::Result<Vec<_>> = entries
         .par_iter()
         .map(|entry| {
             let seen = pipeline.look(&reader.frame(entry)?)?;
             bar.inc(1);
             anyhow::Ok((*entry, seen))
         })
-        .collect::<Result<_, _>>()?;
-    for (entry, seen) in &seen {
+        .collect();
+    bar.finish_and_clear();
+    for (entry, seen) in &seen? {
         if entry.closure {
             pipeline.observe_closure(seen);
         } else {
@@ -90,8 +172,34 @@ pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
         }
     }
     let (_, record) = pipeline.finish().with_context(|| reader.folder().display().to_string())?;
-    bar.finish_and_clear();
     Ok(record)
+}
+
+/// Every so manieth view around the turn from view 0, and the closure view.
+fn subset(entries: &[LedgerEntry], captured: u32, asd: u32) -> anyhow::Result<Vec<&LedgerEntry>> {
+    let possible: Vec<u32> = (RevolutionPlan::LEAST_ASD..=captured).filter(|n| captured.is_multiple_of(*n)).collect();
+    if !possible.contains(&asd) {
+        let possible = possible.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+        bail!("{captured} views were captured, of which {asd} do not stand evenly around the turn; possible are {possible}");
+    }
+    let stride = captured / asd;
+    let chosen: Vec<&LedgerEntry> = entries.iter().filter(|e| e.closure || e.view.is_multiple_of(stride)).collect();
+    let omega = |view: u32| chosen.iter().find(|e| e.view == view && !e.closure).map(|e| e.omega.to_degrees());
+    let first = omega(0).context("the ledger has no view 0")?;
+    let spacing = 360.0 / f64::from(captured);
+    for at in 1..asd {
+        let view = at * stride;
+        let found = omega(view).with_context(|| format!("the ledger has no view {view}"))? - first;
+        let even = 360.0 * f64::from(at) / f64::from(asd);
+        // Either way around.
+        let off = [found - even, found + even].map(|x| (x - 360.0 * (x / 360.0).round()).abs()).into_iter().fold(f64::INFINITY, f64::min);
+        ensure!(
+            off <= spacing,
+            "view {view} stands {off:.2} deg from its even place around the turn, more than the {spacing:.2} deg between captured views: this \
+             turn has no even subset; measure it whole"
+        );
+    }
+    Ok(chosen)
 }
 
 fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str> {
@@ -103,4 +211,59 @@ fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str
     };
     let ours = durable::json_text(&path, file)?;
     Ok(if ours == stored { "identical" } else { "differs" })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::units::Steps;
+
+    fn turn(angles_deg: impl Iterator<Item = f64>, closure: bool) -> Vec<LedgerEntry> {
+        let mut entries: Vec<LedgerEntry> = (0..)
+            .zip(angles_deg)
+            .map(|(view, deg)| LedgerEntry {
+                view,
+                commanded_steps: Steps(0),
+                achieved_steps: Steps(0),
+                epoch: 1,
+                omega: deg.to_radians(),
+                moved_ms: 0.0,
+                settle_ms: 0.0,
+                grab_ms: 0.0,
+                frame_id: 0,
+                attempts: 1,
+                sha256: String::new(),
+                closure: false,
+            })
+            .collect();
+        entries.last_mut().unwrap().closure = closure;
+        entries
+    }
+
+    fn views(entries: &[LedgerEntry], captured: u32, asd: u32) -> Result<Vec<u32>, String> {
+        subset(entries, captured, asd).map(|s| s.iter().map(|e| e.view).collect()).map_err(|e| format!("{e:#}"))
+    }
+
+    #[test]
+    fn every_divisor_is_an_even_subset_either_way_around() {
+        for sense in [1.0, -1.0] {
+            // Steps of 0.72 deg, as VAST has them.
+            let entries = turn((0..=84).map(|i| sense * 0.72 * (f64::from(i) * 500.0 / 84.0).round()), true);
+            for asd in [4, 7, 12, 14, 21, 28, 42] {
+                let expected: Vec<u32> = (0..=84).step_by(84 / asd as usize).collect();
+                assert_eq!(views(&entries, 84, asd).unwrap(), expected);
+            }
+        }
+        assert_eq!(views(&turn((0..84).map(|i| f64::from(i) * 4.32), false), 84, 4).unwrap(), [0, 21, 42, 63]);
+    }
+
+    #[test]
+    fn what_is_no_even_subset_is_refused_with_the_ways_out() {
+        let entries = turn((0..12).map(|i| f64::from(i) * 30.0), false);
+        for asd in [0, 1, 2, 5, 24] {
+            assert!(views(&entries, 12, asd).unwrap_err().contains("possible are 3, 4, 6, 12"));
+        }
+        let half = turn((0..12).map(|i| f64::from(i) * 15.0), false);
+        assert!(views(&half, 12, 4).unwrap_err().contains("no even subset"));
+    }
 }

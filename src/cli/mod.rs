@@ -2,6 +2,7 @@
 
 mod check;
 mod daemon;
+mod import;
 mod measure;
 mod notify;
 pub mod reconstruct;
@@ -27,6 +28,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Measure recordings again from their frames.
     Measure(measure::Args),
+    /// Make a recording of a lab's own frames of one turn.
+    Import(Box<import::Args>),
     /// Carve silhouettes of any origin and measure the result.
     Reconstruct(reconstruct::Args),
     /// Work with the reference larvae that specimens are compared with.
@@ -51,6 +54,7 @@ pub fn main() -> anyhow::Result<()> {
         Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
+        Command::Import(args) => import::run(&args),
         Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Reference(command) => reference::run(&command),
         Command::Segment(args) => segment::run(&args),

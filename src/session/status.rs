@@ -90,12 +90,14 @@ pub enum SchedulerAction {
     EscalateOperator,
 }
 
-/// Whether numbers come from an instrument or from the emulated rig; stamped into every output.
+/// Whether numbers come from an instrument, from the emulated rig or from imported pictures, of whose origin carved knows
+/// nothing; stamped into every output. A daemon's is one of the first two.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     Hardware,
     Simulated,
+    Imported,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]

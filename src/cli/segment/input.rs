@@ -9,7 +9,7 @@ use std::io::Cursor;
 use std::path::Path;
 
 /// A picture that was read.
-pub(super) struct Input {
+pub(in crate::cli) struct Input {
     pub frame: RawFrame,
     /// Of the file's bytes.
     pub sha256: String,
@@ -18,7 +18,7 @@ pub(super) struct Input {
 }
 
 /// Alpha is left out: what a picture shows where it is transparent is not known to be light.
-pub(super) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
+pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
     // A pipe would be waited for, and nobody may ever write to it.
     let kind = std::fs::metadata(path).context("cannot be read")?.file_type();
     if !kind.is_file() {

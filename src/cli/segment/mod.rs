@@ -8,9 +8,9 @@
 //! ```
 //! What concerns the whole call (settings, names, the empty capillary) is refused before anything is written. A picture that fails fails alone.
 
-mod blocks;
+pub(super) mod blocks;
 mod empty;
-mod input;
+pub(super) mod input;
 mod mosaic;
 mod output;
 mod overlay;
@@ -133,7 +133,7 @@ fn settings(args: &Args) -> anyhow::Result<SegmentSettings> {
     Ok(settings)
 }
 
-fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
+pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
     let name = || format!("--settings {}", file.display());
     let text = std::fs::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
     let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;

@@ -1,17 +1,19 @@
 //! What `simulate` does once the daemon runs, as a client of it: the demo plate, a replayed recording, or nothing.
 
+use crate::pipeline::SpecimenRecord;
 use crate::session::{PlannedWell, RunPlan, RunStatus, SessionHandle, SpecimenKind, WellStatus};
-use crate::store::{MEASUREMENT, RecordingReader, StoreError};
-use std::path::{Path, PathBuf};
+use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, durable};
+use std::path::Path;
 
 /// What is done after the start, as a client of the daemon.
 pub enum Job {
     Serve,
     Demo,
-    /// The replayed recording's plan, and where its stored numbers are.
+    /// The replayed recording's plan, its numbers and where they are from.
     Replay {
         plan: RunPlan,
-        recorded: PathBuf,
+        recorded: Box<SpecimenRecord>,
+        name: String,
     },
 }
 
@@ -27,9 +29,9 @@ impl Job {
         handle.put_run(id.clone(), plan).await?;
         let run = finished(&handle, &id).await;
         let Some(run) = run else { return Ok(()) };
-        if let Self::Replay { recorded, .. } = &self {
+        if let Self::Replay { recorded, name, .. } = &self {
             let replayed = data.join("runs").join(&id).join(&well).join(MEASUREMENT);
-            println!("{}", compare(recorded, &replayed)?);
+            println!("{}", compare(recorded, name, &replayed)?);
         } else {
             print!("{}", table(&run, &data.join("runs").join(&id)));
         }
@@ -102,9 +104,9 @@ fn table(run: &RunStatus, folder: &Path) -> String {
     )
 }
 
-fn compare(recorded: &Path, replayed: &Path) -> anyhow::Result<String> {
-    let read = |path: &Path| std::fs::read(path).map_err(|source| StoreError::Io { what: "read", path: path.to_owned(), source });
-    let same = read(recorded)? == read(replayed)?;
-    let verdict = if same { "identical, bit for bit" } else { "NOT the same" };
-    Ok(format!("Replayed numbers are {verdict}: {} and {}", recorded.display(), replayed.display()))
+/// The numbers alone: a replay is a simulation, whatever the recording was.
+fn compare(recorded: &SpecimenRecord, name: &str, replayed: &Path) -> anyhow::Result<String> {
+    let found: MeasurementFile = durable::read_json(replayed, "the replay's measurement")?;
+    let verdict = if found.record == *recorded { "identical, bit for bit" } else { "NOT the same" };
+    Ok(format!("Replayed numbers are {verdict}: {name} and {}", replayed.display()))
 }

@@ -1,13 +1,15 @@
 //! A recording in place of the scene: the emulated axis turns, the emulated camera sends the recorded frame of that angle.
 
 use super::{Before, Job, rig_settings};
+use crate::acquisition::RevolutionPlan;
 use crate::cancel::CancelToken;
+use crate::cli::measure;
 use crate::config::{CameraDriver, Config, RotationDriver};
 use crate::device::DeviceError;
 use crate::device::sampler::{Expected, Loaded, Sampler};
 use crate::frame::{PixelFormat, RawFrame};
 use crate::session::RunPlan;
-use crate::store::{MEASUREMENT, RecordingReader};
+use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, durable};
 use crate::units::Steps;
 use anyhow::Context;
 use hardware_sim::{Pixels, Replay};
@@ -21,9 +23,15 @@ const HOMING_PULL_OFF: u16 = 27;
 pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> {
     let reader = RecordingReader::open(path)?;
     reader.require_finished()?;
-    let recorded = reader.folder().join(MEASUREMENT);
-    anyhow::ensure!(recorded.is_file(), "{}: is missing, so there is nothing to compare the replay with", recorded.display());
     let recording = reader.recording();
+    stands_as_planned(recording).with_context(|| reader.folder().display().to_string())?;
+    let stored = reader.folder().join(MEASUREMENT);
+    let (recorded, name) = if stored.is_file() {
+        let file: MeasurementFile = durable::read_json(&stored, "a measurement of this version")?;
+        (file.record, stored.display().to_string())
+    } else {
+        (measure::measure(&reader, None)?, format!("`carved measure` of {}", reader.folder().display()))
+    };
     config.optics = recording.rig.camera.clone();
     config.empty_capillary = reader.empty_capillary()?.map(Arc::new);
     config.references = reader.references()?.into();
@@ -54,10 +62,26 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
         external_id: None,
         plate_map: vec![recording.specimen.clone()],
     };
-    let job = Job::Replay { plan, recorded };
+    let job = Job::Replay { plan, recorded: Box::new(recorded), name };
     let [num, den] = config.steps_per_revolution.into();
     let sight = Replay::new(frames, (num, den)).with_context(|| reader.folder().display().to_string())?;
     Ok(Before { sight: Arc::new(sight), sampler: Box::new(ReplaySampler), job })
+}
+
+/// The emulated axis makes an even turn from step 0: only frames of its stops can be shown.
+fn stands_as_planned(recording: &Recording) -> anyhow::Result<()> {
+    let plan = RevolutionPlan::new(recording.method.asd, recording.rig.steps_per_revolution, recording.method.order)?;
+    for entry in recording.ledger.entries() {
+        let stop = plan.stops().iter().find(|s| s.view == entry.view).context("a view that its method does not have")?;
+        anyhow::ensure!(
+            stop.target == entry.commanded_steps,
+            "view {} was taken at {}, an even turn has it at {}: only an even turn can be replayed; `carved measure` measures any",
+            entry.view,
+            entry.commanded_steps,
+            stop.target
+        );
+    }
+    Ok(())
 }
 
 fn pixels(frame: &RawFrame) -> Pixels {

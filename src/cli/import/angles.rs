@@ -1,0 +1,231 @@
+//! The angle of every picture, as a file says it.
+//!
+//! ```text
+//!  external.txt   tomography <tab> x_position <tab> degrees ...     VAST's list for its trigger bridge, decimal comma
+//!  CSV            file,angle_deg      or view,omega_rad, ...         header required
+//!  a column       0                   degrees, one per line
+//!                 17,14
+//! ```
+//! Degrees are the axis': the rig's sense makes omega of them. Rad are omega.
+
+use anyhow::{Context, anyhow, bail, ensure};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Picture by picture in their order.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Angles {
+    /// Of the axis.
+    Degrees(Vec<f64>),
+    /// omega.
+    Rad(Vec<f64>),
+}
+
+/// Angles of `pictures`, which are file names in their order.
+pub(super) fn read(file: &Path, pictures: &[String]) -> anyhow::Result<Angles> {
+    let name = || format!("--angles {}", file.display());
+    let bytes = std::fs::read(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let text = String::from_utf8(bytes).map_err(|_| anyhow!("{}: found bytes that are no UTF-8 text; save it as plain text", name()))?;
+    parse(&text, pictures).with_context(name)
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Column {
+    File,
+    View,
+    Degrees,
+    Rad,
+}
+
+const COLUMNS: &str = "angle_deg (or degrees) or omega_rad, and perhaps view or file";
+
+fn column(name: &str) -> Option<Column> {
+    Some(match name.to_lowercase().replace([' ', '-'], "_").as_str() {
+        "file" | "file_name" | "filename" | "name" | "frame" | "image" | "picture" => Column::File,
+        "view" => Column::View,
+        "angle_deg" | "degrees" | "deg" => Column::Degrees,
+        "omega_rad" | "omega" => Column::Rad,
+        _ => return None,
+    })
+}
+
+/// A line's number in the file, from 1, and its fields.
+type Row = (usize, Vec<String>);
+
+fn parse(text: &str, pictures: &[String]) -> anyhow::Result<Angles> {
+    let lines = (1..).zip(text.trim_start_matches('\u{feff}').lines());
+    let lines: Vec<(usize, &str)> = lines.filter(|(_, l)| !l.trim().is_empty() && !l.trim_start().starts_with('#')).collect();
+    let Some((_, first)) = lines.first() else { bail!("found no line, expected one angle per picture") };
+    if number(first).is_some() {
+        let degrees = lines.iter().map(|(n, l)| number(l).with_context(|| expected_number(*n, l)));
+        return of_all(degrees.collect::<anyhow::Result<_>>()?, pictures).map(Angles::Degrees);
+    }
+    let separator = ['\t', ';', ','].into_iter().find(|s| first.contains(*s)).unwrap_or(',');
+    let mut rows: Vec<Row> = lines.iter().map(|(n, l)| (*n, fields(l, separator))).collect();
+    let is_header = rows[0].1.iter().any(|f| number(f).is_none());
+    if !is_header && separator == '\t' {
+        return external(&rows, pictures);
+    }
+    ensure!(
+        is_header,
+        "line {}: found {} columns of numbers and no header before them; expected a header that names: {COLUMNS}",
+        rows[0].0,
+        rows[0].1.len()
+    );
+    let (_, header) = rows.remove(0);
+    table(&header, &rows, pictures)
+}
+
+/// Seven columns without a header: VAST's list as its program writes it.
+fn external(rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
+    let angle = |(n, row): &Row| {
+        let found = row.len();
+        ensure!(found == 7, "line {n}: found {found} columns, expected the 7 of VAST's external.txt, or a header that names: {COLUMNS}");
+        number(&row[2]).with_context(|| expected_number(*n, &row[2]))
+    };
+    of_all(rows.iter().map(angle).collect::<anyhow::Result<_>>()?, pictures).map(Angles::Degrees)
+}
+
+fn table(header: &[String], rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
+    let found = || format!("found the columns {}", header.join(", "));
+    let at = |wanted: [Column; 2]| -> anyhow::Result<Option<usize>> {
+        let places: Vec<usize> = (0..header.len()).filter(|&i| column(&header[i]).is_some_and(|c| wanted.contains(&c))).collect();
+        ensure!(places.len() < 2, "{}, expected one of {COLUMNS}: two of them say the same thing", found());
+        Ok(places.first().copied())
+    };
+    let Some(angle) = at([Column::Degrees, Column::Rad])? else { bail!("{}, expected {COLUMNS}", found()) };
+    let key = at([Column::File, Column::View])?;
+    let mut angles = Vec::new();
+    let mut keys = Vec::new();
+    for (n, row) in rows {
+        ensure!(row.len() == header.len(), "line {n}: found {} columns, the header has {}", row.len(), header.len());
+        angles.push(number(&row[angle]).with_context(|| expected_number(*n, &row[angle]))?);
+        keys.extend(key.map(|key| (*n, row[key].as_str())));
+    }
+    let angles = match key.map(|key| column(&header[key])) {
+        Some(Some(Column::File)) => by_file(&keys, &angles, pictures)?,
+        Some(_) => by_view(&keys, &of_all(angles, pictures)?)?,
+        None => of_all(angles, pictures)?,
+    };
+    Ok(if column(&header[angle]) == Some(Column::Rad) { Angles::Rad(angles) } else { Angles::Degrees(angles) })
+}
+
+fn of_all(angles: Vec<f64>, pictures: &[String]) -> anyhow::Result<Vec<f64>> {
+    ensure!(
+        angles.len() == pictures.len(),
+        "found {} angles for {} pictures ({} to {}); one per picture is expected",
+        angles.len(),
+        pictures.len(),
+        pictures.first().map_or("", String::as_str),
+        pictures.last().map_or("", String::as_str)
+    );
+    Ok(angles)
+}
+
+/// Each picture's angle, by its file's name with or without the ending.
+fn by_file(keys: &[(usize, &str)], angles: &[f64], pictures: &[String]) -> anyhow::Result<Vec<f64>> {
+    let stem = |name: &str| Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned());
+    let mut given: BTreeMap<&str, f64> = BTreeMap::new();
+    for ((n, key), angle) in keys.iter().zip(angles) {
+        let base = key.rsplit(['/', '\\']).next().unwrap_or(key);
+        let picture = pictures.iter().find(|p| p.as_str() == base).or_else(|| pictures.iter().find(|p| stem(p).as_deref() == Some(base)));
+        let Some(picture) = picture else { bail!("line {n}: found {key:?}, which is none of the {} pictures", pictures.len()) };
+        ensure!(given.insert(picture, *angle).is_none(), "line {n}: found {picture} a second time");
+    }
+    let missing: Vec<&str> = pictures.iter().map(String::as_str).filter(|p| !given.contains_key(p)).collect();
+    ensure!(missing.is_empty(), "found no angle of {}; expected one of every picture", missing.join(", "));
+    Ok(pictures.iter().filter_map(|p| given.get(p.as_str()).copied()).collect())
+}
+
+/// Views count the pictures in their order, from 0 or from 1.
+fn by_view(keys: &[(usize, &str)], angles: &[f64]) -> anyhow::Result<Vec<f64>> {
+    let whole = |(n, key): &(usize, &str)| {
+        key.parse::<usize>().map(|view| (*n, view)).map_err(|_| anyhow!("line {n}: found the view {key:?}, expected a whole number"))
+    };
+    let views: Vec<(usize, usize)> = keys.iter().map(whole).collect::<anyhow::Result<_>>()?;
+    let first = usize::from(views.iter().all(|(_, view)| *view > 0));
+    let last = angles.len() + first - 1;
+    let mut given = vec![None; angles.len()];
+    for ((n, view), angle) in views.iter().zip(angles) {
+        let place = view.checked_sub(first).and_then(|at| given.get_mut(at));
+        let place = place.with_context(|| format!("line {n}: found view {view}, expected every number from {first} to {last} once"))?;
+        ensure!(place.replace(*angle).is_none(), "line {n}: found view {view} a second time");
+    }
+    Ok(given.into_iter().flatten().collect())
+}
+
+/// A number with a point or a comma before its decimals.
+fn number(text: &str) -> Option<f64> {
+    let text = text.trim();
+    let text = if text.contains('.') { text.to_owned() } else { text.replacen(',', ".", 1) };
+    text.parse().ok().filter(|x: &f64| x.is_finite())
+}
+
+fn expected_number(line: usize, found: &str) -> String {
+    format!("line {line}: found {:?}, expected an angle as 3.6 or 3,6", found.trim())
+}
+
+/// Fields of a line; one in quotes may hold the separator.
+fn fields(line: &str, separator: char) -> Vec<String> {
+    let mut fields = vec![String::new()];
+    let mut quoted = false;
+    for c in line.chars() {
+        match c {
+            '"' => quoted = !quoted,
+            c if c == separator && !quoted => fields.push(String::new()),
+            c => fields.last_mut().into_iter().for_each(|f| f.push(c)),
+        }
+    }
+    fields.into_iter().map(|f| f.trim().to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pictures(n: usize) -> Vec<String> {
+        (0..n).map(|i| format!("v{i}.png")).collect()
+    }
+
+    #[test]
+    fn every_notation_gives_the_pictures_angles_in_their_order() {
+        let deg = Angles::Degrees(vec![0.0, 3.6, 7.2]);
+        let external = "1\t0\t0,00\t1\t1\t0\t1\r\n1\t0\t3,60\t1\t1\t0\t1\r\n1\t0\t7,20\t1\t1\t0\t1\r\n";
+        let header = "tomography\tx_position\tdegrees\tctrl_output\ttrigger_input\tadjust_rotation\ttray_LED\n";
+        for text in [
+            external,
+            &format!("\u{feff}{header}{external}"),
+            "0\n3,6\n7.2\n",
+            "# turn\nfile,angle_deg\nv2.png,7.2\nv0.png,0\nv1,3.6\n",
+            "file;angle_deg\nC:\\x\\v1.png;3,6\nv0.png;0\nv2.png;7,2\n",
+            "view,angle_deg\n3,7.2\n1,0\n2,\"3,6\"\n",
+            "view, degrees, note\n0,0,\n2,7.2,b\n1,3.6,c\n",
+            "angle_deg\n0\n3.6\n7.2\n",
+        ] {
+            assert_eq!(parse(text, &pictures(3)).unwrap(), deg, "{text}");
+        }
+        assert_eq!(parse("view,omega_rad\n0,0\n1,-0.5\n", &pictures(2)).unwrap(), Angles::Rad(vec![0.0, -0.5]));
+    }
+
+    #[test]
+    fn what_is_no_list_of_angles_is_named() {
+        for (text, expected) in [
+            ("", "found no line"),
+            ("0\n1\n", "found 2 angles for 3 pictures (v0.png to v2.png)"),
+            ("0\nx\n2\n", "line 2: found \"x\""),
+            ("0\nnan\n2\n", "line 2: found \"nan\""),
+            ("0,1,2\n", "no header"),
+            ("0\t1\t2\n", "found 3 columns, expected the 7"),
+            ("a,b\n0,1\n", "found the columns a, b, expected angle_deg"),
+            ("angle_deg,omega_rad\n0,1\n", "say the same thing"),
+            ("file,angle_deg\nv0.png,0\nv1.png,1\n", "found no angle of v2.png"),
+            ("file,angle_deg\nv0.png,0\nv0.png,1\n", "line 3: found v0.png a second time"),
+            ("file,angle_deg\nv9.png,0\n", "none of the 3 pictures"),
+            ("view,angle_deg\n0,0\n1,1\n3,2\n", "found view 3, expected every number from 0 to 2 once"),
+            ("view,angle_deg\n0,0\n1\n", "line 3: found 1 columns, the header has 2"),
+        ] {
+            let said = format!("{:#}", parse(text, &pictures(3)).unwrap_err());
+            assert!(said.contains(expected), "{text:?}: {said}");
+        }
+    }
+}

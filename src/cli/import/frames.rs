@@ -1,0 +1,209 @@
+//! The pictures of a turn: which files, in which order, and whether they belong together.
+//!
+//! ```text
+//!  DIR or FILES ── list ── natural order: view2 before view10 ── look at every one ── one size, one format, one depth
+//! ```
+
+use super::natural::{chunks, natural};
+use crate::cli::segment::{blocks, input};
+use crate::frame::{PixelFormat, RawFrame};
+use crate::hash::sha256_hex;
+use crate::profile::Picture;
+use anyhow::{Context, bail, ensure};
+use rayon::prelude::*;
+use std::path::{Path, PathBuf};
+
+const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff"];
+
+/// What all frames of a recording have in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Kind {
+    pub width: u32,
+    pub height: u32,
+    pub format: PixelFormat,
+    bits: u32,
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} x {} px {} of {} bits", self.width, self.height, self.format.name(), self.bits)
+    }
+}
+
+/// A picture that was looked at; its pixels are read again when they are written.
+pub(super) struct Looked {
+    pub path: PathBuf,
+    /// Of the file's bytes.
+    pub file_sha256: String,
+    pixels_sha256: String,
+    kind: Kind,
+    blocky: bool,
+}
+
+impl Looked {
+    pub fn name(&self) -> String {
+        file_name(&self.path)
+    }
+
+    /// The pixels of the file that was looked at.
+    pub fn frame(&self) -> anyhow::Result<RawFrame> {
+        let place = || self.path.display().to_string();
+        let input = input::read(&self.path, self.kind.format == PixelFormat::BayerRG8).with_context(place)?;
+        ensure!(input.sha256 == self.file_sha256, "{}: the file was changed while it was imported", place());
+        Ok(input.frame)
+    }
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// The pictures that were named, or those of the one folder that was, in natural order.
+pub(super) fn list(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
+    let mut paths = match named {
+        [folder] if folder.is_dir() => of_folder(folder)?,
+        files => {
+            if let Some(path) = files.iter().find(|p| !p.is_file()) {
+                let found = if path.is_dir() { "a folder among several names" } else { "no such file" };
+                bail!("{}: found {found}, expected one folder of frames, or the frames' files", path.display());
+            }
+            files.to_vec()
+        }
+    };
+    let given = paths.clone();
+    paths.sort_by(|a, b| natural(&file_name(a), &file_name(b)).then_with(|| a.cmp(b)));
+    // A shell's pattern gives names byte by byte, or without regard to case.
+    let by_shell = given.is_sorted() || given.is_sorted_by_key(|p| p.to_string_lossy().to_lowercase());
+    if named.len() > 1
+        && !by_shell
+        && let Some((is, should)) = given.iter().zip(&paths).find(|(a, b)| a != b)
+    {
+        bail!(
+            "{} was named where {} comes by the order of names, which alone counts (view2 before view10): give them names in the order of the turn",
+            is.display(),
+            should.display()
+        );
+    }
+    for pair in paths.windows(2) {
+        ensure!(
+            pair[0].file_stem() != pair[1].file_stem(),
+            "{} and {} have one name: are they one view? Leave one out",
+            pair[0].display(),
+            pair[1].display()
+        );
+    }
+    Ok(paths)
+}
+
+fn of_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let place = || format!("{}: cannot be read as a folder", folder.display());
+    let mut paths = Vec::new();
+    for entry in std::fs::read_dir(folder).with_context(place)? {
+        let path = entry.with_context(place)?.path();
+        let ending = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
+        if ending.is_some_and(|e| ENDINGS.contains(&e.as_str())) && !file_name(&path).starts_with('.') {
+            paths.push(path);
+        }
+    }
+    ensure!(!paths.is_empty(), "{}: found no picture, expected {} files, one per view", folder.display(), ENDINGS.join(", "));
+    if folder.join("../recording.json").is_file() {
+        bail!(
+            "{}: is the frames' folder of a recording, which `carved measure` measures as it is; to import views of it, name their files",
+            folder.display()
+        );
+    }
+    Ok(paths)
+}
+
+/// Reads every picture, and refuses those that cannot be views of one turn.
+pub(super) fn look(paths: &[PathBuf], bayer: bool, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<Looked>, Kind)> {
+    let looks: Vec<anyhow::Result<Looked>> = paths.par_iter().map(|path| look_at(path, bayer)).collect();
+    let broken: Vec<String> = looks.iter().filter_map(|l| l.as_ref().err()).map(|e| format!("{e:#}")).collect();
+    ensure!(broken.is_empty(), "{} of {} pictures cannot be used:\n{}", broken.len(), paths.len(), broken.join("\n"));
+    let looks: Vec<Looked> = looks.into_iter().collect::<anyhow::Result<_>>()?;
+    let first = looks.first().context("no picture was named")?;
+    let kind = first.kind;
+    let unlike: Vec<String> = looks.iter().filter(|l| l.kind != kind).map(|l| format!("{} is {}", l.name(), l.kind)).collect();
+    ensure!(
+        unlike.is_empty(),
+        "{} of {} pictures are unlike the first, {}, which is {kind}; frames of one camera are expected (the bits of a 16 bit file are told \
+         from its largest count: where those differ, save them all as 8 bit):\n{}",
+        unlike.len(),
+        looks.len(),
+        first.name(),
+        unlike.join("\n")
+    );
+    doubts(&looks, warn);
+    Ok((looks, kind))
+}
+
+fn look_at(path: &Path, bayer: bool) -> anyhow::Result<Looked> {
+    let input = input::read(path, bayer).with_context(|| path.display().to_string())?;
+    let frame = &input.frame;
+    let kind = Kind { width: frame.width(), height: frame.height(), format: frame.format(), bits: input.bits };
+    let picture = Picture::from_frame(frame);
+    let blocky = picture.planes().first().is_some_and(|plane| blocks::too_blocky(plane, picture.width()).is_some());
+    Ok(Looked { path: path.to_owned(), pixels_sha256: sha256_hex(frame.bytes()), file_sha256: input.sha256, kind, blocky })
+}
+
+fn doubts(looks: &[Looked], warn: &mut dyn FnMut(String)) {
+    let blocky: Vec<String> = looks.iter().filter(|l| l.blocky).map(Looked::name).collect();
+    if let Some(first) = blocky.first() {
+        warn(format!(
+            "{} of {} pictures, {first} the first, were compressed until their noise was gone: outlines may be wrong and look sure",
+            blocky.len(),
+            looks.len()
+        ));
+    }
+    let mut by_pixels: Vec<&Looked> = looks.iter().collect();
+    by_pixels.sort_by(|a, b| a.pixels_sha256.cmp(&b.pixels_sha256));
+    for pair in by_pixels.windows(2).filter(|p| p[0].pixels_sha256 == p[1].pixels_sha256) {
+        warn(format!("{} and {} hold the same pixels: no camera takes the same noise twice", pair[0].name(), pair[1].name()));
+    }
+}
+
+/// The empty capillary's picture, of the frames' kind.
+pub(super) fn empty(path: &Path, bayer: bool, expected: Kind) -> anyhow::Result<RawFrame> {
+    let place = || format!("--empty {}", path.display());
+    let looked = look_at(path, bayer).with_context(place)?;
+    ensure!(
+        looked.kind == expected,
+        "{}: found {}, expected {expected} as the frames are: take it with the same camera settings",
+        place(),
+        looked.kind
+    );
+    looked.frame()
+}
+
+/// A name that does not go on as the others do: an even turn with a frame missing has wrong angles from there on.
+pub(super) fn gap(names: &[String]) -> Option<String> {
+    let split: Vec<Vec<&str>> = names.iter().map(|n| chunks(n)).collect();
+    let length = split.first()?.len();
+    if split.iter().any(|s| s.len() != length) {
+        return None;
+    }
+    let varies: Vec<usize> = (0..length).filter(|&at| split.iter().any(|s| s[at] != split[0][at])).collect();
+    let [at] = varies[..] else { return None };
+    let numbers: Vec<i64> = split.iter().map(|s| s[at].parse().ok()).collect::<Option<_>>()?;
+    let steps: Vec<i64> = numbers.windows(2).map(|w| w[1] - w[0]).collect();
+    let least = *steps.iter().min()?;
+    let wide = steps.iter().position(|&s| s > least)?;
+    Some(format!(
+        "{} follows {}: is a frame missing there? The angles are even over the frames that are there",
+        names[wide + 1],
+        names[wide]
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_missing_number_is_seen_where_one_number_counts() {
+        let names = |numbers: &[u32]| numbers.iter().map(|n| format!("d3_{n:02}.png")).collect::<Vec<_>>();
+        assert_eq!(gap(&names(&[0, 4, 8, 12])), None);
+        assert!(gap(&names(&[1, 2, 4])).unwrap().starts_with("d3_04.png follows d3_02.png"));
+        assert_eq!(gap(&["a.png".into(), "b1.png".into()]), None);
+    }
+}

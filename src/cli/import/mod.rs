@@ -1,0 +1,286 @@
+//! `carved import`: a lab's own frames of one turn to a recording, which `measure` and `simulate --replay` read.
+//!
+//! ```text
+//!  FRAMES ───────────────────────── frames ── looked at, natural order ──┐
+//!  --cameras, --config, defaults ── rig ───── camera, method ────────────┼── write ── recording, whole or not at all
+//!  --angles, --cameras, --even ──── angles ── turn: steps of a ledger ───┘
+//! ```
+//! Everything is read and checked before anything is written.
+
+mod angles;
+mod frames;
+mod natural;
+mod rig;
+mod turn;
+mod write;
+
+use crate::frame::RawFrame;
+use crate::measure::references::References;
+use crate::pipeline::Pipeline;
+use crate::session::{Mode, PlannedWell, RunPlan, SpecimenKind};
+use crate::store::{Recording, RigRecord};
+use angles::Angles;
+use anyhow::{Context, bail, ensure};
+use frames::Looked;
+use rig::Rig;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use turn::Turn;
+
+/// Make a recording of a lab's own frames of one turn
+///
+/// The frames are those of one specimen, one per view, sorted by their names in NATURAL order: view2 comes before view10. Their angles
+/// come from one of --cameras (with omega), --angles and --even. The recording says `imported` as its mode.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// One folder of frames, or the frames' files: PNG, JPEG, BMP or TIFF, sorted by name in natural order (view2 before view10)
+    #[arg(required = true, value_name = "FRAMES")]
+    frames: Vec<PathBuf>,
+    /// camera.json: f, kx, ky, ux, uy, width, height, and the angles omega in rad (leave omega out with --angles or --even)
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Angles of the frames: VAST's external.txt, a CSV with a header (view or file; angle_deg or omega_rad), or degrees, one per line
+    #[arg(long, value_name = "FILE", conflicts_with = "even")]
+    angles: Option<PathBuf>,
+    /// The degrees of --angles are turns from the view before, each made before its frame, not positions of the axis
+    #[arg(long, requires = "angles")]
+    relative: bool,
+    /// The frames stand evenly around one turn
+    #[arg(long)]
+    even: bool,
+    /// The last frame repeats the first at 360 deg: it is compared, never carved
+    #[arg(long)]
+    closure: bool,
+    /// What degrees of the axis do: 1 moves the near wall to larger v, -1 to smaller [default: the configuration's, else 1]
+    #[arg(long, value_name = "1|-1", allow_negative_numbers = true, value_parser = clap::builder::PossibleValuesParser::new(["1", "-1"]))]
+    sense: Option<String>,
+    /// Configuration whose [optics], sense, method and empty capillary are used; --cameras goes before its [optics]
+    /// [default: the published rig's 5.5 um per px, axis in the picture's middle, camera 60 mm away]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// Method of the configuration [default: its only one]
+    #[arg(long, value_name = "NAME")]
+    method: Option<String>,
+    /// Well that the specimen came from
+    #[arg(long, default_value = "A01")]
+    well: String,
+    /// What it is
+    #[arg(long, value_enum, default_value_t = Specimen::Larva)]
+    specimen: Specimen,
+    /// Days post fertilisation
+    #[arg(long)]
+    dpf: Option<f64>,
+    /// Share of the views that may miss a voxel [default: the method's, else 0.05]
+    #[arg(long, value_name = "E")]
+    epsilon: Option<f64>,
+    /// Edge of a voxel, um [default: the method's, else 6.93]
+    #[arg(long, value_name = "UM")]
+    voxel: Option<f64>,
+    /// TOML with the keys of a method's `segment` table; what is left out has its default [default: the method's]
+    #[arg(long, value_name = "FILE")]
+    settings: Option<PathBuf>,
+    /// Picture of the empty capillary, taken as the frames were, which they are compared with [default: the configuration's]
+    #[arg(long, value_name = "FILE")]
+    empty: Option<PathBuf>,
+    /// Grey pictures are Bayer mosaics whose first row reads R G R G
+    #[arg(long)]
+    bayer: bool,
+    /// Folder to be made for the recording; nothing is overwritten [default: FRAMES-recording here, with a number if taken]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum Specimen {
+    Larva,
+    Bead,
+}
+
+/// What was read and checked.
+struct Imported {
+    looks: Vec<Looked>,
+    turn: Turn,
+    /// Where the angles are from, in words.
+    angles_from: String,
+    camera_from: String,
+    empty: Option<Arc<RawFrame>>,
+    /// The larvae that a larva of known age is compared with.
+    references: Arc<[References]>,
+    warnings: Vec<String>,
+}
+
+impl Imported {
+    /// `import.json`: which file became which view.
+    fn origin(&self) -> serde_json::Value {
+        let views = self.looks.iter().zip(&self.turn.stops).map(
+            |(looked, stop)| json!({"view": stop.view, "closure": stop.closure, "file": looked.name(), "file_sha256": looked.file_sha256}),
+        );
+        json!({
+            "schema": "carved.import/1",
+            "angles": self.angles_from,
+            "angle_error_deg": self.turn.error_deg,
+            "camera": self.camera_from,
+            "warnings": self.warnings,
+            "views": views.collect::<Vec<_>>(),
+        })
+    }
+}
+
+/// Reads and checks everything, then writes the recording and says where it is.
+///
+/// # Errors
+/// Names the file or option at fault, what was found and what was expected; nothing is then left behind.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let out = write::choose(args.out.as_deref(), &args.frames)?;
+    let mut warnings = Vec::new();
+    let mut warn = |doubt: String| {
+        eprintln!("carved: {doubt}");
+        warnings.push(doubt);
+    };
+    let paths = frames::list(&args.frames)?;
+    let (looks, kind) = frames::look(&paths, args.bayer, &mut warn)?;
+    let rig = rig::read(args, kind, &mut warn)?;
+    let names: Vec<String> = looks.iter().map(Looked::name).collect();
+    let (omega_deg, angles_from) = omega_deg(args, &rig, &names, &mut warn)?;
+    let turn = turn::turn(omega_deg, args.closure).with_context(|| angles_from.clone())?;
+    let empty = match &args.empty {
+        Some(file) => Some(Arc::new(frames::empty(file, args.bayer, kind)?)),
+        None => rig.empty.clone(),
+    };
+    if let Some(empty) = &empty {
+        ensure!(
+            (empty.width(), empty.height(), empty.format()) == (kind.width, kind.height, kind.format),
+            "the configuration's picture of the empty capillary is {} x {} px {}, the frames are {kind}; give one of their kind with --empty",
+            empty.width(),
+            empty.height(),
+            empty.format().name()
+        );
+    }
+    let specimen = PlannedWell {
+        well: args.well.clone(),
+        specimen: match args.specimen {
+            Specimen::Larva => SpecimenKind::Larva,
+            Specimen::Bead => SpecimenKind::Bead,
+        },
+        dpf: args.dpf,
+    };
+    let imported =
+        Imported { looks, turn, angles_from, camera_from: rig.camera_from.clone(), empty, references: rig.references.clone(), warnings };
+    let recording = recording(rig, specimen, kind, &imported)?;
+    write::write(&out, recording, &imported)?;
+    let [steps, _] = imported.turn.steps_per_revolution.into();
+    let told = json!({
+        "recording": out,
+        "views": imported.turn.asd,
+        "closure": imported.turn.stops.iter().any(|s| s.closure),
+        "first": names.first(),
+        "last": names.last(),
+        "angles": imported.angles_from,
+        "camera": imported.camera_from,
+        "steps_per_revolution": steps,
+        "angle_error_deg": imported.turn.error_deg,
+    });
+    writeln!(std::io::stdout(), "{told}")?;
+    Ok(())
+}
+
+/// omega of every picture, deg, and where it is from.
+fn omega_deg(args: &Args, rig: &Rig, names: &[String], warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<f64>, String)> {
+    let asked = match &args.sense {
+        Some(sense) => Some(if sense == "-1" { -1.0 } else { 1.0 }),
+        None => rig.sense,
+    };
+    let sense = asked.unwrap_or(1.0);
+    let of_axis = |deg: Vec<f64>| deg.into_iter().map(|a| sense * a).collect::<Vec<_>>();
+    let of_rad = |rad: Vec<f64>, from: String| -> anyhow::Result<_> {
+        ensure!(args.sense.is_none(), "--sense: {from} has omega, which has its sign already; leave --sense out");
+        ensure!(!args.relative, "--relative: {from} has omega, which are positions; leave --relative out");
+        Ok((rad.into_iter().map(f64::to_degrees).collect(), from))
+    };
+    match (rig.omega.clone(), &args.angles, args.even) {
+        (Some(_), Some(_), _) | (Some(_), _, true) => {
+            bail!("--cameras gives omega and {} other angles; leave one of them out", if args.even { "--even" } else { "--angles" })
+        }
+        (Some(omega), None, false) => {
+            let from = format!("omega of --cameras {}", args.cameras.as_deref().unwrap_or(Path::new("")).display());
+            ensure!(
+                omega.len() == names.len(),
+                "{from}: found {} angles for {} pictures; one per picture is expected",
+                omega.len(),
+                names.len()
+            );
+            of_rad(omega, from)
+        }
+        (None, Some(file), _) => match angles::read(file, names)? {
+            Angles::Rad(rad) => of_rad(rad, format!("omega_rad of --angles {}", file.display())),
+            Angles::Degrees(deg) => {
+                let from =
+                    format!("degrees of --angles {}{}, sense {sense}", file.display(), if args.relative { ", relative" } else { "" });
+                let all_alike = deg.len() > 1 && deg.iter().skip(1).all(|d| *d == deg[1]) && deg[1] != 0.0;
+                ensure!(
+                    args.relative || !all_alike,
+                    "{from}: found {} again and again; if these are turns from view to view, say --relative",
+                    deg[1]
+                );
+                Ok((of_axis(if args.relative { summed(&deg) } else { deg }), from))
+            }
+        },
+        (None, None, true) => {
+            frames::gap(names).into_iter().for_each(&mut *warn);
+            Ok((of_axis(turn::even(names.len(), args.closure)), format!("--even, sense {sense}")))
+        }
+        (None, None, false) => {
+            bail!("no angles: give --cameras with omega, --angles, or --even if the frames stand evenly around one turn")
+        }
+    }
+}
+
+/// Turns from view to view to positions, the first at 0.
+fn summed(turns: &[f64]) -> Vec<f64> {
+    let mut at = 0.0;
+    let mut positions = Vec::with_capacity(turns.len());
+    for (i, turn) in turns.iter().enumerate() {
+        at += if i == 0 { 0.0 } else { *turn };
+        positions.push(at);
+    }
+    positions
+}
+
+/// Everything about the recording but its views, checked as a run and its measurement check it.
+fn recording(rig: Rig, specimen: PlannedWell, kind: frames::Kind, imported: &Imported) -> anyhow::Result<Recording> {
+    let mut method = rig.method;
+    method.asd = imported.turn.asd;
+    let plan = RunPlan {
+        plate_barcode: "IMPORT".into(),
+        method: rig.method_name.clone(),
+        operator: "import".into(),
+        external_id: None,
+        plate_map: vec![specimen.clone()],
+    };
+    if let Err(errors) = plan.check(&BTreeMap::from([(rig.method_name.clone(), ())])) {
+        bail!(
+            "{}",
+            errors
+                .iter()
+                .map(|e| format!("--{}: {}", e.pointer.rsplit('/').next().unwrap_or_default(), e.detail))
+                .collect::<Vec<_>>()
+                .join("\n")
+        );
+    }
+    let settings = method.pipeline(&rig.camera, false).context("--voxel")?.compared_with(imported.empty.as_deref())?;
+    Pipeline::new(settings)?;
+    let record = RigRecord {
+        name: rig.name,
+        camera: rig.camera,
+        pixel_format: kind.format,
+        empty_capillary_sha256: None,
+        steps_per_revolution: imported.turn.steps_per_revolution,
+        sense: imported.turn.sense,
+        rotation_identity: format!("imported: {}", imported.angles_from),
+        camera_identity: format!("imported: {}", imported.camera_from),
+    };
+    Ok(Recording::new("imported", specimen, Mode::Imported, record, &rig.method_name, method))
+}

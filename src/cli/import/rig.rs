@@ -1,0 +1,150 @@
+//! What stands in a recording beside the frames: the rig's camera and the method, from files or by default, and where from.
+
+use super::Args;
+use super::frames::Kind;
+use crate::cli::segment;
+use crate::config::{Config, Method, references};
+use crate::frame::RawFrame;
+use crate::geometry::Camera;
+use crate::measure::references::References;
+use anyhow::{Context, bail, ensure};
+use serde::Deserialize;
+use std::path::Path;
+use std::sync::Arc;
+
+/// The published rig: 5.5 um per px on the axis, the camera 60 mm away.
+const NOMINAL_UM_PER_PX: f64 = 5.5;
+const NOMINAL_DISTANCE_UM: f64 = 60_000.0;
+
+/// Keys of camera.json; others are told, since a misspelt one would be a default in silence.
+const KEYS: [&str; 15] =
+    ["f", "kx", "ky", "ux", "uy", "s", "alpha", "gamma", "phi", "width", "height", "omega", "views", "pixel_convention", "model"];
+
+#[derive(Debug)]
+pub(super) struct Rig {
+    pub name: String,
+    pub camera: Camera,
+    /// Where the camera is from, in words.
+    pub camera_from: String,
+    /// Angles that came with the camera, rad.
+    pub omega: Option<Vec<f64>>,
+    /// 1 or -1, of the axis' degrees.
+    pub sense: Option<f64>,
+    pub method_name: String,
+    /// With `asd` still to be set.
+    pub method: Method,
+    pub empty: Option<Arc<RawFrame>>,
+    pub references: Arc<[References]>,
+}
+
+#[derive(Deserialize)]
+struct Psi {
+    #[serde(flatten)]
+    camera: Camera,
+    omega: Option<Vec<f64>>,
+}
+
+pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> anyhow::Result<Rig> {
+    let config = args.config.as_deref().map(Config::load).transpose()?;
+    let psi = args.cameras.as_deref().map(|file| psi(file, warn).with_context(|| format!("--cameras {}", file.display()))).transpose()?;
+    let (method_name, mut method) = method(args, config.as_ref())?;
+    if let Some(epsilon) = args.epsilon {
+        ensure!((0.0..0.5).contains(&epsilon), "--epsilon is {epsilon}; expected 0 up to, not including, 0.5");
+        method.epsilon = epsilon;
+    }
+    if let Some(voxel_um) = args.voxel {
+        method.voxel_um = voxel_um;
+    }
+    if let Some(file) = &args.settings {
+        method.segment = segment::read_settings(file)?;
+    }
+    let omega = psi.as_ref().and_then(|p| p.omega.clone());
+    let (camera, camera_from) = match (psi, &config, &args.config, &args.cameras) {
+        (Some(psi), _, _, Some(file)) => (psi.camera, file.display().to_string()),
+        (_, Some(config), Some(file), _) => (config.optics.clone(), format!("[optics] of {}", file.display())),
+        _ => {
+            warn(format!(
+                "no --cameras and no --config: the camera is taken to be the published rig's, {NOMINAL_UM_PER_PX} um per px, the axis in the \
+                 picture's middle; 1 % of scale is 3 % of volume"
+            ));
+            (nominal(kind), format!("nominal, {NOMINAL_UM_PER_PX} um per px"))
+        }
+    };
+    ensure!(
+        (camera.width, camera.height) == (kind.width, kind.height),
+        "{camera_from}: the camera has {} x {} px, the pictures {} x {} px",
+        camera.width,
+        camera.height,
+        kind.width,
+        kind.height
+    );
+    Ok(Rig {
+        name: config.as_ref().map_or_else(|| "imported".into(), |c| c.rig_name.clone()),
+        camera,
+        camera_from,
+        omega,
+        sense: config.as_ref().map(|c| f64::from(i8::from(c.acquisition.sense))),
+        method_name,
+        method,
+        references: config.as_ref().map_or_else(references::embedded, |c| Ok(c.references.clone()))?,
+        empty: config.and_then(|c| c.empty_capillary),
+    })
+}
+
+fn nominal(kind: Kind) -> Camera {
+    let k = 1.0 / NOMINAL_UM_PER_PX;
+    Camera {
+        f: NOMINAL_DISTANCE_UM,
+        kx: k,
+        ky: k,
+        ux: (f64::from(kind.width) - 1.0) / 2.0,
+        uy: (f64::from(kind.height) - 1.0) / 2.0,
+        s: 0.0,
+        alpha: 0.0,
+        gamma: 0.0,
+        phi: std::f64::consts::FRAC_PI_2,
+        width: kind.width,
+        height: kind.height,
+    }
+}
+
+fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
+    let text = std::fs::read_to_string(file).context("cannot be read as text")?;
+    let psi: Psi =
+        serde_json::from_str(&text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
+    psi.camera.check()?;
+    if let Some(angle) = psi.omega.iter().flatten().find(|a| !a.is_finite()) {
+        bail!("omega holds {angle}, expected finite numbers of rad");
+    }
+    let object: serde_json::Map<String, serde_json::Value> = serde_json::from_str(&text)?;
+    let unknown: Vec<&str> = object.keys().map(String::as_str).filter(|k| !KEYS.contains(k)).collect();
+    if !unknown.is_empty() {
+        warn(format!("--cameras {}: {} is no key of a camera and was not used", file.display(), unknown.join(", ")));
+    }
+    Ok(psi)
+}
+
+/// The configuration's method, or that of the emulated rig.
+fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Method)> {
+    let Some(config) = config else {
+        ensure!(args.method.is_none(), "--method names a method of a configuration; give --config too");
+        let method = Method {
+            asd: 0,
+            order: crate::acquisition::ViewOrder::Sequential,
+            epsilon: 0.05,
+            voxel_um: 6.93,
+            box_um: crate::geometry::BoxUm::PAPER,
+            segment: crate::profile::SegmentSettings::default(),
+            surface: crate::reconstruction::SurfaceSettings::default(),
+        };
+        return Ok(("imported".into(), method));
+    };
+    let known = || config.methods.keys().cloned().collect::<Vec<_>>().join(", ");
+    let name = match (&args.method, config.methods.len()) {
+        (Some(name), _) => name.clone(),
+        (None, 1) => config.methods.keys().next().cloned().unwrap_or_default(),
+        (None, _) => bail!("--config has several methods ({}); say which with --method", known()),
+    };
+    let method = config.methods.get(&name).with_context(|| format!("--method {name}: the configuration has {}", known()))?;
+    Ok((name, method.clone()))
+}

@@ -1,0 +1,76 @@
+//! A recording made beside its place and put there whole.
+
+use super::Imported;
+use crate::acquisition::LedgerEntry;
+use crate::hash::sha256_hex;
+use crate::store::{Recording, RecordingWriter, durable};
+use anyhow::{Context, bail, ensure};
+use std::path::{Path, PathBuf};
+
+/// Where the recording goes; nothing that is there is touched.
+pub(super) fn choose(out: Option<&Path>, named: &[PathBuf]) -> anyhow::Result<PathBuf> {
+    let Some(out) = out else {
+        let folder = named.first().map(|p| if p.is_dir() { p.clone() } else { p.parent().unwrap_or(Path::new("")).join(".") });
+        let name = folder.and_then(|f| f.canonicalize().ok()).and_then(|f| f.file_name().map(|n| n.to_string_lossy().into_owned()));
+        let name = name.unwrap_or_else(|| "frames".into());
+        let free = (1..10_000)
+            .map(|n| PathBuf::from(if n == 1 { format!("{name}-recording") } else { format!("{name}-recording-{n}") }))
+            .find(|p| p.symlink_metadata().is_err());
+        return free.with_context(|| format!("{name}-recording: 10 000 names are taken; give --out"));
+    };
+    ensure!(out.symlink_metadata().is_err(), "--out {}: is there already; nothing is overwritten", out.display());
+    if out.file_name().is_none() {
+        bail!("--out {}: expected the name of a folder to be made", out.display());
+    }
+    let folder = beside(out);
+    ensure!(folder.is_dir(), "--out {}: found no folder {}, expected one to write into", out.display(), folder.display());
+    Ok(out.to_owned())
+}
+
+fn beside(path: &Path) -> &Path {
+    path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// A folder that is gone again unless it was put in its place.
+struct Part(PathBuf);
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // Not there after it was put in place; and the error that brings us here is the one to tell.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Writes the recording, whole or not at all.
+pub(super) fn write(out: &Path, recording: Recording, imported: &Imported) -> anyhow::Result<()> {
+    let name = out.file_name().unwrap_or_default().to_string_lossy();
+    let part = Part(beside(out).join(format!(".{name}.{}.part", std::process::id())));
+    std::fs::create_dir(&part.0).with_context(|| format!("{}: cannot be made", part.0.display()))?;
+    let (steps_per_revolution, sense) = (recording.rig.steps_per_revolution, recording.rig.sense);
+    let mut writer = RecordingWriter::create(&part.0, recording, imported.empty.as_deref())?;
+    writer.add_references(&imported.references)?;
+    for ((looked, stop), number) in imported.looks.iter().zip(&imported.turn.stops).zip(1..) {
+        let frame = looked.frame()?;
+        let entry = LedgerEntry {
+            view: stop.view,
+            commanded_steps: stop.steps,
+            achieved_steps: stop.steps,
+            epoch: 1,
+            omega: sense.omega(stop.steps, steps_per_revolution),
+            moved_ms: 0.0,
+            settle_ms: 0.0,
+            grab_ms: 0.0,
+            frame_id: number,
+            attempts: 0,
+            sha256: sha256_hex(frame.bytes()),
+            closure: stop.closure,
+        };
+        writer.add_view(entry, &frame)?;
+    }
+    writer.add_json("import.json", &imported.origin())?;
+    writer.close()?;
+    ensure!(out.symlink_metadata().is_err(), "{}: was made by somebody else meanwhile; nothing is overwritten", out.display());
+    std::fs::rename(&part.0, out).with_context(|| format!("{}: cannot be put in place", out.display()))?;
+    durable::sync_folder(beside(out))?;
+    Ok(())
+}
