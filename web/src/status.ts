@@ -39,6 +39,21 @@ export interface Fault {
   since: string;
 }
 
+/** One number among the reference larvae of its age; null throughout where there are none. */
+export interface PlaceStatus {
+  words: string;
+  group: string | null;
+  n: number | null;
+  z: number | null;
+  percentile: number | null;
+  mismatches: string[];
+}
+
+export interface ReferenceStatus {
+  volume: PlaceStatus;
+  area: PlaceStatus;
+}
+
 export interface WellStatus {
   well: string;
   specimen: "larva" | "bead";
@@ -51,6 +66,7 @@ export interface WellStatus {
   field_volume_um3: number | null;
   field_area_um2: number | null;
   diameter_um: number | null;
+  reference: ReferenceStatus | null;
 }
 
 export interface WellCounts {

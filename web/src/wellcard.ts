@@ -12,7 +12,7 @@ import {
 } from "./format.ts";
 import { PHASES } from "./plain.ts";
 import type { SpecimenStatus, WellStatus } from "./status.ts";
-import { CONDITIONS, conditionOf, contents } from "./wells.ts";
+import { CONDITIONS, conditionOf, contents, places } from "./wells.ts";
 
 export class WellCard {
   readonly #heading: HTMLElement;
@@ -77,7 +77,15 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
     rows.push(...fact("Its area", shown));
   }
   if (well.diameter_um !== null) rows.push(...fact("Diameter", number("diameter", micrometres(well.diameter_um, 1))));
+  const among = places(well);
+  if (among.length > 0) rows.push(...fact("Among its age", ...among.map(place)));
   return rows;
+}
+
+function place({ text, doubts }: { text: string; doubts: string }): HTMLElement {
+  const made = element("span", "place", text);
+  if (doubts !== "") made.append(element("span", "exact", doubts));
+  return made;
 }
 
 function outcome(well: WellStatus, specimen: SpecimenStatus | null, condition: keyof typeof CONDITIONS): Node {

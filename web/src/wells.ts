@@ -1,6 +1,6 @@
 // Where a well stands on its plate and in which of the named conditions it is.
 
-import { words } from "./format.ts";
+import { capitalised, words } from "./format.ts";
 import type { SpecimenStatus, WellStatus } from "./status.ts";
 
 export interface PlateFormat {
@@ -62,6 +62,15 @@ export function conditionOf(well: WellStatus, specimen: SpecimenStatus | null): 
 /** `larva, 3 dpf`, `bead`. */
 export function contents(well: WellStatus): string {
   return well.dpf === null ? well.specimen : `${well.specimen}, ${well.dpf} dpf`;
+}
+
+/** The place among reference larvae: a sentence per number, and beneath it what of it does not match. */
+export function places(well: WellStatus): { text: string; doubts: string }[] {
+  if (well.reference === null) return [];
+  return [well.reference.volume, well.reference.area].map(({ words, mismatches }) => ({
+    text: `${capitalised(words)}.`,
+    doubts: mismatches.length === 0 ? "" : `Not the same or not known: ${mismatches.join("; ")}.`,
+  }));
 }
 
 /** One line for a screen reader and the tooltip. */

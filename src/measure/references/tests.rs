@@ -76,7 +76,7 @@ fn each_thing_that_does_not_match_is_said() {
     let area = standing.by(VOXEL).unwrap().area.known().unwrap().clone();
     assert_eq!(keys(&area.mismatches), ["views", "voxel_um", "epsilon", "treatment", "strain", "cohort", "mode"]);
     let said: Vec<_> = area.mismatches.iter().map(ToString::to_string).collect();
-    assert_eq!(said[1], "SD: 6.93 um, the reference's 5.5 um");
+    assert_eq!(said[1], "voxel edge: 6.93 um, the reference's 5.5 um");
     assert_eq!(said[2], "epsilon: 0.05, the reference's not stated");
     assert_eq!(said[3], "treatment: not known, the reference's fixed");
 }

@@ -47,12 +47,12 @@ impl fmt::Display for Known {
     }
 }
 
-/// `SD: 6.93 um, the reference not stated`, `treatment: not known, the reference fixed`.
+/// `voxel edge: 6.93 um, the reference's not stated`, `treatment: not known, the reference's fixed`.
 impl fmt::Display for Mismatch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (name, unit) = match self.key.as_str() {
             "asd" => ("ASD", ""),
-            "voxel_um" => ("SD", " um"),
+            "voxel_um" => ("voxel edge", " um"),
             "views" => ("views that carved", ""),
             other => (other, ""),
         };

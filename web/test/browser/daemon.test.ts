@@ -73,6 +73,9 @@ async function compare(well: WellStatus): Promise<void> {
     if (value === null) assert.equal(await card.locator(`[data-number="${name}"]`).count(), 0, `${well.well} ${name}`);
     else assert.ok((await shown(card, name)).includes(`${whole(value)} ${unit}`), `${well.well} ${name} is ${value}`);
   }
+  const among = [well.reference?.volume, well.reference?.area].flatMap((p) => (p ? [p.words] : []));
+  assert.equal(among.length, well.outcome === "succeeded" && well.dpf !== null ? 2 : 0, well.well);
+  for (const words of among) assert.ok((await card.innerText()).toLowerCase().includes(words.toLowerCase()), words);
   if (well.diameter_um !== null) assert.equal(await shown(card, "diameter"), `${well.diameter_um.toFixed(1)} µm`);
 }
 

@@ -7,7 +7,7 @@ import type { Status } from "../../src/status.ts";
 import { drawn, openBrowser, openPage, shoot } from "../support/browser.ts";
 import { FixtureServer } from "../support/fixture-server.ts";
 import { ellipsoidGlb, png } from "../support/picture.ts";
-import { carved, fault, run, specimen, status, well } from "../support/statuses.ts";
+import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
 
 /** A dark ellipse between two wall lines on a pale ground. */
 const frame = png(512, 512, (x, y) => {
@@ -19,7 +19,12 @@ const profile = png(512, 512, (x, y) => {
   return r > 0.92 && r < 1.08 ? [230, 20, 60, 255] : [0, 0, 0, 0];
 });
 
-const measured = well("A01", { outcome: "succeeded", volume_um3: 243_123_456, area_um2: 4_012_345 });
+const measured = well("A01", {
+  outcome: "succeeded",
+  volume_um3: 243_123_456,
+  area_um2: 4_012_345,
+  reference: placed,
+});
 const bead = well("A03", {
   specimen: "bead",
   dpf: null,
@@ -130,6 +135,13 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   await page.keyboard.press("ArrowRight");
   await until("well-heading", /A04/);
   assert.match(await text("well-body"), /Skipped[\s\S]*Empty/);
+  assert.doesNotMatch(await text("well-body"), /larvae/);
+  await page.locator('[data-well="A01"].well').click();
+  await until("well-heading", /A01/);
+  const among =
+    /Volume: no reference of 3 dpf\.[\s\S]*Area 0\.8 SD below the mean of 12 larvae of 3 dpf\.[\s\S]*not stated/;
+  assert.match(await text("well-body"), among);
+  await shoot(page, "reference");
   await page.getByRole("button", { name: "Follow the run" }).click();
   await until("well-heading", /A02/);
 });

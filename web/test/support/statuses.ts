@@ -1,6 +1,6 @@
 // Status bodies for conditions that the emulated rig does not reach at a test's wish.
 
-import type { Fault, RunStatus, SpecimenStatus, Status, WellStatus } from "../../src/status.ts";
+import type { Fault, ReferenceStatus, RunStatus, SpecimenStatus, Status, WellStatus } from "../../src/status.ts";
 
 export function well(name: string, change: Partial<WellStatus> = {}): WellStatus {
   return {
@@ -15,9 +15,30 @@ export function well(name: string, change: Partial<WellStatus> = {}): WellStatus
     field_volume_um3: null,
     field_area_um2: null,
     diameter_um: null,
+    reference: null,
     ...change,
   };
 }
+
+/** A larva whose area has references and whose volume has none. */
+export const placed: ReferenceStatus = {
+  volume: {
+    words: "volume: no reference of 3 dpf",
+    group: null,
+    n: null,
+    z: null,
+    percentile: null,
+    mismatches: [],
+  },
+  area: {
+    words: "area 0.8 SD below the mean of 12 larvae of 3 dpf",
+    group: "fixed ABxTL, 3 dpf, ASD 21",
+    n: 12,
+    z: -0.8,
+    percentile: 22.6,
+    mismatches: ["voxel edge: 6.93 um, the reference's not stated", "mode: simulated, the reference's hardware"],
+  },
+};
 
 /** A run over the given wells, its counts taken from them. */
 export function run(results: WellStatus[], change: Partial<RunStatus> = {}): RunStatus {

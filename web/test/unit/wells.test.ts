@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { conditionOf, formatFor, place, PLATE_384, PLATE_96, spoken, wellName } from "../../src/wells.ts";
-import { specimen, well } from "../support/statuses.ts";
+import { conditionOf, formatFor, place, places, PLATE_384, PLATE_96, spoken, wellName } from "../../src/wells.ts";
+import { placed, specimen, well } from "../support/statuses.ts";
 
 test("names and places are each other's inverse on the whole plate", () => {
   for (let row = 0; row < 16; row += 1) {
@@ -33,4 +33,16 @@ test("a well's condition follows its outcome, its flags and the specimen under w
     spoken(well("B02", { outcome: "skipped", reason: "two_specimens" }), "skipped"),
     "B02, larva, 3 dpf, skipped: two specimens",
   );
+});
+
+test("a larva's place is said per number, with what of it does not match", () => {
+  assert.deepEqual(places(well("A01")), []);
+  assert.deepEqual(places(well("A01", { reference: placed })), [
+    { text: "Volume: no reference of 3 dpf.", doubts: "" },
+    {
+      text: "Area 0.8 SD below the mean of 12 larvae of 3 dpf.",
+      doubts:
+        "Not the same or not known: voxel edge: 6.93 um, the reference's not stated; mode: simulated, the reference's hardware.",
+    },
+  ]);
 });
