@@ -53,6 +53,8 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         let pointer = reference.strip_prefix('#').unwrap();
         assert!(contract.pointer(pointer).is_some(), "{reference} leads nowhere");
     }
+    let place = contract["components"]["schemas"]["WellStatus"]["properties"]["reference"].to_string();
+    assert!(place.contains("#/components/schemas/ReferenceStatus"), "{place}");
     let put = &contract["paths"]["/v1/runs/{run_id}"]["put"];
     assert_eq!(put["requestBody"]["content"]["application/json"]["schema"]["$ref"], "#/components/schemas/RunPlan");
     assert_eq!(contract["components"]["schemas"]["RunPlan"]["additionalProperties"], false);
