@@ -125,8 +125,8 @@ impl Axis {
         Self { reach_um, ..Self::new(self.coefficients, [-to, -from]) }
     }
 
-    /// The curve through the centres of these slices of this one.
-    fn refined(&self, mesh: &Mesh, planes: &[Plane], ranks: &[u32], flats: &[Option<Flat>]) -> Result<Self, Refusal> {
+    /// The curve through the centres of these slices.
+    fn through(mesh: &Mesh, planes: &[Plane], ranks: &[u32], flats: &[Option<Flat>]) -> Result<Self, Refusal> {
         let mut normal = SMatrix::<f64, { DEGREE + 1 }, { DEGREE + 1 }>::zeros();
         let mut right = Coefficients::zeros();
         for ((station, plane), flat) in planes.iter().enumerate().zip(flats).take(STATIONS - NOT_FITTED).skip(NOT_FITTED) {
@@ -161,7 +161,7 @@ impl Axis {
             let planes = axis.planes(&axis.stations(), Vector::y());
             let ranks = ranks(mesh, &planes);
             let flats: Vec<_> = cut(mesh, &planes, &ranks).0.iter().map(super::section::Section::flat).collect();
-            axis = axis.refined(mesh, &planes, &ranks, &flats)?;
+            axis = Self::through(mesh, &planes, &ranks, &flats)?;
         }
         Ok(axis)
     }

@@ -25,6 +25,7 @@ const ORDERS: usize = 2 * MAX_DEGREE + 1;
 /// Slices at the nodes of Gauss' quadrature, and rays in each.
 const SLICES: usize = 48;
 const RAYS: usize = 64;
+const ALL: i32 = RAYS as i32;
 /// Bins of the area along the axis.
 const BINS: usize = 4 * STATIONS;
 /// Rays that meet the surface several times or never, of all, from which on slices are not star-shaped. A hull's fins cost up to half of it.
@@ -166,7 +167,6 @@ fn area_ahead(mesh: &Mesh, slices: &Slices) -> Vec<f64> {
 /// many meet it more than once or never.
 fn rays(section: &Section, centre: [f64; 2]) -> ([f64; RAYS], usize) {
     let (mut reaches, mut hits) = ([0.0f64; RAYS], [0; RAYS]);
-    const ALL: i32 = RAYS as i32;
     // The first ray that is not before a corner. Sides that meet there agree on it to the bit, so that a ray through it meets one.
     let next_ray = |p: [f64; 2]| (p[1].atan2(p[0]) / TAU * RAYS as f64).ceil() as i32;
     for side in &section.sides {
@@ -179,7 +179,8 @@ fn rays(section: &Section, centre: [f64; 2]) -> ([f64; RAYS], usize) {
             let at = ray.rem_euclid(ALL) as usize;
             let (sin, cos) = (TAU * at as f64 / RAYS as f64).sin_cos();
             let [before, behind] = [a[1] * cos - a[0] * sin, b[1] * cos - b[0] * sin];
-            let part = if before == behind { 0.0 } else { (before / (before - behind)).clamp(0.0, 1.0) };
+            let span = before - behind;
+            let part = if span == 0.0 { 0.0 } else { (before / span).clamp(0.0, 1.0) };
             let hit = (a[0] + (b[0] - a[0]) * part) * cos + (a[1] + (b[1] - a[1]) * part) * sin;
             reaches[at] = reaches[at].max(hit);
             hits[at] += 1;
