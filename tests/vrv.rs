@@ -131,7 +131,9 @@ fn both_objectives_and_both_searches_find_axis_and_roll() {
         let turn = Turn::of(&larva, 21, &disturbance);
         for (what, how) in [("simplex", Optimiser::NelderMead), ("cma", Optimiser::CmaEs { seed: 1 })] {
             let columns = turn.columns.iter().collect();
-            for (objective, mut large) in [("vrv", Objective::Vrv(turn.vrv(17.1, 0.0))), ("coherence", Objective::Coherence(columns))] {
+            for (objective, mut large) in
+                [("vrv", Objective::Vrv(Box::new(turn.vrv(17.1, 0.0)))), ("coherence", Objective::Coherence(columns))]
+            {
                 let found = optimise(&far_off(&turn), &free("uy,gamma"), &mut large, how, STOP).unwrap();
                 let (uy_px, gamma) = (found.psi.camera.uy - turn.axis_px(), found.psi.camera.gamma - turn.truth.camera.gamma);
                 let said = format!("{name}, {objective} by {what}: uy {uy_px:+.3} px, gamma {:+.4} deg; {found:?}", gamma / DEG);
@@ -217,7 +219,7 @@ fn the_gate_passes_what_least_squares_find_and_nothing_beside_it() {
 #[test]
 fn freed_angles_and_tilt_stay_where_ledger_and_prior_hold_them() {
     let turn = Turn::of(&Phantom::larva(4, 1).unwrap(), 7, &Disturbance { edge_noise_px: 0.3, ..Disturbance::default() });
-    let mut large = Objective::Vrv(turn.vrv(17.1, 0.0));
+    let mut large = Objective::Vrv(Box::new(turn.vrv(17.1, 0.0)));
     let start = Psi::new(turn.nominal.clone(), turn.ledger.clone());
     let found =
         optimise(&start, &free("uy,gamma,alpha,omega"), &mut large, Optimiser::CmaEs { seed: 3 }, Stop { evaluations: 700, share: 0.02 })
@@ -225,7 +227,7 @@ fn freed_angles_and_tilt_stay_where_ledger_and_prior_hold_them() {
     let most = found.psi.omega.iter().zip(&turn.ledger).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     // Each gains 0.2 % per deg at most, of which a prior of half a deg leaves a fifth of a deg.
     assert!(most < 0.6 * DEG && found.psi.camera.alpha.abs() < 0.6 * DEG, "{most} rad, {found:?}");
-    assert_eq!(found.psi.omega[0], 0.0);
+    assert!(found.psi.omega[0].abs() < 1e-12, "the first view's angle stands");
 }
 
 fn shared_sets() -> Option<PathBuf> {

@@ -102,7 +102,7 @@ impl Learning {
     }
 }
 
-/// Standard normal numbers from a seed: SplitMix64, then Box and Muller.
+/// Standard normal numbers from a seed: a counter through a mixer (`SplitMix64`), then Box and Muller.
 struct Normal(u64);
 
 impl Normal {

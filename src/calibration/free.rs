@@ -154,8 +154,13 @@ impl FromStr for Ask {
     /// `alpha`, or `alpha=0.5`.
     fn from_str(text: &str) -> Result<Self, Refusal> {
         let (name, reach) = text.split_once('=').map_or((text, None), |(name, reach)| (name, Some(reach)));
-        let parameter =
-            Parameter::ALL.into_iter().find(|p| p.name() == name.trim()).ok_or_else(|| Refusal::Unknown(name.trim().to_owned()))?;
+        let name = match name.trim() {
+            // The paper's one scale, and the usual word.
+            "k" => "kx",
+            "skew" => "s",
+            name => name,
+        };
+        let parameter = Parameter::ALL.into_iter().find(|p| p.name() == name).ok_or_else(|| Refusal::Unknown(name.to_owned()))?;
         let reach = reach.map(|text| {
             text.trim().parse::<f64>().ok().filter(|reach| *reach > 0.0).ok_or_else(|| Refusal::Reach {
                 parameter,
@@ -233,6 +238,21 @@ impl Free {
         self.0.iter().flat_map(of).collect()
     }
 
+    pub fn parameters(&self) -> impl Iterator<Item = Parameter> {
+        self.0.iter().map(|freed| freed.parameter)
+    }
+
+    /// Of which some value lies at the end of its reach.
+    pub(super) fn on_bound(&self, start: &Psi, values: &[f64]) -> Vec<Parameter> {
+        let mut values = values.iter();
+        let mut ended = |freed: &Freed| {
+            let alone = Self(vec![*freed]).reaches(start);
+            let ends = alone.iter().zip(values.by_ref()).filter(|(r, v)| (r.high - **v).min(**v - r.low) <= 1e-9 * freed.far);
+            ends.count() > 0
+        };
+        self.0.iter().filter(|freed| ended(freed)).map(|freed| freed.parameter).collect()
+    }
+
     /// `psi` with these values of the unknowns.
     pub fn apply(&self, psi: &Psi, values: &[f64]) -> Psi {
         let mut psi = psi.clone();
@@ -303,11 +323,13 @@ mod tests {
 
     #[test]
     fn what_silhouettes_do_not_tell_is_refused_by_name_with_its_number() {
-        for (name, number) in [("kx", "37 %"), ("ky", "37 %"), ("f", "0.05 %"), ("ux", "flat"), ("s", "flat"), ("phi", "as uy does")] {
+        for (name, number) in
+            [("kx", "37 %"), ("k", "37 %"), ("ky", "37 %"), ("f", "0.05 %"), ("ux", "flat"), ("s", "flat"), ("phi", "as uy does")]
+        {
             let (free, refusals) = ask(name);
             assert!(free.is_empty());
             let said = refusals.iter().map(ToString::to_string).collect::<String>();
-            assert!(said.starts_with(&format!("{name} is not freed: ")) && said.contains(number), "{said}");
+            assert!(said.starts_with(&name[..1]) && said.contains(" is not freed: ") && said.contains(number), "{said}");
         }
     }
 
@@ -340,6 +362,17 @@ mod tests {
             assert_eq!(text.parse::<Ask>().unwrap_err().to_string(), said);
         }
         assert_eq!(ask("uy,uy").1, [Refusal::Twice(Parameter::Uy)]);
+    }
+
+    #[test]
+    fn what_ends_at_its_reach_is_told() {
+        let (free, _) = ask("uy=5,omega,gamma=1");
+        let start = psi();
+        let mut values: Vec<f64> = free.reaches(&start).iter().map(|r| r.start).collect();
+        assert_eq!(free.on_bound(&start, &values), []);
+        values[2] += 1.5 * DEG;
+        values[3] -= DEG;
+        assert_eq!(free.on_bound(&start, &values), [Parameter::Omega, Parameter::Gamma]);
     }
 
     #[test]

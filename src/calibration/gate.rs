@@ -43,7 +43,7 @@ pub fn gate(found: &Calibration, views: &[(&Runs, f64)], grid: VoxelGrid) -> Res
     let vrv_solution = vrv.voxels(&Psi::of(found, &ledger))?;
     let start = Psi::new(found.start.clone(), used().map(|((_, omega), _)| *omega).collect());
     let tolerance = tolerance(used().map(|((runs, _), _)| *runs), found, grid.size());
-    let mut objective = Objective::Vrv(vrv);
+    let mut objective = Objective::Vrv(Box::new(vrv));
     let Optimised { after, evaluations, .. } =
         optimise(&start, &Free::near(UY_FAR_PX, GAMMA_FAR), &mut objective, Optimiser::NelderMead, STOP)?;
     let vrv_simplex = (after / grid.voxel_volume()).round() as u64;

@@ -8,7 +8,7 @@
 //! maxima, half a pixel to either side of the true axis, and both beat the truth.
 
 use super::coherence::coherence;
-use super::free::Free;
+use super::free::{Free, Parameter};
 use super::psi::Psi;
 use super::search::{Found, Stop};
 use super::{cma, simplex};
@@ -51,7 +51,7 @@ impl<'a> Vrv<'a> {
 #[derive(Debug)]
 pub enum Objective<'a> {
     /// Volume left, um^3.
-    Vrv(Vrv<'a>),
+    Vrv(Box<Vrv<'a>>),
     /// Mean overlap of hull and profile, 0 to 1.
     Coherence(Vec<&'a Columns>),
 }
@@ -81,6 +81,8 @@ pub struct Optimised {
     pub after: f64,
     pub evaluations: usize,
     pub converged: bool,
+    /// What ended as far away as it may go: the best may lie beyond.
+    pub on_bound: Vec<Parameter>,
 }
 
 /// Makes an objective as large as the freed unknowns can within their bounds, priors held against it.
@@ -111,5 +113,6 @@ pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, how: Optimi
     }
     let psi = free.apply(start, &at);
     let after = objective.value(&psi)?;
-    Ok(Optimised { psi, before, after, evaluations: evaluations + 2, converged })
+    let on_bound = free.on_bound(start, &at);
+    Ok(Optimised { psi, before, after, evaluations: evaluations + 2, converged, on_bound })
 }

@@ -25,9 +25,20 @@ impl Reach {
         (self.start + steps * self.step).clamp(self.low, self.high)
     }
 
+    /// Steps to the nearer end.
+    pub(super) fn room(&self, steps: f64) -> f64 {
+        let [low, high] = self.ends();
+        (high - steps).min(steps - low)
+    }
+
+    fn ends(&self) -> [f64; 2] {
+        [(self.low - self.start) / self.step, (self.high - self.start) / self.step]
+    }
+
     /// The nearest place within reach, in steps.
     pub(super) fn within(&self, steps: f64) -> f64 {
-        steps.clamp((self.low - self.start) / self.step, (self.high - self.start) / self.step)
+        let [low, high] = self.ends();
+        steps.clamp(low, high)
     }
 }
 

@@ -12,13 +12,14 @@ use super::search::{Counted, Found, Reach, Stop};
 pub fn minimise(reach: &[Reach], stop: Stop, function: impl FnMut(&[f64]) -> f64) -> Found {
     let mut function = Counted::new(reach, function);
     let mut from = vec![0.0; reach.len()];
-    let mut length = 1.0;
+    let mut again = true;
     loop {
+        let length = if again { 1.0 } else { 0.25 };
         let (best, converged) = descend(&mut function, &from, length, stop);
-        let on_bound = |at: &[f64]| reach.iter().zip(at).any(|(r, &s)| s != 0.0 && r.within(s * (1.0 + 1e-9)) == r.within(s));
+        let on_bound = reach.iter().zip(&best).any(|(r, &s)| r.room(s) < 1e-9);
         // Put on a bound the vertices may all have come to lie in it, and look no more across: once more, with all directions.
-        if converged && length == 1.0 && on_bound(&best) {
-            (from, length) = (best, 0.25);
+        if converged && again && on_bound {
+            (from, again) = (best, false);
         } else {
             return function.found(converged);
         }

@@ -1,5 +1,6 @@
 //! The commands a user meets, one file each.
 
+mod calibrate;
 mod check;
 mod daemon;
 mod import;
@@ -35,6 +36,9 @@ enum Command {
     /// Work with the reference larvae that specimens are compared with.
     #[command(subcommand)]
     Reference(reference::Command),
+    /// Find where views looked from.
+    #[command(subcommand)]
+    Calibrate(calibrate::Command),
     /// Find the specimen's outline in single pictures.
     Segment(segment::Args),
     /// Work with configurations.
@@ -57,6 +61,7 @@ pub fn main() -> anyhow::Result<()> {
         Command::Import(args) => import::run(&args),
         Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Reference(command) => reference::run(&command),
+        Command::Calibrate(command) => calibrate::run(&command),
         Command::Segment(args) => segment::run(&args),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }

@@ -10,7 +10,7 @@
 mod cameras;
 mod output;
 mod report;
-mod views;
+pub(super) mod views;
 
 use crate::carver::Leaves;
 use crate::geometry::{BoxUm, VoxelGrid};

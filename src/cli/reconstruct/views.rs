@@ -1,14 +1,16 @@
 //! Silhouettes from a folder.
 
-use crate::profile::Mask;
+use crate::profile::{Columns, Mask};
 use anyhow::{Context, bail};
 use image::{ImageFormat, ImageReader};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
-pub(super) struct View {
+pub(in crate::cli) struct View {
     pub path: PathBuf,
     pub mask: Mask,
+    /// Of the coverage, where the image is anti-aliased.
+    pub columns: Columns,
 }
 
 impl View {
@@ -18,7 +20,7 @@ impl View {
 }
 
 /// The PNG and PGM files of a folder in the order of their names, byte by byte; other files are left alone.
-pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
+pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
     let entries = std::fs::read_dir(folder).with_context(|| format!("--views {}: cannot be read as a folder", folder.display()))?;
     let mut paths = Vec::new();
     for entry in entries {
@@ -32,7 +34,7 @@ pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
     if paths.is_empty() {
         bail!("--views {}: found no .png or .pgm file, expected one per view", folder.display());
     }
-    let views: Vec<View> = paths.into_par_iter().map(|path| Ok(View { mask: mask(&path)?, path })).collect::<anyhow::Result<_>>()?;
+    let views: Vec<View> = paths.into_par_iter().map(view).collect::<anyhow::Result<_>>()?;
     let size = |view: &View| (view.mask.width(), view.mask.height());
     if let Some(other) = views.iter().find(|v| size(v) != size(&views[0])) {
         let ((w, h), (w0, h0)) = (size(other), size(&views[0]));
@@ -42,9 +44,9 @@ pub(super) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
 }
 
 /// Grey is coverage; what is transparent is not covered.
-fn mask(path: &Path) -> anyhow::Result<Mask> {
+fn view(path: PathBuf) -> anyhow::Result<View> {
     let name = || path.display().to_string();
-    let reader = ImageReader::open(path).with_context(name)?.with_guessed_format().with_context(name)?;
+    let reader = ImageReader::open(&path).with_context(name)?.with_guessed_format().with_context(name)?;
     match reader.format() {
         Some(ImageFormat::Png | ImageFormat::Pnm) => {}
         Some(other) => bail!("{}: found an image of format {other:?}, expected PNG or PGM", name()),
@@ -61,5 +63,17 @@ fn mask(path: &Path) -> anyhow::Result<Mask> {
             name()
         );
     }
-    Mask::from_coverage(width, height, coverage).with_context(name)
+    let mask = Mask::from_coverage(width, height, coverage.clone()).with_context(name)?;
+    let columns =
+        if is_anti_aliased(&coverage, &mask) { Columns::from_coverage(width, height, &coverage) } else { Columns::from_mask(&mask) };
+    Ok(View { path, mask, columns })
+}
+
+/// Whether grey is the share of a pixel that is covered: then it stands along edges only, and all else is black or white.
+fn is_anti_aliased(coverage: &[u8], mask: &Mask) -> bool {
+    let grey = coverage.iter().filter(|&&c| c != 0 && c != 255).count();
+    let (width, data) = (mask.width(), mask.data());
+    let edges = data.chunks_exact(width).map(|row| row.windows(2).filter(|w| w[0] != w[1]).count()).sum::<usize>()
+        + data.iter().zip(data.iter().skip(width)).filter(|(a, b)| a != b).count();
+    grey <= 3 * edges
 }

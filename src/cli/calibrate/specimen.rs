@@ -1,0 +1,224 @@
+//! `carved calibrate specimen`: psi from the profiles of one turn.
+//!
+//! ```text
+//!  --views DIR ───── profiles ─┬─ least-squares ── psi, views left out ── gate
+//!  --cameras FILE ── psi ──────┴─ vrv, coherence ── --free, --optimizer ── psi
+//! ```
+//! One JSON object on stdout; what is refused stands in it and on stderr.
+
+use crate::calibration::{
+    Ask, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Vrv, calibrate, gate, optimise,
+};
+use crate::carver::Runs;
+use crate::cli::reconstruct::views;
+use crate::geometry::{BoxUm, Camera, VoxelGrid};
+use anyhow::{Context, bail};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Folder of profiles, PNG or PGM, one per view in the order of their names; grey is coverage
+    #[arg(long, value_name = "DIR")]
+    views: PathBuf,
+    /// camera.json: what the rig knows, psi and the ledger's angles `omega`
+    #[arg(long, value_name = "FILE")]
+    cameras: PathBuf,
+    /// What is made best
+    #[arg(long, value_enum, default_value_t = Objective::LeastSquares)]
+    objective: Objective,
+    /// How vrv and coherence are searched [default: nelder-mead]
+    #[arg(long, value_enum)]
+    optimizer: Option<Search>,
+    /// What vrv and coherence may change, each with how far in px or deg if not as usual [default: uy,gamma]
+    #[arg(long, value_name = "uy,gamma,alpha=0.5,..", value_delimiter = ',')]
+    free: Vec<Ask>,
+    /// Share of the views that may miss a voxel; above 0 the volume has its maxima beside the axis
+    #[arg(long, value_name = "E", default_value_t = 0.0)]
+    epsilon: f64,
+    /// Edge of a voxel
+    #[arg(long, value_name = "UM", default_value_t = 10.0)]
+    voxel: f64,
+    /// Of the draws of cma-es
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Most evaluations of the objective
+    #[arg(long, value_name = "N", default_value_t = 2000)]
+    evaluations: usize,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Objective {
+    /// The volume that no view misses: the paper's
+    Vrv,
+    /// Mean overlap of profiles and hull
+    Coherence,
+    /// Residuals of the edges, the slices' shapes eliminated; judged by vrv
+    LeastSquares,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Search {
+    NelderMead,
+    CmaEs,
+}
+
+/// The first steps are some px and a tenth of a degree: a thousandth is less than profiles tell.
+const SHARE: f64 = 1e-3;
+
+/// A camera.json.
+#[derive(serde::Deserialize)]
+struct Known {
+    #[serde(flatten)]
+    camera: Camera,
+    omega: Vec<f64>,
+}
+
+/// Profiles and what is known of them.
+struct Turn {
+    names: Vec<String>,
+    views: Vec<views::View>,
+    runs: Vec<Runs>,
+    known: Psi,
+}
+
+/// Reads, calibrates and prints the report.
+///
+/// # Errors
+/// Names the file or option at fault, what was found and what was expected.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let grid = VoxelGrid::new(BoxUm::PAPER, args.voxel).context("--voxel")?;
+    let report = match args.objective {
+        Objective::LeastSquares => {
+            if args.optimizer.is_some() || !args.free.is_empty() || args.epsilon != 0.0 {
+                bail!(
+                    "--optimizer, --free and --epsilon: least-squares frees uy, gamma, alpha, the angles' ratio and each view's shift, and has its own way; leave them out, or ask for --objective vrv or coherence"
+                );
+            }
+            least_squares(&read(args)?, grid)?
+        }
+        Objective::Vrv | Objective::Coherence => search(args, grid)?,
+    };
+    println!("{report:#}");
+    Ok(())
+}
+
+fn read(args: &Args) -> anyhow::Result<Turn> {
+    let file = args.cameras.display();
+    let bytes = std::fs::read(&args.cameras).with_context(|| format!("--cameras {file}: cannot be read"))?;
+    let psi: Known = serde_json::from_slice(&bytes).with_context(|| {
+        format!("--cameras {file}: expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad); matrices have no axis to calibrate")
+    })?;
+    psi.camera.check().with_context(|| format!("--cameras {file}"))?;
+    if let Some((at, angle)) = psi.omega.iter().enumerate().find(|(_, angle)| !angle.is_finite()) {
+        bail!("--cameras {file}: omega holds {angle} at place {at} (counted from 0), expected a finite number of rad");
+    }
+    let views = views::read(&args.views)?;
+    if psi.omega.len() != views.len() {
+        bail!(
+            "--cameras {file}: {} angles in omega, but {} holds {} images; one per view is expected",
+            psi.omega.len(),
+            args.views.display(),
+            views.len()
+        );
+    }
+    let (width, height) = (views[0].mask.width(), views[0].mask.height());
+    if (psi.camera.width as usize, psi.camera.height as usize) != (width, height) {
+        bail!(
+            "{} is {width} x {height} px, but {file} gives the sensor as {} x {}",
+            views[0].path.display(),
+            psi.camera.width,
+            psi.camera.height
+        );
+    }
+    let runs = views.iter().map(|v| Runs::new(&v.mask).with_context(|| v.path.display().to_string())).collect::<anyhow::Result<_>>()?;
+    Ok(Turn { names: views.iter().map(views::View::name).collect(), views, runs, known: Psi::new(psi.camera, psi.omega) })
+}
+
+fn least_squares(turn: &Turn, grid: VoxelGrid) -> anyhow::Result<Value> {
+    let Turn { names, views, runs, known } = turn;
+    let given: Vec<GivenView> = views.iter().zip(&known.omega).map(|(v, &omega)| GivenView { columns: &v.columns, omega }).collect();
+    let found = calibrate(&known.camera, &given, Priors::default())?;
+    let judged = gate(&found, &runs.iter().zip(known.omega.iter().copied()).collect::<Vec<_>>(), grid)?;
+    let used = |at: &usize| found.views[*at].bad.is_none();
+    let kept: Vec<usize> = (0..views.len()).filter(used).collect();
+    let start = Psi::new(known.camera.clone(), kept.iter().map(|&at| known.omega[at]).collect());
+    let before = Vrv::new(kept.iter().map(|&at| &runs[at]).collect(), grid, 0.0)?.volume_um3(&start)?;
+    let left_out: Vec<Value> =
+        found.views.iter().zip(names).filter_map(|(state, name)| Some(json!({"view": name, "why": state.bad?.to_string()}))).collect();
+    if !judged.passed {
+        eprintln!(
+            "carved: warning: vrv is less than a search from the closed form finds, by more than the voxels' grain: the views do not show one turn of one body"
+        );
+    }
+    Ok(json!({
+        "objective": "least-squares",
+        "views": kept.iter().map(|&at| &names[at]).collect::<Vec<_>>(),
+        "left_out": left_out,
+        "psi": {"before": told(&start), "after": told(&Psi::of(&found, &known.omega))},
+        "vrv_um3": {"before": before, "after": judged.vrv_solution as f64 * grid.voxel_volume()},
+        "residual_sd_um": found.residual_sd_um,
+        "rho": found.rho,
+        "sd": {"uy_px": found.sd.uy_px, "gamma_rad": found.sd.gamma_rad, "alpha_rad": found.sd.alpha_rad, "rho": found.sd.rho},
+        "evaluations": found.passes,
+        "converged": found.converged,
+        "refusals": [],
+        "gate": {
+            "vrv_solution": judged.vrv_solution, "vrv_simplex": judged.vrv_simplex, "tolerance": judged.tolerance,
+            "evaluations": judged.evaluations, "voxel_um": grid.size(), "passed": judged.passed,
+        },
+    }))
+}
+
+fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
+    let usual = || ["uy", "gamma"].iter().filter_map(|name| name.parse().ok()).collect();
+    let (free, refusals) = Free::new(&if args.free.is_empty() { usual() } else { args.free.clone() });
+    let said: Vec<String> = refusals.iter().map(Refusal::to_string).collect();
+    if free.is_empty() {
+        bail!("--free: nothing is left to search. {}", said.join(". "));
+    }
+    for refusal in &said {
+        eprintln!("carved: {refusal}");
+    }
+    let Turn { names, views, runs, known } = read(args)?;
+    let start = known;
+    let (name, mut large) = match args.objective {
+        Objective::Coherence => ("coherence", Large::Coherence(views.iter().map(|v| &v.columns).collect())),
+        _ => ("vrv", Large::Vrv(Box::new(Vrv::new(runs.iter().collect(), grid, args.epsilon).context("--epsilon")?))),
+    };
+    let (how, by) = match args.optimizer {
+        None | Some(Search::NelderMead) => (Optimiser::NelderMead, "nelder-mead"),
+        Some(Search::CmaEs) => (Optimiser::CmaEs { seed: args.seed }, "cma-es"),
+    };
+    let Optimised { psi, before, after, evaluations, converged, on_bound } =
+        optimise(&start, &free, &mut large, how, Stop { evaluations: args.evaluations, share: SHARE })?;
+    if before <= 0.0 {
+        bail!(
+            "{name} is 0 at the cameras given: no voxel is seen by all views. Check the order of the views, a blank one among them, and uy"
+        );
+    }
+    let bound: Vec<&str> = on_bound.into_iter().map(Parameter::name).collect();
+    for name in &bound {
+        eprintln!("carved: warning: {name} ended on its bound; what is best may lie beyond");
+    }
+    Ok(json!({
+        "objective": name,
+        "optimizer": by,
+        "free": free.parameters().map(Parameter::name).collect::<Vec<_>>(),
+        "views": names,
+        "psi": {"before": told(&start), "after": told(&psi)},
+        (if name == "vrv" { "vrv_um3" } else { "coherence" }): {"before": before, "after": after},
+        "evaluations": evaluations,
+        "converged": converged,
+        "on_bound": bound,
+        "refusals": said,
+    }))
+}
+
+/// As a camera.json has it, with the views' shifts.
+fn told(psi: &Psi) -> Value {
+    let mut told = json!(psi.camera);
+    told["omega"] = json!(psi.omega);
+    told["dy"] = json!(psi.dy_px);
+    told
+}

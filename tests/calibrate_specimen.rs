@@ -1,0 +1,98 @@
+//! `carved calibrate specimen` as its users meet it: profiles of a phantom in a folder, and what must be refused.
+
+#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
+
+use hardware_sim::analytic::{self, Disturbance, Phantom};
+use hardware_sim::scene::Camera;
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// A larva's turn of 21 views with a day's drift; what the axis is seen at, px.
+fn profiles(folder: &Path) -> f64 {
+    let nominal = Camera::default();
+    let omega: Vec<f64> = (0..21).map(|i| TAU * f64::from(i) / 21.0).collect();
+    let drift = Disturbance::drift(2);
+    let views = Phantom::larva(4, 1).unwrap().views(&nominal, &omega, &drift);
+    for (i, view) in views.iter().enumerate() {
+        let c = analytic::coverage(&view.outline, nominal.width, nominal.height);
+        image::save_buffer(folder.join(format!("view_{i:03}.png")), &c.data, c.width, c.height, image::ColorType::L8).unwrap();
+    }
+    let camera = json!({
+        "f": nominal.f_um, "kx": nominal.kx_px_per_um, "ky": nominal.ky_px_per_um, "ux": nominal.ux_px, "uy": nominal.uy_px,
+        "width": nominal.width, "height": nominal.height, "omega": omega,
+    });
+    std::fs::write(folder.join("camera.json"), camera.to_string()).unwrap();
+    nominal.uy_px + drift.uy_px + views.iter().map(|v| v.dy_px).sum::<f64>() / views.len() as f64
+}
+
+fn specimen(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_carved"))
+        .current_dir(folder)
+        .args(["calibrate", "specimen", "--views", ".", "--cameras", "camera.json"])
+        .args(args)
+        .output()
+        .unwrap()
+}
+
+fn report(output: &Output) -> Value {
+    assert!(output.status.success(), "{}", stderr(output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn every_objective_finds_the_axis_and_says_what_it_did() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis_px = profiles(folder.path());
+    for (args, within_px) in [
+        (&["--voxel", "14"][..], 0.05),
+        (&["--objective", "vrv", "--voxel", "14"], 0.12),
+        (&["--objective", "vrv", "--voxel", "17.1", "--optimizer", "cma-es", "--free", "uy,gamma=1", "--evaluations", "400"], 0.15),
+        (&["--objective", "coherence", "--free", "uy,gamma,alpha"], 0.06),
+    ] {
+        let report = report(&specimen(folder.path(), args));
+        let uy_px = report["psi"]["after"]["uy"].as_f64().unwrap();
+        assert!((uy_px - axis_px).abs() < within_px, "{args:?}: {uy_px} where {axis_px} is true; {report:#}");
+        assert_eq!(report["psi"]["before"]["uy"], json!(511.5));
+        assert_eq!(report["psi"]["after"]["omega"].as_array().unwrap().len(), 21);
+        assert!(report["evaluations"].as_u64().unwrap() > 0 && report["refusals"] == json!([]), "{report:#}");
+        let value = ["vrv_um3", "coherence"].into_iter().find_map(|name| report.get(name)).unwrap();
+        assert!(value["after"].as_f64() > value["before"].as_f64(), "{report:#}");
+        let expected = if args.contains(&"--objective") { Value::Null } else { json!(true) };
+        assert_eq!(report["gate"]["passed"], expected, "{report:#}");
+    }
+}
+
+#[test]
+fn what_may_not_be_freed_is_refused_by_name_and_the_rest_is_searched() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis_px = profiles(folder.path());
+    let output = specimen(folder.path(), &["--objective", "vrv", "--voxel", "17.1", "--free", "uy,k,gamma,alpha=45"]);
+    let report = report(&output);
+    let refusals: Vec<&str> = report["refusals"].as_array().unwrap().iter().map(|r| r.as_str().unwrap()).collect();
+    assert!(refusals[0].starts_with("kx is not freed") && refusals[0].contains("37 %"), "{refusals:?}");
+    assert!(refusals[1].starts_with("alpha is bounded to 1 deg"), "{refusals:?}");
+    assert!(refusals.iter().all(|r| stderr(&output).contains(r)), "said to who reads no JSON: {}", stderr(&output));
+    assert_eq!((&report["free"], &report["psi"]["after"]["kx"]), (&json!(["uy", "gamma", "alpha"]), &report["psi"]["before"]["kx"]));
+    assert!((report["psi"]["after"]["uy"].as_f64().unwrap() - axis_px).abs() < 0.15, "{report:#}");
+
+    for (args, said) in [
+        (&["--objective", "vrv", "--free", "kx,ky,f"][..], "nothing is left to search. kx is not freed: "),
+        (&["--objective", "coherence", "--free", "tilt"], "\"tilt\" is no parameter"),
+        (&["--free", "uy"], "least-squares frees uy, gamma, alpha"),
+        (&["--objective", "vrv", "--epsilon", "1"], "epsilon is 1"),
+        (&["--voxel", "0"], "voxel size is 0"),
+    ] {
+        let refused = specimen(folder.path(), args);
+        assert!(
+            !refused.status.success() && refused.stdout.is_empty() && stderr(&refused).contains(said),
+            "{args:?}: {}",
+            stderr(&refused)
+        );
+    }
+}
