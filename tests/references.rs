@@ -10,7 +10,7 @@ use carved::geometry::{BoxUm, VoxelGrid};
 use carved::measure::references::{MissingReason, Quantity, References};
 use carved::pipeline::SpecimenRecord;
 use carved::profile::Mask;
-use carved::reconstruction::{Reconstruction, ReconstructionSettings};
+use carved::reconstruction::{HullModel, ReconstructionSettings};
 use carved::session::{Mode, PlannedWell, SpecimenKind};
 use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use std::path::{Path, PathBuf};
@@ -128,9 +128,9 @@ fn ball(radius_px: f64) -> SpecimenRecord {
         disc.set(u, v, (f64::from(u as u32) - 32.0).hypot(f64::from(v as u32) - 32.0) <= radius_px);
     }
     let grid = VoxelGrid::new(BoxUm { min: [-300.0; 3], max: [300.0; 3] }, 10.0).unwrap();
-    let mut model = Reconstruction::new(&camera, grid, 21, ReconstructionSettings::default()).unwrap();
+    let mut model = HullModel::new(grid, 21, ReconstructionSettings::default()).unwrap();
     for view in 0..21 {
-        model.observe(&disc, &[], std::f64::consts::TAU * f64::from(view) / 21.0, Leaves::default()).unwrap();
+        model.observe(&disc, &[], &camera.projection(std::f64::consts::TAU * f64::from(view) / 21.0), Leaves::default()).unwrap();
     }
     let measurement = serde_json::to_value(model.finish(false).unwrap().measurement).unwrap();
     serde_json::from_value(serde_json::json!({"measurement": measurement, "views": [], "closure": null, "flags": []})).unwrap()

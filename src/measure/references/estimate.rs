@@ -16,9 +16,30 @@ pub struct Estimate {
 }
 
 /// Every estimator's numbers, the paper's first. A further estimator is a further line here.
-pub fn estimates(m: &Measurement) -> Vec<Estimate> {
+pub fn estimates(measurement: &Measurement) -> Vec<Estimate> {
+    // Every field is named, so that a further estimator's do not compile before it has been thought of here: references of one
+    // estimator must never be compared with the numbers of another.
+    let &Measurement {
+        volume_um3,
+        area_um2,
+        field_volume_um3,
+        field_area_um2,
+        voxels: _,
+        voxel_size_um: _,
+        views: _,
+        planned_views: _,
+        epsilon: _,
+        mesh_volume_um3: _,
+        fairing_volume_loss: _,
+        unfaired_area_um2: _,
+        area_method: _,
+        centroid_um: _,
+        extent_um: _,
+        length_um: _,
+        sphere: _,
+    } = measurement;
     vec![
-        Estimate { estimator: VOXEL, volume_um3: m.volume_um3, area_um2: m.area_um2 },
-        Estimate { estimator: FIELD, volume_um3: m.field_volume_um3, area_um2: m.field_area_um2 },
+        Estimate { estimator: VOXEL, volume_um3, area_um2 },
+        Estimate { estimator: FIELD, volume_um3: field_volume_um3, area_um2: field_area_um2 },
     ]
 }

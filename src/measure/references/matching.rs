@@ -98,7 +98,13 @@ impl Specimen {
         numbers: impl Fn(&Group) -> Option<N>,
     ) -> Result<(Match<'a>, N), Missing> {
         let gaps = references.iter().flat_map(|r| &r.gaps).filter(|g| g.quantity == quantity);
-        let why = gaps.filter(|g| g.dpf.is_none_or(|dpf| self.is_of(dpf))).map(|g| g.why.clone()).collect();
+        let mut why: Vec<String> = Vec::new();
+        for gap in gaps.filter(|g| g.dpf.is_none_or(|dpf| self.is_of(dpf))) {
+            // Several files may lack the same.
+            if !why.contains(&gap.why) {
+                why.push(gap.why.clone());
+            }
+        }
         let missing = |reason, mut there_are: Vec<f64>| {
             there_are.sort_by(f64::total_cmp);
             there_are.dedup();

@@ -120,7 +120,7 @@ fn what_is_missing_is_named_by_the_first_question_that_nothing_answers() {
     let why = missing(&ask(&[file(vec![Group { estimator: FIELD.into(), ..group("a", 4.0) }])]));
     assert_eq!(why.reason, MissingReason::Estimator);
     let gap = |quantity, dpf| Gap { quantity, dpf, why: format!("{quantity} {dpf:?}") };
-    let gaps = vec![gap(Quantity::Volume, None), gap(Quantity::Volume, Some(5.0)), gap(Quantity::Area, None)];
+    let gaps = vec![gap(Quantity::Volume, None), gap(Quantity::Volume, None), gap(Quantity::Volume, Some(5.0)), gap(Quantity::Area, None)];
     let why = ask(&[References { gaps, ..file(vec![Group { volume_um3: None, ..group("a", 4.1) }]) }]);
     assert_eq!(missing(&why).reason, MissingReason::Quantity);
     assert_eq!(missing(&why).why, ["volume None"], "the reference's own words, of this quantity and age");
