@@ -35,6 +35,7 @@ use turn::Turn;
 /// The frames are those of one specimen, one per view, sorted by their names in NATURAL order: view2 comes before view10. Their angles
 /// come from one of --cameras (with omega), --angles and --even. The recording says `imported` as its mode.
 #[derive(Debug, clap::Args)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Args {
     /// One folder of frames, or the frames' files: PNG, JPEG, BMP or TIFF, sorted by name in natural order (view2 before view10)
     #[arg(required = true, value_name = "FRAMES")]
@@ -42,7 +43,7 @@ pub struct Args {
     /// camera.json: f, kx, ky, ux, uy, width, height, and the angles omega in rad (leave omega out with --angles or --even)
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Angles of the frames: VAST's external.txt, a CSV with a header (view or file; angle_deg or omega_rad), or degrees, one per line
+    /// Angles of the frames: VAST's external.txt, a CSV with a header (`view` or `file`; `angle_deg` or `omega_rad`), or degrees, one per line
     #[arg(long, value_name = "FILE", conflicts_with = "even")]
     angles: Option<PathBuf>,
     /// The degrees of --angles are turns from the view before, each made before its frame, not positions of the axis
@@ -219,7 +220,7 @@ fn omega_deg(args: &Args, rig: &Rig, names: &[String], warn: &mut dyn FnMut(Stri
             Angles::Degrees(deg) => {
                 let from =
                     format!("degrees of --angles {}{}, sense {sense}", file.display(), if args.relative { ", relative" } else { "" });
-                let all_alike = deg.len() > 1 && deg.iter().skip(1).all(|d| *d == deg[1]) && deg[1] != 0.0;
+                let all_alike = deg.len() > 1 && deg.iter().skip(1).all(|d| (d - deg[1]).abs() < 1e-9) && deg[1] != 0.0;
                 ensure!(
                     args.relative || !all_alike,
                     "{from}: found {} again and again; if these are turns from view to view, say --relative",
@@ -260,7 +261,7 @@ fn recording(rig: Rig, specimen: PlannedWell, kind: frames::Kind, imported: &Imp
         external_id: None,
         plate_map: vec![specimen.clone()],
     };
-    if let Err(errors) = plan.check(&BTreeMap::from([(rig.method_name.clone(), ())])) {
+    if let Err(errors) = plan.check(&BTreeMap::from([(rig.method_name.clone(), &method)])) {
         bail!(
             "{}",
             errors

@@ -19,19 +19,34 @@ pub(super) fn chunks(name: &str) -> Vec<&str> {
 
 /// Numbers by their value, letters whether large or small.
 pub(super) fn natural(a: &str, b: &str) -> Ordering {
-    let is_number = |c: &str| c.as_bytes().first().is_some_and(u8::is_ascii_digit);
-    for (x, y) in chunks(a).into_iter().zip(chunks(b)) {
-        let order = if is_number(x) && is_number(y) {
-            let (x, y) = (x.trim_start_matches('0'), y.trim_start_matches('0'));
-            x.len().cmp(&y.len()).then_with(|| x.cmp(y))
-        } else {
-            x.to_lowercase().cmp(&y.to_lowercase())
+    let (lower_a, lower_b) = (a.to_lowercase(), b.to_lowercase());
+    let (mut x, mut y) = (lower_a.as_str(), lower_b.as_str());
+    loop {
+        let order = match (x.chars().next(), y.chars().next()) {
+            (Some(c), Some(d)) if c.is_ascii_digit() && d.is_ascii_digit() => {
+                let (m, n) = (digits(&mut x), digits(&mut y));
+                m.len().cmp(&n.len()).then_with(|| m.cmp(n))
+            }
+            (Some(c), Some(d)) => {
+                (x, y) = (&x[c.len_utf8()..], &y[d.len_utf8()..]);
+                c.cmp(&d)
+            }
+            // One goes on: it comes after. Names that differ in nothing that counts need an order all the same.
+            (None, None) => return a.cmp(b),
+            (c, d) => return c.cmp(&d),
         };
         if order != Ordering::Equal {
             return order;
         }
     }
-    chunks(a).len().cmp(&chunks(b).len()).then_with(|| a.cmp(b))
+}
+
+/// Takes the number at the front, without its leading zeros.
+fn digits<'a>(text: &mut &'a str) -> &'a str {
+    let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
+    let (number, rest) = text.split_at(end);
+    *text = rest;
+    number.trim_start_matches('0')
 }
 
 #[cfg(test)]
