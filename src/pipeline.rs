@@ -6,13 +6,14 @@
 //! ```
 //! Pure: the same frames and angles give the same bytes of numbers, whoever asks.
 
+use crate::calibration::{Calibration, ViewState};
 use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
-use crate::reconstruction::{Reconstruction, ReconstructionError, ReconstructionSettings};
+use crate::reconstruction::{CalibrationRecord, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel};
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -54,6 +55,12 @@ pub struct ViewRecord {
     /// The capillary's walls against the rig's calibration.
     #[serde(default)]
     pub walls: Option<WallRecord>,
+    /// The profile's shift down the image against the turn's camera.
+    #[serde(default)]
+    pub dy_px: Option<f64>,
+    /// Between its edges and what all other views make expected, root of the mean square.
+    #[serde(default)]
+    pub residual_px: Option<f64>,
 }
 
 /// The walls of one frame as a ruler laid on the rig's calibration, in the column of the principal point. The walls are the
@@ -104,9 +111,13 @@ pub struct SpecimenRecord {
     pub shape: Option<Shape>,
     pub views: Vec<ViewRecord>,
     pub closure: Option<ClosureRecord>,
+    /// Of the turn itself; nothing where it is measured with the rig's camera.
+    #[serde(default)]
+    pub calibration: Option<CalibrationRecord>,
     /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
-    /// profile, so that a specimen that moved would not show), `dead_looking` (opaque throughout in most
-    /// views), `blur_mismatch` (the frames are not as sharp as configured).
+    /// profile, so that a specimen that moved would show in the residuals only), `dead_looking` (opaque throughout in most
+    /// views), `blur_mismatch` (the frames are not as sharp as configured), `nonconvex` (the voxels are trusted), `uncalibrated`
+    /// (measured with the rig's camera as it is), `wrong_steps` (the capillary did not turn as far as the ledger says).
     pub flags: Vec<String>,
 }
 
@@ -130,6 +141,8 @@ pub struct Pipeline {
     segmenters: Segmenters,
     reconstruction: Reconstruction,
     views: Vec<ViewRecord>,
+    /// The views that carved, in the order of carving.
+    carved: Vec<u32>,
     /// The profile of view 0, which the closure view is compared with.
     first: Option<Mask>,
     closure: Option<ClosureRecord>,
@@ -155,7 +168,16 @@ impl Pipeline {
         let reconstruction =
             Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
         let segmenters = Segmenters::default();
-        Ok(Self { settings, segmenters, reconstruction, views: Vec::new(), first: None, closure: None, clipped: [false; 2] })
+        Ok(Self {
+            settings,
+            segmenters,
+            reconstruction,
+            views: Vec::new(),
+            carved: Vec::new(),
+            first: None,
+            closure: None,
+            clipped: [false; 2],
+        })
     }
 
     pub fn settings(&self) -> &PipelineSettings {
@@ -191,6 +213,8 @@ impl Pipeline {
             quality: None,
             detection: None,
             walls: None,
+            dy_px: None,
+            residual_px: None,
         };
         record.detection = seen.profile.as_ref().ok().map(|p| p.detection);
         record.walls = seen.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera));
@@ -200,6 +224,7 @@ impl Pipeline {
                 let leaves = Leaves { left: p.detection.is_clipped_left(), right: p.detection.is_clipped_right() };
                 volume_um3 = self.reconstruction.observe(&p.mask, &p.edge, omega, leaves)?.volume_um3;
                 record.used = true;
+                self.carved.push(index);
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
                 self.clipped[0] |= leaves.left;
@@ -238,27 +263,49 @@ impl Pipeline {
             let reason = self.views.iter().find_map(|v| v.reason.clone()).unwrap_or_else(|| "views are missing".into());
             return Err(PipelineError::TooFewViews { used, planned: self.settings.planned_views, needed, reason });
         }
+        let TurnModel { model, hull, calibration, .. } = self.reconstruction.finish(self.settings.sphere)?;
+        if let Ok(c) = &calibration {
+            self.judged(&c.views);
+        }
         let mut flags = Vec::new();
         let mut flag = |raised: bool, name: &str| {
             if raised {
                 flags.push(name.to_owned());
             }
         };
-        flag(used < self.views.len(), "bad_view");
+        let found = calibration.as_ref().ok();
+        flag(self.views.iter().any(|v| !v.used), "bad_view");
         flag(self.clipped[0], "clipped_left");
         flag(self.clipped[1], "clipped_right");
-        // The tolerance is a share of the views that count, and the live hull was carved with that of the planned ones.
-        if used < self.settings.planned_views as usize {
-            self.reconstruction.replan(used)?;
-        }
-        flag(self.reconstruction.hull().touches_box(), "outside_box");
-        flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN), "moved");
+        flag(hull.touches_box(), "outside_box");
+        flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN) || found.is_some_and(|c| c.moved.is_some()), "moved");
         flag(self.closure.is_none(), "no_closure");
         flag(looks_dead(&self.views), "dead_looking");
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
-        let model = self.reconstruction.finish(self.settings.sphere)?;
-        let shape = Some(Shape::of(&model.mesh));
-        Ok((model.mesh, SpecimenRecord { measurement: model.measurement, shape, views: self.views, closure: self.closure, flags }))
+        flag(model.measurement.fallback.is_some(), "nonconvex");
+        flag(found.is_none(), "uncalibrated");
+        flag(found.is_some_and(Calibration::has_wrong_steps), "wrong_steps");
+        let record = SpecimenRecord {
+            measurement: model.measurement,
+            shape: Some(Shape::of(&model.mesh)),
+            views: self.views,
+            closure: self.closure,
+            calibration: found.map(CalibrationRecord::from),
+            flags,
+        };
+        Ok((model.mesh, record))
+    }
+
+    /// Writes down what the calibration found of the views that carved.
+    fn judged(&mut self, states: &[ViewState]) {
+        for (index, state) in self.carved.iter().zip(states) {
+            if let Some(record) = self.views.iter_mut().find(|v| v.index == *index) {
+                record.used = state.bad.is_none();
+                record.reason = state.bad.map(|bad| bad.to_string());
+                record.dy_px = record.used.then_some(state.dy_px);
+                record.residual_px = state.residual_px;
+            }
+        }
     }
 }
 
@@ -311,6 +358,8 @@ mod tests {
             quality: None,
             detection: None,
             walls: None,
+            dy_px: None,
+            residual_px: None,
         };
         let mut views: Vec<_> =
             [Some(100), Some(100), None, Some(150), Some(100), Some(80)].into_iter().zip(0..).map(|(a, i)| view(i, a)).collect();

@@ -3,19 +3,24 @@
 //! ```text
 //!  (Mask, outlines, omega) per view ── observe ── LiveVolume           after each view
 //!                                         │ └──── live_mesh            coarse, for the page
-//!                                       finish ── Model                mesh and measurement
+//!                                       finish ── calibrate ── carve again ── Model       mesh and measurement
+//!                                                     └── support functions ──┘
 //! ```
 //! A model has two surfaces. The paper's is that of the binary voxels, faired: its tables are of it. The field's is where the
 //! outlines themselves put it, at their sub-pixel positions, and needs no fairing: that is the mesh that is kept.
 //! The same views in any order give the same model bit for bit, on any number of threads.
 
 use crate::carver::{CarveError, Carver, Leaves};
-use crate::geometry::{Camera, CameraError, Projection, VoxelGrid};
-use crate::measure::{self, AreaMethod, Measurement, SphereError};
+use crate::geometry::{CameraError, Projection, VoxelGrid};
+use crate::measure::{self, AreaMethod, Estimator, Estimators, Measurement, SphereError, VoxelEstimate};
 use crate::profile::{Mask, Polygon};
 use crate::range::{OutOfRange, outside};
 use crate::surface::{self, Coarse, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
 use serde::{Deserialize, Serialize};
+
+mod turn;
+
+pub use turn::{CalibrationRecord, CalibrationSettings, NotCalibrated, Reconstruction, TurnModel};
 
 /// How the surface is made of the voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -51,11 +56,12 @@ pub struct ReconstructionSettings {
     /// Share of the planned views that may miss a voxel of the hull.
     pub epsilon: f64,
     pub surface: SurfaceSettings,
+    pub calibration: CalibrationSettings,
 }
 
 impl Default for ReconstructionSettings {
     fn default() -> Self {
-        Self { epsilon: 0.05, surface: SurfaceSettings::default() }
+        Self { epsilon: 0.05, surface: SurfaceSettings::default(), calibration: CalibrationSettings::default() }
     }
 }
 
@@ -209,16 +215,24 @@ impl HullModel {
         let (Some(centroid_um), Some(extents)) = (measure::centroid(&faired), measure::extents(&faired)) else { return Err(empty) };
         let mesh_volume_um3 = measure::volume(&faired);
         let extent_um = extents.sides();
+        let area_um2 = measure::area(&faired);
+        let sphere = if sphere { Some(measure::fit_sphere(&faired.vertices)?) } else { None };
         let measurement = Measurement {
             voxels,
             voxel_size_um: carver.grid().size(),
             views,
             planned_views: carver.planned_views(),
             epsilon: self.settings.epsilon,
+            estimator: Estimator::Voxel,
+            fallback: None,
             volume_um3,
+            volume_sd_um3: None,
             mesh_volume_um3,
             fairing_volume_loss: 1.0 - mesh_volume_um3 / measure::volume(&unfaired),
-            area_um2: measure::area(&faired),
+            area_um2,
+            area_sd_um2: None,
+            spread: None,
+            estimators: Estimators { voxel: VoxelEstimate { volume_um3, area_um2 }, support: None },
             unfaired_area_um2: measure::area(&unfaired),
             area_method: AreaMethod { operator: "umbrella".into(), lambda, iterations },
             field_volume_um3: measure::volume(&mesh),
@@ -226,102 +240,12 @@ impl HullModel {
             centroid_um,
             extent_um,
             length_um: extent_um[0],
-            sphere: if sphere { Some(measure::fit_sphere(&faired.vertices)?) } else { None },
+            sphere,
+            diameter_um: sphere.map(|s| s.diameter_um),
+            sphere_rms_um: sphere.map(|s| s.rms_um),
+            aspect_ratio: sphere.map(|_| 2.0 * extent_um[0] / (extent_um[1] + extent_um[2])),
         };
         Ok(Model { mesh, measurement })
-    }
-}
-
-/// A model of the views of one camera at known angles.
-///
-/// ```
-/// use carved::carver::Leaves;
-/// use carved::geometry::{BoxUm, Camera, VoxelGrid};
-/// use carved::profile::Mask;
-/// use carved::reconstruction::{Reconstruction, ReconstructionSettings};
-///
-/// // A ball of 200 um radius on the axis looks the same from everywhere: a disc of 20 px at 10 um per px.
-/// let (f, k) = (60_000.0, 0.1);
-/// let phi = std::f64::consts::FRAC_PI_2;
-/// let camera = Camera { f, kx: k, ky: k, ux: 32.0, uy: 32.0, s: 0.0, alpha: 0.0, gamma: 0.0, phi, width: 65, height: 65 };
-/// let mut disc = Mask::empty(65, 65);
-/// for (u, v) in (0..65).flat_map(|u| (0..65).map(move |v| (u, v))) {
-///     disc.set(u, v, (u as f64 - 32.0).hypot(v as f64 - 32.0) <= 20.0);
-/// }
-/// let grid = VoxelGrid::new(BoxUm { min: [-300.0; 3], max: [300.0; 3] }, 10.0)?;
-/// let mut model = Reconstruction::new(&camera, grid, 12, ReconstructionSettings::default())?;
-/// for view in 0..12 {
-///     model.observe(&disc, &[], std::f64::consts::TAU * f64::from(view) / 12.0, Leaves::default())?;
-/// }
-/// let ball_um3 = 4.0 / 3.0 * std::f64::consts::PI * 200.0f64.powi(3);
-/// let volume_um3 = model.finish(true)?.measurement.volume_um3;
-/// // 12 directions leave 2.35 % more than the ball, whole pixels of a 40 px disc some more or less.
-/// assert!((volume_um3 / ball_um3 - 1.0).abs() < 0.06, "{volume_um3}");
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-#[derive(Debug, Clone)]
-pub struct Reconstruction {
-    camera: Camera,
-    hull: HullModel,
-}
-
-impl Reconstruction {
-    /// # Errors
-    /// Refuses a camera, a plan or settings that make no model, before any view is taken.
-    pub fn new(
-        camera: &Camera,
-        grid: VoxelGrid,
-        planned_views: usize,
-        settings: ReconstructionSettings,
-    ) -> Result<Self, ReconstructionError> {
-        camera.check()?;
-        Ok(Self { camera: camera.clone(), hull: HullModel::new(grid, planned_views, settings)? })
-    }
-
-    /// Takes the view at angle `omega` (rad); `outlines` are those that the mask was filled from, if there are any.
-    ///
-    /// # Errors
-    /// Refuses a mask that is not of the sensor's size, and what the carver refuses; the model is then unchanged.
-    pub fn observe(&mut self, mask: &Mask, outlines: &[Polygon], omega: f64, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
-        let Camera { width, height, .. } = self.camera;
-        if (mask.width(), mask.height()) != (width as usize, height as usize) {
-            return Err(ReconstructionError::MaskSize {
-                width: mask.width(),
-                height: mask.height(),
-                sensor_width: width,
-                sensor_height: height,
-            });
-        }
-        if !omega.is_finite() {
-            return Err(ReconstructionError::Omega { found: omega });
-        }
-        self.hull.observe(mask, outlines, &self.camera.projection(omega), leaves)
-    }
-
-    /// Carves the views so far again with the tolerance of another plan.
-    ///
-    /// # Errors
-    /// As [`HullModel::replan`].
-    pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
-        self.hull.replan(planned_views)
-    }
-
-    /// The model so far: its live volume, its carver.
-    pub fn hull(&self) -> &HullModel {
-        &self.hull
-    }
-
-    /// The hull's surface on a lattice four times as wide as the grid's: small and quick, for the page.
-    pub fn live_mesh(&self) -> Mesh {
-        self.hull.live_mesh()
-    }
-
-    /// Makes the surfaces and measures them; `sphere` fits one, for beads.
-    ///
-    /// # Errors
-    /// As [`HullModel::finish`].
-    pub fn finish(&self, sphere: bool) -> Result<Model, ReconstructionError> {
-        self.hull.finish(sphere)
     }
 }
 

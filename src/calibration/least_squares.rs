@@ -66,11 +66,15 @@ pub struct GivenView<'a> {
     pub omega: f64,
 }
 
+/// The angle that slip turns all others about: where the capillary was taken to be at 0, or nearest to it.
+pub(super) fn pivot(given: &[GivenView]) -> f64 {
+    given.iter().map(|v| v.omega).min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
+}
+
 /// Starts from `camera` with `rho`; nothing where too little is seen of the specimen.
 pub fn solve(camera: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Option<Solution> {
     let n = given.len();
-    let first = given.first()?.omega;
-    // The first view is where the capillary was taken to be: slip turns the others against it.
+    let first = pivot(given);
     let mut state = State { camera: camera.clone(), rho, dy_px: vec![0.0; n] };
     let xs = places(camera, given)?;
     let series = harmonics(&given.iter().map(|v| v.omega).collect::<Vec<_>>()).min(8);
@@ -90,7 +94,7 @@ pub fn solve(camera: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> 
             .zip(&supports)
             .map(|(&x_um, support)| {
                 let slice = Slice::of(x_um, &pose, &views, support.as_ref())?;
-                let fit = fit(&slice, series, sd_um, 0.0, rounds)?;
+                let fit = fit(&slice, series, sd_um, rounds)?;
                 Some((slice, fit))
             })
             .collect();

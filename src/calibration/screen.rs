@@ -10,6 +10,7 @@ use super::least_squares::Solution;
 use super::robust::{mad_sd, median};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 /// How one view is off the model of all others.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,13 +149,13 @@ pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
 }
 
 /// What changed between the views before `view` and those from it on.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Moved {
     pub view: usize,
     /// Along the capillary and across it, px.
     pub along_px: f64,
     pub across_px: f64,
-    pub turn: f64,
+    pub turn_rad: f64,
 }
 
 /// Least views on either side of a change: fewer are bad views.
@@ -180,7 +181,7 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64]) -> Option<Moved> {
             .filter(|(size, sure)| *size > 1.0 && *sure > SURE)
             .map(|(_, sure)| sure)
             .fold(0.0, f64::max);
-        (score, Moved { view: at, along_px: along, across_px: across, turn })
+        (score, Moved { view: at, along_px: along, across_px: across, turn_rad: turn })
     });
     best.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score > 0.0).map(|(_, moved)| moved)
 }

@@ -89,8 +89,8 @@ fn own(slice: &Slice, view: usize) -> Vec<usize> {
     slice.sights.iter().enumerate().filter(|(_, s)| s.view == view).map(|(at, _)| at).collect()
 }
 
-/// Fits `harmonics` to a slice; residuals beyond some `sd_um` count less. `ridge` holds the harmonics that the tangents do not tell.
-pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, ridge: f64, rounds: usize) -> Option<Fit> {
+/// Fits `harmonics` to a slice; residuals beyond some `sd_um` count less, in so many rounds.
+pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) -> Option<Fit> {
     let size = 2 * harmonics + 1;
     let n = slice.sights.len();
     let mut rows = vec![0.0; n * size];
@@ -109,12 +109,6 @@ pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, ridge: f64, rounds: usiz
                 for (sum, &other) in normal[a * size..=a * size + a].iter_mut().zip(row) {
                     *sum += weighed * other;
                 }
-            }
-        }
-        for k in 1..=harmonics {
-            let held = ridge * (k as f64).powi(4);
-            for a in [2 * k - 1, 2 * k] {
-                normal[a * size + a] += held;
             }
         }
         let normal = DMatrix::from_fn(size, size, |a, b| normal[a.max(b) * size + a.min(b)]).cholesky()?;

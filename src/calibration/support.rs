@@ -30,12 +30,14 @@ impl Support {
 
     /// `h + h''`: the radius of curvature of the outline where its normal points to `theta`.
     pub fn curvature_radius(&self, theta: f64) -> f64 {
-        let mut r = self.coefficients[0];
+        let (sin, cos) = theta.sin_cos();
+        let (mut s, mut c) = (0.0, 1.0);
+        let mut radius = self.coefficients[0];
         for (pair, k) in self.coefficients[1..].chunks_exact(2).zip(1u32..) {
-            let (sin, cos) = (f64::from(k) * theta).sin_cos();
-            r += (1.0 - f64::from(k * k)) * (pair[0] * cos + pair[1] * sin);
+            (c, s) = (c * cos - s * sin, s * cos + c * sin);
+            radius += (1.0 - f64::from(k * k)) * (pair[0] * c + pair[1] * s);
         }
-        r
+        radius
     }
 
     /// `1/2 Int h (h + h'')`: harmonics lose `k^2 - 1` of what they are.

@@ -1,10 +1,11 @@
 //! The whole of a turn's calibration: which views belong, where the axis is, how far the capillary really turned.
 
 use super::closed_form::axis;
-use super::least_squares::{GivenView, Priors, Solution, solve};
+use super::least_squares::{GivenView, Priors, Solution, pivot, solve};
 use super::screen::{Bad, Moved, moved, views_off, worst, wrong_areas};
 use super::tangents::TurnView;
-use crate::geometry::Camera;
+use crate::geometry::{Camera, Projection};
+use nalgebra::Matrix4;
 
 /// A turn of fewer views than these encloses nothing.
 pub const VIEWS_LEAST: usize = 4;
@@ -15,7 +16,7 @@ const WRONG_STEPS: f64 = 0.01;
 /// From residuals of this on the angles themselves are doubted, px.
 const DOUBT_PX: f64 = 1.0;
 
-#[derive(Debug, thiserror::Error, PartialEq)]
+#[derive(Debug, Clone, thiserror::Error, PartialEq)]
 pub enum CalibrationError {
     #[error(
         "{used} of {given} views show a specimen that they agree on; {VIEWS_LEAST} are needed to tell where the axis is. Calibrate with more views, or \
@@ -45,7 +46,7 @@ pub struct PsiSd {
     pub rho: f64,
 }
 
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// The given one with uy, gamma and alpha of this turn.
     pub camera: Camera,
@@ -61,6 +62,8 @@ pub struct Calibration {
     pub residual_sd_um: f64,
     pub passes: usize,
     pub converged: bool,
+    /// Of uy (px), gamma, alpha (rad) and rho.
+    pub covariance: Matrix4<f64>,
     first: f64,
 }
 
@@ -76,9 +79,9 @@ impl Calibration {
         used.map(|(view, state)| TurnView { columns: view.columns, omega: self.angle(view.omega), dy_px: state.dy_px }).collect()
     }
 
-    /// The camera of one view: its shift is one of the principal point.
-    pub fn camera_of(&self, view: usize) -> Camera {
-        Camera { uy: self.camera.uy + self.views[view].dy_px, ..self.camera.clone() }
+    /// The projection of a view that the ledger has at `omega`: its shift is one of the principal point.
+    pub fn projection(&self, view: usize, omega: f64) -> Projection {
+        Camera { uy: self.camera.uy + self.views[view].dy_px, ..self.camera.clone() }.projection(self.angle(omega))
     }
 
     pub fn has_wrong_steps(&self) -> bool {
@@ -126,6 +129,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     let sd = |at: usize| solution.covariance[(at, at)].sqrt();
     Ok(Calibration {
         sd: PsiSd { uy_px: sd(0), gamma_rad: sd(1), alpha_rad: sd(2), rho: sd(3) },
+        covariance: solution.covariance.fixed_view::<4, 4>(0, 0).into_owned(),
         camera: solution.camera,
         start,
         rho: solution.rho,
@@ -134,7 +138,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         residual_sd_um: solution.residual_sd_um,
         passes: solution.passes,
         converged: solution.converged,
-        first: given[used[0]].omega,
+        first: pivot(&used.iter().map(|&i| given[i]).collect::<Vec<_>>()),
     })
 }
 
@@ -146,7 +150,7 @@ fn seen_at(bad: &[Option<Bad>], at: usize) -> usize {
 fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) -> Result<(Camera, Solution), CalibrationError> {
     let views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
     let from = |rho: f64, priors: Priors| {
-        let first = views[0].omega;
+        let first = pivot(&views);
         let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
         let start = axis(camera, &turned)?;
         let solution = solve(&start, rho, &views, priors)?;

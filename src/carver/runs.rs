@@ -73,6 +73,17 @@ impl Runs {
         self.height
     }
 
+    /// The mask again.
+    pub fn mask(&self) -> Mask {
+        let mut mask = Mask::empty(self.width, self.height);
+        for v in self.rows() {
+            for &[start, end] in self.row(v) {
+                (usize::from(start)..usize::from(end)).for_each(|u| mask.set(u, v, true));
+            }
+        }
+        mask
+    }
+
     /// The rows that can have runs.
     pub(super) fn rows(&self) -> std::ops::Range<usize> {
         self.first..self.first + self.starts.len() - 1
@@ -124,6 +135,7 @@ mod tests {
             }
             prop_assert!(runs.rows().len() <= height - 2 * blank);
             prop_assert_eq!(runs.area_px(), mask.area_px());
+            prop_assert_eq!(runs.mask(), mask);
         }
     }
 }

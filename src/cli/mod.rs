@@ -13,6 +13,7 @@ mod serve;
 mod simulate;
 
 use clap::{Parser, Subcommand};
+use std::process::ExitCode;
 
 #[derive(Debug, Parser)]
 #[command(name = "carved", version, about, long_about = None)]
@@ -53,16 +54,18 @@ enum ConfigCommand {
 }
 
 /// Runs the command that the arguments name.
-pub fn main() -> anyhow::Result<()> {
+pub fn main() -> anyhow::Result<ExitCode> {
     match Cli::parse().command {
         Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
         Command::Import(args) => import::run(&args),
-        Command::Reconstruct(args) => reconstruct::run(&args),
         Command::Reference(command) => reference::run(&command),
         Command::Calibrate(command) => calibrate::run(&command),
+        // A refusal is an answer of its own: it is printed, and has its own code.
+        Command::Reconstruct(args) => return reconstruct::run(&args),
         Command::Segment(args) => segment::run(&args),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
-    }
+    }?;
+    Ok(ExitCode::SUCCESS)
 }

@@ -4,7 +4,7 @@ use crate::acquisition::ViewOrder;
 use crate::geometry::{BoxUm, Camera, GridError, VoxelGrid};
 use crate::pipeline::PipelineSettings;
 use crate::profile::SegmentSettings;
-use crate::reconstruction::{ReconstructionSettings, SurfaceSettings};
+use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -25,6 +25,8 @@ pub struct Method {
     pub segment: SegmentSettings,
     #[serde(default)]
     pub surface: SurfaceSettings,
+    #[serde(default)]
+    pub calibration: CalibrationSettings,
 }
 
 fn papers_box() -> BoxUm {
@@ -40,7 +42,7 @@ impl Method {
             planned_views: self.asd,
             segment: self.segment.clone(),
             reference: None,
-            reconstruction: ReconstructionSettings { epsilon: self.epsilon, surface: self.surface },
+            reconstruction: ReconstructionSettings { epsilon: self.epsilon, surface: self.surface, calibration: self.calibration },
             sphere,
         })
     }

@@ -8,7 +8,9 @@
 //!                ├─ extents ──────────────────────────── length_um along the capillary
 //!                └─ least-squares sphere ─────────────── sphere (beads)
 //!  Mesh of the field, as it is ───────────────────────── field_volume_um3, field_area_um2    of the outlines
+//!  Support functions of the slices ────────────────────── estimators.support                 of the outlines, no voxels
 //! ```
+//! `volume_um3` and `area_um2` are those of the estimator to trust, which `estimator` names; all stand side by side in `estimators`.
 //! The area depends on how the mesh was smoothed by up to a tenth, so [`Measurement`] says which operator, weight and
 //! number of iterations made it.
 
@@ -20,6 +22,7 @@ pub mod support;
 
 pub use solid::{Extents, area, centroid, extents, volume};
 pub use sphere::{SphereError, SphereFit, fit_sphere};
+use support::SupportEstimate;
 
 use serde::{Deserialize, Serialize};
 
@@ -36,17 +39,28 @@ pub struct Measurement {
     pub planned_views: usize,
     /// Share of views that may miss a voxel.
     pub epsilon: f64,
-    /// Volume of the live voxels: the paper's volume.
+    /// Which estimator `volume_um3` and `area_um2` are of.
+    pub estimator: Estimator,
+    /// Why it is not the support functions.
+    pub fallback: Option<String>,
+    /// Volume by the estimator to trust.
     pub volume_um3: f64,
+    /// Its standard deviation; what it is made of is in `spread`.
+    pub volume_sd_um3: Option<f64>,
     /// Volume that the faired mesh encloses.
     pub mesh_volume_um3: f64,
     /// Part of the unfaired mesh's volume that fairing took away.
     pub fairing_volume_loss: f64,
-    /// Area of the faired mesh by Heron's formula: the paper's area.
+    /// Area by the estimator to trust.
     pub area_um2: f64,
+    pub area_sd_um2: Option<f64>,
+    /// What the standard deviations are made of.
+    pub spread: Option<Spread>,
+    /// Each estimator's numbers.
+    pub estimators: Estimators,
     /// Area of the mesh before fairing.
     pub unfaired_area_um2: f64,
-    /// What made `area_um2` of the binary voxels.
+    /// What made the voxels' area of the binary voxels.
     pub area_method: AreaMethod,
     /// Volume that the field's mesh encloses: the tolerant hull of the outlines at their sub-pixel positions.
     pub field_volume_um3: f64,
@@ -60,6 +74,66 @@ pub struct Measurement {
     pub length_um: f64,
     /// The sphere nearest to the faired mesh's vertices, where one was asked for.
     pub sphere: Option<SphereFit>,
+    /// Of the sphere nearest to the surface of the estimator to trust, where one was asked for.
+    pub diameter_um: Option<f64>,
+    pub sphere_rms_um: Option<f64>,
+    /// Of a bead, its extent along the capillary over that across: 1 where `kx` and `ky` are right.
+    pub aspect_ratio: Option<f64>,
+}
+
+/// A way from views to numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Estimator {
+    /// The paper's: voxels counted, Heron's formula on the faired surface.
+    Voxel,
+    /// Support functions of the slices.
+    Support,
+}
+
+/// Numbers of the same views, each in its own way.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Estimators {
+    pub voxel: VoxelEstimate,
+    pub support: Option<SupportEstimate>,
+}
+
+/// The paper's numbers: volume = voxels x SD^3, area = Heron over the faired mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct VoxelEstimate {
+    pub volume_um3: f64,
+    pub area_um2: f64,
+}
+
+/// Standard deviations by cause. Bias is none of them: what is known of it is stated with the estimators.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// Another turn of the same specimen (jackknife over the views).
+    pub volume_views_um3: f64,
+    pub area_views_um2: f64,
+    /// Axis, roll, tilt and angles are known to their covariance only.
+    pub volume_calibration_um3: f64,
+    pub area_calibration_um2: f64,
+    /// The rig's scale: three times its relative standard deviation in volume, twice in area.
+    pub volume_scale_um3: f64,
+    pub area_scale_um2: f64,
+    /// Edges of all views too far out or in alike.
+    pub volume_edge_um3: f64,
+    pub area_edge_um2: f64,
+}
+
+impl Spread {
+    pub fn volume_um3(&self) -> f64 {
+        root_of_squares([self.volume_views_um3, self.volume_calibration_um3, self.volume_scale_um3, self.volume_edge_um3])
+    }
+
+    pub fn area_um2(&self) -> f64 {
+        root_of_squares([self.area_views_um2, self.area_calibration_um2, self.area_scale_um2, self.area_edge_um2])
+    }
+}
+
+fn root_of_squares(parts: [f64; 4]) -> f64 {
+    parts.iter().map(|p| p * p).sum::<f64>().sqrt()
 }
 
 /// How a mesh was smoothed before its area was taken.
@@ -124,10 +198,16 @@ mod tests {
             views: 21,
             planned_views: 21,
             epsilon: 0.05,
+            estimator: Estimator::Voxel,
+            fallback: Some("few".into()),
             volume_um3: 998.4,
+            volume_sd_um3: Some(9.8),
             mesh_volume_um3: 990.1,
             fairing_volume_loss: 0.01,
             area_um2: 812.0,
+            area_sd_um2: None,
+            spread: None,
+            estimators: Estimators { voxel: VoxelEstimate { volume_um3: 998.4, area_um2: 812.0 }, support: None },
             unfaired_area_um2: 880.0,
             area_method: AreaMethod { operator: "umbrella".into(), lambda: 0.8, iterations: 10 },
             field_volume_um3: 995.2,
@@ -136,6 +216,9 @@ mod tests {
             extent_um: [4.0, 5.0, 6.0],
             length_um: 4.0,
             sphere: Some(SphereFit { diameter_um: 500.0, rms_um: 0.7, centre_um: [0.0; 3] }),
+            diameter_um: Some(500.0),
+            sphere_rms_um: Some(0.7),
+            aspect_ratio: Some(1.0),
         };
         let text = serde_json::to_string(&m).unwrap();
         assert_eq!(serde_json::from_str::<Measurement>(&text).unwrap(), m);

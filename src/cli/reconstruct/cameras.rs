@@ -4,28 +4,44 @@
 //!  {"f": .., "kx": .., .., "omega": [..]}        psi
 //!  [[[4], [4], [4]], ..] or [[12], ..]           matrices, row by row
 //!  12 numbers per line                           matrices, row by row; blank lines and lines from # on are skipped
+//!  a count, then name K R t per line             Middlebury's _par.txt
 //! ```
 
 use crate::geometry::{Camera, Projection};
 use anyhow::{Context, anyhow, bail};
+use nalgebra::{Matrix3, Matrix3x4};
 use serde::Deserialize;
 use serde_json::Value;
 use std::path::Path;
 
-#[derive(Debug)]
-pub(super) struct Cameras {
-    pub projections: Vec<Projection>,
-    /// What was counted, for messages.
-    pub what: &'static str,
-    /// Width and height where the file gives them.
-    pub sensor: Option<(usize, usize)>,
+#[derive(Debug, PartialEq)]
+pub(super) enum Cameras {
+    /// One camera before a capillary that turns.
+    Psi(Psi),
+    /// A camera per view, whatever it is.
+    Matrices {
+        projections: Vec<Projection>,
+        /// Of the image that each is of, where the file says.
+        names: Option<Vec<String>>,
+    },
 }
 
-#[derive(Deserialize)]
-struct Psi {
+#[derive(Debug, PartialEq, Deserialize)]
+pub(super) struct Psi {
     #[serde(flatten)]
-    camera: Camera,
-    omega: Vec<f64>,
+    pub camera: Camera,
+    /// Angle of the capillary in each view, rad.
+    pub omega: Vec<f64>,
+}
+
+impl Cameras {
+    /// How many there are, and what they are.
+    pub fn count(&self) -> (usize, &'static str) {
+        match self {
+            Self::Psi(psi) => (psi.omega.len(), "angles in omega"),
+            Self::Matrices { projections, .. } => (projections.len(), "matrices"),
+        }
+    }
 }
 
 pub(super) fn read(file: &Path) -> anyhow::Result<Cameras> {
@@ -40,21 +56,23 @@ fn parse(text: &str) -> anyhow::Result<Cameras> {
     match text.trim_start().chars().next() {
         Some('{') => psi(text),
         Some('[') => matrices(text),
+        Some(_) if text.lines().find(|l| !l.trim().is_empty()).is_some_and(|l| l.trim().parse::<usize>().is_ok()) => par(text),
         Some(_) => lines(text),
         None => bail!("found an empty file, expected camera.json or 3 x 4 matrices"),
     }
 }
 
 fn psi(text: &str) -> anyhow::Result<Cameras> {
-    let Psi { camera, omega } =
+    let psi: Psi =
         serde_json::from_str(text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
-    camera.check()?;
-    if omega.is_empty() {
+    psi.camera.check()?;
+    if psi.omega.is_empty() {
         bail!("omega holds 0 angles, expected one per view");
     }
-    let sensor = Some((camera.width as usize, camera.height as usize));
-    let projections = omega.iter().map(|&angle| camera.projection(angle)).collect();
-    Ok(Cameras { projections, what: "angles in omega", sensor })
+    if let Some((at, angle)) = psi.omega.iter().enumerate().find(|(_, angle)| !angle.is_finite()) {
+        bail!("omega holds {angle} at place {at} (counted from 0), expected a finite number of rad");
+    }
+    Ok(Cameras::Psi(psi))
 }
 
 fn matrices(text: &str) -> anyhow::Result<Cameras> {
@@ -67,7 +85,7 @@ fn matrices(text: &str) -> anyhow::Result<Cameras> {
     if projections.is_empty() {
         bail!("found 0 matrices, expected one per view");
     }
-    Ok(Cameras { projections, what: "matrices", sensor: None })
+    Ok(Cameras::Matrices { projections, names: None })
 }
 
 /// The numbers of a matrix, nested or flat.
@@ -123,7 +141,36 @@ fn lines(text: &str) -> anyhow::Result<Cameras> {
     if projections.is_empty() {
         bail!("found no matrix, expected lines of 12 numbers");
     }
-    Ok(Cameras { projections, what: "matrices", sensor: None })
+    Ok(Cameras::Matrices { projections, names: None })
+}
+
+/// Middlebury's `_par.txt`: a count, then a line per image of its name, K, R (each 3 x 3, row by row) and t; P = K [R | t].
+fn par(text: &str) -> anyhow::Result<Cameras> {
+    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    let count: usize = lines.next().and_then(|(_, line)| line.trim().parse().ok()).context("line 1: expected the number of images")?;
+    let (mut projections, mut names) = (Vec::new(), Vec::new());
+    for (at, line) in lines {
+        let place = || format!("line {}", at + 1);
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let [name, numbers @ ..] = &words[..] else { continue };
+        let numbers: Vec<f64> = numbers
+            .iter()
+            .map(|w| w.parse().map_err(|_| anyhow!("found {w:?} where a number is expected")))
+            .collect::<anyhow::Result<_>>()
+            .with_context(place)?;
+        if numbers.len() != 21 {
+            bail!("{}: found {} numbers after the name, expected 21: K and R (3 x 3, row by row) and t", place(), numbers.len());
+        }
+        let (k, r, t) = (Matrix3::from_row_slice(&numbers[..9]), Matrix3::from_row_slice(&numbers[9..18]), &numbers[18..]);
+        let pose = Matrix3x4::from_fn(|i, j| if j < 3 { r[(i, j)] } else { t[i] });
+        let p = k * pose;
+        projections.push(projection(p.transpose().as_slice()).with_context(place)?);
+        names.push((*name).to_owned());
+    }
+    if projections.len() != count {
+        bail!("line 1 announces {count} images, {} follow", projections.len());
+    }
+    Ok(Cameras::Matrices { projections, names: Some(names) })
 }
 
 /// `numbers` are 12, row by row.
@@ -146,18 +193,30 @@ mod tests {
         let nested = serde_json::to_string(&[ROWS, ROWS]).unwrap();
         let flat = serde_json::to_string(&[ROWS.concat(), ROWS.concat()]).unwrap();
         let lines = format!("# two views\n{}\n\n  {}  # the second\n", text_of(&ROWS), text_of(&ROWS).replace(' ', ", "));
-        let expected = vec![Projection::from_matrix(ROWS).unwrap(); 2];
+        let expected = Cameras::Matrices { projections: vec![Projection::from_matrix(ROWS).unwrap(); 2], names: None };
         for text in [nested, flat, lines] {
-            assert_eq!(parse(&text).unwrap().projections, expected, "{text}");
+            assert_eq!(parse(&text).unwrap(), expected, "{text}");
         }
     }
 
+    /// K [R | t] by hand: a quarter turn about x, so that the camera's y is the world's -z.
     #[test]
-    fn psi_gives_one_projection_per_angle() {
+    fn middleburys_cameras_are_put_together() {
+        let line = "a0.png 900 2 500 0 900 400 0 0 1  1 0 0 0 0 -1 0 1 0  0.5 -1 60";
+        let Cameras::Matrices { projections, names } = parse(&format!("1\n{line}\n")).unwrap() else { panic!("psi") };
+        assert_eq!(names, Some(vec!["a0.png".to_owned()]));
+        let rows =
+            [[900.0, 500.0, -2.0, 900.0 * 0.5 - 2.0 + 500.0 * 60.0], [0.0, 400.0, -900.0, -900.0 + 400.0 * 60.0], [0.0, 1.0, 0.0, 60.0]];
+        assert_eq!(projections, vec![Projection::from_matrix(rows).unwrap()]);
+        assert!(format!("{:#}", parse(&format!("2\n{line}\n")).unwrap_err()).contains("announces 2 images, 1 follow"));
+        assert!(format!("{:#}", parse("1\na0.png 1 2\n").unwrap_err()).contains("line 2: found 2 numbers after the name"));
+    }
+
+    #[test]
+    fn psi_comes_with_its_angles() {
         let text = r#"{"f": 6e4, "kx": 0.18, "ky": 0.19, "ux": 511.5, "uy": 510, "width": 1024, "height": 768, "omega": [0, 0.3, -1], "views": 3}"#;
-        let cameras = parse(text).unwrap();
-        assert_eq!((cameras.projections.len(), cameras.sensor), (3, Some((1024, 768))));
-        assert_ne!(cameras.projections[0], cameras.projections[1]);
+        let Cameras::Psi(psi) = parse(text).unwrap() else { panic!("matrices") };
+        assert_eq!((psi.omega, psi.camera.height, psi.camera.ky), (vec![0.0, 0.3, -1.0], 768, 0.19));
     }
 
     #[test]

@@ -1,22 +1,30 @@
 //! `carved reconstruct`: any silhouettes with any cameras to a model.
 //!
 //! ```text
-//!  --views DIR ────── views ───── masks ───────┐
-//!  --cameras FILE ─── cameras ─── projections ─┴─ HullModel ── mesh ── PLY
-//!  --box --voxel --epsilon ────────────────────────┘     └──── report ── one JSON object on stdout
+//!  --views DIR ────── views ───── masks, edges ──┐
+//!  --cameras FILE ─┬─ psi, omega ────────────────┼─ Reconstruction: calibrated, measured ──┬── mesh ── PLY
+//!                  └─ matrices ──────────────────┴─ HullModel: carved as they are ─────────┴── report ── one JSON object on stdout
 //! ```
-//! Everything is read and checked before anything is made, and everything is made before anything is written.
+//! Everything is read and checked before anything is made, and everything is made before anything is written. What cannot be
+//! measured is refused on stdout as well, as `{"flags": [..], "error": ".."}` with exit code 3.
 
 mod cameras;
+mod measured;
 mod output;
 mod report;
 pub(super) mod views;
 
-use crate::carver::Leaves;
 use crate::geometry::{BoxUm, VoxelGrid};
-use crate::reconstruction::{HullModel, ReconstructionSettings, SurfaceSettings};
+use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use anyhow::{Context, bail};
+use cameras::Cameras;
 use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+use views::View;
+
+/// Exit code of a specimen that was refused.
+const REFUSED: u8 = 3;
 
 /// The paper's finer sampling density.
 const DEFAULT_VOXEL_UM: f64 = 6.93;
@@ -47,6 +55,9 @@ pub struct Args {
     /// Fit a sphere, for beads
     #[arg(long)]
     pub sphere: bool,
+    /// Measure with the camera as given, and every view where it says
+    #[arg(long)]
+    pub no_calibrate: bool,
     /// Weight of the umbrella operator in one iteration of the fairing
     #[arg(long, value_name = "LAMBDA", default_value_t = SurfaceSettings::default().fairing_lambda)]
     pub fairing_lambda: f64,
@@ -90,49 +101,86 @@ fn parse_box(text: &str) -> Result<BoxUm, String> {
 /// Reads, reconstructs, writes the mesh and prints the report.
 ///
 /// # Errors
-/// Names the file or option at fault, what was found and what was expected; nothing is then written.
-pub fn run(args: &Args) -> anyhow::Result<()> {
+/// Names the option at fault. What is wrong with the set itself is printed as a refusal.
+pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let destination = output::Destination::choose(args.out.as_deref(), &args.views, args.force)?;
+    match reconstruct(args, destination) {
+        Ok(report) => {
+            println!("{report:#}");
+            Ok(ExitCode::SUCCESS)
+        }
+        Err(error) => {
+            let flags: Vec<&str> = error.downcast_ref::<measured::Refusal>().map(measured::Refusal::flag).into_iter().collect();
+            println!("{:#}", serde_json::json!({"flags": flags, "error": format!("{error:#}")}));
+            eprintln!("carved: {error:#}");
+            Ok(ExitCode::from(REFUSED))
+        }
+    }
+}
+
+fn reconstruct(args: &Args, destination: output::Destination) -> anyhow::Result<serde_json::Value> {
     let grid = grid(args)?;
+    let mut clock = report::Clock::new(Instant::now());
     let cameras = cameras::read(&args.cameras)?;
     let views = views::read(&args.views)?;
-    if cameras.projections.len() != views.len() {
+    let views = in_order(&cameras, views)?;
+    let (count, what) = cameras.count();
+    if count != views.len() {
         bail!(
-            "{}: {} {}, but {} holds {} images; one per view is expected",
+            "{}: {count} {what}, but {} holds {} images; one per view is expected",
             args.cameras.display(),
-            cameras.projections.len(),
-            cameras.what,
             args.views.display(),
             views.len()
         );
     }
-    if let Some(((width, height), view)) = cameras.sensor.zip(views.first())
-        && (width, height) != (view.mask.width(), view.mask.height())
-    {
-        bail!(
-            "{} is {} x {} px, but {} gives the sensor as {width} x {height}",
-            view.path.display(),
-            view.mask.width(),
-            view.mask.height(),
-            args.cameras.display()
-        );
+    if let (Cameras::Psi(psi), Some(view)) = (&cameras, views.first()) {
+        let (width, height) = (psi.camera.width as usize, psi.camera.height as usize);
+        if (width, height) != (view.mask.width(), view.mask.height()) {
+            bail!(
+                "{} is {} x {} px, but {} gives the sensor as {width} x {height}",
+                view.path.display(),
+                view.mask.width(),
+                view.mask.height(),
+                args.cameras.display()
+            );
+        }
     }
-
+    clock.split("read");
     let surface = SurfaceSettings { fairing_lambda: args.fairing_lambda, fairing_iterations: args.fairing_iterations };
-    let mut hull = HullModel::new(grid, views.len(), ReconstructionSettings { epsilon: args.epsilon, surface })?;
-    for (view, projection) in views.iter().zip(&cameras.projections) {
-        hull.observe(&view.mask, &[], projection, Leaves::default()).with_context(|| view.path.display().to_string())?;
-    }
-    let model = hull.finish(args.sphere)?;
-    let mut ply = Vec::new();
-    crate::export::write_ply(&model.mesh, args.unit.name(), &mut ply)?;
-    let overlaps = report::overlaps(&hull, &views, &cameras.projections);
-    for doubt in report::doubts(&hull, &overlaps) {
+    // Masks are taken as they are: what put their edges there is not known.
+    let calibration = CalibrationSettings { enabled: !args.no_calibrate, edge_sd_px: 0.0, ..CalibrationSettings::default() };
+    let settings = ReconstructionSettings { epsilon: args.epsilon, surface, calibration };
+    let measured = match &cameras {
+        _ if views.iter().all(View::is_blank) => measured::empty(&views, &cameras),
+        Cameras::Psi(psi) => measured::turn(psi, grid, &views, settings, args.sphere)?,
+        Cameras::Matrices { projections, .. } => measured::hull(projections, grid, &views, settings, args.sphere)?,
+    };
+    clock.split("reconstruct");
+    let mesh_path = match &measured.mesh {
+        Some(mesh) => {
+            let mut ply = Vec::new();
+            crate::export::write_ply(mesh, args.unit.name(), &mut ply)?;
+            Some(destination.write(&ply)?)
+        }
+        None => None,
+    };
+    clock.split("write");
+    for doubt in &measured.doubts {
         eprintln!("carved: {doubt}");
     }
-    let mesh_path = destination.write(&ply)?;
-    println!("{:#}", report::report(&hull, &model.measurement, &views, &overlaps, args.unit, &mesh_path)?);
-    Ok(())
+    report::report(&measured, &views, &cameras, &grid, args.unit, mesh_path.as_deref(), &clock)
+}
+
+/// The views in the order of the cameras' names, where they have some.
+fn in_order(cameras: &Cameras, mut views: Vec<View>) -> anyhow::Result<Vec<View>> {
+    let Cameras::Matrices { names: Some(names), .. } = cameras else { return Ok(views) };
+    let stem = |name: &str| std::path::Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let mut ordered = Vec::with_capacity(names.len());
+    for name in names {
+        let at = views.iter().position(|v| stem(&v.name()) == stem(name)).with_context(|| format!("--views: found no image for {name}"))?;
+        ordered.push(views.swap_remove(at));
+    }
+    Ok(ordered)
 }
 
 fn grid(args: &Args) -> anyhow::Result<VoxelGrid> {

@@ -1,57 +1,51 @@
 //! The JSON object that `carved reconstruct` prints.
 
 use super::Unit;
+use super::cameras::Cameras;
+use super::measured::Measured;
 use super::views::View;
-use crate::geometry::Projection;
-use crate::measure::Measurement;
-use crate::reconstruction::HullModel;
-use crate::surface;
-use rayon::prelude::*;
+use crate::geometry::VoxelGrid;
 use serde_json::{Map, Value, json};
 use std::path::Path;
+use std::time::Instant;
 
 const OVERLAP_RULE: &str = "intersection over union of the view's mask (inside = 128 or more) and the image of the hull's \
     surface before fairing; a pixel of that image is inside where its centre lies in the projection of a triangle";
 
-/// Overlap of each view's mask with the hull seen through its own projection.
-pub(super) fn overlaps(hull: &HullModel, views: &[View], projections: &[Projection]) -> Vec<f64> {
-    let mesh = hull.unfaired_mesh();
-    views
-        .par_iter()
-        .zip(projections)
-        .map(|(view, projection)| view.mask.iou(&surface::silhouette(&mesh, projection, view.mask.width(), view.mask.height())))
-        .collect()
+/// What took how long, ms.
+pub(super) struct Clock {
+    last: Instant,
+    spent: Map<String, Value>,
 }
 
-/// Mean overlap below which views do not show one body: profiles of a good recording reach 0.94 to 0.97.
-const OVERLAP_LEAST: f64 = 0.9;
+impl Clock {
+    pub fn new(now: Instant) -> Self {
+        Self { last: now, spent: Map::new() }
+    }
 
-/// What makes the numbers doubtful, in plain words.
-pub(super) fn doubts(hull: &HullModel, overlaps: &[f64]) -> Vec<String> {
-    let mean = overlaps.iter().sum::<f64>() / overlaps.len() as f64;
-    let low = (mean < OVERLAP_LEAST).then(|| {
-        format!(
-            "warning: the hull's images overlap the masks by {mean:.2} in the mean, {OVERLAP_LEAST} and more is usual. Masks (inside = 255), angles (rad), \
-             cameras or the order of the files do not fit each other"
-        )
-    });
-    let cut = hull.touches_box().then(|| "warning: the hull reaches the end of the box, and may go on outside: widen --box".to_owned());
-    low.into_iter().chain(cut).collect()
+    pub fn split(&mut self, what: &str) {
+        let now = Instant::now();
+        self.spent.insert(what.into(), json!(now.duration_since(self.last).as_secs_f64() * 1e3));
+        self.last = now;
+    }
 }
 
 pub(super) fn report(
-    hull: &HullModel,
-    measurement: &Measurement,
+    measured: &Measured,
     views: &[View],
-    overlaps: &[f64],
+    cameras: &Cameras,
+    grid: &VoxelGrid,
     unit: Unit,
-    mesh: &Path,
+    mesh: Option<&Path>,
+    clock: &Clock,
 ) -> anyhow::Result<Value> {
-    let grid = hull.carver().grid();
     let counts = grid.counts();
-    let mut report = match serde_json::to_value(measurement)? {
-        Value::Object(map) => map,
-        other => anyhow::bail!("a measurement is an object, found {other}"),
+    let mut report = match &measured.measurement {
+        Some(measurement) => match serde_json::to_value(measurement)? {
+            Value::Object(map) => map,
+            other => anyhow::bail!("a measurement is an object, found {other}"),
+        },
+        None => nothing(),
     };
     // The list of views has their number.
     report.remove("views");
@@ -59,15 +53,51 @@ pub(super) fn report(
     let lo: [f64; 3] = std::array::from_fn(|a| grid.centre(a, 0) - grid.size() / 2.0);
     let hi: [f64; 3] = std::array::from_fn(|a| grid.centre(a, counts[a] - 1) + grid.size() / 2.0);
     report.insert("grid".into(), json!({"counts": counts, "min_um": lo, "max_um": hi, "voxel_size_um": grid.size()}));
-    report.insert("miss_budget".into(), json!(hull.carver().budget()));
-    report.insert("touches_box".into(), json!(hull.touches_box()));
-    let listed: Vec<Value> = views.iter().zip(overlaps).map(|(view, overlap)| json!({"name": view.name(), "overlap": overlap})).collect();
+    report.insert("miss_budget".into(), json!(measured.budget));
+    report.insert("touches_box".into(), json!(measured.touches_box));
+    let listed: Vec<Value> = views
+        .iter()
+        .zip(&measured.views)
+        .enumerate()
+        .map(|(index, (view, judged))| {
+            json!({"index": index, "name": view.name(), "used": judged.used, "reason": judged.reason, "dy_px": judged.dy_px,
+                   "residual_px": judged.residual_px, "overlap": judged.overlap})
+        })
+        .collect();
     report.insert("views".into(), json!(listed));
-    report.insert("overlap_mean".into(), json!(overlaps.iter().sum::<f64>() / overlaps.len() as f64));
+    let overlaps: Vec<f64> = measured.views.iter().filter(|v| v.used).filter_map(|v| v.overlap).collect();
+    report.insert("overlap_mean".into(), json!((!overlaps.is_empty()).then(|| overlaps.iter().sum::<f64>() / overlaps.len() as f64)));
     report.insert("overlap_rule".into(), json!(OVERLAP_RULE));
+    if let Some((camera, omega)) = &measured.psi {
+        let mut psi = serde_json::to_value(camera)?;
+        psi["omega"] = json!(omega);
+        report.insert("psi".into(), psi);
+        let sd = measured.calibration.as_ref();
+        report.insert(
+            "psi_sd".into(),
+            json!({"uy": sd.map(|c| c.sd.uy_px), "gamma": sd.map(|c| c.sd.gamma_rad), "alpha": sd.map(|c| c.sd.alpha_rad)}),
+        );
+        report.insert("rho".into(), json!(sd.map(|c| c.rho)));
+        report.insert("rho_sd".into(), json!(sd.map(|c| c.sd.rho)));
+        report.insert("passes".into(), json!(sd.map(|c| c.passes)));
+        report.insert("residual_sd_um".into(), json!(sd.map(|c| c.residual_sd_um)));
+        report.insert("moved".into(), json!(sd.and_then(|c| c.moved)));
+    }
+    report.insert("cameras".into(), json!(cameras.count().1));
+    report.insert("flags".into(), json!(measured.flags));
     report.insert("mesh".into(), json!(mesh));
+    report.insert("timing_ms".into(), Value::Object(clock.spent.clone()));
     let report = Value::Object(report);
     Ok(if unit == Unit::None { without_unit(report) } else { report })
+}
+
+/// Numbers of an empty capillary.
+fn nothing() -> Map<String, Value> {
+    let zero = ["voxels", "volume_um3", "volume_sd_um3", "area_um2", "area_sd_um2"].map(|key| (key.to_owned(), json!(0)));
+    let mut map: Map<String, Value> = zero.into_iter().collect();
+    map.insert("estimator".into(), json!("voxel"));
+    map.insert("estimators".into(), json!({"voxel": {"volume_um3": 0, "area_um2": 0}, "support": null}));
+    map
 }
 
 /// Takes the unit from every key: `area_um2` becomes `area`.

@@ -1,5 +1,6 @@
 //! Silhouettes from a folder.
 
+use crate::carver::Leaves;
 use crate::profile::{Columns, Mask};
 use anyhow::{Context, bail};
 use image::{ImageFormat, ImageReader};
@@ -14,6 +15,16 @@ pub(in crate::cli) struct View {
 }
 
 impl View {
+    /// Whether the silhouette reaches the image's first or last column: there the specimen goes on.
+    pub fn leaves(&self) -> Leaves {
+        let reaches = |u: usize| self.columns.get(u).is_some();
+        Leaves { left: reaches(0), right: reaches(self.mask.width() - 1) }
+    }
+
+    pub fn is_blank(&self) -> bool {
+        self.columns.extent().is_none()
+    }
+
     pub fn name(&self) -> String {
         self.path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
     }
@@ -43,7 +54,7 @@ pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
     Ok(views)
 }
 
-/// Grey is coverage; what is transparent is not covered.
+/// Grey is coverage; what is transparent is not covered. A view may be blank.
 fn view(path: PathBuf) -> anyhow::Result<View> {
     let name = || path.display().to_string();
     let reader = ImageReader::open(&path).with_context(name)?.with_guessed_format().with_context(name)?;
@@ -56,13 +67,6 @@ fn view(path: PathBuf) -> anyhow::Result<View> {
     let (width, height) = (image.width() as usize, image.height() as usize);
     let pixels = image.into_luma_alpha8();
     let coverage: Vec<u8> = pixels.pixels().map(|p| ((u32::from(p[0]) * u32::from(p[1]) + 127) / 255) as u8).collect();
-    let largest = coverage.iter().copied().max().unwrap_or(0);
-    if largest < 128 {
-        bail!(
-            "{}: the largest value found is {largest}; expected 128 or more inside the silhouette, and a view without one carves all",
-            name()
-        );
-    }
     let mask = Mask::from_coverage(width, height, coverage.clone()).with_context(name)?;
     let columns =
         if is_anti_aliased(&coverage, &mask) { Columns::from_coverage(width, height, &coverage) } else { Columns::from_mask(&mask) };

@@ -6,8 +6,16 @@
 //!                                                                                      └── area   = Int Int (h + h'') sqrt(1 + h_x^2)
 //! ```
 //! A slice is taken for convex: what is measured is the ideal visual hull, each slice filled to its convex outline. Where views
-//! show a slice to be two, `gap_share` says so, and the voxels are the ones to trust.
+//! show slices to be two, `gap_share` says so, and the voxels are the ones to trust.
 
+mod cap;
+mod estimate;
+mod integrals;
 mod sections;
+mod sensitivity;
+mod smoothing;
 
-pub use sections::{Change, Section, Sections, SupportSettings};
+pub use estimate::SupportEstimate;
+pub use sections::{Section, Sections, SupportSettings};
+pub use sensitivity::calibration_sd;
+pub use smoothing::Change;

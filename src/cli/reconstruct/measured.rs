@@ -1,0 +1,245 @@
+//! The three things a set of silhouettes can be: a turn of one camera, views of any cameras, or nothing.
+
+use super::cameras::{Cameras, Psi};
+use super::views::View;
+use crate::calibration::{Bad, Calibration, Moved};
+use crate::carver::Leaves;
+use crate::geometry::{Camera, Projection, VoxelGrid};
+use crate::measure::Measurement;
+use crate::reconstruction::{HullModel, Reconstruction, ReconstructionSettings, TurnModel};
+use crate::surface::{self, Mesh};
+use rayon::prelude::*;
+
+/// What became of a view.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Judged {
+    pub used: bool,
+    pub reason: Option<String>,
+    pub dy_px: Option<f64>,
+    pub residual_px: Option<f64>,
+    /// Of its mask with the image of the hull.
+    pub overlap: Option<f64>,
+}
+
+/// A set measured.
+pub(super) struct Measured {
+    /// Nothing of an empty capillary.
+    pub measurement: Option<Measurement>,
+    pub mesh: Option<Mesh>,
+    pub views: Vec<Judged>,
+    /// The camera of a turn, with the angles that its views are of.
+    pub psi: Option<(Camera, Vec<f64>)>,
+    pub calibration: Option<Calibration>,
+    pub budget: u32,
+    pub touches_box: bool,
+    pub flags: Vec<&'static str>,
+    /// What makes the numbers doubtful, in plain words.
+    pub doubts: Vec<String>,
+}
+
+/// A set that gives no number, with its flag.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum Refusal {
+    #[error(
+        "{used} of {given} views show something; {needed} are needed: opposite views are mirror images, and fewer leave the specimen open on a side"
+    )]
+    FewViews { used: usize, given: usize, needed: usize },
+}
+
+impl Refusal {
+    pub fn flag(&self) -> &'static str {
+        match self {
+            Self::FewViews { .. } => "few_views",
+        }
+    }
+}
+
+/// Views of a turn that nothing is measured below.
+const TURN_LEAST: usize = 4;
+/// Views below which slices are told as little more than ellipses.
+const FEW: usize = 7;
+/// Mean overlap below which views do not show one body: profiles of a good recording reach 0.94 to 0.97.
+const OVERLAP_LEAST: f64 = 0.9;
+
+/// An empty capillary is an answer: volume 0.
+pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
+    Measured {
+        measurement: None,
+        mesh: None,
+        views: vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()],
+        psi: match cameras {
+            Cameras::Psi(psi) => Some((psi.camera.clone(), psi.omega.clone())),
+            Cameras::Matrices { .. } => None,
+        },
+        calibration: None,
+        budget: 0,
+        touches_box: false,
+        flags: vec!["empty"],
+        doubts: Vec::new(),
+    }
+}
+
+/// Views of one camera before a capillary that turns.
+pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: ReconstructionSettings, sphere: bool) -> anyhow::Result<Measured> {
+    let seen: Vec<usize> = (0..views.len()).filter(|&i| !views[i].is_blank()).collect();
+    if seen.len() < TURN_LEAST {
+        return Err(Refusal::FewViews { used: seen.len(), given: views.len(), needed: TURN_LEAST }.into());
+    }
+    let mut reconstruction = Reconstruction::new(&psi.camera, grid, seen.len(), settings)?;
+    for &i in &seen {
+        let view = &views[i];
+        reconstruction.observe_edges(&view.mask, &[], view.columns.clone(), psi.omega[i], view.leaves())?;
+    }
+    let TurnModel { model, hull, calibration, projections } = reconstruction.finish(sphere)?;
+    let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
+    let overlaps = overlaps(&hull, &shown, &projections);
+    let mut judged = vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()];
+    for (at, &i) in seen.iter().enumerate() {
+        let state = calibration.as_ref().ok().map(|c| c.views[at]);
+        let bad = state.and_then(|s| s.bad);
+        judged[i] = Judged {
+            used: bad.is_none(),
+            reason: bad.map(|b| b.to_string()),
+            dy_px: state.filter(|s| s.bad.is_none()).map(|s| s.dy_px),
+            residual_px: state.and_then(|s| s.residual_px),
+            overlap: Some(overlaps[at]),
+        };
+    }
+    let used = judged.iter().filter(|j| j.used).count();
+    let (camera, omega) = match &calibration {
+        Ok(c) => (c.camera.clone(), psi.omega.iter().map(|&w| c.angle(w)).collect()),
+        Err(_) => (psi.camera.clone(), psi.omega.clone()),
+    };
+    let leaves = |side: fn(&Leaves) -> bool| shown.iter().any(|v| side(&v.leaves()));
+    let mut doubts: Vec<String> = Vec::new();
+    let mut flags = Vec::new();
+    let mut flag = |raised: bool, name: &'static str, doubt: Option<String>| {
+        if raised {
+            flags.push(name);
+            doubts.extend(doubt);
+        }
+    };
+    let found = calibration.as_ref().ok();
+    flag(
+        leaves(|l| l.left),
+        "clipped_left",
+        Some("warning: the silhouettes reach the image's left side: what lies beyond is not measured".into()),
+    );
+    flag(
+        leaves(|l| l.right),
+        "clipped_right",
+        Some("warning: the silhouettes reach the image's right side: what lies beyond is not measured".into()),
+    );
+    flag(hull.touches_box(), "outside_box", Some(BOX.into()));
+    flag(used < FEW, "few_views", Some(format!("warning: {used} views tell little of each slice's shape; the numbers are rough")));
+    flag(used < views.len(), "bad_view", None);
+    let moved = found.and_then(|c| c.moved);
+    flag(moved.is_some(), "moved", moved.map(|m| say_moved(m, &seen)));
+    let fallback = model.measurement.fallback.clone();
+    flag(fallback.is_some(), "nonconvex", fallback.map(|why| format!("warning: the voxels' numbers are given: {why}")));
+    flag(
+        found.is_none(),
+        "uncalibrated",
+        calibration
+            .as_ref()
+            .err()
+            .filter(|_| settings.calibration.enabled)
+            .map(|e| format!("warning: measured with the camera as given: {e}")),
+    );
+    flag(
+        found.is_some_and(Calibration::has_wrong_steps),
+        "wrong_steps",
+        found.map(|c| {
+            format!(
+                "warning: the specimen turned by {:.4} times the angles in omega: check the steps per revolution, or the coupling",
+                c.rho
+            )
+        }),
+    );
+    doubts.extend(low_overlap(&overlaps));
+    Ok(Measured {
+        measurement: Some(model.measurement),
+        mesh: Some(model.mesh),
+        views: judged,
+        psi: Some((camera, omega)),
+        calibration: calibration.ok(),
+        budget: hull.carver().budget(),
+        touches_box: hull.touches_box(),
+        flags,
+        doubts,
+    })
+}
+
+const BOX: &str = "warning: the hull reaches the end of the box, and may go on outside: widen --box";
+
+fn say_moved(moved: Moved, seen: &[usize]) -> String {
+    format!(
+        "warning: from view {} on the specimen lies elsewhere: {:.1} px along the capillary, {:.1} px across, {:.1} deg turned",
+        seen[moved.view],
+        moved.along_px,
+        moved.across_px,
+        moved.turn_rad.to_degrees()
+    )
+}
+
+/// Views of any cameras, as they are.
+pub(super) fn hull(
+    projections: &[Projection],
+    grid: VoxelGrid,
+    views: &[View],
+    settings: ReconstructionSettings,
+    sphere: bool,
+) -> anyhow::Result<Measured> {
+    let seen: Vec<usize> = (0..views.len()).filter(|&i| !views[i].is_blank()).collect();
+    let mut hull = HullModel::new(grid, seen.len(), settings)?;
+    for &i in &seen {
+        hull.observe(&views[i].mask, &[], &projections[i], Leaves::default())
+            .map_err(|e| anyhow::Error::from(e).context(views[i].path.display().to_string()))?;
+    }
+    let model = hull.finish(sphere)?;
+    let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
+    let through: Vec<Projection> = seen.iter().map(|&i| projections[i]).collect();
+    let overlaps = overlaps(&hull, &shown, &through);
+    let mut judged = vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()];
+    for (&i, &overlap) in seen.iter().zip(&overlaps) {
+        judged[i] = Judged { used: true, overlap: Some(overlap), ..Judged::default() };
+    }
+    let touches_box = hull.touches_box();
+    let raised = [
+        (touches_box, "outside_box"),
+        (seen.len() < TURN_LEAST, "few_views"),
+        (seen.len() < views.len(), "bad_view"),
+        (true, "uncalibrated"),
+    ];
+    Ok(Measured {
+        measurement: Some(model.measurement),
+        mesh: Some(model.mesh),
+        views: judged,
+        psi: None,
+        calibration: None,
+        budget: hull.carver().budget(),
+        touches_box,
+        flags: raised.iter().filter(|(raised, _)| *raised).map(|(_, name)| *name).collect(),
+        doubts: low_overlap(&overlaps).into_iter().chain(touches_box.then(|| BOX.to_owned())).collect(),
+    })
+}
+
+/// Overlap of each view's mask with the hull seen through its own projection.
+fn overlaps(hull: &HullModel, views: &[&View], projections: &[Projection]) -> Vec<f64> {
+    let mesh = hull.unfaired_mesh();
+    views
+        .par_iter()
+        .zip(projections)
+        .map(|(view, projection)| view.mask.iou(&surface::silhouette(&mesh, projection, view.mask.width(), view.mask.height())))
+        .collect()
+}
+
+fn low_overlap(overlaps: &[f64]) -> Option<String> {
+    let mean = overlaps.iter().sum::<f64>() / overlaps.len() as f64;
+    (mean < OVERLAP_LEAST).then(|| {
+        format!(
+            "warning: the hull's images overlap the masks by {mean:.2} in the mean, {OVERLAP_LEAST} and more is usual. Masks (inside = 255), angles (rad), \
+             cameras or the order of the files do not fit each other"
+        )
+    })
+}

@@ -1,0 +1,73 @@
+//! The numbers of the slices.
+
+use super::sections::Sections;
+use crate::measure::{SphereFit, fit_sphere};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// A slice is hollow when a view shows more than this of its extent to be uncovered.
+const HOLLOW: f64 = 0.03;
+
+/// Numbers by support functions.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SupportEstimate {
+    pub volume_um3: f64,
+    /// Repeatability: what it would scatter by on another turn of the same specimen (jackknife over the views).
+    pub volume_sd_um3: f64,
+    /// Already taken off: what profiles' errors make of the volume on average.
+    pub volume_bias_um3: f64,
+    pub area_um2: f64,
+    pub area_sd_um2: f64,
+    /// Along the capillary.
+    pub length_um: f64,
+    /// Of the thickest slice.
+    pub mean_radius_um: f64,
+    pub slices: usize,
+    /// Of each slice's Fourier series.
+    pub harmonics: usize,
+    /// Between the profiles' edges and the fitted outlines, root of the mean square.
+    pub residual_um: f64,
+    /// Of the volume, what lies in slices that a view shows to be hollow or two: there the estimate fills what is empty.
+    pub hollow_share: f64,
+}
+
+impl SupportEstimate {
+    pub fn of(sections: &Sections) -> Self {
+        let bias = sections.volume_bias_um3();
+        let areas: Vec<f64> = sections.sections.iter().map(|s| s.support.area_um2()).collect();
+        let hollow: f64 = sections.sections.iter().zip(&areas).filter(|(s, _)| s.gap_share > HOLLOW).map(|(_, a)| a).sum();
+        Self {
+            volume_um3: sections.volume_um3() - bias,
+            volume_sd_um3: sections.volume_sd_um3(),
+            volume_bias_um3: bias,
+            area_um2: sections.area_um2(),
+            area_sd_um2: sections.area_sd_um2(),
+            length_um: sections.length_um(),
+            mean_radius_um: sections.sections.iter().map(|s| s.support.coefficients[0]).fold(0.0, f64::max),
+            slices: sections.sections.len(),
+            harmonics: sections.harmonics,
+            residual_um: sections.residual_sd_um,
+            hollow_share: hollow / areas.iter().sum::<f64>(),
+        }
+    }
+}
+
+impl Sections {
+    /// The sphere nearest to points of the slices' outlines.
+    pub fn sphere(&self) -> Option<SphereFit> {
+        const DIRECTIONS: u32 = 48;
+        let points: Vec<[f64; 3]> = self
+            .sections
+            .iter()
+            .flat_map(|section| {
+                (0..DIRECTIONS).map(|i| {
+                    let theta = TAU * f64::from(i) / f64::from(DIRECTIONS);
+                    let (sin, cos) = theta.sin_cos();
+                    let [h, slope] = section.support.at(theta);
+                    [section.x_um, h * cos - slope * sin, h * sin + slope * cos]
+                })
+            })
+            .collect();
+        fit_sphere(&points).ok()
+    }
+}

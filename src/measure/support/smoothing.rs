@@ -1,0 +1,91 @@
+//! Slices smoothed along the capillary, and what leaving out a view does to them.
+
+use crate::calibration::Support;
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::PI;
+
+/// What leaving out a view does to one slice, and, summed up, to the specimen.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Change {
+    /// To the area of a slice (um^2) or the volume (um^3): in proportion to the change, and its square.
+    pub linear: f64,
+    pub square: f64,
+    /// To the perimeter (um) or the area (um^2).
+    pub outline: f64,
+}
+
+impl Change {
+    pub fn add(&mut self, other: &Self, step_um: f64) {
+        self.linear += other.linear * step_um;
+        self.square += other.square * step_um;
+        self.outline += other.outline * step_um;
+    }
+}
+
+/// Each coefficient by the parabola nearest to it and its neighbours. What is smoothed is the centre, the square of the mean
+/// radius and the shape, the other harmonics against the radius: where the specimen ends in an ellipsoid, these are a parabola
+/// and constants.
+pub(super) struct Smoother<'a> {
+    near: &'a [Support],
+    first: usize,
+    even: Vec<f64>,
+    /// A thin slice tells its shape badly.
+    by_size: Vec<f64>,
+}
+
+impl<'a> Smoother<'a> {
+    pub fn new(raw: &'a [Support], at: usize, reach: usize) -> Option<Self> {
+        let window = (2 * reach + 1).min(raw.len());
+        let first = at.saturating_sub(reach).min(raw.len() - window);
+        let near = &raw[first..first + window];
+        let even = parabola(&vec![1.0; window], at - first)?;
+        let by_size = parabola(&near.iter().map(|s| s.coefficients[0].powi(2)).collect::<Vec<_>>(), at - first)?;
+        Some(Self { near, first, even, by_size })
+    }
+
+    fn mean(weights: &[f64], values: impl Iterator<Item = f64>) -> f64 {
+        weights.iter().zip(values).map(|(w, v)| w * v).sum()
+    }
+
+    /// Nothing beyond the specimen's end, where the parabola falls below nothing.
+    pub fn support(&self) -> Option<Support> {
+        let of = |k: usize| self.near.iter().map(move |s| s.coefficients[k]);
+        let square = Self::mean(&self.even, of(0).map(|r| r * r));
+        let radius = (square > 0.0).then(|| square.sqrt())?;
+        let coefficients = (0..self.near[0].coefficients.len()).map(|k| match k {
+            0 => radius,
+            1 | 2 => Self::mean(&self.even, of(k)),
+            _ => radius * Self::mean(&self.by_size, of(k).zip(of(0)).map(|(c, r)| c / r)),
+        });
+        Some(Support { coefficients: coefficients.collect() })
+    }
+
+    /// What changes of the raw slices' coefficients do to the smoothed one's area and perimeter.
+    pub fn change<'c>(&self, smooth: &Support, raw_change: impl Fn(usize) -> &'c [f64]) -> Change {
+        let radius = smooth.coefficients[0];
+        let near = || self.near.iter().enumerate().map(|(j, s)| (&s.coefficients, raw_change(self.first + j)));
+        let wider = Self::mean(&self.even, near().map(|(c, d)| c[0] * d[0])) / radius;
+        let mut change = Change { linear: 2.0 * radius * wider, square: wider * wider, outline: 2.0 * PI * wider };
+        for k in 3..smooth.coefficients.len() {
+            let shape = Self::mean(&self.by_size, near().map(|(c, d)| (d[k] - c[k] / c[0] * d[0]) / c[0]));
+            let by = radius * shape + wider * smooth.coefficients[k] / radius;
+            let harmonic = k.div_ceil(2) as f64;
+            change.linear += (1.0 - harmonic * harmonic) * smooth.coefficients[k] * by;
+            change.square += (1.0 - harmonic * harmonic) / 2.0 * by * by;
+        }
+        change.linear *= PI;
+        change.square *= PI;
+        change
+    }
+}
+
+/// What each of some even places counts, by its weight, in the value at place `at` of the parabola nearest to them.
+fn parabola(weights: &[f64], at: usize) -> Option<Vec<f64>> {
+    let row = |i: usize| {
+        let u = i as f64 - at as f64;
+        Vector3::new(1.0, u, u * u)
+    };
+    let normal: Matrix3<f64> = weights.iter().enumerate().map(|(i, w)| *w * row(i) * row(i).transpose()).sum();
+    let first = normal.cholesky()?.solve(&Vector3::x());
+    Some(weights.iter().enumerate().map(|(i, w)| w * row(i).dot(&first)).collect())
+}
