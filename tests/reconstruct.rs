@@ -16,10 +16,13 @@ fn report(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// The message of a refusal, which prints no report.
+/// The message of a refusal: exit code 3 and an object with `flags` and `error`, which stderr says too.
 fn refusal(output: &Output) -> String {
-    assert!(!output.status.success() && output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
-    String::from_utf8(output.stderr.clone()).unwrap()
+    assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stdout));
+    let refused: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let error = refused["error"].as_str().unwrap();
+    assert!(refused["flags"].is_array() && String::from_utf8_lossy(&output.stderr).contains(error), "{refused:#}");
+    error.to_owned()
 }
 
 fn number(value: &Value, key: &str) -> f64 {
@@ -38,23 +41,32 @@ fn set(name: &str) -> Option<(String, String, Value)> {
     Some((folder.display().to_string(), folder.join("camera.json").display().to_string(), truth))
 }
 
+/// Relative to the truth.
+fn off(found: &Value, key: &str, truth: &Value, true_key: &str) -> f64 {
+    number(found, key) / number(truth, true_key) - 1.0
+}
+
 /// With one miss in 21 tolerated the paper's carver is known to read +3.5 % against the ideal hull of a finned larva; half a
 /// percent to either side is for the renderer and the grid. Without tolerance the hull is the ideal one, within the 1.8 %
-/// that the set allows any method. The mesh's area stays within 2 % of the ideal hull's.
+/// that the set allows any method. What is trusted knows no tolerance: within the set's own 1.8 and 2 %.
 #[test]
-fn a_finned_larva_is_what_the_papers_carver_makes_of_it() {
+fn a_finned_larva_is_what_the_papers_carver_makes_of_it_and_its_hull_by_slices() {
     let Some((views, cameras, truth)) = set("larva_fin_asd21") else { return };
     let dir = tempfile::tempdir().unwrap();
     let tolerant = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras]));
-    let excess = number(&tolerant, "volume_um3") / number(&truth, "hull_volume") - 1.0;
+    let voxel = &tolerant["estimators"]["voxel"];
+    let excess = off(voxel, "volume_um3", &truth, "hull_volume");
     assert!((excess - 0.035).abs() < 0.005, "{excess}");
-    assert!((number(&tolerant, "area_um2") / number(&truth, "hull_area") - 1.0).abs() < 0.02);
+    assert!(off(voxel, "area_um2", &truth, "hull_area").abs() < 0.02);
     let voxels_um3 = number(&tolerant, "voxels") * 6.93f64.powi(3);
-    assert!((number(&tolerant, "volume_um3") / voxels_um3 - 1.0).abs() < 1e-12);
-    assert_eq!(tolerant["views"].as_array().unwrap().len(), 21);
+    assert!((number(voxel, "volume_um3") / voxels_um3 - 1.0).abs() < 1e-12);
+    assert_eq!((tolerant["estimator"].as_str(), tolerant["views"].as_array().unwrap().len()), (Some("support"), 21));
+    assert!(off(&tolerant, "volume_um3", &truth, "hull_volume").abs() < 0.018, "{tolerant:#}");
+    assert!(off(&tolerant, "area_um2", &truth, "hull_area").abs() < 0.02, "{tolerant:#}");
+    assert_eq!(tolerant["flags"], serde_json::json!([]));
 
     let strict = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--epsilon", "0"]));
-    assert!((number(&strict, "volume_um3") / number(&truth, "hull_volume") - 1.0).abs() < 0.018);
+    assert!(off(&strict["estimators"]["voxel"], "volume_um3", &truth, "hull_volume").abs() < 0.018);
     // Masks and cameras are exact: the hull's image is the mask but for the voxels' size.
     for view in strict["views"].as_array().unwrap() {
         assert!(number(view, "overlap") > 0.98, "{view}");
@@ -63,21 +75,47 @@ fn a_finned_larva_is_what_the_papers_carver_makes_of_it() {
     assert!(dir.path().join("larva_fin_asd21.ply").is_file() && dir.path().join("larva_fin_asd21-2.ply").is_file());
 }
 
-/// The set's principal point is 2 px off, 11 um at the bead: each view cuts up to that off one side of the radius of 256 um, and
-/// one miss is forgiven. What is left of the diameter lies between a ball smaller by 11 um in radius and the true one.
+/// The set's principal point is 2 px off, 11 um at the bead. Through the camera as given each view cuts up to that off one side of
+/// the voxels' radius of 256 um, and one miss is forgiven: what is left of the diameter lies between a ball smaller by 11 um in
+/// radius and the true one. Calibrated, the bead has its size within the set's 0.7 and 0.8 %, and the axis its place.
 #[test]
-fn a_bead_seen_through_a_camera_that_needs_calibration_is_too_small_by_what_is_wrong() {
+fn a_bead_seen_through_a_camera_that_is_off_is_calibrated() {
     let Some((views, cameras, truth)) = set("bead_512um_asd21") else { return };
     let dir = tempfile::tempdir().unwrap();
-    let found = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--sphere"]));
-    let diameter = number(&found["sphere"], "diameter_um");
-    let true_diameter = number(&truth, "diameter");
+    let run = |more: &[&str]| report(&carved(dir.path(), &[&["--views", &views, "--cameras", &cameras, "--sphere"][..], more].concat()));
+    let as_given = run(&["--no-calibrate"]);
+    let (diameter, true_diameter) = (number(&as_given["sphere"], "diameter_um"), number(&truth, "diameter"));
     assert!((true_diameter - 22.0..true_diameter).contains(&diameter), "{diameter}");
-    // Its place, midway between the corners of its box, is known all the same.
+    assert_eq!(as_given["flags"], serde_json::json!(["uncalibrated"]));
+    assert!(as_given["psi_sd"]["uy"].is_null() && (number(&as_given["psi"], "uy") - 511.5).abs() < 1e-9);
+
+    let found = run(&[]);
+    assert!(off(&found, "volume_um3", &truth, "volume").abs() < 0.007 && off(&found, "area_um2", &truth, "area").abs() < 0.008);
+    assert!((number(&found, "diameter_um") - true_diameter).abs() < 0.5 && number(&found, "sphere_rms_um") < 0.5, "{found:#}");
+    assert!((number(&found, "aspect_ratio") - 1.0).abs() < 0.002, "{found:#}");
+    assert!((number(&found["psi"], "uy") - number(&truth["psi"], "uy")).abs() < 0.05, "{found:#}");
+    assert!(number(&found["psi_sd"], "uy") < 0.05);
     for axis in 0..3 {
         let [lo, hi] = [0, 1].map(|end| truth["bbox_um"][end][axis].as_f64().unwrap());
         assert!((found["sphere"]["centre_um"][axis].as_f64().unwrap() - f64::midpoint(lo, hi)).abs() < 3.5, "{found:#}");
     }
+}
+
+/// Everything is off on purpose. The set allows 0.6 % of volume and 1.2 % of area; uy and gamma are promised to 0.05 px and 0.02 deg.
+#[test]
+fn a_larva_with_drift_jitter_and_noise_is_solved() {
+    let Some((views, cameras, truth)) = set("larva_drift_asd42") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let found = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras]));
+    assert!(off(&found, "volume_um3", &truth, "hull_volume").abs() < 0.006, "{found:#}");
+    assert!(off(&found, "area_um2", &truth, "hull_area").abs() < 0.012, "{found:#}");
+    let dy: Vec<f64> = truth["dy"].as_array().unwrap().iter().map(|d| d.as_f64().unwrap()).collect();
+    let mean_dy = dy.iter().sum::<f64>() / dy.len() as f64;
+    assert!((number(&found["psi"], "uy") - number(&truth["psi"], "uy") - mean_dy).abs() < 0.05, "{found:#}");
+    assert!((number(&found["psi"], "gamma") - number(&truth["psi"], "gamma")).to_degrees().abs() < 0.02, "{found:#}");
+    assert!((number(&found, "rho") - 1.0).abs() < 0.002 && found["flags"] == serde_json::json!([]), "{found:#}");
+    let spread = number(&found, "volume_sd_um3") / number(&truth, "hull_volume");
+    assert!((0.0005..0.005).contains(&spread), "{spread}");
 }
 
 /// A disc of 20 px in each of four views from the sides, through matrices whose world is no micrometre.
@@ -154,8 +192,17 @@ fn bad_input_is_named_with_what_was_found_and_expected_and_nothing_is_written() 
     expect(run(&views, &cameras, &[]), &["v3.pgm"]);
     image::GrayImage::from_pixel(10, 10, image::Luma([255])).save(&last).unwrap();
     expect(run(&views, &cameras, &[]), &["v3.pgm", "10 x 10", "64 x 48"]);
+    // A blank view is left out by name, and nothing but blank views is an empty capillary: an answer.
     image::GrayImage::from_pixel(64, 48, image::Luma([1])).save(&last).unwrap();
-    expect(run(&views, &cameras, &[]), &["v3.pgm", "found is 1", "128"]);
+    let found = report(&run(&views, &cameras, &["--out", "one_blank.ply"]));
+    assert_eq!((found["views"][3]["used"].as_bool(), found["flags"][1].as_str()), (Some(false), Some("bad_view")), "{found:#}");
+    assert!(found["views"][3]["reason"].as_str().unwrap().contains("blank"));
+    for n in 0..4 {
+        let name = Path::new(&views).join(format!("v{n}.{}", if n % 2 == 0 { "png" } else { "pgm" }));
+        image::GrayImage::new(64, 48).save(name).unwrap();
+    }
+    let empty = report(&run(&views, &cameras, &[]));
+    assert_eq!((empty["flags"].clone(), empty["volume"].as_f64(), &empty["mesh"]), (serde_json::json!(["empty"]), Some(0.0), &Value::Null));
 }
 
 #[test]

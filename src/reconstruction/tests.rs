@@ -1,5 +1,6 @@
 use super::*;
 use crate::geometry::BoxUm;
+use crate::geometry::Camera;
 use std::f64::consts::{PI, TAU};
 
 fn camera() -> Camera {
@@ -51,7 +52,7 @@ fn made(views: &[(Mask, f64)]) -> Model {
     for (mask, omega) in views {
         model.observe(mask, &[], *omega, Leaves::default()).unwrap();
     }
-    model.finish(true).unwrap()
+    model.finish(true).unwrap().model
 }
 
 /// The hull of 21 views with one miss exceeds a disc's area, and a ball's volume, by 1.31 %. The method promises that to
@@ -66,15 +67,21 @@ fn a_bead_has_its_size() {
     // Half a voxel is what a centre can be off by when every view errs alike.
     assert!((0..3).all(|a| (sphere.centre_um[a] - CENTRE[a]).abs() < 3.5 && (m.centroid_um[a] - CENTRE[a]).abs() < 3.5), "{m:?}");
     let truth = 4.0 / 3.0 * PI * 250f64.powi(3);
-    assert!((m.volume_um3 / truth - 1.0131).abs() < 0.006, "{}", m.volume_um3 / truth);
-    assert!((m.area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.02, "{}", m.area_um2);
-    assert!(m.unfaired_area_um2 > 1.06 * m.area_um2, "fairing takes the staircase off");
+    let voxel = m.estimators.voxel;
+    assert!((voxel.volume_um3 / truth - 1.0131).abs() < 0.006, "{}", voxel.volume_um3 / truth);
+    assert!((voxel.area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.02, "{}", voxel.area_um2);
+    assert!(m.unfaired_area_um2 > 1.06 * voxel.area_um2, "fairing takes the staircase off");
+    // Slices by support functions know no tolerance and no voxels: what is left is the pixels' 0.6 %.
+    assert_eq!((m.estimator, m.fallback.as_deref()), (Estimator::Support, None));
+    assert!((m.volume_um3 / truth - 1.0).abs() < 0.006, "{}", m.volume_um3 / truth);
+    assert!((m.area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.006, "{}", m.area_um2);
+    assert!((m.diameter_um.unwrap() / 500.0 - 1.0).abs() < 0.002 && (m.aspect_ratio.unwrap() - 1.0).abs() < 0.01, "{m:?}");
     assert!((0.0..0.02).contains(&m.fairing_volume_loss), "{}", m.fairing_volume_loss);
     // The pixels' sides are the outline here: the same hull without the voxels' staircase.
-    assert!((m.field_volume_um3 / m.volume_um3 - 1.0).abs() < 0.004, "{m:?}");
+    assert!((m.field_volume_um3 / voxel.volume_um3 - 1.0).abs() < 0.004, "{m:?}");
     assert!((m.field_area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.03, "{}", m.field_area_um2);
     assert!((measure::area(&mesh) - m.field_area_um2).abs() < 1e-9 * m.field_area_um2, "the mesh that is kept is the field's");
-    assert_eq!(m.volume_um3, m.voxels as f64 * 6.93f64.powi(3));
+    assert_eq!(voxel.volume_um3, m.voxels as f64 * 6.93f64.powi(3));
     assert_eq!(mesh.topology().euler_characteristic(), 2);
     assert!(mesh.topology().is_closed());
 }
@@ -95,7 +102,9 @@ fn the_order_of_views_and_the_number_of_threads_do_not_matter() {
 #[test]
 fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
     let views = views(12);
-    let mut model = started(12);
+    let calibration = CalibrationSettings { enabled: false, ..CalibrationSettings::default() };
+    let settings = ReconstructionSettings { calibration, ..ReconstructionSettings::default() };
+    let mut model = Reconstruction::new(&camera(), *started(12).hull().carver().grid(), 12, settings).unwrap();
     let mut last = f64::INFINITY;
     for (mask, omega) in &views {
         let live = model.observe(mask, &[], *omega, Leaves::default()).unwrap();
@@ -107,19 +116,21 @@ fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
         let share = measure::volume(&mesh) / last;
         assert!((0.85..1.05).contains(&share), "{share}");
     }
-    assert_eq!(model.finish(false).unwrap().measurement.volume_um3, last);
+    let measured = model.finish(false).unwrap();
+    assert_eq!(measured.model.measurement.estimators.voxel.volume_um3, last, "as long as the camera is the given one");
+    assert_eq!(measured.calibration.unwrap_err(), NotCalibrated::NotAsked);
 }
 
 #[test]
 fn what_makes_no_model_is_refused_by_name() {
     let mut model = started(2);
-    assert_eq!(model.finish(false), Err(ReconstructionError::NoViews { observed: 0, planned: 2 }));
+    assert_eq!(model.finish(false).unwrap_err(), ReconstructionError::NoViews { observed: 0, planned: 2 });
     let small = ReconstructionError::MaskSize { width: 9, height: 9, sensor_width: 160, sensor_height: 144 };
     assert_eq!(model.observe(&Mask::empty(9, 9), &[], 0.0, Leaves::default()), Err(small));
     assert!(matches!(model.observe(&bead(0.0, CENTRE, 250.0), &[], f64::NAN, Leaves::default()), Err(ReconstructionError::Omega { .. })));
     assert_eq!(model.hull().live().views, 0, "refused views don't count");
     model.observe(&Mask::empty(160, 144), &[], 0.0, Leaves::default()).unwrap();
-    assert_eq!(model.finish(false), Err(ReconstructionError::EmptyHull { observed: 1 }));
+    assert_eq!(model.finish(false).unwrap_err(), ReconstructionError::EmptyHull { observed: 1 });
 
     let grid = *model.hull().carver().grid();
     let mut hull = HullModel::new(grid, 4, ReconstructionSettings::default()).unwrap();
