@@ -19,6 +19,8 @@ use std::f64::consts::FRAC_PI_2;
 /// What is believed before any profile is seen, as standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Priors {
+    /// Of gamma and alpha against the camera given. A bead tells its roll by little more than this.
+    pub gamma_rad: f64,
     pub alpha_rad: f64,
     /// Of the ratio of true to planned angles.
     pub rho: f64,
@@ -27,7 +29,7 @@ pub struct Priors {
 
 impl Default for Priors {
     fn default() -> Self {
-        Self { alpha_rad: 1f64.to_radians(), rho: 0.05, dy_px: 1.0 }
+        Self { gamma_rad: 1f64.to_radians(), alpha_rad: 1f64.to_radians(), rho: 0.05, dy_px: 1.0 }
     }
 }
 
@@ -71,8 +73,8 @@ pub(super) fn pivot(given: &[GivenView]) -> f64 {
     given.iter().map(|v| v.omega).min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
 }
 
-/// Starts from `camera` with `rho`; nothing where too little is seen of the specimen.
-pub fn solve(camera: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Option<Solution> {
+/// Starts from `camera` with `rho`, and holds gamma and alpha to the `nominal` one's; nothing where too little is seen of the specimen.
+pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Option<Solution> {
     let n = given.len();
     let first = pivot(given);
     let mut state = State { camera: camera.clone(), rho, dy_px: vec![0.0; n] };
@@ -110,7 +112,7 @@ pub fn solve(camera: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> 
         let free = (tangents as f64 - (slices.len() * (2 * series + 1)) as f64).max(1.0);
         let all: Vec<f64> = slices.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
         sd_um = (mad_sd(&all) * (tangents as f64 / free).sqrt()).max(SD_LEAST_UM);
-        let (mut matrix, mut right) = normal_equations(&slices, &state, given, first, sd_um, priors);
+        let (mut matrix, mut right) = normal_equations(&slices, &state, given, first, sd_um, nominal, priors);
         for direction in &untold {
             let off = direction.dot(&DVector::from_column_slice(&state.dy_px));
             matrix.view_mut((SHARED, SHARED), (n, n)).ger(HELD, direction, direction, 1.0);
@@ -184,6 +186,7 @@ fn normal_equations(
     given: &[GivenView],
     first: f64,
     sd_um: f64,
+    nominal: &Camera,
     priors: Priors,
 ) -> (DMatrix<f64>, DVector<f64>) {
     let unknowns = SHARED + given.len();
@@ -210,8 +213,8 @@ fn normal_equations(
     };
     // Loose enough to change nothing, for profiles that do not tell an unknown at all.
     hold(0, 0.0, 1e3);
-    hold(1, 0.0, 1.0);
-    hold(2, state.camera.alpha, priors.alpha_rad);
+    hold(1, state.camera.gamma - nominal.gamma, priors.gamma_rad);
+    hold(2, state.camera.alpha - nominal.alpha, priors.alpha_rad);
     hold(3, state.rho - 1.0, priors.rho);
     for (i, &dy) in state.dy_px.iter().enumerate() {
         hold(SHARED + i, dy, priors.dy_px);

@@ -90,7 +90,7 @@ pub enum Bad {
 }
 
 /// A view is no outlier within these, px: what segmentation and a mounted capillary scatter by.
-const RESIDUAL_LEAST_PX: f64 = 1.2;
+const RESIDUAL_LEAST_PX: f64 = 1.5;
 const JUMP_LEAST_PX: f64 = 2.5;
 
 /// The view that is most out of line, if one is.
@@ -104,7 +104,8 @@ pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
     let (dy, dy_sd) = spread(&|o| o.dy_px);
     let (dx, dx_sd) = spread(&|o| o.dx_px);
     let judged = offs.iter().enumerate().flat_map(|(view, o)| {
-        let most = (4.0 * usual).max(RESIDUAL_LEAST_PX);
+        // The fewer the others, the less they know of the one left out.
+        let most = (5.0 * usual).max(RESIDUAL_LEAST_PX) * (1.0 + 7.0 / offs.len() as f64);
         let jump = |off: f64, sd: f64| (off.abs() / (6.0 * sd).max(JUMP_LEAST_PX), Bad::Jumped { found: off.abs(), usual: sd });
         [(o.rms_px / most, Bad::Residual { found: o.rms_px, usual }), jump(o.dy_px - dy, dy_sd), jump(o.dx_px - dx, dx_sd)]
             .map(|(excess, bad)| (excess, view, bad))
@@ -195,9 +196,15 @@ fn step(offs: &[ViewOff], at: usize, of: impl Fn(&ViewOff) -> f64) -> (f64, f64)
     (b - a, (b - a).abs() / own.max(1e-9))
 }
 
+/// Views from which on shifts tell whether a body moved across: of fewer, most go to the slices' own odd harmonics.
+const ACROSS_LEAST: usize = 20;
+
 /// A body that lies elsewhere across moves with cos and sin of omega: the size of what its later part adds to that of all.
 fn step_across(offs: &[ViewOff], omegas: &[f64], at: usize) -> (f64, f64) {
     let n = offs.len();
+    if n < ACROSS_LEAST {
+        return (0.0, 0.0);
+    }
     let fit = |rows: &dyn Fn(usize) -> Vec<f64>| -> Option<(nalgebra::DVector<f64>, f64)> {
         let width = rows(0).len();
         let matrix = nalgebra::DMatrix::from_fn(n, width, |i, j| rows(i)[j]);

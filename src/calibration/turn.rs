@@ -153,11 +153,11 @@ fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) 
         let first = pivot(&views);
         let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
         let start = axis(camera, &turned)?;
-        let solution = solve(&start, rho, &views, priors)?;
+        let solution = solve(&start, camera, rho, &views, priors)?;
         Some((start, solution))
     };
     let nominal = from(1.0, priors);
-    let doubted = nominal.as_ref().is_none_or(|(_, s)| s.residual_sd_um * camera.ky > DOUBT_PX || !s.converged);
+    let doubted = nominal.as_ref().is_none_or(|(_, s)| s.residual_sd_um * camera.ky > DOUBT_PX);
     if !doubted {
         return nominal.ok_or(CalibrationError::NoSlices);
     }

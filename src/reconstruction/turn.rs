@@ -17,7 +17,8 @@ use serde::{Deserialize, Serialize};
 pub struct CalibrationSettings {
     /// Find uy, gamma, alpha, the ratio of angles and each view's shift from the turn itself.
     pub enabled: bool,
-    /// What the capillary may be tilted by against the rig's camera, standard deviation.
+    /// What the capillary may be rolled and tilted by against the rig's camera, standard deviations.
+    pub gamma_sd_deg: f64,
     pub alpha_sd_deg: f64,
     /// What a view may be shifted by, standard deviation.
     pub dy_sd_px: f64,
@@ -29,7 +30,7 @@ pub struct CalibrationSettings {
 
 impl Default for CalibrationSettings {
     fn default() -> Self {
-        Self { enabled: true, alpha_sd_deg: 1.0, dy_sd_px: 1.0, scale_sd_percent: 0.0, edge_sd_px: 0.05 }
+        Self { enabled: true, gamma_sd_deg: 1.0, alpha_sd_deg: 1.0, dy_sd_px: 1.0, scale_sd_percent: 0.0, edge_sd_px: 0.05 }
     }
 }
 
@@ -37,6 +38,7 @@ impl CalibrationSettings {
     /// Every setting that is out of its range.
     pub fn check(&self) -> Vec<OutOfRange> {
         outside([
+            ("gamma_sd_deg", self.gamma_sd_deg, 0.001..=10.0, "deg"),
             ("alpha_sd_deg", self.alpha_sd_deg, 0.001..=1.0, "deg"),
             ("dy_sd_px", self.dy_sd_px, 0.001..=10.0, "px"),
             ("scale_sd_percent", self.scale_sd_percent, 0.0..=10.0, "%"),
@@ -45,7 +47,7 @@ impl CalibrationSettings {
     }
 
     fn priors(&self) -> Priors {
-        Priors { alpha_rad: self.alpha_sd_deg.to_radians(), dy_px: self.dy_sd_px, ..Priors::default() }
+        Priors { gamma_rad: self.gamma_sd_deg.to_radians(), alpha_rad: self.alpha_sd_deg.to_radians(), dy_px: self.dy_sd_px, ..Priors::default() }
     }
 }
 

@@ -33,7 +33,7 @@ pub struct SupportEstimate {
 
 impl SupportEstimate {
     pub fn of(sections: &Sections) -> Self {
-        let bias = sections.volume_bias_um3();
+        let bias = sections.volume_bias_um3() + sections.shift_bias_um3()[0];
         let areas: Vec<f64> = sections.sections.iter().map(|s| s.support.area_um2()).collect();
         let hollow: f64 = sections.sections.iter().zip(&areas).filter(|(s, _)| s.gap_share > HOLLOW).map(|(_, a)| a).sum();
         Self {

@@ -4,7 +4,10 @@ use super::cap::Cap;
 use super::sections::Sections;
 use crate::calibration::Support;
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+/// Of the mean radius, what an outline's distance from its centre is at least where it is called round.
+const ROUND: f64 = 0.4;
 
 impl Sections {
     /// As the slices are: [`Self::volume_bias_um3`] is still in it.
@@ -26,9 +29,18 @@ impl Sections {
         (n - 1.0) / n * self.without.iter().map(|c| c.square).sum::<f64>()
     }
 
+    /// What shifts of single views make of the volume: their odd harmonics are in every slice's outline, whose area they shrink.
+    /// Mean and standard deviation; how far views shift is told by the part of the shifts that is no harmonic.
+    pub fn shift_bias_um3(&self) -> [f64; 2] {
+        let each = 4.0 * self.shift_variance_um2 / self.without.len() as f64;
+        let lost: Vec<f64> = (3..=self.harmonics).step_by(2).map(|k| FRAC_PI_2 * ((k * k) as f64 - 1.0) * each).collect();
+        let length = self.sections.len() as f64 * self.step_um;
+        [-length * lost.iter().sum::<f64>(), length * lost.iter().map(|l| l * l).sum::<f64>().sqrt()]
+    }
+
     /// What it would scatter by on another turn, by jackknife over the views; so is the area's.
     pub fn volume_sd_um3(&self) -> f64 {
-        jackknife_sd(self.without.iter().map(|c| c.linear))
+        jackknife_sd(self.without.iter().map(|c| c.linear)).hypot(self.shift_bias_um3()[1])
     }
 
     pub fn area_sd_um2(&self) -> f64 {
@@ -48,22 +60,24 @@ impl Sections {
         let (before, after) = (at.saturating_sub(1), (at + 1).min(n - 1));
         let (a, here, b) = (&self.sections[before].support, &self.sections[at].support, &self.sections[after].support);
         let across = (after - before) as f64 * self.step_um;
-        // About their own centres the squares of two neighbours' outlines differ evenly up to the specimen's very end.
-        let centred = |s: &Support| {
-            let mut coefficients = s.coefficients.clone();
-            coefficients[1..3].fill(0.0);
-            Support { coefficients }
+        // About its own centre a round outline's square falls evenly up to the specimen's very end, where its radius falls as a root.
+        let centred = |support: &Support, (sin, cos): (f64, f64), theta: f64| {
+            support.at(theta)[0] - support.coefficients[1] * cos - support.coefficients[2] * sin
         };
-        let (ca, ch, cb) = (centred(a), centred(here), centred(b));
         let moves = [1, 2].map(|k| (b.coefficients[k] - a.coefficients[k]) / across);
         (0..DIRECTIONS)
             .map(|i| {
                 let theta = TAU * f64::from(i) / f64::from(DIRECTIONS);
-                let radius = here.curvature_radius(theta);
                 let (sin, cos) = theta.sin_cos();
-                let h = ch.at(theta)[0].max(1e-6);
-                let slope = (cb.at(theta)[0].powi(2) - ca.at(theta)[0].powi(2)) / across / (2.0 * h) + moves[0] * cos + moves[1] * sin;
-                radius * slope.hypot(1.0)
+                let [before, own, after] = [a, here, b].map(|support| centred(support, (sin, cos), theta));
+                let shrinks = if own > ROUND * here.coefficients[0] {
+                    (after * after - before * before) / (2.0 * own)
+                } else {
+                    // The edge of a fin has no square to speak of.
+                    after - before
+                };
+                let slope = shrinks / across + moves[0] * cos + moves[1] * sin;
+                here.curvature_radius(theta) * slope.hypot(1.0)
             })
             .sum::<f64>()
             * TAU

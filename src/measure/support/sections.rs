@@ -38,6 +38,8 @@ pub struct Sections {
     pub harmonics: usize,
     /// Whether the specimen goes on beyond the image on the left and right.
     pub open: [bool; 2],
+    /// Of what single views are shifted by, where they are known to be.
+    pub shift_variance_um2: f64,
     /// What leaving out each view does.
     pub without: Vec<Change>,
 }
@@ -100,8 +102,15 @@ impl Sections {
             }
             sections.push(section);
         }
-        (sections.len() >= 5).then_some(Self { sections, step_um, residual_sd_um, harmonics: series, open, without })
+        (sections.len() >= 5).then_some(Self { sections, step_um, residual_sd_um, harmonics: series, open, shift_variance_um2: shift_variance(pose, views, series), without })
     }
+}
+
+/// Of the views' shifts, by the part of them that is told: their mean and odd harmonics are not.
+fn shift_variance(pose: &Pose, views: &[TurnView], series: usize) -> f64 {
+    let told = views.len() as f64 - (1 + 2 * series.div_ceil(2)) as f64;
+    let px2 = views.iter().map(|v| v.dy_px * v.dy_px).sum::<f64>() / told.max(2.0);
+    px2 / pose.camera().ky.powi(2)
 }
 
 /// Volume and area to a per mille, of every eighth slice unsmoothed: for what changes with the pose.
