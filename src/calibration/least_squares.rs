@@ -58,6 +58,8 @@ pub struct Solution {
     pub passes: usize,
     pub converged: bool,
     pub slices: Vec<(Slice, Fit)>,
+    /// Shifts that no slice can tell from its own shape, orthonormal: `dy_px` has no part of them.
+    pub untold: Vec<DVector<f64>>,
 }
 
 /// A view as it is given to the solver.
@@ -121,7 +123,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         let Some(factor) = matrix.cholesky() else { return None };
         if converged || passes == PASSES_MOST {
             let State { camera, rho, dy_px } = state;
-            return Some(Solution { camera, rho, dy_px, covariance: factor.inverse(), residual_sd_um: sd_um, passes, converged, slices });
+            return Some(Solution { camera, rho, dy_px, covariance: factor.inverse(), residual_sd_um: sd_um, passes, converged, slices, untold });
         }
         let step = factor.solve(&right);
         state.camera.uy -= step[0];

@@ -8,7 +8,7 @@
 
 use super::least_squares::Solution;
 use super::robust::{mad_sd, median};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -21,15 +21,17 @@ pub struct ViewOff {
     pub dy_px: f64,
     /// Along the capillary, px.
     pub dx_px: f64,
-    /// About the capillary, rad.
+    /// About the capillary against the ledger's angle, rad.
     pub turn: f64,
+    /// Down the image, if all that is odd in the views' shifts were this view's alone; and what the shifts scatter by without it.
+    pub jump_px: [f64; 2],
 }
 
 /// Of residuals, what one view may have: a few px of a long profile that are wrong don't make a view wrong.
-const TRIM: f64 = 0.1;
+const TRIM: f64 = 0.05;
 
-/// Each view against the model of all others.
-pub fn views_off(solution: &Solution) -> Vec<ViewOff> {
+/// Each view against the model of all others; `turned` is each one's angle from the pivot by the ledger.
+pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {
     let (camera, slices) = (&solution.camera, &solution.slices);
     (0..solution.dy_px.len())
         .into_par_iter()
@@ -46,12 +48,34 @@ pub fn views_off(solution: &Solution) -> Vec<ViewOff> {
                     rows.push((row, off_um * camera.ky));
                 }
             }
-            off(&rows, solution.dy_px[view])
+            let found = off(&rows);
+            let turn = found.turn + (solution.rho - 1.0) * turned[view];
+            ViewOff { dy_px: solution.dy_px[view] + found.dy_px, turn, jump_px: jump(solution, view), ..found }
         })
         .collect()
 }
 
-fn off(rows: &[(Vector3<f64>, f64)], dy_px: f64) -> ViewOff {
+/// The shift of one view that explains most of all shifts. What the slices took as their own is missing from these, so that a
+/// view that jumped by 7 px shows as some px in every view.
+fn jump(solution: &Solution, view: usize) -> [f64; 2] {
+    let n = solution.dy_px.len();
+    let mut shape = DVector::zeros(n);
+    shape[view] = 1.0;
+    for direction in &solution.untold {
+        shape.axpy(-direction[view], direction, 1.0);
+    }
+    let told = shape.norm_squared();
+    let shifts = DVector::from_column_slice(&solution.dy_px);
+    let free = n as f64 - solution.untold.len() as f64 - 1.0;
+    if told < 0.05 || free < 1.0 {
+        return [0.0, f64::INFINITY];
+    }
+    let size = shape.dot(&shifts) / told;
+    let left = (shifts.norm_squared() - size * size * told).max(0.0);
+    [size, (left / free).sqrt()]
+}
+
+fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
     let mut sizes: Vec<f64> = rows.iter().map(|(_, r)| r * r).collect();
     sizes.sort_by(f64::total_cmp);
     sizes.truncate(((1.0 - TRIM) * sizes.len() as f64).ceil() as usize);
@@ -73,7 +97,7 @@ fn off(rows: &[(Vector3<f64>, f64)], dy_px: f64) -> ViewOff {
         let sd = mad_sd(&left).max(0.05);
         weights = left.iter().map(|r| super::robust::huber(r / sd)).collect();
     }
-    ViewOff { rms_px, dy_px: dy_px + fit[0], dx_px: fit[1], turn: fit[2] }
+    ViewOff { rms_px, dy_px: fit[0], dx_px: fit[1], turn: fit[2], jump_px: [0.0; 2] }
 }
 
 /// Why a view is left out; all px.
@@ -101,13 +125,12 @@ pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
         let sd = mad_sd(&offs.iter().map(|o| of(o) - middle).collect::<Vec<_>>());
         (middle, sd)
     };
-    let (dy, dy_sd) = spread(&|o| o.dy_px);
     let (dx, dx_sd) = spread(&|o| o.dx_px);
     let judged = offs.iter().enumerate().flat_map(|(view, o)| {
         // The fewer the others, the less they know of the one left out.
         let most = (5.0 * usual).max(RESIDUAL_LEAST_PX) * (1.0 + 7.0 / offs.len() as f64);
         let jump = |off: f64, sd: f64| (off.abs() / (6.0 * sd).max(JUMP_LEAST_PX), Bad::Jumped { found: off.abs(), usual: sd });
-        [(o.rms_px / most, Bad::Residual { found: o.rms_px, usual }), jump(o.dy_px - dy, dy_sd), jump(o.dx_px - dx, dx_sd)]
+        [(o.rms_px / most, Bad::Residual { found: o.rms_px, usual }), jump(o.jump_px[0], o.jump_px[1]), jump(o.dx_px - dx, dx_sd)]
             .map(|(excess, bad)| (excess, view, bad))
     });
     let (excess, view, bad) = judged.max_by(|a, b| a.0.total_cmp(&b.0))?;
@@ -161,11 +184,11 @@ pub struct Moved {
 
 /// Least views on either side of a change: fewer are bad views.
 const SIDE: usize = 3;
-/// Changes below these are not told from what profiles scatter by: 5 um along and across, a degree.
+/// Changes below these are not told from what profiles scatter by: 5 um along and across, 1.7 degrees.
 const MOVED_PX: f64 = 1.0;
-const TURNED: f64 = 0.02;
+const TURNED: f64 = 0.03;
 /// A change counts from so many standard deviations of its own on: the best of some tens of places is looked for.
-const SURE: f64 = 6.0;
+const SURE: f64 = 5.0;
 
 /// Looks for the view from which on the specimen lies elsewhere.
 pub fn moved(offs: &[ViewOff], omegas: &[f64]) -> Option<Moved> {
@@ -174,55 +197,53 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64]) -> Option<Moved> {
         return None;
     }
     let best = (SIDE..=n - SIDE).map(|at| {
-        let (along, along_sure) = step(offs, at, |o| o.dx_px);
-        let (turn, turn_sure) = step(offs, at, |o| o.turn);
-        let (across, across_sure) = step_across(offs, omegas, at);
-        let score = [(along.abs() / MOVED_PX, along_sure), (turn.abs() / TURNED, turn_sure), (across / MOVED_PX, across_sure)]
+        let later = |i: usize| f64::from(u8::from(i >= at));
+        let along = step(offs, |o| o.dx_px, |_| vec![1.0], |i| vec![later(i)]);
+        // Another number of steps per revolution turns the views by more and more, not from one to the next.
+        let turn = step(offs, |o| o.turn, |i| vec![1.0, omegas[i]], |i| vec![later(i)]);
+        // A body that lies elsewhere across moves with cos and sin of omega. Of few views, most of that goes to the slices' own shapes.
+        let wave = |i: usize| vec![1.0, omegas[i].cos(), omegas[i].sin()];
+        let across = if n < ACROSS_LEAST {
+            (0.0, 0.0)
+        } else {
+            step(offs, |o| o.dy_px, wave, |i| wave(i).into_iter().map(|w| w * later(i)).collect())
+        };
+        let score = [(along.0 / MOVED_PX, along.1), (turn.0 / TURNED, turn.1), (across.0 / MOVED_PX, across.1)]
             .into_iter()
-            .filter(|(size, sure)| *size > 1.0 && *sure > SURE)
+            .filter(|(size, sure)| size.abs() > 1.0 && *sure > SURE)
             .map(|(_, sure)| sure)
             .fold(0.0, f64::max);
-        (score, Moved { view: at, along_px: along, across_px: across, turn_rad: turn })
+        (score, Moved { view: at, along_px: along.0, across_px: across.0, turn_rad: turn.0 })
     });
     best.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score > 0.0).map(|(_, moved)| moved)
 }
 
-/// Difference of the medians after and before, and in how many standard deviations of itself.
-fn step(offs: &[ViewOff], at: usize, of: impl Fn(&ViewOff) -> f64) -> (f64, f64) {
-    let (before, after): (Vec<f64>, Vec<f64>) = (offs[..at].iter().map(&of).collect(), offs[at..].iter().map(&of).collect());
-    let (a, b) = (median(before.clone()), median(after.clone()));
-    let sd = mad_sd(&before.iter().map(|v| v - a).chain(after.iter().map(|v| v - b)).collect::<Vec<_>>());
-    let own = sd * (1.0 / before.len() as f64 + 1.0 / after.len() as f64).sqrt() * 1.25;
-    (b - a, (b - a).abs() / own.max(1e-9))
-}
-
-/// Views from which on shifts tell whether a body moved across: of fewer, most go to the slices' own odd harmonics.
+/// Views from which on shifts tell whether a body moved across.
 const ACROSS_LEAST: usize = 20;
 
-/// A body that lies elsewhere across moves with cos and sin of omega: the size of what its later part adds to that of all.
-fn step_across(offs: &[ViewOff], omegas: &[f64], at: usize) -> (f64, f64) {
+/// What the later rows add to the earlier ones in explaining a value of each view: its size, and how sure, as the root of F.
+fn step(
+    offs: &[ViewOff],
+    of: impl Fn(&ViewOff) -> f64,
+    always: impl Fn(usize) -> Vec<f64>,
+    later: impl Fn(usize) -> Vec<f64>,
+) -> (f64, f64) {
     let n = offs.len();
-    if n < ACROSS_LEAST {
-        return (0.0, 0.0);
-    }
-    let fit = |rows: &dyn Fn(usize) -> Vec<f64>| -> Option<(nalgebra::DVector<f64>, f64)> {
+    let fit = |rows: &dyn Fn(usize) -> Vec<f64>| -> Option<(DVector<f64>, f64)> {
         let width = rows(0).len();
-        let matrix = nalgebra::DMatrix::from_fn(n, width, |i, j| rows(i)[j]);
-        let right = nalgebra::DVector::from_fn(n, |i, _| offs[i].dy_px);
-        let normal = matrix.transpose() * &matrix + nalgebra::DMatrix::identity(width, width) * 1e-3;
+        let matrix = DMatrix::from_fn(n, width, |i, j| rows(i)[j]);
+        let right = DVector::from_fn(n, |i, _| of(&offs[i]));
+        let normal = matrix.transpose() * &matrix + DMatrix::identity(width, width) * 1e-6;
         let solved = normal.cholesky()?.solve(&(matrix.transpose() * &right));
         let left = (right - matrix * &solved).norm_squared();
         Some((solved, left))
     };
-    let wave = |i: usize| vec![1.0, omegas[i].cos(), omegas[i].sin()];
-    let both = |i: usize| {
-        let later = f64::from(u8::from(i >= at));
-        wave(i).into_iter().chain(wave(i).into_iter().map(|w| w * later)).collect::<Vec<_>>()
-    };
-    let (Some((_, without)), Some((found, with))) = (fit(&wave), fit(&both)) else { return (0.0, 0.0) };
-    let size = found[3].abs().max(found[4].hypot(found[5]));
-    let free = (n as f64 - 6.0).max(1.0);
-    // As an F test of three, brought to the scale of standard deviations.
-    let sure = ((without - with).max(0.0) / 3.0 / (with / free).max(1e-6)).sqrt();
-    (size, sure)
+    let more = later(0).len();
+    let both = |i: usize| always(i).into_iter().chain(later(i)).collect::<Vec<_>>();
+    let (Some((_, without)), Some((found, with))) = (fit(&always), fit(&both)) else { return (0.0, 0.0) };
+    let added = found.rows(found.len() - more, more);
+    // Of a wave, the shift and its height; of one number, itself with its sign.
+    let size = if more == 1 { added[0] } else { added[0].abs().max(added[1].hypot(added[2])) };
+    let free = (n as f64 - found.len() as f64).max(1.0);
+    (size, ((without - with).max(0.0) / more as f64 / (with / free).max(1e-9)).sqrt())
 }

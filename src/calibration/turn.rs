@@ -84,8 +84,9 @@ impl Calibration {
         Camera { uy: self.camera.uy + self.views[view].dy_px, ..self.camera.clone() }.projection(self.angle(omega))
     }
 
+    /// Whether the capillary did not turn as far as the ledger says. A specimen that turned in it once looks alike.
     pub fn has_wrong_steps(&self) -> bool {
-        (self.rho - 1.0).abs() > WRONG_STEPS.max(5.0 * self.sd.rho)
+        self.moved.is_none() && (self.rho - 1.0).abs() > WRONG_STEPS.max(5.0 * self.sd.rho)
     }
 }
 
@@ -108,9 +109,12 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         return Err(too_few(&used));
     }
     let (mut start, mut solution) = solved(camera, given, &used, priors)?;
-    let mut offs = views_off(&solution);
-    let omegas = |used: &[usize]| used.iter().map(|&i| given[i].omega).collect::<Vec<_>>();
-    let shifted = moved(&offs, &omegas(&used));
+    let turned = |used: &[usize]| {
+        let views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
+        views.iter().map(|v| v.omega - pivot(&views)).collect::<Vec<_>>()
+    };
+    let mut offs = views_off(&solution, &turned(&used));
+    let shifted = moved(&offs, &turned(&used));
     if shifted.is_none() {
         while let Some((at, why)) = worst(&offs) {
             if used.len() <= least {
@@ -119,7 +123,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
             bad[used[at]] = Some(why);
             used.remove(at);
             (start, solution) = solved(camera, given, &used, priors)?;
-            offs = views_off(&solution);
+            offs = views_off(&solution, &turned(&used));
         }
     }
     let mut views: Vec<ViewState> = bad.into_iter().map(|bad| ViewState { bad, dy_px: 0.0, residual_px: None }).collect();
