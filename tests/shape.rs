@@ -4,6 +4,8 @@
 //!  Larva, placed ── truth_mask x 21 ── Reconstruction ── Mesh ── Shape      against Truth and Placement
 //! ```
 
+#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
+
 use carved::carver::Leaves;
 use carved::geometry::{BoxUm, Camera, VoxelGrid};
 use carved::measure::shape::{Body, End, Shape};
@@ -30,7 +32,7 @@ fn hull(specimen: Specimen) -> Mesh {
         let mask = Mask::from_coverage(1024, 1024, scene.truth_mask(omega).data).unwrap();
         model.observe(&mask, &[], omega, Leaves::default()).unwrap();
     }
-    model.finish(false).unwrap().mesh
+    model.finish(false).unwrap().model.mesh
 }
 
 fn told(shape: &Shape) -> &Body {

@@ -296,6 +296,7 @@ impl Free {
 }
 
 #[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
 mod tests {
     use super::*;
     use crate::geometry::Camera;

@@ -120,10 +120,20 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
             matrix.view_mut((SHARED, SHARED), (n, n)).ger(HELD, direction, direction, 1.0);
             right.rows_mut(SHARED, n).axpy(HELD * off, direction, 1.0);
         }
-        let Some(factor) = matrix.cholesky() else { return None };
+        let factor = matrix.cholesky()?;
         if converged || passes == PASSES_MOST {
             let State { camera, rho, dy_px } = state;
-            return Some(Solution { camera, rho, dy_px, covariance: factor.inverse(), residual_sd_um: sd_um, passes, converged, slices, untold });
+            return Some(Solution {
+                camera,
+                rho,
+                dy_px,
+                covariance: factor.inverse(),
+                residual_sd_um: sd_um,
+                passes,
+                converged,
+                slices,
+                untold,
+            });
         }
         let step = factor.solve(&right);
         state.camera.uy -= step[0];

@@ -13,6 +13,11 @@ pub const VIEWS_LEAST: usize = 4;
 const BAD_SHARE: f64 = 0.3;
 /// Angles off by this ratio are another number of steps per revolution, or a coupling that slips, and are named.
 const WRONG_STEPS: f64 = 0.01;
+/// A ratio of angles is another than 1 from so many of its standard deviations on.
+const SURE: f64 = 5.0;
+/// Priors that hold what is not told.
+const HELD_RHO: f64 = 1e-6;
+const HELD_RAD: f64 = 1e-6;
 /// From residuals of this on the angles themselves are doubted, px.
 const DOUBT_PX: f64 = 1.0;
 
@@ -62,6 +67,8 @@ pub struct Calibration {
     pub residual_sd_um: f64,
     pub passes: usize,
     pub converged: bool,
+    /// Whether roll and tilt are this turn's: a round specimen does not tell them, and they are the given camera's.
+    pub axis_told: bool,
     /// Of uy (px), gamma, alpha (rad) and rho.
     pub covariance: Matrix4<f64>,
     first: f64,
@@ -126,14 +133,37 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
             offs = views_off(&solution, &turned(&used));
         }
     }
+    // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
+    let by_views = slope_sd(&turned(&used), &offs.iter().map(|o| o.turn).collect::<Vec<_>>());
+    let sd_rho = by_views.max(solution.covariance[(3, 3)].sqrt());
+    let slips = (solution.rho - 1.0).abs() > SURE * sd_rho;
+    let held = if slips { priors } else { Priors { rho: HELD_RHO, ..priors } };
+    if !slips {
+        (start, solution) = solved(camera, given, &used, held)?;
+    }
+    // A round specimen looks alike however the axis lies: nothing is settled, and nothing but the axis' place at it is told.
+    let axis_told = solution.converged;
+    if !axis_told {
+        let held = Priors { gamma_rad: HELD_RAD, alpha_rad: HELD_RAD, ..held };
+        (start, solution) = solved(camera, given, &used, held)?;
+    }
+    offs = views_off(&solution, &turned(&used));
+    let mut covariance = solution.covariance.fixed_view::<4, 4>(0, 0).into_owned();
+    let at_least = |value: &mut f64, sd: f64| *value = value.max(sd * sd);
+    at_least(&mut covariance[(3, 3)], sd_rho);
+    if !axis_told {
+        at_least(&mut covariance[(1, 1)], priors.gamma_rad);
+        at_least(&mut covariance[(2, 2)], priors.alpha_rad);
+    }
     let mut views: Vec<ViewState> = bad.into_iter().map(|bad| ViewState { bad, dy_px: 0.0, residual_px: None }).collect();
     for ((&i, off), &dy_px) in used.iter().zip(&offs).zip(&solution.dy_px) {
         views[i] = ViewState { bad: None, dy_px, residual_px: Some(off.rms_px) };
     }
-    let sd = |at: usize| solution.covariance[(at, at)].sqrt();
+    let sd = |at: usize| covariance[(at, at)].sqrt();
     Ok(Calibration {
         sd: PsiSd { uy_px: sd(0), gamma_rad: sd(1), alpha_rad: sd(2), rho: sd(3) },
-        covariance: solution.covariance.fixed_view::<4, 4>(0, 0).into_owned(),
+        covariance,
+        axis_told,
         camera: solution.camera,
         start,
         rho: solution.rho,
@@ -144,6 +174,17 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         converged: solution.converged,
         first: pivot(&used.iter().map(|&i| given[i]).collect::<Vec<_>>()),
     })
+}
+
+/// Standard deviation of the slope of values over places.
+fn slope_sd(at: &[f64], values: &[f64]) -> f64 {
+    let n = at.len() as f64;
+    let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
+    let (middle, level) = (mean(at), mean(values));
+    let spread: f64 = at.iter().map(|a| (a - middle).powi(2)).sum();
+    let slope = at.iter().zip(values).map(|(a, v)| (a - middle) * (v - level)).sum::<f64>() / spread;
+    let left: f64 = at.iter().zip(values).map(|(a, v)| (v - level - slope * (a - middle)).powi(2)).sum();
+    (left / (n - 2.0).max(1.0) / spread).sqrt()
 }
 
 /// The view that is the `at`-th of those not yet bad.

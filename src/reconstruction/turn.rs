@@ -47,7 +47,12 @@ impl CalibrationSettings {
     }
 
     fn priors(&self) -> Priors {
-        Priors { gamma_rad: self.gamma_sd_deg.to_radians(), alpha_rad: self.alpha_sd_deg.to_radians(), dy_px: self.dy_sd_px, ..Priors::default() }
+        Priors {
+            gamma_rad: self.gamma_sd_deg.to_radians(),
+            alpha_rad: self.alpha_sd_deg.to_radians(),
+            dy_px: self.dy_sd_px,
+            ..Priors::default()
+        }
     }
 }
 

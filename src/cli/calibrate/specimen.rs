@@ -10,8 +10,9 @@ use crate::calibration::{
     Ask, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Vrv, calibrate, gate, optimise,
 };
 use crate::carver::Runs;
-use crate::cli::reconstruct::views;
-use crate::geometry::{BoxUm, Camera, VoxelGrid};
+use crate::cli::reconstruct::cameras::{self, Cameras};
+use crate::cli::reconstruct::views::{self, View};
+use crate::geometry::{BoxUm, VoxelGrid};
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -66,18 +67,10 @@ enum Search {
 /// The first steps are some px and a tenth of a degree: a thousandth is less than profiles tell.
 const SHARE: f64 = 1e-3;
 
-/// A camera.json.
-#[derive(serde::Deserialize)]
-struct Known {
-    #[serde(flatten)]
-    camera: Camera,
-    omega: Vec<f64>,
-}
-
 /// Profiles and what is known of them.
 struct Turn {
     names: Vec<String>,
-    views: Vec<views::View>,
+    views: Vec<View>,
     runs: Vec<Runs>,
     known: Psi,
 }
@@ -105,14 +98,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 fn read(args: &Args) -> anyhow::Result<Turn> {
     let file = args.cameras.display();
-    let bytes = std::fs::read(&args.cameras).with_context(|| format!("--cameras {file}: cannot be read"))?;
-    let psi: Known = serde_json::from_slice(&bytes).with_context(|| {
-        format!("--cameras {file}: expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad); matrices have no axis to calibrate")
-    })?;
-    psi.camera.check().with_context(|| format!("--cameras {file}"))?;
-    if let Some((at, angle)) = psi.omega.iter().enumerate().find(|(_, angle)| !angle.is_finite()) {
-        bail!("--cameras {file}: omega holds {angle} at place {at} (counted from 0), expected a finite number of rad");
-    }
+    let Cameras::Psi(psi) = cameras::read(&args.cameras)? else {
+        bail!("--cameras {file}: expected an object with psi and the angles omega; matrices have no axis to calibrate");
+    };
     let views = views::read(&args.views)?;
     if psi.omega.len() != views.len() {
         bail!(
@@ -131,8 +119,17 @@ fn read(args: &Args) -> anyhow::Result<Turn> {
             psi.camera.height
         );
     }
+    // Views without a profile tell nothing of where the axis is.
+    let (shown, blank): (Vec<(View, f64)>, Vec<_>) = views.into_iter().zip(psi.omega).partition(|(view, _)| !view.is_blank());
+    for (view, _) in &blank {
+        eprintln!("carved: {} is blank, and is left out", view.path.display());
+    }
+    if shown.is_empty() {
+        bail!("--views {}: all images are blank; there is nothing to calibrate with", args.views.display());
+    }
+    let (views, omega): (Vec<View>, Vec<f64>) = shown.into_iter().unzip();
     let runs = views.iter().map(|v| Runs::new(&v.mask).with_context(|| v.path.display().to_string())).collect::<anyhow::Result<_>>()?;
-    Ok(Turn { names: views.iter().map(views::View::name).collect(), views, runs, known: Psi::new(psi.camera, psi.omega) })
+    Ok(Turn { names: views.iter().map(View::name).collect(), views, runs, known: Psi::new(psi.camera, omega) })
 }
 
 fn least_squares(turn: &Turn, grid: VoxelGrid) -> anyhow::Result<Value> {

@@ -136,6 +136,7 @@ fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Metho
             box_um: crate::geometry::BoxUm::PAPER,
             segment: crate::profile::SegmentSettings::default(),
             surface: crate::reconstruction::SurfaceSettings::default(),
+            calibration: crate::reconstruction::CalibrationSettings::default(),
         };
         return Ok(("imported".into(), method));
     };

@@ -15,7 +15,7 @@ use serde_json::Value;
 use std::path::Path;
 
 #[derive(Debug, PartialEq)]
-pub(super) enum Cameras {
+pub(in crate::cli) enum Cameras {
     /// One camera before a capillary that turns.
     Psi(Psi),
     /// A camera per view, whatever it is.
@@ -27,7 +27,7 @@ pub(super) enum Cameras {
 }
 
 #[derive(Debug, PartialEq, Deserialize)]
-pub(super) struct Psi {
+pub(in crate::cli) struct Psi {
     #[serde(flatten)]
     pub camera: Camera,
     /// Angle of the capillary in each view, rad.
@@ -44,7 +44,7 @@ impl Cameras {
     }
 }
 
-pub(super) fn read(file: &Path) -> anyhow::Result<Cameras> {
+pub(in crate::cli) fn read(file: &Path) -> anyhow::Result<Cameras> {
     let name = || format!("--cameras {}", file.display());
     let bytes = std::fs::read(file).with_context(|| format!("{}: cannot be read", name()))?;
     let text =

@@ -8,7 +8,7 @@
 //! Everything is read and checked before anything is made, and everything is made before anything is written. What cannot be
 //! measured is refused on stdout as well, as `{"flags": [..], "error": ".."}` with exit code 3.
 
-mod cameras;
+pub(super) mod cameras;
 mod measured;
 mod output;
 mod report;
@@ -101,10 +101,9 @@ fn parse_box(text: &str) -> Result<BoxUm, String> {
 /// Reads, reconstructs, writes the mesh and prints the report.
 ///
 /// # Errors
-/// Names the option at fault. What is wrong with the set itself is printed as a refusal.
+/// None of its own: what is wrong is printed as a refusal, and is the exit code.
 pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
-    let destination = output::Destination::choose(args.out.as_deref(), &args.views, args.force)?;
-    match reconstruct(args, destination) {
+    match reconstruct(args) {
         Ok(report) => {
             println!("{report:#}");
             Ok(ExitCode::SUCCESS)
@@ -118,7 +117,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     }
 }
 
-fn reconstruct(args: &Args, destination: output::Destination) -> anyhow::Result<serde_json::Value> {
+fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
+    let destination = output::Destination::choose(args.out.as_deref(), &args.views, args.force)?;
     let grid = grid(args)?;
     let mut clock = report::Clock::new(Instant::now());
     let cameras = cameras::read(&args.cameras)?;

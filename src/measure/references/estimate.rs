@@ -1,11 +1,14 @@
 //! The numbers of a measurement by the name of what made them.
 
-use crate::measure::Measurement;
+use crate::measure::{Estimators, Measurement};
 
 /// Volume of the voxels and area of their faired surface: the paper's numbers.
 pub const VOXEL: &str = "voxel";
 /// Volume and area of the surface where the outlines put it.
 pub const FIELD: &str = "field";
+
+/// By support functions of the slices.
+pub const SUPPORT: &str = "support";
 
 /// Volume and area that one estimator gave.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,29 +20,11 @@ pub struct Estimate {
 
 /// Every estimator's numbers, the paper's first. A further estimator is a further line here.
 pub fn estimates(measurement: &Measurement) -> Vec<Estimate> {
-    // Every field is named, so that a further estimator's do not compile before it has been thought of here: references of one
-    // estimator must never be compared with the numbers of another.
-    let &Measurement {
-        volume_um3,
-        area_um2,
-        field_volume_um3,
-        field_area_um2,
-        voxels: _,
-        voxel_size_um: _,
-        views: _,
-        planned_views: _,
-        epsilon: _,
-        mesh_volume_um3: _,
-        fairing_volume_loss: _,
-        unfaired_area_um2: _,
-        area_method: _,
-        centroid_um: _,
-        extent_um: _,
-        length_um: _,
-        sphere: _,
-    } = measurement;
-    vec![
-        Estimate { estimator: VOXEL, volume_um3, area_um2 },
-        Estimate { estimator: FIELD, volume_um3: field_volume_um3, area_um2: field_area_um2 },
-    ]
+    // Each estimator is named, so that a further one does not compile before it has been thought of here: references of one must
+    // never be compared with the numbers of another. Those on top are one of these.
+    let Measurement { estimators: Estimators { voxel, support }, field_volume_um3, field_area_um2, .. } = measurement;
+    let of = |estimator, volume_um3: &f64, area_um2: &f64| Estimate { estimator, volume_um3: *volume_um3, area_um2: *area_um2 };
+    let mut all = vec![of(VOXEL, &voxel.volume_um3, &voxel.area_um2), of(FIELD, field_volume_um3, field_area_um2)];
+    all.extend(support.as_ref().map(|s| of(SUPPORT, &s.volume_um3, &s.area_um2)));
+    all
 }

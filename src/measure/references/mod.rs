@@ -26,7 +26,7 @@ mod standing;
 mod summary;
 mod words;
 
-pub use estimate::{Estimate, FIELD, VOXEL, estimates};
+pub use estimate::{Estimate, FIELD, SUPPORT, VOXEL, estimates};
 pub use group::{Breach, Gap, Group, Moments, Quantity, References, SCHEMA};
 pub use joint::JointPlace;
 pub use matching::{Known, Mismatch, Missing, MissingReason, Specimen};

@@ -53,7 +53,7 @@ impl Sections {
         inner + self.caps().iter().map(|c| c.area_um2()).sum::<f64>()
     }
 
-    /// Area of the surface per um of x: Int (h + h'') sqrt(1 + h_x^2) dtheta.
+    /// Area of the surface per um of x: `Int (h + h'') sqrt(1 + h_x^2) dtheta`.
     fn ring(&self, at: usize) -> f64 {
         const DIRECTIONS: u32 = 96;
         let n = self.sections.len();

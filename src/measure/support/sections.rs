@@ -102,7 +102,15 @@ impl Sections {
             }
             sections.push(section);
         }
-        (sections.len() >= 5).then_some(Self { sections, step_um, residual_sd_um, harmonics: series, open, shift_variance_um2: shift_variance(pose, views, series), without })
+        (sections.len() >= 5).then_some(Self {
+            sections,
+            step_um,
+            residual_sd_um,
+            harmonics: series,
+            open,
+            shift_variance_um2: shift_variance(pose, views, series),
+            without,
+        })
     }
 }
 
