@@ -11,6 +11,7 @@ mod reference;
 mod segment;
 mod serve;
 mod simulate;
+mod validate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -42,6 +43,8 @@ enum Command {
     Calibrate(calibrate::Command),
     /// Find the specimen's outline in single pictures.
     Segment(segment::Args),
+    /// Measure simulated specimens of known size: the paper's tables, and how well it measures.
+    Validate(validate::Args),
     /// Work with configurations.
     #[command(subcommand)]
     Config(ConfigCommand),
@@ -65,6 +68,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
         // A refusal is an answer of its own: it is printed, and has its own code.
         Command::Reconstruct(args) => return reconstruct::run(&args),
         Command::Segment(args) => segment::run(&args),
+        Command::Validate(args) => validate::run(&args),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)

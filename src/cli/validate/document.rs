@@ -1,0 +1,76 @@
+//! The document: goals first, then a section per part; plots beside it.
+
+use anyhow::Context;
+use std::path::{Path, PathBuf};
+
+/// One of the numbers that carved is to reach.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Goal {
+    /// What is asked for.
+    pub asked: String,
+    pub found: String,
+    pub passed: bool,
+}
+
+impl Goal {
+    pub fn new(asked: impl Into<String>, found: impl Into<String>, passed: bool) -> Self {
+        Self { asked: asked.into(), found: found.into(), passed }
+    }
+}
+
+#[derive(Debug, Clone)]
+pub struct Plot {
+    /// Of the file, without ending.
+    pub name: &'static str,
+    pub svg: String,
+}
+
+/// What a part has to say.
+#[derive(Debug, Clone, Default)]
+pub struct Section {
+    pub title: &'static str,
+    pub text: String,
+    pub goals: Vec<Goal>,
+    pub plots: Vec<Plot>,
+}
+
+/// A Markdown table.
+pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
+    let line = |cells: &mut dyn Iterator<Item = &str>| format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "));
+    let mut text = line(&mut head.iter().copied());
+    text += &format!("|{}\n", "---|".repeat(head.len()));
+    for row in rows {
+        text += &line(&mut row.iter().map(String::as_str));
+    }
+    text + "\n"
+}
+
+/// Folder of the plots, beside the document.
+const PLOTS: &str = "validation";
+
+/// Writes document and plots into a folder and says where the document is.
+pub fn write(folder: &Path, head: &str, sections: &[Section]) -> anyhow::Result<PathBuf> {
+    let plots = folder.join(PLOTS);
+    std::fs::create_dir_all(&plots).with_context(|| format!("{}: cannot be made", plots.display()))?;
+    let goals: Vec<Vec<String>> = sections
+        .iter()
+        .flat_map(|section| &section.goals)
+        .map(|g| vec![g.asked.clone(), g.found.clone(), if g.passed { "pass" } else { "**missed**" }.to_owned()])
+        .collect();
+    let passed = sections.iter().flat_map(|s| &s.goals).filter(|g| g.passed).count();
+    let mut text = format!("{head}## Goals\n\n{passed} of {} are met.\n\n{}", goals.len(), table(&["goal", "found", ""], &goals));
+    for section in sections {
+        text += &format!("## {}\n\n{}", section.title, section.text);
+        for Plot { name, svg } in &section.plots {
+            put(&plots.join(format!("{name}.svg")), svg)?;
+            text += &format!("![{}]({PLOTS}/{name}.svg)\n\n", name.replace('_', " "));
+        }
+    }
+    let path = folder.join("validation.md");
+    put(&path, text.trim_end())?;
+    Ok(path)
+}
+
+fn put(path: &Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(path, format!("{text}\n")).with_context(|| format!("{}: cannot be written", path.display()))
+}

@@ -1,0 +1,106 @@
+//! How many phantoms each part takes, and who counts them.
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Numbers of phantoms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Effort {
+    pub beads: usize,
+    /// Of 3, 4 and 5 dpf.
+    pub larvae: [usize; 3],
+    /// Larvae of which frames are rendered.
+    pub rendered: usize,
+    /// Of each clean solid.
+    pub solids: usize,
+    pub finned: usize,
+    /// Turns that are calibrated.
+    pub calibrated: usize,
+    /// Per fault.
+    pub faults: usize,
+    pub ablation: usize,
+    pub orders: usize,
+    pub early: usize,
+    pub coverage: usize,
+    /// Edge of a voxel where larvae are carved.
+    pub voxel_um: f64,
+}
+
+impl Effort {
+    pub const FULL: Self = Self {
+        beads: 25,
+        larvae: [12, 24, 24],
+        rendered: 3,
+        solids: 10,
+        finned: 60,
+        calibrated: 100,
+        faults: 10,
+        ablation: 30,
+        orders: 30,
+        early: 100,
+        coverage: 1000,
+        voxel_um: 6.93,
+    };
+
+    /// Enough to see that every part works.
+    pub const QUICK: Self = Self {
+        beads: 1,
+        larvae: [1, 1, 1],
+        rendered: 0,
+        solids: 1,
+        finned: 2,
+        calibrated: 4,
+        faults: 1,
+        ablation: 1,
+        orders: 1,
+        early: 1,
+        coverage: 8,
+        voxel_um: 17.1,
+    };
+
+    /// The same with `seeds` phantoms wherever phantoms are drawn; the paper's own counts stay.
+    #[must_use]
+    pub fn with_seeds(self, seeds: usize) -> Self {
+        Self {
+            solids: seeds,
+            finned: seeds,
+            calibrated: seeds,
+            faults: seeds,
+            ablation: seeds,
+            orders: seeds,
+            early: seeds,
+            coverage: seeds,
+            ..self
+        }
+    }
+}
+
+/// What a part works with.
+#[derive(Debug)]
+pub struct Work {
+    pub effort: Effort,
+    /// Added to every phantom's seed.
+    pub seed: u64,
+    bar: ProgressBar,
+}
+
+impl Work {
+    pub fn new(effort: Effort, seed: u64) -> anyhow::Result<Self> {
+        let bar = ProgressBar::new(0).with_style(ProgressStyle::with_template("{msg:28} {bar:30} {pos}/{len} {elapsed}")?);
+        Ok(Self { effort, seed, bar })
+    }
+
+    /// A stretch of work with so many steps.
+    pub fn begin(&self, what: &'static str, steps: usize) {
+        self.bar.set_length(steps as u64);
+        self.bar.set_position(0);
+        self.bar.set_message(what);
+    }
+
+    pub fn step(&self) {
+        self.bar.inc(1);
+    }
+
+    pub fn end(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,130 @@
+//! In which order to take the views, and when to stop.
+
+use super::document::{Section, table};
+use super::effort::Work;
+use super::statistics::{Summary, share_within};
+use super::turn::{CAPTURED, Turn, even_plan, off, support};
+use hardware_sim::analytic::{Disturbance, Phantom, Pose};
+use hardware_sim::scene::Camera;
+use rayon::prelude::*;
+
+const COUNTS: [usize; 7] = [7, 10, 14, 21, 28, 42, 63];
+/// The stop of the i-th view.
+type Order = fn(usize) -> usize;
+const ORDERS: [(&str, Order); 3] =
+    [("sequential", |i| i), ("golden ratio", golden), ("every fifth stop, five turns", |i| 5 * i % CAPTURED)];
+/// A rule for stopping: at least so many views, and the last three estimates within this of one another.
+const LEAST_VIEWS: usize = 9;
+const SPREAD_PERCENT: f64 = 0.4;
+
+/// The number coprime to 84 that is nearest to 84 over the golden ratio: every stop is met once.
+const GOLDEN_STEP: usize = 53;
+
+/// The i-th stop by the golden ratio.
+fn golden(i: usize) -> usize {
+    i * GOLDEN_STEP % CAPTURED
+}
+
+pub fn run(work: &Work) -> anyhow::Result<Section> {
+    let mut section = Section { title: "7. Order of views, and stopping early", ..Section::default() };
+    let n = work.effort.orders;
+    work.begin("orders of views", n);
+    let each = (0..n as u64)
+        .into_par_iter()
+        .map(|i| {
+            let turn = captured(work.seed + 50_000 + i)?;
+            let errors: Vec<Vec<Option<f64>>> =
+                ORDERS.iter().map(|(_, order)| COUNTS.iter().map(|&views| error(&turn, *order, views)).collect()).collect();
+            work.step();
+            anyhow::Ok(errors)
+        })
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let mut rows = Vec::new();
+    for (at, (name, _)) in ORDERS.iter().enumerate() {
+        let mut row = vec![(*name).to_owned()];
+        for count in 0..COUNTS.len() {
+            let sizes: Vec<f64> = each.iter().filter_map(|e| e[at][count]).map(f64::abs).collect();
+            let s = Summary::of(&sizes);
+            let missing = if s.n < n { format!(" ({} of {n} measured)", s.n) } else { String::new() };
+            row.push(if s.n == 0 { "not measured".into() } else { format!("{:.2} / {:.2}{missing}", s.mean, s.worst) });
+        }
+        rows.push(row);
+    }
+    let head: Vec<String> = std::iter::once("order".into()).chain(COUNTS.iter().map(|c| format!("{c} views"))).collect();
+    section.text = format!(
+        "Simulation: {n} finless larvae, drift and noise, {CAPTURED} stops. Volume by support functions after so many views, calibrated on just these: per cent off, mean / worst size.\n\n{}",
+        table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows)
+    );
+    early(work, &mut section)?;
+    Ok(section)
+}
+
+fn captured(seed: u64) -> anyhow::Result<Turn> {
+    let phantom = Phantom::larva(3 + (seed % 3) as u8, seed)?.placed(Pose::seeded(seed));
+    Ok(Turn::of(&phantom, &Camera::default(), &even_plan(CAPTURED), &Disturbance::drift(seed)))
+}
+
+/// Per cent off after so many views.
+fn error(turn: &Turn, order: Order, views: usize) -> Option<f64> {
+    let mut stops: Vec<usize> = (0..views).map(order).collect();
+    stops.sort_unstable();
+    let found = turn.calibrated(&stops).ok()?;
+    Some(off(support(turn, &stops, &found)?.estimate.volume_um3, turn.truth.size.volume_um3))
+}
+
+/// Golden order, stopped by the rule: views taken and the error then.
+fn stopped(turn: &Turn) -> Option<(usize, f64)> {
+    let mut last: Vec<f64> = Vec::new();
+    for views in LEAST_VIEWS - 2..=CAPTURED {
+        last.push(error(turn, golden, views)?);
+        if last.len() > 3 {
+            last.remove(0);
+        }
+        let [low, high] = last.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], v| [l.min(*v), h.max(*v)]);
+        if views >= LEAST_VIEWS && high - low <= SPREAD_PERCENT {
+            return Some((views, last[last.len() - 1]));
+        }
+    }
+    None
+}
+
+fn early(work: &Work, section: &mut Section) -> anyhow::Result<()> {
+    let n = work.effort.early;
+    work.begin("stopping early", n);
+    let each = (0..n as u64)
+        .into_par_iter()
+        .map(|i| {
+            let found = stopped(&captured(work.seed + 60_000 + i)?);
+            work.step();
+            anyhow::Ok(found)
+        })
+        .collect::<anyhow::Result<Vec<_>>>()?;
+    let found: Vec<(usize, f64)> = each.into_iter().flatten().collect();
+    let views: Vec<f64> = found.iter().map(|f| f.0 as f64).collect();
+    let errors: Vec<f64> = found.iter().map(|f| f.1).collect();
+    section.text += &format!(
+        "### Stopping early\n\nSimulation: {n} such larvae in golden order, stopped from {LEAST_VIEWS} views on when the last three estimates lie within {SPREAD_PERCENT} %: {} stopped, after {:.1} views in the mean and {} at most; \
+         per cent off {}; {:.1} % of them within 1 %, {:.1} % within 0.5 %.\n\n",
+        found.len(),
+        Summary::of(&views).mean,
+        Summary::of(&views).worst,
+        Summary::of(&errors).signed(2),
+        share_within(&errors, 1.0),
+        share_within(&errors, 0.5)
+    );
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_order_meets_every_stop_once() {
+        for (name, order) in ORDERS {
+            let mut stops: Vec<usize> = (0..CAPTURED).map(order).collect();
+            stops.sort_unstable();
+            assert!(stops.into_iter().eq(0..CAPTURED), "{name}");
+        }
+    }
+}

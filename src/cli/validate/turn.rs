@@ -1,0 +1,207 @@
+//! One turn of a specimen of known size, and its numbers by either estimator.
+//!
+//! ```text
+//!   Phantom + Disturbance ── outlines ── Turn ──┬─ calibrate ── sections ── Support      ours
+//!   rendered frames ───────────┘   (some stops) └─ projections ── carve ─── Voxels       the paper's
+//! ```
+
+use crate::calibration::{Calibration, CalibrationError, GivenView, Pose, Priors, TurnView, calibrate};
+use crate::carver::{Carver, Leaves};
+use crate::geometry::{BoxUm, Camera, Projection, VoxelGrid};
+use crate::measure::support::{Sections, SupportEstimate, SupportSettings, calibration_sd};
+use crate::measure::{self, fit_sphere};
+use crate::profile::{Columns, Mask, Polygon};
+use crate::reconstruction::SurfaceSettings;
+use crate::surface::{self, Fairing, Occupancy};
+use hardware_sim::analytic::{self, Disturbance, Phantom};
+use hardware_sim::scene::{self, Truth};
+use std::f64::consts::TAU;
+
+/// The paper's share of views that may miss a voxel.
+pub const EPSILON: f64 = 0.05;
+/// Views captured in a turn, of which smaller samplings are taken evenly.
+pub const CAPTURED: usize = 84;
+pub const ASDS: [usize; 8] = [4, 7, 12, 14, 21, 28, 42, CAPTURED];
+
+/// What was true while a simulated turn was taken.
+#[derive(Debug, Clone)]
+pub struct True {
+    pub camera: Camera,
+    /// Of each view.
+    pub dy_px: Vec<f64>,
+    pub size: Truth,
+}
+
+/// The profiles of a turn with what a rig would know of it.
+#[derive(Debug, Clone)]
+pub struct Turn {
+    pub nominal: Camera,
+    pub ledger: Vec<f64>,
+    pub outlines: Vec<Vec<Polygon>>,
+    pub columns: Vec<Columns>,
+    /// As segmentation filled them; profiles by formulas are filled when they are asked for.
+    filled: Option<Vec<Mask>>,
+    pub truth: True,
+}
+
+/// Our camera of the emulated one.
+pub fn camera(c: &scene::Camera) -> Camera {
+    Camera {
+        f: c.f_um,
+        kx: c.kx_px_per_um,
+        ky: c.ky_px_per_um,
+        ux: c.ux_px,
+        uy: c.uy_px,
+        s: c.skew,
+        alpha: c.alpha_rad,
+        gamma: c.gamma_rad,
+        phi: c.phi_rad,
+        width: c.width,
+        height: c.height,
+    }
+}
+
+/// Equal steps over one turn.
+pub fn even_plan(views: usize) -> Vec<f64> {
+    (0..views).map(|i| TAU * i as f64 / views as f64).collect()
+}
+
+/// The stops of a captured turn that make an even one of fewer views.
+pub fn even_stops(asd: usize) -> Vec<usize> {
+    (0..asd).map(|i| i * CAPTURED / asd).collect()
+}
+
+impl Turn {
+    /// Profiles by formulas.
+    pub fn of(phantom: &Phantom, nominal: &scene::Camera, ledger: &[f64], disturbance: &Disturbance) -> Self {
+        let views = phantom.views(nominal, ledger, disturbance);
+        let truth =
+            True { camera: camera(&disturbance.camera(nominal)), dy_px: views.iter().map(|v| v.dy_px).collect(), size: phantom.truth() };
+        let outlines = views.into_iter().map(|v| v.outline.into_iter().map(|vertices| Polygon { vertices }).collect()).collect();
+        Self::new(camera(nominal), ledger.to_vec(), outlines, None, truth)
+    }
+
+    pub fn new(nominal: Camera, ledger: Vec<f64>, outlines: Vec<Vec<Polygon>>, filled: Option<Vec<Mask>>, truth: True) -> Self {
+        let (width, height) = (nominal.width as usize, nominal.height as usize);
+        let columns = outlines.iter().map(|o| Columns::from_outlines(o, width, height)).collect();
+        Self { nominal, ledger, outlines, columns, filled, truth }
+    }
+
+    pub fn all(&self) -> Vec<usize> {
+        (0..self.ledger.len()).collect()
+    }
+
+    pub fn given(&self, stops: &[usize]) -> Vec<GivenView<'_>> {
+        stops.iter().map(|&i| GivenView { columns: &self.columns[i], omega: self.ledger[i] }).collect()
+    }
+
+    /// Without a calibration: the rig's camera, the ledger's angles.
+    pub fn as_planned(&self, stops: &[usize]) -> Vec<TurnView<'_>> {
+        stops.iter().map(|&i| TurnView { columns: &self.columns[i], omega: self.ledger[i], dy_px: 0.0 }).collect()
+    }
+
+    /// # Errors
+    /// As [`calibrate`].
+    pub fn calibrated(&self, stops: &[usize]) -> Result<Calibration, CalibrationError> {
+        calibrate(&self.nominal, &self.given(stops), Priors::default())
+    }
+
+    /// Of these stops' shifts, the mean: the part that `uy` takes.
+    pub fn mean_dy_px(&self, stops: &[usize]) -> f64 {
+        stops.iter().map(|&i| self.truth.dy_px[i]).sum::<f64>() / stops.len().max(1) as f64
+    }
+
+    /// `uy` less the true one, px.
+    pub fn uy_error_px(&self, stops: &[usize], found: &Camera) -> f64 {
+        found.uy - self.truth.camera.uy - self.mean_dy_px(stops)
+    }
+
+    pub fn gamma_error_deg(&self, found: &Camera) -> f64 {
+        (found.gamma - self.truth.camera.gamma).to_degrees()
+    }
+
+    /// One per stop.
+    pub fn masks(&self) -> Vec<Mask> {
+        self.filled.clone().unwrap_or_else(|| self.outlines.iter().map(|outlines| filled(outlines, &self.nominal)).collect())
+    }
+}
+
+fn filled(outlines: &[Polygon], camera: &Camera) -> Mask {
+    let outlines: Vec<Vec<[f64; 2]>> = outlines.iter().map(|p| p.vertices.clone()).collect();
+    let covered = analytic::coverage(&outlines, camera.width, camera.height);
+    let width = camera.width as usize;
+    let mut mask = Mask::empty(width, camera.height as usize);
+    for (at, _) in covered.data.iter().enumerate().filter(|(_, c)| **c >= 128) {
+        mask.set(at % width, at / width, true);
+    }
+    mask
+}
+
+/// Ours of a calibrated turn. The standard deviations are of another turn of the same specimen on the same rig: views and calibration.
+#[derive(Debug, Clone)]
+pub struct Support {
+    pub estimate: SupportEstimate,
+    pub volume_sd_um3: f64,
+    pub area_sd_um2: f64,
+}
+
+/// Nothing where the views have too few slices in common.
+pub fn support(turn: &Turn, stops: &[usize], found: &Calibration) -> Option<Support> {
+    let given = turn.given(stops);
+    let views = found.turn_views(&given);
+    let estimate = sections(&Pose::new(&found.camera), &views, found.residual_sd_um)?;
+    let [volume, area] = calibration_sd(found, &given, SupportSettings::default()).unwrap_or_default();
+    let (volume_sd_um3, area_sd_um2) = (estimate.volume_sd_um3.hypot(volume), estimate.area_sd_um2.hypot(area));
+    Some(Support { estimate, volume_sd_um3, area_sd_um2 })
+}
+
+pub fn sections(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<SupportEstimate> {
+    Sections::of(pose, views, sd_um, [false; 2], SupportSettings::default()).map(|s| SupportEstimate::of(&s))
+}
+
+/// The paper's numbers of a hull.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Voxels {
+    pub volume_um3: f64,
+    pub area_um2: f64,
+    /// Of the sphere nearest to the surface, where one was asked for.
+    pub diameter_um: Option<f64>,
+}
+
+/// Carves and measures as the paper does. The field's surface, which takes most of a model's time, is not made.
+///
+/// # Errors
+/// Those of carving and fairing.
+pub fn voxels(grid: VoxelGrid, views: &[(&Mask, Projection)], sphere: bool) -> anyhow::Result<Voxels> {
+    let mut carver = Carver::new(grid, views.len(), EPSILON)?;
+    for (mask, projection) in views {
+        carver.observe(mask, projection, Leaves::default())?;
+    }
+    let SurfaceSettings { fairing_lambda: lambda, fairing_iterations: iterations } = SurfaceSettings::default();
+    let mesh = surface::fair(&surface::extract(&Occupancy(&carver)), Fairing { lambda, iterations })?;
+    let diameter_um = if sphere { Some(fit_sphere(&mesh.vertices)?.diameter_um) } else { None };
+    Ok(Voxels { volume_um3: carver.volume_um3(), area_um2: measure::area(&mesh), diameter_um })
+}
+
+/// The views that a calibration kept, with their masks; `masks` has one per stop of the turn.
+pub fn calibrated_views<'a>(turn: &Turn, masks: &'a [Mask], stops: &[usize], found: &Calibration) -> Vec<(&'a Mask, Projection)> {
+    stops
+        .iter()
+        .enumerate()
+        .filter(|(at, _)| found.views[*at].bad.is_none())
+        .map(|(at, &stop)| (&masks[stop], found.projection(at, turn.ledger[stop])))
+        .collect()
+}
+
+/// The paper's box at a sampling density.
+///
+/// # Errors
+/// None for densities that are worked with.
+pub fn grid(voxel_um: f64) -> anyhow::Result<VoxelGrid> {
+    Ok(VoxelGrid::new(BoxUm::PAPER, voxel_um)?)
+}
+
+/// Per cent that a number is off.
+pub fn off(found: f64, truth: f64) -> f64 {
+    100.0 * (found / truth - 1.0)
+}
