@@ -190,8 +190,8 @@ const TURNED: f64 = 0.03;
 /// A change counts from so many standard deviations of its own on: the best of some tens of places is looked for.
 const SURE: f64 = 5.0;
 
-/// Looks for the view from which on the specimen lies elsewhere.
-pub fn moved(offs: &[ViewOff], omegas: &[f64]) -> Option<Moved> {
+/// Looks for the view from which on the specimen lies elsewhere; a round one does not show that it turned.
+pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved> {
     let n = offs.len();
     if n < 2 * SIDE + 2 {
         return None;
@@ -200,7 +200,7 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64]) -> Option<Moved> {
         let later = |i: usize| f64::from(u8::from(i >= at));
         let along = step(offs, |o| o.dx_px, |_| vec![1.0], |i| vec![later(i)]);
         // Another number of steps per revolution turns the views by more and more, not from one to the next.
-        let turn = step(offs, |o| o.turn, |i| vec![1.0, omegas[i]], |i| vec![later(i)]);
+        let turn = if shows_turn { step(offs, |o| o.turn, |i| vec![1.0, omegas[i]], |i| vec![later(i)]) } else { (0.0, 0.0) };
         // A body that lies elsewhere across moves with cos and sin of omega. Of few views, most of that goes to the slices' own shapes.
         let wave = |i: usize| vec![1.0, omegas[i].cos(), omegas[i].sin()];
         let across = if n < ACROSS_LEAST {

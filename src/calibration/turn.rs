@@ -2,6 +2,7 @@
 
 use super::closed_form::axis;
 use super::least_squares::{GivenView, Priors, Solution, pivot, solve};
+use super::robust::median;
 use super::screen::{Bad, Moved, moved, views_off, worst, wrong_areas};
 use super::tangents::TurnView;
 use crate::geometry::{Camera, Projection};
@@ -15,9 +16,10 @@ const BAD_SHARE: f64 = 0.3;
 const WRONG_STEPS: f64 = 0.01;
 /// A ratio of angles is another than 1 from so many of its standard deviations on.
 const SURE: f64 = 5.0;
-/// Priors that hold what is not told.
-const HELD_RHO: f64 = 1e-6;
-const HELD_RAD: f64 = 1e-6;
+/// A prior that holds what is not told.
+const HELD: f64 = 1e-6;
+/// A specimen is round if a camera held where it is given leaves no more than this of what a free one leaves.
+const ROUND: f64 = 1.5;
 /// From residuals of this on the angles themselves are doubted, px.
 const DOUBT_PX: f64 = 1.0;
 
@@ -115,13 +117,13 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     if used.len() < VIEWS_LEAST {
         return Err(too_few(&used));
     }
-    let (mut start, mut solution) = solved(camera, given, &used, priors)?;
+    let Solved { mut start, mut solution, mut axis_told } = solved(camera, given, &used, priors)?;
     let turned = |used: &[usize]| {
         let views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
         views.iter().map(|v| v.omega - pivot(&views)).collect::<Vec<_>>()
     };
     let mut offs = views_off(&solution, &turned(&used));
-    let shifted = moved(&offs, &turned(&used));
+    let shifted = moved(&offs, &turned(&used), axis_told);
     if shifted.is_none() {
         while let Some((at, why)) = worst(&offs) {
             if used.len() <= least {
@@ -129,23 +131,15 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
             }
             bad[used[at]] = Some(why);
             used.remove(at);
-            (start, solution) = solved(camera, given, &used, priors)?;
+            Solved { start, solution, axis_told } = solved(camera, given, &used, priors)?;
             offs = views_off(&solution, &turned(&used));
         }
     }
     // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
     let by_views = slope_sd(&turned(&used), &offs.iter().map(|o| o.turn).collect::<Vec<_>>());
-    let sd_rho = by_views.max(solution.covariance[(3, 3)].sqrt());
-    let slips = (solution.rho - 1.0).abs() > SURE * sd_rho;
-    let held = if slips { priors } else { Priors { rho: HELD_RHO, ..priors } };
-    if !slips {
-        (start, solution) = solved(camera, given, &used, held)?;
-    }
-    // A round specimen looks alike however the axis lies: nothing is settled, and nothing but the axis' place at it is told.
-    let axis_told = solution.converged;
-    if !axis_told {
-        let held = Priors { gamma_rad: HELD_RAD, alpha_rad: HELD_RAD, ..held };
-        (start, solution) = solved(camera, given, &used, held)?;
+    let sd_rho = by_views.max(solution.covariance[(3, 3)].sqrt()).max(if axis_told { 0.0 } else { priors.rho });
+    if axis_told && (solution.rho - 1.0).abs() <= SURE * sd_rho {
+        Solved { start, solution, .. } = solved(camera, given, &used, Priors { rho: HELD, ..priors })?;
     }
     offs = views_off(&solution, &turned(&used));
     let mut covariance = solution.covariance.fixed_view::<4, 4>(0, 0).into_owned();
@@ -153,6 +147,10 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     at_least(&mut covariance[(3, 3)], sd_rho);
     if !axis_told {
         at_least(&mut covariance[(1, 1)], priors.gamma_rad);
+        // uy is where the axis crosses the principal point's column, and the specimen lies beside it.
+        let lever_px =
+            median(used.iter().filter_map(|&i| given[i].columns.extent()).map(|(a, b)| (a + b) as f64 / 2.0 - camera.ux).collect());
+        at_least(&mut covariance[(0, 0)], lever_px.abs() * priors.gamma_rad);
         at_least(&mut covariance[(2, 2)], priors.alpha_rad);
     }
     let mut views: Vec<ViewState> = bad.into_iter().map(|bad| ViewState { bad, dy_px: 0.0, residual_px: None }).collect();
@@ -192,27 +190,43 @@ fn seen_at(bad: &[Option<Bad>], at: usize) -> usize {
     (0..bad.len()).filter(|&i| !matches!(bad[i], Some(Bad::Blank))).nth(at).unwrap_or(0)
 }
 
-fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) -> Result<(Camera, Solution), CalibrationError> {
+/// A solution with where it started from.
+struct Solved {
+    start: Camera,
+    solution: Solution,
+    axis_told: bool,
+}
+
+fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) -> Result<Solved, CalibrationError> {
     let views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
     let from = |rho: f64, priors: Priors| {
         let first = pivot(&views);
         let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
         let start = axis(camera, &turned)?;
         let solution = solve(&start, camera, rho, &views, priors)?;
-        Some((start, solution))
+        Some(Solved { start, solution, axis_told: true })
     };
-    let nominal = from(1.0, priors);
-    let doubted = nominal.as_ref().is_none_or(|(_, s)| s.residual_sd_um * camera.ky > DOUBT_PX);
-    if !doubted {
+    let residual = |s: &Solved| s.solution.residual_sd_um;
+    let mut nominal = from(1.0, priors);
+    if nominal.as_ref().is_some_and(|s| !s.solution.converged) {
+        // A round specimen looks alike however the axis lies and however far it turned: nothing settles, and nothing but the axis'
+        // place at the specimen is told.
+        let held = from(1.0, Priors { gamma_rad: HELD, alpha_rad: HELD, rho: HELD, ..priors });
+        let explains = |held: &Solved| nominal.as_ref().is_none_or(|free| residual(held) < ROUND * residual(free));
+        if let Some(held) = held.filter(explains) {
+            nominal = Some(Solved { axis_told: false, ..held });
+        }
+    }
+    if nominal.as_ref().is_some_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
         return nominal.ok_or(CalibrationError::NoSlices);
     }
     // Another number of steps per revolution: the angles are all in one ratio to the plan's.
     let wide = Priors { rho: 1.0, ..priors };
     let others = RATIOS.iter().filter_map(|&rho| from(rho, wide));
-    let better = others.min_by(|a, b| a.1.residual_sd_um.total_cmp(&b.1.residual_sd_um));
+    let better = others.min_by(|a, b| residual(a).total_cmp(&residual(b)));
     match (nominal, better) {
         // What is planned stands unless another ratio explains far more.
-        (Some(a), Some(b)) if b.1.residual_sd_um > 0.7 * a.1.residual_sd_um => Ok(a),
+        (Some(a), Some(b)) if residual(&b) > 0.7 * residual(&a) => Ok(a),
         (_, Some(b)) => Ok(b),
         (Some(a), None) => Ok(a),
         (None, None) => Err(CalibrationError::NoSlices),

@@ -91,6 +91,16 @@ pub enum Estimator {
     Support,
 }
 
+impl Estimator {
+    /// As it is written down.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Voxel => "voxel",
+            Self::Support => "support",
+        }
+    }
+}
+
 /// Numbers of the same views, each in its own way.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimators {

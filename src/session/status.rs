@@ -161,10 +161,16 @@ pub struct WellStatus {
     /// Why a skipped or failed well has no number.
     pub reason: Option<String>,
     pub flags: Vec<String>,
-    /// Of the voxels.
+    /// What made the numbers to trust: `support` (slices of the outlines) or `voxel` (the paper's).
+    #[serde(default)]
+    pub estimator: Option<String>,
     pub volume_um3: Option<f64>,
-    /// Of the voxels' surface, faired.
+    /// Standard deviation.
+    #[serde(default)]
+    pub volume_sd_um3: Option<f64>,
     pub area_um2: Option<f64>,
+    #[serde(default)]
+    pub area_sd_um2: Option<f64>,
     /// Of the surface where the outlines put it, which is the one that is shown.
     pub field_volume_um3: Option<f64>,
     pub field_area_um2: Option<f64>,
@@ -185,8 +191,11 @@ impl WellStatus {
             outcome: None,
             reason: None,
             flags: Vec::new(),
+            estimator: None,
             volume_um3: None,
+            volume_sd_um3: None,
             area_um2: None,
+            area_sd_um2: None,
             field_volume_um3: None,
             field_area_um2: None,
             diameter_um: None,

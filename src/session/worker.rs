@@ -109,8 +109,11 @@ pub struct RunContext {
 enum WellEnd {
     Measured {
         flags: Vec<String>,
+        estimator: String,
         volume_um3: f64,
+        volume_sd_um3: Option<f64>,
         area_um2: f64,
+        area_sd_um2: Option<f64>,
         field_volume_um3: f64,
         field_area_um2: f64,
         diameter_um: Option<f64>,
@@ -185,11 +188,25 @@ impl RunContext {
             let Some(end) = self.well(instrument, planned)? else { return Ok(ControlFlow::Break(())) };
             let mut result = WellStatus::pending(planned);
             match end {
-                WellEnd::Measured { flags, volume_um3, area_um2, field_volume_um3, field_area_um2, diameter_um, reference } => {
+                WellEnd::Measured {
+                    flags,
+                    estimator,
+                    volume_um3,
+                    volume_sd_um3,
+                    area_um2,
+                    area_sd_um2,
+                    field_volume_um3,
+                    field_area_um2,
+                    diameter_um,
+                    reference,
+                } => {
                     result.end(SpecimenOutcome::Succeeded, None);
                     result.flags = flags;
+                    result.estimator = Some(estimator);
                     result.volume_um3 = Some(volume_um3);
+                    result.volume_sd_um3 = volume_sd_um3;
                     result.area_um2 = Some(area_um2);
+                    result.area_sd_um2 = area_sd_um2;
                     result.field_volume_um3 = Some(field_volume_um3);
                     result.field_area_um2 = Some(field_area_um2);
                     result.diameter_um = diameter_um;
@@ -373,11 +390,14 @@ impl RunContext {
         Ok(WellEnd::Measured {
             flags: record.flags,
             reference: reference.as_ref().and_then(ReferenceStatus::of).map(Box::new),
+            estimator: m.estimator.name().to_owned(),
             volume_um3: m.volume_um3,
+            volume_sd_um3: m.volume_sd_um3,
             area_um2: m.area_um2,
+            area_sd_um2: m.area_sd_um2,
             field_volume_um3: m.field_volume_um3,
             field_area_um2: m.field_area_um2,
-            diameter_um: m.sphere.as_ref().map(|s| s.diameter_um),
+            diameter_um: m.diameter_um,
         })
     }
 

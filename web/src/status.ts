@@ -61,8 +61,11 @@ export interface WellStatus {
   outcome: SpecimenOutcome | null;
   reason: string | null;
   flags: string[];
+  estimator: string | null;
   volume_um3: number | null;
+  volume_sd_um3: number | null;
   area_um2: number | null;
+  area_sd_um2: number | null;
   field_volume_um3: number | null;
   field_area_um2: number | null;
   diameter_um: number | null;

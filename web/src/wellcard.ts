@@ -51,7 +51,8 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
   if (well.flags.length > 0) rows.push(...fact("Flags", well.flags.map(words).join(", ")));
   const volume = well.volume_um3;
   if (volume !== null) {
-    rows.push(...fact("Volume", number("volume", nanolitres(volume), cubicMicrometres(volume))));
+    const spread = well.volume_sd_um3 === null ? "" : ` ± ${nanolitres(well.volume_sd_um3)}`;
+    rows.push(...fact("Volume", number("volume", nanolitres(volume) + spread, cubicMicrometres(volume))));
   } else if (well.outcome === null && specimen?.volume_um3 != null) {
     const sd = specimen.volume_sd_um3;
     const spread = sd === null ? "" : ` ± ${nanolitres(sd)}`;
@@ -63,8 +64,9 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
     );
   }
   if (well.area_um2 !== null) {
+    const spread = well.area_sd_um2 === null ? "" : ` ± ${squareMillimetres(well.area_sd_um2)}`;
     rows.push(
-      ...fact("Surface area", number("area", squareMillimetres(well.area_um2), squareMicrometres(well.area_um2))),
+      ...fact("Surface area", number("area", squareMillimetres(well.area_um2) + spread, squareMicrometres(well.area_um2))),
     );
   }
   const { field_volume_um3, field_area_um2 } = well;
