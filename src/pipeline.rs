@@ -98,6 +98,9 @@ pub struct ClosureRecord {
 /// overlap by 0.98 and more, one step of 0.72 deg costs less than 0.01, a larva that slid by 30 um more than 0.05.
 const CLOSURE_IOU_MIN: f64 = 0.95;
 
+/// Of fewer views slices are told as little more than discs.
+pub const FEW_VIEWS: usize = 7;
+
 /// The views' median blur may be off the configured one by this, px: from specimen to specimen it varies by 0.07 px. Each edge is
 /// placed at its own frame's blur, so that this says no more than that the focus is not what it was.
 const BLUR_MISMATCH_PX: f64 = 0.15;
@@ -116,7 +119,7 @@ pub struct SpecimenRecord {
     pub calibration: Option<CalibrationRecord>,
     /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
     /// profile, so that a specimen that moved would show in the residuals only), `dead_looking` (opaque throughout in most
-    /// views), `blur_mismatch` (the frames are not as sharp as configured), `nonconvex` (the voxels are trusted), `uncalibrated`
+    /// views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `uncalibrated`
     /// (measured with the rig's camera as it is), `wrong_steps` (the capillary did not turn as far as the ledger says).
     pub flags: Vec<String>,
 }
@@ -278,6 +281,7 @@ impl Pipeline {
         flag(self.clipped[0], "clipped_left");
         flag(self.clipped[1], "clipped_right");
         flag(hull.touches_box(), "outside_box");
+        flag(used < FEW_VIEWS, "few_views");
         flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN) || found.is_some_and(|c| c.moved.is_some()), "moved");
         flag(self.closure.is_none(), "no_closure");
         flag(looks_dead(&self.views), "dead_looking");

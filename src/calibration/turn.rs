@@ -20,6 +20,8 @@ const SURE: f64 = 5.0;
 const HELD: f64 = 1e-6;
 /// A specimen is round if a camera held where it is given leaves no more than this of what a free one leaves.
 const ROUND: f64 = 1.5;
+/// Fewer views fit any ratio of angles.
+const TELLS_STEPS: usize = 7;
 /// From residuals of this on the angles themselves are doubted, px.
 const DOUBT_PX: f64 = 1.0;
 
@@ -95,7 +97,8 @@ impl Calibration {
 
     /// Whether the capillary did not turn as far as the ledger says. A specimen that turned in it once looks alike.
     pub fn has_wrong_steps(&self) -> bool {
-        self.moved.is_none() && (self.rho - 1.0).abs() > WRONG_STEPS.max(5.0 * self.sd.rho)
+        let used = self.views.iter().filter(|v| v.bad.is_none()).count();
+        used >= TELLS_STEPS && self.moved.is_none() && (self.rho - 1.0).abs() > WRONG_STEPS.max(5.0 * self.sd.rho)
     }
 }
 
@@ -138,7 +141,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
     let by_views = slope_sd(&turned(&used), &offs.iter().map(|o| o.turn).collect::<Vec<_>>());
     let sd_rho = by_views.max(solution.covariance[(3, 3)].sqrt()).max(if axis_told { 0.0 } else { priors.rho });
-    if axis_told && (solution.rho - 1.0).abs() <= SURE * sd_rho {
+    if axis_told && ((solution.rho - 1.0).abs() <= SURE * sd_rho || used.len() < TELLS_STEPS) {
         Solved { start, solution, .. } = solved(camera, given, &used, Priors { rho: HELD, ..priors })?;
     }
     offs = views_off(&solution, &turned(&used));
@@ -217,7 +220,7 @@ fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) 
             nominal = Some(Solved { axis_told: false, ..held });
         }
     }
-    if nominal.as_ref().is_some_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
+    if views.len() < TELLS_STEPS || nominal.as_ref().is_some_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
         return nominal.ok_or(CalibrationError::NoSlices);
     }
     // Another number of steps per revolution: the angles are all in one ratio to the plan's.

@@ -6,6 +6,7 @@ use crate::calibration::{Bad, Calibration, Moved};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::Measurement;
+use crate::pipeline::FEW_VIEWS;
 use crate::reconstruction::{HullModel, Reconstruction, ReconstructionSettings, TurnModel};
 use crate::surface::{self, Mesh};
 use rayon::prelude::*;
@@ -56,8 +57,6 @@ impl Refusal {
 
 /// Views of a turn that nothing is measured below.
 const TURN_LEAST: usize = 4;
-/// Views below which slices are told as little more than ellipses.
-const FEW: usize = 7;
 /// Mean overlap below which views do not show one body: profiles of a good recording reach 0.94 to 0.97.
 const OVERLAP_LEAST: f64 = 0.9;
 
@@ -131,7 +130,7 @@ pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: Reconst
         Some("warning: the silhouettes reach the image's right side: what lies beyond is not measured".into()),
     );
     flag(hull.touches_box(), "outside_box", Some(BOX.into()));
-    flag(used < FEW, "few_views", Some(format!("warning: {used} views tell little of each slice's shape; the numbers are rough")));
+    flag(used < FEW_VIEWS, "few_views", Some(format!("warning: {used} views tell little of each slice's shape; the numbers are rough")));
     flag(used < views.len(), "bad_view", None);
     let moved = found.and_then(|c| c.moved);
     flag(moved.is_some(), "moved", moved.map(|m| say_moved(m, &seen)));
