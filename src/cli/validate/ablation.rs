@@ -50,7 +50,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     let text = format!(
         "Simulation: {n} finless larvae, drift and noise, ASD {ASD}; voxels of {VOXEL_UM} um with epsilon 0.05, VRV with epsilon 0 at {VRV_VOXEL_UM} um from the rig's camera. Mean ± SD, worst; uy and gamma against \
          the truth, volumes and areas in per cent off it.\n\n{}\
-         The area by support functions hardly depends on uy; the paper's hull does, by half its volume per 10 px. The bias that is taken off a volume by support functions is worked out from the shifts and \
+         The volume as fitted and the area by support functions hardly depend on uy; the paper's hull does, by half its volume per 10 px. The bias that is taken off a volume by support functions is worked out from the shifts and \
          residuals of views: without a calibration these are the axis' own error, and the volume so corrected is worthless. Only the least squares know each view's shift.\n\n",
         table(
             &[

@@ -8,7 +8,7 @@
 use super::document::{Goal, Plot, Section, table};
 use super::effort::Work;
 use super::frames;
-use super::plot::{Series, svg};
+use super::plot::{Series, Style, svg};
 use super::published::{Published, Row};
 use super::statistics::{Summary, student};
 use super::theory::{circle_bias, sphere_area_bias, sphere_diameter_bias};
@@ -122,7 +122,7 @@ fn told(beads: &[Bead], paper: &Published) -> Section {
         .filter_map(|&asd| Some((asd, excess(beads, asd, at, 1) - 100.0 * circle_bias(EPSILON, asd)? - profile_bias(beads))))
         .fold((0, 0.0), |worst: (usize, f64), this| if this.1.abs() > worst.1.abs() { this } else { worst });
     section.goals.push(Goal::new(
-        "1, by frames: hulls of beads are the theory's bias and the profiles' own error from the truth, within 0.6 % of volume, ASD 7 and more, SD 6.93",
+        "beads by frames: hulls are the theory's bias and the profiles' own error off the truth, within 0.6 % of volume, ASD 7 and more, SD 6.93",
         format!("worst {:+.2} % (ASD {})", worst.1, worst.0),
         worst.1.abs() <= 0.6,
     ));
@@ -249,9 +249,14 @@ fn plot(beads: &[Bead], paper: &Published) -> Plot {
     let at = explained_at(paper);
     let points = |of: &dyn Fn(usize) -> f64| ASDS[1..].iter().map(|&asd| [asd as f64, of(asd)]).collect::<Vec<_>>();
     let series = [
-        Series::line("ours", points(&|asd| column(beads, asd, at, 0).mean)),
-        Series::line("paper", points(&|asd| paper.diameter_um[&asd].mean[at])),
-        Series::line("theory", points(&|asd| 500.0 * (1.0 + sphere_diameter_bias(circle_bias(EPSILON, asd).unwrap_or(f64::NAN))))),
+        Series::new(Style::Line, 0, "ours", points(&|asd| column(beads, asd, at, 0).mean)),
+        Series::new(Style::Line, 1, "paper", points(&|asd| paper.diameter_um[&asd].mean[at])),
+        Series::new(
+            Style::Line,
+            2,
+            "theory",
+            points(&|asd| 500.0 * (1.0 + sphere_diameter_bias(circle_bias(EPSILON, asd).unwrap_or(f64::NAN)))),
+        ),
     ];
     Plot { name: "bead_diameter_by_asd", svg: svg("Diameter of beads, SD 6.93 um (ASD 4 left out)", "ASD", "um", &series) }
 }

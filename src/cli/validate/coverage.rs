@@ -40,14 +40,15 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
             format!("{:+.2} ± {:.2}", z.mean, z.sd),
         ]);
         section.goals.push(Goal::new(
-            format!("5: of {n} phantoms, 95 % intervals of {what} that hold the truth: 93 to 97 %"),
+            format!("coverage: of {n} phantoms, 95 % intervals of {what} that hold the truth: 93 to 97 %"),
             format!("{held:.1} % of {} measured", found.len()),
             found.len() == n && (93.0..=97.0).contains(&held),
         ));
     }
     section.text = format!(
         "Simulation: {n} finless larvae, drift and noise, ASD {ASD}. The interval is number ± {t:.3} standard deviations (Student's t, {} degrees), of views (jackknife) and calibration. \
-         What is added on an instrument for its scale and for edges that err alike in all views is left out: nothing here errs so.\n\n{}",
+         What is added on an instrument for its scale and for edges that err alike in all views is left out: nothing here errs so. A mean off the truth \
+         that is not small beside the stated SD is a bias, which no interval of repeatability holds.\n\n{}",
         ASD - 1,
         table(&["", "held, %", "off the truth, %: mean ± SD, worst", "stated SD, %", "off in stated SDs"], &rows)
     );

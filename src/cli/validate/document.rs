@@ -52,11 +52,13 @@ const PLOTS: &str = "validation";
 pub fn write(folder: &Path, head: &str, sections: &[Section]) -> anyhow::Result<PathBuf> {
     let plots = folder.join(PLOTS);
     std::fs::create_dir_all(&plots).with_context(|| format!("{}: cannot be made", plots.display()))?;
-    let goals: Vec<Vec<String>> = sections
+    let mut goals: Vec<Vec<String>> = sections
         .iter()
         .flat_map(|section| &section.goals)
         .map(|g| vec![g.asked.clone(), g.found.clone(), if g.passed { "pass" } else { "**missed**" }.to_owned()])
         .collect();
+    // By their numbers, whatever part they are of.
+    goals.sort_by_key(|row| row[0].chars().next());
     let passed = sections.iter().flat_map(|s| &s.goals).filter(|g| g.passed).count();
     let mut text = format!("{head}## Goals\n\n{passed} of {} are met.\n\n{}", goals.len(), table(&["goal", "found", ""], &goals));
     for section in sections {

@@ -5,6 +5,7 @@ use super::effort::Work;
 use super::statistics::Summary;
 use super::turn::{Turn, even_plan, grid, off};
 use crate::carver::Leaves;
+use crate::pipeline::FEW_VIEWS;
 use crate::profile::Mask;
 use crate::reconstruction::{Reconstruction, ReconstructionSettings, TurnModel};
 use hardware_sim::analytic::{Disturbance, Fault, Phantom, Pose};
@@ -149,6 +150,7 @@ fn outcome(case: Case, seed: u64) -> anyhow::Result<Outcome> {
         }
         Err(_) => named.push("uncalibrated"),
     }
+    named.extend((m.views < FEW_VIEWS).then_some("few views"));
     named.extend(m.fallback.is_some().then_some("not convex: voxels"));
     named.extend(hull.touches_box().then_some("outside the box"));
     named.sort_unstable();

@@ -216,17 +216,20 @@ fn plots(larvae: &[Larva], section: &mut Section) {
         (0, 1e8, "larva_volume_by_asd", "Volume by ASD (after figure 7)", "1e8 um^3"),
         (1, 1e6, "larva_area_by_asd", "Area by ASD (after figure 8)", "1e6 um^2"),
     ] {
-        let series: Vec<Series> = [("support", SUPPORT), ("voxels", VOXEL)]
-            .iter()
-            .flat_map(|(way, of)| {
-                STAGES.map(|dpf| {
-                    let all: Vec<Summary> = (1..ASDS.len()).map(|at| mean_of(larvae, dpf, at, number, *of)).collect();
+        let series: Vec<Series> = [(Style::Line, SUPPORT), (Style::Dashed, VOXEL)]
+            .into_iter()
+            .flat_map(|(style, of)| {
+                STAGES.into_iter().enumerate().map(move |(colour, dpf)| {
+                    let all: Vec<Summary> = (1..ASDS.len()).map(|at| mean_of(larvae, dpf, at, number, of)).collect();
                     let points = all.iter().zip(&ASDS[1..]).map(|(s, asd)| [*asd as f64, s.mean / unit]).collect();
-                    Series { bars: all.iter().map(|s| s.sd / unit).collect(), ..Series::line(format!("{dpf} dpf, {way}"), points) }
+                    let solid = style == Style::Line;
+                    let name = if solid { format!("{dpf} dpf") } else { String::new() };
+                    let bars = if solid { all.iter().map(|s| s.sd / unit).collect() } else { Vec::new() };
+                    Series { bars, ..Series::new(style, colour, name, points) }
                 })
             })
             .collect();
-        section.plots.push(Plot { name, svg: svg(&format!("{title}; ASD 4 left out"), "ASD", label, &series) });
+        section.plots.push(Plot { name, svg: svg(&format!("{title}; support, dashed voxels; ASD 4 left out"), "ASD", label, &series) });
     }
     let last = ASDS.len() - 1;
     for (number, unit, name, title, label) in [
@@ -235,26 +238,33 @@ fn plots(larvae: &[Larva], section: &mut Section) {
     ] {
         let series: Vec<Series> = STAGES
             .iter()
-            .map(|&dpf| {
+            .enumerate()
+            .map(|(colour, &dpf)| {
                 let mut values: Vec<f64> = joint(larvae, dpf, last).iter().map(|p| p[number] / unit).collect();
                 values.sort_by(f64::total_cmp);
                 let n = values.len() as f64;
-                Series::dots(format!("{dpf} dpf"), values.iter().enumerate().map(|(i, v)| [*v, (i as f64 + 0.5) / n]).collect())
+                Series::new(
+                    Style::Dots,
+                    colour,
+                    format!("{dpf} dpf"),
+                    values.iter().enumerate().map(|(i, v)| [*v, (i as f64 + 0.5) / n]).collect(),
+                )
             })
             .collect();
         section.plots.push(Plot { name, svg: svg(title, label, "share of larvae below", &series) });
     }
-    let mut series: Vec<Series> = Vec::new();
-    for dpf in STAGES {
-        series.push(Series::dots(format!("{dpf} dpf"), joint(larvae, dpf, last).iter().map(|p| [p[0] / 1e8, p[1] / 1e6]).collect()));
-    }
-    for dpf in STAGES {
-        let pairs: Vec<[f64; 2]> = joint(larvae, dpf, last).iter().map(|p| [p[0] / 1e8, p[1] / 1e6]).collect();
-        series.push(Series { style: Style::Line, ..Series::line(format!("{dpf} dpf, 95 %"), ellipse(&pairs, 0.95)) });
-    }
+    let series: Vec<Series> = STAGES
+        .into_iter()
+        .enumerate()
+        .flat_map(|(colour, dpf)| {
+            let pairs: Vec<[f64; 2]> = joint(larvae, dpf, last).iter().map(|p| [p[0] / 1e8, p[1] / 1e6]).collect();
+            let holds = ellipse(&pairs, 0.95);
+            [Series::new(Style::Dots, colour, format!("{dpf} dpf"), pairs), Series::new(Style::Line, colour, "", holds)]
+        })
+        .collect();
     section.plots.push(Plot {
         name: "larva_volume_area_joint",
-        svg: svg("Volume and area at ASD 84 (after figure 13)", "volume, 1e8 um^3", "area, 1e6 um^2", &series),
+        svg: svg("Volume and area at ASD 84, ellipses of 95 % (after figure 13)", "volume, 1e8 um^3", "area, 1e6 um^2", &series),
     });
 }
 

@@ -23,12 +23,16 @@ const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00
 pub enum Style {
     /// Joined.
     Line,
+    Dashed,
     Dots,
 }
 
 #[derive(Debug, Clone)]
 pub struct Series {
+    /// In the legend; without one it is left out there.
     pub name: String,
+    /// Series of one number have one colour.
+    pub colour: usize,
     pub points: Vec<[f64; 2]>,
     /// Half lengths of bars at the points; none where empty.
     pub bars: Vec<f64>,
@@ -36,12 +40,8 @@ pub struct Series {
 }
 
 impl Series {
-    pub fn line(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self { name: name.into(), points, bars: Vec::new(), style: Style::Line }
-    }
-
-    pub fn dots(name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
-        Self { name: name.into(), points, bars: Vec::new(), style: Style::Dots }
+    pub fn new(style: Style, colour: usize, name: impl Into<String>, points: Vec<[f64; 2]>) -> Self {
+        Self { name: name.into(), colour, points, bars: Vec::new(), style }
     }
 }
 
@@ -62,11 +62,11 @@ pub fn ellipse(pairs: &[[f64; 2]], share: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// A number every so far: 1, 2 or 5 times a power of ten, so that there are about six.
+/// A number every so far: 1, 2, 2.5 or 5 times a power of ten, so that there are three to six.
 fn ticks(low: f64, high: f64) -> Vec<f64> {
     let rough = (high - low) / 6.0;
     let power = 10f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0].map(|s| s * power).into_iter().find(|s| *s >= rough).unwrap_or(10.0 * power);
+    let step = [1.0, 2.0, 2.5, 5.0, 10.0].map(|s| s * power).into_iter().find(|s| *s >= rough).unwrap_or(10.0 * power);
     let (first, last) = ((low / step).ceil() as i64, (high / step + 1e-9).floor() as i64);
     (first..=last).map(|i| i as f64 * step).collect()
 }
@@ -127,11 +127,12 @@ pub fn svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> Stri
     let middle = f64::midpoint(TOP, bottom);
     out += &format!("<text transform=\"translate(16 {middle:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", escaped(y_label));
     let mut legend = LEFT;
-    for (i, s) in series.iter().enumerate() {
-        let colour = COLOURS[i % COLOURS.len()];
-        if s.style == Style::Line {
+    for s in series {
+        let colour = COLOURS[s.colour % COLOURS.len()];
+        if s.style != Style::Dots {
+            let dashes = if s.style == Style::Dashed { " stroke-dasharray=\"5 4\"" } else { "" };
             let points: Vec<String> = s.points.iter().map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1]))).collect();
-            out += &format!("<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"/>\n", points.join(" "));
+            out += &format!("<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"{dashes}/>\n", points.join(" "));
         } else {
             for p in &s.points {
                 out += &format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{colour}\" fill-opacity=\"0.7\"/>\n", x(p[0]), y(p[1]));
@@ -139,6 +140,9 @@ pub fn svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> Stri
         }
         for (p, bar) in s.points.iter().zip(&s.bars) {
             out += &format!("<path d=\"M{:.1} {:.1}V{:.1}\" stroke=\"{colour}\"/>\n", x(p[0]), y(p[1] - bar), y(p[1] + bar));
+        }
+        if s.name.is_empty() {
+            continue;
         }
         out += &format!(
             "<rect x=\"{legend:.1}\" y=\"25\" width=\"10\" height=\"10\" fill=\"{colour}\"/><text x=\"{:.1}\" y=\"34\">{}</text>\n",
@@ -174,6 +178,6 @@ mod tests {
         // Of one standard deviation's square as exp(-1/2) lies beyond.
         let one = ellipse(&[[0.0, 0.0], [2.0, 0.0], [1.0, 1.0]], 1.0 - (-0.5f64).exp());
         assert!((one[0][0] - 2.0).abs() < 1e-9, "{:?}", one[0]);
-        assert!(svg("a < b & c", "x", "y", &[Series::dots("s", vec![[0.0, 1.0]])]).contains("a &lt; b &amp; c"));
+        assert!(svg("a < b & c", "x", "y", &[Series::new(Style::Dots, 0, "s", vec![[0.0, 1.0]])]).contains("a &lt; b &amp; c"));
     }
 }
