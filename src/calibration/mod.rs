@@ -16,6 +16,7 @@ mod gate;
 mod least_squares;
 mod objective;
 mod psi;
+pub mod rig;
 mod robust;
 mod screen;
 mod search;

@@ -1,0 +1,270 @@
+//! The rig's own calibration: scale, refraction, drift. Values in, values out.
+//!
+//! ```text
+//!  micrometer   known um, seen px ──────────── weighted k ── the larger of stated and found scatter ─┐
+//!  bead, bore   k of today, measured, known ── k measured / known ── certificate, scatter of repeats ┴─ k +- sd, px/um
+//!  bead         length over width ── ky / kx: 1.000 behind water, 1.333 behind air
+//!  days         value, value, ... ── slope
+//! ```
+//! A turn's silhouettes do not tell `kx` and `ky`: what is known in um must be laid under the camera.
+
+use serde::{Deserialize, Serialize};
+
+/// ky over kx of a capillary that lies in air: the index of the water within. In water it is 1.
+pub const KY_OVER_KX_IN_AIR: f64 = 1.333;
+/// A bead whose length and width differ by more is no sphere to the fit: its diameter is no length.
+pub const ASPECT_OFF_MOST: f64 = 0.02;
+/// How far ky over kx may lie from water's or air's and still be called that.
+const REFRACTION_WITHIN: f64 = 0.01;
+
+/// A scale and its standard deviation, px/um.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Scale {
+    pub k: f64,
+    pub sd: f64,
+}
+
+/// Mean and standard deviation (divisor n - 1) of so many values; none of one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    pub n: usize,
+    pub mean: f64,
+    pub sd: Option<f64>,
+}
+
+/// What a known object tells of the image's scale across the capillary.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Refraction {
+    /// Of the camera that the beads were measured with.
+    pub ky_over_kx_configured: f64,
+    /// That the beads' length and width were equal.
+    pub ky_over_kx: f64,
+    /// Of the mean over the beads.
+    pub ky_over_kx_sd: Option<f64>,
+    /// The configured ky times this, if kx is right.
+    pub ky_factor: f64,
+    pub words: String,
+}
+
+/// A straight line through values over days.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Drift {
+    pub per_day: f64,
+    /// From the scatter about the line; none of two days.
+    pub per_day_sd: Option<f64>,
+}
+
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RigError {
+    #[error("{what} is {found}; expected {expected}")]
+    Value { what: &'static str, found: f64, expected: &'static str },
+    #[error("{found} {what}; {needed} or more are needed")]
+    TooFew { what: &'static str, found: usize, needed: usize },
+    #[error(
+        "length over width of a bead is {found:.4}, more than {ASPECT_OFF_MOST} off 1: kx and ky do not belong together; correct ky (carved calibrate beads tells by how much) and measure again"
+    )]
+    NotRound { found: f64 },
+}
+
+fn positive(what: &'static str, found: f64) -> Result<f64, RigError> {
+    if found.is_finite() && found > 0.0 { Ok(found) } else { Err(RigError::Value { what, found, expected: "a number above 0" }) }
+}
+
+fn not_negative(what: &'static str, found: f64) -> Result<f64, RigError> {
+    if found.is_finite() && found >= 0.0 { Ok(found) } else { Err(RigError::Value { what, found, expected: "0 or more" }) }
+}
+
+impl Spread {
+    /// Nothing of no values.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let n = values.len();
+        let mean = (n > 0).then(|| values.iter().sum::<f64>() / n as f64)?;
+        let sd = (n > 1).then(|| (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n as f64 - 1.0)).sqrt());
+        Some(Self { n, mean, sd })
+    }
+
+    /// Standard deviation of the mean.
+    pub fn sd_of_mean(&self) -> Option<f64> {
+        self.sd.map(|sd| sd / (self.n as f64).sqrt())
+    }
+}
+
+/// k of distances that are known and seen, each (um, px).
+///
+/// A reading error in px weighs longer distances by their square: k = sum(um px) / sum(um^2). Its standard deviation is the larger of
+/// what the stated error makes and what the repeats show, and beside it the ruler's own, `ruler_sd` as a share.
+pub fn from_micrometer(readings: &[[f64; 2]], reading_px: f64, ruler_sd: f64) -> Result<Scale, RigError> {
+    if readings.is_empty() {
+        return Err(RigError::TooFew { what: "readings of the micrometer", found: 0, needed: 1 });
+    }
+    positive("the reading error in px", reading_px)?;
+    not_negative("the micrometer's own error as a share", ruler_sd)?;
+    for [um, px] in readings {
+        positive("a known distance in um", *um)?;
+        positive("a measured distance in px", *px)?;
+    }
+    let squares: f64 = readings.iter().map(|[um, _]| um * um).sum();
+    let k = readings.iter().map(|[um, px]| um * px).sum::<f64>() / squares;
+    let misfit: f64 = readings.iter().map(|[um, px]| (px - k * um).powi(2)).sum();
+    let found_px = if readings.len() > 1 { (misfit / (readings.len() as f64 - 1.0)).sqrt() } else { 0.0 };
+    Ok(Scale { k, sd: (reading_px.max(found_px) / squares.sqrt()).hypot(k * ruler_sd) })
+}
+
+/// k from an object of known size that was measured with the k of today.
+///
+/// `known_sd_um` is the certificate's and stays however often is measured; `batch_sd_um` is that of single objects about the
+/// certificate, and shrinks with their number, as the scatter of the measured sizes does, which holds it too: the larger counts.
+pub fn from_known(k: f64, measured_um: &[f64], known_um: f64, known_sd_um: f64, batch_sd_um: f64) -> Result<Scale, RigError> {
+    positive("the scale of today in px/um", k)?;
+    positive("the certified size in um", known_um)?;
+    not_negative("the certificate's standard deviation in um", known_sd_um)?;
+    not_negative("the batch's standard deviation in um", batch_sd_um)?;
+    for um in measured_um {
+        positive("a measured size in um", *um)?;
+    }
+    let needed = if batch_sd_um > 0.0 { 1 } else { 2 };
+    let Some(found) = Spread::of(measured_um).filter(|s| s.n >= needed) else {
+        return Err(RigError::TooFew { what: "measured sizes", found: measured_um.len(), needed });
+    };
+    let scatter = found.sd.unwrap_or(0.0).max(batch_sd_um) / (found.n as f64).sqrt();
+    let k = k * found.mean / known_um;
+    Ok(Scale { k, sd: k * (scatter / found.mean).hypot(known_sd_um / known_um) })
+}
+
+/// Length and width of a bead from its sphere's diameter and length over width.
+///
+/// The sphere nearest to a spheroid that is nearly round has a third of it from the length: D = (L + 2 W) / 3, to 0.2 times the
+/// square of the aspect's deviation, which is under 1e-4 within [`ASPECT_OFF_MOST`].
+pub fn bead_extents(diameter_um: f64, aspect: f64) -> Result<[f64; 2], RigError> {
+    positive("a bead's diameter in um", diameter_um)?;
+    if aspect.is_nan() || (aspect - 1.0).abs() > ASPECT_OFF_MOST {
+        return Err(RigError::NotRound { found: aspect });
+    }
+    let width = 3.0 * diameter_um / (2.0 + aspect);
+    Ok([aspect * width, width])
+}
+
+/// What beads' length over width says of ky / kx: a bead is round, so that ky / kx is the configured one over the aspect.
+pub fn refraction(aspects: &[f64], ky_over_kx_configured: f64) -> Result<Refraction, RigError> {
+    positive("ky over kx as configured", ky_over_kx_configured)?;
+    for aspect in aspects {
+        positive("a bead's length over its width", *aspect)?;
+    }
+    let aspect = Spread::of(aspects).ok_or(RigError::TooFew { what: "beads", found: 0, needed: 1 })?;
+    let ky_over_kx = ky_over_kx_configured / aspect.mean;
+    let ky_over_kx_sd = aspect.sd_of_mean().map(|sd| ky_over_kx * sd / aspect.mean);
+    let within = REFRACTION_WITHIN.max(3.0 * ky_over_kx_sd.unwrap_or(0.0));
+    let near = |nominal: f64| (ky_over_kx - nominal).abs() <= within;
+    let words = match (near(1.0), near(KY_OVER_KX_IN_AIR)) {
+        (true, true) => {
+            format!("the beads scatter too much to tell water (1.000) from air ({KY_OVER_KX_IN_AIR}) around the capillary: measure more")
+        }
+        (true, false) => "water within and around the capillary (1.000): nothing refracts".into(),
+        (false, true) => format!("air around a capillary with water within ({KY_OVER_KX_IN_AIR})"),
+        (false, false) => format!(
+            "neither water (1.000) nor air ({KY_OVER_KX_IN_AIR}) around the capillary: another liquid, a wall that is not round, or edges that are wrong along or across"
+        ),
+    };
+    Ok(Refraction { ky_over_kx_configured, ky_over_kx, ky_over_kx_sd, ky_factor: 1.0 / aspect.mean, words })
+}
+
+/// The straight line nearest to values, each (day, value); nothing where all are of one moment.
+pub fn drift(values: &[[f64; 2]]) -> Option<Drift> {
+    let n = values.len() as f64;
+    let mean = [0, 1].map(|i| values.iter().map(|v| v[i]).sum::<f64>() / n);
+    let squares: f64 = values.iter().map(|[day, _]| (day - mean[0]).powi(2)).sum();
+    // Of no values it is 0 too.
+    if squares <= 0.0 {
+        return None;
+    }
+    let per_day = values.iter().map(|[day, value]| (day - mean[0]) * (value - mean[1])).sum::<f64>() / squares;
+    let misfit: f64 = values.iter().map(|[day, value]| (value - mean[1] - per_day * (day - mean[0])).powi(2)).sum();
+    let per_day_sd = (values.len() > 2).then(|| (misfit / (n - 2.0) / squares).sqrt());
+    Some(Drift { per_day, per_day_sd })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn near(found: f64, wanted: f64) {
+        assert!((found - wanted).abs() < 1e-9 * wanted.abs().max(1e-3), "{found} is not {wanted}");
+    }
+
+    // k = (1000 181 + 2000 364) / 5e6; misfits -0.8 and 0.4 px, 0.8 = 0.64 + 0.16; sqrt(5e6) = 2236.07 um.
+    #[test]
+    fn a_micrometer_weighs_longer_distances_and_takes_the_larger_scatter() {
+        let readings = [[1000.0, 181.0], [2000.0, 364.0]];
+        let scale = from_micrometer(&readings, 0.1, 0.0).unwrap();
+        near(scale.k, 0.1818);
+        near(scale.sd, 0.8_f64.sqrt() / 5e6_f64.sqrt());
+        near(from_micrometer(&readings, 2.0, 0.0).unwrap().sd, 2.0 / 5e6_f64.sqrt());
+        near(from_micrometer(&readings[..1], 0.3, 0.002).unwrap().sd, 0.0003_f64.hypot(0.181 * 0.002));
+    }
+
+    // Mean 505, scatter 5 / sqrt(3); certificate 2 of 500.
+    #[test]
+    fn a_certificate_does_not_shrink_with_repeats_and_a_batch_does() {
+        let measured = [500.0, 505.0, 510.0];
+        let scale = from_known(0.2, &measured, 500.0, 2.0, 0.0).unwrap();
+        near(scale.k, 0.202);
+        near(scale.sd / scale.k, (5.0 / 3.0_f64.sqrt() / 505.0).hypot(0.004));
+        // 25 beads of N(500, 25) tell 1 %, whatever they scatter by.
+        let many = from_known(0.2, &[500.0; 25], 500.0, 0.0, 25.0).unwrap();
+        near(many.sd / many.k, 0.01);
+        let repeats = from_known(0.2, &[500.0; 25], 500.0, 5.0, 0.0).unwrap();
+        near(repeats.sd / repeats.k, 0.01);
+    }
+
+    #[test]
+    fn what_is_no_measure_is_refused_with_its_number() {
+        let said = |e: RigError| e.to_string();
+        assert_eq!(said(from_known(0.2, &[500.0], 500.0, 2.0, 0.0).unwrap_err()), "1 measured sizes; 2 or more are needed");
+        assert!(from_known(0.2, &[500.0], 500.0, 2.0, 25.0).is_ok());
+        assert!(said(from_known(0.2, &[500.0, -1.0], 500.0, 2.0, 0.0).unwrap_err()).contains("is -1; expected a number above 0"));
+        assert!(said(from_micrometer(&[[0.0, 1.0]], 0.5, 0.0).unwrap_err()).contains("in um is 0; expected"));
+        assert!(said(from_micrometer(&[[1.0, 1.0]], 0.0, 0.0).unwrap_err()).contains("in px is 0; expected"));
+        assert!(said(bead_extents(500.0, 0.97).unwrap_err()).contains("0.9700, more than 0.02 off 1"));
+        assert!(bead_extents(500.0, f64::NAN).is_err());
+        assert_eq!(refraction(&[], 1.0).unwrap_err(), RigError::TooFew { what: "beads", found: 0, needed: 1 });
+    }
+
+    // The mean distance of a spheroid's surface from its centre, over even steps along it, is what a sphere fits.
+    #[test]
+    fn a_bead_that_is_nearly_round_gives_length_and_width() {
+        let (length, width): (f64, f64) = (509.0, 500.0);
+        let steps = 10_000;
+        let radius = |i: i32| {
+            let c = (f64::from(i) + 0.5) / f64::from(steps);
+            1.0 / ((2.0 * c / length).powi(2) + (1.0 - c * c) * (2.0 / width).powi(2)).sqrt()
+        };
+        let diameter = 2.0 * (0..steps).map(radius).sum::<f64>() / f64::from(steps);
+        let [found_length, found_width] = bead_extents(diameter, length / width).unwrap();
+        assert!((found_length / length - 1.0).abs() < 1e-4 && (found_width / width - 1.0).abs() < 1e-4, "{found_length} {found_width}");
+    }
+
+    // Air: the image is 1.333 times too wide, so that a bead is 0.75 as long as wide while ky is kx.
+    #[test]
+    fn the_aspect_tells_what_is_around_the_capillary() {
+        let air = refraction(&[0.749, 0.7504, 0.751], 1.0).unwrap();
+        assert!((air.ky_over_kx - 1.3328).abs() < 1e-3 && air.words.starts_with("air"), "{air:?}");
+        near(air.ky_factor, air.ky_over_kx);
+        let taken_in = refraction(&[1.001, 0.999], 1.333).unwrap();
+        assert!(taken_in.words.starts_with("air") && (taken_in.ky_factor - 1.0).abs() < 1e-9, "{taken_in:?}");
+        near(taken_in.ky_over_kx_sd.unwrap(), 1.333 * 0.001);
+        assert!(refraction(&[1.004, 1.0], 1.0).unwrap().words.starts_with("water"));
+        assert!(refraction(&[0.87, 0.88], 1.0).unwrap().words.starts_with("neither"));
+        assert!(refraction(&[0.6, 1.2], 1.0).unwrap().words.contains("measure more"));
+    }
+
+    // numpy.polyfit([0, 1, 3], [1, 2, 3], 1) gives 9 / 14; residuals' squares sum to 1 / 14 over squares of 14 / 3.
+    #[test]
+    fn drift_is_the_slope_over_days() {
+        let line = drift(&[[0.0, 1.0], [1.0, 2.0], [3.0, 3.0]]).unwrap();
+        near(line.per_day, 9.0 / 14.0);
+        near(line.per_day_sd.unwrap(), (1.0_f64 / 14.0 / (14.0 / 3.0)).sqrt());
+        assert_eq!(drift(&[[2.0, 1.0], [2.0, 5.0]]), None);
+        assert_eq!(drift(&[]), None);
+        assert_eq!(drift(&[[0.0, 1.0], [2.0, 5.0]]), Some(Drift { per_day: 2.0, per_day_sd: None }));
+    }
+}

@@ -1,0 +1,144 @@
+//! `carved calibrate beads`: what measured beads say of the rig, kept as a dated file.
+//!
+//! ```text
+//!  measurement.json of beads ── diameter ──────── mean, SD, t against N(500, 25)
+//!                            ├─ length over width ── ky / kx: water or air
+//!                            └─ the turn's axis ──── uy, gamma        ── calibration-DAY-ID.json ── history
+//! ```
+
+use super::measured::{self, Measured};
+use crate::calibration::rig::{self, Refraction, Spread};
+use crate::measure::references::bead::BeadScore;
+use crate::session::Mode;
+use crate::store::{StoreError, durable};
+use anyhow::{Context, ensure};
+use serde::{Deserialize, Serialize};
+use std::path::PathBuf;
+
+pub const SCHEMA: &str = "carved.calibration-beads/1";
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`); those that are no beads are passed over
+    #[arg(required = true, value_name = "RECORDING_OR_RUN")]
+    recordings: Vec<PathBuf>,
+    /// What the beads' mean diameter should be
+    #[arg(long, value_name = "UM", default_value_t = 500.0)]
+    nominal_um: f64,
+    /// Standard deviation of the batch about it
+    #[arg(long, value_name = "UM", default_value_t = 25.0)]
+    nominal_sd_um: f64,
+    /// Folder that the file is put in
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+}
+
+/// `calibration-DAY-ID.json`.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct BeadsFile {
+    pub schema: String,
+    pub id: String,
+    /// When this was computed, RFC 3339.
+    pub date: String,
+    #[serde(flatten)]
+    pub found: Found,
+}
+
+/// What the beads say; the id is its hash.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Found {
+    pub rig: String,
+    pub mode: Mode,
+    /// When the last of the beads was recorded, RFC 3339: its day is the file's.
+    pub measured: jiff::Timestamp,
+    pub recordings: Vec<PathBuf>,
+    pub diameter_um: Spread,
+    pub sphere_rms_um: Option<Spread>,
+    pub against: Against,
+    /// Length along the capillary over width across it.
+    pub aspect_ratio: Spread,
+    pub refraction: Refraction,
+    /// Of the turns that calibrated themselves.
+    pub uy_px: Option<Spread>,
+    /// Root mean square of the turns' own standard deviations: what `uy_px.sd` is if the rig stands still.
+    pub uy_turn_sd_px: Option<f64>,
+    pub gamma_rad: Option<Spread>,
+}
+
+/// The mean diameter against what it should be.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct Against {
+    pub nominal_um: f64,
+    pub nominal_sd_um: f64,
+    /// How well so many beads of the batch tell the scale, whatever they measure: not better than this.
+    pub scale_sd_percent: f64,
+    /// The paper's t score with its critical value; `null` of fewer than three beads, or beads all alike.
+    pub score: Option<serde_json::Value>,
+}
+
+/// Reads, judges, keeps and prints.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    for (option, um) in [("--nominal-um", args.nominal_um), ("--nominal-sd-um", args.nominal_sd_um)] {
+        ensure!(um.is_finite() && um > 0.0, "{option} is {um}; expected a number above 0");
+    }
+    let found = find(args)?;
+    let name = format!("calibration-{}-{}.json", found.measured.strftime("%Y-%m-%d"), measured::id(&found)?);
+    let path = args.out.join(name);
+    if path.exists() {
+        return Err(StoreError::Exists { path }).context("these beads are calibrated with already");
+    }
+    let file = BeadsFile { schema: SCHEMA.into(), id: measured::id(&found)?, date: jiff::Timestamp::now().to_string(), found };
+    durable::create_folder(&args.out)?;
+    durable::write_json(&path, &file)?;
+    eprintln!("carved: {}", path.display());
+    println!("{}", serde_json::to_string_pretty(&file)?);
+    Ok(())
+}
+
+fn find(args: &Args) -> anyhow::Result<Found> {
+    let set = measured::read(&args.recordings, true)?;
+    let beads = &set.recordings;
+    let diameters = each(beads, "diameter_um", |m| m.file.record.measurement.diameter_um)?;
+    let aspects = each(beads, "aspect_ratio", |m| m.file.record.measurement.aspect_ratio)?;
+    let rms: Vec<f64> = beads.iter().filter_map(|m| m.file.record.measurement.sphere_rms_um).collect();
+    let turns: Vec<_> = beads.iter().filter_map(|m| m.file.record.calibration.as_ref()).collect();
+    let of_turns = |value: fn(&crate::reconstruction::CalibrationRecord) -> f64| turns.iter().map(|c| value(c)).collect::<Vec<_>>();
+    let squares = of_turns(|c| c.uy_sd_px * c.uy_sd_px);
+    let measured = beads.iter().map(|m| m.started).max().context("0 beads; 1 or more is expected")?;
+    let score = BeadScore::of(&diameters, args.nominal_um).map(serde_json::to_value).transpose()?;
+    Ok(Found {
+        rig: set.rig,
+        mode: set.mode,
+        measured,
+        recordings: beads.iter().map(|m| m.path.clone()).collect(),
+        against: Against {
+            nominal_um: args.nominal_um,
+            nominal_sd_um: args.nominal_sd_um,
+            scale_sd_percent: 100.0 * args.nominal_sd_um / args.nominal_um / (beads.len() as f64).sqrt(),
+            score,
+        },
+        diameter_um: spread(&diameters)?,
+        sphere_rms_um: Spread::of(&rms),
+        refraction: rig::refraction(&aspects, set.camera.ky / set.camera.kx)?,
+        aspect_ratio: spread(&aspects)?,
+        uy_px: Spread::of(&of_turns(|c| c.psi.uy)),
+        uy_turn_sd_px: Spread::of(&squares).map(|s| s.mean.sqrt()),
+        gamma_rad: Spread::of(&of_turns(|c| c.psi.gamma)),
+    })
+}
+
+fn spread(values: &[f64]) -> anyhow::Result<Spread> {
+    Spread::of(values).context("0 beads; 1 or more is expected")
+}
+
+/// The value of each bead; the one without it is named.
+pub fn each(beads: &[Measured], name: &str, value: impl Fn(&Measured) -> Option<f64>) -> anyhow::Result<Vec<f64>> {
+    let one = |m: &Measured| {
+        let found = value(m).with_context(|| {
+            format!("{}: measurement.{name} is null: no sphere was fitted to this bead; leave it out", m.path.display())
+        })?;
+        ensure!(found.is_finite() && found > 0.0, "{}: measurement.{name} is {found}; expected a number above 0", m.path.display());
+        Ok(found)
+    };
+    beads.iter().map(one).collect()
+}

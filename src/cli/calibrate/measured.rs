@@ -1,0 +1,69 @@
+//! Recordings of one rig with their numbers, and the id of what was made of them.
+
+use crate::cli::measure::expand;
+use crate::geometry::Camera;
+use crate::hash::sha256_hex;
+use crate::session::{Mode, SpecimenKind};
+use crate::store::{MeasurementFile, RecordingReader};
+use anyhow::{Context, bail, ensure};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// A recording's numbers and when it was begun.
+pub struct Measured {
+    pub path: PathBuf,
+    pub started: jiff::Timestamp,
+    pub file: MeasurementFile,
+}
+
+/// Recordings that one rig made with one camera.
+pub struct Set {
+    pub rig: String,
+    pub mode: Mode,
+    pub camera: Camera,
+    pub recordings: Vec<Measured>,
+}
+
+/// Reads recordings and whole runs; with `beads_only`, what is no bead is passed over.
+pub fn read(names: &[PathBuf], beads_only: bool) -> anyhow::Result<Set> {
+    let mut set: Option<Set> = None;
+    for path in expand(names)? {
+        let reader = RecordingReader::open(&path)?;
+        let recording = reader.recording();
+        if beads_only && recording.specimen.specimen != SpecimenKind::Bead {
+            continue;
+        }
+        let (rig, mode, camera) = (&recording.rig.name, recording.mode, &recording.rig.camera);
+        let set = set.get_or_insert_with(|| Set { rig: rig.clone(), mode, camera: camera.clone(), recordings: Vec::new() });
+        let started = recording.started.parse().with_context(|| format!("{}: started = {:?}", path.display(), recording.started))?;
+        if let Some(first) = set.recordings.first() {
+            same(&first.path, &path, "rig", &set.rig, rig)?;
+            same(&first.path, &path, "mode", &set.mode, &mode)?;
+            same(&first.path, &path, "kx", &set.camera.kx, &camera.kx)?;
+            same(&first.path, &path, "ky", &set.camera.ky, &camera.ky)?;
+            ensure!(set.recordings.iter().all(|r| r.path != path), "{}: named twice; a recording counts once", path.display());
+        }
+        let file = reader.measurement()?;
+        set.recordings.push(Measured { path, started, file });
+    }
+    let kind = if beads_only { "beads" } else { "recordings" };
+    let set = set.with_context(|| format!("0 {kind} among what was named; 1 or more is expected"))?;
+    set.camera.check()?;
+    Ok(set)
+}
+
+fn same<T: PartialEq + std::fmt::Debug>(first: &Path, other: &Path, what: &str, a: &T, b: &T) -> anyhow::Result<()> {
+    if a != b {
+        bail!(
+            "{}: {what} is {b:?}, but that of {} is {a:?}; calibrate one rig with one camera at a time",
+            other.display(),
+            first.display()
+        );
+    }
+    Ok(())
+}
+
+/// The same content has the same id: the first 12 digits of its SHA-256.
+pub fn id<T: Serialize>(content: &T) -> anyhow::Result<String> {
+    Ok(sha256_hex(&serde_json::to_vec(content)?)[..12].to_owned())
+}
