@@ -81,8 +81,9 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
     let first = pivot(given);
     let mut state = State { camera: camera.clone(), rho, dy_px: vec![0.0; n] };
     let xs = places(camera, given)?;
-    let series = harmonics(&given.iter().map(|v| v.omega).collect::<Vec<_>>()).min(8);
-    let untold = untold(&given.iter().map(|v| v.omega).collect::<Vec<_>>(), series);
+    let turned: Vec<f64> = given.iter().map(|v| first + rho * (v.omega - first)).collect();
+    let series = harmonics(&turned);
+    let untold = untold(&turned, series);
     let mut supports: Vec<Option<Support>> = vec![None; xs.len()];
     let mut sd_um = f64::INFINITY;
     let mut passes = 0;
@@ -114,7 +115,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         let free = (tangents as f64 - (slices.len() * (2 * series + 1)) as f64).max(1.0);
         let all: Vec<f64> = slices.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
         sd_um = (mad_sd(&all) * (tangents as f64 / free).sqrt()).max(SD_LEAST_UM);
-        let (mut matrix, mut right) = normal_equations(&slices, &state, given, first, sd_um, nominal, priors);
+        let (mut matrix, mut right) = normal_equations(&slices, &state, given, first, sd_um, (nominal, rho), priors);
         for direction in &untold {
             let off = direction.dot(&DVector::from_column_slice(&state.dy_px));
             matrix.view_mut((SHARED, SHARED), (n, n)).ger(HELD, direction, direction, 1.0);
@@ -198,7 +199,7 @@ fn normal_equations(
     given: &[GivenView],
     first: f64,
     sd_um: f64,
-    nominal: &Camera,
+    (nominal, rho): (&Camera, f64),
     priors: Priors,
 ) -> (DMatrix<f64>, DVector<f64>) {
     let unknowns = SHARED + given.len();
@@ -227,7 +228,7 @@ fn normal_equations(
     hold(0, 0.0, 1e3);
     hold(1, state.camera.gamma - nominal.gamma, priors.gamma_rad);
     hold(2, state.camera.alpha - nominal.alpha, priors.alpha_rad);
-    hold(3, state.rho - 1.0, priors.rho);
+    hold(3, state.rho - rho, priors.rho);
     for (i, &dy) in state.dy_px.iter().enumerate() {
         hold(SHARED + i, dy, priors.dy_px);
     }

@@ -17,6 +17,8 @@ use serde::{Deserialize, Serialize};
 pub struct ViewOff {
     /// Of the distances between its edges and the model's, px; robust.
     pub rms_px: f64,
+    /// Of its edges, those that are far from the model of all others: a leak through a narrow gap.
+    pub far_share: f64,
     /// Down the image, its shift in the solution included, px.
     pub dy_px: f64,
     /// Along the capillary, px.
@@ -80,6 +82,8 @@ fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
     sizes.sort_by(f64::total_cmp);
     sizes.truncate(((1.0 - TRIM) * sizes.len() as f64).ceil() as usize);
     let rms_px = (sizes.iter().sum::<f64>() / sizes.len().max(1) as f64).sqrt();
+    let far = (FAR * rms_px).max(FAR_LEAST_PX);
+    let far_share = rows.iter().filter(|(_, r)| r.abs() > far).count() as f64 / rows.len().max(1) as f64;
     // A px, 3 px and 3 deg are what a view is expected to be off at most: profiles without a slope tell no shift along x.
     let mut fit = Vector3::zeros();
     let expected = Vector3::new(1.0, 3.0, 0.05);
@@ -97,8 +101,14 @@ fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
         let sd = mad_sd(&left).max(0.05);
         weights = left.iter().map(|r| super::robust::huber(r / sd)).collect();
     }
-    ViewOff { rms_px, dy_px: fit[0], dx_px: fit[1], turn: fit[2], jump_px: [0.0; 2] }
+    ViewOff { rms_px, far_share, dy_px: fit[0], dx_px: fit[1], turn: fit[2], jump_px: [0.0; 2] }
 }
+
+/// An edge is far from the model from so many of the view's own residuals on, and from so many px.
+const FAR: f64 = 6.0;
+const FAR_LEAST_PX: f64 = 4.0;
+/// A view may have this share of its edges far off: tips, and ends of fins.
+const FAR_MOST: f64 = 0.025;
 
 /// Why a view is left out; all px.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
@@ -107,6 +117,8 @@ pub enum Bad {
     Blank,
     #[error("its profile is {found:.1} px off the other views' model, theirs {usual:.1} px: it leaks, or shows something else")]
     Residual { found: f64, usual: f64 },
+    #[error("{:.0} % of its edges are far from the other views' model: it leaks, or a part is missing", 100.0 * share)]
+    Far { share: f64 },
     #[error("it lies {found:.1} px off in the image where views of this turn scatter by {usual:.1} px: it jumped")]
     Jumped { found: f64, usual: f64 },
     #[error("its profile covers {found:.2} times what the other views' turn makes expected: it leaks, or a part is missing")]
@@ -130,8 +142,14 @@ pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
         // The fewer the others, the less they know of the one left out.
         let most = (5.0 * usual).max(RESIDUAL_LEAST_PX) * (1.0 + 7.0 / offs.len() as f64);
         let jump = |off: f64, sd: f64| (off.abs() / (6.0 * sd).max(JUMP_LEAST_PX), Bad::Jumped { found: off.abs(), usual: sd });
-        [(o.rms_px / most, Bad::Residual { found: o.rms_px, usual }), jump(o.jump_px[0], o.jump_px[1]), jump(o.dx_px - dx, dx_sd)]
-            .map(|(excess, bad)| (excess, view, bad))
+        let far = o.far_share / FAR_MOST / (1.0 + 7.0 / offs.len() as f64);
+        [
+            (o.rms_px / most, Bad::Residual { found: o.rms_px, usual }),
+            (far, Bad::Far { share: o.far_share }),
+            jump(o.jump_px[0], o.jump_px[1]),
+            jump(o.dx_px - dx, dx_sd),
+        ]
+        .map(|(excess, bad)| (excess, view, bad))
     });
     let (excess, view, bad) = judged.max_by(|a, b| a.0.total_cmp(&b.0))?;
     (excess > 1.0).then_some((view, bad))

@@ -22,6 +22,10 @@ const HELD: f64 = 1e-6;
 const ROUND: f64 = 1.5;
 /// Fewer views fit any ratio of angles.
 const TELLS_STEPS: usize = 7;
+/// A ratio of angles is sought no further than this from where its search begins.
+const NEAR: f64 = 0.08;
+/// Another ratio of angles leaves no more than this share of the residuals that the planned one leaves.
+const EXPLAINS: f64 = 0.5;
 /// From residuals of this on the angles themselves are doubted, px.
 const DOUBT_PX: f64 = 1.0;
 
@@ -206,7 +210,13 @@ fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) 
         let first = pivot(&views);
         let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
         let start = axis(camera, &turned)?;
-        let solution = solve(&start, camera, rho, &views, priors)?;
+        let free = solve(&start, camera, rho, &views, priors);
+        // Views that fit no turn are fitted best by none: all angles alike.
+        let near = |s: &Solution| (s.rho / rho - 1.0).abs() < NEAR;
+        let solution = match free.filter(near) {
+            Some(solution) => solution,
+            None => solve(&start, camera, rho, &views, Priors { rho: HELD, ..priors })?,
+        };
         Some(Solved { start, solution, axis_told: true })
     };
     let residual = |s: &Solved| s.solution.residual_sd_um;
@@ -224,17 +234,17 @@ fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) 
         return nominal.ok_or(CalibrationError::NoSlices);
     }
     // Another number of steps per revolution: the angles are all in one ratio to the plan's.
-    let wide = Priors { rho: 1.0, ..priors };
-    let others = RATIOS.iter().filter_map(|&rho| from(rho, wide));
+    let others = RATIOS.iter().filter_map(|&rho| from(rho, priors));
     let better = others.min_by(|a, b| residual(a).total_cmp(&residual(b)));
     match (nominal, better) {
-        // What is planned stands unless another ratio explains far more.
-        (Some(a), Some(b)) if residual(&b) > 0.7 * residual(&a) => Ok(a),
+        // What is planned stands unless another ratio explains all: a specimen that moved fits no ratio, and some a little better.
+        (Some(a), Some(b)) if residual(&b) > EXPLAINS * residual(&a) || residual(&b) * camera.ky > DOUBT_PX => Ok(a),
         (_, Some(b)) => Ok(b),
         (Some(a), None) => Ok(a),
         (None, None) => Err(CalibrationError::NoSlices),
     }
 }
 
-/// Ratios of true to planned angles that are tried; between them the least squares find their way.
-const RATIOS: [f64; 16] = [0.5, 0.6, 0.7, 0.75, 0.8, 0.84, 0.88, 0.92, 0.96, 1.04, 1.08, 1.14, 1.2, 1.3, 1.5, 2.0];
+/// Ratios of true to planned angles that are tried; between them the least squares find their way. Half the turn would show every slice
+/// from each side once, and any views fit that.
+const RATIOS: [f64; 11] = [0.75, 0.8, 0.84, 0.88, 0.92, 0.96, 1.04, 1.08, 1.14, 1.2, 1.3];
