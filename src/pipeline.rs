@@ -286,7 +286,7 @@ impl Pipeline {
         flag(self.closure.is_none(), "no_closure");
         flag(looks_dead(&self.views), "dead_looking");
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
-        flag(model.measurement.fallback.is_some(), "nonconvex");
+        flag(model.measurement.is_nonconvex(), "nonconvex");
         flag(found.is_none(), "uncalibrated");
         flag(found.is_some_and(Calibration::has_wrong_steps), "wrong_steps");
         let record = SpecimenRecord {

@@ -107,8 +107,8 @@ fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
 /// An edge is far from the model from so many of the view's own residuals on, and from so many px.
 const FAR: f64 = 6.0;
 const FAR_LEAST_PX: f64 = 4.0;
-/// A view may have this share of its edges far off: tips, and ends of fins.
-const FAR_MOST: f64 = 0.025;
+/// A view may have this share of its edges far off: tips, and a fin that was lost for a stretch.
+const FAR_MOST: f64 = 0.08;
 
 /// Why a view is left out; all px.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]

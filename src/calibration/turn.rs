@@ -102,7 +102,7 @@ impl Calibration {
     /// Whether the capillary did not turn as far as the ledger says. A specimen that turned in it once looks alike.
     pub fn has_wrong_steps(&self) -> bool {
         let used = self.views.iter().filter(|v| v.bad.is_none()).count();
-        used >= TELLS_STEPS && self.moved.is_none() && (self.rho - 1.0).abs() > WRONG_STEPS.max(5.0 * self.sd.rho)
+        used >= TELLS_STEPS && self.moved.is_none() && (self.rho - 1.0).abs() > WRONG_STEPS.max(SURE * self.sd.rho)
     }
 }
 
@@ -145,10 +145,6 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
     let by_views = slope_sd(&turned(&used), &offs.iter().map(|o| o.turn).collect::<Vec<_>>());
     let sd_rho = by_views.max(solution.covariance[(3, 3)].sqrt()).max(if axis_told { 0.0 } else { priors.rho });
-    if axis_told && ((solution.rho - 1.0).abs() <= SURE * sd_rho || used.len() < TELLS_STEPS) {
-        Solved { start, solution, .. } = solved(camera, given, &used, Priors { rho: HELD, ..priors })?;
-    }
-    offs = views_off(&solution, &turned(&used));
     let mut covariance = solution.covariance.fixed_view::<4, 4>(0, 0).into_owned();
     let at_least = |value: &mut f64, sd: f64| *value = value.max(sd * sd);
     at_least(&mut covariance[(3, 3)], sd_rho);

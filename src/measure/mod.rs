@@ -81,6 +81,16 @@ pub struct Measurement {
     pub aspect_ratio: Option<f64>,
 }
 
+/// What the reasons say that are about the specimen's shape.
+pub(crate) const NOT_CONVEX: &str = "they are not convex";
+
+impl Measurement {
+    /// Whether the voxels are trusted because slices are hollow, or two.
+    pub fn is_nonconvex(&self) -> bool {
+        self.fallback.as_deref().is_some_and(|why| why.ends_with(NOT_CONVEX))
+    }
+}
+
 /// A way from views to numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

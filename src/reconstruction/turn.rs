@@ -5,7 +5,7 @@ use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Pose, 
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, SupportSettings, calibration_sd};
-use crate::measure::{Estimator, Measurement, SphereFit, Spread};
+use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
 use crate::range::{OutOfRange, outside};
 use crate::surface::Mesh;
@@ -123,6 +123,8 @@ impl From<&Calibration> for CalibrationRecord {
 
 /// Share of the volume in hollow slices from which slices are no longer nearly convex.
 const HOLLOW_MOST: f64 = 0.05;
+/// What is taken off as the profiles' errors is a small correction, or none.
+const BIAS_MOST: f64 = 0.03;
 /// A hull that allows misses holds its specimen: one that is smaller by this shows slices that are hollow in no single view.
 const HULL_LEAST: f64 = 0.95;
 
@@ -309,10 +311,15 @@ impl Reconstruction {
         let voxel = m.estimators.voxel.volume_um3;
         m.fallback = if support.hollow_share > HOLLOW_MOST {
             let percent = 100.0 * support.hollow_share;
-            Some(format!("{percent:.0} % of the volume lies in slices that a view shows to be hollow, or two bodies: they are not convex"))
+            Some(format!("{percent:.0} % of the volume lies in slices that a view shows to be hollow, or two bodies: {NOT_CONVEX}"))
+        } else if support.volume_bias_um3.abs() > BIAS_MOST * support.volume_um3.abs() {
+            let percent = 100.0 * support.volume_bias_um3 / support.volume_um3;
+            Some(format!(
+                "the views agree too badly for slices' outlines: their errors alone make {percent:.0} % of the volume. The turn has a gap, or the camera is off"
+            ))
         } else if calibration.is_some() && voxel < HULL_LEAST * support.volume_um3 {
             let percent = 100.0 * (1.0 - voxel / support.volume_um3);
-            Some(format!("the hull is {percent:.0} % smaller than its slices filled to their convex outlines: they are not convex"))
+            Some(format!("the hull is {percent:.0} % smaller than its slices filled to their convex outlines: {NOT_CONVEX}"))
         } else {
             None
         };

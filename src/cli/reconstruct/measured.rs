@@ -135,7 +135,7 @@ pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: Reconst
     let moved = found.and_then(|c| c.moved);
     flag(moved.is_some(), "moved", moved.map(|m| say_moved(m, &seen)));
     let fallback = model.measurement.fallback.clone();
-    flag(fallback.is_some(), "nonconvex", fallback.map(|why| format!("warning: the voxels' numbers are given: {why}")));
+    flag(model.measurement.is_nonconvex(), "nonconvex", fallback.map(|why| format!("warning: the voxels' numbers are given: {why}")));
     flag(
         found.is_none(),
         "uncalibrated",

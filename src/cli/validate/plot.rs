@@ -129,14 +129,14 @@ pub fn svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> Stri
     let mut legend = LEFT;
     for s in series {
         let colour = COLOURS[s.colour % COLOURS.len()];
-        if s.style != Style::Dots {
-            let dashes = if s.style == Style::Dashed { " stroke-dasharray=\"5 4\"" } else { "" };
-            let points: Vec<String> = s.points.iter().map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1]))).collect();
-            out += &format!("<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"{dashes}/>\n", points.join(" "));
-        } else {
+        if s.style == Style::Dots {
             for p in &s.points {
                 out += &format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{colour}\" fill-opacity=\"0.7\"/>\n", x(p[0]), y(p[1]));
             }
+        } else {
+            let dashes = if s.style == Style::Dashed { " stroke-dasharray=\"5 4\"" } else { "" };
+            let points: Vec<String> = s.points.iter().map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1]))).collect();
+            out += &format!("<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"{dashes}/>\n", points.join(" "));
         }
         for (p, bar) in s.points.iter().zip(&s.bars) {
             out += &format!("<path d=\"M{:.1} {:.1}V{:.1}\" stroke=\"{colour}\"/>\n", x(p[0]), y(p[1] - bar), y(p[1] + bar));
