@@ -66,7 +66,10 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
   if (well.area_um2 !== null) {
     const spread = well.area_sd_um2 === null ? "" : ` ± ${squareMillimetres(well.area_sd_um2)}`;
     rows.push(
-      ...fact("Surface area", number("area", squareMillimetres(well.area_um2) + spread, squareMicrometres(well.area_um2))),
+      ...fact(
+        "Surface area",
+        number("area", squareMillimetres(well.area_um2) + spread, squareMicrometres(well.area_um2)),
+      ),
     );
   }
   const { field_volume_um3, field_area_um2 } = well;
