@@ -89,6 +89,8 @@ pub enum ReconstructionError {
     #[error(transparent)]
     Contour(#[from] ContourError),
     #[error(transparent)]
+    Setting(#[from] OutOfRange),
+    #[error(transparent)]
     Fairing(#[from] FairingError),
     #[error("sphere: {0}")]
     Sphere(#[from] SphereError),
@@ -124,9 +126,8 @@ impl HullModel {
     /// # Errors
     /// Refuses settings that make no model, before any view is taken.
     pub fn new(grid: VoxelGrid, planned_views: usize, settings: ReconstructionSettings) -> Result<Self, ReconstructionError> {
-        let found = settings.surface.fairing_lambda;
-        if !(found.is_finite() && found >= 0.0) {
-            return Err(FairingError::Lambda { found }.into());
+        if let Some(&wrong) = settings.surface.check().first() {
+            return Err(wrong.into());
         }
         Ok(Self { carver: Carver::new(grid, planned_views, settings.epsilon)?, contours: Vec::new(), settings })
     }

@@ -175,6 +175,9 @@ fn bad_input_is_named_with_what_was_found_and_expected_and_nothing_is_written() 
     expect(run(&views, "nofile.json", &[]), &["nofile.json", "cannot be read"]);
     expect(run(&out.display().to_string(), &cameras, &[]), &["no .png or .pgm file"]);
     expect(run(&views, &cameras, &["--epsilon", "1"]), &["epsilon is 1"]);
+    expect(run(&views, &cameras, &["--epsilon", "-0.1"]), &["epsilon is -0.1"]);
+    expect(run(&views, &cameras, &["--fairing-iterations", "1001"]), &["fairing_iterations = 1001", "0 to 1000"]);
+    expect(run(&views, &cameras, &["--out", "q.obj"]), &["q.obj", ".ply"]);
     expect(run(&views, &cameras, &["--out", "gone/x.ply"]), &["gone", "found no folder"]);
 
     let three = dir.path().join("three.txt");

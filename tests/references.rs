@@ -250,6 +250,10 @@ fn a_labs_own_controls_become_references_that_match_its_next_larva() {
         assert!(volume.z > 0.0 && volume.n == 4, "{volume:?}");
     }
 
+    // A bare name lies in the folder that is worked in.
+    let bare = common::carved().current_dir(dir.path()).args(["reference", "build", "--out", "bare.toml", "r1"]).output().unwrap();
+    assert!(bare.status.success() && dir.path().join("bare.toml").is_file(), "{}", common::stderr(&bare));
+
     let again = build(&[]);
     assert!(!again.status.success() && common::stderr(&again).contains("nothing is overwritten"));
 }

@@ -13,7 +13,7 @@ mod serve;
 mod simulate;
 mod validate;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::process::ExitCode;
 
 #[derive(Debug, Parser)]
@@ -56,9 +56,17 @@ enum ConfigCommand {
     Check(check::Args),
 }
 
+/// With `-0.1` as a value and no option, everywhere: what takes it says what it expects.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|arg| if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg })
+        .mut_subcommands(with_negative_numbers)
+}
+
 /// Runs the command that the arguments name.
 pub fn main() -> anyhow::Result<ExitCode> {
-    match Cli::parse().command {
+    let matches = with_negative_numbers(Cli::command()).get_matches();
+    match Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit()).command {
         Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
@@ -72,4 +80,24 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_below_0_is_a_value_in_every_command() {
+        let command = with_negative_numbers(Cli::command());
+        command.clone().debug_assert();
+        for line in [
+            "reconstruct --views v --cameras c --epsilon -0.1 --box -1,1,-1,1,-1,1",
+            "calibrate specimen --views v --cameras c --voxel -1",
+            "simulate --time-scale -2",
+            "import --even --sense -1 frames",
+        ] {
+            let read = command.clone().try_get_matches_from(std::iter::once("carved").chain(line.split(' ')));
+            assert!(read.is_ok(), "{line}: {}", read.unwrap_err());
+        }
+    }
 }

@@ -151,9 +151,17 @@ fn what_makes_no_model_is_refused_by_name() {
     assert!(matches!(refused, Err(ReconstructionError::Contour(_))), "{refused:?}");
     assert_eq!(hull.live().views, 0);
 
-    let lambda = SurfaceSettings { fairing_lambda: -0.1, ..SurfaceSettings::default() };
-    let settings = ReconstructionSettings { surface: lambda, ..ReconstructionSettings::default() };
-    assert!(matches!(Reconstruction::new(&camera(), grid, 4, settings), Err(ReconstructionError::Fairing(_))));
+    for (surface, said) in [
+        (SurfaceSettings { fairing_lambda: -0.1, ..SurfaceSettings::default() }, "fairing_lambda = -0.1; expected 0 to 100 (weight)"),
+        (SurfaceSettings { fairing_lambda: f64::NAN, ..SurfaceSettings::default() }, "fairing_lambda = NaN; expected 0 to 100 (weight)"),
+        (
+            SurfaceSettings { fairing_iterations: 1001, ..SurfaceSettings::default() },
+            "fairing_iterations = 1001; expected 0 to 1000 iterations",
+        ),
+    ] {
+        let settings = ReconstructionSettings { surface, ..ReconstructionSettings::default() };
+        assert_eq!(Reconstruction::new(&camera(), grid, 4, settings).unwrap_err().to_string(), said);
+    }
     let camera = Camera { kx: 0.0, ..camera() };
     assert!(matches!(Reconstruction::new(&camera, grid, 4, ReconstructionSettings::default()), Err(ReconstructionError::Camera(_))));
 }

@@ -25,7 +25,7 @@ pub use worker::Instrument;
 
 pub use event::Event;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};
-pub use plan::{FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name};
+pub use plan::{FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
     CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus, SchedulerAction,

@@ -68,7 +68,8 @@ pub fn is_plain_name(name: &str) -> bool {
         && name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.'))
 }
 
-fn is_well(name: &str) -> bool {
+/// Whether a name is a well's, of plates of 384 at most: `A01` to `P24`.
+pub fn is_well(name: &str) -> bool {
     let b = name.as_bytes();
     b.len() == 3
         && (b'A'..=b'P').contains(&b[0])

@@ -8,7 +8,7 @@ use std::path::Path;
 /// Replaces `path` by `bytes`, so that a reader and a crash see the old file or the new one, never a mixture.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     let at = |what| move |source| StoreError::Io { what, path: path.to_owned(), source };
-    let folder = path.parent().unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let part = folder.join(name);
@@ -24,6 +24,11 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
     }
     written?;
     sync_folder(folder)
+}
+
+/// The folder that a file lies in; of a bare name, the one that is worked in.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Makes names in a folder durable.

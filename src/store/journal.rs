@@ -37,9 +37,7 @@ impl Journal {
                 found: format!("line {}: {e}", i + 1),
             })?);
         }
-        if let Some(folder) = path.parent() {
-            durable::sync_folder(folder)?;
-        }
+        durable::sync_folder(durable::folder_of(path))?;
         let next_id = events.last().map_or(1, |e| e.id + 1);
         let faults = events.iter().filter(|e| e.kind == "fault.raised").filter_map(|e| e.data["seq"].as_u64());
         let last_fault = faults.max().unwrap_or(0);

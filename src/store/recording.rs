@@ -258,7 +258,7 @@ pub struct RecordingReader {
 impl RecordingReader {
     /// `path` is the recording's folder or its `recording.json`.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let folder = if path.is_file() { path.parent().unwrap_or(Path::new(".")).to_owned() } else { path.to_owned() };
+        let folder = if path.is_file() { durable::folder_of(path).to_owned() } else { path.to_owned() };
         let file = folder.join(RECORDING);
         let recording: Recording = durable::read_json(&file, "a recording (carved.recording/1)")?;
         if recording.schema != SCHEMA {

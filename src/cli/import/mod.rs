@@ -56,7 +56,7 @@ pub struct Args {
     #[arg(long)]
     closure: bool,
     /// What degrees of the axis do: 1 moves the near wall to larger v, -1 to smaller [default: the configuration's, else 1]
-    #[arg(long, value_name = "1|-1", allow_negative_numbers = true, value_parser = clap::builder::PossibleValuesParser::new(["1", "-1"]))]
+    #[arg(long, value_name = "1|-1", value_parser = clap::builder::PossibleValuesParser::new(["1", "-1"]))]
     sense: Option<String>,
     /// Configuration whose [optics], sense, method and empty capillary are used; --cameras goes before its [optics]
     /// [default: the published rig's 5.5 um per px, axis in the picture's middle, camera 60 mm away]

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 /// Where the recording goes; nothing that is there is touched.
 pub(super) fn choose(out: Option<&Path>, named: &[PathBuf]) -> anyhow::Result<PathBuf> {
     let Some(out) = out else {
-        let folder = named.first().map(|p| if p.is_dir() { p.clone() } else { p.parent().unwrap_or(Path::new("")).join(".") });
+        let folder = named.first().map(|p| if p.is_dir() { p.clone() } else { durable::folder_of(p).to_owned() });
         let name = folder.and_then(|f| f.canonicalize().ok()).and_then(|f| f.file_name().map(|n| n.to_string_lossy().into_owned()));
         let name = name.unwrap_or_else(|| "frames".into());
         let free = (1..10_000)
@@ -22,13 +22,9 @@ pub(super) fn choose(out: Option<&Path>, named: &[PathBuf]) -> anyhow::Result<Pa
     if out.file_name().is_none() {
         bail!("--out {}: expected the name of a folder to be made", out.display());
     }
-    let folder = beside(out);
+    let folder = durable::folder_of(out);
     ensure!(folder.is_dir(), "--out {}: found no folder {}, expected one to write into", out.display(), folder.display());
     Ok(out.to_owned())
-}
-
-fn beside(path: &Path) -> &Path {
-    path.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// A folder that is gone again unless it was put in its place.
@@ -44,7 +40,7 @@ impl Drop for Part {
 /// Writes the recording, whole or not at all.
 pub(super) fn write(out: &Path, recording: Recording, imported: &Imported) -> anyhow::Result<()> {
     let name = out.file_name().unwrap_or_default().to_string_lossy();
-    let part = Part(beside(out).join(format!(".{name}.{}.part", std::process::id())));
+    let part = Part(durable::folder_of(out).join(format!(".{name}.{}.part", std::process::id())));
     std::fs::create_dir(&part.0).with_context(|| format!("{}: cannot be made", part.0.display()))?;
     let (steps_per_revolution, sense) = (recording.rig.steps_per_revolution, recording.rig.sense);
     let mut writer = RecordingWriter::create(&part.0, recording, imported.empty.as_deref())?;
@@ -71,6 +67,6 @@ pub(super) fn write(out: &Path, recording: Recording, imported: &Imported) -> an
     writer.close()?;
     ensure!(out.symlink_metadata().is_err(), "{}: was made by somebody else meanwhile; nothing is overwritten", out.display());
     std::fs::rename(&part.0, out).with_context(|| format!("{}: cannot be put in place", out.display()))?;
-    durable::sync_folder(beside(out))?;
+    durable::sync_folder(durable::folder_of(out))?;
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! Where the mesh goes; a file that is there is never replaced unasked.
 
+use crate::store::durable;
 use anyhow::{Context, bail};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -22,7 +23,10 @@ impl Destination {
             let stem = views.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
             return Ok(Self::Free { folder: PathBuf::new(), stem: stem.unwrap_or_else(|| "model".into()) });
         };
-        let folder = out.parent().filter(|f| !f.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if let Some(ending) = out.extension().filter(|e| !e.eq_ignore_ascii_case("ply")) {
+            bail!("--out {}: found the ending .{}; PLY is written, expected .ply", out.display(), ending.display());
+        }
+        let folder = durable::folder_of(out);
         if !folder.is_dir() {
             bail!("--out {}: found no folder {}, expected one to write into", out.display(), folder.display());
         }
@@ -100,5 +104,12 @@ mod tests {
         assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 1, "no part is left");
         assert!(Destination::choose(Some(&dir.path().join("none/x.ply")), dir.path(), false).is_err());
         assert!(Destination::choose(Some(dir.path()), dir.path(), true).is_err());
+    }
+
+    #[test]
+    fn a_name_that_promises_another_format_is_refused() {
+        let choose = |name: &str| Destination::choose(Some(Path::new(name)), Path::new("views"), false);
+        assert_eq!(choose("q.obj").unwrap_err().to_string(), "--out q.obj: found the ending .obj; PLY is written, expected .ply");
+        assert!(choose("q.PLY").is_ok() && choose("q").is_ok());
     }
 }

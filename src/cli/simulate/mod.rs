@@ -14,7 +14,7 @@ use super::serve;
 use crate::config::{CameraDriver, Config, RotationDriver};
 use crate::device::camera::CameraSelect;
 use crate::device::sampler::{LoaderGate, Sampler};
-use crate::session::{Instrument, Mode};
+use crate::session::{Instrument, Mode, is_well};
 use anyhow::Context;
 use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight};
 use job::Job;
@@ -41,11 +41,15 @@ pub struct Args {
     #[arg(long, default_value_t = 1.0)]
     time_scale: f64,
     /// Wells of every simulated plate that hold nothing.
-    #[arg(long, value_delimiter = ',', default_value = "A04")]
+    #[arg(long, value_delimiter = ',', default_value = "A04", value_parser = well)]
     empty: Vec<String>,
     /// Play a recording back through both device doors instead of the scene, and compare the numbers.
     #[arg(long, value_name = "RECORDING")]
     replay: Option<PathBuf>,
+}
+
+fn well(name: &str) -> Result<String, String> {
+    if is_well(name) { Ok(name.to_owned()) } else { Err("wells are A01 to P24; the demo plate has A01 to A04".into()) }
 }
 
 pub fn run(args: Args) -> anyhow::Result<()> {
