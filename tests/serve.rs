@@ -13,7 +13,7 @@ mod common;
 use common::{Daemon, PATIENCE, json};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
-use hardware_sim::{RigSettings, ShaftSettings};
+use hardware_sim::{Controller, RigSettings, ShaftSettings};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
@@ -61,7 +61,7 @@ impl Instrument {
         let mut firmware = Settings::default();
         firmware.set(120, rate.acceleration).unwrap();
         let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
-        let settings = RigSettings { time_scale: rate.time_scale, firmware, shaft, ..RigSettings::default() };
+        let settings = RigSettings { time_scale: rate.time_scale, controller: Controller::Grbl(firmware), shaft, ..RigSettings::default() };
         let rig = hardware_sim::Rig::start(settings, scene.clone()).unwrap();
 
         // The file that a user starts from, with this rig's values.

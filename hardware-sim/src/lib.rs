@@ -19,13 +19,14 @@ pub mod motion;
 pub mod replay;
 pub mod rig;
 pub mod scene;
+pub mod serial;
 pub mod shaft;
 pub mod sight;
 pub mod test_card;
 pub mod truth;
 
 pub use replay::{Replay, ReplayError};
-pub use rig::{CameraAddress, Faults, Rig, RigError, RigSettings};
+pub use rig::{CameraAddress, Controller, Faults, Rig, RigError, RigSettings};
 pub use scene::Exposure;
 pub use shaft::ShaftSettings;
 pub use sight::{PixelFormat, Pixels, Sight};

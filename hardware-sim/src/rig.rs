@@ -2,7 +2,8 @@
 
 use crate::clock::RigClock;
 use crate::gige::{CameraFaults, GigeCamera};
-use crate::grbl::{SerialFaults, SerialPort, Settings};
+use crate::grbl;
+use crate::serial::{Firmware, SerialFaults, SerialPort};
 use crate::shaft::{Shaft, ShaftSettings};
 use crate::sight::{PixelFormat, Sight};
 use crate::truth::ExposureRecord;
@@ -20,6 +21,26 @@ pub enum CameraAddress {
     FirstFree,
 }
 
+/// Which controller turns the shaft.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Controller {
+    Grbl(grbl::Settings),
+}
+
+impl Default for Controller {
+    fn default() -> Self {
+        Self::Grbl(grbl::Settings::default())
+    }
+}
+
+impl Controller {
+    fn firmware(self, shaft: Arc<Shaft>, faults: Arc<SerialFaults>) -> Box<dyn Firmware> {
+        match self {
+            Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, faults, settings)),
+        }
+    }
+}
+
 /// What the rig is made of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigSettings {
@@ -29,7 +50,7 @@ pub struct RigSettings {
     pub camera: CameraAddress,
     /// What the camera sends until a host chooses otherwise.
     pub pixel_format: PixelFormat,
-    pub firmware: Settings,
+    pub controller: Controller,
     /// A path that points to the serial port, whatever its device name; none gives the device name itself.
     pub serial_link: Option<PathBuf>,
 }
@@ -41,7 +62,7 @@ impl Default for RigSettings {
             time_scale: 1.0,
             camera: CameraAddress::default(),
             pixel_format: PixelFormat::BayerRG8,
-            firmware: Settings::default(),
+            controller: Controller::default(),
             serial_link: None,
         }
     }
@@ -91,8 +112,9 @@ impl Rig {
         let shaft = Arc::new(Shaft::new(clock, settings.shaft));
         let camera = start_camera(&settings, clock, &shaft, &sight)?;
         let link = settings.serial_link;
-        let port =
-            SerialPort::start(clock, Arc::clone(&shaft), settings.firmware, link.clone()).map_err(|why| RigError::Serial { link, why })?;
+        let controller = settings.controller;
+        let port = SerialPort::start(clock, |faults| controller.firmware(Arc::clone(&shaft), faults), link.clone())
+            .map_err(|why| RigError::Serial { link, why })?;
         Ok(Self { shaft, port, camera })
     }
 

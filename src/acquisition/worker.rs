@@ -62,6 +62,8 @@ pub fn revolve(
 ) -> Result<Ledger, AcquisitionError> {
     let guard = StopUnlessDone(Some(rig.rotation.stop_handle()));
     let mut ledger = Ledger::default();
+    let targets: Vec<_> = plan.stops().iter().map(|stop| stop.target).collect();
+    rig.rotation.announce(&targets).map_err(|source| AcquisitionError::Device { view: 0, source })?;
     for stop in plan.stops() {
         let (entry, frame) = take_view(rig, plan, settings, cancel, *stop)?;
         ledger.push(entry.clone())?;
@@ -136,7 +138,7 @@ impl Drop for StopUnlessDone {
 mod tests {
     use super::*;
     use crate::acquisition::ViewOrder;
-    use crate::device::{Achieved, Camera, Grabbed, Position, RotationAxis, StreamCounters};
+    use crate::device::{Achieved, Camera, Capabilities, Grabbed, Position, RotationAxis, StreamCounters};
     use crate::frame::PixelFormat;
     use crate::units::{Steps, StepsPerRevolution};
     use std::sync::Arc;
@@ -160,6 +162,9 @@ mod tests {
     impl RotationAxis for FakeAxis {
         fn identity(&self) -> &'static str {
             "fake"
+        }
+        fn capabilities(&self) -> Capabilities {
+            Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
         }
         fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
             Ok(Achieved { steps: Steps(0), epoch: 1 })

@@ -3,7 +3,7 @@
 use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler};
-use crate::device::{Rig, camera, rotation};
+use crate::device::{Rig, RotationAxis, camera, rotation};
 use crate::session::{Instrument, Mode};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Opens every device that the configuration names, or says which does not answer.
 pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
-    let rotation = match &config.rotation {
+    let rotation: Box<dyn RotationAxis> = match &config.rotation {
         RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::open(settings.clone())?),
     };
     let camera = match &config.camera {

@@ -114,9 +114,8 @@ impl Config {
             Arc::new([])
         });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
-        let RotationDriver::Grbl(rotation) = &raw.rotation;
         let CameraDriver::Aravis(camera) = &raw.camera;
-        for checked in [rotation.check(), camera.check()] {
+        for checked in [raw.rotation.check(), camera.check()] {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));

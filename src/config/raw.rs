@@ -2,6 +2,7 @@
 
 use super::Method;
 use crate::acquisition::AcquisitionSettings;
+use crate::device::DeviceError;
 use crate::device::camera::AravisSettings;
 use crate::device::rotation::GrblSettings;
 use crate::frame::PixelFormat;
@@ -66,6 +67,16 @@ pub(super) struct RawOptics {
 #[serde(tag = "driver", rename_all = "snake_case")]
 pub enum RotationDriver {
     Grbl(GrblSettings),
+}
+
+impl RotationDriver {
+    /// # Errors
+    /// The first setting that no such controller can have.
+    pub(super) fn check(&self) -> Result<(), DeviceError> {
+        match self {
+            Self::Grbl(settings) => settings.check(),
+        }
+    }
 }
 
 /// Which door the camera is behind.

@@ -39,10 +39,33 @@ pub struct Achieved {
     pub epoch: u32,
 }
 
+/// What a controller can do and tell. Who drives an axis asks; nothing is assumed of a make.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[allow(clippy::struct_excessive_bools)] // a list of answers, not a state
+pub struct Capabilities {
+    /// It reports where it counts itself to stand.
+    pub has_position: bool,
+    /// It measures where the shaft stands.
+    pub has_encoder: bool,
+    /// It notices a shaft that does not follow.
+    pub has_stall: bool,
+    /// A move under way can be ended.
+    pub can_stop: bool,
+    /// It can be sent to any position; else only onward.
+    pub absolute: bool,
+    /// It steps through a list that was given to it before, at each trigger.
+    pub trigger_only: bool,
+}
+
 /// The axis that turns the capillary.
 pub trait RotationAxis: Send {
     /// What the controller says of itself, for the record.
     fn identity(&self) -> &str;
+    fn capabilities(&self) -> Capabilities;
+    /// Tells where the next revolution will stop, in order, before its first move; a trigger-stepped axis needs it.
+    fn announce(&mut self, _stops: &[Steps]) -> Result<(), DeviceError> {
+        Ok(())
+    }
     /// Finds the axis' reference and makes it step 0 of a new epoch. It lifts an earlier stop, but never one whose caller
     /// has cancelled `cancel`: who stops for good cancels first, then stops.
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError>;

@@ -1,6 +1,6 @@
 //! What can be made to go wrong between the host and the camera.
 
-use crate::grbl::take_one;
+use crate::serial::take_one;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
 /// Knobs that act on the camera's answers and on its stream.

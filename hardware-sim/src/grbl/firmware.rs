@@ -8,12 +8,12 @@
 //! ```
 //! `ok` says that a line was taken, not that the machine has arrived; only `G4` waits for the planner to drain.
 
-use super::faults::SerialFaults;
 use super::gcode::{Action, Parser};
 use super::report::{Reporter, Snapshot};
 use super::settings::Settings;
 use super::words;
 use crate::motion::MotionProfile;
+use crate::serial::{self, SerialFaults};
 use crate::shaft::Shaft;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -107,7 +107,7 @@ enum Homing {
     Leave,
 }
 
-pub(super) struct Firmware {
+pub(crate) struct Firmware {
     shaft: Arc<Shaft>,
     faults: Arc<SerialFaults>,
     settings: Settings,
@@ -123,6 +123,73 @@ pub(super) struct Firmware {
     mode: Mode,
     wait: Wait,
     out: Vec<u8>,
+}
+
+impl serial::Firmware for Firmware {
+    fn restarts_when_opened(&self) -> bool {
+        true
+    }
+
+    fn take_output(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.out)
+    }
+
+    fn lose_power(&mut self, now_s: f64) {
+        self.stop_motor(now_s);
+        self.position = [0; 3];
+        self.forget();
+    }
+
+    fn boot(&mut self) {
+        self.mode = if self.settings.is_on(22) { Mode::Alarm } else { Mode::Idle };
+        self.greet();
+    }
+
+    fn next_event_s(&self) -> Option<f64> {
+        let motion = self.running.as_ref().map(|r| r.limit_s.unwrap_or_else(|| r.end_s()));
+        let dwell = match self.wait {
+            Wait::Dwell { until_s } => Some(until_s),
+            _ => None,
+        };
+        match (motion, dwell) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        }
+    }
+
+    fn advance(&mut self, now_s: f64) {
+        while let Some(at_s) = self.next_event_s().filter(|at| *at <= now_s) {
+            if let Wait::Dwell { until_s } = self.wait
+                && until_s <= at_s
+            {
+                self.wait = Wait::Nothing;
+                self.ok();
+            }
+            if self.running.as_ref().is_some_and(|r| r.limit_s.is_some_and(|limit| limit <= at_s)) {
+                self.stop_motor(at_s);
+                self.critical(1);
+            } else if self.running.as_ref().is_some_and(|r| r.end_s() <= at_s) {
+                self.arrived(at_s);
+            }
+            self.main_loop(at_s);
+        }
+    }
+
+    fn receive(&mut self, bytes: &[u8], now_s: f64) {
+        for &byte in bytes {
+            match byte {
+                0x18 => self.reset(now_s),
+                b'?' => self.status(now_s),
+                b'!' => self.hold(now_s),
+                b'~' => self.resume(),
+                0x85 => self.cancel_jog(now_s),
+                0x80.. => {}
+                _ if self.received.len() < RECEIVE_BYTES => self.received.push_back(byte),
+                _ => {}
+            }
+            self.main_loop(now_s);
+        }
+    }
 }
 
 impl Firmware {
@@ -142,72 +209,6 @@ impl Firmware {
             mode: Mode::Idle,
             wait: Wait::Nothing,
             out: Vec::new(),
-        }
-    }
-
-    /// Bytes to send since the last call.
-    pub fn take_output(&mut self) -> Vec<u8> {
-        std::mem::take(&mut self.out)
-    }
-
-    /// The controller loses power or is reset by its port: the motor stands still, what it counted is gone.
-    pub fn lose_power(&mut self, now_s: f64) {
-        self.stop_motor(now_s);
-        self.position = [0; 3];
-        self.forget();
-    }
-
-    /// The controller starts: it greets, and is locked where it has a reference switch.
-    pub fn boot(&mut self) {
-        self.mode = if self.settings.is_on(22) { Mode::Alarm } else { Mode::Idle };
-        self.greet();
-    }
-
-    /// The next instant at which something happens without a byte coming in.
-    pub fn next_event_s(&self) -> Option<f64> {
-        let motion = self.running.as_ref().map(|r| r.limit_s.unwrap_or_else(|| r.end_s()));
-        let dwell = match self.wait {
-            Wait::Dwell { until_s } => Some(until_s),
-            _ => None,
-        };
-        match (motion, dwell) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        }
-    }
-
-    /// Lets everything happen that is due by `now_s`.
-    pub fn advance(&mut self, now_s: f64) {
-        while let Some(at_s) = self.next_event_s().filter(|at| *at <= now_s) {
-            if let Wait::Dwell { until_s } = self.wait
-                && until_s <= at_s
-            {
-                self.wait = Wait::Nothing;
-                self.ok();
-            }
-            if self.running.as_ref().is_some_and(|r| r.limit_s.is_some_and(|limit| limit <= at_s)) {
-                self.stop_motor(at_s);
-                self.critical(1);
-            } else if self.running.as_ref().is_some_and(|r| r.end_s() <= at_s) {
-                self.arrived(at_s);
-            }
-            self.main_loop(at_s);
-        }
-    }
-
-    pub fn receive(&mut self, bytes: &[u8], now_s: f64) {
-        for &byte in bytes {
-            match byte {
-                0x18 => self.reset(now_s),
-                b'?' => self.status(now_s),
-                b'!' => self.hold(now_s),
-                b'~' => self.resume(),
-                0x85 => self.cancel_jog(now_s),
-                0x80.. => {}
-                _ if self.received.len() < RECEIVE_BYTES => self.received.push_back(byte),
-                _ => {}
-            }
-            self.main_loop(now_s);
         }
     }
 

@@ -5,6 +5,7 @@
 
 use super::*;
 use crate::clock::RigClock;
+use crate::serial::Firmware as _;
 use crate::shaft::ShaftSettings;
 use std::f64::consts::TAU;
 

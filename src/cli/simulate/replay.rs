@@ -1,6 +1,6 @@
 //! A recording in place of the scene: the emulated axis turns, the emulated camera sends the recorded frame of that angle.
 
-use super::{Before, Job, rig_settings};
+use super::{Before, Job};
 use crate::acquisition::RevolutionPlan;
 use crate::cancel::CancelToken;
 use crate::cli::measure;
@@ -44,7 +44,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     // The rig counts its angles from the reference switch, and homing leaves the axis one pull-off before it.
     let RotationDriver::Grbl(grbl) = &config.rotation;
     let [per_unit, units] = grbl.steps_per_unit.map(f64::from);
-    let reference = Steps(-(f64::from(rig_settings(config, 1.0).firmware.get(HOMING_PULL_OFF)) * per_unit / units).round() as i64);
+    let reference = Steps(-(f64::from(hardware_sim::grbl::Settings::default().get(HOMING_PULL_OFF)) * per_unit / units).round() as i64);
     let frames = recording
         .ledger
         .entries()

@@ -1,10 +1,10 @@
-//! One serial port, its lines and its stop.
+//! One connection to a controller, what arrives on it and its stop.
 //!
 //! ```text
-//! rig worker ── send / line ──► reader ◄── tty
-//!                  │              
+//! rig worker ── send / line / exact ──► reader ◄── door (tty, TCP)
+//!                  │
 //!                  ▼
-//!           transmitter (mutex: port, latch) ──► tty
+//!           transmitter (mutex: door, latch) ──► door
 //!                  ▲
 //! any thread ── Stopper
 //! ```
@@ -13,12 +13,14 @@
 //! is on the wire at once even while the owner waits for an answer. Latch and bytes change under the same lock: a command
 //! either precedes the stop on the wire, and the stop ends it, or it finds the latch and is never sent.
 //!
-//! The port is opened exclusively. Closing the owner closes the port, whatever stop handles are still about.
+//! A serial port is opened exclusively. Closing the owner closes the connection, whatever stop handles are still about.
 
+use super::door::Door;
 use crate::cancel::CancelToken;
 use crate::device::DeviceError;
-use serialport::{SerialPort, TTYPort};
-use std::io::{ErrorKind, Read, Write};
+use serialport::SerialPort;
+use std::io::ErrorKind;
+use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -26,13 +28,15 @@ use std::time::{Duration, Instant};
 const LATCH_LOOK: Duration = Duration::from_millis(50);
 /// Longest wait for the kernel to take a few bytes; it takes them at once unless the device is dead.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
+/// Longest wait for the other computer to take a connection.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
 /// No controller sends longer lines; more without a line end is noise.
 const LONGEST_LINE: usize = 512;
 
-pub(super) struct SerialLink {
+pub(super) struct Link {
     device: &'static str,
-    reader: TTYPort,
-    /// Bytes after the last line end.
+    reader: Door,
+    /// Bytes that nobody has asked for yet.
     pending: Vec<u8>,
     transmitter: Arc<Transmitter>,
 }
@@ -40,13 +44,13 @@ pub(super) struct SerialLink {
 struct Transmitter {
     device: &'static str,
     /// What stops the motor on this protocol.
-    stop_bytes: &'static [u8],
+    stop_bytes: Vec<u8>,
     state: Mutex<State>,
 }
 
 struct State {
-    /// None once the owner has closed the port.
-    port: Option<TTYPort>,
+    /// None once the owner has closed the connection.
+    door: Option<Door>,
     latched: bool,
 }
 
@@ -58,7 +62,7 @@ impl Stopper {
     pub fn stop(&self) {
         let mut state = self.0.lock();
         state.latched = true;
-        if let Err(e) = self.0.write(&mut state, self.0.stop_bytes) {
+        if let Err(e) = self.0.write(&mut state, &self.0.stop_bytes) {
             tracing::error!(device = self.0.device, error = %e, "stop could not be sent");
         }
     }
@@ -72,13 +76,14 @@ impl Transmitter {
     fn write(&self, state: &mut State, bytes: &[u8]) -> Result<(), DeviceError> {
         tracing::trace!(device = self.device, "> {}", bytes.escape_ascii());
         let gone = |why| DeviceError::Gone { device: self.device, why };
-        let port = state.port.as_mut().ok_or_else(|| gone("the port has been closed".into()))?;
-        port.write_all(bytes).map_err(|e| gone(e.to_string()))
+        let door = state.door.as_mut().ok_or_else(|| gone("the connection has been closed".into()))?;
+        door.send(bytes).map_err(|e| gone(e.to_string()))
     }
 }
 
-impl SerialLink {
-    pub fn open(device: &'static str, path: &str, baud: u32, stop_bytes: &'static [u8]) -> Result<Self, DeviceError> {
+impl Link {
+    /// Opens a serial port, exclusively.
+    pub fn serial(device: &'static str, path: &str, baud: u32, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
         let refused = |e: &serialport::Error| {
             let why = e.to_string();
             let remedy = match e.kind() {
@@ -88,13 +93,46 @@ impl SerialLink {
             };
             DeviceError::Open { device, address: path.into(), why, remedy }
         };
-        let mut reader = serialport::new(path, baud).exclusive(true).timeout(WRITE_TIMEOUT).open_native().map_err(|e| refused(&e))?;
+        let mut port = serialport::new(path, baud).exclusive(true).timeout(WRITE_TIMEOUT).open_native().map_err(|e| refused(&e))?;
         // A pty has no modem lines; on an Arduino this line may restart the controller, which the handshake awaits.
-        if let Err(e) = reader.write_data_terminal_ready(true) {
+        if let Err(e) = port.write_data_terminal_ready(true) {
             tracing::debug!(device, error = %e, "the port has no DTR line");
         }
-        let port = reader.try_clone_native().map_err(|e| refused(&e))?;
-        let transmitter = Transmitter { device, stop_bytes, state: Mutex::new(State { port: Some(port), latched: false }) };
+        Self::through(device, path, Door::Serial(port), stop_bytes)
+    }
+
+    /// Connects to a program that speaks for the controller, `host:port`.
+    pub fn tcp(device: &'static str, address: &str, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
+        let refused = |e: std::io::Error| DeviceError::Open {
+            device,
+            address: address.into(),
+            why: e.to_string(),
+            remedy: "Check that the program is started on that computer, the address in the configuration and the firewall",
+        };
+        let mut last = std::io::Error::new(ErrorKind::NotFound, "the name has no address");
+        for candidate in address.to_socket_addrs().map_err(refused)? {
+            match TcpStream::connect_timeout(&candidate, CONNECT_TIMEOUT) {
+                Ok(stream) => {
+                    // Requests are a few bytes each and wait for their answers.
+                    stream.set_nodelay(true).map_err(refused)?;
+                    stream.set_write_timeout(Some(WRITE_TIMEOUT)).map_err(refused)?;
+                    return Self::through(device, address, Door::Tcp(stream), stop_bytes);
+                }
+                Err(e) => last = e,
+            }
+        }
+        Err(refused(last))
+    }
+
+    fn through(device: &'static str, address: &str, reader: Door, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
+        let twin = reader.twin().map_err(|e| DeviceError::Open {
+            device,
+            address: address.into(),
+            why: e.to_string(),
+            remedy: "Close other programs: this computer has no file handles left",
+        })?;
+        let state = Mutex::new(State { door: Some(twin), latched: false });
+        let transmitter = Transmitter { device, stop_bytes: stop_bytes.to_vec(), state };
         Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
     }
 
@@ -114,7 +152,7 @@ impl SerialLink {
     /// Stops the motor without latching: the owner's own reaction to a fault.
     pub fn halt(&mut self) {
         let mut state = self.transmitter.lock();
-        if let Err(e) = self.transmitter.write(&mut state, self.transmitter.stop_bytes) {
+        if let Err(e) = self.transmitter.write(&mut state, &self.transmitter.stop_bytes) {
             tracing::warn!(device = self.device, error = %e, "halt could not be sent");
         }
     }
@@ -132,13 +170,28 @@ impl SerialLink {
 
     /// The next line without its line end; `None` when `until` has passed. Ends early when the stop is latched.
     pub fn line(&mut self, until: Instant) -> Result<Option<String>, DeviceError> {
+        self.await_some(until, Self::take_line)
+    }
+
+    /// The next `N` bytes; `None` when `until` has passed, and then what came of them waits for the next call. Ends early
+    /// when the stop is latched.
+    pub fn exact<const N: usize>(&mut self, until: Instant) -> Result<Option<[u8; N]>, DeviceError> {
+        self.await_some(until, |link| {
+            let bytes = *link.pending.first_chunk()?;
+            link.pending.drain(..N);
+            tracing::trace!(device = link.device, "< {}", bytes.escape_ascii());
+            Some(bytes)
+        })
+    }
+
+    fn await_some<T>(&mut self, until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
         loop {
-            // Before any line: what a controller says after a stop is of no use to a request that the stop has ended.
+            // Before anything is taken: what a controller says after a stop is of no use to a request that the stop has ended.
             if self.transmitter.lock().latched {
                 return Err(DeviceError::Stopped);
             }
-            if let Some(line) = self.take_line() {
-                return Ok(Some(line));
+            if let Some(taken) = take(self) {
+                return Ok(Some(taken));
             }
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
@@ -179,10 +232,10 @@ impl SerialLink {
     fn receive(&mut self, wait: Duration) -> Result<bool, DeviceError> {
         let gone = |device, why| Err(DeviceError::Gone { device, why });
         let mut bytes = [0; LONGEST_LINE];
-        if let Err(e) = self.reader.set_timeout(wait) {
+        if let Err(e) = self.reader.wait_at_most(wait) {
             return gone(self.device, e.to_string());
         }
-        match self.reader.read(&mut bytes) {
+        match self.reader.receive(&mut bytes) {
             // A tty at its end reads as empty, at once and for ever.
             Ok(0) => gone(self.device, "end of file".into()),
             Ok(n) => {
@@ -199,8 +252,8 @@ impl SerialLink {
     }
 }
 
-impl Drop for SerialLink {
+impl Drop for Link {
     fn drop(&mut self) {
-        self.transmitter.lock().port = None;
+        self.transmitter.lock().door = None;
     }
 }

@@ -1,9 +1,10 @@
 //! Rotation axes: drivers behind [`super::RotationAxis`].
 //!
 //! ```text
-//! Grbl (protocol, knowledge of the position) ── SerialLink (bytes, lines, deadlines, the latched stop) ── tty
+//! Grbl (protocol, knowledge of the position) ── Link (bytes, lines, deadlines, the latched stop) ── Door (tty, TCP)
 //! ```
 
+mod door;
 mod grbl;
 mod link;
 

@@ -406,9 +406,9 @@ fn a_stop_handle_that_outlives_its_axis_holds_no_port_open() {
     let stop = grbl.stop_handle();
     drop(grbl);
     stop.stop();
-    let again = SerialLink::open(DEVICE, &controller.name, 115_200, STOP);
+    let again = Link::serial(DEVICE, &controller.name, 115_200, STOP);
     assert!(again.is_ok(), "the port is free again");
-    assert!(SerialLink::open(DEVICE, &controller.name, 115_200, STOP).is_err(), "one owner per port");
+    assert!(Link::serial(DEVICE, &controller.name, 115_200, STOP).is_err(), "one owner per port");
 }
 
 #[test]

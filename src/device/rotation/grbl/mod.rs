@@ -20,9 +20,9 @@ mod settings;
 
 pub use settings::{AxisLetter, GrblSettings, Reference};
 
-use super::link::SerialLink;
+use super::link::Link;
 use crate::cancel::CancelToken;
-use crate::device::{Achieved, DeviceError, Position, RotationAxis, StopHandle};
+use crate::device::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
 use crate::units::Steps;
 use report::{Line, State, Status, alarm_text, error_text};
 use std::collections::BTreeMap;
@@ -53,7 +53,7 @@ const FARTHEST_STEPS: i64 = (1 << 24) / 100;
 
 /// A rotation axis on a Grbl controller.
 pub struct Grbl {
-    link: SerialLink,
+    link: Link,
     settings: GrblSettings,
     identity: String,
     knowledge: Knowledge,
@@ -77,7 +77,7 @@ impl Grbl {
     /// A bad setting, a port that cannot be opened, a silent controller, one of another kind or with other settings.
     pub fn open(settings: GrblSettings) -> Result<Self, DeviceError> {
         settings.check()?;
-        let link = SerialLink::open(DEVICE, &settings.port, settings.baud, STOP)?;
+        let link = Link::serial(DEVICE, &settings.port, settings.baud, STOP)?;
         let mut grbl = Self { link, settings, identity: String::new(), knowledge: Knowledge::Unknown, epoch: 0, in_flight: false };
         let greeting = grbl.wake()?;
         let mut version = Vec::new();
@@ -303,6 +303,11 @@ impl Grbl {
 impl RotationAxis for Grbl {
     fn identity(&self) -> &str {
         &self.identity
+    }
+
+    /// Open loop: the position is what was commanded, and a lost step shows only in the pictures.
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {

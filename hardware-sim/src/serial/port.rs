@@ -1,29 +1,23 @@
-//! The firmware's serial port: a pty whose slave end the host opens as it would `/dev/ttyUSB0`.
+//! A controller's serial port: a pty whose slave end the host opens as it would `/dev/ttyUSB0`.
 //!
 //! ```text
 //!   host ── /dev/pts/N ═ pty ═ master ── one thread: poll(master, opens and closes, waker) ── Firmware
+//!                                    └── SerialFaults: what the line does to the bytes
 //! ```
-//! Opening the port resets the controller, as the DTR line of an Arduino does: bytes sent before it has booted are lost,
-//! then it greets. The thread keeps the slave open itself, so that a host may close it and come back.
+//! The thread keeps the slave open itself, so that a host may close it and come back.
 
-use super::faults::SerialFaults;
-use super::firmware::Firmware;
-use super::settings::Settings;
+use super::Firmware;
+use super::faults::{Sent, SerialFaults};
+use super::plug::{Plug, point};
 use crate::clock::RigClock;
-use crate::shaft::Shaft;
 use nix::errno::Errno;
-use nix::fcntl::{OFlag, open};
 use nix::poll::{PollFd, PollFlags, ppoll};
-use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
-use nix::sys::inotify::{AddWatchFlags, InitFlags, Inotify};
-use nix::sys::stat::Mode;
-use nix::sys::termios::{FlushArg, SetArg, cfmakeraw, tcflush, tcgetattr, tcsetattr};
 use nix::sys::time::TimeSpec;
 use std::collections::VecDeque;
 use std::io::{Read, Write};
-use std::os::fd::{AsFd, AsRawFd, OwnedFd};
+use std::os::fd::AsFd;
 use std::os::unix::net::UnixStream;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -31,12 +25,6 @@ use std::time::{Duration, Instant};
 /// A real board sits in its bootloader for a second or two; long enough here that a host which flushes after opening does
 /// not flush the greeting away.
 const BOOT: Duration = Duration::from_millis(60);
-
-nix::ioctl_none_bad!(
-    /// Lets others open the terminal again.
-    tiocnxcl,
-    nix::libc::TIOCNXCL
-);
 
 enum Order {
     Reboot,
@@ -56,8 +44,13 @@ pub struct SerialPort {
 }
 
 impl SerialPort {
-    /// Plugs the controller in. `link`, where given, always points to the present device name.
-    pub fn start(clock: RigClock, shaft: Arc<Shaft>, settings: Settings, link: Option<PathBuf>) -> std::io::Result<Self> {
+    /// Plugs the controller in. `link`, where given, always points to the present device name. `firmware` is given the
+    /// knobs that act inside it.
+    pub fn start(
+        clock: RigClock,
+        firmware: impl FnOnce(Arc<SerialFaults>) -> Box<dyn Firmware>,
+        link: Option<PathBuf>,
+    ) -> std::io::Result<Self> {
         let faults = Arc::new(SerialFaults::default());
         let plug = Plug::open()?;
         if let Some(link) = &link {
@@ -69,7 +62,7 @@ impl SerialPort {
         let (orders, inbox) = mpsc::channel();
         let worker = Worker {
             clock,
-            firmware: Firmware::new(shaft, Arc::clone(&faults), settings),
+            firmware: firmware(Arc::clone(&faults)),
             faults: Arc::clone(&faults),
             plug: Some(plug),
             path: Arc::clone(&path),
@@ -79,7 +72,7 @@ impl SerialPort {
             boot_at: Some(Instant::now()),
             outgoing: VecDeque::new(),
         };
-        let thread = std::thread::Builder::new().name("sim-grbl".into()).spawn(move || worker.run())?;
+        let thread = std::thread::Builder::new().name("sim-serial".into()).spawn(move || worker.run())?;
         Ok(Self { orders, waker, path, link, faults, thread: Some(thread) })
     }
 
@@ -130,55 +123,9 @@ impl Drop for SerialPort {
     }
 }
 
-/// A pty with its slave kept open, and a watch on who else opens and closes it.
-struct Plug {
-    master: PtyMaster,
-    slave: OwnedFd,
-    watch: Inotify,
-    path: PathBuf,
-    clients: u32,
-}
-
-impl Plug {
-    fn open() -> nix::Result<Self> {
-        let master = posix_openpt(OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_NONBLOCK | OFlag::O_CLOEXEC)?;
-        grantpt(&master)?;
-        unlockpt(&master)?;
-        let path = PathBuf::from(ptsname_r(&master)?);
-        let slave = open(&path, OFlag::O_RDWR | OFlag::O_NOCTTY | OFlag::O_CLOEXEC, Mode::empty())?;
-        let mut termios = tcgetattr(&slave)?;
-        cfmakeraw(&mut termios);
-        tcsetattr(&slave, SetArg::TCSANOW, &termios)?;
-        let watch = Inotify::init(InitFlags::IN_CLOEXEC | InitFlags::IN_NONBLOCK)?;
-        watch.add_watch(&path, AddWatchFlags::IN_OPEN | AddWatchFlags::IN_CLOSE)?;
-        Ok(Self { master, slave, watch, path, clients: 0 })
-    }
-
-    /// Takes note of opens and closes; whether somebody opened the port.
-    fn visitors(&mut self) -> bool {
-        let mut opened = false;
-        for event in self.watch.read_events().unwrap_or_default() {
-            if event.mask.contains(AddWatchFlags::IN_OPEN) {
-                self.clients += 1;
-                opened = true;
-            } else if event.mask.intersects(AddWatchFlags::IN_CLOSE) {
-                self.clients = self.clients.saturating_sub(1);
-            }
-        }
-        if self.clients == 0 {
-            // A real port forgets unread bytes and its exclusive lock with the last close; ours is still open.
-            let _ = tcflush(&self.slave, FlushArg::TCIFLUSH);
-            // SAFETY: TIOCNXCL takes no argument and touches no memory of ours; the descriptor is open.
-            #[allow(unsafe_code)]
-            let _ = unsafe { tiocnxcl(self.slave.as_raw_fd()) };
-        }
-        opened
-    }
-}
-
 struct Worker {
     clock: RigClock,
-    firmware: Firmware,
+    firmware: Box<dyn Firmware>,
     faults: Arc<SerialFaults>,
     plug: Option<Plug>,
     path: Arc<Mutex<PathBuf>>,
@@ -203,7 +150,7 @@ impl Worker {
                 }
                 self.obey(order);
             }
-            if self.plug.as_mut().is_some_and(Plug::visitors) {
+            if self.plug.as_mut().is_some_and(Plug::visitors) && self.firmware.restarts_when_opened() {
                 self.restart();
             }
             if self.boot_at.is_some_and(|at| at <= Instant::now()) {
@@ -247,10 +194,7 @@ impl Worker {
         match order {
             Order::Reboot => self.restart(),
             Order::Unplug(done) => {
-                self.firmware.lose_power(self.clock.now_s());
-                self.outgoing.clear();
-                self.plug = None;
-                self.boot_at = None;
+                self.pull();
                 let _ = done.send(());
             }
             Order::Replug(done) => {
@@ -285,30 +229,31 @@ impl Worker {
         while let Ok(n @ 1..) = plug.master.read(&mut chunk) {
             bytes.extend_from_slice(&chunk[..n]);
         }
-        bytes
+        self.faults.received(bytes)
     }
 
     fn write(&mut self) {
-        let text = self.firmware.take_output();
+        let Sent { pieces, unplug } = self.faults.sent(self.firmware.take_output());
+        let due = Instant::now() + self.faults.delay();
+        self.outgoing.extend(pieces.into_iter().map(|piece| (due, piece)));
         let now = Instant::now();
-        if !text.is_empty() {
-            self.outgoing.push_back((now + self.faults.delay(), text));
-        }
         while self.outgoing.front().is_some_and(|(due, _)| *due <= now) {
-            let Some((_, text)) = self.outgoing.pop_front() else { break };
+            let Some((_, bytes)) = self.outgoing.pop_front() else { break };
             // Nobody at the other end: a real port keeps nothing for whoever opens it later.
             if let Some(plug) = self.plug.as_mut().filter(|plug| plug.clients > 0) {
                 // A host that does not read loses bytes, as on a UART.
-                let _ = plug.master.write(&text);
+                let _ = plug.master.write(&bytes);
             }
         }
+        if unplug {
+            self.pull();
+        }
     }
-}
 
-/// Makes `link` point to `target`, in one step for whoever looks.
-fn point(link: &Path, target: &Path) -> std::io::Result<()> {
-    let fresh = link.with_extension("new");
-    let _ = std::fs::remove_file(&fresh);
-    std::os::unix::fs::symlink(target, &fresh)?;
-    std::fs::rename(&fresh, link)
+    fn pull(&mut self) {
+        self.firmware.lose_power(self.clock.now_s());
+        self.outgoing.clear();
+        self.plug = None;
+        self.boot_at = None;
+    }
 }

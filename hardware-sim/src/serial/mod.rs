@@ -1,0 +1,31 @@
+//! What every emulated controller on a serial line shares: the port, the line's faults, and what firmware must answer.
+//!
+//! ```text
+//!   host ── pty ── SerialPort ── Firmware (grbl, ...) ── steps ──► Shaft
+//! ```
+
+mod faults;
+mod plug;
+mod port;
+
+pub use faults::SerialFaults;
+pub(crate) use faults::take_one;
+pub use port::SerialPort;
+
+/// The program of a controller, driven by bytes and rig time.
+pub trait Firmware: Send {
+    /// Whether the host's opening of the port restarts the controller, as the DTR line of an Arduino does.
+    fn restarts_when_opened(&self) -> bool;
+    /// The controller loses power or is reset: the motor stands still, what it counted is gone.
+    fn lose_power(&mut self, now_s: f64);
+    /// The controller starts.
+    fn boot(&mut self);
+    /// The next instant at which something happens without a byte coming in.
+    fn next_event_s(&self) -> Option<f64>;
+    /// Lets everything happen that is due by `now_s`.
+    fn advance(&mut self, now_s: f64);
+    /// Bytes from the host.
+    fn receive(&mut self, bytes: &[u8], now_s: f64);
+    /// Bytes for the host since the last call; one call, one piece that leaves together.
+    fn take_output(&mut self) -> Vec<u8>;
+}
