@@ -28,6 +28,7 @@ pub mod profile;
 pub mod range;
 pub mod reconstruction;
 pub mod session;
+pub mod statistics;
 pub mod store;
 pub mod surface;
 pub mod units;

@@ -6,7 +6,7 @@
 
 use carved::calibration::{Bad, Calibration, CalibrationError, GivenView, Pose, Priors, calibrate};
 use carved::geometry::Camera;
-use carved::measure::support::{Sections, SupportEstimate, SupportSettings};
+use carved::measure::support::{Sections, SupportEstimate};
 use carved::profile::{Columns, Polygon};
 use hardware_sim::analytic::{Disturbance, Fault, Phantom, Pose as Place};
 use rayon::prelude::*;
@@ -78,7 +78,7 @@ impl Turn {
     fn errors(&self, calibration: &Calibration) -> [f64; 2] {
         let views = calibration.turn_views(&self.given());
         let sections =
-            Sections::of(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, [false; 2], SupportSettings::default())
+            Sections::of(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, [false; 2])
                 .unwrap();
         let estimate = SupportEstimate::of(&sections);
         [estimate.volume_um3 / self.hull[0] - 1.0, estimate.area_um2 / self.hull[1] - 1.0]

@@ -12,12 +12,13 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("range", &[]),
     ("cancel", &[]),
     ("hash", &[]),
+    ("statistics", &[]),
     ("geometry", &[]),
     ("profile", &["frame", "range", "geometry"]),
     ("carver", &["geometry", "profile"]),
-    ("calibration", &["geometry", "profile", "carver"]),
+    ("calibration", &["statistics", "geometry", "profile", "carver"]),
     ("surface", &["geometry", "profile", "carver"]),
-    ("measure", &["geometry", "carver", "calibration", "surface"]),
+    ("measure", &["statistics", "geometry", "carver", "calibration", "surface"]),
     ("reconstruction", &["range", "geometry", "profile", "carver", "calibration", "surface", "measure"]),
     ("pipeline", &["frame", "geometry", "profile", "carver", "calibration", "reconstruction", "surface", "measure"]),
     ("export", &["surface"]),
@@ -48,8 +49,20 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("http", &["range", "session"]),
 ];
 
-const SCIENCE: &[&str] =
-    &["units", "frame", "range", "geometry", "profile", "carver", "calibration", "surface", "measure", "reconstruction", "pipeline"];
+const SCIENCE: &[&str] = &[
+    "units",
+    "frame",
+    "range",
+    "statistics",
+    "geometry",
+    "profile",
+    "carver",
+    "calibration",
+    "surface",
+    "measure",
+    "reconstruction",
+    "pipeline",
+];
 const NOT_IN_SCIENCE: &[&str] =
     &["tokio", "std::fs", "std::net", "std::thread", "std::time", "Instant::now", "SystemTime", "jiff", "axum", "tracing", "println!"];
 

@@ -5,15 +5,15 @@
 //!   axis(u) = uy + (ky / kx) tan gamma (u - ux)
 //! ```
 
-use super::robust::{huber, mad_sd};
 use crate::geometry::Camera;
 use crate::profile::Columns;
+use crate::statistics::fit_robust;
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 /// Columns between two that are looked at.
 const STRIDE: usize = 4;
-/// Rounds of reweighting: a third changes nothing beyond a thousandth of a px.
-const ROUNDS: usize = 3;
+/// Fits, each with weights of the one before: a further one changes nothing beyond a thousandth of a px.
+const ROUNDS: usize = 4;
 
 /// `uy` and `gamma` of the camera for these profiles, everything else as given; nothing where no three columns show the turn.
 pub fn axis(camera: &Camera, views: &[(&Columns, f64)]) -> Option<Camera> {
@@ -31,25 +31,8 @@ fn centre(views: &[(&Columns, f64)], u: usize) -> Option<f64> {
     if middles.len() < 4.max(3 * views.len() / 4) {
         return None;
     }
-    let mut fit: Vector3<f64>;
-    let mut weights = vec![1.0; middles.len()];
-    let mut round = 0;
-    loop {
-        let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-        for ((omega, middle), weight) in middles.iter().zip(&weights) {
-            let row = Vector3::new(1.0, omega.cos(), omega.sin());
-            normal += *weight * row * row.transpose();
-            right += *weight * *middle * row;
-        }
-        fit = normal.cholesky()?.solve(&right);
-        round += 1;
-        if round > ROUNDS {
-            return Some(fit[0]);
-        }
-        let off: Vec<f64> = middles.iter().map(|(omega, middle)| middle - fit.dot(&Vector3::new(1.0, omega.cos(), omega.sin()))).collect();
-        let sd = mad_sd(&off).max(0.05);
-        weights = off.iter().map(|r| huber(r / sd)).collect();
-    }
+    let rows: Vec<_> = middles.iter().map(|(omega, middle)| (Vector3::new(1.0, omega.cos(), omega.sin()), *middle)).collect();
+    Some(fit_robust(&rows, Matrix3::zeros(), ROUNDS, 0.05)?[0])
 }
 
 /// Value at `u0` and slope of the line nearest to the points.
@@ -57,22 +40,6 @@ fn line(points: &[[f64; 2]], u0: f64) -> Option<(f64, f64)> {
     if points.len() < 3 {
         return None;
     }
-    let mut weights = vec![1.0; points.len()];
-    let mut round = 0;
-    loop {
-        let (mut normal, mut right) = (Matrix2::zeros(), Vector2::zeros());
-        for ([u, v], weight) in points.iter().zip(&weights) {
-            let row = Vector2::new(1.0, u - u0);
-            normal += *weight * row * row.transpose();
-            right += *weight * *v * row;
-        }
-        let fit = normal.cholesky()?.solve(&right);
-        round += 1;
-        if round > ROUNDS {
-            return Some((fit[0], fit[1]));
-        }
-        let off: Vec<f64> = points.iter().map(|[u, v]| v - fit[0] - fit[1] * (u - u0)).collect();
-        let sd = mad_sd(&off).max(0.01);
-        weights = off.iter().map(|r| huber(r / sd)).collect();
-    }
+    let rows: Vec<_> = points.iter().map(|[u, v]| (Vector2::new(1.0, u - u0), *v)).collect();
+    fit_robust(&rows, Matrix2::zeros(), ROUNDS, 0.01).map(|found| (found[0], found[1]))
 }

@@ -10,6 +10,7 @@
 
 use super::psi::Psi;
 use super::search::Reach;
+use crate::statistics::mean;
 use std::str::FromStr;
 
 /// The relative gain that one standard deviation of a prior is worth, twice: half a percent is what the edges' own bias does.
@@ -271,7 +272,7 @@ impl Free {
                 Parameter::Dy => {
                     psi.dy_px.iter_mut().for_each(&mut next);
                     // A shift of all views is one of uy.
-                    let mean = psi.dy_px.iter().sum::<f64>() / psi.dy_px.len().max(1) as f64;
+                    let mean = mean(&psi.dy_px);
                     psi.dy_px.iter_mut().for_each(|dy| *dy -= mean);
                 }
                 Parameter::F | Parameter::Kx | Parameter::Ky | Parameter::Ux | Parameter::S | Parameter::Phi => {}

@@ -12,6 +12,7 @@ use super::search::Stop;
 use super::turn::Calibration;
 use crate::carver::{CarveError, Runs};
 use crate::geometry::VoxelGrid;
+use crate::statistics::mean;
 use std::f64::consts::PI;
 
 /// The closed form is off by less than this, px and rad.
@@ -56,7 +57,7 @@ pub fn gate(found: &Calibration, views: &[(&Runs, f64)], grid: VoxelGrid) -> Res
 /// four standard deviations: `4 sqrt(n / 3)`.
 fn tolerance<'a>(runs: impl Iterator<Item = &'a Runs>, found: &Calibration, size_um: f64) -> u64 {
     let areas: Vec<f64> = runs.map(|r| r.area_px() as f64).collect();
-    let mean_um2 = areas.iter().sum::<f64>() / areas.len().max(1) as f64 / (found.camera.kx * found.camera.ky);
+    let mean_um2 = mean(&areas) / (found.camera.kx * found.camera.ky);
     let cut = PI * mean_um2 / (size_um * size_um);
     (4.0 * (cut / 3.0).sqrt()).ceil() as u64
 }

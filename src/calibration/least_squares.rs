@@ -6,12 +6,12 @@
 //! ```
 //! Shifts that go with cos omega and sin omega are those of a specimen that lies elsewhere, and so on with every odd harmonic.
 
-use super::robust::mad_sd;
 use super::slices::{Fit, Slice, fit, harmonics};
 use super::support::Support;
 use super::tangents::{Pose, TurnView};
 use crate::geometry::Camera;
 use crate::profile::Columns;
+use crate::statistics::mad_sd;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
@@ -93,28 +93,8 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         let views: Vec<TurnView> = (0..n)
             .map(|i| TurnView { columns: given[i].columns, omega: first + state.rho * (given[i].omega - first), dy_px: state.dy_px[i] })
             .collect();
-        let rounds = if sd_um.is_finite() { 2 } else { 0 };
-        let slices: Vec<Option<(Slice, Fit)>> = xs
-            .par_iter()
-            .zip(&supports)
-            .map(|(&x_um, support)| {
-                let slice = Slice::of(x_um, &pose, &views, support.as_ref())?;
-                let fit = fit(&slice, series, sd_um, rounds)?;
-                Some((slice, fit))
-            })
-            .collect();
-        for (support, found) in supports.iter_mut().zip(&slices) {
-            *support = found.as_ref().map(|(_, fit)| fit.support.clone());
-        }
-        let slices: Vec<(Slice, Fit)> = slices.into_iter().flatten().collect();
-        if slices.len() < 8 {
-            return None;
-        }
-        // A series with as many coefficients as there are tangents would leave no residual: what is left is per degree of freedom.
-        let tangents: usize = slices.iter().map(|(s, _)| s.sights.len()).sum();
-        let free = (tangents as f64 - (slices.len() * (2 * series + 1)) as f64).max(1.0);
-        let all: Vec<f64> = slices.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
-        sd_um = (mad_sd(&all) * (tangents as f64 / free).sqrt()).max(SD_LEAST_UM);
+        let slices;
+        (slices, sd_um) = fitted(&pose, &views, &xs, &mut supports, series, sd_um)?;
         let (mut matrix, mut right) = normal_equations(&slices, &state, given, first, sd_um, (nominal, rho), priors);
         for direction in &untold {
             let off = direction.dot(&DVector::from_column_slice(&state.dy_px));
@@ -149,6 +129,41 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         let small = |at: usize, resolution: f64| step[at].abs() < resolution.max(0.02 * factor.inverse()[(at, at)].sqrt());
         converged = passes > 1 && small(0, 0.005) && small(1, 1e-5) && small(3, 2e-5);
     }
+}
+
+/// The slices with the support function nearest to each, by columns that the `supports` before tell; and what residuals scatter by, which
+/// `sd_um` was before. Nothing where too few slices are seen.
+fn fitted(
+    pose: &Pose,
+    views: &[TurnView],
+    xs: &[f64],
+    supports: &mut [Option<Support>],
+    series: usize,
+    sd_um: f64,
+) -> Option<(Vec<(Slice, Fit)>, f64)> {
+    let rounds = if sd_um.is_finite() { 2 } else { 0 };
+    let slices: Vec<Option<(Slice, Fit)>> = xs
+        .par_iter()
+        .zip(&*supports)
+        .map(|(&x_um, support)| {
+            let slice = Slice::of(x_um, pose, views, support.as_ref())?;
+            let fit = fit(&slice, series, sd_um, rounds)?;
+            Some((slice, fit))
+        })
+        .collect();
+    for (support, found) in supports.iter_mut().zip(&slices) {
+        *support = found.as_ref().map(|(_, fit)| fit.support.clone());
+    }
+    let slices: Vec<(Slice, Fit)> = slices.into_iter().flatten().collect();
+    if slices.len() < 8 {
+        return None;
+    }
+    // A series with as many coefficients as there are tangents would leave no residual: what is left is per degree of freedom.
+    let tangents: usize = slices.iter().map(|(s, _)| s.sights.len()).sum();
+    let free = (tangents as f64 - (slices.len() * (2 * series + 1)) as f64).max(1.0);
+    let all: Vec<f64> = slices.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
+    let sd_um = (mad_sd(&all) * (tangents as f64 / free).sqrt()).max(SD_LEAST_UM);
+    Some((slices, sd_um))
 }
 
 /// Shifts that no slice can tell from its own shape, orthonormal: their mean is the axis', and what goes with an odd harmonic of

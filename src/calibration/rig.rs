@@ -1,13 +1,13 @@
-//! The rig's own calibration: scale, refraction, drift. Values in, values out.
+//! The rig's own calibration: scale and refraction. Values in, values out.
 //!
 //! ```text
 //!  micrometer   known um, seen px ──────────── weighted k ── the larger of stated and found scatter ─┐
 //!  bead, bore   k of today, measured, known ── k measured / known ── certificate, scatter of repeats ┴─ k +- sd, px/um
 //!  bead         length over width ── ky / kx: 1.000 behind water, 1.333 behind air
-//!  days         value, value, ... ── slope
 //! ```
 //! A turn's silhouettes do not tell `kx` and `ky`: what is known in um must be laid under the camera.
 
+use crate::statistics::Spread;
 use serde::{Deserialize, Serialize};
 
 /// ky over kx of a capillary that lies in air: the index of the water within. In water it is 1.
@@ -24,14 +24,6 @@ pub struct Scale {
     pub sd: f64,
 }
 
-/// Mean and standard deviation (divisor n - 1) of so many values; none of one.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Spread {
-    pub n: usize,
-    pub mean: f64,
-    pub sd: Option<f64>,
-}
-
 /// What a known object tells of the image's scale across the capillary.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refraction {
@@ -44,14 +36,6 @@ pub struct Refraction {
     /// The configured ky times this, if kx is right.
     pub ky_factor: f64,
     pub words: String,
-}
-
-/// A straight line through values over days.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Drift {
-    pub per_day: f64,
-    /// From the scatter about the line; none of two days.
-    pub per_day_sd: Option<f64>,
 }
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -72,21 +56,6 @@ fn positive(what: &'static str, found: f64) -> Result<f64, RigError> {
 
 fn not_negative(what: &'static str, found: f64) -> Result<f64, RigError> {
     if found.is_finite() && found >= 0.0 { Ok(found) } else { Err(RigError::Value { what, found, expected: "0 or more" }) }
-}
-
-impl Spread {
-    /// Nothing of no values.
-    pub fn of(values: &[f64]) -> Option<Self> {
-        let n = values.len();
-        let mean = (n > 0).then(|| values.iter().sum::<f64>() / n as f64)?;
-        let sd = (n > 1).then(|| (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n as f64 - 1.0)).sqrt());
-        Some(Self { n, mean, sd })
-    }
-
-    /// Standard deviation of the mean.
-    pub fn sd_of_mean(&self) -> Option<f64> {
-        self.sd.map(|sd| sd / (self.n as f64).sqrt())
-    }
 }
 
 /// k of distances that are known and seen, each (um, px).
@@ -168,21 +137,6 @@ pub fn refraction(aspects: &[f64], ky_over_kx_configured: f64) -> Result<Refract
     Ok(Refraction { ky_over_kx_configured, ky_over_kx, ky_over_kx_sd, ky_factor: 1.0 / aspect.mean, words })
 }
 
-/// The straight line nearest to values, each (day, value); nothing where all are of one moment.
-pub fn drift(values: &[[f64; 2]]) -> Option<Drift> {
-    let n = values.len() as f64;
-    let mean = [0, 1].map(|i| values.iter().map(|v| v[i]).sum::<f64>() / n);
-    let squares: f64 = values.iter().map(|[day, _]| (day - mean[0]).powi(2)).sum();
-    // Of no values it is 0 too.
-    if squares <= 0.0 {
-        return None;
-    }
-    let per_day = values.iter().map(|[day, value]| (day - mean[0]) * (value - mean[1])).sum::<f64>() / squares;
-    let misfit: f64 = values.iter().map(|[day, value]| (value - mean[1] - per_day * (day - mean[0])).powi(2)).sum();
-    let per_day_sd = (values.len() > 2).then(|| (misfit / (n - 2.0) / squares).sqrt());
-    Some(Drift { per_day, per_day_sd })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -255,16 +209,5 @@ mod tests {
         assert!(refraction(&[1.004, 1.0], 1.0).unwrap().words.starts_with("water"));
         assert!(refraction(&[0.87, 0.88], 1.0).unwrap().words.starts_with("neither"));
         assert!(refraction(&[0.6, 1.2], 1.0).unwrap().words.contains("measure more"));
-    }
-
-    // numpy.polyfit([0, 1, 3], [1, 2, 3], 1) gives 9 / 14; residuals' squares sum to 1 / 14 over squares of 14 / 3.
-    #[test]
-    fn drift_is_the_slope_over_days() {
-        let line = drift(&[[0.0, 1.0], [1.0, 2.0], [3.0, 3.0]]).unwrap();
-        near(line.per_day, 9.0 / 14.0);
-        near(line.per_day_sd.unwrap(), (1.0_f64 / 14.0 / (14.0 / 3.0)).sqrt());
-        assert_eq!(drift(&[[2.0, 1.0], [2.0, 5.0]]), None);
-        assert_eq!(drift(&[]), None);
-        assert_eq!(drift(&[[0.0, 1.0], [2.0, 5.0]]), Some(Drift { per_day: 2.0, per_day_sd: None }));
     }
 }

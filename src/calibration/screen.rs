@@ -7,7 +7,7 @@
 //! ```
 
 use super::least_squares::Solution;
-use super::robust::{mad_sd, median};
+use crate::statistics::{fit, fit_robust, mad_sd, median};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -85,22 +85,8 @@ fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
     let far = (FAR * rms_px).max(FAR_LEAST_PX);
     let far_share = rows.iter().filter(|(_, r)| r.abs() > far).count() as f64 / rows.len().max(1) as f64;
     // A px, 3 px and 3 deg are what a view is expected to be off at most: profiles without a slope tell no shift along x.
-    let mut fit = Vector3::zeros();
-    let expected = Vector3::new(1.0, 3.0, 0.05);
-    let mut weights = vec![1.0; rows.len()];
-    for _ in 0..3 {
-        let mut normal = Matrix3::from_diagonal(&expected.map(|sd: f64| 1.0 / (sd * sd)));
-        let mut right = Vector3::zeros();
-        for ((row, r), weight) in rows.iter().zip(&weights) {
-            normal += *weight * row * row.transpose();
-            right += *weight * *r * row;
-        }
-        let Some(factor) = normal.cholesky() else { break };
-        fit = factor.solve(&right);
-        let left: Vec<f64> = rows.iter().map(|(row, r)| r - row.dot(&fit)).collect();
-        let sd = mad_sd(&left).max(0.05);
-        weights = left.iter().map(|r| super::robust::huber(r / sd)).collect();
-    }
+    let held = Matrix3::from_diagonal(&Vector3::new(1.0, 3.0, 0.05).map(|sd: f64| 1.0 / (sd * sd)));
+    let fit = fit_robust(rows, held, 3, 0.05).unwrap_or_default();
     ViewOff { rms_px, far_share, dy_px: fit[0], dx_px: fit[1], turn: fit[2], jump_px: [0.0; 2] }
 }
 
@@ -176,15 +162,9 @@ pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
             *weight = if far < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };
         }
         // Held to a constant unless the views say otherwise.
-        let mut normal = Matrix3::from_diagonal(&Vector3::new(1e-9, 0.5, 0.5));
-        let mut right = Vector3::zeros();
-        for ((omega, area), weight) in views.iter().zip(&weights) {
-            let row = wave(*omega);
-            normal += *weight * row * row.transpose();
-            right += *weight * area / middle * row;
-        }
-        let Some(factor) = normal.cholesky() else { return Vec::new() };
-        let fit = factor.solve(&right);
+        let held = Matrix3::from_diagonal(&Vector3::new(1e-9, 0.5, 0.5));
+        let rows = views.iter().zip(&weights).map(|((omega, area), weight)| (wave(*omega), area / middle, *weight));
+        let Some(fit) = fit(rows, held) else { return Vec::new() };
         off = views.iter().map(|(omega, area)| area / middle - wave(*omega).dot(&fit)).collect();
     }
     off.iter().enumerate().filter(|(_, o)| o.abs() > AREA_OFF).map(|(view, o)| (view, Bad::Area { found: 1.0 + o })).collect()

@@ -1,8 +1,8 @@
 //! Slices of the specimen, each with the tangents that all views give of it and the support function nearest to them.
 
-use super::robust::huber;
 use super::support::{Support, basis};
 use super::tangents::{Pose, Side, Tangent, TurnView};
+use crate::statistics::huber;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// A slice needs this share of the views: towards the ends perspective hides it from some.

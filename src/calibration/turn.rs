@@ -2,10 +2,10 @@
 
 use super::closed_form::axis;
 use super::least_squares::{GivenView, Priors, Solution, pivot, solve};
-use super::robust::median;
-use super::screen::{Bad, Moved, moved, views_off, worst, wrong_areas};
+use super::screen::{Bad, Moved, ViewOff, moved, views_off, worst, wrong_areas};
 use super::tangents::TurnView;
 use crate::geometry::{Camera, Projection};
+use crate::statistics::{Line, median};
 use nalgebra::Matrix4;
 
 /// A turn of fewer views than these encloses nothing.
@@ -75,8 +75,6 @@ pub struct Calibration {
     pub residual_sd_um: f64,
     pub passes: usize,
     pub converged: bool,
-    /// Whether roll and tilt are this turn's: a round specimen does not tell them, and they are the given camera's.
-    pub axis_told: bool,
     /// Of uy (px), gamma, alpha (rad) and rho.
     pub covariance: Matrix4<f64>,
     first: f64,
@@ -112,106 +110,93 @@ impl Calibration {
 /// Says so when too few views agree on a specimen.
 pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result<Calibration, CalibrationError> {
     let mut bad: Vec<Option<Bad>> = given.iter().map(|v| v.columns.extent().is_none().then_some(Bad::Blank)).collect();
-    let seen = |bad: &[Option<Bad>]| -> Vec<usize> { (0..given.len()).filter(|&i| bad[i].is_none()).collect() };
-    let areas: Vec<(f64, f64)> = seen(&bad).iter().map(|&i| (given[i].omega, given[i].columns.area_px())).collect();
+    let good = |bad: &[Option<Bad>]| -> Vec<usize> { (0..given.len()).filter(|&i| bad[i].is_none()).collect() };
+    let shown = good(&bad);
+    let areas: Vec<(f64, f64)> = shown.iter().map(|&i| (given[i].omega, given[i].columns.area_px())).collect();
     for (at, why) in wrong_areas(&areas) {
-        let view = seen_at(&bad, at);
-        bad[view] = Some(why);
+        bad[shown[at]] = Some(why);
+    }
+    let mut used = good(&bad);
+    if used.len() < VIEWS_LEAST {
+        return Err(CalibrationError::TooFewViews { used: used.len(), given: given.len() });
     }
     let least = VIEWS_LEAST.max(((1.0 - BAD_SHARE) * given.len() as f64) as usize);
-    let mut used = seen(&bad);
-    let too_few = |used: &[usize]| CalibrationError::TooFewViews { used: used.len(), given: given.len() };
-    if used.len() < VIEWS_LEAST {
-        return Err(too_few(&used));
+    let mut views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
+    let mut found = solved(camera, &views, priors)?;
+    let mut offs = views_off(&found.solution, &turned(&views));
+    let shifted = moved(&offs, &turned(&views), found.axis_told);
+    while shifted.is_none() && used.len() > least {
+        let Some((at, why)) = worst(&offs) else { break };
+        bad[used[at]] = Some(why);
+        used.remove(at);
+        views.remove(at);
+        found = solved(camera, &views, priors)?;
+        offs = views_off(&found.solution, &turned(&views));
     }
-    let Solved { mut start, mut solution, mut axis_told } = solved(camera, given, &used, priors)?;
-    let turned = |used: &[usize]| {
-        let views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
-        views.iter().map(|v| v.omega - pivot(&views)).collect::<Vec<_>>()
-    };
-    let mut offs = views_off(&solution, &turned(&used));
-    let shifted = moved(&offs, &turned(&used), axis_told);
-    if shifted.is_none() {
-        while let Some((at, why)) = worst(&offs) {
-            if used.len() <= least {
-                break;
-            }
-            bad[used[at]] = Some(why);
-            used.remove(at);
-            Solved { start, solution, axis_told } = solved(camera, given, &used, priors)?;
-            offs = views_off(&solution, &turned(&used));
-        }
-    }
-    // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
-    let by_views = slope_sd(&turned(&used), &offs.iter().map(|o| o.turn).collect::<Vec<_>>());
-    let sd_rho = by_views.max(solution.covariance[(3, 3)].sqrt()).max(if axis_told { 0.0 } else { priors.rho });
-    let mut covariance = solution.covariance.fixed_view::<4, 4>(0, 0).into_owned();
-    let at_least = |value: &mut f64, sd: f64| *value = value.max(sd * sd);
-    at_least(&mut covariance[(3, 3)], sd_rho);
-    if !axis_told {
-        at_least(&mut covariance[(1, 1)], priors.gamma_rad);
-        // uy is where the axis crosses the principal point's column, and the specimen lies beside it.
-        let lever_px =
-            median(used.iter().filter_map(|&i| given[i].columns.extent()).map(|(a, b)| (a + b) as f64 / 2.0 - camera.ux).collect());
-        at_least(&mut covariance[(0, 0)], lever_px.abs() * priors.gamma_rad);
-        at_least(&mut covariance[(2, 2)], priors.alpha_rad);
-    }
-    let mut views: Vec<ViewState> = bad.into_iter().map(|bad| ViewState { bad, dy_px: 0.0, residual_px: None }).collect();
-    for ((&i, off), &dy_px) in used.iter().zip(&offs).zip(&solution.dy_px) {
-        views[i] = ViewState { bad: None, dy_px, residual_px: Some(off.rms_px) };
-    }
+    let covariance = covariance(camera, &found, &views, &offs, priors);
     let sd = |at: usize| covariance[(at, at)].sqrt();
+    let Solved { start, solution, .. } = found;
+    let mut states: Vec<ViewState> = bad.into_iter().map(|bad| ViewState { bad, dy_px: 0.0, residual_px: None }).collect();
+    for ((&i, off), &dy_px) in used.iter().zip(&offs).zip(&solution.dy_px) {
+        states[i] = ViewState { bad: None, dy_px, residual_px: Some(off.rms_px) };
+    }
     Ok(Calibration {
         sd: PsiSd { uy_px: sd(0), gamma_rad: sd(1), alpha_rad: sd(2), rho: sd(3) },
         covariance,
-        axis_told,
         camera: solution.camera,
         start,
         rho: solution.rho,
-        views,
+        views: states,
         moved: shifted.map(|m| Moved { view: used[m.view], ..m }),
         residual_sd_um: solution.residual_sd_um,
         passes: solution.passes,
         converged: solution.converged,
-        first: pivot(&used.iter().map(|&i| given[i]).collect::<Vec<_>>()),
+        first: pivot(&views),
     })
 }
 
-/// Standard deviation of the slope of values over places.
-fn slope_sd(at: &[f64], values: &[f64]) -> f64 {
-    let n = at.len() as f64;
-    let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
-    let (middle, level) = (mean(at), mean(values));
-    let spread: f64 = at.iter().map(|a| (a - middle).powi(2)).sum();
-    let slope = at.iter().zip(values).map(|(a, v)| (a - middle) * (v - level)).sum::<f64>() / spread;
-    let left: f64 = at.iter().zip(values).map(|(a, v)| (v - level - slope * (a - middle)).powi(2)).sum();
-    (left / (n - 2.0).max(1.0) / spread).sqrt()
+/// Each view's angle from the pivot, by the ledger.
+fn turned(views: &[GivenView]) -> Vec<f64> {
+    views.iter().map(|v| v.omega - pivot(views)).collect()
 }
 
-/// The view that is the `at`-th of those not yet bad.
-fn seen_at(bad: &[Option<Bad>], at: usize) -> usize {
-    (0..bad.len()).filter(|&i| !matches!(bad[i], Some(Bad::Blank))).nth(at).unwrap_or(0)
+/// Of uy, gamma, alpha and rho: what the least squares say, and no less than is known otherwise.
+fn covariance(camera: &Camera, found: &Solved, views: &[GivenView], offs: &[ViewOff], priors: Priors) -> Matrix4<f64> {
+    let mut covariance = found.solution.covariance.fixed_view::<4, 4>(0, 0).into_owned();
+    let mut at_least = |at: usize, sd: f64| covariance[(at, at)] = covariance[(at, at)].max(sd * sd);
+    // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
+    let angles: Vec<[f64; 2]> = turned(views).into_iter().zip(offs).map(|(at, off)| [at, off.turn]).collect();
+    at_least(3, Line::through(&angles).and_then(|line| line.slope_sd).unwrap_or(0.0));
+    if !found.axis_told {
+        at_least(3, priors.rho);
+        at_least(1, priors.gamma_rad);
+        // uy is where the axis crosses the principal point's column, and the specimen lies beside it.
+        let lever_px = median(views.iter().filter_map(|v| v.columns.extent()).map(|(a, b)| (a + b) as f64 / 2.0 - camera.ux).collect());
+        at_least(0, lever_px.abs() * priors.gamma_rad);
+        at_least(2, priors.alpha_rad);
+    }
+    covariance
 }
 
 /// A solution with where it started from.
 struct Solved {
     start: Camera,
     solution: Solution,
+    /// Whether roll and tilt are this turn's: a round specimen does not tell them, and they are the given camera's.
     axis_told: bool,
 }
 
-fn solved(camera: &Camera, given: &[GivenView], used: &[usize], priors: Priors) -> Result<Solved, CalibrationError> {
-    let views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
+fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved, CalibrationError> {
     let from = |rho: f64, priors: Priors| {
-        let first = pivot(&views);
+        let first = pivot(views);
         let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
         let start = axis(camera, &turned)?;
-        let free = solve(&start, camera, rho, &views, priors);
+        let free = solve(&start, camera, rho, views, priors);
         // Views that fit no turn are fitted best by none: all angles alike.
         let near = |s: &Solution| (s.rho / rho - 1.0).abs() < NEAR;
         let solution = match free.filter(near) {
             Some(solution) => solution,
-            None => solve(&start, camera, rho, &views, Priors { rho: HELD, ..priors })?,
+            None => solve(&start, camera, rho, views, Priors { rho: HELD, ..priors })?,
         };
         Some(Solved { start, solution, axis_told: true })
     };

@@ -4,7 +4,7 @@ use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSet
 use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Pose, Priors, TurnView, calibrate};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
-use crate::measure::support::{Sections, SupportEstimate, SupportSettings, calibration_sd};
+use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
 use crate::range::{OutOfRange, outside};
@@ -272,10 +272,10 @@ impl Reconstruction {
                 1.0 / self.camera.ky,
             ),
         };
-        match Sections::of(&pose, &views, sd_um, open, SupportSettings::default()) {
+        match Sections::of(&pose, &views, sd_um, open) {
             Some(sections) => {
                 let estimate = SupportEstimate::of(&sections);
-                let calibration = calibrated.as_ref().ok().and_then(|c| calibration_sd(c, &given, SupportSettings::default()));
+                let calibration = calibrated.as_ref().ok().and_then(|c| calibration_sd(c, &given));
                 let fitted = sphere.then(|| sections.sphere()).flatten();
                 self.trust(&mut model.measurement, estimate, calibration, fitted);
             }

@@ -7,9 +7,10 @@
 //! ```
 
 use super::measured::{self, Measured};
-use crate::calibration::rig::{self, Refraction, Spread};
+use crate::calibration::rig::{self, Refraction};
 use crate::measure::references::bead::BeadScore;
 use crate::session::Mode;
+use crate::statistics::Spread;
 use crate::store::{StoreError, durable};
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};

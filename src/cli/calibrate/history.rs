@@ -6,7 +6,7 @@
 //! ```
 
 use super::beads::{BeadsFile, SCHEMA};
-use crate::calibration::rig::{Spread, drift};
+use crate::statistics::{Line, Spread};
 use crate::store::durable;
 use anyhow::{Context, ensure};
 use std::fmt::Write as _;
@@ -96,10 +96,10 @@ fn table(files: &[BeadsFile], tracks: &[Track]) -> String {
     for track in tracks {
         let points: Vec<[f64; 2]> = track.points.iter().map(|(p, _)| *p).collect();
         let digits = track.digits + 1;
-        let said = match drift(&points) {
+        let said = match Line::through(&points) {
             Some(d) => {
-                let sd = d.per_day_sd.map_or_else(|| "(two days do not tell how sure)".into(), |sd| format!("+- {sd:.digits$}"));
-                format!("{:+.digits$} {sd}", d.per_day)
+                let sd = d.slope_sd.map_or_else(|| "(two days do not tell how sure)".into(), |sd| format!("+- {sd:.digits$}"));
+                format!("{:+.digits$} {sd}", d.slope)
             }
             None => format!("- ({} value(s) of one moment; two days are needed)", points.len()),
         };

@@ -9,6 +9,7 @@
 use super::beads::each;
 use super::measured;
 use crate::calibration::rig::{self, RigError, Scale};
+use crate::statistics::Spread;
 use anyhow::{Context, ensure};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -140,7 +141,7 @@ fn bore(args: &Args, known_um: f64) -> anyhow::Result<Found> {
     let of_recording = |m: &measured::Measured| {
         let bores: Vec<f64> = m.file.record.views.iter().filter_map(|v| v.walls.map(|w| w.bore_um)).collect();
         let n = bores.len();
-        let mean = rig::Spread::of(&bores).map(|s| s.mean);
+        let mean = Spread::of(&bores).map(|s| s.mean);
         mean.with_context(|| format!("{}: {n} of {} views show the walls", m.path.display(), m.file.record.views.len()))
     };
     // The views of one recording share what is wrong with it: they count as one.

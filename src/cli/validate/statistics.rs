@@ -1,5 +1,6 @@
 //! Numbers of many phantoms in one line.
 
+use crate::statistics::Spread;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Of a sample.
@@ -7,7 +8,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 pub struct Summary {
     pub n: usize,
     pub mean: f64,
-    /// With n - 1.
+    /// With n - 1; 0 of one.
     pub sd: f64,
     /// The value farthest from 0.
     pub worst: f64,
@@ -15,12 +16,9 @@ pub struct Summary {
 
 impl Summary {
     pub fn of(values: &[f64]) -> Self {
-        let n = values.len();
-        let mean = values.iter().sum::<f64>() / n.max(1) as f64;
-        let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
-        let sd = (squares / n.saturating_sub(1).max(1) as f64).sqrt();
+        let Spread { n, mean, sd } = Spread::of(values).unwrap_or(Spread { n: 0, mean: 0.0, sd: None });
         let worst = values.iter().copied().fold(0.0, |worst: f64, v| if v.abs() > worst.abs() { v } else { worst });
-        Self { n, mean, sd, worst }
+        Self { n, mean, sd: sd.unwrap_or(0.0), worst }
     }
 
     /// As mean ± sd, worst.

@@ -8,7 +8,7 @@
 use crate::calibration::{Calibration, CalibrationError, GivenView, Pose, Priors, TurnView, calibrate};
 use crate::carver::{Carver, Leaves};
 use crate::geometry::{BoxUm, Camera, Projection, VoxelGrid};
-use crate::measure::support::{Sections, SupportEstimate, SupportSettings, calibration_sd};
+use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{self, fit_sphere};
 use crate::profile::{Columns, Mask, Polygon};
 use crate::reconstruction::SurfaceSettings;
@@ -150,13 +150,13 @@ pub fn support(turn: &Turn, stops: &[usize], found: &Calibration) -> Option<Supp
     let given = turn.given(stops);
     let views = found.turn_views(&given);
     let estimate = sections(&Pose::new(&found.camera), &views, found.residual_sd_um)?;
-    let [volume, area] = calibration_sd(found, &given, SupportSettings::default()).unwrap_or_default();
+    let [volume, area] = calibration_sd(found, &given).unwrap_or_default();
     let (volume_sd_um3, area_sd_um2) = (estimate.volume_sd_um3.hypot(volume), estimate.area_sd_um2.hypot(area));
     Some(Support { estimate, volume_sd_um3, area_sd_um2 })
 }
 
 pub fn sections(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<SupportEstimate> {
-    Sections::of(pose, views, sd_um, [false; 2], SupportSettings::default()).map(|s| SupportEstimate::of(&s))
+    Sections::of(pose, views, sd_um, [false; 2]).map(|s| SupportEstimate::of(&s))
 }
 
 /// The paper's numbers of a hull.

@@ -16,6 +16,6 @@ mod sensitivity;
 mod smoothing;
 
 pub use estimate::SupportEstimate;
-pub use sections::{Section, Sections, SupportSettings};
+pub use sections::{Section, Sections};
 pub use sensitivity::calibration_sd;
 pub use smoothing::Change;

@@ -4,19 +4,8 @@ use super::smoothing::{Change, Smoother};
 use crate::calibration::{Fit, Pose, Slice, Support, TurnView, fit, harmonics};
 use rayon::prelude::*;
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SupportSettings {
-    /// Slices to either side that one is smoothed with.
-    pub reach: usize,
-    /// Of the series, whatever the number of views.
-    pub most_harmonics: usize,
-}
-
-impl Default for SupportSettings {
-    fn default() -> Self {
-        Self { reach: 8, most_harmonics: 8 }
-    }
-}
+/// Slices to either side that one is smoothed with.
+const REACH: usize = 8;
 
 /// A slice of the specimen.
 #[derive(Debug, Clone)]
@@ -49,8 +38,8 @@ const COARSE: usize = 8;
 
 impl Sections {
     /// Nothing where no stretch of slices is seen by most views. `sd_um` is what an edge scatters by.
-    pub fn of(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2], settings: SupportSettings) -> Option<Self> {
-        let (series, from, to) = span(views, settings)?;
+    pub fn of(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2]) -> Option<Self> {
+        let (series, from, to) = span(views)?;
         let coarse: Vec<Option<Support>> = (from..to + 2 * COARSE)
             .into_par_iter()
             .step_by(COARSE)
@@ -85,7 +74,7 @@ impl Sections {
         let smoothed: Vec<Option<(Section, Vec<Change>)>> = (0..raw.len())
             .into_par_iter()
             .map(|at| {
-                let smoother = Smoother::new(&raw, at, settings.reach)?;
+                let smoother = Smoother::new(&raw, at, REACH)?;
                 let support = smoother.support()?;
                 let slice = &found[at].0;
                 let gap = slice.sights.iter().map(|s| s.tangent.gap_px).fold(0.0, f64::max);
@@ -122,8 +111,8 @@ fn shift_variance(pose: &Pose, views: &[TurnView], series: usize) -> f64 {
 }
 
 /// Volume and area to a per mille, of every eighth slice unsmoothed: for what changes with the pose.
-pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64, settings: SupportSettings) -> Option<[f64; 2]> {
-    let (series, from, to) = span(views, settings)?;
+pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<[f64; 2]> {
+    let (series, from, to) = span(views)?;
     let slices: Vec<Option<[f64; 2]>> = (from..to + 1)
         .into_par_iter()
         .step_by(COARSE)
@@ -139,11 +128,11 @@ pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64, settings: Suppo
 }
 
 /// Harmonics, and the first and last column in which any view shows the specimen.
-fn span(views: &[TurnView], settings: SupportSettings) -> Option<(usize, usize, usize)> {
+fn span(views: &[TurnView]) -> Option<(usize, usize, usize)> {
     let omegas: Vec<f64> = views.iter().map(|v| v.omega).collect();
     let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.columns.extent()).collect();
     let (from, to) = (extents.iter().map(|e| e.0).min()?, extents.iter().map(|e| e.1).max()?);
-    Some((harmonics(&omegas).min(settings.most_harmonics), from, to.max(from + 1)))
+    Some((harmonics(&omegas), from, to.max(from + 1)))
 }
 
 /// A slice fitted twice: the first time tells where tangents touch, and so in which column to look.

@@ -1,15 +1,15 @@
 //! What the pose's own uncertainty makes of volume and area.
 
-use super::sections::{SupportSettings, rough};
+use super::sections::rough;
 use crate::calibration::{Calibration, GivenView, Pose, TurnView};
 use crate::geometry::Camera;
 use nalgebra::Vector4;
 
 /// Standard deviations of volume (um^3) and area (um^2) that follow from the covariance of uy, gamma, alpha and rho.
-pub fn calibration_sd(calibration: &Calibration, given: &[GivenView], settings: SupportSettings) -> Option<[f64; 2]> {
+pub fn calibration_sd(calibration: &Calibration, given: &[GivenView]) -> Option<[f64; 2]> {
     let sd_um = calibration.residual_sd_um;
     let views = calibration.turn_views(given);
-    let at = |camera: &Camera, views: &[TurnView]| rough(&Pose::new(camera), views, sd_um, settings);
+    let at = |camera: &Camera, views: &[TurnView]| rough(&Pose::new(camera), views, sd_um);
     let steps = calibration.covariance.diagonal().map(f64::sqrt);
     let camera = &calibration.camera;
     let here = at(camera, &views)?;

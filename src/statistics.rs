@@ -1,0 +1,167 @@
+//! Numbers of samples, and fits that one wrong value does not move.
+//!
+//! ```text
+//!   values ── mean, sd, median       (day, value) ── straight line
+//!   rows, values ── least squares ── residuals ── weights by Huber ─┐
+//!                        ▲──────────────────────────────────────────┘
+//! ```
+
+use nalgebra::{SMatrix, SVector};
+use serde::{Deserialize, Serialize};
+
+/// 0 of none.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// 0 of none, the upper one of an even number.
+pub fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The median of magnitudes as a standard deviation.
+pub fn mad_sd(values: &[f64]) -> f64 {
+    1.4826 * median(values.iter().map(|v| v.abs()).collect())
+}
+
+/// Mean and standard deviation (divisor n - 1) of so many values; none of one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    pub n: usize,
+    pub mean: f64,
+    pub sd: Option<f64>,
+}
+
+impl Spread {
+    /// Nothing of no values.
+    pub fn of(values: &[f64]) -> Option<Self> {
+        let n = values.len();
+        let mean = (n > 0).then(|| mean(values))?;
+        let sd = (n > 1).then(|| (values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n as f64 - 1.0)).sqrt());
+        Some(Self { n, mean, sd })
+    }
+
+    /// Standard deviation of the mean.
+    pub fn sd_of_mean(&self) -> Option<f64> {
+        self.sd.map(|sd| sd / (self.n as f64).sqrt())
+    }
+}
+
+/// The straight line nearest to points.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Line {
+    pub slope: f64,
+    /// From the scatter about the line; none of two points.
+    pub slope_sd: Option<f64>,
+}
+
+impl Line {
+    /// Through points, each (place, value); nothing where all are at one place.
+    pub fn through(points: &[[f64; 2]]) -> Option<Self> {
+        let n = points.len() as f64;
+        let mean = [0, 1].map(|i| points.iter().map(|p| p[i]).sum::<f64>() / n);
+        let squares: f64 = points.iter().map(|[at, _]| (at - mean[0]).powi(2)).sum();
+        // Of no points it is 0 too.
+        if squares <= 0.0 {
+            return None;
+        }
+        let slope = points.iter().map(|[at, value]| (at - mean[0]) * (value - mean[1])).sum::<f64>() / squares;
+        let misfit: f64 = points.iter().map(|[at, value]| (value - mean[1] - slope * (at - mean[0])).powi(2)).sum();
+        let slope_sd = (points.len() > 2).then(|| (misfit / (n - 2.0) / squares).sqrt());
+        Some(Self { slope, slope_sd })
+    }
+}
+
+/// Standard deviations from which a residual counts in proportion instead of squared: 95 % as good as least squares where all
+/// is well (Huber).
+const KNEE: f64 = 1.345;
+
+/// Weight of a residual that is so many standard deviations long.
+pub fn huber(deviations: f64) -> f64 {
+    if deviations.abs() <= KNEE { 1.0 } else { KNEE / deviations.abs() }
+}
+
+/// The coefficients whose sum over each row is nearest to its value; a row comes with value and weight. `held` is added to the normal
+/// equations. Nothing where the rows do not tell them all.
+pub fn fit<const N: usize>(
+    rows: impl IntoIterator<Item = (SVector<f64, N>, f64, f64)>,
+    held: SMatrix<f64, N, N>,
+) -> Option<SVector<f64, N>> {
+    let (mut normal, mut right) = (held, SVector::zeros());
+    for (row, value, weight) in rows {
+        normal += weight * row * row.transpose();
+        right += weight * value * row;
+    }
+    Some(normal.cholesky()?.solve(&right))
+}
+
+/// The same so many times, each time with Huber's weights of the residuals before; these scatter by `sd_least` at least.
+pub fn fit_robust<const N: usize>(
+    rows: &[(SVector<f64, N>, f64)],
+    held: SMatrix<f64, N, N>,
+    times: usize,
+    sd_least: f64,
+) -> Option<SVector<f64, N>> {
+    let mut weights = vec![1.0; rows.len()];
+    let mut found = None;
+    for _ in 0..times {
+        let solved = fit(rows.iter().zip(&weights).map(|(&(row, value), &weight)| (row, value, weight)), held)?;
+        let left: Vec<f64> = rows.iter().map(|(row, value)| value - row.dot(&solved)).collect();
+        let sd = mad_sd(&left).max(sd_least);
+        weights = left.iter().map(|r| huber(r / sd)).collect();
+        found = Some(solved);
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{Matrix2, Vector2};
+
+    fn near(found: f64, wanted: f64) {
+        assert!((found - wanted).abs() < 1e-9 * wanted.abs().max(1e-3), "{found} is not {wanted}");
+    }
+
+    #[test]
+    fn a_sample_has_its_mean_spread_and_middle() {
+        let spread = Spread::of(&[1.0, 2.0, 3.0, -6.0]).unwrap();
+        near(spread.mean, 0.0);
+        near(spread.sd.unwrap(), (50.0f64 / 3.0).sqrt());
+        near(spread.sd_of_mean().unwrap(), (50.0f64 / 12.0).sqrt());
+        assert_eq!((Spread::of(&[2.0]).unwrap().sd, Spread::of(&[])), (None, None));
+        near(median(vec![5.0, 1.0, 3.0, 4.0]), 4.0);
+        // Of 1, 2, 3 the middle; 9 moves nothing.
+        near(mad_sd(&[-1.0, 3.0, -9.0, 2.0, -2.0]), 1.4826 * 2.0);
+        near(median(Vec::new()) + mean(&[]), 0.0);
+    }
+
+    // numpy.polyfit([0, 1, 3], [1, 2, 3], 1) gives 9 / 14; residuals' squares sum to 1 / 14 over squares of 14 / 3.
+    #[test]
+    fn a_line_has_its_slope_and_how_well_it_is_known() {
+        let line = Line::through(&[[0.0, 1.0], [1.0, 2.0], [3.0, 3.0]]).unwrap();
+        near(line.slope, 9.0 / 14.0);
+        near(line.slope_sd.unwrap(), (1.0_f64 / 14.0 / (14.0 / 3.0)).sqrt());
+        assert_eq!(Line::through(&[[2.0, 1.0], [2.0, 5.0]]), None);
+        assert_eq!(Line::through(&[]), None);
+        assert_eq!(Line::through(&[[0.0, 1.0], [2.0, 5.0]]), Some(Line { slope: 2.0, slope_sd: None }));
+    }
+
+    /// 3 + 2 t, with one of 20 values 100 off: least squares takes on a twentieth of it and more, the robust fit next to nothing.
+    #[test]
+    fn one_wrong_value_does_not_move_a_robust_fit() {
+        let rows: Vec<(Vector2<f64>, f64)> =
+            (0..20).map(|i| (Vector2::new(1.0, f64::from(i)), 3.0 + 2.0 * f64::from(i) + if i == 4 { 100.0 } else { 0.0 })).collect();
+        let plain = fit(rows.iter().map(|&(row, value)| (row, value, 1.0)), Matrix2::zeros()).unwrap();
+        let robust = fit_robust(&rows, Matrix2::zeros(), 6, 0.01).unwrap();
+        assert!((plain[0] - 3.0).abs() > 5.0, "{plain}");
+        assert!((robust - Vector2::new(3.0, 2.0)).norm() < 0.1, "{robust}");
+        // A value alone tells no line, unless something holds it.
+        assert!(fit_robust(&rows[..1], Matrix2::zeros(), 2, 0.01).is_none());
+        assert!(fit_robust(&rows[..1], Matrix2::identity(), 2, 0.01).is_some());
+    }
+}
