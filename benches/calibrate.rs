@@ -8,7 +8,7 @@ use carved::geometry::{BoxUm, Camera, VoxelGrid};
 use carved::profile::{Columns, Mask};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::TAU;
 
 struct Turn {
     camera: Camera,
@@ -26,19 +26,7 @@ fn turn(asd: u32) -> Turn {
     let size = 1024;
     let mask = |data: &[u8]| Mask::from_coverage(size, size, data.to_vec()).unwrap_or_else(|e| panic!("{e}"));
     Turn {
-        camera: Camera {
-            f: 60_000.0,
-            kx: 1.0 / 5.5,
-            ky: 1.0 / 5.5,
-            ux: 511.5,
-            uy: 511.5,
-            s: 0.0,
-            alpha: 0.0,
-            gamma: 0.0,
-            phi: FRAC_PI_2,
-            width: 1024,
-            height: 1024,
-        },
+        camera: Camera::published(nominal.width, nominal.height),
         columns: coverage.iter().map(|c| Columns::from_coverage(size, size, &c.data)).collect(),
         runs: coverage.iter().map(|c| Runs::new(&mask(&c.data)).unwrap_or_else(|e| panic!("{e}"))).collect(),
         ledger,

@@ -9,22 +9,6 @@ use carved::profile::Mask;
 use carved::reconstruction::{HullModel, ReconstructionSettings};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 
-fn camera(gamma: f64) -> Camera {
-    Camera {
-        f: 60_000.0,
-        kx: 1.0 / 5.5,
-        ky: 1.0 / 5.5,
-        ux: 511.5,
-        uy: 511.5,
-        s: 0.0,
-        alpha: 0.0,
-        gamma,
-        phi: std::f64::consts::FRAC_PI_2,
-        width: 1024,
-        height: 1024,
-    }
-}
-
 /// Half axes of body and fin along y and z at `x` um from the middle; the head is at the left.
 fn slices(x: f64) -> [[f64; 2]; 2] {
     let t = (x + 1900.0) / 3800.0;
@@ -56,7 +40,7 @@ fn silhouette(camera: &Camera, omega: f64) -> Mask {
 }
 
 fn views(count: u32, gamma_deg: f64) -> Vec<(Mask, Projection)> {
-    let camera = camera(gamma_deg.to_radians());
+    let camera = Camera { gamma: gamma_deg.to_radians(), ..Camera::published(1024, 1024) };
     let angle = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(count);
     (0..count).map(|i| (silhouette(&camera, angle(i)), camera.projection(angle(i)))).collect()
 }

@@ -66,9 +66,7 @@ impl Ellipse {
 }
 
 fn views() -> Vec<(Mask, Projection)> {
-    let k = 1.0 / 5.5;
-    let phi = std::f64::consts::FRAC_PI_2;
-    let camera = Camera { f: 60_000.0, kx: k, ky: k, ux: 511.5, uy: 511.5, s: 0.0, alpha: 0.0, gamma: 0.0, phi, width: 1024, height: 1024 };
+    let camera = Camera::published(1024, 1024);
     let view = |i: u32| {
         let projection = camera.projection(std::f64::consts::TAU * f64::from(i) / f64::from(VIEWS));
         let mut mask = Mask::empty(1024, 1024);

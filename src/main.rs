@@ -10,17 +10,8 @@ fn main() -> ExitCode {
     match carved::cli::main() {
         Ok(code) => code,
         Err(error) => {
-            eprintln!("carved: {}", told(&error));
+            eprintln!("carved: {}", carved::cli::told(&error));
             ExitCode::FAILURE
         }
     }
-}
-
-/// The error and its causes, each once: many an error names its cause in its own words already.
-fn told(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
-        "" => cause,
-        said if said.contains(&cause) => told,
-        _ => format!("{told}: {cause}"),
-    })
 }

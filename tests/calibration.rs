@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
 use carved::calibration::{Bad, Calibration, CalibrationError, GivenView, Pose, Priors, calibrate};
+use carved::cli::emulated;
 use carved::geometry::Camera;
 use carved::measure::support::{Sections, SupportEstimate};
 use carved::profile::{Columns, Polygon};
@@ -14,22 +15,6 @@ use std::f64::consts::TAU;
 
 fn looking() -> hardware_sim::scene::Camera {
     hardware_sim::scene::Camera::default()
-}
-
-fn known(camera: &hardware_sim::scene::Camera) -> Camera {
-    Camera {
-        f: camera.f_um,
-        kx: camera.kx_px_per_um,
-        ky: camera.ky_px_per_um,
-        ux: camera.ux_px,
-        uy: camera.uy_px,
-        s: camera.skew,
-        alpha: camera.alpha_rad,
-        gamma: camera.gamma_rad,
-        phi: camera.phi_rad,
-        width: camera.width,
-        height: camera.height,
-    }
 }
 
 fn even(asd: u32) -> Vec<f64> {
@@ -59,7 +44,7 @@ impl Turn {
         Self {
             columns,
             omegas,
-            camera: known(camera),
+            camera: emulated::camera(camera),
             uy_px: really.uy_px + mean_dy,
             gamma_rad: really.gamma_rad,
             hull: [truth.hull_volume_um3, truth.hull_area_um2],
@@ -77,9 +62,7 @@ impl Turn {
     /// Volume and area against those of the ideal hull.
     fn errors(&self, calibration: &Calibration) -> [f64; 2] {
         let views = calibration.turn_views(&self.given());
-        let sections =
-            Sections::of(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, [false; 2])
-                .unwrap();
+        let sections = Sections::of(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, [false; 2]).unwrap();
         let estimate = SupportEstimate::of(&sections);
         [estimate.volume_um3 / self.hull[0] - 1.0, estimate.area_um2 / self.hull[1] - 1.0]
     }

@@ -71,6 +71,8 @@ fn a_finned_larva_is_what_the_papers_carver_makes_of_it_and_its_hull_by_slices()
     for view in strict["views"].as_array().unwrap() {
         assert!(number(view, "overlap") > 0.98, "{view}");
     }
+    let no_sphere = refusal(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--sphere"]));
+    assert_eq!(no_sphere.matches("did not settle").count(), 1, "a cause is told once: {no_sphere}");
     // The second mesh went beside the first.
     assert!(dir.path().join("larva_fin_asd21.ply").is_file() && dir.path().join("larva_fin_asd21-2.ply").is_file());
 }

@@ -3,6 +3,7 @@
 
 use carved::calibration::{Ask, Calibration, Free, GivenView, Objective, Optimiser, Priors, Psi, Stop, Vrv, calibrate, gate, optimise};
 use carved::carver::Runs;
+use carved::cli::emulated::camera;
 use carved::geometry::{BoxUm, Camera, VoxelGrid};
 use carved::profile::{Columns, Mask};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
@@ -19,22 +20,6 @@ struct Turn {
     columns: Vec<Columns>,
     /// With every view's own angle and shift.
     truth: Psi,
-}
-
-fn camera(c: &hardware_sim::scene::Camera) -> Camera {
-    Camera {
-        f: c.f_um,
-        kx: c.kx_px_per_um,
-        ky: c.ky_px_per_um,
-        ux: c.ux_px,
-        uy: c.uy_px,
-        s: c.skew,
-        alpha: c.alpha_rad,
-        gamma: c.gamma_rad,
-        phi: c.phi_rad,
-        width: c.width,
-        height: c.height,
-    }
 }
 
 impl Turn {

@@ -3,6 +3,7 @@
 mod calibrate;
 mod check;
 mod daemon;
+pub mod emulated;
 mod import;
 mod measure;
 mod notify;
@@ -54,6 +55,15 @@ enum Command {
 enum ConfigCommand {
     /// Check a configuration and say everything that is wrong with it.
     Check(check::Args),
+}
+
+/// The error and its causes, each once: many an error names its cause in its own words already.
+pub fn told(error: &anyhow::Error) -> String {
+    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
+        "" => cause,
+        said if said.contains(&cause) => told,
+        _ => format!("{told}: {cause}"),
+    })
 }
 
 /// With `-0.1` as a value and no option, everywhere: what takes it says what it expects.

@@ -46,6 +46,23 @@ pub enum CameraError {
 }
 
 impl Camera {
+    /// The published rig's: 60 mm away, 5.5 um per px, the axis in the middle of a sensor of this size.
+    pub fn published(width: u32, height: u32) -> Self {
+        Self {
+            f: 60_000.0,
+            kx: 1.0 / 5.5,
+            ky: 1.0 / 5.5,
+            ux: (f64::from(width) - 1.0) / 2.0,
+            uy: (f64::from(height) - 1.0) / 2.0,
+            s: 0.0,
+            alpha: 0.0,
+            gamma: 0.0,
+            phi: quarter_turn(),
+            width,
+            height,
+        }
+    }
+
     /// # Errors
     /// Names the first value that no camera can have.
     pub fn check(&self) -> Result<(), CameraError> {
@@ -85,25 +102,9 @@ impl Camera {
 mod tests {
     use super::*;
 
-    pub(crate) fn nominal() -> Camera {
-        Camera {
-            f: 60_000.0,
-            kx: 1.0 / 5.5,
-            ky: 1.0 / 5.5,
-            ux: 511.5,
-            uy: 511.5,
-            s: 0.0,
-            alpha: 0.0,
-            gamma: 0.0,
-            phi: quarter_turn(),
-            width: 1024,
-            height: 1024,
-        }
-    }
-
     #[test]
     fn the_signs_are_those_of_the_conventions() {
-        let cam = nominal();
+        let cam = Camera::published(1024, 1024);
         let at = |c: &Camera, omega: f64, x: [f64; 3]| c.projection(omega).project(x).unwrap();
         let near = [0.0, 0.0, -275.0];
         assert!(at(&cam, 0.1, near).1 > at(&cam, 0.0, near).1, "positive omega moves the near wall to larger v");
@@ -118,8 +119,8 @@ mod tests {
 
     #[test]
     fn values_no_camera_can_have_are_named() {
-        let bad = Camera { ky: -1.0, ..nominal() };
+        let bad = Camera { ky: -1.0, ..Camera::published(1024, 1024) };
         assert_eq!(bad.check(), Err(CameraError::Value { name: "ky", found: -1.0, rule: " above 0" }));
-        assert!(nominal().check().is_ok());
+        assert!(Camera::published(1024, 1024).check().is_ok());
     }
 }

@@ -12,10 +12,6 @@ use serde::Deserialize;
 use std::path::Path;
 use std::sync::Arc;
 
-/// The published rig: 5.5 um per px on the axis, the camera 60 mm away.
-const NOMINAL_UM_PER_PX: f64 = 5.5;
-const NOMINAL_DISTANCE_UM: f64 = 60_000.0;
-
 /// Keys of camera.json; others are told, since a misspelt one would be a default in silence.
 const KEYS: [&str; 15] =
     ["f", "kx", "ky", "ux", "uy", "s", "alpha", "gamma", "phi", "width", "height", "omega", "views", "pixel_convention", "model"];
@@ -63,11 +59,12 @@ pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> any
         (Some(psi), _, _, Some(file)) => (psi.camera, file.display().to_string()),
         (_, Some(config), Some(file), _) => (config.optics.clone(), format!("[optics] of {}", file.display())),
         _ => {
-            warn(format!(
-                "no --cameras and no --config: the camera is taken to be the published rig's, {NOMINAL_UM_PER_PX} um per px, the axis in the \
-                 picture's middle; 1 % of scale is 3 % of volume"
-            ));
-            (nominal(kind), format!("nominal, {NOMINAL_UM_PER_PX} um per px"))
+            warn(
+                "no --cameras and no --config: the camera is taken to be the published rig's, 5.5 um per px, the axis in the picture's \
+                 middle; 1 % of scale is 3 % of volume"
+                    .into(),
+            );
+            (Camera::published(kind.width, kind.height), "nominal, 5.5 um per px".into())
         }
     };
     ensure!(
@@ -89,23 +86,6 @@ pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> any
         references: config.as_ref().map_or_else(references::embedded, |c| Ok(c.references.clone()))?,
         empty: config.and_then(|c| c.empty_capillary),
     })
-}
-
-fn nominal(kind: Kind) -> Camera {
-    let k = 1.0 / NOMINAL_UM_PER_PX;
-    Camera {
-        f: NOMINAL_DISTANCE_UM,
-        kx: k,
-        ky: k,
-        ux: (f64::from(kind.width) - 1.0) / 2.0,
-        uy: (f64::from(kind.height) - 1.0) / 2.0,
-        s: 0.0,
-        alpha: 0.0,
-        gamma: 0.0,
-        phi: std::f64::consts::FRAC_PI_2,
-        width: kind.width,
-        height: kind.height,
-    }
 }
 
 fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {

@@ -2,12 +2,13 @@
 
 use super::cameras::{Cameras, Psi};
 use super::views::View;
-use crate::calibration::{Bad, Calibration, Moved};
+use crate::calibration::{Bad, Calibration, Moved, VIEWS_LEAST};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::Measurement;
 use crate::pipeline::FEW_VIEWS;
-use crate::reconstruction::{HullModel, Reconstruction, ReconstructionSettings, TurnModel};
+use crate::reconstruction::{HullModel, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
+use crate::statistics::mean;
 use crate::surface::{self, Mesh};
 use rayon::prelude::*;
 
@@ -55,8 +56,6 @@ impl Refusal {
     }
 }
 
-/// Views of a turn that nothing is measured below.
-const TURN_LEAST: usize = 4;
 /// Mean overlap below which views do not show one body: profiles of a good recording reach 0.94 to 0.97.
 const OVERLAP_LEAST: f64 = 0.9;
 
@@ -81,8 +80,8 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
 /// Views of one camera before a capillary that turns.
 pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: ReconstructionSettings, sphere: bool) -> anyhow::Result<Measured> {
     let seen: Vec<usize> = (0..views.len()).filter(|&i| !views[i].is_blank()).collect();
-    if seen.len() < TURN_LEAST {
-        return Err(Refusal::FewViews { used: seen.len(), given: views.len(), needed: TURN_LEAST }.into());
+    if seen.len() < VIEWS_LEAST {
+        return Err(Refusal::FewViews { used: seen.len(), given: views.len(), needed: VIEWS_LEAST }.into());
     }
     let mut reconstruction = Reconstruction::new(&psi.camera, grid, seen.len(), settings)?;
     for &i in &seen {
@@ -109,52 +108,19 @@ pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: Reconst
         Ok(c) => (c.camera.clone(), psi.omega.iter().map(|&w| c.angle(w)).collect()),
         Err(_) => (psi.camera.clone(), psi.omega.clone()),
     };
-    let leaves = |side: fn(&Leaves) -> bool| shown.iter().any(|v| side(&v.leaves()));
-    let mut doubts: Vec<String> = Vec::new();
-    let mut flags = Vec::new();
-    let mut flag = |raised: bool, name: &'static str, doubt: Option<String>| {
-        if raised {
-            flags.push(name);
-            doubts.extend(doubt);
-        }
-    };
-    let found = calibration.as_ref().ok();
-    flag(
-        leaves(|l| l.left),
-        "clipped_left",
-        Some("warning: the silhouettes reach the image's left side: what lies beyond is not measured".into()),
+    let mut raised = raised_by(&shown, &hull, &model.measurement);
+    raised.extend(
+        (used < FEW_VIEWS)
+            .then(|| ("few_views", Some(format!("warning: {used} views tell little of each slice's shape; the numbers are rough")))),
     );
-    flag(
-        leaves(|l| l.right),
-        "clipped_right",
-        Some("warning: the silhouettes reach the image's right side: what lies beyond is not measured".into()),
-    );
-    flag(hull.touches_box(), "outside_box", Some(BOX.into()));
-    flag(used < FEW_VIEWS, "few_views", Some(format!("warning: {used} views tell little of each slice's shape; the numbers are rough")));
-    flag(used < views.len(), "bad_view", None);
-    let moved = found.and_then(|c| c.moved);
-    flag(moved.is_some(), "moved", moved.map(|m| say_moved(m, &seen)));
-    let fallback = model.measurement.fallback.clone();
-    flag(model.measurement.is_nonconvex(), "nonconvex", fallback.map(|why| format!("warning: the voxels' numbers are given: {why}")));
-    flag(
-        found.is_none(),
-        "uncalibrated",
-        calibration
-            .as_ref()
-            .err()
-            .filter(|_| settings.calibration.enabled)
-            .map(|e| format!("warning: measured with the camera as given: {e}")),
-    );
-    flag(
-        found.is_some_and(Calibration::has_wrong_steps),
-        "wrong_steps",
-        found.map(|c| {
-            format!(
-                "warning: the specimen turned by {:.4} times the angles in omega: check the steps per revolution, or the coupling",
-                c.rho
-            )
-        }),
-    );
+    raised.extend((used < views.len()).then_some(("bad_view", None)));
+    match &calibration {
+        Ok(c) => raised.extend(raised_by_calibration(c, &seen)),
+        Err(NotCalibrated::NotAsked) => raised.push(("uncalibrated", None)),
+        Err(e) => raised.push(("uncalibrated", Some(format!("warning: measured with the camera as given: {e}")))),
+    }
+    let (flags, doubts): (Vec<_>, Vec<_>) = raised.into_iter().unzip();
+    let mut doubts: Vec<String> = doubts.into_iter().flatten().collect();
     doubts.extend(low_overlap(&overlaps));
     Ok(Measured {
         measurement: Some(model.measurement),
@@ -167,6 +133,36 @@ pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: Reconst
         flags,
         doubts,
     })
+}
+
+/// A flag, and what it makes doubtful in plain words.
+type Raised = (&'static str, Option<String>);
+
+/// By what the views show and what was made of them.
+fn raised_by(shown: &[&View], hull: &HullModel, measurement: &Measurement) -> Vec<Raised> {
+    let sides: [(_, _, fn(&Leaves) -> bool); 2] = [("clipped_left", "left", |l| l.left), ("clipped_right", "right", |l| l.right)];
+    let mut raised: Vec<Raised> = Vec::new();
+    for (flag, side, leaves) in sides {
+        if shown.iter().any(|v| leaves(&v.leaves())) {
+            raised.push((flag, Some(format!("warning: the silhouettes reach the image's {side} side: what lies beyond is not measured"))));
+        }
+    }
+    raised.extend(hull.touches_box().then(|| ("outside_box", Some(BOX.into()))));
+    let fallback = measurement.fallback.as_ref().map(|why| format!("warning: the voxels' numbers are given: {why}"));
+    raised.extend(measurement.is_nonconvex().then_some(("nonconvex", fallback)));
+    raised
+}
+
+/// `seen` has the views' places among those given.
+fn raised_by_calibration(found: &Calibration, seen: &[usize]) -> Vec<Raised> {
+    let moved = found.moved.map(|m| ("moved", Some(say_moved(m, seen))));
+    let wrong_steps = found.has_wrong_steps().then(|| {
+        let rho = found.rho;
+        let said =
+            format!("warning: the specimen turned by {rho:.4} times the angles in omega: check the steps per revolution, or the coupling");
+        ("wrong_steps", Some(said))
+    });
+    moved.into_iter().chain(wrong_steps).collect()
 }
 
 const BOX: &str = "warning: the hull reaches the end of the box, and may go on outside: widen --box";
@@ -206,7 +202,7 @@ pub(super) fn hull(
     let touches_box = hull.touches_box();
     let raised = [
         (touches_box, "outside_box"),
-        (seen.len() < TURN_LEAST, "few_views"),
+        (seen.len() < VIEWS_LEAST, "few_views"),
         (seen.len() < views.len(), "bad_view"),
         (true, "uncalibrated"),
     ];
@@ -234,7 +230,7 @@ fn overlaps(hull: &HullModel, views: &[&View], projections: &[Projection]) -> Ve
 }
 
 fn low_overlap(overlaps: &[f64]) -> Option<String> {
-    let mean = overlaps.iter().sum::<f64>() / overlaps.len() as f64;
+    let mean = mean(overlaps);
     (mean < OVERLAP_LEAST).then(|| {
         format!(
             "warning: the hull's images overlap the masks by {mean:.2} in the mean, {OVERLAP_LEAST} and more is usual. Masks (inside = 255), angles (rad), \

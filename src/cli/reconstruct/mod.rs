@@ -14,6 +14,7 @@ mod output;
 mod report;
 pub(super) mod views;
 
+use crate::cli::told;
 use crate::geometry::{BoxUm, VoxelGrid};
 use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use anyhow::{Context, bail};
@@ -110,8 +111,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
         Err(error) => {
             let flags: Vec<&str> = error.downcast_ref::<measured::Refusal>().map(measured::Refusal::flag).into_iter().collect();
-            println!("{:#}", serde_json::json!({"flags": flags, "error": format!("{error:#}")}));
-            eprintln!("carved: {error:#}");
+            let error = told(&error);
+            println!("{:#}", serde_json::json!({"flags": flags, "error": error}));
+            eprintln!("carved: {error}");
             Ok(ExitCode::from(REFUSED))
         }
     }

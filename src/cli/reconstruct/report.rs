@@ -5,6 +5,7 @@ use super::cameras::Cameras;
 use super::measured::Measured;
 use super::views::View;
 use crate::geometry::VoxelGrid;
+use crate::statistics::mean;
 use serde_json::{Map, Value, json};
 use std::path::Path;
 use std::time::Instant;
@@ -66,7 +67,7 @@ pub(super) fn report(
         .collect();
     report.insert("views".into(), json!(listed));
     let overlaps: Vec<f64> = measured.views.iter().filter(|v| v.used).filter_map(|v| v.overlap).collect();
-    report.insert("overlap_mean".into(), json!((!overlaps.is_empty()).then(|| overlaps.iter().sum::<f64>() / overlaps.len() as f64)));
+    report.insert("overlap_mean".into(), json!((!overlaps.is_empty()).then(|| mean(&overlaps))));
     report.insert("overlap_rule".into(), json!(OVERLAP_RULE));
     if let Some((camera, omega)) = &measured.psi {
         let mut psi = serde_json::to_value(camera)?;

@@ -2,10 +2,11 @@
 
 use super::{Args, Before, Job};
 use crate::cancel::CancelToken;
+use crate::cli::emulated;
 use crate::config::Config;
 use crate::device::DeviceError;
 use crate::device::sampler::{Expected, Loaded, Sampler};
-use hardware_sim::scene::{self, Scene, SceneSettings, Specimen};
+use hardware_sim::scene::{Scene, SceneSettings, Specimen};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -18,20 +19,7 @@ pub fn of_phantoms(args: &Args, config: &Config) -> Before {
 
 /// The scene is seen by the camera that the configuration describes.
 fn scene_settings(config: &Config) -> SceneSettings {
-    let c = &config.optics;
-    let camera = scene::Camera {
-        f_um: c.f,
-        kx_px_per_um: c.kx,
-        ky_px_per_um: c.ky,
-        ux_px: c.ux,
-        uy_px: c.uy,
-        skew: c.s,
-        alpha_rad: c.alpha,
-        gamma_rad: c.gamma,
-        phi_rad: c.phi,
-        width: c.width,
-        height: c.height,
-    };
+    let camera = emulated::scene_camera(&config.optics);
     SceneSettings { camera, ..SceneSettings::default() }
 }
 

@@ -3,15 +3,13 @@
 use super::document::{Section, table};
 use super::effort::Work;
 use super::statistics::Summary;
-use super::turn::{Turn, even_plan, grid, off, sections, voxels};
+use super::turn::{Turn, grid, off, sections, voxels};
 use crate::calibration::{Ask, Free, Objective, Optimiser, Pose, Priors, Psi, Stop, Vrv, calibrate, optimise};
 use crate::carver::Runs;
 use crate::geometry::Camera;
 use crate::measure::support::SupportEstimate;
 use crate::profile::Mask;
-use hardware_sim::analytic::{self, Disturbance, Phantom};
-use hardware_sim::scene;
-use rayon::prelude::*;
+use hardware_sim::analytic::Disturbance;
 
 const ASD: usize = 21;
 const VOXEL_UM: f64 = 10.0;
@@ -26,15 +24,7 @@ type Found = [f64; 7];
 
 pub fn run(work: &Work) -> anyhow::Result<Section> {
     let n = work.effort.ablation;
-    work.begin("ablation", n);
-    let each = (0..n as u64)
-        .into_par_iter()
-        .map(|i| {
-            let found = ablated(work.seed + 40_000 + i);
-            work.step();
-            found
-        })
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let each = work.each("ablation", n, |i| ablated(work.seed + 40_000 + i))?;
     let rows: Vec<Vec<String>> = WAYS
         .iter()
         .enumerate()
@@ -72,8 +62,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
 
 /// By [`WAYS`].
 fn ablated(seed: u64) -> anyhow::Result<[Option<Found>; 4]> {
-    let phantom = Phantom::larva(3 + (seed % 3) as u8, seed)?.placed(analytic::Pose::seeded(seed));
-    let turn = Turn::of(&phantom, &scene::Camera::default(), &even_plan(ASD), &Disturbance::drift(seed));
+    let turn = Turn::of_larva(seed, ASD, &Disturbance::drift(seed))?;
     let masks = turn.masks();
     let stops = turn.all();
     let fixed = |camera: &Camera| -> anyhow::Result<Option<Found>> {

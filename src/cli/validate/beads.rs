@@ -16,7 +16,6 @@ use super::turn::{ASDS, CAPTURED, EPSILON, calibrated_views, even_plan, even_sto
 use crate::geometry::{BoxUm, VoxelGrid};
 use crate::profile::Segmenters;
 use hardware_sim::scene::{Camera, Placement, SceneSettings, Specimen};
-use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
@@ -42,17 +41,9 @@ struct Bead {
 pub fn run(work: &Work) -> anyhow::Result<Section> {
     let paper = Published::read()?;
     let diameters = diameters(work.effort.beads)?;
-    work.begin("beads", diameters.len());
     let segmenters = Segmenters::default();
-    let beads = diameters
-        .par_iter()
-        .enumerate()
-        .map(|(i, &diameter_um)| {
-            let bead = bead(diameter_um, work.seed + i as u64, &paper.sampling_density_um, &segmenters);
-            work.step();
-            bead
-        })
-        .collect::<anyhow::Result<Vec<Bead>>>()?;
+    let beads =
+        work.each("beads", diameters.len(), |i| bead(diameters[i as usize], work.seed + i, &paper.sampling_density_um, &segmenters))?;
     Ok(told(&beads, &paper))
 }
 
@@ -134,8 +125,12 @@ fn column(beads: &[Bead], asd: usize, density: usize, quantity: usize) -> Summar
     Summary::of(&beads.iter().map(|b| b.hulls[&asd][density][quantity]).collect::<Vec<_>>())
 }
 
+/// Head of a table with a column per sampling density.
+fn by_density(paper: &Published) -> Vec<String> {
+    std::iter::once("ASD".into()).chain(paper.sampling_density_um.iter().map(|d| format!("SD {d}"))).collect()
+}
+
 fn cells(beads: &[Bead], paper: &Published, quantity: usize, unit: f64, digits: usize, published: &BTreeMap<usize, Row>) -> String {
-    let head: Vec<String> = std::iter::once("ASD".into()).chain(paper.sampling_density_um.iter().map(|d| format!("SD {d}"))).collect();
     let rows: Vec<Vec<String>> = ASDS
         .iter()
         .map(|&asd| {
@@ -146,7 +141,7 @@ fn cells(beads: &[Bead], paper: &Published, quantity: usize, unit: f64, digits: 
             std::iter::once(asd.to_string()).chain((0..paper.sampling_density_um.len()).map(cell)).collect()
         })
         .collect();
-    table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows)
+    table(&by_density(paper), &rows)
 }
 
 fn t_of(mean: f64, sd: f64, n: usize) -> f64 {
@@ -166,14 +161,13 @@ fn t_scores(beads: &[Bead], paper: &Published) -> String {
             std::iter::once(asd.to_string()).chain((0..paper.sampling_density_um.len()).map(cell)).collect()
         })
         .collect();
-    let head: Vec<String> = std::iter::once("ASD".into()).chain(paper.sampling_density_um.iter().map(|d| format!("SD {d}"))).collect();
     format!(
         "### t scores of the diameters\n\nt = |mean - 500| sqrt(n - 1) / SD, the paper's in brackets, worked out from its means and SDs. Its critical value at 0.01, {PAPERS_T}, is \
          that of 25 degrees of freedom; {} have {:.3}. The paper prints other t for ASD 12 and for (4, 17.10): misprints, \
          as its means and SDs show. Its mean of (28, 5.50) is one too: its printed t, 0.29, is that of 498.5, not of 499.0.\n\n{}",
         n.saturating_sub(1),
         student(0.99, n.saturating_sub(1)),
-        table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows)
+        table(&by_density(paper), &rows)
     )
 }
 

@@ -3,11 +3,9 @@
 use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::Summary;
-use super::turn::{CAPTURED, Turn, even_plan, off, support};
+use super::turn::{CAPTURED, Turn, off, support};
 use crate::calibration::{Ask, Free, PASSES_MOST, Refusal};
-use hardware_sim::analytic::{Disturbance, Phantom, Pose};
-use hardware_sim::scene::Camera;
-use rayon::prelude::*;
+use hardware_sim::analytic::Disturbance;
 
 /// What came of one drift.
 #[derive(Debug, Clone, Copy)]
@@ -70,28 +68,21 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
 }
 
 fn many(work: &Work, what: &'static str, asd: usize, rho: f64) -> anyhow::Result<Vec<Found>> {
-    work.begin(what, work.effort.calibrated);
-    let each = (0..work.effort.calibrated as u64)
-        .into_par_iter()
-        .map(|i| {
-            let seed = work.seed + 20_000 + i;
-            let phantom = Phantom::larva(3 + (seed % 3) as u8, seed)?.placed(Pose::seeded(seed));
-            let turn = Turn::of(&phantom, &Camera::default(), &even_plan(asd), &Disturbance { rho, ..Disturbance::drift(seed) });
-            let stops = turn.all();
-            let found = turn.calibrated(&stops).ok().and_then(|c| {
-                let volume = off(support(&turn, &stops, &c)?.estimate.volume_um3, turn.truth.size.volume_um3);
-                Some(Found {
-                    uy_px: turn.uy_error_px(&stops, &c.camera),
-                    gamma_deg: turn.gamma_error_deg(&c.camera),
-                    volume,
-                    rho: c.rho,
-                    passes: c.passes,
-                })
-            });
-            work.step();
-            anyhow::Ok(found)
-        })
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let each = work.each(what, work.effort.calibrated, |i| {
+        let seed = work.seed + 20_000 + i;
+        let turn = Turn::of_larva(seed, asd, &Disturbance { rho, ..Disturbance::drift(seed) })?;
+        let stops = turn.all();
+        Ok(turn.calibrated(&stops).ok().and_then(|c| {
+            let volume = off(support(&turn, &stops, &c)?.estimate.volume_um3, turn.truth.size.volume_um3);
+            Some(Found {
+                uy_px: turn.uy_error_px(&stops, &c.camera),
+                gamma_deg: turn.gamma_error_deg(&c.camera),
+                volume,
+                rho: c.rho,
+                passes: c.passes,
+            })
+        }))
+    })?;
     Ok(each.into_iter().flatten().collect())
 }
 

@@ -3,10 +3,8 @@
 use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, student};
-use super::turn::{Turn, even_plan, off, support};
-use hardware_sim::analytic::{Disturbance, Phantom, Pose};
-use hardware_sim::scene::Camera;
-use rayon::prelude::*;
+use super::turn::{Turn, off, support};
+use hardware_sim::analytic::Disturbance;
 
 const ASD: usize = 21;
 
@@ -15,15 +13,7 @@ type Found = [[f64; 3]; 2];
 
 pub fn run(work: &Work) -> anyhow::Result<Section> {
     let n = work.effort.coverage;
-    work.begin("coverage", n);
-    let each = (0..n as u64)
-        .into_par_iter()
-        .map(|i| {
-            let found = found(work.seed + 70_000 + i);
-            work.step();
-            found
-        })
-        .collect::<anyhow::Result<Vec<Option<Found>>>>()?;
+    let each = work.each("coverage", n, |i| found(work.seed + 70_000 + i))?;
     let found: Vec<Found> = each.into_iter().flatten().collect();
     let t = student(0.95, ASD - 1);
     let mut section = Section { title: "8. Coverage", ..Section::default() };
@@ -56,8 +46,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
 }
 
 fn found(seed: u64) -> anyhow::Result<Option<Found>> {
-    let phantom = Phantom::larva(3 + (seed % 3) as u8, seed)?.placed(Pose::seeded(seed));
-    let turn = Turn::of(&phantom, &Camera::default(), &even_plan(ASD), &Disturbance::drift(seed));
+    let turn = Turn::of_larva(seed, ASD, &Disturbance::drift(seed))?;
     let stops = turn.all();
     let Ok(calibration) = turn.calibrated(&stops) else { return Ok(None) };
     let size = turn.truth.size;

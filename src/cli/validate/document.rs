@@ -35,12 +35,11 @@ pub struct Section {
 }
 
 /// A Markdown table.
-pub fn table(head: &[&str], rows: &[Vec<String>]) -> String {
-    let line = |cells: &mut dyn Iterator<Item = &str>| format!("| {} |\n", cells.collect::<Vec<_>>().join(" | "));
-    let mut text = line(&mut head.iter().copied());
-    text += &format!("|{}\n", "---|".repeat(head.len()));
+pub fn table(head: &[impl AsRef<str>], rows: &[Vec<String>]) -> String {
+    let head: Vec<&str> = head.iter().map(AsRef::as_ref).collect();
+    let mut text = format!("| {} |\n|{}\n", head.join(" | "), "---|".repeat(head.len()));
     for row in rows {
-        text += &line(&mut row.iter().map(String::as_str));
+        text += &format!("| {} |\n", row.join(" | "));
     }
     text + "\n"
 }

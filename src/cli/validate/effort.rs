@@ -1,6 +1,7 @@
 //! How many phantoms each part takes, and who counts them.
 
 use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
 
 /// Numbers of phantoms.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,24 +43,12 @@ impl Effort {
     };
 
     /// Enough to see that every part works.
-    pub const QUICK: Self = Self {
-        beads: 1,
-        larvae: [1, 1, 1],
-        rendered: 0,
-        solids: 1,
-        finned: 2,
-        calibrated: 4,
-        faults: 1,
-        ablation: 1,
-        orders: 1,
-        early: 1,
-        coverage: 8,
-        voxel_um: 17.1,
-    };
+    pub const QUICK: Self =
+        Self { beads: 1, larvae: [1; 3], rendered: 0, finned: 2, calibrated: 4, coverage: 8, voxel_um: 17.1, ..Self::FULL.with_seeds(1) };
 
     /// The same with `seeds` phantoms wherever phantoms are drawn; the paper's own counts stay.
     #[must_use]
-    pub fn with_seeds(self, seeds: usize) -> Self {
+    pub const fn with_seeds(self, seeds: usize) -> Self {
         Self {
             solids: seeds,
             finned: seeds,
@@ -98,6 +87,20 @@ impl Work {
 
     pub fn step(&self) {
         self.bar.inc(1);
+    }
+
+    /// What each of so many phantoms gives, by its number from 0; on all threads.
+    ///
+    /// # Errors
+    /// The first of theirs.
+    pub fn each<T: Send>(&self, what: &'static str, n: usize, of: impl Fn(u64) -> anyhow::Result<T> + Sync) -> anyhow::Result<Vec<T>> {
+        self.begin(what, n);
+        let one = |i| {
+            let found = of(i);
+            self.step();
+            found
+        };
+        (0..n as u64).into_par_iter().map(one).collect()
     }
 
     pub fn end(&self) {

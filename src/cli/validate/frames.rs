@@ -1,6 +1,7 @@
 //! Profiles as the instrument gets them: frames rendered, put under the colour mosaic, and segmented.
 
-use super::turn::{True, Turn, camera};
+use super::turn::{True, Turn};
+use crate::cli::emulated::camera;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::profile::{Mask, Picture, Polygon, SegmentSettings, Segmenters};
 use hardware_sim::scene::{Exposure, Scene, SceneSettings, Specimen};

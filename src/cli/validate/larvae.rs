@@ -10,7 +10,6 @@ use super::turn::{ASDS, CAPTURED, Turn, calibrated_views, even_plan, even_stops,
 use crate::profile::Segmenters;
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::{Camera, SceneSettings, Specimen};
-use rayon::prelude::*;
 
 const STAGES: [u8; 3] = [3, 4, 5];
 
@@ -37,17 +36,11 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         .flat_map(|(&dpf, n)| (0..n as u64).map(move |i| (dpf, 1000 * u64::from(dpf) + i)))
         .map(|(dpf, seed)| (dpf, work.seed + seed))
         .collect();
-    work.begin("larvae", asked.len());
-    let larvae = asked
-        .par_iter()
-        .map(|&(dpf, seed)| {
-            let phantom = Phantom::larva(dpf, seed)?.placed(Pose::seeded(seed));
-            let turn = Turn::of(&phantom, &Camera::default(), &even_plan(CAPTURED), &Disturbance::drift(seed));
-            let larva = larva(dpf, &turn, work.effort.voxel_um);
-            work.step();
-            larva
-        })
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let larvae = work.each("larvae", asked.len(), |i| {
+        let (dpf, seed) = asked[i as usize];
+        let phantom = Phantom::larva(dpf, seed)?.placed(Pose::seeded(seed));
+        larva(dpf, &Turn::of(&phantom, &Camera::default(), &even_plan(CAPTURED), &Disturbance::drift(seed)), work.effort.voxel_um)
+    })?;
     let rendered = rendered(work)?;
     told(&larvae, &rendered, work.effort.voxel_um)
 }

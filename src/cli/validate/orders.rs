@@ -3,10 +3,8 @@
 use super::document::{Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within};
-use super::turn::{CAPTURED, Turn, even_plan, off, support};
-use hardware_sim::analytic::{Disturbance, Phantom, Pose};
-use hardware_sim::scene::Camera;
-use rayon::prelude::*;
+use super::turn::{CAPTURED, Turn, off, support};
+use hardware_sim::analytic::Disturbance;
 
 const COUNTS: [usize; 7] = [7, 10, 14, 21, 28, 42, 63];
 /// The stop of the i-th view.
@@ -28,17 +26,11 @@ fn golden(i: usize) -> usize {
 pub fn run(work: &Work) -> anyhow::Result<Section> {
     let mut section = Section { title: "7. Order of views, and stopping early", ..Section::default() };
     let n = work.effort.orders;
-    work.begin("orders of views", n);
-    let each = (0..n as u64)
-        .into_par_iter()
-        .map(|i| {
-            let turn = captured(work.seed + 50_000 + i)?;
-            let errors: Vec<Vec<Option<f64>>> =
-                ORDERS.iter().map(|(_, order)| COUNTS.iter().map(|&views| error(&turn, *order, views)).collect()).collect();
-            work.step();
-            anyhow::Ok(errors)
-        })
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let each = work.each("orders of views", n, |i| {
+        let turn = captured(work.seed + 50_000 + i)?;
+        let of_order = |order: Order| COUNTS.iter().map(|&views| error(&turn, order, views)).collect();
+        Ok(ORDERS.iter().map(|(_, order)| of_order(*order)).collect::<Vec<Vec<Option<f64>>>>())
+    })?;
     let mut rows = Vec::new();
     for (at, (name, _)) in ORDERS.iter().enumerate() {
         let mut row = vec![(*name).to_owned()];
@@ -53,15 +45,14 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     let head: Vec<String> = std::iter::once("order".into()).chain(COUNTS.iter().map(|c| format!("{c} views"))).collect();
     section.text = format!(
         "Simulation: {n} finless larvae, drift and noise, {CAPTURED} stops. Volume by support functions after so many views, calibrated on just these: per cent off, mean / worst size.\n\n{}",
-        table(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows)
+        table(&head, &rows)
     );
     early(work, &mut section)?;
     Ok(section)
 }
 
 fn captured(seed: u64) -> anyhow::Result<Turn> {
-    let phantom = Phantom::larva(3 + (seed % 3) as u8, seed)?.placed(Pose::seeded(seed));
-    Ok(Turn::of(&phantom, &Camera::default(), &even_plan(CAPTURED), &Disturbance::drift(seed)))
+    Turn::of_larva(seed, CAPTURED, &Disturbance::drift(seed))
 }
 
 /// Per cent off after so many views.
@@ -90,15 +81,7 @@ fn stopped(turn: &Turn) -> Option<(usize, f64)> {
 
 fn early(work: &Work, section: &mut Section) -> anyhow::Result<()> {
     let n = work.effort.early;
-    work.begin("stopping early", n);
-    let each = (0..n as u64)
-        .into_par_iter()
-        .map(|i| {
-            let found = stopped(&captured(work.seed + 60_000 + i)?);
-            work.step();
-            anyhow::Ok(found)
-        })
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let each = work.each("stopping early", n, |i| Ok(stopped(&captured(work.seed + 60_000 + i)?)))?;
     let found: Vec<(usize, f64)> = each.into_iter().flatten().collect();
     let views: Vec<f64> = found.iter().map(|f| f.0 as f64).collect();
     let errors: Vec<f64> = found.iter().map(|f| f.1).collect();

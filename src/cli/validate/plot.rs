@@ -7,6 +7,7 @@
 //!   +-----------> label
 //! ```
 
+use crate::statistics::mean;
 use std::f64::consts::TAU;
 
 const WIDTH: f64 = 640.0;
@@ -48,7 +49,7 @@ impl Series {
 /// Points of the ellipse that holds `share` of a normal distribution with the pairs' mean and covariance.
 pub fn ellipse(pairs: &[[f64; 2]], share: f64) -> Vec<[f64; 2]> {
     let [a, b, c] = super::statistics::covariance(pairs);
-    let mean = [0, 1].map(|i| pairs.iter().map(|p| p[i]).sum::<f64>() / pairs.len().max(1) as f64);
+    let mean = [0, 1].map(|i| mean(&pairs.iter().map(|p| p[i]).collect::<Vec<_>>()));
     // Of two normal numbers the squares' sum is exponential.
     let reach = (-2.0 * (1.0 - share).ln()).sqrt();
     // Cholesky's factor of the covariance.
@@ -84,32 +85,72 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
+/// From numbers to places on the page.
+struct Scale {
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl Scale {
+    /// Of all points with their bars.
+    fn of(series: &[Series]) -> Self {
+        let x = span(series.iter().flat_map(|s| s.points.iter().map(|p| p[0])));
+        let y = span(series.iter().flat_map(|s| {
+            s.points.iter().enumerate().flat_map(|(i, p)| {
+                let bar = s.bars.get(i).copied().unwrap_or(0.0);
+                [p[1] - bar, p[1] + bar]
+            })
+        }));
+        Self { x, y }
+    }
+
+    fn x(&self, v: f64) -> f64 {
+        LEFT + (v - self.x[0]) / (self.x[1] - self.x[0]) * (WIDTH - LEFT - RIGHT)
+    }
+
+    fn y(&self, v: f64) -> f64 {
+        HEIGHT - BOTTOM - (v - self.y[0]) / (self.y[1] - self.y[0]) * (HEIGHT - TOP - BOTTOM)
+    }
+}
+
 pub fn svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> String {
-    let xs = span(series.iter().flat_map(|s| s.points.iter().map(|p| p[0])));
-    let ys = span(series.iter().flat_map(|s| {
-        s.points.iter().enumerate().flat_map(|(i, p)| {
-            let bar = s.bars.get(i).copied().unwrap_or(0.0);
-            [p[1] - bar, p[1] + bar]
-        })
-    }));
-    let x = |v: f64| LEFT + (v - xs[0]) / (xs[1] - xs[0]) * (WIDTH - LEFT - RIGHT);
-    let y = |v: f64| HEIGHT - BOTTOM - (v - ys[0]) / (ys[1] - ys[0]) * (HEIGHT - TOP - BOTTOM);
-    let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
+    let scale = Scale::of(series);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" font-family=\"sans-serif\" font-size=\"12\">\n\
          <rect width=\"{WIDTH}\" height=\"{HEIGHT}\" fill=\"white\"/>\n<text x=\"{LEFT}\" y=\"16\" font-size=\"14\">{}</text>\n",
         escaped(title)
     );
-    for t in ticks(xs[0], xs[1]) {
-        let at = x(t);
+    out += &axes(&scale, x_label, y_label);
+    let mut legend = LEFT;
+    for s in series {
+        out += &drawn(s, &scale);
+        if s.name.is_empty() {
+            continue;
+        }
+        out += &format!(
+            "<rect x=\"{legend:.1}\" y=\"25\" width=\"10\" height=\"10\" fill=\"{}\"/><text x=\"{:.1}\" y=\"34\">{}</text>\n",
+            colour(s),
+            legend + 14.0,
+            escaped(&s.name)
+        );
+        legend += 30.0 + 6.8 * s.name.chars().count() as f64;
+    }
+    out + "</svg>\n"
+}
+
+fn axes(scale: &Scale, x_label: &str, y_label: &str) -> String {
+    let (right, bottom) = (WIDTH - RIGHT, HEIGHT - BOTTOM);
+    let mut out = String::new();
+    for t in ticks(scale.x[0], scale.x[1]) {
+        let at = scale.x(t);
         out += &format!(
             "<path d=\"M{at:.1} {TOP}V{bottom}\" stroke=\"#e4e4e4\"/><text x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\n",
             bottom + 16.0,
             number(t)
         );
     }
-    for t in ticks(ys[0], ys[1]) {
-        let at = y(t);
+    for t in ticks(scale.y[0], scale.y[1]) {
+        let at = scale.y(t);
         out += &format!(
             "<path d=\"M{LEFT} {at:.1}H{right}\" stroke=\"#e4e4e4\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
             LEFT - 6.0,
@@ -125,33 +166,31 @@ pub fn svg(title: &str, x_label: &str, y_label: &str, series: &[Series]) -> Stri
         escaped(x_label)
     );
     let middle = f64::midpoint(TOP, bottom);
-    out += &format!("<text transform=\"translate(16 {middle:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", escaped(y_label));
-    let mut legend = LEFT;
-    for s in series {
-        let colour = COLOURS[s.colour % COLOURS.len()];
-        if s.style == Style::Dots {
-            for p in &s.points {
-                out += &format!("<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"3\" fill=\"{colour}\" fill-opacity=\"0.7\"/>\n", x(p[0]), y(p[1]));
-            }
-        } else {
-            let dashes = if s.style == Style::Dashed { " stroke-dasharray=\"5 4\"" } else { "" };
-            let points: Vec<String> = s.points.iter().map(|p| format!("{:.1},{:.1}", x(p[0]), y(p[1]))).collect();
-            out += &format!("<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"{dashes}/>\n", points.join(" "));
+    out + &format!("<text transform=\"translate(16 {middle:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>\n", escaped(y_label))
+}
+
+fn colour(series: &Series) -> &'static str {
+    COLOURS[series.colour % COLOURS.len()]
+}
+
+/// Points or lines, and bars.
+fn drawn(s: &Series, scale: &Scale) -> String {
+    let (colour, mut out) = (colour(s), String::new());
+    if s.style == Style::Dots {
+        for p in &s.points {
+            let (x, y) = (scale.x(p[0]), scale.y(p[1]));
+            out += &format!("<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\" fill=\"{colour}\" fill-opacity=\"0.7\"/>\n");
         }
-        for (p, bar) in s.points.iter().zip(&s.bars) {
-            out += &format!("<path d=\"M{:.1} {:.1}V{:.1}\" stroke=\"{colour}\"/>\n", x(p[0]), y(p[1] - bar), y(p[1] + bar));
-        }
-        if s.name.is_empty() {
-            continue;
-        }
-        out += &format!(
-            "<rect x=\"{legend:.1}\" y=\"25\" width=\"10\" height=\"10\" fill=\"{colour}\"/><text x=\"{:.1}\" y=\"34\">{}</text>\n",
-            legend + 14.0,
-            escaped(&s.name)
-        );
-        legend += 30.0 + 6.8 * s.name.chars().count() as f64;
+    } else {
+        let dashes = if s.style == Style::Dashed { " stroke-dasharray=\"5 4\"" } else { "" };
+        let points: Vec<String> = s.points.iter().map(|p| format!("{:.1},{:.1}", scale.x(p[0]), scale.y(p[1]))).collect();
+        out += &format!("<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\"{dashes}/>\n", points.join(" "));
     }
-    out + "</svg>\n"
+    for (p, bar) in s.points.iter().zip(&s.bars) {
+        let (low, high) = (scale.y(p[1] - bar), scale.y(p[1] + bar));
+        out += &format!("<path d=\"M{:.1} {low:.1}V{high:.1}\" stroke=\"{colour}\"/>\n", scale.x(p[0]));
+    }
+    out
 }
 
 /// Without digits that say nothing.

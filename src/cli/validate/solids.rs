@@ -117,27 +117,16 @@ fn finned(work: &Work, section: &mut Section) -> anyhow::Result<()> {
 /// The paper's carver on clean finless larvae with the true camera.
 fn bias(work: &Work, section: &mut Section) -> anyhow::Result<()> {
     let n = work.effort.solids;
-    work.begin("the paper's carver", n);
     let grid = grid(BIAS_VOXEL_UM)?;
-    let each = (0..n as u64)
-        .into_par_iter()
-        .map(|i| {
-            let seed = work.seed + 100 + i;
-            let phantom = Phantom::larva(3 + (seed % 3) as u8, seed)?.placed(Pose::seeded(seed));
-            let turn = Turn::of(&phantom, &Camera::default(), &even_plan(CAPTURED), &Disturbance::default());
-            let masks = turn.masks();
-            let found = ASDS
-                .iter()
-                .map(|&asd| {
-                    let views: Vec<_> =
-                        even_stops(asd).into_iter().map(|i| (&masks[i], turn.truth.camera.projection(turn.ledger[i]))).collect();
-                    Ok(off(voxels(grid, &views, false)?.volume_um3, turn.truth.size.volume_um3))
-                })
-                .collect::<anyhow::Result<Vec<f64>>>();
-            work.step();
-            found
-        })
-        .collect::<anyhow::Result<Vec<_>>>()?;
+    let each = work.each("the paper's carver", n, |i| {
+        let turn = Turn::of_larva(work.seed + 100 + i, CAPTURED, &Disturbance::default())?;
+        let masks = turn.masks();
+        let at = |asd: usize| {
+            let views: Vec<_> = even_stops(asd).into_iter().map(|i| (&masks[i], turn.truth.camera.projection(turn.ledger[i]))).collect();
+            Ok(off(voxels(grid, &views, false)?.volume_um3, turn.truth.size.volume_um3))
+        };
+        ASDS.into_iter().map(at).collect::<anyhow::Result<Vec<f64>>>()
+    })?;
     let mut worst = (0, 0.0f64);
     let mut rows = Vec::new();
     for (at, &asd) in ASDS.iter().enumerate() {

@@ -7,6 +7,7 @@
 
 use crate::calibration::{Calibration, CalibrationError, GivenView, Pose, Priors, TurnView, calibrate};
 use crate::carver::{Carver, Leaves};
+use crate::cli::emulated::camera;
 use crate::geometry::{BoxUm, Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{self, fit_sphere};
@@ -44,23 +45,6 @@ pub struct Turn {
     pub truth: True,
 }
 
-/// Our camera of the emulated one.
-pub fn camera(c: &scene::Camera) -> Camera {
-    Camera {
-        f: c.f_um,
-        kx: c.kx_px_per_um,
-        ky: c.ky_px_per_um,
-        ux: c.ux_px,
-        uy: c.uy_px,
-        s: c.skew,
-        alpha: c.alpha_rad,
-        gamma: c.gamma_rad,
-        phi: c.phi_rad,
-        width: c.width,
-        height: c.height,
-    }
-}
-
 /// Equal steps over one turn.
 pub fn even_plan(views: usize) -> Vec<f64> {
     (0..views).map(|i| TAU * i as f64 / views as f64).collect()
@@ -72,6 +56,15 @@ pub fn even_stops(asd: usize) -> Vec<usize> {
 }
 
 impl Turn {
+    /// A finless larva of 3, 4 or 5 dpf somewhere in the capillary, its turn planned in even steps.
+    ///
+    /// # Errors
+    /// None for these ages.
+    pub fn of_larva(seed: u64, views: usize, disturbance: &Disturbance) -> anyhow::Result<Self> {
+        let phantom = Phantom::larva(3 + (seed % 3) as u8, seed)?.placed(analytic::Pose::seeded(seed));
+        Ok(Self::of(&phantom, &scene::Camera::default(), &even_plan(views), disturbance))
+    }
+
     /// Profiles by formulas.
     pub fn of(phantom: &Phantom, nominal: &scene::Camera, ledger: &[f64], disturbance: &Disturbance) -> Self {
         let views = phantom.views(nominal, ledger, disturbance);
