@@ -12,10 +12,12 @@
 //! [`analytic`] stands beside the rig: profiles by formulas, with their truth, where thousands are needed and no picture.
 
 pub mod analytic;
+pub mod bridge;
 pub mod clock;
 pub mod gige;
 pub mod grbl;
 pub mod motion;
+pub mod relay;
 pub mod replay;
 pub mod rig;
 pub mod scene;

@@ -1,14 +1,16 @@
 //! One emulated rig: a shaft, the firmware that turns it, the camera that looks at it.
 
+use crate::bridge;
 use crate::clock::RigClock;
 use crate::gige::{CameraFaults, GigeCamera};
 use crate::grbl;
+use crate::relay::{self, Relay};
 use crate::serial::{Firmware, SerialFaults, SerialPort};
 use crate::shaft::{Shaft, ShaftSettings};
 use crate::sight::{PixelFormat, Sight};
 use crate::truth::ExposureRecord;
 use std::io::ErrorKind;
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -25,6 +27,7 @@ pub enum CameraAddress {
 #[derive(Debug, Clone, PartialEq)]
 pub enum Controller {
     Grbl(grbl::Settings),
+    Bridge(bridge::Settings),
 }
 
 impl Default for Controller {
@@ -37,6 +40,7 @@ impl Controller {
     fn firmware(self, shaft: Arc<Shaft>, faults: Arc<SerialFaults>) -> Box<dyn Firmware> {
         match self {
             Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, faults, settings)),
+            Self::Bridge(settings) => Box::new(bridge::Firmware::new(shaft, settings)),
         }
     }
 }
@@ -51,6 +55,8 @@ pub struct RigSettings {
     /// What the camera sends until a host chooses otherwise.
     pub pixel_format: PixelFormat,
     pub controller: Controller,
+    /// A relay that turns the shaft as well, over TCP.
+    pub relay: Option<relay::Settings>,
     /// A path that points to the serial port, whatever its device name; none gives the device name itself.
     pub serial_link: Option<PathBuf>,
 }
@@ -63,6 +69,7 @@ impl Default for RigSettings {
             camera: CameraAddress::default(),
             pixel_format: PixelFormat::BayerRG8,
             controller: Controller::default(),
+            relay: None,
             serial_link: None,
         }
     }
@@ -82,12 +89,15 @@ pub enum RigError {
     Camera { address: Ipv4Addr, why: std::io::Error },
     #[error("cannot make an emulated serial port{}: {why}", link.as_ref().map(|l| format!(" at {}", l.display())).unwrap_or_default())]
     Serial { link: Option<PathBuf>, why: std::io::Error },
+    #[error("cannot start an emulated relay on 127.0.0.1: {0}")]
+    Relay(std::io::Error),
 }
 
 /// A running rig; everything is shut down and joined when it is dropped.
 pub struct Rig {
     shaft: Arc<Shaft>,
     port: SerialPort,
+    relay: Option<Relay>,
     camera: GigeCamera,
 }
 
@@ -115,12 +125,18 @@ impl Rig {
         let controller = settings.controller;
         let port = SerialPort::start(clock, |faults| controller.firmware(Arc::clone(&shaft), faults), link.clone())
             .map_err(|why| RigError::Serial { link, why })?;
-        Ok(Self { shaft, port, camera })
+        let relay = settings.relay.map(|relay| Relay::start(clock, Arc::clone(&shaft), relay)).transpose().map_err(RigError::Relay)?;
+        Ok(Self { shaft, port, relay, camera })
     }
 
     /// What a host opens as the motor controller's port.
     pub fn serial_path(&self) -> PathBuf {
         self.port.path()
+    }
+
+    /// What a host connects to as the relay; none where the rig has none.
+    pub fn relay_address(&self) -> Option<SocketAddr> {
+        self.relay.as_ref().map(Relay::address)
     }
 
     pub fn camera_address(&self) -> Ipv4Addr {

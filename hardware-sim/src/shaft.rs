@@ -106,6 +106,17 @@ impl Shaft {
         state.motion = Some(Motion { start_s, steps, path, profile });
     }
 
+    /// Begins a move from rest to rest; says how long it takes, s.
+    pub(crate) fn turn(&self, start_s: f64, steps: i64, speed_deg_per_s: f64, acceleration_deg_per_s2: f64) -> f64 {
+        let per_deg = TAU / 360.0 / self.steps_to_rad(1.0);
+        // No way at all still has an end.
+        let way = steps.unsigned_abs().max(1) as f64;
+        let profile = MotionProfile::trapezoid(way, speed_deg_per_s * per_deg, acceleration_deg_per_s2 * per_deg);
+        let duration_s = profile.duration_s();
+        self.begin(start_s, steps, way, Arc::new(profile));
+        duration_s
+    }
+
     /// The move under way goes on by another profile of the same path.
     pub(crate) fn replan(&self, start_s: f64, profile: Arc<MotionProfile>) {
         if let Some(motion) = &mut self.lock().motion {

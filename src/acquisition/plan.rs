@@ -85,6 +85,11 @@ impl RevolutionPlan {
     pub fn stops(&self) -> &[Stop] {
         &self.stops
     }
+
+    /// Where the axis stops, in order: what is announced to it.
+    pub fn targets(&self) -> Vec<Steps> {
+        self.stops.iter().map(|stop| stop.target).collect()
+    }
 }
 
 /// Every view once: the places 0, 1/2, 1/4, 3/4, 1/8, ... of the turn, each taking the view at or before it unless that

@@ -62,8 +62,7 @@ pub fn revolve(
 ) -> Result<Ledger, AcquisitionError> {
     let guard = StopUnlessDone(Some(rig.rotation.stop_handle()));
     let mut ledger = Ledger::default();
-    let targets: Vec<_> = plan.stops().iter().map(|stop| stop.target).collect();
-    rig.rotation.announce(&targets).map_err(|source| AcquisitionError::Device { view: 0, source })?;
+    rig.rotation.announce(&plan.targets()).map_err(|source| AcquisitionError::Device { view: 0, source })?;
     for stop in plan.stops() {
         let (entry, frame) = take_view(rig, plan, settings, cancel, *stop)?;
         ledger.push(entry.clone())?;

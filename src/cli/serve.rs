@@ -31,6 +31,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
     let rotation: Box<dyn RotationAxis> = match &config.rotation {
         RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::open(settings.clone())?),
+        RotationDriver::VastBridge(settings) => Box::new(rotation::VastBridge::open(settings.clone(), config.steps_per_revolution)?),
+        RotationDriver::Relay(settings) => Box::new(rotation::Relay::open(settings.clone(), config.steps_per_revolution)?),
     };
     let camera = match &config.camera {
         CameraDriver::Aravis(settings) => camera::open(settings.clone())?,

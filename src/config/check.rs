@@ -115,7 +115,7 @@ impl Config {
         });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
         let CameraDriver::Aravis(camera) = &raw.camera;
-        for checked in [raw.rotation.check(), camera.check()] {
+        for checked in [raw.rotation.check(raw.rig.steps_per_revolution), camera.check()] {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));

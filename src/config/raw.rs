@@ -4,7 +4,7 @@ use super::Method;
 use crate::acquisition::AcquisitionSettings;
 use crate::device::DeviceError;
 use crate::device::camera::AravisSettings;
-use crate::device::rotation::GrblSettings;
+use crate::device::rotation::{GrblSettings, RelaySettings, VastBridgeSettings};
 use crate::frame::PixelFormat;
 use crate::http::HttpSettings;
 use crate::units::StepsPerRevolution;
@@ -67,14 +67,18 @@ pub(super) struct RawOptics {
 #[serde(tag = "driver", rename_all = "snake_case")]
 pub enum RotationDriver {
     Grbl(GrblSettings),
+    VastBridge(VastBridgeSettings),
+    Relay(RelaySettings),
 }
 
 impl RotationDriver {
     /// # Errors
     /// The first setting that no such controller can have.
-    pub(super) fn check(&self) -> Result<(), DeviceError> {
+    pub(super) fn check(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {
         match self {
             Self::Grbl(settings) => settings.check(),
+            Self::VastBridge(settings) => settings.check(per_revolution),
+            Self::Relay(settings) => settings.check(),
         }
     }
 }

@@ -1,6 +1,7 @@
 //! What can go wrong at a device, with both numbers and the way out.
 
 use crate::units::Steps;
+use std::path::PathBuf;
 
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
@@ -26,6 +27,12 @@ pub enum DeviceError {
     Suspect { why: String },
     #[error("rotation axis: sent to {target}, stands at {achieved}. Look for a slipping or blocked shaft, then reference the axis again")]
     Missed { target: Steps, achieved: Steps },
+    #[error("{device}: {what} within {waited_ms} ms. Look at the machine, then begin the specimen anew")]
+    Late { device: &'static str, what: &'static str, waited_ms: u128 },
+    #[error("rotation axis: sent to {target}, but its list goes on at {}; a trigger leads nowhere else", next.map_or("its end".into(), |n| n.to_string()))]
+    NotNext { target: Steps, next: Option<Steps> },
+    #[error("{device}: {}: {why}. Check the folder, its share and the right to write there", path.display())]
+    List { device: &'static str, path: PathBuf, why: String },
     #[error("rotation axis: stopped")]
     Stopped,
     #[error("camera: {address} is controlled by another program. Close it, or wait until the camera's heartbeat has run out")]

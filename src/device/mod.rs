@@ -51,7 +51,7 @@ pub struct Capabilities {
     pub has_stall: bool,
     /// A move under way can be ended.
     pub can_stop: bool,
-    /// It can be sent to any position; else only onward.
+    /// It takes positions; else it takes differences, and the driver keeps count.
     pub absolute: bool,
     /// It steps through a list that was given to it before, at each trigger.
     pub trigger_only: bool,
@@ -62,7 +62,8 @@ pub trait RotationAxis: Send {
     /// What the controller says of itself, for the record.
     fn identity(&self) -> &str;
     fn capabilities(&self) -> Capabilities;
-    /// Tells where the next revolution will stop, in order, before its first move; a trigger-stepped axis needs it.
+    /// Tells where the next revolution will stop, in order, before its first move. A trigger-stepped axis needs it before
+    /// its reference, best before the specimen is there; the same stops may be told again.
     fn announce(&mut self, _stops: &[Steps]) -> Result<(), DeviceError> {
         Ok(())
     }
@@ -71,8 +72,14 @@ pub trait RotationAxis: Send {
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError>;
     /// Moves to an absolute position and returns once the axis has arrived.
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError>;
+    /// Says that the specimen is done with: a trigger-stepped axis goes through what is left of its list, so that its own
+    /// program goes on. Its next reference then waits for another specimen. It lifts an earlier stop as the reference does.
+    fn let_go(&mut self, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
     fn position(&self) -> Position;
-    /// A handle by which any thread stops the motor at once, also while `move_to` is waiting.
+    /// A handle by which any thread stops the motor at once, also while `move_to` is waiting. Where nothing can stop it
+    /// ([`Capabilities::can_stop`]), it ends the step under way by itself and is told no other.
     fn stop_handle(&self) -> StopHandle;
 }
 

@@ -3,6 +3,10 @@
 use super::{Phase, State, Status};
 
 pub fn of(s: &Status) -> String {
+    let motors = match s.hardware.rotation.can_stop {
+        Some(false) => "no further turn is asked for; the one under way ends by itself. The",
+        _ => "the motors are stopped, the",
+    };
     let well = s.specimen.as_ref().map_or("", |x| x.well.as_str());
     match s.state {
         State::Idle => "Idle. Ready for a plate.".into(),
@@ -33,12 +37,12 @@ pub fn of(s: &Status) -> String {
                 c.failed + c.interrupted
             )
         }),
-        State::Aborting => "Aborting: the motors are stopped, the record is being closed.".into(),
+        State::Aborting => format!("Aborting: {motors} record is being closed."),
         State::Aborted => match s.faults.last() {
             Some(f) => format!("Stopped by a fault: {}", f.message),
             None => "Aborted. The motors stand; a new run may be started.".into(),
         },
-        State::Stopping => "Shutting down: the motors are stopped, the record is being closed.".into(),
+        State::Stopping => format!("Shutting down: {motors} record is being closed."),
         State::Stopped => "Stopped.".into(),
         State::Clearing | State::Resetting => "Resetting for a new run.".into(),
         State::Holding | State::Held | State::Unholding => "Held.".into(),

@@ -292,6 +292,8 @@ pub struct RotationStatus {
     pub identity: Option<String>,
     pub connected: bool,
     pub referenced: bool,
+    /// Whether a stop ends a move under way; else it ends by itself and no other follows. `null` until the axis is known.
+    pub can_stop: Option<bool>,
     pub position_steps: Option<i64>,
     pub position_deg: Option<f64>,
 }

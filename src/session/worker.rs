@@ -10,7 +10,7 @@
 use super::fault;
 use super::live;
 use super::{Live, Mode, Phase, PlannedWell, ReferenceStatus, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
-use crate::acquisition::{self, AcquisitionError, LedgerEntry, RevolutionPlan, SinkClosed};
+use crate::acquisition::{self, AcquisitionError, LedgerEntry, PlanError, RevolutionPlan, SinkClosed};
 use crate::cancel::CancelToken;
 use crate::config::{Config, Method};
 use crate::device::sampler::{Expected, Sampler};
@@ -166,11 +166,16 @@ impl RunContext {
                 identity: Some(rig.rotation.identity().to_owned()),
                 connected: true,
                 referenced,
+                can_stop: Some(rig.rotation.capabilities().can_stop),
                 position_steps: position_steps.map(|s| s.0),
                 position_deg: position_steps.map(|s| self.config.steps_per_revolution.angle(s).to_degrees()),
             },
             counters: rig.camera.counters(),
         });
+    }
+
+    fn plan(&self) -> Result<RevolutionPlan, PlanError> {
+        RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order)
     }
 
     fn deadline(&self) -> Duration {
@@ -226,6 +231,12 @@ impl RunContext {
     fn well(&self, instrument: &mut Instrument, planned: &PlannedWell) -> Result<Option<WellEnd>, RunError> {
         let well = planned.well.as_str();
         self.phase(well, Phase::Load, false);
+        if instrument.rig.rotation.capabilities().trigger_only
+            && let Ok(plan) = self.plan()
+        {
+            // Its list must be there before it takes the specimen up.
+            instrument.rig.rotation.announce(&plan.targets())?;
+        }
         if instrument.sampler.waits_for_loader() {
             self.tell(Progress::WaitingForLoader { well: well.to_owned() });
         }
@@ -266,6 +277,10 @@ impl RunContext {
         }
         let Some(end) = end? else { return Ok(None) };
         closed?;
+        if let Err(error) = instrument.rig.rotation.let_go(&self.cancel) {
+            // The specimen is measured; the next reference finds out whether the axis can go on.
+            tracing::warn!(%error, well, "the rotation axis did not let the specimen go");
+        }
         self.phase(well, Phase::Eject, !matches!(end, WellEnd::Skipped(_)));
         instrument.sampler.eject(well)?;
         Ok(Some(end))
@@ -322,7 +337,7 @@ impl RunContext {
     ) -> Result<Option<WellEnd>, RunError> {
         let well = planned.well.as_str();
         self.phase(well, Phase::Revolve, true);
-        let plan = match RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order) {
+        let plan = match self.plan() {
             Ok(plan) => plan,
             Err(e) => return Ok(Some(WellEnd::Failed(e.to_string()))),
         };

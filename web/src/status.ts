@@ -111,6 +111,7 @@ export interface AxisStatus {
   identity: string | null;
   connected: boolean;
   referenced: boolean;
+  can_stop: boolean | null;
   position_steps: number | null;
   position_deg: number | null;
 }

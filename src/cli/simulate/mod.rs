@@ -71,7 +71,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
 
     let rig = Rig::start(rig_settings(&config, args.time_scale), sight).context("the emulated rig did not start")?;
-    let RotationDriver::Grbl(grbl) = &mut config.rotation;
+    let RotationDriver::Grbl(grbl) = &mut config.rotation else { anyhow::bail!("{CONFIG_NAME}: the emulated rig's axis is a Grbl one") };
     grbl.port = rig.serial_path().to_string_lossy().into_owned();
     let CameraDriver::Aravis(camera) = &mut config.camera;
     camera.select = CameraSelect::Address(rig.camera_address());

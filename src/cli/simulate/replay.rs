@@ -42,7 +42,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     camera.pixel_format = recording.rig.pixel_format;
     (camera.width, camera.height) = (recording.rig.camera.width, recording.rig.camera.height);
     // The rig counts its angles from the reference switch, and homing leaves the axis one pull-off before it.
-    let RotationDriver::Grbl(grbl) = &config.rotation;
+    let RotationDriver::Grbl(grbl) = &config.rotation else { anyhow::bail!("a recording is replayed through a Grbl axis") };
     let [per_unit, units] = grbl.steps_per_unit.map(f64::from);
     let reference = Steps(-(f64::from(hardware_sim::grbl::Settings::default().get(HOMING_PULL_OFF)) * per_unit / units).round() as i64);
     let frames = recording

@@ -184,6 +184,33 @@ impl Link {
         })
     }
 
+    /// The next `count` bytes, as [`Self::exact`].
+    pub fn bytes(&mut self, count: usize, until: Instant) -> Result<Option<Vec<u8>>, DeviceError> {
+        self.await_some(until, |link| {
+            let bytes: Vec<u8> = (link.pending.len() >= count).then(|| link.pending.drain(..count).collect())?;
+            tracing::trace!(device = link.device, "< {}", bytes.escape_ascii());
+            Some(bytes)
+        })
+    }
+
+    /// Whether a stop is latched.
+    pub fn is_stopped(&self) -> bool {
+        self.transmitter.lock().latched
+    }
+
+    /// Whether nothing has arrived that nobody has asked for.
+    pub fn is_silent(&mut self) -> Result<bool, DeviceError> {
+        self.receive(Duration::ZERO)?;
+        Ok(self.pending.is_empty())
+    }
+
+    /// Goes on through another connection; stop handles and a latched stop stay as they are.
+    pub fn go_on_through(&mut self, mut fresh: Self) {
+        std::mem::swap(&mut self.reader, &mut fresh.reader);
+        self.pending.clear();
+        self.transmitter.lock().door = fresh.transmitter.lock().door.take();
+    }
+
     fn await_some<T>(&mut self, until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
         loop {
             // Before anything is taken: what a controller says after a stop is of no use to a request that the stop has ended.

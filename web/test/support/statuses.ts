@@ -119,6 +119,7 @@ export function status(change: Partial<Status> = {}): Status {
         identity: "Grbl 1.1h",
         connected: true,
         referenced: true,
+        can_stop: true,
         position_steps: 1523,
         position_deg: 171.3375,
       },

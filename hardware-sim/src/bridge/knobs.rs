@@ -1,0 +1,107 @@
+//! What people do to the emulated VAST, and what can go wrong between it and its bridge.
+
+use crate::serial::take_one;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Clones turn the same knobs. Those that count are used up.
+#[derive(Debug, Clone, Default)]
+pub struct Knobs(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    taken_up: AtomicU32,
+    lost_requests: AtomicU32,
+    missed_triggers: AtomicU32,
+    doubled_arrivals: AtomicU32,
+    stray_arrivals: AtomicU32,
+    lost_line_ends: AtomicU32,
+    late: Mutex<(u32, Duration)>,
+    error: Mutex<Option<u8>>,
+}
+
+impl PartialEq for Knobs {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl Knobs {
+    /// A specimen stands in the capillary: the machine reads its list and goes to the first line.
+    pub fn take_up_specimen(&self) {
+        self.0.taken_up.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// The next `count` requests never reach the bridge.
+    pub fn lose_requests(&self, count: u32) {
+        self.0.lost_requests.store(count, Ordering::Relaxed);
+    }
+
+    /// The bridge says `OK` to the next `count` triggers, but the machine does not see them.
+    pub fn miss_triggers(&self, count: u32) {
+        self.0.missed_triggers.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` arrivals are reported twice.
+    pub fn double_arrivals(&self, count: u32) {
+        self.0.doubled_arrivals.store(count, Ordering::Relaxed);
+    }
+
+    /// An arrival is reported as soon as the next `count` triggers are given, long before it.
+    pub fn stray_arrivals(&self, count: u32) {
+        self.0.stray_arrivals.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` arrivals are reported this much later (rig time).
+    pub fn delay_arrivals(&self, count: u32, by: Duration) {
+        *self.0.late.lock().unwrap_or_else(PoisonError::into_inner) = (count, by);
+    }
+
+    /// The next `count` lines come without their ends.
+    pub fn lose_line_ends(&self, count: u32) {
+        self.0.lost_line_ends.store(count, Ordering::Relaxed);
+    }
+
+    /// The next trigger is answered by `E` and this number, and is none.
+    pub fn answer_with_error(&self, number: u8) {
+        *self.0.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(number);
+    }
+
+    pub(super) fn taken_up(&self) -> bool {
+        take_one(&self.0.taken_up)
+    }
+
+    pub(super) fn request_lost(&self) -> bool {
+        take_one(&self.0.lost_requests)
+    }
+
+    pub(super) fn trigger_missed(&self) -> bool {
+        take_one(&self.0.missed_triggers)
+    }
+
+    pub(super) fn arrival_doubled(&self) -> bool {
+        take_one(&self.0.doubled_arrivals)
+    }
+
+    pub(super) fn arrival_stray(&self) -> bool {
+        take_one(&self.0.stray_arrivals)
+    }
+
+    pub(super) fn line_end_lost(&self) -> bool {
+        take_one(&self.0.lost_line_ends)
+    }
+
+    pub(super) fn arrival_delay_s(&self) -> f64 {
+        let mut late = self.0.late.lock().unwrap_or_else(PoisonError::into_inner);
+        if late.0 == 0 {
+            return 0.0;
+        }
+        late.0 -= 1;
+        late.1.as_secs_f64()
+    }
+
+    pub(super) fn error(&self) -> Option<u8> {
+        self.0.error.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+}

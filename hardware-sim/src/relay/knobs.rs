@@ -1,0 +1,125 @@
+//! What can be made to go wrong at an emulated relay.
+
+use crate::serial::take_one;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Clones turn the same knobs. Those that count are used up.
+#[derive(Debug, Clone, Default)]
+pub struct Knobs(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    never_idle: AtomicBool,
+    split: AtomicBool,
+    only_turns: AtomicBool,
+    hang_ups: AtomicU32,
+    lost_answers: AtomicU32,
+    doubled_answers: AtomicU32,
+    wrong_lengths: AtomicU32,
+    late: Mutex<(u32, Duration)>,
+    idle_for: Mutex<Duration>,
+    rewrite: Mutex<Option<String>>,
+}
+
+impl PartialEq for Knobs {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+}
+
+impl Knobs {
+    /// After the next turn that is asked for, `busy` never says 0.
+    pub fn never_idle_after_turns(&self, on: bool) {
+        self.0.never_idle.store(on, Ordering::Relaxed);
+    }
+
+    /// For so long after a turn has begun (rig time), `busy` says 0.
+    pub fn say_idle_for(&self, time: Duration) {
+        *self.0.idle_for.lock().unwrap_or_else(PoisonError::into_inner) = time;
+    }
+
+    /// Every byte from now on leaves by itself.
+    pub fn split_answers(&self, on: bool) {
+        self.0.split.store(on, Ordering::Relaxed);
+    }
+
+    /// Whether what is counted waits for the answers to turns.
+    pub fn only_turns(&self, on: bool) {
+        self.0.only_turns.store(on, Ordering::Relaxed);
+    }
+
+    /// The connection ends as each of the next `count` turns has begun.
+    pub fn hang_up_in_turns(&self, count: u32) {
+        self.0.hang_ups.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` requests are carried out, but never answered.
+    pub fn lose_answers(&self, count: u32) {
+        self.0.lost_answers.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` answers come twice, in one piece.
+    pub fn double_answers(&self, count: u32) {
+        self.0.doubled_answers.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` frames say that they are 4 GB long.
+    pub fn send_wrong_lengths(&self, count: u32) {
+        self.0.wrong_lengths.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` answers leave this much later (real time).
+    pub fn delay_answers(&self, count: u32, by: Duration) {
+        *self.0.late.lock().unwrap_or_else(PoisonError::into_inner) = (count, by);
+    }
+
+    /// The next answer reads like this.
+    pub fn answer_next(&self, text: &str) {
+        *self.0.rewrite.lock().unwrap_or_else(PoisonError::into_inner) = Some(text.to_owned());
+    }
+
+    pub(super) fn is_never_idle(&self) -> bool {
+        self.0.never_idle.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn idle_for_s(&self) -> f64 {
+        self.0.idle_for.lock().unwrap_or_else(PoisonError::into_inner).as_secs_f64()
+    }
+
+    pub(super) fn splits(&self) -> bool {
+        self.0.split.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn hangs_up(&self, request: &str) -> bool {
+        request.starts_with("rot,") && take_one(&self.0.hang_ups)
+    }
+
+    pub(super) fn spares(&self, request: &str) -> bool {
+        self.0.only_turns.load(Ordering::Relaxed) && !request.starts_with("rot,")
+    }
+
+    pub(super) fn delay(&self) -> Duration {
+        let mut late = self.0.late.lock().unwrap_or_else(PoisonError::into_inner);
+        if late.0 == 0 {
+            return Duration::ZERO;
+        }
+        late.0 -= 1;
+        late.1
+    }
+
+    /// What leaves of an answer.
+    pub(super) fn sent(&self, answer: &str) -> Option<Vec<u8>> {
+        if take_one(&self.0.lost_answers) {
+            return None;
+        }
+        let rewritten = self.0.rewrite.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let answer = rewritten.as_deref().unwrap_or(answer);
+        let mut frame = super::frame(answer);
+        if take_one(&self.0.wrong_lengths) {
+            frame[..4].fill(0xff);
+        }
+        Some(if take_one(&self.0.doubled_answers) { frame.repeat(2) } else { frame })
+    }
+}

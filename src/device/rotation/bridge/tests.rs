@@ -1,0 +1,41 @@
+//! What the settings refuse. The driver itself is held against an emulated bridge in `tests/motion_bridge.rs`.
+
+use super::*;
+use std::path::Path;
+
+pub(super) fn settings(port: &str, list: &Path) -> VastBridgeSettings {
+    VastBridgeSettings {
+        port: port.into(),
+        baud: 115_200,
+        list: list.to_owned(),
+        degrees: Degrees::Absolute,
+        x_position_um: 0,
+        tray_led: true,
+        speed_deg_per_s: 360.0,
+        turn_margin_ms: 400,
+        first_arrival_timeout_ms: 400,
+        answer_timeout_ms: 400,
+        end_with_trigger: true,
+    }
+}
+
+#[test]
+fn settings_that_no_bridge_can_have_are_named_with_their_value() {
+    let refused = |change: fn(&mut VastBridgeSettings), steps: u32| {
+        let mut changed = settings("port", Path::new("external.txt"));
+        change(&mut changed);
+        changed.check(StepsPerRevolution::new(steps, 1).unwrap()).map_err(|e| e.to_string())
+    };
+    refused(|_| {}, 500).unwrap();
+    let said = |change, steps, words: [&str; 2]| {
+        let said = refused(change, steps).unwrap_err();
+        assert!(words.iter().all(|w| said.contains(w)), "{words:?} are not in: {said}");
+    };
+    said(|_| {}, 6400, ["steps_per_revolution", "6400"]);
+    said(|s| s.speed_deg_per_s = -3.0, 500, ["speed_deg_per_s", "-3"]);
+    said(|s| s.speed_deg_per_s = f64::NAN, 500, ["speed_deg_per_s", "NaN"]);
+    said(|s| s.turn_margin_ms = 0, 500, ["turn_margin_ms", "0"]);
+    said(|s| s.answer_timeout_ms = 0, 500, ["answer_timeout_ms", "0"]);
+    said(|s| s.first_arrival_timeout_ms = 0, 500, ["first_arrival_timeout_ms", "0"]);
+    said(|s| s.list = "/".into(), 500, ["list", "/"]);
+}

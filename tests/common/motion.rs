@@ -1,0 +1,113 @@
+//! One revolution through a real driver and the real camera, held against what was truly exposed.
+#![allow(dead_code)] // each test binary uses its own part
+
+use carved::acquisition::{AcquisitionSettings, Ledger, RevolutionPlan, ViewOrder, revolve};
+use carved::cancel::CancelToken;
+use carved::device::camera::{self, AravisSettings, CameraSelect};
+use carved::device::{Position, Rig, RotationAxis};
+use carved::frame::{PixelFormat, RawFrame};
+use carved::units::{Sense, Steps, StepsPerRevolution};
+use hardware_sim::{Exposure, ExposureRecord, RigSettings, Sight, TestCard};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+const WIDTH: u32 = 256;
+const HEIGHT: u32 = 256;
+pub const STEPS: f64 = 500.0;
+/// Far longer than anything here takes: a condition that is never met fails and does not hang.
+pub const PATIENCE: Duration = Duration::from_secs(30);
+/// How much faster than real the emulated machine is.
+pub const SCALE: f64 = 5.0;
+/// The emulated machine's 360 deg/s, as the host sees them.
+pub const SPEED_DEG_PER_S: f64 = 360.0 * SCALE;
+
+fn card() -> TestCard {
+    TestCard::new(WIDTH, HEIGHT)
+}
+
+pub fn rig(settings: RigSettings) -> hardware_sim::Rig {
+    hardware_sim::Rig::start(RigSettings { time_scale: SCALE, ..settings }, Arc::new(card())).unwrap()
+}
+
+pub fn per_revolution() -> StepsPerRevolution {
+    StepsPerRevolution::new(500, 1).unwrap()
+}
+
+pub fn plan(order: ViewOrder) -> RevolutionPlan {
+    RevolutionPlan::new(12, per_revolution(), order).unwrap()
+}
+
+pub fn targets(order: ViewOrder) -> Vec<Steps> {
+    plan(order).targets()
+}
+
+/// An armed camera beside the axis.
+pub fn with_camera(emulated: &hardware_sim::Rig, rotation: Box<dyn RotationAxis>) -> Rig {
+    let settings = AravisSettings {
+        select: CameraSelect::Address(emulated.camera_address()),
+        pixel_format: PixelFormat::BayerRG8,
+        width: WIDTH,
+        height: HEIGHT,
+        offset_x: 0,
+        offset_y: 0,
+        exposure_us: 4000.0,
+        gain_raw: None,
+        packet_size: 8228,
+        socket_buffer_bytes: 4 << 20,
+        packet_socket: false,
+        resend: true,
+        frame_timeout_ms: 500,
+        features: vec![],
+    };
+    let mut camera = camera::open(settings).unwrap();
+    camera.arm().unwrap();
+    Rig { rotation, camera }
+}
+
+/// Takes all views of a plan; `zero_rad` is the true angle at step 0.
+pub fn turn(emulated: &hardware_sim::Rig, devices: &mut Rig, order: ViewOrder) -> Ledger {
+    let zero_rad = emulated.shaft().angle_rad();
+    let settings = AcquisitionSettings { settle_ms: 5, grab_deadline_ms: 10_000, sense: Sense::Positive };
+    let mut frames = Vec::new();
+    let ledger = revolve(devices, &plan(order), &settings, &CancelToken::new(), |_, frame| {
+        frames.push(frame);
+        Ok(())
+    })
+    .unwrap();
+    assert_eq!((ledger.carved().count(), frames.len()), (12, 13));
+    holds(emulated, &ledger, &frames, zero_rad);
+    ledger
+}
+
+/// Every view is, pixel by pixel, what the scene shows at its exposure, and was exposed at the angle the ledger says.
+fn holds(emulated: &hardware_sim::Rig, ledger: &Ledger, frames: &[RawFrame], zero_rad: f64) {
+    let exposures = emulated.exposures();
+    for (entry, frame) in ledger.entries().iter().zip(frames) {
+        let of_this_view = |e: &&ExposureRecord| e.sent && e.frame_id == entry.frame_id;
+        let exposed = exposures.iter().rev().find(of_this_view).unwrap_or_else(|| panic!("view {} was never exposed", entry.view));
+        let picture = card().look(&Exposure { angle_rad: exposed.angle_rad, number: exposed.number }, hardware_sim::PixelFormat::BayerRG8);
+        assert!(frame.bytes() == picture.bytes, "view {} is not the picture of its exposure", entry.view);
+        // The machine and the shaft count whole steps; what is left is the rounding of f64.
+        let off_steps = (exposed.angle_rad - zero_rad - entry.omega) * STEPS / TAU;
+        assert!(off_steps.abs() < 1e-6, "view {}: exposed {off_steps} steps from where the ledger says", entry.view);
+        assert_eq!(entry.commanded_steps, entry.achieved_steps);
+    }
+}
+
+/// Waits for a condition of the emulated machine.
+pub fn await_that(what: &str, mut holds: impl FnMut() -> bool) {
+    let until = Instant::now() + PATIENCE;
+    while !holds() {
+        assert!(Instant::now() < until, "waited for: {what}");
+        std::thread::yield_now();
+    }
+}
+
+pub fn true_steps(emulated: &hardware_sim::Rig) -> f64 {
+    emulated.shaft().angle_rad() * STEPS / TAU
+}
+
+pub fn is_suspect(axis: &dyn RotationAxis) -> bool {
+    matches!(axis.position(), Position::Suspect { .. })
+}
