@@ -35,6 +35,6 @@ pub use psi::Psi;
 pub use screen::{Bad, Moved, ViewOff};
 pub use search::{Found, Reach, Stop};
 pub use slices::{Fit, Sight, Slice, directions, fit, harmonics};
-pub use support::Support;
+pub use support::{Support, area_loss};
 pub use tangents::{Pose, Side, Tangent, TurnView};
 pub use turn::{Calibration, CalibrationError, PsiSd, VIEWS_LEAST, ViewState, calibrate};

@@ -1,6 +1,6 @@
 //! Slices smoothed along the capillary, and what leaving out a view does to them.
 
-use crate::calibration::Support;
+use crate::calibration::{Support, area_loss};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
@@ -69,9 +69,9 @@ impl<'a> Smoother<'a> {
         for k in 3..smooth.coefficients.len() {
             let shape = Self::mean(&self.by_size, near().map(|(c, d)| (d[k] - c[k] / c[0] * d[0]) / c[0]));
             let by = radius * shape + wider * smooth.coefficients[k] / radius;
-            let harmonic = k.div_ceil(2) as f64;
-            change.linear += (1.0 - harmonic * harmonic) * smooth.coefficients[k] * by;
-            change.square += (1.0 - harmonic * harmonic) / 2.0 * by * by;
+            let loss = area_loss(k.div_ceil(2), smooth.coefficients.len() / 2);
+            change.linear -= loss * smooth.coefficients[k] * by;
+            change.square -= loss / 2.0 * by * by;
         }
         change.linear *= PI;
         change.square *= PI;
