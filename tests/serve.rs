@@ -278,7 +278,7 @@ fn a_serial_cable_pulled_in_a_revolution_ends_the_run_as_a_fault_that_names_the_
     let status = instrument.daemon.wait("the fault", |s| s["state"] == "Aborted");
     assert_eq!(status["run"]["outcome"], "failed", "{status}");
     assert_eq!(status["faults"].as_array().unwrap().len(), 1, "{status}");
-    assert_eq!(status["faults"][0]["code"], "rotation_failed", "{status}");
+    assert_eq!(status["faults"][0]["code"], "rotation_lost", "{status}");
     assert_eq!(status["hardware"]["rotation"]["connected"], false, "{status}");
     assert_eq!(status["hardware"]["rotation"]["referenced"], false, "{status}");
     assert_eq!(status["ready"], false, "{status}");
@@ -286,7 +286,7 @@ fn a_serial_cable_pulled_in_a_revolution_ends_the_run_as_a_fault_that_names_the_
     assert_eq!(status["plate"]["removable"], false, "the specimen is still in the capillary: {status}");
     let events = std::fs::read_to_string(instrument.data.join("events.jsonl")).unwrap();
     let raised = events.lines().map(|l| serde_json::from_str::<Value>(l).unwrap()).find(|e| e["kind"] == "fault.raised").unwrap();
-    assert_eq!((&raised["run"], &raised["data"]["code"]), (&json!("r1"), &json!("rotation_failed")));
+    assert_eq!((&raised["run"], &raised["data"]["code"]), (&json!("r1"), &json!("rotation_lost")));
     let recording = instrument.data.join("runs/r1/A01");
     assert!(recording.join("SHA256SUMS").is_file(), "the recording is closed");
     assert_eq!(json(&recording.join("recording.json"))["ledger"].as_array().unwrap().len(), 1, "the view that was taken is kept");

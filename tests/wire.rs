@@ -6,7 +6,7 @@
 use carved::acquisition::{AcquisitionError, AcquisitionSettings, Ledger, RevolutionPlan, ViewOrder, revolve};
 use carved::cancel::CancelToken;
 use carved::device::camera::{self, AravisSettings, CameraSelect};
-use carved::device::rotation::{AxisLetter, Grbl, GrblSettings, Reference};
+use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
 use carved::device::{DeviceError, Position, Rig, RotationAxis};
 use carved::frame::{PixelFormat, RawFrame};
 use carved::units::{Sense, Steps, StepsPerRevolution};
@@ -40,6 +40,7 @@ fn axis(rig: &hardware_sim::Rig) -> Grbl {
         max_rate_units_per_min: 500.0,
         acceleration_units_per_s2: 20.0,
         reference: Reference::Home,
+        dialect: Dialect::Auto,
         answer_timeout_ms: 2000,
         homing_timeout_ms: 60_000,
     })

@@ -28,6 +28,7 @@ pub enum CameraAddress {
 pub enum Controller {
     Grbl(grbl::Settings),
     Bridge(bridge::Settings),
+    GrblHal(grbl::Settings),
 }
 
 impl Default for Controller {
@@ -39,8 +40,9 @@ impl Default for Controller {
 impl Controller {
     fn firmware(self, shaft: Arc<Shaft>, faults: Arc<SerialFaults>) -> Box<dyn Firmware> {
         match self {
-            Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, faults, settings)),
             Self::Bridge(settings) => Box::new(bridge::Firmware::new(shaft, settings)),
+            Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, faults, settings, grbl::Dialect::Grbl)),
+            Self::GrblHal(settings) => Box::new(grbl::Firmware::new(shaft, faults, settings, grbl::Dialect::GrblHal)),
         }
     }
 }
@@ -181,6 +183,11 @@ impl<'a> Faults<'a> {
     /// The motor controller restarts, in the middle of a move or not, without an alarm.
     pub fn reboot_controller(&self) {
         self.rig.port.reboot();
+    }
+
+    /// Bytes that nobody sent reach the motor controller now.
+    pub fn serial_noise(&self, bytes: &[u8]) {
+        self.rig.port.noise(bytes);
     }
 
     /// Pulls the serial cable; the port is gone when this returns.

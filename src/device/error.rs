@@ -17,8 +17,8 @@ pub enum DeviceError {
     Gone { device: &'static str, why: String },
     #[error("{device}: expected {expected}, got {found:?}")]
     Unexpected { device: &'static str, expected: String, found: String },
-    #[error("{device}: {name} is {found}, the configuration says {expected}; the axis will not move until they agree")]
-    Mismatch { device: &'static str, name: String, expected: String, found: String },
+    #[error("{device}: its settings are not those of the configuration; it will not move until they agree:{}", rows(differences))]
+    Mismatch { device: &'static str, differences: Vec<Difference> },
     #[error("{device}: the controller reports {what}. Clear the cause, then reference the axis again")]
     Alarm { device: &'static str, what: String },
     #[error("rotation axis: not referenced; its position is not known, so it refuses to move")]
@@ -47,4 +47,23 @@ pub enum DeviceError {
     Camera { what: String, why: String },
     #[error("sampler: well {well}: {why}")]
     Sampler { well: String, why: String },
+}
+
+/// One setting of a device that is not what the configuration says.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Difference {
+    pub name: String,
+    pub configured: String,
+    pub found: String,
+}
+
+impl Difference {
+    pub fn new(name: impl Into<String>, configured: impl Into<String>, found: impl Into<String>) -> Self {
+        Self { name: name.into(), configured: configured.into(), found: found.into() }
+    }
+}
+
+/// A line for each.
+fn rows(differences: &[Difference]) -> String {
+    differences.iter().map(|d| format!("\n  {}: configured {}, found {}", d.name, d.configured, d.found)).collect()
 }

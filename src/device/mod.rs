@@ -13,7 +13,7 @@ pub mod sampler;
 mod error;
 mod rig;
 
-pub use error::DeviceError;
+pub use error::{DeviceError, Difference};
 pub use rig::Rig;
 
 use crate::cancel::CancelToken;

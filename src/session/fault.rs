@@ -12,6 +12,9 @@ pub enum Lost {
     Rotation,
 }
 
+/// Code of an axis whose controller does not answer.
+const ROTATION_LOST: &str = "rotation_lost";
+
 impl Lost {
     pub fn way_out(self) -> &'static str {
         match self {
@@ -32,19 +35,28 @@ pub fn lost_device(error: &RunError) -> Option<Lost> {
 }
 
 pub fn of(seq: u64, error: &RunError) -> Fault {
-    let (code, category) = match error {
+    use SchedulerAction::{EscalateOperator, PauseInstrument};
+    let (code, category, action) = match error {
         RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => match e {
             DeviceError::NoFrame { .. }
             | DeviceError::Camera { .. }
             | DeviceError::ControlLost
             | DeviceError::NotController { .. }
-            | DeviceError::NotArmed => ("camera_failed", "camera"),
-            DeviceError::Sampler { .. } => ("sampler_failed", "sampler"),
-            _ => ("rotation_failed", "motion"),
+            | DeviceError::NotArmed => ("camera_failed", "camera", PauseInstrument),
+            DeviceError::Sampler { .. } => ("sampler_failed", "sampler", PauseInstrument),
+            // What the controller was told or is set to is not what its machine allows: a person has to look.
+            DeviceError::Alarm { .. } => ("rotation_alarm", "motion", EscalateOperator),
+            DeviceError::Mismatch { .. } => ("rotation_settings", "motion", EscalateOperator),
+            DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => (ROTATION_LOST, "motion", PauseInstrument),
+            // The next reference finds the axis again.
+            DeviceError::Suspect { .. } | DeviceError::Missed { .. } | DeviceError::Unexpected { .. } => {
+                ("rotation_suspect", "motion", SchedulerAction::Retry)
+            }
+            _ => ("rotation_failed", "motion", PauseInstrument),
         },
-        RunError::Acquisition(_) => ("revolution_failed", "motion"),
-        RunError::Store(_) => ("store_failed", "storage"),
-        RunError::SpecimenThread => ("internal_error", "software"),
+        RunError::Acquisition(_) => ("revolution_failed", "motion", PauseInstrument),
+        RunError::Store(_) => ("store_failed", "storage", PauseInstrument),
+        RunError::SpecimenThread => ("internal_error", "software", PauseInstrument),
     };
     Fault {
         seq,
@@ -52,8 +64,8 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
         category: category.into(),
         message: error.to_string(),
         recoverable: lost_device(error).is_none(),
-        scheduler_action: SchedulerAction::PauseInstrument,
-        operator_required: true,
+        scheduler_action: action,
+        operator_required: action != SchedulerAction::Retry,
         since: jiff::Timestamp::now().to_string(),
     }
 }

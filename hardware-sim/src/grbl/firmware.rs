@@ -8,6 +8,7 @@
 //! ```
 //! `ok` says that a line was taken, not that the machine has arrived; only `G4` waits for the planner to drain.
 
+use super::dialect::Dialect;
 use super::gcode::{Action, Parser};
 use super::report::{Reporter, Snapshot};
 use super::settings::Settings;
@@ -18,11 +19,8 @@ use crate::shaft::Shaft;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-const RECEIVE_BYTES: usize = 128;
 /// A line keeps one byte of its 80 for the terminator.
 const LINE_BYTES: usize = 80 - 1;
-/// The ring of 16 blocks is full with 15.
-const PLANNER_BLOCKS: usize = 15;
 /// How much farther than the travel the first homing search may go, and than the pull-off the second.
 const HOMING_SEARCH: f64 = 1.5;
 const HOMING_LOCATE: f64 = 5.0;
@@ -111,6 +109,12 @@ pub(crate) struct Firmware {
     shaft: Arc<Shaft>,
     faults: Arc<SerialFaults>,
     settings: Settings,
+    dialect: Dialect,
+    /// grblHAL's last error, which it repeats.
+    sticky: Option<u8>,
+    /// The modes as they were last told without being asked for.
+    told_modes: String,
+    homed: bool,
     parser: Parser,
     reporter: Reporter,
     received: VecDeque<u8>,
@@ -137,10 +141,17 @@ impl serial::Firmware for Firmware {
     fn lose_power(&mut self, now_s: f64) {
         self.stop_motor(now_s);
         self.position = [0; 3];
+        self.homed = false;
         self.forget();
     }
 
     fn boot(&mut self) {
+        if self.faults.take_erased_memory() {
+            self.settings = Settings::factory();
+            self.say("error:7\r\n");
+            let report = self.settings.report();
+            self.say(&report);
+        }
         self.mode = if self.settings.is_on(22) { Mode::Alarm } else { Mode::Idle };
         self.greet();
     }
@@ -183,9 +194,10 @@ impl serial::Firmware for Firmware {
                 b'!' => self.hold(now_s),
                 b'~' => self.resume(),
                 0x85 => self.cancel_jog(now_s),
+                0x87 if self.dialect.is_hal() => self.full_status(now_s),
                 0x80.. => {}
-                _ if self.received.len() < RECEIVE_BYTES => self.received.push_back(byte),
-                _ => {}
+                _ if self.received.len() < self.dialect.receive_bytes() => self.received.push_back(byte),
+                _ => self.faults.count_lost_byte(),
             }
             self.main_loop(now_s);
         }
@@ -193,11 +205,15 @@ impl serial::Firmware for Firmware {
 }
 
 impl Firmware {
-    pub fn new(shaft: Arc<Shaft>, faults: Arc<SerialFaults>, settings: Settings) -> Self {
+    pub fn new(shaft: Arc<Shaft>, faults: Arc<SerialFaults>, settings: Settings, dialect: Dialect) -> Self {
         Self {
             shaft,
             faults,
             settings,
+            dialect,
+            sticky: None,
+            told_modes: Parser::default().report(),
+            homed: false,
             parser: Parser::default(),
             reporter: Reporter::default(),
             received: VecDeque::new(),
@@ -256,6 +272,7 @@ impl Firmware {
     }
 
     fn execute(&mut self, line: &[u8], now_s: f64) {
+        let last_error = self.sticky.take();
         match line {
             [] => self.ok(),
             [b'$', command @ ..] => match self.command(command, now_s) {
@@ -265,6 +282,9 @@ impl Firmware {
             },
             _ if matches!(self.mode, Mode::Alarm | Mode::Jog) => self.error(9),
             code => {
+                if let Some(number) = last_error {
+                    return self.error(number);
+                }
                 let offset = self.parser.offset();
                 match self.parser.take(code) {
                     Ok(action) => self.act(action, now_s),
@@ -310,13 +330,14 @@ impl Firmware {
             _ if !quiet => return Err(8),
             b"$" => self.say(&self.settings.report()),
             b"#" => self.say(&self.parser.report_offsets()),
-            b"I" => self.say("[VER:1.1h.20190825:]\r\n[OPT:V,15,128]\r\n"),
+            b"I" => self.say(self.dialect.version()),
             b"N" => self.say("$N0=\r\n$N1=\r\n"),
             b"H" => {
                 if !self.settings.is_on(22) {
                     return Err(5);
                 }
                 self.mode = Mode::Home;
+                self.homed = false;
                 self.wait = Wait::Homing;
                 self.home(Homing::Search, now_s);
                 return Ok(false);
@@ -380,7 +401,7 @@ impl Firmware {
 
     /// The block under way keeps its place until it is done.
     fn free_blocks(&self) -> usize {
-        PLANNER_BLOCKS.saturating_sub(self.planner.len() + usize::from(self.running.is_some()))
+        self.dialect.planner_blocks().saturating_sub(self.planner.len() + usize::from(self.running.is_some()))
     }
 
     fn planned_position(&self) -> [i64; 3] {
@@ -553,6 +574,7 @@ impl Firmware {
                 self.position[0] = (units * self.settings.get(100)).round() as i64;
                 self.parser.position = self.machine(self.position);
                 self.mode = Mode::Idle;
+                self.homed = true;
                 self.wait = Wait::Nothing;
                 self.ok();
             }
@@ -616,16 +638,24 @@ impl Firmware {
         self.wait = Wait::Nothing;
         self.parser = Parser::at(self.machine(self.position));
         self.reporter = Reporter::default();
+        self.sticky = None;
+        self.told_modes = self.parser.report();
     }
 
     fn greet(&mut self) {
-        self.say("\r\nGrbl 1.1h ['$' for help]\r\n");
+        self.say(self.dialect.greeting());
         if self.mode == Mode::Alarm {
             self.say("[MSG:'$H'|'$X' to unlock]\r\n");
         }
     }
 
     // ---- answers
+
+    /// Tells every optional field at once.
+    fn full_status(&mut self, now_s: f64) {
+        self.reporter = Reporter::default();
+        self.status(now_s);
+    }
 
     fn status(&mut self, now_s: f64) {
         let state = match (self.mode, &self.running) {
@@ -654,10 +684,16 @@ impl Firmware {
             offset: self.parser.offset(),
             feed,
             at_limit: self.shaft.at_index(now_s),
-            free: (self.free_blocks(), RECEIVE_BYTES - self.received.len()),
+            free: (self.free_blocks(), self.dialect.receive_bytes() - self.received.len()),
+            homed: self.dialect.is_hal().then_some(self.homed),
             mask: self.settings.get(10) as u8,
         };
         let text = self.reporter.status(&snapshot);
+        let modes = self.parser.report();
+        if self.dialect.is_hal() && modes != self.told_modes {
+            self.say(&modes);
+            self.told_modes = modes;
+        }
         self.say(&text);
     }
 
@@ -673,6 +709,7 @@ impl Firmware {
     }
 
     fn error(&mut self, number: u8) {
+        self.sticky = self.dialect.is_hal().then_some(number);
         self.say(&format!("error:{number}\r\n"));
     }
 

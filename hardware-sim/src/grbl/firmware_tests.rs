@@ -18,9 +18,13 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
+        Self::of(Dialect::Grbl)
+    }
+
+    fn of(dialect: Dialect) -> Self {
         let shaft = Arc::new(Shaft::new(RigClock::new(1.0), ShaftSettings::default()));
         let faults = Arc::new(SerialFaults::default());
-        let mut firmware = Firmware::new(Arc::clone(&shaft), Arc::clone(&faults), Settings::default());
+        let mut firmware = Firmware::new(Arc::clone(&shaft), Arc::clone(&faults), Settings::default(), dialect);
         firmware.boot();
         Self { firmware, shaft, faults, now_s: 0.0 }
     }
@@ -317,4 +321,57 @@ fn whole_steps_survive_three_decimals() {
         assert_eq!((b.x() * 100.0).round() as i64, step);
         assert_eq!(b.shaft_steps(), 137.0 + step as f64);
     }
+}
+
+#[test]
+fn what_does_not_fit_into_the_receive_buffer_is_lost_and_counted() {
+    let mut b = Bench::unlocked();
+    let flood = "G1X1F100\n".repeat(20);
+    b.say("G4P10\n");
+    let ok = b.say(&flood) + &b.after(60.0);
+    assert_eq!(b.faults.lost_bytes(), flood.len() as u64 - 128);
+    // The dwell's, and those of the lines that found room.
+    assert!(ok.matches("ok\r\n").count() <= 16, "{ok}");
+}
+
+#[test]
+fn an_erased_memory_is_told_at_the_start_and_leaves_the_firmwares_own_settings() {
+    let mut b = Bench::new();
+    b.faults.erase_memory();
+    b.firmware.lose_power(0.0);
+    b.firmware.boot();
+    let said = b.heard();
+    assert!(said.contains("error:7\r\n") && said.contains("$100=250.000") && said.ends_with("help]\r\n"), "{said}");
+    assert_eq!(b.say("$H\n"), "error:5\r\n");
+}
+
+#[test]
+fn grblhal_repeats_its_last_error_until_it_is_told_otherwise() {
+    for cure in ["\n", "$G\n", "\x18"] {
+        let mut b = Bench::of(Dialect::GrblHal);
+        b.say("$X\n");
+        assert_eq!(b.say("G1Q1\n"), b.say("G0X1\n"), "the same error");
+        assert_eq!(b.say("G0X1\n"), "error:20\r\n");
+        b.say(cure);
+        b.say("$X\n");
+        assert_eq!(b.say("G0X1\n"), "ok\r\n", "after {cure:?}");
+    }
+    let mut grbl = Bench::unlocked();
+    grbl.say("G1Q1\n");
+    assert_eq!(grbl.say("G0X1\n"), "ok\r\n");
+}
+
+#[test]
+fn grblhal_reports_more_and_unasked() {
+    let mut b = Bench::of(Dialect::GrblHal);
+    b.say("$X\n");
+    assert!(b.send(&[0x87]).contains("|H:0"), "not homed yet");
+    b.say("$H\n");
+    b.after(60.0);
+    assert!(b.send(&[0x87]).contains("|WCO:0.000,0.000,0.000") && b.send(&[0x87]).contains("|H:1>"));
+    b.say("G91\n");
+    let said = b.say("?");
+    assert!(said.starts_with("[GC:") && said.contains("\r\n<Idle|"), "{said}");
+    assert!(b.say("?").starts_with("<Idle|"), "told once");
+    assert_eq!(Bench::unlocked().send(&[0x87]), "", "Grbl drops the byte");
 }

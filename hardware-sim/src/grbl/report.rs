@@ -29,6 +29,8 @@ pub(super) struct Snapshot<'a> {
     pub free: (usize, usize),
     /// `$10`: bit 0 machine position instead of work position, bit 1 buffer state.
     pub mask: u8,
+    /// grblHAL tells whether it is homed.
+    pub homed: Option<bool>,
 }
 
 /// Counts which report carries which optional field.
@@ -66,6 +68,12 @@ impl Reporter {
         } else {
             self.overrides = OVERRIDES_EVERY.reload(s.busy);
             text.push_str("|Ov:100,100,100");
+            if s.homed.is_some() {
+                text.push_str("|A:");
+            }
+        }
+        if let Some(homed) = s.homed {
+            let _ = write!(text, "|H:{}", u8::from(homed));
         }
         text.push_str(">\r\n");
         text

@@ -52,6 +52,16 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// What is in force after the settings memory was erased: the values that the firmware was built with.
+    pub(super) fn factory() -> Self {
+        let mut settings = Self::default();
+        settings.values.extend([(1, 25.0), (22, 0.0), (27, 1.0), (26, 250.0)]);
+        for axis in 0..3 {
+            settings.values.extend([(100 + axis, 250.0), (110 + axis, 500.0), (120 + axis, 10.0), (130 + axis, 200.0)]);
+        }
+        settings
+    }
+
     pub fn get(&self, number: u16) -> f32 {
         self.values.get(&number).copied().unwrap_or(0.0)
     }

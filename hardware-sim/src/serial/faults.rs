@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Knobs of one serial line. Those that count are used up.
@@ -10,6 +10,8 @@ use std::time::Duration;
 pub struct SerialFaults {
     dropped_oks: AtomicU32,
     dropped_answers: AtomicU32,
+    erase_memory: AtomicBool,
+    lost_bytes: AtomicU64,
     line: Mutex<Line>,
 }
 
@@ -21,7 +23,40 @@ pub(super) struct Line {
     stray_to_host: Vec<u8>,
     stray_to_controller: Vec<u8>,
     rewrite: Option<(Vec<u8>, Vec<u8>)>,
+    rewrite_received: Option<(Vec<u8>, Vec<u8>)>,
+    to_host: Way,
+    to_controller: Way,
+}
+
+/// What happens to bytes of one direction, counted from when it was asked for.
+#[derive(Debug, Default, Clone)]
+struct Way {
+    /// Bytes until the cable is pulled.
     unplug_after: Option<usize>,
+    /// Bytes until the one that is disturbed, and its bits that change.
+    flip_at: Option<(usize, u8)>,
+}
+
+impl Way {
+    /// Disturbs `bytes`; whether the cable is pulled behind what is left of them.
+    fn pass(&mut self, bytes: &mut Vec<u8>) -> bool {
+        if let Some((at, bits)) = &mut self.flip_at {
+            if let Some(byte) = bytes.get_mut(*at) {
+                *byte ^= *bits;
+                self.flip_at = None;
+            } else {
+                *at -= bytes.len();
+            }
+        }
+        let Some(left) = &mut self.unplug_after else { return false };
+        let unplug = bytes.len() >= *left;
+        bytes.truncate(*left);
+        *left -= bytes.len();
+        if unplug {
+            self.unplug_after = None;
+        }
+        unplug
+    }
 }
 
 /// What becomes of a piece of output.
@@ -69,9 +104,52 @@ impl SerialFaults {
         self.line().rewrite = Some((from.to_vec(), to.to_vec()));
     }
 
+    /// In the host's next bytes that hold `from`, the controller reads `to`.
+    pub fn rewrite_next_received(&self, from: &[u8], to: &[u8]) {
+        self.line().rewrite_received = Some((from.to_vec(), to.to_vec()));
+    }
+
     /// The cable is pulled once `bytes` more bytes have left the controller.
     pub fn unplug_after(&self, bytes: usize) {
-        self.line().unplug_after = Some(bytes);
+        self.line().to_host.unplug_after = Some(bytes);
+    }
+
+    /// The cable is pulled once `bytes` more bytes have come from the host.
+    pub fn unplug_after_received(&self, bytes: usize) {
+        self.line().to_controller.unplug_after = Some(bytes);
+    }
+
+    /// The byte that leaves the controller after `offset` others has these bits changed.
+    pub fn flip_sent(&self, offset: usize, bits: u8) {
+        self.line().to_host.flip_at = Some((offset, bits));
+    }
+
+    /// The byte that comes from the host after `offset` others has these bits changed.
+    pub fn flip_received(&self, offset: usize, bits: u8) {
+        self.line().to_controller.flip_at = Some((offset, bits));
+    }
+
+    /// From now on the line does nothing to any byte.
+    pub fn clear_line(&self) {
+        *self.line() = Line::default();
+    }
+
+    /// At its next start the controller finds its settings memory erased.
+    pub fn erase_memory(&self) {
+        self.erase_memory.store(true, Ordering::Relaxed);
+    }
+
+    /// Bytes from the host that found the receive buffer full. Nobody tells the host of them.
+    pub fn lost_bytes(&self) -> u64 {
+        self.lost_bytes.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn take_erased_memory(&self) -> bool {
+        self.erase_memory.swap(false, Ordering::Relaxed)
+    }
+
+    pub(crate) fn count_lost_byte(&self) {
+        self.lost_bytes.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(super) fn delay(&self) -> Duration {
@@ -82,14 +160,17 @@ impl SerialFaults {
         take_one(&self.dropped_oks)
     }
 
-    /// What the host's `bytes` are when they arrive.
-    pub(super) fn received(&self, bytes: Vec<u8>) -> Vec<u8> {
+    /// What the host's `bytes` are when they arrive, and whether the cable is pulled behind them.
+    pub(super) fn received(&self, mut bytes: Vec<u8>) -> (Vec<u8>, bool) {
         if bytes.is_empty() {
-            return bytes;
+            return (bytes, false);
         }
-        let mut all = std::mem::take(&mut self.line().stray_to_controller);
+        let mut line = self.line();
+        replace(&mut bytes, &mut line.rewrite_received);
+        let mut all = std::mem::take(&mut line.stray_to_controller);
         all.extend(bytes);
-        all
+        let unplug = line.to_controller.pass(&mut all);
+        (all, unplug)
     }
 
     /// What leaves of a controller's `output`.
@@ -98,29 +179,26 @@ impl SerialFaults {
             return Sent::default();
         }
         let mut line = self.line();
-        if let Some((from, to)) = &line.rewrite
-            && let Some(at) = output.windows(from.len()).position(|w| w == from)
-        {
-            output.splice(at..at + from.len(), to.iter().copied());
-            line.rewrite = None;
-        }
+        replace(&mut output, &mut line.rewrite);
         let mut all = std::mem::take(&mut line.stray_to_host);
         all.extend(output);
-        let mut unplug = false;
-        if let Some(left) = &mut line.unplug_after {
-            unplug = all.len() >= *left;
-            all.truncate(*left);
-            *left -= all.len();
-        }
-        if unplug {
-            line.unplug_after = None;
-        }
+        let unplug = line.to_host.pass(&mut all);
         let pieces = if line.split { all.into_iter().map(|b| vec![b]).collect() } else { vec![all] };
         Sent { pieces, unplug }
     }
 
     fn line(&self) -> std::sync::MutexGuard<'_, Line> {
         self.line.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Puts `to` in the place of the first `from`, where there is one.
+fn replace(bytes: &mut Vec<u8>, what: &mut Option<(Vec<u8>, Vec<u8>)>) {
+    if let Some((from, to)) = what
+        && let Some(at) = bytes.windows(from.len()).position(|w| w == from)
+    {
+        bytes.splice(at..at + from.len(), to.iter().copied());
+        *what = None;
     }
 }
 
@@ -147,9 +225,13 @@ mod tests {
         faults.stray_to_host(b"\xff");
         assert_eq!(whole(&faults, b"ok"), b"\xffok");
         faults.stray_to_controller(b"\0");
-        assert_eq!(faults.received(Vec::new()), b"", "noise waits for the host's next bytes");
-        assert_eq!(faults.received(b"?".to_vec()), b"\0?");
-        assert_eq!(faults.received(b"?".to_vec()), b"?");
+        assert_eq!(faults.received(Vec::new()).0, b"", "noise waits for the host's next bytes");
+        assert_eq!(faults.received(b"?".to_vec()).0, b"\0?");
+        assert_eq!(faults.received(b"?".to_vec()).0, b"?");
+        faults.rewrite_next_received(b"$H", b"$X");
+        assert_eq!(faults.received(b"$$\n$H\n".to_vec()).0, b"$$\n$X\n");
+        faults.flip_sent(3, 1);
+        assert_eq!((whole(&faults, b"ok"), whole(&faults, b"ok")), (b"ok".to_vec(), b"oj".to_vec()));
         faults.drop_answers(1);
         assert_eq!(whole(&faults, b"ok"), b"");
         faults.split_answers(true);
@@ -163,5 +245,8 @@ mod tests {
         assert_eq!(faults.sent(b"ok".to_vec()), Sent { pieces: vec![b"ok".to_vec()], unplug: false });
         assert_eq!(faults.sent(b"ok".to_vec()), Sent { pieces: vec![b"o".to_vec()], unplug: true });
         assert_eq!(faults.sent(b"ok".to_vec()), Sent { pieces: vec![b"ok".to_vec()], unplug: false });
+        faults.unplug_after_received(1);
+        assert_eq!(faults.received(b"$H".to_vec()), (b"$".to_vec(), true));
+        assert_eq!(faults.received(b"$H".to_vec()), (b"$H".to_vec(), false));
     }
 }

@@ -28,6 +28,7 @@ const BOOT: Duration = Duration::from_millis(60);
 
 enum Order {
     Reboot,
+    Noise(Vec<u8>),
     Unplug(mpsc::Sender<()>),
     Replug(mpsc::Sender<nix::Result<()>>),
     Quit,
@@ -88,6 +89,11 @@ impl SerialPort {
     /// The controller restarts in whatever it is doing, and greets without a word about it.
     pub fn reboot(&self) {
         self.order(Order::Reboot);
+    }
+
+    /// Bytes that nobody sent reach the controller now.
+    pub fn noise(&self, bytes: &[u8]) {
+        self.order(Order::Noise(bytes.to_vec()));
     }
 
     /// Pulls the cable: the port is gone when this returns, and the controller without power.
@@ -155,17 +161,20 @@ impl Worker {
             }
             if self.boot_at.is_some_and(|at| at <= Instant::now()) {
                 // What came in during the boot is lost.
-                self.read();
+                let _unheard = self.read();
                 self.boot_at = None;
                 self.firmware.boot();
             }
-            let bytes = self.read();
+            let (bytes, unplug) = self.read();
             if self.boot_at.is_none() && self.plug.is_some() {
                 let now_s = self.clock.now_s();
                 self.firmware.advance(now_s);
                 self.firmware.receive(&bytes, now_s);
             }
             self.write();
+            if unplug {
+                self.pull();
+            }
         }
     }
 
@@ -193,6 +202,11 @@ impl Worker {
     fn obey(&mut self, order: Order) {
         match order {
             Order::Reboot => self.restart(),
+            Order::Noise(bytes) => {
+                let now_s = self.clock.now_s();
+                self.firmware.advance(now_s);
+                self.firmware.receive(&bytes, now_s);
+            }
             Order::Unplug(done) => {
                 self.pull();
                 let _ = done.send(());
@@ -222,9 +236,10 @@ impl Worker {
         self.boot_at = Some(Instant::now() + BOOT);
     }
 
-    fn read(&mut self) -> Vec<u8> {
+    /// Bytes from the host, and whether the cable is pulled behind them.
+    fn read(&mut self) -> (Vec<u8>, bool) {
         let mut bytes = Vec::new();
-        let Some(plug) = &mut self.plug else { return bytes };
+        let Some(plug) = &mut self.plug else { return (bytes, false) };
         let mut chunk = [0; 4096];
         while let Ok(n @ 1..) = plug.master.read(&mut chunk) {
             bytes.extend_from_slice(&chunk[..n]);

@@ -13,6 +13,7 @@ use super::daemon::Daemon;
 use super::serve;
 use crate::config::{CameraDriver, Config, RotationDriver};
 use crate::device::camera::CameraSelect;
+use crate::device::rotation::Port;
 use crate::device::sampler::{LoaderGate, Sampler};
 use crate::session::{Instrument, Mode, is_well};
 use anyhow::Context;
@@ -72,7 +73,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 
     let rig = Rig::start(rig_settings(&config, args.time_scale), sight).context("the emulated rig did not start")?;
     let RotationDriver::Grbl(grbl) = &mut config.rotation else { anyhow::bail!("{CONFIG_NAME}: the emulated rig's axis is a Grbl one") };
-    grbl.port = rig.serial_path().to_string_lossy().into_owned();
+    grbl.port = Port::Path(rig.serial_path().to_string_lossy().into_owned());
     let CameraDriver::Aravis(camera) = &mut config.camera;
     camera.select = CameraSelect::Address(rig.camera_address());
     let devices = serve::open_rig(&config)?;

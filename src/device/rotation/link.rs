@@ -16,6 +16,7 @@
 //! A serial port is opened exclusively. Closing the owner closes the connection, whatever stop handles are still about.
 
 use super::door::Door;
+use super::port::Port;
 use crate::cancel::CancelToken;
 use crate::device::DeviceError;
 use serialport::SerialPort;
@@ -83,7 +84,8 @@ impl Transmitter {
 
 impl Link {
     /// Opens a serial port, exclusively.
-    pub fn serial(device: &'static str, path: &str, baud: u32, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
+    pub fn serial(device: &'static str, port: &Port, baud: u32, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
+        let path = &port.resolve(device)?;
         let refused = |e: &serialport::Error| {
             let why = e.to_string();
             let remedy = match e.kind() {
@@ -91,7 +93,7 @@ impl Link {
                 serialport::ErrorKind::NoDevice => "Close the other program that has the port open",
                 _ => "Check the cable and the name of the port in the configuration",
             };
-            DeviceError::Open { device, address: path.into(), why, remedy }
+            DeviceError::Open { device, address: path.clone(), why, remedy }
         };
         let mut port = serialport::new(path, baud).exclusive(true).timeout(WRITE_TIMEOUT).open_native().map_err(|e| refused(&e))?;
         // A pty has no modem lines; on an Arduino this line may restart the controller, which the handshake awaits.

@@ -9,8 +9,10 @@ mod door;
 mod grbl;
 mod link;
 mod pace;
+mod port;
 mod relay;
 
 pub use bridge::{Degrees, VastBridge, VastBridgeSettings};
-pub use grbl::{AxisLetter, Grbl, GrblSettings, Reference};
+pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+pub use port::{Port, UsbAdapter, list as serial_ports};
 pub use relay::{Relay, RelaySettings};

@@ -84,7 +84,7 @@ impl VastBridge {
             epoch: 0,
         };
         bridge.identity = format!("VAST trigger bridge ({})", bridge.greet()?.join(", "));
-        tracing::info!(identity = bridge.identity, port = bridge.settings.port, "rotation axis opened");
+        tracing::info!(identity = bridge.identity, port = %bridge.settings.port, "rotation axis opened");
         Ok(bridge)
     }
 

@@ -2,6 +2,7 @@
 
 use super::DEVICE;
 use crate::device::DeviceError;
+use crate::device::rotation::Port;
 use crate::device::rotation::pace::Pace;
 use crate::units::StepsPerRevolution;
 use serde::{Deserialize, Serialize};
@@ -12,8 +13,8 @@ use std::time::Duration;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VastBridgeSettings {
-    /// Serial port of the Arduino, best by its lasting name.
-    pub port: String,
+    /// Serial port of the Arduino, by its name or by its USB serial number.
+    pub port: Port,
     #[serde(default = "default_baud")]
     pub baud: u32,
     /// VAST's `external.txt`, as this computer sees it (its folder is shared).

@@ -7,10 +7,11 @@ use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 const GREETING: &str = "\r\nGrbl 1.1h ['$' for help]\r\n";
 const VERSION: &str = "[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n";
-const SETTINGS: &str = "$10=1\r\n$13=0\r\n$100=1.389\r\n$110=3600.000\r\n$120=200.000\r\nok\r\n";
+const SETTINGS: &str = "$10=1\r\n$13=0\r\n$22=1\r\n$23=0\r\n$27=0.720\r\n$100=1.389\r\n$110=3600.000\r\n$120=200.000\r\nok\r\n";
 const RESET: &str = "\x18";
 /// Closes the controller's side of the pty.
 const HANG_UP: &str = "hang up";
@@ -51,6 +52,7 @@ fn settings(port: &str) -> GrblSettings {
         max_rate_units_per_min: 3600.0,
         acceleration_units_per_s2: 200.0,
         reference: Reference::Here,
+        dialect: Dialect::Auto,
         answer_timeout_ms: 400,
         homing_timeout_ms: 400,
     }
@@ -115,7 +117,7 @@ fn run(mut master: TTYPort, script: Vec<Step>, reach: &Sender<usize>) -> Result<
 fn hear(master: &mut TTYPort, heard: &mut Vec<u8>) -> Result<String, String> {
     let until = Instant::now() + PATIENCE;
     loop {
-        if let Some(byte) = heard.first().copied().filter(|b| b"?!\x18".contains(b)) {
+        if let Some(byte) = heard.first().copied().filter(|b| b"?!\x18\x87".contains(b)) {
             heard.remove(0);
             return Ok(char::from(byte).to_string());
         }
@@ -406,23 +408,98 @@ fn a_stop_handle_that_outlives_its_axis_holds_no_port_open() {
     let stop = grbl.stop_handle();
     drop(grbl);
     stop.stop();
-    let again = Link::serial(DEVICE, &controller.name, 115_200, STOP);
+    let again = Link::serial(DEVICE, &controller.name.as_str().into(), 115_200, STOP);
     assert!(again.is_ok(), "the port is free again");
-    assert!(Link::serial(DEVICE, &controller.name, 115_200, STOP).is_err(), "one owner per port");
+    assert!(Link::serial(DEVICE, &controller.name.as_str().into(), 115_200, STOP).is_err(), "one owner per port");
 }
 
 #[test]
-fn a_controller_with_other_settings_is_refused_by_both_numbers() {
-    for (settings, named) in [
-        (SETTINGS.replace("1.389", "250.000"), ["$100", "250", "1.389"]),
-        (SETTINGS.replace("3600.000", "500.000"), ["$110", "500", "3600"]),
-        (SETTINGS.replace("$10=1", "$10=0"), ["$10 ", "0", "odd"]),
-    ] {
-        let controller = Scripted::play(vec![step(RESET, GREETING), step("$I", VERSION), ("$$", settings)]);
-        let said = controller.open().err().unwrap();
-        assert!(matches!(said, DeviceError::Mismatch { .. }));
-        assert!(named.iter().all(|part| said.to_string().contains(part)), "{said}");
+fn every_setting_that_differs_is_named_at_once_by_both_numbers() {
+    let other = SETTINGS.replace("1.389", "250.000").replace("3600.000", "500.000").replace("$10=1", "$10=0").replace("$22=1\r\n", "");
+    // Asked twice: a disturbed byte is no difference.
+    let mut script = vec![step(RESET, GREETING), step("$I", VERSION)];
+    script.extend((0..2).map(|_| ("$$", other.clone())));
+    let controller = Scripted::play(script);
+    let home = GrblSettings { reference: Reference::Home, ..settings(&controller.name) };
+    let said = Grbl::open(home).err().unwrap();
+    let DeviceError::Mismatch { differences, .. } = &said else { panic!("{said}") };
+    assert_eq!(differences.len(), 4, "{said}");
+    for (row, parts) in said.to_string().lines().skip(1).zip([
+        ["$10 ", "configured odd", "found 0"],
+        ["$22 ", "configured on", "found not reported"],
+        ["$100 ", "configured 1.389", "found 250"],
+        ["$110 ", "configured at least 3600", "found 500"],
+    ]) {
+        assert!(parts.iter().all(|part| row.contains(part)), "{row}");
     }
+}
+
+#[test]
+fn a_setting_that_was_garbled_on_the_way_is_asked_for_again() {
+    let garbled = SETTINGS.replace("$100=1.389\r\n$110", "$100=1.389$110");
+    let mut script = vec![step(RESET, GREETING), step("$I", VERSION), ("$$", garbled)];
+    script.push(step("$$", SETTINGS));
+    let controller = Scripted::play(script);
+    let grbl = controller.open().unwrap();
+    controller.followed(grbl);
+}
+
+#[test]
+fn an_erased_memory_is_said_to_be_one() {
+    let defaults = SETTINGS.replace("1.389", "250.000");
+    let greeting = format!("error:7\r\n{defaults}{GREETING}");
+    let mut script = vec![step(RESET, &greeting), step("$I", VERSION)];
+    script.extend((0..2).map(|_| ("$$", defaults.clone())));
+    let controller = Scripted::play(script);
+    let said = controller.open().err().unwrap().to_string();
+    assert!(said.contains("error:7") && said.contains("configured 1.389, found 250"), "{said}");
+}
+
+#[test]
+fn an_ok_to_homing_that_has_not_homed_is_not_believed() {
+    let mut script = opening();
+    script.extend([step(RESET, GREETING), step("$$", SETTINGS), step("$H", "ok\r\n"), ("?", idle("3.600"))]);
+    let controller = Scripted::play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    let said = grbl.reference(&CancelToken::new()).unwrap_err().to_string();
+    assert!(said.contains("homing to end at -0.720") && said.contains("3.600"), "{said}");
+    assert_eq!(grbl.position(), Position::Unknown);
+    controller.followed(grbl);
+}
+
+#[test]
+fn grblhal_is_known_by_its_greeting_and_forgets_its_last_error_before_each_line() {
+    const HAL: &str = "\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n";
+    let full = "<Idle|MPos:-0.720,0.000,0.000|Bf:100,1023|FS:0,0|WCO:0.000,0.000,0.000|A:|H:1>\r\n";
+    let script = vec![
+        step(RESET, HAL),
+        step("$I", "[VER:1.1f.20240301:]\r\n[OPT:VNM,35,1024]\r\n[FIRMWARE:grblHAL]\r\nok\r\n"),
+        step("$$", SETTINGS),
+        step(RESET, HAL),
+        step("$$", SETTINGS),
+        step("$H", "[GC:G0 G54 G17]\r\nok\r\n"),
+        ("?", idle("-0.720")),
+        step("\u{87}", full),
+        ("?", idle("-0.720")),
+        ("?", format!("error:20\r\n[GC:G1 G54]\r\n{}", idle("-0.720"))),
+        step("", "ok\r\n"),
+        step("G21G90G53G1X16.560F3600.000", "ok\r\n"),
+        step("G4P0.01", "ok\r\n"),
+        ("?", idle("16.560")),
+    ];
+    let controller = Scripted::play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    assert!(grbl.identity().starts_with("GrblHAL 1.1f"), "{}", grbl.identity());
+    grbl.reference(&CancelToken::new()).unwrap();
+    assert_eq!(grbl.move_to(Steps(24)).unwrap().steps, Steps(24));
+    controller.followed(grbl);
+}
+
+#[test]
+fn another_dialect_than_the_configured_one_is_refused() {
+    let controller = Scripted::play(vec![step(RESET, GREETING)]);
+    let said = Grbl::open(GrblSettings { dialect: Dialect::GrblHal, ..settings(&controller.name) }).err().unwrap().to_string();
+    assert!(said.contains("grblHAL 1.1") && said.contains("Grbl 1.1h"), "{said}");
 }
 
 #[test]
@@ -466,16 +543,18 @@ proptest! {
     fn a_step_survives_three_decimals(num in 1_u32..40_000, den in 1_u32..1000, steps in -200_000_i64..200_000) {
         prop_assume!(f64::from(num) / f64::from(den) <= 400.0);
         let settings = GrblSettings { steps_per_unit: [num, den], ..settings("x") };
-        let printed: f64 = three_decimals(settings.units(steps)).parse().unwrap();
-        prop_assert_eq!(settings.machine_steps(printed), Some(steps));
+        let axis = Geometry::of(&settings);
+        let printed: f64 = geometry::three_decimals(axis.units(steps)).parse().unwrap();
+        prop_assert_eq!(axis.machine_steps(printed), Some(steps));
     }
 
     /// The deadline of a move is longer than the trapezoid takes, however short or long the way.
     #[test]
     fn a_deadline_leaves_room_for_the_move(steps in 1_i64..100_000) {
         let settings = settings("x");
-        let (way, v, a) = (settings.units(steps), 60.0, 200.0);
+        let axis = Geometry::of(&settings);
+        let (way, v, a) = (axis.units(steps), 60.0, 200.0);
         let exact = if way < v * v / a { 2.0 * (way / a).sqrt() } else { way / v + v / a };
-        prop_assert!(settings.travel_time(steps).as_secs_f64() > exact + 0.3);
+        prop_assert!((axis.travel_time(steps) + settings.answer_timeout()).as_secs_f64() > exact + 0.3);
     }
 }

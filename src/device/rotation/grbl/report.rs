@@ -27,6 +27,8 @@ pub(super) struct Status {
     pub state: State,
     /// Machine position by axis, in units; absent where the controller reports work positions.
     pub machine: Option<Vec<f64>>,
+    /// Whether the axes are homed; grblHAL tells it now and then, and in its full report.
+    pub homed: Option<bool>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,13 +81,16 @@ impl Status {
             _ => return None,
         };
         let mut machine = None;
-        // Fields come and go from report to report; only the position matters here.
+        let mut homed = None;
+        // Fields come and go from report to report; only these matter here.
         for field in fields {
             if let Some(list) = field.strip_prefix("MPos:") {
                 machine = Some(list.split(',').map(finite).collect::<Option<Vec<f64>>>()?);
+            } else if let Some(list) = field.strip_prefix("H:") {
+                homed = Some(list.starts_with('1'));
             }
         }
-        Some(Self { state, machine })
+        Some(Self { state, machine, homed })
     }
 }
 
@@ -145,14 +150,17 @@ mod tests {
 
     #[test]
     fn a_status_is_read_whatever_optional_fields_it_carries() {
-        let plain = Status { state: State::Idle, machine: Some(vec![0.72, 0.0, -1.5]) };
+        let plain = Status { state: State::Idle, machine: Some(vec![0.72, 0.0, -1.5]), homed: None };
         for text in [
             "<Idle|MPos:0.720,0.000,-1.500|FS:0,0>",
-            "<Idle|MPos:0.720,0.000,-1.500|Bf:15,128|FS:0,0|WCO:0.000,0.000,0.000|Ov:100,100,100|A:S|H:1>",
+            "<Idle|MPos:0.720,0.000,-1.500|Bf:15,128|FS:0,0|WCO:0.000,0.000,0.000|Ov:100,100,100|A:S>",
         ] {
             assert_eq!(Line::parse(text), Line::Status(plain.clone()));
         }
-        assert_eq!(Line::parse("<Hold:0|WPos:1.0,2.0,3.0>"), Line::Status(Status { state: State::Hold, machine: None }));
+        let homed = Status { homed: Some(true), ..plain };
+        assert_eq!(Line::parse("<Idle|MPos:0.720,0.000,-1.500|Bf:100,1023|FS:0,0|H:1,1|A:>"), Line::Status(homed));
+        let held = Status { state: State::Hold, machine: None, homed: None };
+        assert_eq!(Line::parse("<Hold:0|WPos:1.0,2.0,3.0>"), Line::Status(held));
         for broken in ["<Idle|MPos:0.7x0,0,0>", "<Idl", "<|MPos:1>", "<Idle|MPos:1.000,2.0", "<Idle|MPos:inf,0,0>", "<>"] {
             assert!(matches!(Line::parse(broken), Line::BrokenStatus(_)), "{broken}");
         }

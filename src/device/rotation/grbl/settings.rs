@@ -1,6 +1,7 @@
 //! The `[rotation]` table of a Grbl controller, and its geometry in whole steps.
 
 use crate::device::DeviceError;
+use crate::device::rotation::Port;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -8,8 +9,8 @@ use std::time::Duration;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrblSettings {
-    /// Serial port, best by its lasting name under `/dev/serial/by-id`.
-    pub port: String,
+    /// Serial port, by its name or by its USB adapter's serial number.
+    pub port: Port,
     /// Baud; Grbl 1.1 speaks 115200.
     #[serde(default = "default_baud")]
     pub baud: u32,
@@ -25,6 +26,9 @@ pub struct GrblSettings {
     pub acceleration_units_per_s2: f64,
     /// Where step 0 is.
     pub reference: Reference,
+    /// Whose Grbl it is; by its greeting where left out.
+    #[serde(default)]
+    pub dialect: Dialect,
     /// Longest wait for the answer to a line, ms.
     #[serde(default = "default_answer_timeout_ms")]
     pub answer_timeout_ms: u32,
@@ -63,6 +67,18 @@ impl AxisLetter {
     }
 }
 
+/// What the controller speaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Dialect {
+    /// Either; its greeting says which.
+    #[default]
+    Auto,
+    /// Grbl 1.1 itself.
+    Grbl,
+    GrblHal,
+}
+
 /// How the axis finds its step 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -82,7 +98,7 @@ impl GrblSettings {
     pub fn check(&self) -> Result<(), DeviceError> {
         let bad = |name, found: String, rule: &str| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule: rule.into() });
         let [num, den] = self.steps_per_unit;
-        if num == 0 || den == 0 || self.steps_per_unit() > MOST_STEPS_PER_UNIT {
+        if num == 0 || den == 0 || f64::from(num) / f64::from(den) > MOST_STEPS_PER_UNIT {
             return bad("steps_per_unit", format!("[{num}, {den}]"), "both numbers must be at least 1 and the ratio at most 400");
         }
         for (name, value) in
@@ -98,33 +114,6 @@ impl GrblSettings {
             }
         }
         Ok(())
-    }
-
-    pub(super) fn steps_per_unit(&self) -> f64 {
-        f64::from(self.steps_per_unit[0]) / f64::from(self.steps_per_unit[1])
-    }
-
-    /// Machine steps as the controller's units.
-    pub(super) fn units(&self, machine_steps: i64) -> f64 {
-        machine_steps as f64 * f64::from(self.steps_per_unit[1]) / f64::from(self.steps_per_unit[0])
-    }
-
-    /// The whole machine step that a reported position names; `None` when it lies between two steps, which no healthy
-    /// controller reports.
-    pub(super) fn machine_steps(&self, units: f64) -> Option<i64> {
-        let steps = units * self.steps_per_unit();
-        // Half a thousandth of a unit from printing, 2^-23 of the value from float32 in the controller, and room for its
-        // own rounding of steps per unit.
-        let tolerance = 0.0005 * self.steps_per_unit() + steps.abs() * 3.0e-7 + 0.05;
-        ((steps - steps.round()).abs() <= tolerance.min(0.45)).then(|| steps.round() as i64)
-    }
-
-    /// Longest time a healthy controller needs for a move: trapezoid, a tenth for rounding, and one answer.
-    pub(super) fn travel_time(&self, steps: i64) -> Duration {
-        let per_second = self.max_rate_units_per_min / 60.0;
-        let seconds = self.units(steps).abs() / per_second + per_second / self.acceleration_units_per_s2;
-        // A day is longer than any turn and within what Duration holds.
-        Duration::from_secs_f64((1.1 * seconds).min(86_400.0)) + self.answer_timeout()
     }
 
     pub(super) fn answer_timeout(&self) -> Duration {

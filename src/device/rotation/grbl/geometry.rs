@@ -1,0 +1,63 @@
+//! One axis of the controller in whole steps.
+
+use super::settings::{AxisLetter, GrblSettings};
+use std::time::Duration;
+
+/// What turns steps into the controller's units, and how fast it may go.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Geometry {
+    pub letter: AxisLetter,
+    /// An exact ratio.
+    pub steps_per_unit: [u32; 2],
+    pub max_rate_units_per_min: f64,
+    pub acceleration_units_per_s2: f64,
+}
+
+impl Geometry {
+    pub fn of(settings: &GrblSettings) -> Self {
+        Self {
+            letter: settings.axis,
+            steps_per_unit: settings.steps_per_unit,
+            max_rate_units_per_min: settings.max_rate_units_per_min,
+            acceleration_units_per_s2: settings.acceleration_units_per_s2,
+        }
+    }
+
+    pub fn steps_per_unit(&self) -> f64 {
+        f64::from(self.steps_per_unit[0]) / f64::from(self.steps_per_unit[1])
+    }
+
+    /// Machine steps as the controller's units.
+    pub fn units(&self, machine_steps: i64) -> f64 {
+        machine_steps as f64 * f64::from(self.steps_per_unit[1]) / f64::from(self.steps_per_unit[0])
+    }
+
+    /// The whole machine step that a reported position names; `None` when it lies between two steps, which no healthy
+    /// controller reports.
+    pub fn machine_steps(&self, units: f64) -> Option<i64> {
+        let steps = units * self.steps_per_unit();
+        // Half a thousandth of a unit from printing, 2^-23 of the value from float32 in the controller, and room for its
+        // own rounding of steps per unit.
+        let tolerance = 0.0005 * self.steps_per_unit() + steps.abs() * 3.0e-7 + 0.05;
+        ((steps - steps.round()).abs() <= tolerance.min(0.45)).then(|| steps.round() as i64)
+    }
+
+    /// Longest time a healthy controller needs for a move: trapezoid, and a tenth for rounding.
+    pub fn travel_time(&self, steps: i64) -> Duration {
+        let per_second = self.max_rate_units_per_min / 60.0;
+        let seconds = self.units(steps).abs() / per_second + per_second / self.acceleration_units_per_s2;
+        // A day is longer than any turn and within what Duration holds.
+        Duration::from_secs_f64((1.1 * seconds).min(86_400.0))
+    }
+
+    /// The line that sends the axis to a machine step: absolute, in machine coordinates, its modes on the same line.
+    pub fn line(&self, machine_steps: i64) -> String {
+        format!("G21G90G53G1{:?}{}F{:.3}", self.letter, three_decimals(self.units(machine_steps)), self.max_rate_units_per_min)
+    }
+}
+
+/// Three decimals and no minus zero.
+pub(super) fn three_decimals(units: f64) -> String {
+    let text = format!("{units:.3}");
+    if text == "-0.000" { "0.000".into() } else { text }
+}
