@@ -3,6 +3,7 @@
 mod calibrate;
 mod check;
 mod daemon;
+mod doctor;
 pub mod emulated;
 mod import;
 mod measure;
@@ -46,6 +47,8 @@ enum Command {
     Segment(segment::Args),
     /// Measure simulated specimens of known size: the paper's tables, and how well it measures.
     Validate(validate::Args),
+    /// Say what is plugged in, what answers and what to configure; nothing is moved.
+    Doctor(doctor::Args),
     /// Work with configurations.
     #[command(subcommand)]
     Config(ConfigCommand),
@@ -87,6 +90,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Reconstruct(args) => return reconstruct::run(&args),
         Command::Segment(args) => segment::run(&args),
         Command::Validate(args) => validate::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)

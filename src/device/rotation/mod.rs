@@ -7,6 +7,7 @@
 mod bridge;
 mod door;
 mod grbl;
+mod identify;
 mod link;
 mod pace;
 mod port;
@@ -14,5 +15,6 @@ mod relay;
 
 pub use bridge::{Degrees, VastBridge, VastBridgeSettings};
 pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+pub use identify::{Answer, identify};
 pub use port::{Port, UsbAdapter, list as serial_ports};
 pub use relay::{Relay, RelaySettings};

@@ -1,0 +1,58 @@
+//! From what answered to what to write.
+
+use crate::device::rotation::{Answer, Port, UsbAdapter};
+use std::fmt::Write;
+
+/// Who it is, and the lines for `[rotation]`.
+pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
+    let port = match port {
+        Port::Path(path) => format!("port = {path:?}"),
+        Port::Usb(UsbAdapter { usb_serial }) => format!("port = {{ usb_serial = {usb_serial:?} }}"),
+    };
+    let table = |driver: &str| format!("[rotation]\ndriver = \"{driver}\"\n{port}\nbaud = {baud}\n");
+    match answer {
+        Answer::Grbl { is_hal, version, settings } => {
+            let mut text = format!("{}: {version}\n{}", if *is_hal { "grblHAL" } else { "Grbl" }, table("grbl"));
+            for (number, key) in [(100, "steps_per_unit"), (110, "max_rate_units_per_min"), (120, "acceleration_units_per_s2")] {
+                if let Some(value) = settings.get(&number) {
+                    let value = if number == 100 { ratio(*value) } else { format!("{value:?}") };
+                    let _ = writeln!(text, "{key} = {value}   # its ${number}, for axis X; Y has ${}", number + 1);
+                }
+            }
+            let homing = settings.get(&22).map(|on| *on as u32 & 1 == 1);
+            match homing {
+                Some(true) => text.push_str("reference = \"home\"   # its $22 is on\n"),
+                Some(false) => text.push_str("reference = \"here\"   # its $22 is off\n"),
+                None => text.push_str("# it is busy: its settings could not be read; run carved doctor again when it is idle\n"),
+            }
+            text
+        }
+        Answer::Zaber { status } => format!("Zaber, ASCII protocol: @{status}\n{}", table("zaber")),
+        Answer::VastBridge { settings } => format!("VAST trigger bridge: {}\n{}", settings.join(", "), table("vast_bridge")),
+        Answer::Tmcl { module, version } => format!("Trinamic {module}, firmware {version}\n{}", table("tmcl")),
+    }
+}
+
+/// The exact ratio behind a value that was printed with three decimals, where one with a small denominator fits it.
+fn ratio(printed: f64) -> String {
+    let fits = |den: &u32| {
+        let num = printed * f64::from(*den);
+        (num.round() / f64::from(*den) - printed).abs() <= 0.000_501
+    };
+    match (1..=1000).find(fits) {
+        Some(den) => format!("[{}, {den}]", (printed * f64::from(den)).round()),
+        None => format!("[{}, 1000]", (printed * 1000.0).round()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratios_are_found_behind_three_decimals() {
+        for (printed, written) in [(100.0, "[100, 1]"), (17.778, "[160, 9]"), (213.333, "[640, 3]"), (1.389, "[25, 18]"), (0.5, "[1, 2]")] {
+            assert_eq!(ratio(printed), written);
+        }
+    }
+}

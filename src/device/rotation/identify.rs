@@ -1,0 +1,174 @@
+//! What answers on a serial port, found without moving or resetting anything.
+//!
+//! ```text
+//! listen ── a greeting? ──► Grbl, grblHAL
+//!   ?        <...>      ──► Grbl, grblHAL      then $I and $$
+//!   /        @...       ──► Zaber ASCII
+//!   X?       OK, ...    ──► VAST trigger bridge
+//!   zeros, GFV  9 bytes ──► TMCL
+//! ```
+//! The order keeps one protocol's question from being another's command:
+//!
+//! | to | `?` | `/` LF | `X?` LF | zeros, `01 88 01 .. 8a` |
+//! |---|---|---|---|---|
+//! | Grbl | status | empty line | not asked any more | not asked any more |
+//! | Zaber | rest of a line without `/` | status | not asked any more | not asked any more |
+//! | bridge | rest of an unknown line | unknown line | settings | not asked any more |
+//! | TMCL | 6 bytes whose command and sum are none, made a frame of 9 by zeros | | | version |
+//!
+//! Opening a port raises its DTR line, which restarts an Arduino; its position was of no use to anybody, because a port that
+//! another program has open is left alone.
+
+use super::link::Link;
+use super::port::Port;
+use crate::device::DeviceError;
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+const DEVICE: &str = "serial port";
+/// An Arduino's boot loader and its greeting.
+const BOOT: Duration = Duration::from_millis(2500);
+/// The slowest answer to a question.
+const ANSWER: Duration = Duration::from_millis(400);
+const SILENCE: Duration = Duration::from_millis(50);
+/// TMCL: version of the firmware, as binary, of module 1.
+const GET_VERSION: [u8; 9] = [1, 136, 1, 0, 0, 0, 0, 0, 138];
+
+/// What answered.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Answer {
+    Grbl {
+        /// By its greeting or its version.
+        is_hal: bool,
+        version: String,
+        /// `$$`, where it was idle enough to print them.
+        settings: BTreeMap<u16, f64>,
+    },
+    Zaber {
+        /// Its answer to an empty command: address, axis, state, warning.
+        status: String,
+    },
+    VastBridge {
+        settings: Vec<String>,
+    },
+    Tmcl {
+        /// Type of the module, such as 1140 for TMCM-1140, and its firmware's version.
+        module: String,
+        version: String,
+    },
+}
+
+/// Opens a port exclusively and asks who is there; nothing where nobody answers.
+///
+/// # Errors
+/// A port that cannot be opened, another program's included, or that goes away meanwhile.
+pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
+    let mut line = Wire(Link::serial(DEVICE, port, baud, b"")?);
+    // Grbl says its name when it starts; a bridge says OK, which others say as well.
+    let greeting = line.hear(BOOT, |text| is_grbl(text).then(|| text.to_owned()))?;
+    if greeting.is_some() || line.ask(b"?", |text| text.starts_with('<').then_some(()))?.is_some() {
+        return line.grbl(greeting).map(Some);
+    }
+    if let Some(status) = line.ask(b"/\n", |text| text.strip_prefix('@').map(str::to_owned))? {
+        return Ok(Some(Answer::Zaber { status }));
+    }
+    if let Some(settings) = line.bridge()? {
+        return Ok(Some(Answer::VastBridge { settings }));
+    }
+    line.tmcl()
+}
+
+fn is_grbl(text: &str) -> bool {
+    text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl"))
+}
+
+struct Wire(Link);
+
+impl Wire {
+    /// The first line within `wait` that `take` makes something of.
+    fn hear<T>(&mut self, wait: Duration, take: impl Fn(&str) -> Option<T>) -> Result<Option<T>, DeviceError> {
+        let until = Instant::now() + wait;
+        while let Some(text) = self.0.line(until)? {
+            if let Some(taken) = take(text.trim()) {
+                return Ok(Some(taken));
+            }
+        }
+        Ok(None)
+    }
+
+    fn ask<T>(&mut self, question: &[u8], take: impl Fn(&str) -> Option<T>) -> Result<Option<T>, DeviceError> {
+        self.0.send(question)?;
+        self.hear(ANSWER, take)
+    }
+
+    fn quiet(&mut self) -> Result<(), DeviceError> {
+        self.0.quiet(SILENCE, Instant::now() + ANSWER)
+    }
+
+    /// All lines of an answer up to its `ok` or error.
+    fn listing(&mut self, question: &[u8]) -> Result<Vec<String>, DeviceError> {
+        self.0.send(question)?;
+        let until = Instant::now() + ANSWER;
+        let mut lines = Vec::new();
+        while let Some(text) = self.0.line(until)? {
+            let text = text.trim().to_owned();
+            if text == "ok" || text.starts_with("error:") {
+                break;
+            }
+            lines.push(text);
+        }
+        Ok(lines)
+    }
+
+    fn grbl(&mut self, greeting: Option<String>) -> Result<Answer, DeviceError> {
+        self.quiet()?;
+        let build: Vec<String> = self.listing(b"$I\n")?.into_iter().filter(|l| l.starts_with('[')).collect();
+        let settings = self.listing(b"$$\n")?.iter().filter_map(|l| setting(l)).collect();
+        let name = greeting.and_then(|g| Some(g.split(" [").next()?.to_owned()));
+        let version = name.into_iter().chain(build).collect::<Vec<_>>().join(" ");
+        Ok(Answer::Grbl { is_hal: version.to_ascii_lowercase().contains("grblhal"), version, settings })
+    }
+
+    fn bridge(&mut self) -> Result<Option<Vec<String>>, DeviceError> {
+        if self.ask(b"X?\n", |text| (text == "OK").then_some(()))?.is_none() {
+            return Ok(None);
+        }
+        let until = Instant::now() + ANSWER;
+        let mut settings = Vec::new();
+        while settings.len() < 4
+            && let Some(text) = self.0.line(until)?
+        {
+            settings.push(text.trim().to_owned());
+        }
+        Ok(Some(settings))
+    }
+
+    /// The module may have taken the questions before for the head of a frame: zeros fill it up, byte by byte, until it
+    /// has answered that it is none.
+    fn tmcl(&mut self) -> Result<Option<Answer>, DeviceError> {
+        self.quiet()?;
+        let mut zeros = 0;
+        while zeros < GET_VERSION.len() && self.0.exact::<9>(Instant::now() + SILENCE)?.is_none() {
+            self.0.send(&[0])?;
+            zeros += 1;
+        }
+        if zeros == GET_VERSION.len() {
+            // One that keeps silent about frames of others has now had 15 bytes: the next frame begins three later.
+            self.0.send(&[0; 3])?;
+        }
+        self.quiet()?;
+        self.0.send(&GET_VERSION)?;
+        let Some(reply) = self.0.exact::<9>(Instant::now() + ANSWER)? else { return Ok(None) };
+        let sum = reply[..8].iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
+        if reply[2] != 100 || reply[3] != GET_VERSION[1] || reply[8] != sum {
+            return Ok(None);
+        }
+        let module = u16::from_be_bytes([reply[4], reply[5]]);
+        Ok(Some(Answer::Tmcl { module: format!("TMCM-{module}"), version: format!("{}.{:02}", reply[6], reply[7]) }))
+    }
+}
+
+fn setting(line: &str) -> Option<(u16, f64)> {
+    let (number, value) = line.strip_prefix('$')?.split_once('=')?;
+    Some((number.parse().ok()?, value.parse().ok()?))
+}

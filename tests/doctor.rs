@@ -1,0 +1,87 @@
+//! `carved doctor` on emulated controllers: who they are, what to configure, and that nothing was moved.
+#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
+
+mod common;
+
+use common::{run, stderr};
+use hardware_sim::grbl::Settings;
+use hardware_sim::{Controller, Rig, RigSettings, TestCard};
+use std::io::Read;
+use std::sync::Arc;
+use std::time::Duration;
+
+fn rig(controller: Controller) -> Rig {
+    Rig::start(RigSettings { controller, ..RigSettings::default() }, Arc::new(TestCard::new(64, 64))).unwrap()
+}
+
+fn doctor(port: &str) -> String {
+    let output = run(&["doctor", "--port", port]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// What the doctor says, after it was made sure that the shaft stands where it stood.
+fn examined(rig: &Rig) -> String {
+    let before = rig.shaft().angle_rad();
+    let said = doctor(rig.serial_path().to_str().unwrap());
+    assert_eq!(rig.shaft().angle_rad().to_bits(), before.to_bits(), "it moved: {said}");
+    said
+}
+
+#[test]
+fn grbl_and_grblhal_are_told_apart_and_their_settings_written_down() {
+    for (controller, name) in
+        [(Controller::default(), "Grbl: Grbl 1.1h"), (Controller::GrblHal(Settings::default()), "grblHAL: GrblHAL 1.1f")]
+    {
+        let said = examined(&rig(controller));
+        for part in [name, "driver = \"grbl\"", "steps_per_unit = [100, 1]", "max_rate_units_per_min = 500.0", "reference = \"home\""] {
+            assert!(said.contains(part), "{part:?} is missing: {said}");
+        }
+    }
+}
+
+#[test]
+fn a_controller_that_does_not_restart_is_known_by_its_report() {
+    let rig = rig(Controller::default());
+    // It has started once; the greeting of the start that the doctor brings about is lost on the way.
+    let mut first = serialport::new(rig.serial_path().to_str().unwrap(), 115_200).timeout(Duration::from_secs(30)).open_native().unwrap();
+    let mut heard = Vec::new();
+    while !heard.ends_with(b"unlock]\r\n") {
+        let mut byte = [0];
+        first.read_exact(&mut byte).unwrap();
+        heard.push(byte[0]);
+    }
+    drop(first);
+    rig.faults().serial().rewrite_next(b"Grbl 1.1h", b"\xff\xff");
+    let said = examined(&rig);
+    assert!(said.contains("Grbl: [VER:1.1h") && said.contains("driver = \"grbl\""), "{said}");
+}
+
+#[test]
+fn a_trigger_bridge_is_known_by_its_settings_and_never_triggered() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = rig(Controller::Bridge(hardware_sim::bridge::Settings::reading(folder.path().join("external.txt"))));
+    let said = examined(&rig);
+    assert!(said.contains("VAST trigger bridge") && said.contains("driver = \"vast_bridge\""), "{said}");
+}
+
+#[test]
+fn a_port_that_somebody_holds_is_left_alone() {
+    let rig = rig(Controller::default());
+    let path = rig.serial_path();
+    let held = serialport::new(path.to_str().unwrap(), 115_200).exclusive(true).open_native().unwrap();
+    let said = doctor(path.to_str().unwrap());
+    assert!(said.contains("Close the other program"), "{said}");
+    drop(held);
+}
+
+#[test]
+fn silence_and_absence_are_said() {
+    let (_master, slave) = serialport::TTYPort::pair().unwrap();
+    let silent = serialport::SerialPort::name(&slave).unwrap();
+    drop(slave);
+    let said = doctor(&silent);
+    assert!(said.contains("nobody answers at 115200 baud"), "{said}");
+    let said = doctor("/dev/no-such-port");
+    assert!(said.contains("/dev/no-such-port") && said.contains("cable"), "{said}");
+}
