@@ -5,6 +5,7 @@
 //! ```
 //! A recording that fails fails alone; its line says why.
 
+use super::told;
 use crate::acquisition::{LedgerEntry, RevolutionPlan};
 use crate::pipeline::{Pipeline, SpecimenRecord};
 use crate::session::SpecimenKind;
@@ -80,15 +81,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     ensure!(wrong.is_empty(), "{}", wrong.join("\n"));
     Ok(())
-}
-
-/// The error and its causes, each once.
-fn told(error: &anyhow::Error) -> String {
-    error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
-        "" => cause,
-        said if said.contains(&cause) => told,
-        _ => format!("{told}: {cause}"),
-    })
 }
 
 /// A recording's line, and whether other numbers are stored.

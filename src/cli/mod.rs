@@ -8,7 +8,7 @@ pub mod emulated;
 mod import;
 mod measure;
 mod notify;
-pub mod reconstruct;
+mod reconstruct;
 mod reference;
 mod segment;
 mod serve;
@@ -87,7 +87,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Reference(command) => reference::run(&command),
         Command::Calibrate(command) => calibrate::run(&command),
         // A refusal is an answer of its own: it is printed, and has its own code.
-        Command::Reconstruct(args) => return reconstruct::run(&args),
+        Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Doctor(args) => doctor::run(&args),

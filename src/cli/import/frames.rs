@@ -5,7 +5,8 @@
 //! ```
 
 use super::natural::{chunks, natural};
-use crate::cli::segment::{blocks, input};
+use crate::cli::segment::blocks;
+use crate::cli::segment::input::{self, Kind};
 use crate::frame::{PixelFormat, RawFrame};
 use crate::hash::sha256_hex;
 use crate::profile::Picture;
@@ -14,21 +15,6 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff"];
-
-/// What all frames of a recording have in common.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Kind {
-    pub width: u32,
-    pub height: u32,
-    pub format: PixelFormat,
-    bits: u32,
-}
-
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} x {} px {} of {} bits", self.width, self.height, self.format.name(), self.bits)
-    }
-}
 
 /// A picture that was looked at; its pixels are read again when they are written.
 pub(super) struct Looked {
@@ -140,7 +126,7 @@ pub(super) fn look(paths: &[PathBuf], bayer: bool, warn: &mut dyn FnMut(String))
 fn look_at(path: &Path, bayer: bool) -> anyhow::Result<Looked> {
     let input = input::read(path, bayer).with_context(|| path.display().to_string())?;
     let frame = &input.frame;
-    let kind = Kind { width: frame.width(), height: frame.height(), format: frame.format(), bits: input.bits };
+    let kind = input.kind();
     let picture = Picture::from_frame(frame);
     let blocky = picture.planes().first().is_some_and(|plane| blocks::too_blocky(plane, picture.width()).is_some());
     Ok(Looked { path: path.to_owned(), pixels_sha256: sha256_hex(frame.bytes()), file_sha256: input.sha256, kind, blocky })

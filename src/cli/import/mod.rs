@@ -14,6 +14,7 @@ mod rig;
 mod turn;
 mod write;
 
+use crate::cli::segment::input::Kind;
 use crate::frame::RawFrame;
 use crate::measure::references::References;
 use crate::pipeline::Pipeline;
@@ -251,7 +252,7 @@ fn summed(turns: &[f64]) -> Vec<f64> {
 }
 
 /// Everything about the recording but its views, checked as a run and its measurement check it.
-fn recording(rig: Rig, specimen: PlannedWell, kind: frames::Kind, imported: &Imported) -> anyhow::Result<Recording> {
+fn recording(rig: Rig, specimen: PlannedWell, kind: Kind, imported: &Imported) -> anyhow::Result<Recording> {
     let mut method = rig.method;
     method.asd = imported.turn.asd;
     let plan = RunPlan {

@@ -1,8 +1,7 @@
 //! What stands in a recording beside the frames: the rig's camera and the method, from files or by default, and where from.
 
 use super::Args;
-use super::frames::Kind;
-use crate::cli::segment;
+use crate::cli::segment::{self, input::Kind};
 use crate::config::{Config, Method, references};
 use crate::frame::RawFrame;
 use crate::geometry::Camera;

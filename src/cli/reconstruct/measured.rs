@@ -140,10 +140,10 @@ type Raised = (&'static str, Option<String>);
 
 /// By what the views show and what was made of them.
 fn raised_by(shown: &[&View], hull: &HullModel, measurement: &Measurement) -> Vec<Raised> {
-    let sides: [(_, _, fn(&Leaves) -> bool); 2] = [("clipped_left", "left", |l| l.left), ("clipped_right", "right", |l| l.right)];
+    let leaves = |side: fn(&Leaves) -> bool| shown.iter().any(|v| side(&v.leaves()));
     let mut raised: Vec<Raised> = Vec::new();
-    for (flag, side, leaves) in sides {
-        if shown.iter().any(|v| leaves(&v.leaves())) {
+    for (flag, side, leaves) in [("clipped_left", "left", leaves(|l| l.left)), ("clipped_right", "right", leaves(|l| l.right))] {
+        if leaves {
             raised.push((flag, Some(format!("warning: the silhouettes reach the image's {side} side: what lies beyond is not measured"))));
         }
     }

@@ -99,22 +99,19 @@ fn parse_box(text: &str) -> Result<BoxUm, String> {
     }
 }
 
-/// Reads, reconstructs, writes the mesh and prints the report.
-///
-/// # Errors
-/// None of its own: what is wrong is printed as a refusal, and is the exit code.
-pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
+/// Reads, reconstructs, writes the mesh and prints the report; what is wrong is printed as a refusal, and is the exit code.
+pub fn run(args: &Args) -> ExitCode {
     match reconstruct(args) {
         Ok(report) => {
             println!("{report:#}");
-            Ok(ExitCode::SUCCESS)
+            ExitCode::SUCCESS
         }
         Err(error) => {
             let flags: Vec<&str> = error.downcast_ref::<measured::Refusal>().map(measured::Refusal::flag).into_iter().collect();
             let error = told(&error);
             println!("{:#}", serde_json::json!({"flags": flags, "error": error}));
             eprintln!("carved: {error}");
-            Ok(ExitCode::from(REFUSED))
+            ExitCode::from(REFUSED)
         }
     }
 }

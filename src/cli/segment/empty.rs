@@ -1,7 +1,6 @@
 //! `--reference`: the picture of the empty capillary, read once and held beside every picture.
 
-use super::input::{self, Input};
-use crate::frame::PixelFormat;
+use super::input::{self, Input, Kind};
 use crate::profile::{Picture, Reference, SegmentSettings};
 use anyhow::Context;
 use std::path::Path;
@@ -21,36 +20,16 @@ pub(super) struct OtherKind {
     expected: Kind,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Kind {
-    width: u32,
-    height: u32,
-    format: PixelFormat,
-    bits: u32,
-}
-
-impl Kind {
-    fn of(input: &Input) -> Self {
-        Self { width: input.frame.width(), height: input.frame.height(), format: input.frame.format(), bits: input.bits }
-    }
-}
-
-impl std::fmt::Display for Kind {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{} x {} px {} of {} bits", self.width, self.height, self.format.name(), self.bits)
-    }
-}
-
 impl Empty {
     pub fn read(file: &Path, settings: &SegmentSettings, bayer: bool) -> anyhow::Result<Self> {
         let name = || format!("--reference {}", file.display());
         let input = input::read(file, bayer).with_context(name)?;
         let reference = Reference::new(Picture::from_frame(&input.frame), &settings.walls).with_context(name)?;
-        Ok(Self { reference, sha256: input.sha256.clone(), kind: Kind::of(&input) })
+        Ok(Self { reference, sha256: input.sha256.clone(), kind: input.kind() })
     }
 
     pub fn is_of_the_kind_of(&self, input: &Input) -> Result<(), OtherKind> {
-        let found = Kind::of(input);
+        let found = input.kind();
         if found == self.kind { Ok(()) } else { Err(OtherKind { found, expected: self.kind }) }
     }
 }

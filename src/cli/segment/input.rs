@@ -17,6 +17,28 @@ pub(in crate::cli) struct Input {
     pub bits: u32,
 }
 
+/// What pictures have in common that one camera took with the same settings.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::cli) struct Kind {
+    pub width: u32,
+    pub height: u32,
+    pub format: PixelFormat,
+    bits: u32,
+}
+
+impl Input {
+    pub fn kind(&self) -> Kind {
+        let Self { frame, bits, .. } = self;
+        Kind { width: frame.width(), height: frame.height(), format: frame.format(), bits: *bits }
+    }
+}
+
+impl std::fmt::Display for Kind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} x {} px {} of {} bits", self.width, self.height, self.format.name(), self.bits)
+    }
+}
+
 /// Alpha is left out: what a picture shows where it is transparent is not known to be light.
 pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
     // A pipe would be waited for, and nobody may ever write to it.

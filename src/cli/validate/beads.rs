@@ -14,12 +14,15 @@ use super::statistics::{Summary, student};
 use super::theory::{circle_bias, sphere_area_bias, sphere_diameter_bias};
 use super::turn::{ASDS, CAPTURED, EPSILON, calibrated_views, even_plan, even_stops, off, support, voxels};
 use crate::geometry::{BoxUm, VoxelGrid};
+use crate::measure::references::bead::t_score;
 use crate::profile::Segmenters;
 use hardware_sim::scene::{Camera, Placement, SceneSettings, Specimen};
 use statrs::distribution::{ContinuousCDF, Normal};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
+/// What beads measure in the mean, by their maker.
+const NOMINAL_UM: f64 = 500.0;
 /// What the sensor reads of a bead: the whole bore, and little along it.
 const REGION_PX: [u32; 2] = [384, 256];
 /// Half the side of the box of voxels: a bead is at most 560 um.
@@ -52,7 +55,7 @@ fn diameters(n: usize) -> anyhow::Result<Vec<f64>> {
     let normal = Normal::new(0.0, 1.0)?;
     let quantiles: Vec<f64> = (0..n).map(|i| normal.inverse_cdf((i as f64 + 0.5) / n as f64)).collect();
     let sd = Summary::of(&quantiles).sd.max(f64::MIN_POSITIVE);
-    Ok(quantiles.iter().map(|q| 500.0 + 25.0 * q / sd).collect())
+    Ok(quantiles.iter().map(|q| NOMINAL_UM + 25.0 * q / sd).collect())
 }
 
 fn bead(diameter_um: f64, seed: u64, densities_um: &[f64], segmenters: &Segmenters) -> anyhow::Result<Bead> {
@@ -144,19 +147,16 @@ fn cells(beads: &[Bead], paper: &Published, quantity: usize, unit: f64, digits: 
     table(&by_density(paper), &rows)
 }
 
-fn t_of(mean: f64, sd: f64, n: usize) -> f64 {
-    (mean - 500.0).abs() * (n.saturating_sub(1) as f64).sqrt() / sd
-}
-
 fn t_scores(beads: &[Bead], paper: &Published) -> String {
     let n = beads.len();
+    let score = |mean: f64, sd: f64, n: u32| t_score(mean, sd, n, NOMINAL_UM);
     let rows: Vec<Vec<String>> = ASDS
         .iter()
         .map(|&asd| {
             let cell = |density: usize| {
                 let ours = column(beads, asd, density, 0);
                 let theirs = &paper.diameter_um[&asd];
-                format!("{:.2} ({:.2})", t_of(ours.mean, ours.sd, n), t_of(theirs.mean[density], theirs.sd[density], 25))
+                format!("{:.2} ({:.2})", score(ours.mean, ours.sd, n as u32), score(theirs.mean[density], theirs.sd[density], 25))
             };
             std::iter::once(asd.to_string()).chain((0..paper.sampling_density_um.len()).map(cell)).collect()
         })
@@ -249,7 +249,7 @@ fn plot(beads: &[Bead], paper: &Published) -> Plot {
             Style::Line,
             2,
             "theory",
-            points(&|asd| 500.0 * (1.0 + sphere_diameter_bias(circle_bias(EPSILON, asd).unwrap_or(f64::NAN)))),
+            points(&|asd| NOMINAL_UM * (1.0 + sphere_diameter_bias(circle_bias(EPSILON, asd).unwrap_or(f64::NAN)))),
         ),
     ];
     Plot { name: "bead_diameter_by_asd", svg: svg("Diameter of beads, SD 6.93 um (ASD 4 left out)", "ASD", "um", &series) }
