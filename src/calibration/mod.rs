@@ -14,6 +14,7 @@ mod coherence;
 mod free;
 mod gate;
 mod least_squares;
+pub mod mark;
 mod objective;
 mod psi;
 pub mod rig;

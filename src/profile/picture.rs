@@ -22,6 +22,11 @@ impl Picture {
         Self { width, height, planes }
     }
 
+    /// Three equal planes.
+    pub(super) fn from_grey(width: usize, grey: Vec<u8>) -> Self {
+        Self { width, height: grey.len() / width.max(1), planes: [grey.clone(), grey.clone(), grey] }
+    }
+
     pub fn width(&self) -> usize {
         self.width
     }

@@ -108,9 +108,20 @@ impl View {
 
     /// Length of the ray through a pixel per unit of depth.
     pub fn ray_length_per_depth(&self, u_px: f64, v_px: f64) -> f64 {
-        let y = (v_px - self.uy) / self.fky;
-        let x = (u_px - self.ux - self.skew * y) / self.fkx;
+        let [x, y, _] = self.slopes(u_px, v_px);
         (1.0 + x * x + y * y).sqrt()
+    }
+
+    /// The ray through a pixel in the capillary's frame, per unit of depth.
+    pub fn ray(&self, u_px: f64, v_px: f64) -> [f64; 3] {
+        let slopes = self.slopes(u_px, v_px);
+        std::array::from_fn(|j| (0..3).map(|i| self.rotation[i][j] * slopes[i]).sum())
+    }
+
+    /// The same in the camera's frame.
+    fn slopes(&self, u_px: f64, v_px: f64) -> [f64; 3] {
+        let y = (v_px - self.uy) / self.fky;
+        [(u_px - self.ux - self.skew * y) / self.fkx, y, 1.0]
     }
 }
 

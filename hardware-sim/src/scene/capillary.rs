@@ -1,6 +1,7 @@
-//! The glass capillary: the room a specimen has, and how its walls look. It does not visibly turn, and lies as the camera's
-//! gamma says: walls, axis and specimen are tilted together.
+//! The glass capillary: the room a specimen has, and how its walls look. It does not visibly turn, unless a dot of ink is on it,
+//! and lies as the camera's gamma says: walls, axis and specimen are tilted together.
 
+use super::ink::InkDot;
 use serde::{Deserialize, Serialize};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -22,6 +23,8 @@ pub struct Capillary {
     /// Loss of light in the water beside a wall, as a part of 1, and how far it reaches.
     pub bore_shade: f64,
     pub bore_shade_px: f64,
+    /// A dot of ink on the outside, which turns with the glass.
+    pub ink: Option<InkDot>,
 }
 
 impl Default for Capillary {
@@ -36,6 +39,7 @@ impl Default for Capillary {
             glass_shade: 0.32,
             bore_shade: 0.12,
             bore_shade_px: 7.0,
+            ink: None,
         }
     }
 }
@@ -43,5 +47,9 @@ impl Default for Capillary {
 impl Capillary {
     pub fn bore_radius_um(&self) -> f64 {
         self.bore_diameter_um / 2.0
+    }
+
+    pub fn outer_radius_um(&self) -> f64 {
+        self.bore_radius_um() + self.glass_um
     }
 }

@@ -14,6 +14,7 @@ pub mod capillary;
 pub mod contents;
 pub mod frame_set;
 pub mod image;
+pub mod ink;
 pub mod nuisance;
 pub mod optics;
 pub mod outline;
@@ -24,6 +25,7 @@ pub use camera::Camera;
 pub use capillary::Capillary;
 pub use contents::Contents;
 pub use image::{Coverage, Rgb};
+pub use ink::InkDot;
 pub use nuisance::{Drift, HotPixels, LightCentre, Marks, Motion, Nuisances};
 pub use optics::Optics;
 pub use outline::Outline;
@@ -117,7 +119,12 @@ impl Scene {
     fn lit(&self, contents: &Contents, angle_rad: f64) -> Vec<[f32; 3]> {
         let SceneSettings { camera, capillary, optics, nuisances } = &self.settings;
         let width = camera.width as usize;
-        match nuisances.marked(&self.sharp, camera, capillary, angle_rad) {
+        let mut marked = nuisances.marked(&self.sharp, camera, capillary, angle_rad);
+        if let Some(ink) = &capillary.ink {
+            let light = marked.get_or_insert_with(|| self.sharp.clone());
+            ink.shade(light, camera, capillary.outer_radius_um(), optics, angle_rad);
+        }
+        match marked {
             Some(marked) => self.lit_before(&marked, blurred(&marked, width, optics.blur_px), contents, angle_rad),
             None => self.lit_before(&self.sharp, self.soft.clone(), contents, angle_rad),
         }

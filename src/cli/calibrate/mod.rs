@@ -2,6 +2,8 @@
 
 mod beads;
 mod history;
+mod keep;
+mod marked;
 mod measured;
 mod scale;
 mod specimen;
@@ -16,6 +18,8 @@ pub enum Command {
     Beads(beads::Args),
     /// What the dated files of `beads` say over days
     History(history::Args),
+    /// Which way the capillary turns and whether the picture is mirrored, from a dot of ink on the glass; kept as a dated file
+    Marked(marked::Args),
 }
 
 /// Runs the calibration that the arguments name.
@@ -25,5 +29,6 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Scale(args) => scale::run(args),
         Command::Beads(args) => beads::run(args),
         Command::History(args) => history::run(args),
+        Command::Marked(args) => marked::run(args),
     }
 }

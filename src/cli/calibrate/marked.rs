@@ -1,0 +1,231 @@
+//! `carved calibrate marked`: sense and mirror of a rig, once, from a turn of a capillary with a dot of ink.
+//!
+//! ```text
+//!  RECORDING ── frames ── spots that move ── track ──┐
+//!  --mark-side, --mark-edge, --mark-end ─────────────┴─ judge ── sense, mirror ── marked-DAY-ID.json, lines to paste
+//! ```
+
+use super::{keep, measured};
+use crate::calibration::mark::{Depth, Edge, End, MarkTrack, MarkView, Seen, Verdict, judge, track};
+use crate::profile::{Moving, Picture, Spot};
+use crate::session::Mode;
+use crate::store::{Recording, RecordingReader};
+use anyhow::Context;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use serde::Serialize;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A turn of the marked capillary: a recording of a run (`runs/RUN/A01`) or of `carved import`
+    #[arg(value_name = "RECORDING")]
+    recording: PathBuf,
+    /// Where your eye saw the mark at the first view, from where the camera stands: on the near side of the glass, or on the far one
+    #[arg(long, value_name = "near|far", value_parser = PossibleValuesParser::new(["near", "far"]).map(|s| if s == "near" { Depth::Near } else { Depth::Far }))]
+    mark_side: Depth,
+    /// In its upper or lower half
+    #[arg(long, value_name = "top|bottom", value_parser = PossibleValuesParser::new(["top", "bottom"]).map(|s| if s == "top" { Edge::Top } else { Edge::Bottom }))]
+    mark_edge: Edge,
+    /// Towards which end of what the camera sees
+    #[arg(long, value_name = "left|right", value_parser = PossibleValuesParser::new(["left", "right"]).map(|s| if s == "left" { End::Left } else { End::Right }))]
+    mark_end: End,
+    /// Folder that the file is put in
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    out: PathBuf,
+}
+
+/// `marked-DAY-ID.json`.
+#[derive(Serialize)]
+struct MarkedFile {
+    schema: &'static str,
+    id: String,
+    /// When this was computed, RFC 3339.
+    date: String,
+    #[serde(flatten)]
+    found: Found,
+}
+
+/// What the mark says; the id is its hash.
+#[derive(Serialize)]
+#[allow(clippy::struct_excessive_bools, reason = "each is an answer of its own")]
+struct Found {
+    rig: String,
+    mode: Mode,
+    /// When the turn was recorded, RFC 3339.
+    measured: jiff::Timestamp,
+    recording: PathBuf,
+    said: Said,
+    /// 1: positive steps move the near wall to larger v; -1: to smaller.
+    sense: i8,
+    /// What the turn was recorded with.
+    sense_configured: i8,
+    sense_agrees: bool,
+    /// The picture is a mirror image: one, and only one, of the next two.
+    mirrored: bool,
+    left_for_right: bool,
+    upside_down: bool,
+    mark: Mark,
+    words: Vec<String>,
+    toml: Vec<String>,
+}
+
+/// The operator's word on the first view.
+#[derive(Serialize)]
+struct Said {
+    side: &'static str,
+    edge: &'static str,
+    end: &'static str,
+}
+
+/// How the mark was seen to go around.
+#[derive(Serialize)]
+struct Mark {
+    views: usize,
+    seen: usize,
+    u_px: f64,
+    axis_px: f64,
+    amplitude_px: f64,
+    /// Of `v = axis + amplitude sin(omega + phase)`.
+    phase_deg: f64,
+    residual_px: f64,
+    radius_um: f64,
+    /// Of the glass, by its walls.
+    wall_radius_um: f64,
+    /// Beside its first place after the turn, where there is a closure view.
+    closure_px: Option<f64>,
+    /// In radii, at the first view.
+    first_down: f64,
+    first_near: f64,
+    /// Further out where the word makes it near, and what perspective makes of that; `null` where a tilt could do as much.
+    perspective_px: Option<[f64; 2]>,
+    /// Of the next spot that goes around.
+    rival_share: Option<f64>,
+}
+
+/// Reads, judges, keeps and prints.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    let found = find(args).with_context(|| args.recording.display().to_string())?;
+    let date = jiff::Timestamp::now().to_string();
+    let file = MarkedFile { schema: "carved.calibration-marked/1", id: measured::id(&found)?, date, found };
+    keep::keep(&args.out, "marked", file.found.measured, &file.id, &file)?;
+    for words in &file.found.words {
+        eprintln!("carved: {words}");
+    }
+    println!("{}", serde_json::to_string_pretty(&file)?);
+    Ok(())
+}
+
+fn find(args: &Args) -> anyhow::Result<Found> {
+    let reader = RecordingReader::open(&args.recording)?;
+    let recording = reader.recording();
+    let camera = &recording.rig.camera;
+    let entries = recording.ledger.entries();
+    let first = recording.ledger.carved().next().context("the ledger has 0 views; a turn is expected")?;
+    let mut unread = None;
+    let pictures = entries.iter().map_while(|entry| {
+        let frame = reader.frame(entry).map_err(|e| unread = Some(e)).ok()?;
+        Some(Picture::from_frame(&frame))
+    });
+    let moving = Moving::new(pictures);
+    if let Some(error) = unread {
+        return Err(error.into());
+    }
+    let moving = moving?;
+    let walls = moving.walls(&recording.method.segment.walls)?;
+    let spots = moving.spots();
+    let view = |at: usize| MarkView { omega: entries[at].omega, spots: &spots[at] };
+    let views: Vec<MarkView> = (0..entries.len()).filter(|&i| !entries[i].closure).map(view).collect();
+    let glass = |u: f64| {
+        let (upper, lower) = (walls.upper.outer.at(u), walls.lower.outer.at(u));
+        [f64::midpoint(upper, lower), (lower - upper) / 2.0]
+    };
+    let found = track(&views, glass)?;
+    let spot = |closure: bool| -> Option<Spot> {
+        let at = entries.iter().position(|e| e.closure == closure)?;
+        found.nearest(&view(at))
+    };
+    let closure_px = spot(false).zip(spot(true)).map(|(a, b)| (a.u_px - b.u_px).hypot(a.v_px - b.v_px));
+    let said = Seen { depth: args.mark_side, edge: args.mark_edge, end: args.mark_end };
+    let verdict = judge(&found, camera, first.omega, said, closure_px)?;
+    let measured = recording.started.parse().with_context(|| format!("started = {:?}", recording.started))?;
+    let sense_configured = i8::from(recording.rig.sense);
+    let sense = if verdict.sense_agrees { sense_configured } else { -sense_configured };
+    let (words, toml) = advice(recording, &verdict, sense);
+    Ok(Found {
+        rig: recording.rig.name.clone(),
+        mode: recording.mode,
+        measured,
+        recording: args.recording.clone(),
+        said: Said {
+            side: if said.depth == Depth::Near { "near" } else { "far" },
+            edge: if said.edge == Edge::Top { "top" } else { "bottom" },
+            end: if said.end == End::Left { "left" } else { "right" },
+        },
+        sense,
+        sense_configured,
+        sense_agrees: verdict.sense_agrees,
+        mirrored: verdict.mirrored(),
+        left_for_right: verdict.left_for_right,
+        upside_down: verdict.upside_down,
+        mark: mark(&found, &verdict, camera.ky, closure_px),
+        words,
+        toml,
+    })
+}
+
+fn mark(found: &MarkTrack, verdict: &Verdict, ky: f64, closure_px: Option<f64>) -> Mark {
+    Mark {
+        views: found.views,
+        seen: found.seen,
+        u_px: found.u_px,
+        axis_px: found.axis_px,
+        amplitude_px: found.amplitude_px(),
+        phase_deg: found.b_px.atan2(found.c_px).to_degrees(),
+        residual_px: found.residual_px,
+        radius_um: verdict.radius_um,
+        wall_radius_um: found.wall_px / ky,
+        closure_px,
+        first_down: verdict.down,
+        first_near: verdict.near,
+        perspective_px: verdict.perspective_px,
+        rival_share: found.rival.map(|(share, _)| share),
+    }
+}
+
+/// What to say, and the lines to change.
+fn advice(recording: &Recording, verdict: &Verdict, sense: i8) -> (Vec<String>, Vec<String>) {
+    let (mut words, mut toml) = (Vec::new(), Vec::new());
+    let configured = i8::from(recording.rig.sense);
+    let imported = recording.mode == Mode::Imported;
+    words.push(match (verdict.sense_agrees, imported) {
+        (true, false) => format!("the sense is {sense}, as configured"),
+        (true, true) => "the angles were imported with the right sense".into(),
+        (false, true) => {
+            "the angles were imported with the wrong sense: import with the other --sense, and put it into the configuration".into()
+        }
+        (false, false) => {
+            toml.extend(["[acquisition]".to_owned(), format!("sense = {sense}   # found with a marked capillary; it was {configured}")]);
+            format!("the sense is {sense}, but {configured} is configured: models are mirror images in depth until it is changed")
+        }
+    });
+    words.push(match (verdict.left_for_right, verdict.upside_down) {
+        (false, false) => "the picture is upright and not mirrored".into(),
+        (true, true) => "the picture is turned by half a turn, and not mirrored: +x is to the eye's left".into(),
+        (left_for_right, _) => {
+            toml.extend([
+                "[camera]".to_owned(),
+                "features = [[\"ReverseX\", \"true\"]]   # \"false\" where it is \"true\" now; the sense stays".to_owned(),
+            ]);
+            let how = if left_for_right { "left for right" } else { "top for bottom" };
+            format!(
+                "the picture is a mirror image, {how}: models are mirror images until the camera, or one mirror before it, turns it round"
+            )
+        }
+    });
+    if verdict.perspective_px.is_none() {
+        words.push(
+            "the perspective does not tell near from far here: that is the operator's word alone; a mark nearer to an end would".into(),
+        );
+    }
+    (words, toml)
+}
