@@ -1,7 +1,7 @@
 //! Raw to checked: every breach is found and said, then nothing needs to be doubted again.
 
 use super::Method;
-use super::raw::{CameraDriver, Raw, RotationDriver, SamplerDriver};
+use super::raw::{CalibrationConfig, CameraDriver, Raw, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
 use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
 use crate::frame::RawFrame;
@@ -20,6 +20,7 @@ use std::sync::Arc;
 pub struct Config {
     pub http: HttpSettings,
     pub store: StoreConfig,
+    pub calibration: CalibrationConfig,
     pub rig_name: String,
     pub steps_per_revolution: StepsPerRevolution,
     pub acquisition: AcquisitionSettings,
@@ -56,6 +57,11 @@ impl Config {
         Self::parse(&text, path)
     }
 
+    /// The folder of the rig's calibrations.
+    pub fn calibrations(&self) -> PathBuf {
+        self.calibration.folder.clone().unwrap_or_else(|| self.store.data_dir.join("calibrations"))
+    }
+
     /// `path` names the source in errors; what the text names is looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let raw: Raw = toml::from_str(text).map_err(|e| ConfigError::Syntax { path: path.to_owned(), source: Box::new(e) })?;
@@ -83,6 +89,9 @@ impl Config {
         }
         if !(10..=60_000).contains(&raw.acquisition.grab_deadline_ms) {
             wrong("acquisition.grab_deadline_ms", raw.acquisition.grab_deadline_ms.to_string(), "10 to 60000 ms");
+        }
+        if !(0.01..=3650.0).contains(&raw.calibration.max_age_days) {
+            wrong("calibration.max_age_days", raw.calibration.max_age_days.to_string(), "0.01 to 3650 days");
         }
         if raw.methods.is_empty() {
             wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
@@ -129,6 +138,7 @@ impl Config {
         Ok(Self {
             http: raw.http,
             store: StoreConfig { data_dir: raw.store.data_dir },
+            calibration: raw.calibration,
             rig_name: raw.rig.name,
             steps_per_revolution: raw.rig.steps_per_revolution,
             acquisition: raw.acquisition,

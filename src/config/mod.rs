@@ -11,4 +11,4 @@ pub mod references;
 
 pub use check::{Config, ConfigError, StoreConfig};
 pub use method::Method;
-pub use raw::{CameraDriver, RotationDriver, SamplerDriver};
+pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};

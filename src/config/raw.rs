@@ -20,6 +20,8 @@ pub(super) struct Raw {
     pub references: Option<Vec<PathBuf>>,
     pub http: HttpSettings,
     pub store: RawStore,
+    #[serde(default)]
+    pub calibration: CalibrationConfig,
     pub rig: RawRig,
     pub acquisition: AcquisitionSettings,
     pub optics: RawOptics,
@@ -33,6 +35,21 @@ pub(super) struct Raw {
 #[serde(deny_unknown_fields)]
 pub(super) struct RawStore {
     pub data_dir: PathBuf,
+}
+
+/// Where the rig's own calibrations are, and how long they count.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibrationConfig {
+    /// `calibrations` in the data folder where left out.
+    pub folder: Option<PathBuf>,
+    pub max_age_days: f64,
+}
+
+impl Default for CalibrationConfig {
+    fn default() -> Self {
+        Self { folder: None, max_age_days: 30.0 }
+    }
 }
 
 #[derive(Debug, Deserialize)]

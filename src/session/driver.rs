@@ -6,15 +6,15 @@ use super::plan::is_plain_name;
 use super::state::{self, STARTABLE, Trigger};
 use super::worker::{self, Instrument, Progress, RunContext, RunEnd};
 use super::{
-    Accepted, Eta, Fault, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SpecimenOutcome, SpecimenStatus, State, Status,
-    WellCounts,
+    Accepted, CalibrationStatus, Eta, Fault, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SpecimenOutcome,
+    SpecimenStatus, State, Status, WellCounts,
 };
 use super::{fault, sentence};
 use crate::cancel::CancelToken;
 use crate::config::Config;
 use crate::device::StopHandle;
 use crate::device::sampler::LoaderGate;
-use crate::store::{Journal, RunRecord, Store, StoreError};
+use crate::store::{Journal, RunRecord, Store, StoreError, calibrations};
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::mpsc;
@@ -138,7 +138,10 @@ impl Driver {
                     }
                     Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?, stopping),
                 },
-                _ = beat.tick() => heart.beat(),
+                _ = beat.tick() => {
+                    heart.beat();
+                    d.calibration_ages();
+                }
                 command = mailbox.recv(), if !stopping => {
                     if let Some(command) = command {
                         d.command(command);
@@ -261,7 +264,9 @@ impl Running {
         });
         let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
         let disk_free_bytes = self.store.free_bytes();
+        let calibration = self.calibration();
         self.publish(|s| {
+            s.calibration = calibration;
             if let Some((rotation, camera)) = identities {
                 s.hardware.rotation.identity = Some(rotation);
                 s.hardware.rotation.connected = true;
@@ -280,6 +285,25 @@ impl Running {
             }
         });
         self.event("daemon.started", None, serde_json::json!({"version": env!("CARGO_PKG_VERSION"), "mode": self.mode}))
+    }
+
+    /// The rig's newest calibration, from disk.
+    fn calibration(&self) -> Option<CalibrationStatus> {
+        let config = &self.config;
+        let found = calibrations::newest(&config.calibrations(), &config.rig_name, self.mode).unwrap_or_else(|error| {
+            tracing::warn!(%error, "the rig's calibrations are not read");
+            None
+        })?;
+        Some(CalibrationStatus::new(found, config.calibration.max_age_days, jiff::Timestamp::now()))
+    }
+
+    /// A calibration that has grown too old is a change of state, and told as one.
+    fn calibration_ages(&self) {
+        let now = jiff::Timestamp::now();
+        let too_old = |c: &CalibrationStatus| c.valid && c.age_s(now).is_none_or(|age_s| age_s >= c.max_age_s);
+        if self.publisher.status().calibration.as_ref().is_some_and(too_old) {
+            self.publish(|s| s.calibration.iter_mut().for_each(|c| c.valid = false));
+        }
     }
 
     fn command(&mut self, command: Command) {
@@ -370,7 +394,9 @@ impl Running {
             progress: progress_in,
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
+        let calibration = self.calibration();
         self.go_with(Trigger::Start, |s| {
+            s.calibration = calibration;
             s.run = Some(run_status(&record));
             s.specimen = None;
             s.faults.clear();

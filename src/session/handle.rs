@@ -85,7 +85,11 @@ impl SessionHandle {
 
     fn stamp(&self, snapshot: &Status) -> Status {
         let mut status = snapshot.clone();
-        status.server_time = jiff::Timestamp::now().to_string();
+        let now = jiff::Timestamp::now();
+        status.server_time = now.to_string();
+        if let Some(calibration) = &mut status.calibration {
+            calibration.age_s = calibration.age_s(now).unwrap_or(calibration.age_s);
+        }
         status.uptime_s = self.booted.elapsed().as_secs_f64();
         status
     }

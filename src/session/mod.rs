@@ -28,6 +28,6 @@ pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, 
 pub use plan::{FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
-    CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus, SchedulerAction,
-    SpecimenOutcome, SpecimenStatus, State, Status, WellCounts, WellStatus,
+    CalibrationStatus, CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus,
+    SchedulerAction, SpecimenOutcome, SpecimenStatus, State, Status, WellCounts, WellStatus,
 };

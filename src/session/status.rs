@@ -1,8 +1,8 @@
 //! What the instrument says of itself: one snapshot, published whole, never patched by a reader.
 //!
 //! Four things are kept apart: the `state` of the instrument, the `phase` of a specimen, the `outcome` of what has ended,
-//! and the `faults`. Clocks (`server_time`, `uptime_s`) are filled in when a snapshot is read and do not change its
-//! revision; `eta_s` is told anew with each well that is done.
+//! and the `faults`. Clocks (`server_time`, `uptime_s`, the calibration's `age_s`) are filled in when a snapshot is read and do not
+//! change its revision; `eta_s` is told anew with each well that is done.
 
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
@@ -307,6 +307,44 @@ pub struct HardwareStatus {
     pub disk_free_bytes: Option<u64>,
 }
 
+/// The newest calibration of this rig, by beads or by scale; looked up when the daemon and when a run starts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct CalibrationStatus {
+    pub id: String,
+    /// `beads` or `scale`.
+    pub kind: String,
+    /// When its last recording was made, RFC 3339, UTC.
+    pub measured: String,
+    pub age_s: f64,
+    /// From this age on it is not valid.
+    pub max_age_s: f64,
+    /// Of the beads' mean diameter against what it should be; `null` of a scale.
+    pub bead_bias_percent: Option<f64>,
+    pub valid: bool,
+}
+
+impl CalibrationStatus {
+    /// As it is at a moment.
+    pub fn new(found: crate::store::calibrations::RigCalibration, max_age_days: f64, now: jiff::Timestamp) -> Self {
+        let age_s = now.duration_since(found.measured).as_secs_f64();
+        let max_age_s = max_age_days * 86400.0;
+        Self {
+            id: found.id,
+            kind: found.kind.to_owned(),
+            measured: found.measured.to_string(),
+            age_s,
+            max_age_s,
+            bead_bias_percent: found.bead_bias_percent,
+            valid: age_s < max_age_s,
+        }
+    }
+
+    /// Its age at a moment.
+    pub fn age_s(&self, now: jiff::Timestamp) -> Option<f64> {
+        Some(now.duration_since(self.measured.parse().ok()?).as_secs_f64())
+    }
+}
+
 /// `GET /v1/status`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct Status {
@@ -329,7 +367,7 @@ pub struct Status {
     pub run: Option<RunStatus>,
     pub specimen: Option<SpecimenStatus>,
     pub hardware: HardwareStatus,
-    /// `null` until a rig calibration is recorded.
-    pub calibration: Option<serde_json::Value>,
+    /// Of the rig itself, the newest that is kept; `null` where there is none.
+    pub calibration: Option<CalibrationStatus>,
     pub faults: Vec<Fault>,
 }

@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! DATA/events.jsonl               append-only, synced line by line
+//! DATA/calibrations/              what is known of the rig's size (see `calibrations`)
 //! DATA/runs/RUN/run.json          plan, method, outcome, one entry per well
 //! DATA/runs/RUN/A01/              a recording with its results (see `recording`)
 //! ```
 
+pub mod calibrations;
 pub mod durable;
 mod error;
 pub mod frames;

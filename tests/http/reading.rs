@@ -2,7 +2,7 @@
 
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
-use carved::session::{Mode, RunOutcome, RunStatus, State, WellCounts};
+use carved::session::{CalibrationStatus, Mode, RunOutcome, RunStatus, State, WellCounts};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -219,4 +219,26 @@ fn metrics_are_the_snapshots_numbers() {
     ] {
         assert!(text.lines().any(|l| l == line), "{line} is not in\n{text}");
     }
+}
+
+#[test]
+fn the_calibration_s_age_is_a_clock_and_its_validity_is_not() {
+    let rig = Rig::start();
+    let calibration = CalibrationStatus {
+        id: "0123456789ab".into(),
+        kind: "beads".into(),
+        measured: "2026-01-01T00:00:00Z".into(),
+        age_s: 0.0,
+        max_age_s: 1.0,
+        bead_bias_percent: Some(-0.22),
+        valid: true,
+    };
+    rig.driver.publish(|s| s.calibration = Some(calibration));
+    let answer = rig.get("/v1/status");
+    let told = &answer.json()["calibration"];
+    // Older than a day at any time that this is read, and valid until the driver says otherwise.
+    assert!(told["age_s"].as_f64().unwrap() > 86400.0, "{told}");
+    assert_eq!((&told["valid"], &told["bead_bias_percent"]), (&true.into(), &(-0.22).into()), "{told}");
+    let tag = answer.header("etag").unwrap().to_owned();
+    assert_eq!(rig.send("GET", "/v1/status", &[("If-None-Match", &tag)], "").status, 304);
 }

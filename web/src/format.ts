@@ -48,6 +48,14 @@ export function percentChange(from: number, to: number): string {
   return `${change > 0 ? "+" : ""}${text}${THIN}%`;
 }
 
+/** How long ago, roughly, so that it changes seldom: 45 min, 5 h, 3 days. */
+export function age(seconds: number): string {
+  const s = Math.max(0, seconds);
+  if (s < 3600) return `${Math.floor(s / 60)} min`;
+  if (s < 2 * 86400) return `${Math.floor(s / 3600)} h`;
+  return `${Math.floor(s / 86400)} days`;
+}
+
 /** How long, in the largest unit that still says something: 8 s, 3 min 20 s, 2 h 5 min. */
 export function duration(seconds: number): string {
   const s = Math.max(0, Math.round(seconds));

@@ -1,8 +1,8 @@
 // The instrument itself: axes, camera, disk, calibration.
 
 import { fact } from "./dom.ts";
-import { bytes, duration, grouped } from "./format.ts";
-import type { AxisStatus, CameraStatus, Status } from "./status.ts";
+import { age, bytes, duration, grouped } from "./format.ts";
+import type { AxisStatus, CalibrationStatus, CameraStatus, Status } from "./status.ts";
 
 export class RigView {
   readonly #list: HTMLElement;
@@ -18,7 +18,7 @@ export class RigView {
     if (translation) rows.push(["Translation", axis(translation)]);
     rows.push(["Camera", cameraWords(camera)], ["Frames", frames(camera)]);
     if (free !== null) rows.push(["Disk free", bytes(free)]);
-    rows.push(["Calibration", status.calibration === null ? "none recorded" : "recorded"]);
+    rows.push(["Calibration", calibrationWords(status.calibration)]);
     rows.push(["Running for", duration(Math.floor(status.uptime_s / 60) * 60 || Math.floor(status.uptime_s))]);
     const now = JSON.stringify(rows);
     if (now === this.#shown) return;
@@ -36,6 +36,16 @@ function axis(axis: AxisStatus): string {
 function cameraWords(camera: CameraStatus): string {
   if (!camera.connected) return "✕ not connected";
   return camera.identity === null ? "✓ connected" : `✓ ${camera.identity}`;
+}
+
+/** The rig's newest calibration in one line. */
+export function calibrationWords(calibration: CalibrationStatus | null): string {
+  if (calibration === null) return "! none kept";
+  const { kind, bead_bias_percent: bias, age_s, max_age_s, valid } = calibration;
+  const parts = [`${valid ? "✓" : "!"} by ${kind}, ${age(age_s)} old`];
+  if (!valid) parts.push(`valid for ${age(max_age_s)}`);
+  if (bias !== null) parts.push(`beads ${bias > 0 ? "+" : ""}${grouped(bias, 2)} %`);
+  return parts.join(", ");
 }
 
 function frames(camera: CameraStatus): string {

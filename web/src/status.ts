@@ -126,6 +126,17 @@ export interface CameraStatus {
   ignored_packets: number;
 }
 
+/** Of the rig itself. */
+export interface CalibrationStatus {
+  id: string;
+  kind: string;
+  measured: string;
+  age_s: number;
+  max_age_s: number;
+  bead_bias_percent: number | null;
+  valid: boolean;
+}
+
 export interface Status {
   revision: number;
   boot_id: string;
@@ -147,6 +158,6 @@ export interface Status {
     camera: CameraStatus;
     disk_free_bytes: number | null;
   };
-  calibration: unknown;
+  calibration: CalibrationStatus | null;
   faults: Fault[];
 }

@@ -6,17 +6,16 @@
 //!                            └─ the turn's axis ──── uy, gamma        ── calibration-DAY-ID.json ── history
 //! ```
 
+use super::keep;
 use super::measured::{self, Measured};
 use crate::calibration::rig::{self, Refraction};
 use crate::measure::references::bead::BeadScore;
 use crate::session::Mode;
 use crate::statistics::Spread;
-use crate::store::{StoreError, durable};
+use crate::store::calibrations::BEADS_SCHEMA;
 use anyhow::{Context, ensure};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
-
-pub const SCHEMA: &str = "carved.calibration-beads/1";
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -83,15 +82,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         ensure!(um.is_finite() && um > 0.0, "{option} is {um}; expected a number above 0");
     }
     let found = find(args)?;
-    let name = format!("calibration-{}-{}.json", found.measured.strftime("%Y-%m-%d"), measured::id(&found)?);
-    let path = args.out.join(name);
-    if path.exists() {
-        return Err(StoreError::Exists { path }).context("these beads are calibrated with already");
-    }
-    let file = BeadsFile { schema: SCHEMA.into(), id: measured::id(&found)?, date: jiff::Timestamp::now().to_string(), found };
-    durable::create_folder(&args.out)?;
-    durable::write_json(&path, &file)?;
-    eprintln!("carved: {}", path.display());
+    let file = BeadsFile { schema: BEADS_SCHEMA.into(), id: measured::id(&found)?, date: jiff::Timestamp::now().to_string(), found };
+    keep::keep(&args.out, "calibration", file.found.measured, &file.id, &file)?;
     println!("{}", serde_json::to_string_pretty(&file)?);
     Ok(())
 }
@@ -105,7 +97,7 @@ fn find(args: &Args) -> anyhow::Result<Found> {
     let turns: Vec<_> = beads.iter().filter_map(|m| m.file.record.calibration.as_ref()).collect();
     let of_turns = |value: fn(&crate::reconstruction::CalibrationRecord) -> f64| turns.iter().map(|c| value(c)).collect::<Vec<_>>();
     let squares = of_turns(|c| c.uy_sd_px * c.uy_sd_px);
-    let measured = beads.iter().map(|m| m.started).max().context("0 beads; 1 or more is expected")?;
+    let measured = set.measured()?;
     let score = BeadScore::of(&diameters, args.nominal_um).map(serde_json::to_value).transpose()?;
     Ok(Found {
         rig: set.rig,

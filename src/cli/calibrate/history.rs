@@ -5,8 +5,9 @@
 //!  gamma  |   o    o   o      mean diameter, over the day of measuring, with standard deviations
 //! ```
 
-use super::beads::{BeadsFile, SCHEMA};
+use super::beads::BeadsFile;
 use crate::statistics::{Line, Spread};
+use crate::store::calibrations::BEADS_SCHEMA;
 use crate::store::durable;
 use anyhow::{Context, ensure};
 use std::fmt::Write as _;
@@ -62,7 +63,7 @@ fn read(paths: &[PathBuf]) -> anyhow::Result<Vec<BeadsFile>> {
     for path in paths {
         let file: BeadsFile = durable::read_json(path, "what carved calibrate beads leaves")?;
         let at = path.display();
-        ensure!(file.schema == SCHEMA, "{at}: schema is {:?}; expected {SCHEMA:?}", file.schema);
+        ensure!(file.schema == BEADS_SCHEMA, "{at}: schema is {:?}; expected {BEADS_SCHEMA:?}", file.schema);
         if let Some(first) = files.first() {
             let (a, b) = (&first.found, &file.found);
             ensure!(a.rig == b.rig, "{at}: rig is {:?}, but that of the first file is {:?}; name files of one rig", b.rig, a.rig);

@@ -24,6 +24,13 @@ pub struct Set {
     pub recordings: Vec<Measured>,
 }
 
+impl Set {
+    /// When the last of them was begun.
+    pub fn measured(&self) -> anyhow::Result<jiff::Timestamp> {
+        self.recordings.iter().map(|r| r.started).max().context("0 recordings; 1 or more is expected")
+    }
+}
+
 /// Reads recordings and whole runs; with `beads_only`, what is no bead is passed over.
 pub fn read(names: &[PathBuf], beads_only: bool) -> anyhow::Result<Set> {
     let mut set: Option<Set> = None;

@@ -7,9 +7,12 @@
 //! ```
 
 use super::beads::each;
+use super::keep;
 use super::measured;
 use crate::calibration::rig::{self, RigError, Scale};
+use crate::session::Mode;
 use crate::statistics::Spread;
+use crate::store::calibrations::SCALE_SCHEMA;
 use anyhow::{Context, ensure};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -50,14 +53,19 @@ pub struct Args {
     /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`)
     #[arg(value_name = "RECORDING_OR_RUN", conflicts_with = "micrometer")]
     recordings: Vec<PathBuf>,
+    /// Folder that a dated file is put in as well
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 #[derive(Serialize)]
 struct Report {
     schema: &'static str,
     id: String,
-    /// RFC 3339.
+    /// When this was computed, RFC 3339.
     date: String,
+    /// When the last of the recordings was made; of a micrometer, when this was computed.
+    measured: jiff::Timestamp,
     #[serde(flatten)]
     found: Found,
 }
@@ -66,6 +74,7 @@ struct Report {
 #[derive(Serialize)]
 struct Found {
     rig: String,
+    mode: Mode,
     ruler: &'static str,
     /// Readings or recordings, along and across.
     n: [usize; 2],
@@ -82,13 +91,17 @@ struct Found {
 
 /// Computes and prints.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    let found = match (args.bead_um, args.bore_um) {
+    let now = jiff::Timestamp::now();
+    let (found, measured) = match (args.bead_um, args.bore_um) {
         (Some(known), _) => bead(args, known)?,
         (_, Some(known)) => bore(args, known)?,
-        _ => micrometer(args)?,
+        _ => (micrometer(args)?, now),
     };
-    let date = jiff::Timestamp::now().to_string();
-    println!("{}", serde_json::to_string_pretty(&Report { schema: "carved.calibration-scale/1", id: measured::id(&found)?, date, found })?);
+    let report = Report { schema: SCALE_SCHEMA, id: measured::id(&found)?, date: now.to_string(), measured, found };
+    if let Some(folder) = &args.out {
+        keep::keep(folder, "scale", measured, &report.id, &report)?;
+    }
+    println!("{}", serde_json::to_string_pretty(&report)?);
     Ok(())
 }
 
@@ -111,10 +124,11 @@ fn micrometer(args: &Args) -> anyhow::Result<Found> {
     let along = of("--micrometer", &args.micrometer)?;
     let across = (!args.micrometer_across.is_empty()).then(|| of("--micrometer-across", &args.micrometer_across)).transpose()?;
     let rig = args.rig.clone().context("--rig is missing")?;
-    Ok(Found::new(rig, "micrometer", [args.micrometer.len() / 2, args.micrometer_across.len() / 2], Some(along), across))
+    // Nobody lays a micrometer under an emulated camera.
+    Ok(Found::new((rig, Mode::Hardware), "micrometer", [args.micrometer.len() / 2, args.micrometer_across.len() / 2], Some(along), across))
 }
 
-fn bead(args: &Args, known_um: f64) -> anyhow::Result<Found> {
+fn bead(args: &Args, known_um: f64) -> anyhow::Result<(Found, jiff::Timestamp)> {
     let known_sd_um = args.bead_sd.context("--bead-sd is missing: the certificate's standard deviation")?;
     let set = measured::read(&args.recordings, true)?;
     let diameters = each(&set.recordings, "diameter_um", |m| m.file.record.measurement.diameter_um)?;
@@ -127,7 +141,8 @@ fn bead(args: &Args, known_um: f64) -> anyhow::Result<Found> {
     }
     let of = |k, measured: &[f64]| rig::from_known(k, measured, known_um, known_sd_um, args.bead_spread).map_err(|e| hint(e, args));
     let (along, across) = (of(set.camera.kx, &lengths)?, of(set.camera.ky, &widths)?);
-    Ok(Found::new(set.rig, "bead", [lengths.len(), widths.len()], Some(along), Some(across)))
+    let measured = set.measured()?;
+    Ok((Found::new((set.rig, set.mode), "bead", [lengths.len(), widths.len()], Some(along), Some(across)), measured))
 }
 
 fn hint(error: RigError, args: &Args) -> anyhow::Error {
@@ -136,7 +151,7 @@ fn hint(error: RigError, args: &Args) -> anyhow::Error {
     if few { error.context("one bead tells nothing of its scatter: measure it again, or give --bead-spread") } else { error }
 }
 
-fn bore(args: &Args, known_um: f64) -> anyhow::Result<Found> {
+fn bore(args: &Args, known_um: f64) -> anyhow::Result<(Found, jiff::Timestamp)> {
     let set = measured::read(&args.recordings, false)?;
     let of_recording = |m: &measured::Measured| {
         let bores: Vec<f64> = m.file.record.views.iter().filter_map(|v| v.walls.map(|w| w.bore_um)).collect();
@@ -147,11 +162,12 @@ fn bore(args: &Args, known_um: f64) -> anyhow::Result<Found> {
     // The views of one recording share what is wrong with it: they count as one.
     let bores = set.recordings.iter().map(of_recording).collect::<anyhow::Result<Vec<_>>>()?;
     let across = rig::from_known(set.camera.ky, &bores, known_um, args.bore_sd, 0.0).map_err(|e| hint(e, args))?;
-    Ok(Found::new(set.rig, "bore", [0, bores.len()], None, Some(across)))
+    let measured = set.measured()?;
+    Ok((Found::new((set.rig, set.mode), "bore", [0, bores.len()], None, Some(across)), measured))
 }
 
 impl Found {
-    fn new(rig: String, ruler: &'static str, n: [usize; 2], along: Option<Scale>, across: Option<Scale>) -> Self {
+    fn new((rig, mode): (String, Mode), ruler: &'static str, n: [usize; 2], along: Option<Scale>, across: Option<Scale>) -> Self {
         let percent = |s: Option<Scale>| s.map(|s| 100.0 * s.sd / s.k);
         let scale_sd_percent = [percent(along), percent(across)].into_iter().flatten().fold(0.0, f64::max);
         let line = |key: &str, s: Option<Scale>| s.map(|s| format!("{key} = {:.9}   # +- {:.2e}, by {ruler}", s.k, s.sd));
@@ -162,6 +178,7 @@ impl Found {
         toml.push(format!("scale_sd_percent = {scale_sd_percent:.4}"));
         Self {
             rig,
+            mode,
             ruler,
             n,
             kx_px_per_um: along.map(|s| s.k),

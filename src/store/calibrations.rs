@@ -1,0 +1,93 @@
+//! The folder of a rig's calibrations, as `carved calibrate beads` and `scale` leave them: which one counts.
+//!
+//! ```text
+//! DATA/calibrations/calibration-DAY-ID.json   beads          the newest of this rig and mode
+//!                   scale-DAY-ID.json         scale
+//!                   marked-DAY-ID.json        sense and mirror: no size, it does not age
+//! ```
+
+use super::{StoreError, durable};
+use crate::session::Mode;
+use serde::Deserialize;
+use std::path::Path;
+
+pub const BEADS_SCHEMA: &str = "carved.calibration-beads/1";
+pub const SCALE_SCHEMA: &str = "carved.calibration-scale/1";
+
+/// What stands in every such file; the rest is its reader's.
+#[derive(Debug, Deserialize)]
+struct Kept {
+    schema: String,
+    #[serde(flatten)]
+    rest: serde_json::Value,
+}
+
+/// What the files of beads and of a scale have in common, and what beads have beside it.
+#[derive(Debug, Deserialize)]
+struct OfSize {
+    id: String,
+    rig: String,
+    mode: Mode,
+    measured: jiff::Timestamp,
+    diameter_um: Option<Mean>,
+    against: Option<Nominal>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Mean {
+    mean: f64,
+}
+
+#[derive(Debug, Deserialize)]
+struct Nominal {
+    nominal_um: f64,
+}
+
+/// The newest calibration of a rig's size.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigCalibration {
+    pub id: String,
+    /// `beads` or `scale`.
+    pub kind: &'static str,
+    pub measured: jiff::Timestamp,
+    /// Of the beads' mean diameter against what it should be; none of a scale.
+    pub bead_bias_percent: Option<f64>,
+}
+
+/// The newest calibration of this rig in the folder. A file that cannot be read is told in the log, and is none.
+///
+/// # Errors
+/// A folder that is there and cannot be listed.
+pub fn newest(folder: &Path, rig: &str, mode: Mode) -> Result<Option<RigCalibration>, StoreError> {
+    let entries = match std::fs::read_dir(folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        entries => entries.map_err(StoreError::io("list", folder))?,
+    };
+    let mut newest: Option<RigCalibration> = None;
+    for entry in entries {
+        let path = entry.map_err(StoreError::io("list", folder))?.path();
+        if path.extension().is_none_or(|e| e != "json") {
+            continue;
+        }
+        match of_rig(&path, rig, mode) {
+            // Of two of one moment always the same: a folder has no order.
+            Ok(Some(c)) if newest.as_ref().is_none_or(|n| (c.measured, &c.id) > (n.measured, &n.id)) => newest = Some(c),
+            Ok(_) => {}
+            Err(error) => tracing::warn!(%error, "a calibration is passed over"),
+        }
+    }
+    Ok(newest)
+}
+
+fn of_rig(path: &Path, rig: &str, mode: Mode) -> Result<Option<RigCalibration>, StoreError> {
+    let Kept { schema, rest }: Kept = durable::read_json(path, "what carved calibrate leaves")?;
+    let kind = match schema.as_str() {
+        BEADS_SCHEMA => "beads",
+        SCALE_SCHEMA => "scale",
+        _ => return Ok(None),
+    };
+    let format = |e: serde_json::Error| StoreError::Format { path: path.to_owned(), expected: "a rig's calibration", found: e.to_string() };
+    let OfSize { id, rig: of, mode: made, measured, diameter_um, against } = serde_json::from_value(rest).map_err(format)?;
+    let bead_bias_percent = diameter_um.zip(against).map(|(d, a)| 100.0 * (d.mean / a.nominal_um - 1.0));
+    Ok((of == rig && made == mode).then_some(RigCalibration { id, kind, measured, bead_bias_percent }))
+}

@@ -1,0 +1,26 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { calibrationWords } from "../../src/rig.ts";
+
+const beads = {
+  id: "0123456789ab",
+  kind: "beads",
+  measured: "2026-03-05T09:30:00Z",
+  age_s: 3 * 86400 + 50,
+  max_age_s: 30 * 86400,
+  bead_bias_percent: -0.218,
+  valid: true,
+};
+
+test("a calibration is one line: by what, how old, how far off, and whether it still counts", () => {
+  assert.equal(calibrationWords(beads), "✓ by beads, 3 days old, beads −0.22 %");
+  assert.equal(
+    calibrationWords({ ...beads, kind: "scale", bead_bias_percent: null, age_s: 31 * 86400, valid: false }),
+    "! by scale, 31 days old, valid for 30 days",
+  );
+  assert.equal(
+    calibrationWords({ ...beads, age_s: 7300, bead_bias_percent: 0.5 }),
+    "✓ by beads, 2 h old, beads +0.50 %",
+  );
+  assert.equal(calibrationWords(null), "! none kept");
+});
