@@ -222,3 +222,77 @@ fn a_mesh_that_is_there_is_replaced_only_by_force() {
     report(&carved(dir.path(), &[&base[..], &["--force"]].concat()));
     assert!(std::fs::read(&mesh).unwrap().starts_with(b"ply\n"));
 }
+
+/// A world that is turned, moved and of another unit: 1 is 250 um there.
+fn other_world() -> (nalgebra::Rotation3<f64>, nalgebra::Vector3<f64>) {
+    (nalgebra::Rotation3::from_euler_angles(0.3, 0.2, -1.1), nalgebra::Vector3::new(2.0, -1.0, 5.0))
+}
+
+/// psi's views as matrices of that world, and psi's box in it.
+fn as_matrices(cameras: &str) -> (String, [[f64; 3]; 2]) {
+    const UNIT_UM: f64 = 250.0;
+    let text: Value = serde_json::from_slice(&std::fs::read(cameras).unwrap()).unwrap();
+    let camera: carved::geometry::Camera = serde_json::from_value(text.clone()).unwrap();
+    let (turned, shift) = other_world();
+    let of = |omega: &Value| {
+        let rows = *camera.projection(omega.as_f64().unwrap()).rows();
+        let m = nalgebra::Matrix3::from_fn(|i, j| rows[i][j]) * turned.inverse().matrix() * UNIT_UM;
+        let p4 = nalgebra::Vector3::from_fn(|i, _| rows[i][3]) - m * shift;
+        // The matrices' own scale is free.
+        (0..3).flat_map(|i| [m[(i, 0)], m[(i, 1)], m[(i, 2)], p4[i]]).map(|x| (x * 0.37).to_string()).collect::<Vec<_>>().join(" ")
+    };
+    let lines: Vec<String> = text["omega"].as_array().unwrap().iter().map(of).collect();
+    let corners = (0..8).map(|i| {
+        let at = [2500.0, 500.0, 500.0].iter().enumerate().map(|(a, half)| if i >> a & 1 == 0 { -half } else { *half } / UNIT_UM);
+        turned * nalgebra::Vector3::from_iterator(at) + shift
+    });
+    let corners: Vec<_> = corners.collect();
+    let side = |pick: fn(f64, f64) -> f64| [0, 1, 2].map(|a| corners.iter().map(|c| c[a]).reduce(pick).unwrap());
+    (lines.join("\n"), [side(f64::min), side(f64::max)])
+}
+
+/// The same views, the same rays: what differs is where the grid's voxels lie, and rounding. The calibrated estimate uses neither.
+#[test]
+fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
+    let Some((views, cameras, _)) = set("larva_drift_asd42") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (matrices, [min, max]) = as_matrices(&cameras);
+    std::fs::write(dir.path().join("matrices.txt"), &matrices).unwrap();
+    let bounds = (0..3).map(|a| format!("{},{}", min[a], max[a])).collect::<Vec<_>>().join(",");
+    let run = |cameras: &str, more: &[&str]| carved(dir.path(), &[&["--views", &views, "--cameras", cameras][..], more].concat());
+    let psi = report(&run(&cameras, &["--voxel", "12"]));
+    let asked = ["--calibrate", "--unit", "none", "--voxel", "0.048", "--box", &bounds];
+    let found = report(&run("matrices.txt", &asked));
+    assert_eq!(found["flags"], psi["flags"], "{found:#}");
+    for (key, sd, um) in [("volume", "volume_sd", 250.0f64.powi(3)), ("area", "area_sd", 250.0f64.powi(2))] {
+        let (of_psi, sd_of_psi) = (number(&psi, &format!("{key}_um{}", if key == "area" { 2 } else { 3 })), number(&found, sd) * um);
+        let off = number(&found, key) * um - of_psi;
+        // A tenth of what another turn would give.
+        assert!(off.abs() < 0.1 * sd_of_psi && sd_of_psi < 0.01 * of_psi, "{key}: {off} of {of_psi} +- {sd_of_psi}");
+    }
+    for (key, within) in [("uy", 0.01), ("gamma", 1e-5), ("alpha", 1e-3)] {
+        assert!((number(&found["psi"], key) - number(&psi["psi"], key)).abs() < within, "{key}: {found:#}");
+    }
+    assert!((number(&found["psi"], "kx") / 250.0 - number(&psi["psi"], "kx")).abs() < 1e-6, "{found:#}");
+    assert!(number(&found["turntable"], "off_px") < 0.01 && number(&found, "length") < 20.0, "{found:#}");
+    // Without being asked nothing is calibrated.
+    let as_given = report(&run("matrices.txt", &["--unit", "none", "--voxel", "0.048", "--box", &bounds]));
+    assert_eq!(as_given["flags"], serde_json::json!(["uncalibrated"]));
+    // The body lies where psi's does, to less than a voxel.
+    let (turned, shift) = other_world();
+    let middle = nalgebra::Vector3::from_fn(|a, _| psi["centroid_um"][a].as_f64().unwrap() / 250.0);
+    let expected = turned * middle + shift;
+    for a in 0..3 {
+        let x = found["centroid"][a].as_f64().unwrap();
+        assert!((x - expected[a]).abs() < 0.02, "{x} on axis {a}, expected {expected}");
+    }
+
+    // One view of another axis: no turn.
+    let mut lines: Vec<&str> = matrices.lines().collect();
+    let other = lines[7].split(' ').map(|x| x.parse::<f64>().unwrap()).collect::<Vec<_>>();
+    let tilted = (0..12).map(|i| if i % 4 == 0 { other[i] * 1.02 } else { other[i] }.to_string()).collect::<Vec<_>>().join(" ");
+    lines[7] = &tilted;
+    std::fs::write(dir.path().join("matrices.txt"), lines.join("\n")).unwrap();
+    let said = refusal(&run("matrices.txt", &asked));
+    assert!(said.contains("--calibrate") && said.contains("px off, 1.0 at most") && said.contains("deg from a common one"), "{said}");
+}

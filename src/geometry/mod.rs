@@ -12,7 +12,9 @@
 mod camera;
 mod grid;
 mod projection;
+mod turntable;
 
 pub use camera::{Camera, CameraError};
 pub use grid::{BoxUm, GridError, VoxelGrid};
 pub use projection::{Projection, ProjectionError};
+pub use turntable::{AxisFrame, NoTurn, Turntable};

@@ -4,6 +4,7 @@
 //!  --views DIR ────── views ───── masks, edges ──┐
 //!  --cameras FILE ─┬─ psi, omega ────────────────┼─ Reconstruction: calibrated, measured ──┬── mesh ── PLY
 //!                  └─ matrices ──────────────────┴─ HullModel: carved as they are ─────────┴── report ── one JSON object on stdout
+//!                       └─ --calibrate, of a turn ─ psi, omega
 //! ```
 //! Everything is read and checked before anything is made, and everything is made before anything is written. What cannot be
 //! measured is refused on stdout as well, as `{"flags": [..], "error": ".."}` with exit code 3.
@@ -12,6 +13,7 @@ pub(super) mod cameras;
 mod measured;
 mod output;
 mod report;
+mod turntable;
 pub(super) mod views;
 
 use crate::cli::told;
@@ -34,6 +36,7 @@ const DEFAULT_VOXELS: f64 = 15e6;
 
 /// Silhouettes and cameras in, model and measurements out
 #[derive(Debug, clap::Args)]
+#[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Args {
     /// Folder of silhouettes, PNG or PGM, one per view in the order of their names; inside is 128 or more
     #[arg(long, value_name = "DIR")]
@@ -59,6 +62,9 @@ pub struct Args {
     /// Measure with the camera as given, and every view where it says
     #[arg(long)]
     pub no_calibrate: bool,
+    /// Calibrate matrices too, which must be those of one camera before something that turns (psi is calibrated without it)
+    #[arg(long, conflicts_with = "no_calibrate")]
+    pub calibrate: bool,
     /// Weight of the umbrella operator in one iteration of the fairing
     #[arg(long, value_name = "LAMBDA", default_value_t = SurfaceSettings::default().fairing_lambda)]
     pub fairing_lambda: f64,
@@ -118,7 +124,7 @@ pub fn run(args: &Args) -> ExitCode {
 
 fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     let destination = output::Destination::choose(args.out.as_deref(), &args.views, args.force)?;
-    let grid = grid(args)?;
+    let mut grid = grid(args)?;
     let mut clock = report::Clock::new(Instant::now());
     let cameras = cameras::read(&args.cameras)?;
     let views = views::read(&args.views)?;
@@ -149,10 +155,21 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     // Masks are taken as they are: what put their edges there is not known.
     let calibration = CalibrationSettings { enabled: !args.no_calibrate, edge_sd_px: 0.0, ..CalibrationSettings::default() };
     let settings = ReconstructionSettings { epsilon: args.epsilon, surface, calibration };
+    let table = match &cameras {
+        Cameras::Matrices { projections, .. } if args.calibrate => Some(turntable::find(projections, &views, bounds(args)?, args.unit)?),
+        _ => None,
+    };
     let measured = match &cameras {
         _ if views.iter().all(View::is_blank) => measured::empty(&views, &cameras),
         Cameras::Psi(psi) => measured::turn(psi, grid, &views, settings, args.sphere)?,
-        Cameras::Matrices { projections, .. } => measured::hull(projections, grid, &views, settings, args.sphere)?,
+        Cameras::Matrices { projections, .. } => match &table {
+            None => measured::hull(projections, grid, &views, settings, args.sphere)?,
+            Some(table) => {
+                let (measured, along_axis) = turntable::measure(table, &views, bounds(args)?, grid.size(), settings, args.sphere)?;
+                grid = along_axis;
+                measured
+            }
+        },
     };
     clock.split("reconstruct");
     let mesh_path = match &measured.mesh {
@@ -167,7 +184,9 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     for doubt in &measured.doubts {
         eprintln!("carved: {doubt}");
     }
-    report::report(&measured, &views, &cameras, &grid, args.unit, mesh_path.as_deref(), &clock)
+    let report = report::report(&measured, &views, &cameras, &grid, mesh_path.as_deref(), &clock)?;
+    let report = table.iter().fold(report, turntable::told);
+    Ok(report::in_unit(report, args.unit))
 }
 
 /// The views in the order of the cameras' names, where they have some.
@@ -182,14 +201,18 @@ fn in_order(cameras: &Cameras, mut views: Vec<View>) -> anyhow::Result<Vec<View>
     Ok(ordered)
 }
 
-fn grid(args: &Args) -> anyhow::Result<VoxelGrid> {
-    let bounds = match (args.bounds, args.unit) {
-        (Some(bounds), _) => bounds,
-        (None, Unit::Um) => BoxUm::PAPER,
+fn bounds(args: &Args) -> anyhow::Result<BoxUm> {
+    match (args.bounds, args.unit) {
+        (Some(bounds), _) => Ok(bounds),
+        (None, Unit::Um) => Ok(BoxUm::PAPER),
         (None, Unit::None) => {
             bail!("--box: none given, and with --unit none there is no default; give x0,x1,y0,y1,z0,z1 in the cameras' world")
         }
-    };
+    }
+}
+
+fn grid(args: &Args) -> anyhow::Result<VoxelGrid> {
+    let bounds = bounds(args)?;
     let voxel = args.voxel.unwrap_or_else(|| match args.unit {
         Unit::Um => DEFAULT_VOXEL_UM,
         Unit::None => ((0..3).map(|a| bounds.max[a] - bounds.min[a]).product::<f64>() / DEFAULT_VOXELS).cbrt(),

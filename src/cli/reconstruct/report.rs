@@ -36,7 +36,6 @@ pub(super) fn report(
     views: &[View],
     cameras: &Cameras,
     grid: &VoxelGrid,
-    unit: Unit,
     mesh: Option<&Path>,
     clock: &Clock,
 ) -> anyhow::Result<Value> {
@@ -50,7 +49,6 @@ pub(super) fn report(
     };
     // The list of views has their number.
     report.remove("views");
-    report.insert("unit".into(), json!(unit.name()));
     let lo: [f64; 3] = std::array::from_fn(|a| grid.centre(a, 0) - grid.size() / 2.0);
     let hi: [f64; 3] = std::array::from_fn(|a| grid.centre(a, counts[a] - 1) + grid.size() / 2.0);
     report.insert("grid".into(), json!({"counts": counts, "min_um": lo, "max_um": hi, "voxel_size_um": grid.size()}));
@@ -88,8 +86,13 @@ pub(super) fn report(
     report.insert("flags".into(), json!(measured.flags));
     report.insert("mesh".into(), json!(mesh));
     report.insert("timing_ms".into(), Value::Object(clock.spent.clone()));
-    let report = Value::Object(report);
-    Ok(if unit == Unit::None { without_unit(report) } else { report })
+    Ok(Value::Object(report))
+}
+
+/// The report with the name of the world's unit; where it has none, in keys neither.
+pub(super) fn in_unit(mut report: Value, unit: Unit) -> Value {
+    report["unit"] = json!(unit.name());
+    if unit == Unit::None { without_unit(report) } else { report }
 }
 
 /// Numbers of an empty capillary.
