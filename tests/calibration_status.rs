@@ -56,10 +56,10 @@ fn the_newest_calibration_of_this_rig_is_told_until_it_is_too_old() {
 
     // Newer ones of another rig and of an instrument, one that is broken, an older one: none of them counts.
     put(&kept, "calibration-1.json", &beads, |f| {
-        (f["rig"], f["id"], f["measured"]) = ("other".into(), "b".into(), "2099-01-01T00:00:00Z".into())
+        (f["rig"], f["id"], f["measured"]) = ("other".into(), "b".into(), "2099-01-01T00:00:00Z".into());
     });
     put(&kept, "calibration-2.json", &beads, |f| {
-        (f["mode"], f["id"], f["measured"]) = ("hardware".into(), "c".into(), "2099-01-01T00:00:00Z".into())
+        (f["mode"], f["id"], f["measured"]) = ("hardware".into(), "c".into(), "2099-01-01T00:00:00Z".into());
     });
     put(&kept, "calibration-3.json", &beads, |f| f["measured"] = "yesterday".into());
     put(&kept, "calibration-4.json", &beads, |f| (f["id"], f["measured"]) = ("d".into(), "2020-01-01T00:00:00Z".into()));

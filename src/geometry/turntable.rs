@@ -117,7 +117,9 @@ impl Turntable {
         let [kx_world, ky_world] = [fx / d.z, fy / d.z / past.cos()];
         let [ux, uy] = [k[(0, 2)] + k[(0, 1)] * d.y / d.z, k[(1, 2)] + fy * d.y / d.z];
         let straight = Rotation3::from_axis_angle(&Vector3::x_axis(), past);
-        views.iter_mut().for_each(|v| v.r = straight * v.r);
+        for v in &mut views {
+            v.r = straight * v.r;
+        }
         let (seen, f_world) = (straight * seen, (straight * d).z);
         let axis_off_deg = views.iter().map(|v| (v.r * along).angle(&seen)).fold(0.0, f64::max).to_degrees();
         let (alpha, gamma) = ((-seen.z).atan2(seen.x), seen.y.asin());
