@@ -141,16 +141,16 @@ fn late(error: &DeviceError) -> bool {
     matches!(error, DeviceError::Late { what, .. } if what.contains("R1"))
 }
 
-fn suspect_for(error: &DeviceError, word: &str) -> bool {
-    matches!(error, DeviceError::Suspect { why } if why.contains(word))
+fn out_of_step(error: &DeviceError, word: &str) -> bool {
+    matches!(error, DeviceError::OutOfStep { why } if why.contains(word))
 }
 
 #[test]
 fn a_trigger_that_is_lost_or_not_acknowledged_is_never_repeated() {
     fails(|b| b.knobs.lose_requests(1), |e| silent_on(e, "TT"));
     // Here VAST has turned all the same.
-    fails(|b| b.emulated.faults().serial().drop_answers(1), |e| suspect_for(e, "before the trigger was acknowledged"));
-    fails(|b| b.emulated.faults().serial().rewrite_next(b"OK", b"O\xcb"), |e| suspect_for(e, "before the trigger was acknowledged"));
+    fails(|b| b.emulated.faults().serial().drop_answers(1), |e| out_of_step(e, "before the trigger was acknowledged"));
+    fails(|b| b.emulated.faults().serial().rewrite_next(b"OK", b"O\xcb"), |e| out_of_step(e, "before the trigger was acknowledged"));
 }
 
 #[test]
@@ -162,9 +162,20 @@ fn an_arrival_that_does_not_come_in_time_is_missed_by_name() {
 
 #[test]
 fn an_arrival_too_many_or_too_soon_is_not_believed() {
-    fails(|b| b.knobs.double_arrivals(1), |e| suspect_for(e, "no trigger explains"));
-    fails(|b| b.knobs.stray_arrivals(1), |e| suspect_for(e, "at least"));
-    fails(|b| b.emulated.faults().serial().stray_to_host(b"R1\n"), |e| suspect_for(e, "before the trigger was acknowledged"));
+    fails(|b| b.knobs.double_arrivals(1), |e| out_of_step(e, "no trigger explains"));
+    fails(|b| b.knobs.stray_arrivals(1), |e| out_of_step(e, "at least"));
+    fails(|b| b.emulated.faults().serial().stray_to_host(b"R1\n"), |e| out_of_step(e, "before the trigger was acknowledged"));
+}
+
+#[test]
+fn two_arrivals_for_one_specimen_are_one_too_many() {
+    let bench = Bench::new(Degrees::Absolute);
+    let mut axis = bench.open();
+    axis.announce(&targets(ViewOrder::Sequential)).unwrap();
+    bench.emulated.faults().serial().stray_to_host(b"R1\nR1\n");
+    let error = axis.reference(&CancelToken::new()).unwrap_err();
+    assert!(out_of_step(&error, "2 arrivals"), "{error}");
+    bench.take_up(&mut axis, ViewOrder::Sequential);
 }
 
 #[test]
@@ -188,7 +199,7 @@ fn a_bridge_that_restarts_while_vast_turns_makes_the_position_suspect() {
         await_that("the shaft turns", || true_steps(&bench.emulated) > 1.0);
         bench.emulated.faults().reboot_controller();
         let error = moving.join().unwrap().unwrap_err();
-        assert!(suspect_for(&error, "restarted"), "{error}");
+        assert!(out_of_step(&error, "restarted"), "{error}");
     });
     assert!(is_suspect(&axis));
     await_that("VAST ends its step", || (true_steps(&bench.emulated) - half_a_turn.0 as f64).abs() < 1e-6);
@@ -258,7 +269,7 @@ fn vast_never_goes_by_another_list_than_the_one_that_was_announced() {
     let bench = Bench::new(Degrees::Absolute);
     let mut axis = bench.open();
     let unannounced = axis.reference(&CancelToken::new()).unwrap_err();
-    assert!(suspect_for(&unannounced, "no list"), "{unannounced}");
+    assert!(out_of_step(&unannounced, "no list"), "{unannounced}");
     axis.announce(&targets(ViewOrder::Sequential)).unwrap();
     let written = std::fs::read_to_string(bench.list()).unwrap();
     assert!(written.contains("\t30,24\t") && written.ends_with("\t360,00\t1\t1\t0\t1\r\n"), "{written}");
@@ -269,7 +280,7 @@ fn vast_never_goes_by_another_list_than_the_one_that_was_announced() {
     await_that("the refusal of a list that comes too late", || {
         let before = std::fs::read(bench.list()).unwrap();
         let Err(late) = axis.announce(&targets(orders.next().unwrap())) else { return false };
-        assert!(suspect_for(&late, "by another"), "{late}");
+        assert!(out_of_step(&late, "by another"), "{late}");
         assert_eq!(std::fs::read(bench.list()).unwrap(), before, "a list that VAST goes by is not changed");
         true
     });

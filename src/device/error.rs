@@ -27,6 +27,8 @@ pub enum DeviceError {
     Suspect { why: String },
     #[error("rotation axis: sent to {target}, stands at {achieved}. Look for a slipping or blocked shaft, then reference the axis again")]
     Missed { target: Steps, achieved: Steps },
+    #[error("rotation axis: VAST may be out of step with its list ({why}). End the list at VAST, then begin the specimen anew")]
+    OutOfStep { why: String },
     #[error("{device}: {what} within {waited_ms} ms. Look at the machine, then begin the specimen anew")]
     Late { device: &'static str, what: &'static str, waited_ms: u128 },
     #[error("rotation axis: sent to {target}, but its list goes on at {}; a trigger leads nowhere else", next.map_or("its end".into(), |n| n.to_string()))]

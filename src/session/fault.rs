@@ -48,6 +48,8 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
             DeviceError::Alarm { .. } => ("rotation_alarm", "motion", EscalateOperator),
             DeviceError::Mismatch { .. } => ("rotation_settings", "motion", EscalateOperator),
             DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => (ROTATION_LOST, "motion", PauseInstrument),
+            // Nothing here ends what the machine is in: a person has to.
+            DeviceError::OutOfStep { .. } | DeviceError::Late { .. } => ("rotation_suspect", "motion", EscalateOperator),
             // The next reference finds the axis again.
             DeviceError::Suspect { .. } | DeviceError::Missed { .. } | DeviceError::Unexpected { .. } => {
                 ("rotation_suspect", "motion", SchedulerAction::Retry)

@@ -106,9 +106,11 @@ mod tests {
     fn the_list_is_replaced_whole_and_nothing_is_left_beside_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("external.txt");
-        fs::write(&path, "an old list, much longer than the new one").unwrap();
+        fs::write(&path, "old").unwrap();
+        let half_read = fs::File::open(&path).unwrap();
         write(&path, "new\r\n").unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "new\r\n");
+        assert_eq!(std::io::read_to_string(half_read).unwrap(), "old", "who had begun to read reads the old list to its end");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 }

@@ -10,41 +10,30 @@
 //! explains, and any that is missing, makes the position suspect: no trigger is ever repeated, for nobody knows whether it
 //! was seen. A stop ends the triggers; VAST finishes its step by itself.
 
+mod dialogue;
 mod list;
 mod message;
 mod settings;
 
 pub use settings::{Degrees, VastBridgeSettings};
 
-use super::link::Link;
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
 use crate::units::{Steps, StepsPerRevolution};
-use message::Message;
-use std::collections::VecDeque;
+use dialogue::{Dialogue, out_of_step};
 use std::time::{Duration, Instant};
 
 const DEVICE: &str = "rotation axis (VAST trigger bridge)";
 
-/// Nothing on the wire stops VAST: a stop only latches.
-const NO_STOP: &[u8] = b"";
-/// Asked until it answers: a controller that restarts when its port is opened hears nothing for up to two seconds.
-const WAKE_ATTEMPTS: u32 = 8;
-/// Lines of settings after the `OK` to `X?`.
-const SETTINGS_LINES: usize = 4;
-
 /// The rotation of a VAST that is stepped through a list.
 pub struct VastBridge {
-    link: Link,
+    dialogue: Dialogue,
     settings: VastBridgeSettings,
     per_revolution: StepsPerRevolution,
     hundredths_per_step: i64,
     identity: String,
-    heard: VecDeque<Message>,
     stops: Vec<Steps>,
     knowledge: Knowledge,
-    /// Arrivals at the first stop, heard before anyone waited for them.
-    arrivals: u32,
     /// Until when the arrival of the last trigger may still come.
     due: Instant,
     epoch: u32,
@@ -69,137 +58,21 @@ impl VastBridge {
     pub fn open(settings: VastBridgeSettings, per_revolution: StepsPerRevolution) -> Result<Self, DeviceError> {
         settings.check(per_revolution)?;
         let hundredths_per_step = list::hundredths_per_step(per_revolution)?;
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, NO_STOP)?;
+        let dialogue = Dialogue::open(&settings)?;
         let mut bridge = Self {
-            link,
+            dialogue,
             settings,
             per_revolution,
             hundredths_per_step,
             identity: String::new(),
-            heard: VecDeque::new(),
             stops: Vec::new(),
             knowledge: Knowledge::Unknown,
-            arrivals: 0,
             due: Instant::now(),
             epoch: 0,
         };
-        bridge.identity = format!("VAST trigger bridge ({})", bridge.greet()?.join(", "));
+        bridge.identity = format!("VAST trigger bridge ({})", bridge.dialogue.greet()?.join(", "));
         tracing::info!(identity = bridge.identity, port = %bridge.settings.port, "rotation axis opened");
         Ok(bridge)
-    }
-
-    /// Asks for the bridge's settings until it answers.
-    fn greet(&mut self) -> Result<Vec<String>, DeviceError> {
-        let wait = self.settings.answer_timeout();
-        let mut error = None;
-        for _ in 0..WAKE_ATTEMPTS {
-            self.link.send(b"X?\n")?;
-            let until = Instant::now() + wait;
-            let mut lines = Vec::new();
-            while lines.len() < SETTINGS_LINES {
-                match self.next(until)? {
-                    Some(Message::Other(line)) if line.chars().all(|c| c == ' ' || c.is_ascii_graphic()) => lines.push(line),
-                    Some(Message::Arrived) => self.arrivals += 1,
-                    Some(Message::Error(number)) => error = Some(number),
-                    // A greeting, the answer's `OK`, noise: the lines tell whether it was heard.
-                    Some(_) => {}
-                    None => break,
-                }
-            }
-            if lines.len() == SETTINGS_LINES {
-                return Ok(lines);
-            }
-        }
-        let waited_ms = u128::from(WAKE_ATTEMPTS) * wait.as_millis();
-        Err(error.map_or(DeviceError::Silent { device: DEVICE, request: "X?".into(), waited_ms }, refused))
-    }
-
-    fn next(&mut self, until: Instant) -> Result<Option<Message>, DeviceError> {
-        loop {
-            if let Some(message) = self.heard.pop_front() {
-                return Ok(Some(message));
-            }
-            let Some(line) = self.link.line(until)? else { return Ok(None) };
-            self.heard.extend(message::of(&line));
-        }
-    }
-
-    /// What has been said since the last answer.
-    fn next_now(&mut self) -> Result<Option<Message>, DeviceError> {
-        loop {
-            if let Some(message) = self.heard.pop_front() {
-                return Ok(Some(message));
-            }
-            let Some(line) = self.link.line_now()? else { return Ok(None) };
-            self.heard.extend(message::of(&line));
-        }
-    }
-
-    /// Counts arrivals while VAST is in no list.
-    fn listen(&mut self) -> Result<(), DeviceError> {
-        while let Some(message) = self.next_now()? {
-            match message {
-                Message::Arrived => self.arrivals += 1,
-                Message::Error(number) => return Err(refused(number)),
-                Message::Ok | Message::Second | Message::Other(_) => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// Hears what was said while VAST stood: nothing is expected then.
-    fn catch_up(&mut self) -> Result<(), DeviceError> {
-        while let Some(message) = self.next_now()? {
-            match message {
-                Message::Arrived => return Err(suspect("VAST reported an arrival that no trigger explains")),
-                Message::Ok => return Err(restarted()),
-                Message::Error(number) => return Err(refused(number)),
-                Message::Second | Message::Other(_) => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// Triggers once; returns when that was asked for.
-    fn trigger(&mut self) -> Result<Instant, DeviceError> {
-        self.catch_up()?;
-        let wait = self.settings.answer_timeout();
-        let sent = Instant::now();
-        self.link.send(b"TT\n")?;
-        loop {
-            match self.next(sent + wait)? {
-                Some(Message::Ok) => return Ok(sent),
-                Some(Message::Arrived) => return Err(suspect("VAST reported an arrival before the trigger was acknowledged")),
-                Some(Message::Error(number)) => return Err(refused(number)),
-                Some(Message::Second | Message::Other(_)) => {}
-                None => return Err(DeviceError::Silent { device: DEVICE, request: "TT".into(), waited_ms: wait.as_millis() }),
-            }
-        }
-    }
-
-    /// Waits for the one arrival, between `soonest` and `latest` after `since`.
-    fn arrive(&mut self, since: Instant, soonest: Duration, latest: Duration) -> Result<(), DeviceError> {
-        loop {
-            match self.next(since + latest)? {
-                Some(Message::Arrived) => {
-                    let took = since.elapsed();
-                    if took < soonest {
-                        return Err(suspect(&format!(
-                            "VAST reported an arrival after {} ms, the turn takes at least {} ms at the configured speed_deg_per_s",
-                            took.as_millis(),
-                            soonest.as_millis()
-                        )));
-                    }
-                    return Ok(());
-                }
-                Some(Message::Ok) => return Err(restarted()),
-                Some(Message::Error(number)) => return Err(refused(number)),
-                Some(Message::Second | Message::Other(_)) => {}
-                None => {
-                    return Err(DeviceError::Late { device: DEVICE, what: "VAST was not in position (R1)", waited_ms: latest.as_millis() });
-                }
-            }
-        }
     }
 
     /// Steps from a stop to the one after it.
@@ -208,8 +81,8 @@ impl VastBridge {
         let deg = self.per_revolution.angle(way).to_degrees();
         let pace = self.settings.pace();
         self.due = Instant::now() + pace.longest(deg);
-        let since = self.trigger()?;
-        self.arrive(since, pace.shortest(deg), pace.longest(deg))?;
+        let since = self.dialogue.trigger()?;
+        self.dialogue.arrive(since, pace.shortest(deg), pace.longest(deg))?;
         self.knowledge = Knowledge::At(from + 1);
         Ok(())
     }
@@ -217,17 +90,17 @@ impl VastBridge {
     /// Waits until VAST stands at the first stop.
     fn take_up(&mut self) -> Result<Steps, DeviceError> {
         let Some(first) = self.stops.first().copied() else {
-            return Err(suspect("no list has been announced, so VAST has none to go by"));
+            return Err(out_of_step("no list has been announced, so VAST has none to go by"));
         };
         if self.knowledge != Knowledge::Unknown {
             self.begin_anew()?;
         }
-        self.listen()?;
-        self.greet()?;
-        match std::mem::take(&mut self.arrivals) {
-            0 => self.arrive(Instant::now(), Duration::ZERO, self.settings.first_arrival_timeout())?,
+        self.dialogue.listen()?;
+        self.dialogue.greet()?;
+        match std::mem::take(&mut self.dialogue.arrivals) {
+            0 => self.dialogue.arrive(Instant::now(), Duration::ZERO, self.settings.first_arrival_timeout())?,
             1 => {}
-            many => return Err(suspect(&format!("VAST reported {many} arrivals for one specimen and no trigger"))),
+            many => return Err(out_of_step(&format!("VAST reported {many} arrivals for one specimen and no trigger"))),
         }
         Ok(first)
     }
@@ -237,7 +110,7 @@ impl VastBridge {
         let path = self.settings.list.clone();
         let text = list::text(stops, self.hundredths_per_step, &self.settings);
         let is_there = std::fs::read(&path).is_ok_and(|there| there == text.as_bytes());
-        let stopped = self.link.is_stopped();
+        let stopped = self.dialogue.is_stopped();
         if is_there && self.stops == stops && !stopped && matches!(self.knowledge, Knowledge::At(_)) {
             return Ok(());
         }
@@ -248,10 +121,10 @@ impl VastBridge {
             return Ok(());
         }
         if !stopped {
-            self.listen()?;
+            self.dialogue.listen()?;
         }
-        if std::mem::take(&mut self.arrivals) > 0 {
-            return Err(suspect("VAST was in position before its list was written, so it goes by another: end its list and begin again"));
+        if std::mem::take(&mut self.dialogue.arrivals) > 0 {
+            return Err(out_of_step("VAST was in position before its list was written, so it goes by another"));
         }
         list::write(&path, &text).map_err(|e| DeviceError::List { device: DEVICE, path, why: e.to_string() })?;
         tracing::info!(stops = stops.len(), list = %self.settings.list.display(), "VAST's list written");
@@ -262,9 +135,7 @@ impl VastBridge {
     /// what is still to be said of the last trigger is waited for, or it would be taken for the next specimen's arrival.
     fn begin_anew(&mut self) -> Result<(), DeviceError> {
         let still_due = self.due.saturating_duration_since(Instant::now());
-        self.link.quiet(still_due, Instant::now() + self.settings.answer_timeout().max(still_due))?;
-        self.heard.clear();
-        self.arrivals = 0;
+        self.dialogue.forget(still_due)?;
         self.epoch += u32::from(matches!(self.knowledge, Knowledge::At(_)));
         self.knowledge = Knowledge::Unknown;
         Ok(())
@@ -278,10 +149,10 @@ impl VastBridge {
                 continue;
             }
             if self.settings.end_with_trigger {
-                self.trigger()?;
+                self.dialogue.trigger()?;
             }
             self.knowledge = Knowledge::Unknown;
-            self.arrivals = 0;
+            self.dialogue.arrivals = 0;
         }
         Ok(())
     }
@@ -319,7 +190,7 @@ impl RotationAxis for VastBridge {
     }
 
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-        self.link.release(cancel)?;
+        self.dialogue.release(cancel)?;
         let taken_up = self.take_up();
         let steps = self.unless_doubtful(taken_up)?;
         self.epoch += 1;
@@ -334,7 +205,7 @@ impl RotationAxis for VastBridge {
             Knowledge::At(at) => *at,
         };
         let moved = if self.stops[at] == target {
-            self.catch_up()
+            self.dialogue.catch_up()
         } else {
             let next = self.stops.get(at + 1).copied();
             if next != Some(target) {
@@ -347,7 +218,7 @@ impl RotationAxis for VastBridge {
     }
 
     fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.link.release(cancel)?;
+        self.dialogue.release(cancel)?;
         let finished = self.finish();
         self.unless_doubtful(finished)
     }
@@ -361,22 +232,8 @@ impl RotationAxis for VastBridge {
     }
 
     fn stop_handle(&self) -> StopHandle {
-        let stopper = self.link.stopper();
-        StopHandle::new(move || stopper.stop())
+        self.dialogue.stop_handle()
     }
-}
-
-fn suspect(why: &str) -> DeviceError {
-    DeviceError::Suspect { why: why.into() }
-}
-
-fn restarted() -> DeviceError {
-    suspect("the bridge said OK to nothing: it restarted, or VAST saw a trigger that was not meant")
-}
-
-/// The bridge's firmware says which of its inputs or requests it could not serve; the number is all that it tells.
-fn refused(number: u8) -> DeviceError {
-    DeviceError::Alarm { device: DEVICE, what: format!("its error E{number}: a request or VAST's answer to it failed") }
 }
 
 #[cfg(test)]
