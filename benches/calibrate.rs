@@ -3,9 +3,10 @@
 //! Profiles of the phantom larva as a day's drift leaves them: camera, angles, views and edges off.
 
 use carved::calibration::{Calibration, GivenView, Priors, Psi, Vrv, calibrate, coherence, gate};
-use carved::carver::Runs;
+use carved::carver::{Leaves, Runs};
 use carved::geometry::{BoxUm, Camera, VoxelGrid};
 use carved::profile::{Columns, Mask};
+use carved::reconstruction::{Reconstruction, ReconstructionSettings};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
 use std::f64::consts::TAU;
@@ -13,6 +14,7 @@ use std::f64::consts::TAU;
 struct Turn {
     camera: Camera,
     columns: Vec<Columns>,
+    masks: Vec<Mask>,
     runs: Vec<Runs>,
     ledger: Vec<f64>,
 }
@@ -25,18 +27,23 @@ fn turn(asd: u32) -> Turn {
     let coverage: Vec<_> = views.iter().map(|v| analytic::coverage(&v.outline, nominal.width, nominal.height)).collect();
     let size = 1024;
     let mask = |data: &[u8]| Mask::from_coverage(size, size, data.to_vec()).unwrap_or_else(|e| panic!("{e}"));
+    let masks: Vec<Mask> = coverage.iter().map(|c| mask(&c.data)).collect();
     Turn {
         camera: Camera::published(nominal.width, nominal.height),
         columns: coverage.iter().map(|c| Columns::from_coverage(size, size, &c.data)).collect(),
-        runs: coverage.iter().map(|c| Runs::new(&mask(&c.data)).unwrap_or_else(|e| panic!("{e}"))).collect(),
+        runs: masks.iter().map(|m| Runs::new(m).unwrap_or_else(|e| panic!("{e}"))).collect(),
+        masks,
         ledger,
     }
 }
 
 impl Turn {
+    fn given(&self) -> Vec<GivenView<'_>> {
+        self.columns.iter().zip(&self.ledger).map(|(columns, &omega)| GivenView { columns, omega }).collect()
+    }
+
     fn calibrated(&self) -> Calibration {
-        let given: Vec<GivenView> = self.columns.iter().zip(&self.ledger).map(|(columns, &omega)| GivenView { columns, omega }).collect();
-        calibrate(&self.camera, &given, Priors::default()).unwrap_or_else(|e| panic!("{e}"))
+        calibrate(&self.camera, &self.given(), Priors::default()).unwrap_or_else(|e| panic!("{e}"))
     }
 
     /// Every view's: what the two objectives cost does not depend on the last px.
@@ -51,18 +58,26 @@ fn calibrating(c: &mut Criterion) {
     let grid = |size: f64| VoxelGrid::new(BoxUm::PAPER, size).unwrap_or_else(|e| panic!("{e}"));
     for asd in [21, 84] {
         let turn = turn(asd);
-        let views: Vec<(&Runs, f64)> = turn.runs.iter().zip(turn.ledger.iter().copied()).collect();
+        let given = turn.given();
+        let found = turn.calibrated();
         group.bench_function(BenchmarkId::new("least squares", asd), |b| b.iter(|| turn.calibrated()));
+        group.bench_function(BenchmarkId::new("gate", asd), |b| b.iter(|| gate(&found, &turn.camera, &given)));
+        group
+            .bench_function(BenchmarkId::new("least squares and gate", asd), |b| b.iter(|| gate(&turn.calibrated(), &turn.camera, &given)));
+        let psi = turn.psi();
         for size in [10.0, 17.1] {
-            let both = || gate(&turn.calibrated(), &views, grid(size)).unwrap_or_else(|e| panic!("{e}"));
-            group.bench_function(BenchmarkId::new(format!("least squares and gate at {size} um"), asd), |b| b.iter(both));
-            let psi = turn.psi();
             let mut vrv = Vrv::new(turn.runs.iter().collect(), grid(size), 0.0).unwrap_or_else(|e| panic!("{e}"));
             group.bench_function(BenchmarkId::new(format!("vrv at {size} um"), asd), |b| b.iter(|| vrv.voxels(&psi)));
         }
-        let psi = turn.psi();
         let columns: Vec<&Columns> = turn.columns.iter().collect();
         group.bench_function(BenchmarkId::new("coherence", asd), |b| b.iter(|| coherence(&columns, &psi)));
+        // What a turn waits for after its last view, and what the live model does now and then: 6.93 um, 15e6 voxels.
+        let settings = ReconstructionSettings::default();
+        let mut model = Reconstruction::new(&turn.camera, grid(6.93), turn.ledger.len(), settings).unwrap_or_else(|e| panic!("{e}"));
+        for ((mask, columns), &omega) in turn.masks.iter().zip(&turn.columns).zip(&turn.ledger) {
+            model.observe_edges(mask, &[], columns.clone(), omega, Leaves::default()).unwrap_or_else(|e| panic!("{e}"));
+        }
+        group.bench_function(BenchmarkId::new("calibrated and carved again", asd), |b| b.iter(|| model.refine()));
     }
     group.finish();
 }

@@ -2,18 +2,21 @@
 //!
 //! ```text
 //! RawFrame + omega ─> Picture ─> Profile ─> carver ─> live volume      per view, in any order
-//!                                             └─> surface ─> measures  after the last view
+//!                                           │ └─> surface ─> measures  after the last view
+//!                                           └─ calibrated, carved again, for the live volume: where whoever drives it has time
 //! ```
 //! Pure: the same frames and angles give the same bytes of numbers, whoever asks.
 
-use crate::calibration::{Calibration, ViewState};
+use crate::calibration::{Calibration, Verdict, ViewState};
 use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
-use crate::reconstruction::{CalibrationRecord, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel};
+use crate::reconstruction::{
+    CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
+};
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -117,10 +120,13 @@ pub struct SpecimenRecord {
     /// Of the turn itself; nothing where it is measured with the rig's camera.
     #[serde(default)]
     pub calibration: Option<CalibrationRecord>,
+    /// Why it is measured with the rig's camera, where it should not have been.
+    #[serde(default)]
+    pub uncalibrated: Option<String>,
     /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
     /// profile, so that a specimen that moved would show in the residuals only), `dead_looking` (opaque throughout in most
     /// views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `uncalibrated`
-    /// (measured with the rig's camera as it is), `wrong_steps` (the capillary did not turn as far as the ledger says).
+    /// (measured with the rig's camera as it is), `calibration_gate` (another axis leaves a larger hull: views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says).
     pub flags: Vec<String>,
 }
 
@@ -205,7 +211,7 @@ impl Pipeline {
 
     /// Carves with one view and gives the live volume, um^3. A frame without a profile is left out by name.
     pub fn observe(&mut self, index: u32, omega: f64, seen: &Seen) -> Result<f64, PipelineError> {
-        let mut volume_um3 = self.reconstruction.hull().live().volume_um3;
+        let mut volume_um3 = self.live().volume_um3;
         let mut record = ViewRecord {
             index,
             omega,
@@ -250,6 +256,22 @@ impl Pipeline {
         }
     }
 
+    /// The hull so far, through the best camera that is known of it.
+    pub fn live(&self) -> LiveVolume {
+        self.reconstruction.live()
+    }
+
+    /// Whether the live model would gain by [`Self::refine`]: enough views have come in since the last time, from enough sides.
+    pub fn is_refinable(&self) -> bool {
+        self.reconstruction.is_refinable()
+    }
+
+    /// Calibrates the live model on the views so far, which takes as long as a view or two. For whoever has the time: what
+    /// [`Self::finish`] gives does not depend on it.
+    pub fn refine(&mut self) {
+        self.reconstruction.refine();
+    }
+
     /// The live hull as a mesh for looking at.
     pub fn live_mesh(&self) -> Mesh {
         self.reconstruction.live_mesh()
@@ -267,8 +289,8 @@ impl Pipeline {
             return Err(PipelineError::TooFewViews { used, planned: self.settings.planned_views, needed, reason });
         }
         let TurnModel { model, hull, calibration, .. } = self.reconstruction.finish(self.settings.sphere)?;
-        if let Ok(c) = &calibration {
-            self.judged(&c.views);
+        if let Ok(found) = &calibration {
+            self.judged(&found.calibration.views);
         }
         let mut flags = Vec::new();
         let mut flag = |raised: bool, name: &str| {
@@ -276,7 +298,7 @@ impl Pipeline {
                 flags.push(name.to_owned());
             }
         };
-        let found = calibration.as_ref().ok();
+        let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
         flag(self.views.iter().any(|v| !v.used), "bad_view");
         flag(self.clipped[0], "clipped_left");
         flag(self.clipped[1], "clipped_right");
@@ -288,13 +310,15 @@ impl Pipeline {
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
         flag(model.measurement.is_nonconvex(), "nonconvex");
         flag(found.is_none(), "uncalibrated");
+        flag(calibration.as_ref().is_ok_and(|judged| judged.gate.verdict == Verdict::NotLargest), "calibration_gate");
         flag(found.is_some_and(Calibration::has_wrong_steps), "wrong_steps");
         let record = SpecimenRecord {
             measurement: model.measurement,
             shape: Some(Shape::of(&model.mesh)),
             views: self.views,
             closure: self.closure,
-            calibration: found.map(CalibrationRecord::from),
+            calibration: calibration.as_ref().ok().map(CalibrationRecord::from),
+            uncalibrated: calibration.as_ref().err().filter(|why| **why != NotCalibrated::NotAsked).map(ToString::to_string),
             flags,
         };
         Ok((model.mesh, record))

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!  (Mask, outlines, omega) per view ── observe ── LiveVolume           after each view
-//!                                         │ └──── live_mesh            coarse, for the page
+//!                                         │ ├──── live_mesh            coarse, for the page
+//!                                         │ └──── refine               now and then: the live model's own calibration
 //!                                       finish ── calibrate ── carve again ── Model       mesh and measurement
 //!                                                     └── support functions ──┘
 //! ```
@@ -15,12 +16,15 @@ use crate::geometry::{CameraError, Projection, VoxelGrid};
 use crate::measure::{self, AreaMethod, Estimator, Estimators, Measurement, SphereError, VoxelEstimate};
 use crate::profile::{Mask, Polygon};
 use crate::range::{OutOfRange, outside};
-use crate::surface::{self, Coarse, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
+use crate::surface::{self, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
 use serde::{Deserialize, Serialize};
 
+mod calibrated;
+mod refined;
 mod turn;
 
-pub use turn::{CalibrationRecord, CalibrationSettings, NotCalibrated, Reconstruction, TurnModel};
+pub use calibrated::{Calibrated, CalibrationRecord, CalibrationSettings, Judged, NotCalibrated};
+pub use turn::{Reconstruction, TurnModel};
 
 /// How the surface is made of the voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -96,7 +100,7 @@ pub enum ReconstructionError {
     Sphere(#[from] SphereError),
 }
 
-/// The hull after a view; its volume only falls.
+/// The hull after a view; through one camera its volume only falls.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LiveVolume {
     /// Views observed so far.
@@ -181,11 +185,6 @@ impl HullModel {
         let grid = self.carver.grid();
         measure::extents(&self.unfaired_mesh())
             .is_some_and(|e| (0..3).any(|a| e.min[a] < grid.centre(a, 0) || e.max[a] > grid.centre(a, grid.counts()[a] - 1)))
-    }
-
-    /// The hull's surface on a lattice four times as wide as the grid's.
-    pub fn live_mesh(&self) -> Mesh {
-        surface::extract(&Coarse::new(&self.carver))
     }
 
     /// The hull's surface voxel by voxel, before fairing.

@@ -11,7 +11,7 @@
 
 use super::support::Support;
 use crate::geometry::Camera;
-use crate::profile::Columns;
+use crate::profile::{ColumnEdges, Columns};
 use std::f64::consts::PI;
 
 /// A view with what is known of its pose.
@@ -41,6 +41,14 @@ impl Side {
             Self::Lower => 1.0,
         }
     }
+
+    /// This one of a column's edges.
+    pub fn of(self, edges: ColumnEdges) -> f64 {
+        match self {
+            Self::Upper => edges.upper,
+            Self::Lower => edges.lower,
+        }
+    }
 }
 
 /// A tangent of a slice.
@@ -58,6 +66,22 @@ pub struct Tangent {
     pub touch_um: [f64; 2],
     /// px of the slice's column that the profile does not cover.
     pub gap_px: f64,
+}
+
+/// An edge's line in a slice, before the capillary is turned back: across and in depth; the normal points down the image.
+pub(super) struct Line {
+    ray: f64,
+    normal: [f64; 2],
+    /// Distance from the axis times the normal's length, which is 1 up to some 1e-5: rays lean by less than a hundredth.
+    pub offset: f64,
+}
+
+impl Line {
+    /// Its unit normal, and its distance from the axis.
+    pub fn unit(&self) -> ([f64; 2], f64) {
+        let per_length = 1.0 / (self.normal[0] * self.normal[0] + self.normal[1] * self.normal[1]).sqrt();
+        (self.normal.map(|n| n * per_length), self.offset * per_length)
+    }
 }
 
 /// Columns to either side that an edge's slope is taken over.
@@ -109,9 +133,17 @@ impl Pose {
         x_um
     }
 
+    /// The line in which the plane through the projection centre and an edge at height `v` cuts slice `x_um`.
+    pub(super) fn line(&self, x_um: f64, v: f64) -> Line {
+        let c = &self.camera;
+        let ray = (v - c.uy) / (c.f * c.ky);
+        let normal = [self.cos_gamma - ray * self.sin_gamma * self.sin_alpha, -ray * self.cos_alpha];
+        let offset = ray * (self.depth_um - x_um * self.cos_gamma * self.sin_alpha) - x_um * self.sin_gamma - self.across_um;
+        Line { ray, normal, offset }
+    }
+
     /// The tangent that one edge of a view gives of slice `x_um`, whose support function tells the column to read.
     pub fn tangent(&self, x_um: f64, view: &TurnView, side: Side, support: Option<&Support>) -> Option<Tangent> {
-        let c = &self.camera;
         let sign = side.sign();
         let towards = if side == Side::Upper { PI } else { 0.0 };
         // The ray leans by less than a hundredth: what touches is what a parallel ray would touch.
@@ -119,16 +151,13 @@ impl Pose {
         let touch_um = [sign * h, sign * slope];
         let u = self.column(x_um, touch_um);
         let edges = view.columns.at(u)?;
-        let of = |e: crate::profile::ColumnEdges| if side == Side::Upper { e.upper } else { e.lower };
-        let v = of(edges) - view.dy_px;
+        let v = side.of(edges) - view.dy_px;
         let edge_slope = match (view.columns.at(u - SLOPE_REACH_PX), view.columns.at(u + SLOPE_REACH_PX)) {
-            (Some(a), Some(b)) => (of(b) - of(a)) / (2.0 * SLOPE_REACH_PX),
+            (Some(a), Some(b)) => (side.of(b) - side.of(a)) / (2.0 * SLOPE_REACH_PX),
             _ => 0.0,
         };
-        let ray = (v - c.uy) / (c.f * c.ky);
-        let normal = [self.cos_gamma - ray * self.sin_gamma * self.sin_alpha, -ray * self.cos_alpha];
+        let Line { ray, normal, offset } = self.line(x_um, v);
         let length = normal[0].hypot(normal[1]);
-        let offset = ray * (self.depth_um - x_um * self.cos_gamma * self.sin_alpha) - x_um * self.sin_gamma - self.across_um;
         let theta = normal[1].atan2(normal[0]) + towards - view.omega;
         Some(Tangent { theta, offset_um: sign * offset / length, ray, edge_slope, touch_um, gap_px: edges.gap })
     }

@@ -234,6 +234,18 @@ impl Carver {
         Ok(())
     }
 
+    /// Some of the views carved again through other projections, by the same plan.
+    #[must_use]
+    pub fn through(&self, views: &[(usize, Projection)]) -> Self {
+        let mut hull = Hull::new(*self.grid(), self.hull.tally);
+        let of = |&(view, projection): &(usize, Projection)| Observed { projection, ..self.views[view].clone() };
+        let views: Vec<Observed> = views.iter().map(of).collect();
+        for Observed { runs, projection, leaves } in &views {
+            hull.observe(runs, *leaves, projection);
+        }
+        Self { hull, views, ..*self }
+    }
+
     fn carve_again(&mut self, tally: Tally) {
         self.hull.reset(tally);
         for Observed { runs, projection, leaves } in &self.views {

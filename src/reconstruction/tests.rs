@@ -121,6 +121,64 @@ fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
     assert_eq!(measured.calibration.unwrap_err(), NotCalibrated::NotAsked);
 }
 
+/// The ball is where the camera has it: an axis 3 px beside that makes its hull smaller all around.
+#[test]
+fn a_calibration_that_leaves_less_than_the_camera_as_given_is_not_used() {
+    let mut model = started(21);
+    for (mask, omega) in views(21) {
+        model.observe(&mask, &[], omega, Leaves::default()).unwrap();
+    }
+    let mut calibrated = model.calibrate();
+    let given = model.given(&calibrated.order);
+    let Judged { calibration, gate } = calibrated.found.clone().unwrap();
+    assert!(gate.solution_um3 > 0.99 * gate.given_um3 && model.judge(calibration.clone(), &given).is_ok());
+    let mut wrong = calibration;
+    wrong.camera.uy += 3.0;
+    let why = model.judge(wrong, &given).unwrap_err();
+    let NotCalibrated::Worse { given_um3, solution_um3 } = why else { panic!("{why}") };
+    assert!(solution_um3 < 0.95 * given_um3 && why.to_string().contains(&format!("{given_um3:.4e}")), "{why}");
+    // Measured as if calibration had not been asked for.
+    calibrated.found = Err(why.clone());
+    let measured = model.measure(calibrated, false).unwrap();
+    let as_given = CalibrationSettings { enabled: false, ..CalibrationSettings::default() };
+    let settings = ReconstructionSettings { calibration: as_given, ..ReconstructionSettings::default() };
+    let mut plain = Reconstruction::new(&camera(), *model.hull().carver().grid(), 21, settings).unwrap();
+    for (mask, omega) in views(21) {
+        plain.observe(&mask, &[], omega, Leaves::default()).unwrap();
+    }
+    assert_eq!(measured.model, plain.finish(false).unwrap().model);
+    assert_eq!(measured.calibration, Err(why));
+}
+
+#[test]
+fn a_live_model_is_refined_from_enough_sides_only_and_not_after_each_view() {
+    let (mut model, views) = (started(12), views(12));
+    let mut refined_at = Vec::new();
+    for (n, (mask, omega)) in (1..).zip(&views) {
+        model.observe(mask, &[], *omega, Leaves::default()).unwrap();
+        if model.is_refinable() {
+            model.refine();
+            refined_at.push(n);
+            assert!(!model.is_refinable(), "nothing is new");
+        }
+        assert_eq!(model.live().views, n);
+        assert_eq!(model.refined_camera().is_some(), !refined_at.is_empty());
+    }
+    // Eight views of 12 leave a gap of 150 deg.
+    assert_eq!(refined_at, [8, 9, 10, 11, 12]);
+    let settings = ReconstructionSettings {
+        calibration: CalibrationSettings { enabled: false, ..CalibrationSettings::default() },
+        ..ReconstructionSettings::default()
+    };
+    let mut as_given = Reconstruction::new(&camera(), *model.hull().carver().grid(), 12, settings).unwrap();
+    for (mask, omega) in &views {
+        as_given.observe(mask, &[], *omega, Leaves::default()).unwrap();
+        assert!(!as_given.is_refinable(), "calibration is not asked for");
+    }
+    model.replan(24).unwrap();
+    assert!(model.refined_camera().is_none(), "carved by the old plan");
+}
+
 #[test]
 fn what_makes_no_model_is_refused_by_name() {
     let mut model = started(2);

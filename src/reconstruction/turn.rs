@@ -1,67 +1,22 @@
 //! A turn of one camera: profiles and angles in, calibrated and measured.
 
+use super::calibrated::{Calibrated, Judged, NotCalibrated};
+use super::refined::Refined;
 use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
-use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Pose, Priors, TurnView, calibrate};
+use crate::calibration::{Pose, TurnView};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
-use crate::range::{OutOfRange, outside};
-use crate::surface::Mesh;
-use serde::{Deserialize, Serialize};
-
-/// How a turn is calibrated, and what is believed of the rig before it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct CalibrationSettings {
-    /// Find uy, gamma, alpha, the ratio of angles and each view's shift from the turn itself.
-    pub enabled: bool,
-    /// What the capillary may be rolled and tilted by against the rig's camera, standard deviations.
-    pub gamma_sd_deg: f64,
-    pub alpha_sd_deg: f64,
-    /// What a view may be shifted by, standard deviation.
-    pub dy_sd_px: f64,
-    /// Standard deviation of the rig's scale: three times as much goes into the volume's.
-    pub scale_sd_percent: f64,
-    /// What all edges may be too far out or in by together, standard deviation.
-    pub edge_sd_px: f64,
-}
-
-impl Default for CalibrationSettings {
-    fn default() -> Self {
-        Self { enabled: true, gamma_sd_deg: 1.0, alpha_sd_deg: 1.0, dy_sd_px: 1.0, scale_sd_percent: 0.0, edge_sd_px: 0.05 }
-    }
-}
-
-impl CalibrationSettings {
-    /// Every setting that is out of its range.
-    pub fn check(&self) -> Vec<OutOfRange> {
-        outside([
-            ("gamma_sd_deg", self.gamma_sd_deg, 0.001..=10.0, "deg"),
-            ("alpha_sd_deg", self.alpha_sd_deg, 0.001..=1.0, "deg"),
-            ("dy_sd_px", self.dy_sd_px, 0.001..=10.0, "px"),
-            ("scale_sd_percent", self.scale_sd_percent, 0.0..=10.0, "%"),
-            ("edge_sd_px", self.edge_sd_px, 0.0..=5.0, "px"),
-        ])
-    }
-
-    fn priors(&self) -> Priors {
-        Priors {
-            gamma_rad: self.gamma_sd_deg.to_radians(),
-            alpha_rad: self.alpha_sd_deg.to_radians(),
-            dy_px: self.dy_sd_px,
-            ..Priors::default()
-        }
-    }
-}
+use crate::surface::{self, Coarse, Mesh};
 
 /// A view as it was observed; its mask is in the carver.
 #[derive(Debug, Clone)]
-struct Seen {
-    columns: Columns,
+pub(super) struct Seen {
+    pub columns: Columns,
     outlines: Vec<Polygon>,
-    omega: f64,
+    pub omega: f64,
 }
 
 /// A turn measured.
@@ -71,54 +26,9 @@ pub struct TurnModel {
     /// The hull that is measured: carved again with what the calibration found.
     pub hull: HullModel,
     /// The turn's own pose of camera and views, or why there is none.
-    pub calibration: Result<Calibration, NotCalibrated>,
+    pub calibration: Result<Judged, NotCalibrated>,
     /// The projection of each view observed, in the order of observing.
     pub projections: Vec<Projection>,
-}
-
-/// Why a turn is measured with the camera as given.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum NotCalibrated {
-    #[error("calibration was not asked for")]
-    NotAsked,
-    #[error(transparent)]
-    Failed(#[from] CalibrationError),
-}
-
-/// A turn's calibration, to be written down.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CalibrationRecord {
-    /// The camera that the numbers are of.
-    pub psi: Camera,
-    pub uy_sd_px: f64,
-    pub gamma_sd_rad: f64,
-    pub alpha_sd_rad: f64,
-    /// True angles over the ledger's.
-    pub rho: f64,
-    pub rho_sd: f64,
-    /// Of the profiles' edges against the model, um.
-    pub residual_sd_um: f64,
-    pub passes: usize,
-    pub converged: bool,
-    /// From which view on the specimen lay elsewhere, if it did.
-    pub moved: Option<Moved>,
-}
-
-impl From<&Calibration> for CalibrationRecord {
-    fn from(c: &Calibration) -> Self {
-        Self {
-            psi: c.camera.clone(),
-            uy_sd_px: c.sd.uy_px,
-            gamma_sd_rad: c.sd.gamma_rad,
-            alpha_sd_rad: c.sd.alpha_rad,
-            rho: c.rho,
-            rho_sd: c.sd.rho,
-            residual_sd_um: c.residual_sd_um,
-            passes: c.passes,
-            converged: c.converged,
-            moved: c.moved,
-        }
-    }
 }
 
 /// Share of the volume in hollow slices from which slices are no longer nearly convex.
@@ -158,11 +68,14 @@ const HULL_LEAST: f64 = 0.95;
 /// ```
 #[derive(Debug, Clone)]
 pub struct Reconstruction {
-    camera: Camera,
-    settings: ReconstructionSettings,
+    pub(super) camera: Camera,
+    pub(super) settings: ReconstructionSettings,
     /// Carved through the camera as given, while the views come in.
-    hull: HullModel,
-    seen: Vec<Seen>,
+    pub(super) hull: HullModel,
+    pub(super) seen: Vec<Seen>,
+    /// What is shown instead once the views have told a better camera, and at how many views that was last asked.
+    pub(super) refined: Option<Refined>,
+    pub(super) refined_at: usize,
 }
 
 impl Reconstruction {
@@ -175,7 +88,8 @@ impl Reconstruction {
         settings: ReconstructionSettings,
     ) -> Result<Self, ReconstructionError> {
         camera.check()?;
-        Ok(Self { camera: camera.clone(), settings, hull: HullModel::new(grid, planned_views, settings)?, seen: Vec::new() })
+        let hull = HullModel::new(grid, planned_views, settings)?;
+        Ok(Self { camera: camera.clone(), settings, hull, seen: Vec::new(), refined: None, refined_at: 0 })
     }
 
     /// Takes the view at angle `omega` (rad); `outlines` are those that the mask was filled from, if there are any.
@@ -212,9 +126,12 @@ impl Reconstruction {
         if !omega.is_finite() {
             return Err(ReconstructionError::Omega { found: omega });
         }
-        let live = self.hull.observe(mask, outlines, &self.camera.projection(omega), leaves)?;
+        self.hull.observe(mask, outlines, &self.camera.projection(omega), leaves)?;
         self.seen.push(Seen { columns, outlines: outlines.to_vec(), omega });
-        Ok(live)
+        if let Some(refined) = &mut self.refined {
+            refined.observe(mask, omega, leaves)?;
+        }
+        Ok(self.live())
     }
 
     /// Carves the views so far again with the tolerance of another plan.
@@ -222,17 +139,20 @@ impl Reconstruction {
     /// # Errors
     /// As [`HullModel::replan`].
     pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
-        self.hull.replan(planned_views)
+        self.hull.replan(planned_views)?;
+        // Carved by the old plan; the next refinement goes by the new one.
+        self.refined = None;
+        Ok(())
     }
 
-    /// The model so far: its live volume, its carver.
+    /// The hull through the camera as given.
     pub fn hull(&self) -> &HullModel {
         &self.hull
     }
 
     /// The hull's surface on a lattice four times as wide as the grid's: small and quick, for the page.
     pub fn live_mesh(&self) -> Mesh {
-        self.hull.live_mesh()
+        surface::extract(&Coarse::new(self.live_carver()))
     }
 
     /// Calibrates, carves again with what was found, and measures; `sphere` fits one, for beads.
@@ -240,31 +160,29 @@ impl Reconstruction {
     /// # Errors
     /// As [`HullModel::finish`].
     pub fn finish(&self, sphere: bool) -> Result<TurnModel, ReconstructionError> {
-        let settings = &self.settings.calibration;
-        // In the order of the angles: whatever order views came in, the same bits come out.
-        let mut order: Vec<usize> = (0..self.seen.len()).collect();
-        order.sort_by(|&a, &b| self.seen[a].omega.total_cmp(&self.seen[b].omega));
-        let given: Vec<GivenView> =
-            order.iter().map(|&i| GivenView { columns: &self.seen[i].columns, omega: self.seen[i].omega }).collect();
-        let calibrated = if settings.enabled {
-            calibrate(&self.camera, &given, settings.priors()).map_err(NotCalibrated::from)
-        } else {
-            Err(NotCalibrated::NotAsked)
-        };
+        self.measure(self.calibrate(), sphere)
+    }
+
+    /// Carves again with what calibrating all views found, and measures.
+    ///
+    /// # Errors
+    /// As [`HullModel::finish`].
+    pub fn measure(&self, calibrated: Calibrated, sphere: bool) -> Result<TurnModel, ReconstructionError> {
+        let used = calibrated.used(self);
+        let Calibrated { order, found } = calibrated;
+        let given = self.given(&order);
         let mut projections: Vec<Projection> = self.seen.iter().map(|s| self.camera.projection(s.omega)).collect();
-        if let Ok(c) = &calibrated {
+        if let Ok(Judged { calibration: c, .. }) = &found {
             for (at, &i) in order.iter().enumerate() {
                 projections[i] = c.projection(at, self.seen[i].omega);
             }
         }
-        let counts = |at: usize| calibrated.as_ref().is_ok_and(|c| c.views[at].bad.is_some());
-        let used: Vec<usize> = order.iter().enumerate().filter(|(at, _)| !counts(*at)).map(|(_, &i)| i).collect();
-        let hull = self.carved_again(&used, &projections)?;
+        let hull = self.carved_again(&used)?;
         let mut model = hull.finish(sphere)?;
-        let leaves = |side: fn(&Leaves) -> bool| used.iter().any(|&i| side(&self.hull.carver().views()[i].leaves));
+        let leaves = |side: fn(&Leaves) -> bool| used.iter().any(|&(i, _)| side(&self.hull.carver().views()[i].leaves));
         let open = [leaves(|l| l.left), leaves(|l| l.right)];
-        let (pose, views, sd_um) = match &calibrated {
-            Ok(c) => (Pose::new(&c.camera), c.turn_views(&given), c.residual_sd_um),
+        let (pose, views, sd_um) = match &found {
+            Ok(Judged { calibration: c, .. }) => (Pose::new(&c.camera), c.turn_views(&given), c.residual_sd_um),
             Err(_) => (
                 Pose::new(&self.camera),
                 given.iter().map(|v| TurnView { columns: v.columns, omega: v.omega, dy_px: 0.0 }).collect(),
@@ -275,32 +193,31 @@ impl Reconstruction {
         match Sections::of(&pose, &views, sd_um, open) {
             Some(sections) => {
                 let estimate = SupportEstimate::of(&sections);
-                let calibration = calibrated.as_ref().ok().and_then(|c| calibration_sd(c, &given));
+                let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given));
                 let fitted = sphere.then(|| sections.sphere()).flatten();
                 self.trust(&mut model.measurement, estimate, calibration, fitted);
             }
             None => model.measurement.fallback = Some("the views have no stretch of slices in common".into()),
         }
         // Back to the order of observing.
-        let calibration = calibrated.map(|mut c| {
-            let mut views = c.views.clone();
-            order.iter().enumerate().for_each(|(at, &i)| views[i] = c.views[at]);
-            c.views = views;
-            c
+        let calibration = found.map(|mut judged| {
+            let by_angle = judged.calibration.views.clone();
+            order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
+            judged
         });
         Ok(TurnModel { model, hull, calibration, projections })
     }
 
     /// The hull of some of the views, through these projections. The tolerance is a share of the views that count.
-    fn carved_again(&self, used: &[usize], projections: &[Projection]) -> Result<HullModel, ReconstructionError> {
+    fn carved_again(&self, used: &[(usize, Projection)]) -> Result<HullModel, ReconstructionError> {
         let carver = self.hull.carver();
         if used.is_empty() {
             return Err(ReconstructionError::NoViews { observed: 0, planned: carver.planned_views() });
         }
         let mut hull = HullModel::new(*carver.grid(), used.len(), self.settings)?;
-        for &i in used {
-            let view = &carver.views()[i];
-            hull.observe(&view.runs.mask(), &self.seen[i].outlines, &projections[i], view.leaves)?;
+        for (i, projection) in used {
+            let view = &carver.views()[*i];
+            hull.observe(&view.runs.mask(), &self.seen[*i].outlines, projection, view.leaves)?;
         }
         Ok(hull)
     }

@@ -374,11 +374,15 @@ impl RunContext {
     ) -> Result<WellEnd, RunError> {
         let mut clock = StageClock::default();
         let mut seen = 0;
-        for (entry, frame) in views {
-            if let Err(e) = self.take_view(&mut pipeline, writer, well, entry, &frame, &mut clock)? {
-                return Ok(WellEnd::Failed(e.to_string()));
-            }
+        let mut next = views.recv().ok();
+        while let Some((entry, frame)) = next {
+            // While no view waits there is time to calibrate; one that comes meanwhile waits in the queue, and the axis turns on.
+            let waiting = match self.take_view(&mut pipeline, writer, well, entry, &frame, &mut clock, || views.try_recv().ok())? {
+                Ok(waiting) => waiting,
+                Err(e) => return Ok(WellEnd::Failed(e.to_string())),
+            };
             seen += 1;
+            next = waiting.or_else(|| views.recv().ok());
         }
         if self.cancel.is_cancelled() || seen <= self.method.asd {
             return Ok(WellEnd::Failed("the revolution was cut short".into()));
@@ -416,7 +420,10 @@ impl RunContext {
         })
     }
 
-    fn take_view(
+    /// Stores, looks at and carves one view, refines the live model where `waiting` has no other view yet, and reports; gives the
+    /// view that was waiting.
+    #[allow(clippy::too_many_arguments, reason = "what a revolution has, and the view")]
+    fn take_view<T>(
         &self,
         pipeline: &mut Pipeline,
         writer: &mut RecordingWriter,
@@ -424,30 +431,32 @@ impl RunContext {
         entry: LedgerEntry,
         frame: &RawFrame,
         clock: &mut StageClock,
-    ) -> Result<Result<(), PipelineError>, RunError> {
+        waiting: impl FnOnce() -> Option<T>,
+    ) -> Result<Result<Option<T>, PipelineError>, RunError> {
         let (index, closure, omega, achieved_steps) = (entry.view, entry.closure, entry.omega, entry.achieved_steps.0);
         clock.store.time(|| writer.add_view(entry, frame))?;
         let seen = match clock.profile.time(|| pipeline.look(frame)) {
             Ok(seen) => seen,
             Err(e) => return Ok(Err(e)),
         };
-        let volume_um3 = if closure {
+        if closure {
             pipeline.observe_closure(&seen);
-            None
-        } else {
-            match clock.carve.time(|| pipeline.observe(index, omega, &seen)) {
-                Ok(volume_um3) => Some(volume_um3),
-                Err(e) => return Ok(Err(e)),
-            }
-        };
+        } else if let Err(e) = clock.carve.time(|| pipeline.observe(index, omega, &seen)) {
+            return Ok(Err(e));
+        }
         if let (Ok(profile), false) = (&seen.profile, closure)
             && profile.mask.area_px() > 0
         {
             writer.add_profile(index, &profile.mask)?;
         }
+        let waiting = waiting();
+        if waiting.is_none() && !closure && pipeline.is_refinable() {
+            clock.refine.time(|| pipeline.refine());
+        }
+        let volume_um3 = (!closure).then(|| pipeline.live().volume_um3);
         let live = live::of_view(&seen, &pipeline.live_mesh());
         self.tell(Progress::View { well: well.to_owned(), index, closure, achieved_steps, volume_um3, live });
-        Ok(Ok(()))
+        Ok(Ok(waiting))
     }
 }
 
@@ -460,6 +469,8 @@ struct StageClock {
     profile: Times,
     #[serde(rename = "carve_ms")]
     carve: Times,
+    #[serde(rename = "refine_ms")]
+    refine: Times,
     #[serde(rename = "surface_ms")]
     surface: Times,
 }

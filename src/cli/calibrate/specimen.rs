@@ -7,7 +7,8 @@
 //! One JSON object on stdout; what is refused stands in it and on stderr.
 
 use crate::calibration::{
-    Ask, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Vrv, calibrate, gate, optimise,
+    Ask, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Verdict, Vrv, calibrate, gate,
+    optimise,
 };
 use crate::carver::Runs;
 use crate::cli::reconstruct::cameras::{self, Cameras};
@@ -37,7 +38,7 @@ pub struct Args {
     /// Share of the views that may miss a voxel; above 0 the volume has its maxima beside the axis
     #[arg(long, value_name = "E", default_value_t = 0.0)]
     epsilon: f64,
-    /// Edge of a voxel
+    /// Edge of a voxel of vrv
     #[arg(long, value_name = "UM", default_value_t = 10.0)]
     voxel: f64,
     /// Of the draws of cma-es
@@ -88,7 +89,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                     "--optimizer, --free and --epsilon: least-squares frees uy, gamma, alpha, the angles' ratio and each view's shift, and has its own way; leave them out, or ask for --objective vrv or coherence"
                 );
             }
-            least_squares(&read(args)?, grid)?
+            least_squares(&read(args)?)?
         }
         Objective::Vrv | Objective::Coherence => search(args, grid)?,
     };
@@ -132,38 +133,38 @@ fn read(args: &Args) -> anyhow::Result<Turn> {
     Ok(Turn { names: views.iter().map(View::name).collect(), views, runs, known: Psi::new(psi.camera, omega) })
 }
 
-fn least_squares(turn: &Turn, grid: VoxelGrid) -> anyhow::Result<Value> {
-    let Turn { names, views, runs, known } = turn;
+fn least_squares(turn: &Turn) -> anyhow::Result<Value> {
+    let Turn { names, views, known, .. } = turn;
     let given: Vec<GivenView> = views.iter().zip(&known.omega).map(|(v, &omega)| GivenView { columns: &v.columns, omega }).collect();
     let found = calibrate(&known.camera, &given, Priors::default())?;
-    let judged = gate(&found, &runs.iter().zip(known.omega.iter().copied()).collect::<Vec<_>>(), grid)?;
+    let judged = gate(&found, &known.camera, &given);
     let used = |at: &usize| found.views[*at].bad.is_none();
     let kept: Vec<usize> = (0..views.len()).filter(used).collect();
     let start = Psi::new(known.camera.clone(), kept.iter().map(|&at| known.omega[at]).collect());
-    let before = Vrv::new(kept.iter().map(|&at| &runs[at]).collect(), grid, 0.0)?.volume_um3(&start)?;
     let left_out: Vec<Value> =
         found.views.iter().zip(names).filter_map(|(state, name)| Some(json!({"view": name, "why": state.bad?.to_string()}))).collect();
-    if !judged.passed {
-        eprintln!(
-            "carved: warning: vrv is less than a search from the closed form finds, by more than the voxels' grain: the views do not show one turn of one body"
-        );
+    match judged.verdict {
+        Verdict::Passed => {}
+        Verdict::NotLargest => eprintln!(
+            "carved: warning: another axis than the calibrated one leaves a larger hull: the views do not quite agree on one turn of one body"
+        ),
+        Verdict::Worse => eprintln!(
+            "carved: warning: the camera as given leaves a larger hull than the calibrated one: the views do not show one turn of one body"
+        ),
     }
     Ok(json!({
         "objective": "least-squares",
         "views": kept.iter().map(|&at| &names[at]).collect::<Vec<_>>(),
         "left_out": left_out,
         "psi": {"before": told(&start), "after": told(&Psi::of(&found, &known.omega))},
-        "vrv_um3": {"before": before, "after": judged.vrv_solution as f64 * grid.voxel_volume()},
+        "vrv_um3": {"before": judged.given_um3, "after": judged.solution_um3},
         "residual_sd_um": found.residual_sd_um,
         "rho": found.rho,
         "sd": {"uy_px": found.sd.uy_px, "gamma_rad": found.sd.gamma_rad, "alpha_rad": found.sd.alpha_rad, "rho": found.sd.rho},
         "evaluations": found.passes,
         "converged": found.converged,
         "refusals": [],
-        "gate": {
-            "vrv_solution": judged.vrv_solution, "vrv_simplex": judged.vrv_simplex, "tolerance": judged.tolerance,
-            "evaluations": judged.evaluations, "voxel_um": grid.size(), "passed": judged.passed,
-        },
+        "gate": judged,
     }))
 }
 

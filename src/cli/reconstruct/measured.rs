@@ -1,8 +1,9 @@
 //! The three things a set of silhouettes can be: a turn of one camera, views of any cameras, or nothing.
 
 use super::cameras::{Cameras, Psi};
+use super::report::Clock;
 use super::views::View;
-use crate::calibration::{Bad, Calibration, Moved, VIEWS_LEAST};
+use crate::calibration::{Bad, Calibration, Gate, Moved, VIEWS_LEAST, Verdict};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::Measurement;
@@ -32,6 +33,8 @@ pub(super) struct Measured {
     /// The camera of a turn, with the angles that its views are of.
     pub psi: Option<(Camera, Vec<f64>)>,
     pub calibration: Option<Calibration>,
+    /// The volumes that no view misses, which the calibration was judged by.
+    pub vrv: Option<Gate>,
     pub budget: u32,
     pub touches_box: bool,
     pub flags: Vec<&'static str>,
@@ -70,6 +73,7 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
             Cameras::Matrices { .. } => None,
         },
         calibration: None,
+        vrv: None,
         budget: 0,
         touches_box: false,
         flags: vec!["empty"],
@@ -78,7 +82,14 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
 }
 
 /// Views of one camera before a capillary that turns.
-pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: ReconstructionSettings, sphere: bool) -> anyhow::Result<Measured> {
+pub(super) fn turn(
+    psi: &Psi,
+    grid: VoxelGrid,
+    views: &[View],
+    settings: ReconstructionSettings,
+    sphere: bool,
+    clock: &mut Clock,
+) -> anyhow::Result<Measured> {
     let seen: Vec<usize> = (0..views.len()).filter(|&i| !views[i].is_blank()).collect();
     if seen.len() < VIEWS_LEAST {
         return Err(Refusal::FewViews { used: seen.len(), given: views.len(), needed: VIEWS_LEAST }.into());
@@ -88,7 +99,12 @@ pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: Reconst
         let view = &views[i];
         reconstruction.observe_edges(&view.mask, &[], view.columns.clone(), psi.omega[i], view.leaves())?;
     }
-    let TurnModel { model, hull, calibration, projections } = reconstruction.finish(sphere)?;
+    clock.split("carve");
+    let calibrated = reconstruction.calibrate();
+    clock.split("calibrate");
+    let TurnModel { model, hull, calibration, projections } = reconstruction.measure(calibrated, sphere)?;
+    let vrv = calibration.as_ref().ok().map(|judged| judged.gate);
+    let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
     let overlaps = overlaps(&hull, &shown, &projections);
     let mut judged = vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()];
@@ -114,6 +130,7 @@ pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: Reconst
             .then(|| ("few_views", Some(format!("warning: {used} views tell little of each slice's shape; the numbers are rough")))),
     );
     raised.extend((used < views.len()).then_some(("bad_view", None)));
+    raised.extend(vrv.filter(|gate| gate.verdict == Verdict::NotLargest).map(|_| ("calibration_gate", Some(GATE.into()))));
     match &calibration {
         Ok(c) => raised.extend(raised_by_calibration(c, &seen)),
         Err(NotCalibrated::NotAsked) => raised.push(("uncalibrated", None)),
@@ -128,6 +145,7 @@ pub(super) fn turn(psi: &Psi, grid: VoxelGrid, views: &[View], settings: Reconst
         views: judged,
         psi: Some((camera, omega)),
         calibration: calibration.ok(),
+        vrv,
         budget: hull.carver().budget(),
         touches_box: hull.touches_box(),
         flags,
@@ -165,6 +183,8 @@ fn raised_by_calibration(found: &Calibration, seen: &[usize]) -> Vec<Raised> {
     moved.into_iter().chain(wrong_steps).collect()
 }
 
+const GATE: &str =
+    "warning: another axis than the calibrated one leaves a larger hull: the views do not quite agree on one turn of one body";
 const BOX: &str = "warning: the hull reaches the end of the box, and may go on outside: widen --box";
 
 fn say_moved(moved: Moved, seen: &[usize]) -> String {
@@ -212,6 +232,7 @@ pub(super) fn hull(
         views: judged,
         psi: None,
         calibration: None,
+        vrv: None,
         budget: hull.carver().budget(),
         touches_box,
         flags: raised.iter().filter(|(raised, _)| *raised).map(|(_, name)| *name).collect(),

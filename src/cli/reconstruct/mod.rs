@@ -161,11 +161,12 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     };
     let measured = match &cameras {
         _ if views.iter().all(View::is_blank) => measured::empty(&views, &cameras),
-        Cameras::Psi(psi) => measured::turn(psi, grid, &views, settings, args.sphere)?,
+        Cameras::Psi(psi) => measured::turn(psi, grid, &views, settings, args.sphere, &mut clock)?,
         Cameras::Matrices { projections, .. } => match &table {
             None => measured::hull(projections, grid, &views, settings, args.sphere)?,
             Some(table) => {
-                let (measured, along_axis) = turntable::measure(table, &views, bounds(args)?, grid.size(), settings, args.sphere)?;
+                let (measured, along_axis) =
+                    turntable::measure(table, &views, bounds(args)?, grid.size(), settings, args.sphere, &mut clock)?;
                 grid = along_axis;
                 measured
             }

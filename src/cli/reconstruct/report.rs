@@ -80,6 +80,7 @@ pub(super) fn report(
         report.insert("rho_sd".into(), json!(sd.map(|c| c.sd.rho)));
         report.insert("passes".into(), json!(sd.map(|c| c.passes)));
         report.insert("residual_sd_um".into(), json!(sd.map(|c| c.residual_sd_um)));
+        report.insert("vrv".into(), json!(measured.vrv));
         report.insert("moved".into(), json!(sd.and_then(|c| c.moved)));
     }
     report.insert("cameras".into(), json!(cameras.count().1));

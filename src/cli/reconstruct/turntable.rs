@@ -9,6 +9,7 @@
 use super::Unit;
 use super::cameras::Psi;
 use super::measured::{self, Measured};
+use super::report::Clock;
 use super::views::View;
 use crate::geometry::{BoxUm, Projection, Turntable, VoxelGrid};
 use crate::reconstruction::ReconstructionSettings;
@@ -35,10 +36,11 @@ pub(super) fn measure(
     voxel: f64,
     settings: ReconstructionSettings,
     sphere: bool,
+    clock: &mut Clock,
 ) -> anyhow::Result<(Measured, VoxelGrid)> {
     let grid = VoxelGrid::new(seen(table, views, bounds), voxel / table.frame.scale).context("--box and --voxel, along the axis")?;
     let psi = Psi { camera: table.camera.clone(), omega: table.omega.clone() };
-    let mut measured = measured::turn(&psi, grid, views, settings, sphere)?;
+    let mut measured = measured::turn(&psi, grid, views, settings, sphere, clock)?;
     for vertex in measured.mesh.iter_mut().flat_map(|mesh| &mut mesh.vertices) {
         *vertex = table.frame.to_world(*vertex);
     }

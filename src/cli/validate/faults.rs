@@ -4,10 +4,11 @@ use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::Summary;
 use super::turn::{Turn, even_plan, grid, off};
+use crate::calibration::Verdict;
 use crate::carver::Leaves;
 use crate::pipeline::FEW_VIEWS;
 use crate::profile::Mask;
-use crate::reconstruction::{Reconstruction, ReconstructionSettings, TurnModel};
+use crate::reconstruction::{Judged, Reconstruction, ReconstructionSettings, TurnModel};
 use hardware_sim::analytic::{Disturbance, Fault, Phantom, Pose};
 use hardware_sim::scene::Camera;
 use rayon::prelude::*;
@@ -143,7 +144,8 @@ fn outcome(case: Case, seed: u64) -> anyhow::Result<Outcome> {
     let TurnModel { model, hull, calibration, .. } = finished;
     let m = model.measurement;
     match calibration {
-        Ok(found) => {
+        Ok(Judged { calibration: found, gate }) => {
+            named.extend((gate.verdict == Verdict::NotLargest).then_some("calibration gate"));
             named.extend(found.views.iter().any(|v| v.bad.is_some()).then_some("view left out"));
             named.extend(found.moved.is_some().then_some("moved"));
             named.extend(found.has_wrong_steps().then_some("wrong steps"));

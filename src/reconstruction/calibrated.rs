@@ -1,0 +1,165 @@
+//! What a turn's views tell of their own camera, held against the camera as given.
+
+use super::Reconstruction;
+use crate::calibration::{Calibration, CalibrationError, Gate, GivenView, Moved, Priors, Verdict, calibrate, gate};
+use crate::geometry::{Camera, Projection};
+use crate::range::{OutOfRange, outside};
+use serde::{Deserialize, Serialize};
+
+/// How a turn is calibrated, and what is believed of the rig before it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibrationSettings {
+    /// Find uy, gamma, alpha, the ratio of angles and each view's shift from the turn itself.
+    pub enabled: bool,
+    /// What the capillary may be rolled and tilted by against the rig's camera, standard deviations.
+    pub gamma_sd_deg: f64,
+    pub alpha_sd_deg: f64,
+    /// What a view may be shifted by, standard deviation.
+    pub dy_sd_px: f64,
+    /// Standard deviation of the rig's scale: three times as much goes into the volume's.
+    pub scale_sd_percent: f64,
+    /// What all edges may be too far out or in by together, standard deviation.
+    pub edge_sd_px: f64,
+}
+
+impl Default for CalibrationSettings {
+    fn default() -> Self {
+        Self { enabled: true, gamma_sd_deg: 1.0, alpha_sd_deg: 1.0, dy_sd_px: 1.0, scale_sd_percent: 0.0, edge_sd_px: 0.05 }
+    }
+}
+
+impl CalibrationSettings {
+    /// Every setting that is out of its range.
+    pub fn check(&self) -> Vec<OutOfRange> {
+        outside([
+            ("gamma_sd_deg", self.gamma_sd_deg, 0.001..=10.0, "deg"),
+            ("alpha_sd_deg", self.alpha_sd_deg, 0.001..=1.0, "deg"),
+            ("dy_sd_px", self.dy_sd_px, 0.001..=10.0, "px"),
+            ("scale_sd_percent", self.scale_sd_percent, 0.0..=10.0, "%"),
+            ("edge_sd_px", self.edge_sd_px, 0.0..=5.0, "px"),
+        ])
+    }
+
+    fn priors(&self) -> Priors {
+        Priors {
+            gamma_rad: self.gamma_sd_deg.to_radians(),
+            alpha_rad: self.alpha_sd_deg.to_radians(),
+            dy_px: self.dy_sd_px,
+            ..Priors::default()
+        }
+    }
+}
+
+/// Why a turn is measured with the camera as given.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotCalibrated {
+    #[error("calibration was not asked for")]
+    NotAsked,
+    #[error(transparent)]
+    Failed(#[from] CalibrationError),
+    #[error(
+        "the calibrated camera leaves {solution_um3:.4e} um^3 that no view misses, the camera as given {given_um3:.4e} um^3: the views do not \
+         show one turn of one body. Look at views and angles, or take another turn"
+    )]
+    Worse { given_um3: f64, solution_um3: f64 },
+}
+
+/// A turn's calibration that the gate did not stop.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Judged {
+    pub calibration: Calibration,
+    pub gate: Gate,
+}
+
+/// The views of a turn by their angles, and what they tell.
+#[derive(Debug, Clone)]
+pub struct Calibrated {
+    /// Views in the order of observing, ordered by their angles: whatever order they came in, the same bits come out.
+    pub(super) order: Vec<usize>,
+    /// Its views are in that order.
+    pub(super) found: Result<Judged, NotCalibrated>,
+}
+
+impl Calibrated {
+    /// The views that count, each with the projection that it is carved through.
+    pub(super) fn used(&self, of: &Reconstruction) -> Vec<(usize, Projection)> {
+        let projection = |at: usize, i: usize| match &self.found {
+            Ok(Judged { calibration: c, .. }) => c.views[at].bad.is_none().then(|| c.projection(at, of.seen[i].omega)),
+            Err(_) => Some(of.camera.projection(of.seen[i].omega)),
+        };
+        self.order.iter().enumerate().filter_map(|(at, &i)| Some((i, projection(at, i)?))).collect()
+    }
+}
+
+impl Reconstruction {
+    /// The views so far by their angles.
+    pub(super) fn given(&self, order: &[usize]) -> Vec<GivenView<'_>> {
+        order.iter().map(|&i| GivenView { columns: &self.seen[i].columns, omega: self.seen[i].omega }).collect()
+    }
+
+    /// Calibrates on the views so far, and holds the result against the camera as given.
+    pub fn calibrate(&self) -> Calibrated {
+        let settings = &self.settings.calibration;
+        let mut order: Vec<usize> = (0..self.seen.len()).collect();
+        order.sort_by(|&a, &b| self.seen[a].omega.total_cmp(&self.seen[b].omega));
+        let given = self.given(&order);
+        let judged = || {
+            if !settings.enabled {
+                return Err(NotCalibrated::NotAsked);
+            }
+            let calibration = calibrate(&self.camera, &given, settings.priors())?;
+            self.judge(calibration, &given)
+        };
+        let found = judged();
+        Calibrated { order, found }
+    }
+
+    /// Lets a calibration pass that leaves no less than the camera as given.
+    pub(super) fn judge(&self, calibration: Calibration, given: &[GivenView]) -> Result<Judged, NotCalibrated> {
+        match gate(&calibration, &self.camera, given) {
+            Gate { verdict: Verdict::Worse, given_um3, solution_um3, .. } => Err(NotCalibrated::Worse { given_um3, solution_um3 }),
+            gate => Ok(Judged { calibration, gate }),
+        }
+    }
+}
+
+/// A turn's calibration, to be written down.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationRecord {
+    /// The camera that the numbers are of.
+    pub psi: Camera,
+    pub uy_sd_px: f64,
+    pub gamma_sd_rad: f64,
+    pub alpha_sd_rad: f64,
+    /// True angles over the ledger's.
+    pub rho: f64,
+    pub rho_sd: f64,
+    /// Of the profiles' edges against the model, um.
+    pub residual_sd_um: f64,
+    pub passes: usize,
+    pub converged: bool,
+    /// From which view on the specimen lay elsewhere, if it did.
+    pub moved: Option<Moved>,
+    /// What no view misses, with this camera, the given one and the best that a search finds.
+    #[serde(default)]
+    pub vrv: Option<Gate>,
+}
+
+impl From<&Judged> for CalibrationRecord {
+    fn from(Judged { calibration: c, gate }: &Judged) -> Self {
+        Self {
+            psi: c.camera.clone(),
+            uy_sd_px: c.sd.uy_px,
+            gamma_sd_rad: c.sd.gamma_rad,
+            alpha_sd_rad: c.sd.alpha_rad,
+            rho: c.rho,
+            rho_sd: c.sd.rho,
+            residual_sd_um: c.residual_sd_um,
+            passes: c.passes,
+            converged: c.converged,
+            moved: c.moved,
+            vrv: Some(*gate),
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! The live model of a camera that the views themselves tell, while they still come in.
+//!
+//! ```text
+//!   view ── observe ──┬─ hull through the camera as given         what the end is made of: runs, edges, angles
+//!                     └─ hull through the refined camera ── page
+//!   now and then, when nobody waits: refine ── calibrate on the views so far ── all of them carved again
+//! ```
+//! What is refined is only shown: [`Reconstruction::finish`] calibrates on all views, and gives the same bits whether or not
+//! anything was refined before.
+
+use super::calibrated::Judged;
+use super::{LiveVolume, Reconstruction};
+use crate::calibration::Calibration;
+use crate::carver::{CarveError, Carver, Leaves};
+use crate::geometry::Camera;
+use crate::profile::Mask;
+use std::f64::consts::{PI, TAU};
+
+/// Fewer views tell less of the axis than the rig's camera does.
+const VIEWS_LEAST: usize = 7;
+/// Half a turn shows every slice from each side once, which any axis fits. Further on views meet what others saw from the other
+/// side, and from 30 deg of that on the axis is told.
+const GAP_MOST: f64 = 150.5 / 180.0 * PI;
+/// Of the planned views, what comes in between two refinements.
+const SHARE: usize = 12;
+
+/// A camera and the hull that it leaves.
+#[derive(Debug, Clone)]
+pub(super) struct Refined {
+    calibration: Calibration,
+    carver: Carver,
+}
+
+impl Refined {
+    /// Carves with a view that came after the calibration: its angle is known by the others', its own shift is not.
+    pub fn observe(&mut self, mask: &Mask, omega: f64, leaves: Leaves) -> Result<(), CarveError> {
+        let Calibration { camera, .. } = &self.calibration;
+        self.carver.observe(mask, &camera.projection(self.calibration.angle(omega)), leaves)
+    }
+}
+
+impl Reconstruction {
+    /// Whether enough views have come in since the last refinement, from enough sides, for another to be worth its time.
+    pub fn is_refinable(&self) -> bool {
+        let views = self.seen.len();
+        let due = self.refined_at + self.hull.carver().planned_views().div_ceil(SHARE);
+        self.settings.calibration.enabled && views >= VIEWS_LEAST.max(due) && self.widest_gap() <= GAP_MOST
+    }
+
+    /// Calibrates on the views so far and carves them again for the live model; as given where they tell no camera. A view that
+    /// does not belong is left out. What [`Self::finish`] gives does not depend on it.
+    pub fn refine(&mut self) {
+        self.refined_at = self.seen.len();
+        let calibrated = self.calibrate();
+        let views = calibrated.used(self);
+        self.refined = match calibrated.found {
+            Ok(Judged { calibration, .. }) => Some(Refined { calibration, carver: self.hull.carver().through(&views) }),
+            Err(_) => None,
+        };
+    }
+
+    /// The live model's camera, where the views have told one.
+    pub fn refined_camera(&self) -> Option<&Camera> {
+        self.refined.as_ref().map(|r| &r.calibration.camera)
+    }
+
+    /// The hull that is shown.
+    pub fn live_carver(&self) -> &Carver {
+        self.refined.as_ref().map_or(self.hull.carver(), |r| &r.carver)
+    }
+
+    /// The model so far. From view to view it only falls; a refinement may find it larger.
+    pub fn live(&self) -> LiveVolume {
+        let carver = self.live_carver();
+        LiveVolume { views: self.seen.len(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
+    }
+
+    /// Between two neighbouring angles of the views so far, around the turn.
+    fn widest_gap(&self) -> f64 {
+        let mut angles: Vec<f64> = self.seen.iter().map(|s| s.omega.rem_euclid(TAU)).collect();
+        angles.sort_by(f64::total_cmp);
+        let around = angles.first().map_or(TAU, |first| first + TAU);
+        let next = angles.iter().copied().skip(1).chain(std::iter::once(around));
+        angles.iter().zip(next).map(|(a, b)| b - a).fold(0.0, f64::max)
+    }
+}
