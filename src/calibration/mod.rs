@@ -33,7 +33,7 @@ pub use free::{Ask, Free, Parameter, Refusal};
 pub use gate::{Gate, Verdict, gate};
 pub use least_squares::{GivenView, PASSES_MOST, Priors, Solution, solve};
 pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
-pub use psi::Psi;
+pub use psi::{Psi, PsiLength};
 pub use screen::{Bad, Moved, ViewOff};
 pub use search::{Found, Reach, Stop};
 pub use slices::{Fit, Sight, Slice, directions, fit, harmonics};
