@@ -24,6 +24,7 @@ pub mod scene;
 pub mod serial;
 pub mod shaft;
 pub mod sight;
+pub mod slide;
 pub mod test_card;
 pub mod truth;
 
@@ -32,5 +33,6 @@ pub use rig::{CameraAddress, Controller, Faults, Rig, RigError, RigSettings};
 pub use scene::Exposure;
 pub use shaft::ShaftSettings;
 pub use sight::{PixelFormat, Pixels, Sight};
+pub use slide::{Slide, SlideSettings};
 pub use test_card::TestCard;
 pub use truth::ExposureRecord;

@@ -8,6 +8,7 @@ use crate::relay::{self, Relay};
 use crate::serial::{Firmware, SerialFaults, SerialPort};
 use crate::shaft::{Shaft, ShaftSettings};
 use crate::sight::{PixelFormat, Sight};
+use crate::slide::{OnSlide, Slide, SlideSettings};
 use crate::truth::ExposureRecord;
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -38,11 +39,11 @@ impl Default for Controller {
 }
 
 impl Controller {
-    fn firmware(self, shaft: Arc<Shaft>, faults: Arc<SerialFaults>) -> Box<dyn Firmware> {
+    fn firmware(self, shaft: Arc<Shaft>, slide: Option<Arc<Slide>>, faults: Arc<SerialFaults>) -> Box<dyn Firmware> {
         match self {
             Self::Bridge(settings) => Box::new(bridge::Firmware::new(shaft, settings)),
-            Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, faults, settings, grbl::Dialect::Grbl)),
-            Self::GrblHal(settings) => Box::new(grbl::Firmware::new(shaft, faults, settings, grbl::Dialect::GrblHal)),
+            Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::Grbl)),
+            Self::GrblHal(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::GrblHal)),
         }
     }
 }
@@ -57,6 +58,8 @@ pub struct RigSettings {
     /// What the camera sends until a host chooses otherwise.
     pub pixel_format: PixelFormat,
     pub controller: Controller,
+    /// What moves the capillary along, on the Y axis of a Grbl controller; none where nothing does.
+    pub slide: Option<SlideSettings>,
     /// A relay that turns the shaft as well, over TCP.
     pub relay: Option<relay::Settings>,
     /// A path that points to the serial port, whatever its device name; none gives the device name itself.
@@ -71,6 +74,7 @@ impl Default for RigSettings {
             camera: CameraAddress::default(),
             pixel_format: PixelFormat::BayerRG8,
             controller: Controller::default(),
+            slide: None,
             relay: None,
             serial_link: None,
         }
@@ -98,6 +102,7 @@ pub enum RigError {
 /// A running rig; everything is shut down and joined when it is dropped.
 pub struct Rig {
     shaft: Arc<Shaft>,
+    slide: Option<Arc<Slide>>,
     port: SerialPort,
     relay: Option<Relay>,
     camera: GigeCamera,
@@ -122,13 +127,18 @@ impl Rig {
         }
         let clock = RigClock::new(settings.time_scale);
         let shaft = Arc::new(Shaft::new(clock, settings.shaft));
+        let slide = settings.slide.map(|settings| Arc::new(Slide::new(clock, settings)));
+        let sight: Arc<dyn Sight> = match &slide {
+            Some(slide) => Arc::new(OnSlide { sight, slide: Arc::clone(slide) }),
+            None => sight,
+        };
         let camera = start_camera(&settings, clock, &shaft, &sight)?;
         let link = settings.serial_link;
         let controller = settings.controller;
-        let port = SerialPort::start(clock, |faults| controller.firmware(Arc::clone(&shaft), faults), link.clone())
+        let port = SerialPort::start(clock, |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), faults), link.clone())
             .map_err(|why| RigError::Serial { link, why })?;
         let relay = settings.relay.map(|relay| Relay::start(clock, Arc::clone(&shaft), relay)).transpose().map_err(RigError::Relay)?;
-        Ok(Self { shaft, port, relay, camera })
+        Ok(Self { shaft, slide, port, relay, camera })
     }
 
     /// What a host opens as the motor controller's port.
@@ -152,6 +162,11 @@ impl Rig {
     /// The true shaft.
     pub fn shaft(&self) -> &Shaft {
         &self.shaft
+    }
+
+    /// The true slide, where there is one.
+    pub fn slide(&self) -> Option<&Slide> {
+        self.slide.as_deref()
     }
 
     /// What was really exposed, oldest first.

@@ -84,6 +84,8 @@ pub trait Sight: Send + Sync {
     /// The whole sensor's picture; the camera cuts its region out of it. The angle is the shaft's true one at the middle of
     /// the exposure, unwrapped and counted from the index; exposures are numbered from 0 since the rig was started.
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels;
+    /// The capillary stands this far along x, um; where nothing moves it, nobody says so.
+    fn slide_to(&self, _shift_um: f64) {}
 }
 
 impl Sight for Scene {
@@ -100,5 +102,9 @@ impl Sight for Scene {
             PixelFormat::RGB8Packed => picture.data,
         };
         Pixels { width: picture.width, height: picture.height, format, bytes }
+    }
+
+    fn slide_to(&self, shift_um: f64) {
+        Scene::slide_to(self, shift_um);
     }
 }

@@ -30,7 +30,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// Opens every device that the configuration names, or says which does not answer.
 pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
     let rotation: Box<dyn RotationAxis> = match &config.rotation {
-        RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::open(settings.clone())?),
+        RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::with_translation(settings.clone(), config.translation)?),
         RotationDriver::VastBridge(settings) => Box::new(rotation::VastBridge::open(settings.clone(), config.steps_per_revolution)?),
         RotationDriver::Relay(settings) => Box::new(rotation::Relay::open(settings.clone(), config.steps_per_revolution)?),
     };

@@ -4,6 +4,7 @@ use super::Method;
 use super::raw::{CalibrationConfig, CameraDriver, Raw, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
 use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
+use crate::device::rotation::TranslationSettings;
 use crate::frame::RawFrame;
 use crate::geometry::Camera;
 use crate::http::HttpSettings;
@@ -29,6 +30,8 @@ pub struct Config {
     /// What this camera sees of the capillary when it is empty.
     pub empty_capillary: Option<Arc<RawFrame>>,
     pub rotation: RotationDriver,
+    /// The axis along the capillary, where the rotation's controller drives it.
+    pub translation: Option<TranslationSettings>,
     pub camera: CameraDriver,
     pub sampler: SamplerDriver,
     pub methods: BTreeMap<String, Method>,
@@ -124,10 +127,20 @@ impl Config {
         });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
         let CameraDriver::Aravis(camera) = &raw.camera;
-        for checked in [raw.rotation.check(raw.rig.steps_per_revolution), camera.check()] {
+        let translation = raw.translation.as_ref().map_or(Ok(()), TranslationSettings::check);
+        for checked in [raw.rotation.check(raw.rig.steps_per_revolution), translation, camera.check()] {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
+        match (&raw.translation, &raw.rotation) {
+            (Some(_), driver) if !matches!(driver, RotationDriver::Grbl(_)) => {
+                wrong("[translation]", "a table".into(), "none: of the drivers of [rotation] only \"grbl\" moves the capillary along");
+            }
+            (Some(translation), RotationDriver::Grbl(grbl)) if translation.axis == grbl.axis => {
+                wrong("translation.axis", format!("{:?}", translation.axis), "another axis than that of [rotation]");
+            }
+            _ => {}
+        }
         let (width, height) = raw.camera.frame_size();
         if (width, height) != (o.width_px, o.height_px) {
             wrong("[camera] frame", format!("{width} x {height} px"), &format!("the {} x {} px of [optics]", o.width_px, o.height_px));
@@ -145,6 +158,7 @@ impl Config {
             optics,
             empty_capillary,
             rotation: raw.rotation,
+            translation: raw.translation,
             camera: raw.camera,
             sampler: raw.sampler,
             methods: raw.methods,

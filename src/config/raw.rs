@@ -4,7 +4,7 @@ use super::Method;
 use crate::acquisition::AcquisitionSettings;
 use crate::device::DeviceError;
 use crate::device::camera::AravisSettings;
-use crate::device::rotation::{GrblSettings, RelaySettings, VastBridgeSettings};
+use crate::device::rotation::{GrblSettings, RelaySettings, TranslationSettings, VastBridgeSettings};
 use crate::frame::PixelFormat;
 use crate::http::HttpSettings;
 use crate::units::StepsPerRevolution;
@@ -26,6 +26,9 @@ pub(super) struct Raw {
     pub acquisition: AcquisitionSettings,
     pub optics: RawOptics,
     pub rotation: RotationDriver,
+    /// The axis along the capillary, where the rotation's controller drives it.
+    #[serde(default)]
+    pub translation: Option<TranslationSettings>,
     pub camera: CameraDriver,
     pub sampler: SamplerDriver,
     pub methods: BTreeMap<String, Method>,

@@ -35,6 +35,8 @@ pub enum DeviceError {
     NotNext { target: Steps, next: Option<Steps> },
     #[error("{device}: {}: {why}. Check the folder, its share and the right to write there", path.display())]
     List { device: &'static str, path: PathBuf, why: String },
+    #[error("translation axis: {why}. Reference the axes again")]
+    Translation { why: String },
     #[error("rotation axis: stopped")]
     Stopped,
     #[error("camera: {address} is controlled by another program. Close it, or wait until the camera's heartbeat has run out")]

@@ -77,10 +77,27 @@ pub trait RotationAxis: Send {
     fn let_go(&mut self, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
+    /// The axis that moves the capillary along the picture, where the same controller drives it: a port has one owner.
+    fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
+        None
+    }
     fn position(&self) -> Position;
     /// A handle by which any thread stops the motor at once, also while `move_to` is waiting. Where nothing can stop it
     /// ([`Capabilities::can_stop`]), it ends the step under way by itself and is told no other.
     fn stop_handle(&self) -> StopHandle;
+}
+
+/// The axis that moves the capillary along the picture. It is stopped by the [`StopHandle`] of its controller.
+pub trait LinearAxis {
+    /// Finds its step 0, where that is not known.
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError>;
+    /// Moves to an absolute position within the limits and returns once the axis has arrived.
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError>;
+    /// The first and the last step that it may be sent to.
+    fn limits(&self) -> [Steps; 2];
+    fn position(&self) -> Position;
+    /// Whole steps of a length.
+    fn steps_of(&self, um: f64) -> Steps;
 }
 
 /// Stops a motor from any thread.

@@ -51,7 +51,7 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
             // Nothing here ends what the machine is in: a person has to.
             DeviceError::OutOfStep { .. } | DeviceError::Late { .. } => ("rotation_suspect", "motion", EscalateOperator),
             // The next reference finds the axis again.
-            DeviceError::Suspect { .. } | DeviceError::Missed { .. } | DeviceError::Unexpected { .. } => {
+            DeviceError::Translation { .. } | DeviceError::Suspect { .. } | DeviceError::Missed { .. } | DeviceError::Unexpected { .. } => {
                 ("rotation_suspect", "motion", SchedulerAction::Retry)
             }
             _ => ("rotation_failed", "motion", PauseInstrument),

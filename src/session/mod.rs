@@ -12,6 +12,7 @@ mod fault;
 mod handle;
 mod heart;
 mod live;
+mod placing;
 mod plan;
 mod reference;
 mod sentence;

@@ -8,8 +8,8 @@
 //! ```
 
 use super::fault;
-use super::live;
 use super::{Live, Mode, Phase, PlannedWell, ReferenceStatus, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
+use super::{live, placing};
 use crate::acquisition::{self, AcquisitionError, LedgerEntry, PlanError, RevolutionPlan, SinkClosed};
 use crate::cancel::CancelToken;
 use crate::config::{Config, Method};
@@ -104,6 +104,9 @@ pub struct RunContext {
     pub cancel: CancelToken,
     pub progress: Sender<Progress>,
 }
+
+/// How often a specimen that is not all in view is carried along before it is taken as it lies.
+const PLACINGS: u32 = 2;
 
 /// Why a well has no number.
 enum WellEnd {
@@ -245,6 +248,9 @@ impl RunContext {
         let rig = &mut instrument.rig;
         self.phase(well, Phase::Position, true);
         rig.rotation.reference(&self.cancel)?;
+        if let Some(translation) = &self.config.translation {
+            placing::place(rig, translation.position_um, &self.cancel)?;
+        }
         self.hardware(rig);
 
         self.phase(well, Phase::Detect, true);
@@ -294,7 +300,13 @@ impl RunContext {
         planned: &PlannedWell,
         truth: Option<serde_json::Value>,
     ) -> Result<Option<WellEnd>, RunError> {
-        let detected = rig.camera.grab(self.deadline())?;
+        let mut detected = rig.camera.grab(self.deadline())?;
+        for _ in 0..PLACINGS {
+            match self.out_of_view_um(planned, &detected.frame) {
+                Some(by_um) if placing::shift(rig, by_um)? => detected = rig.camera.grab(self.deadline())?,
+                _ => break,
+            }
+        }
         writer.add_detection(&detected.frame, truth)?;
         self.hardware(rig);
         if self.cancel.is_cancelled() {
@@ -320,6 +332,15 @@ impl RunContext {
             // A frame that cannot be judged is not taken for an empty well: the revolution decides.
             Err(_) => self.revolve(rig, writer, planned, pipeline),
         }
+    }
+
+    /// How far the capillary is to be carried along for more of the specimen to be seen; nothing where it cannot be.
+    fn out_of_view_um(&self, planned: &PlannedWell, frame: &RawFrame) -> Option<f64> {
+        self.config.translation?;
+        let seen = self.pipeline(planned).and_then(|pipeline| pipeline.look(frame)).ok()?;
+        let shift_px = placing::shift_px(&seen.profile.ok()?)?;
+        tracing::info!(well = %planned.well, shift_px, "the specimen is not all in view");
+        Some(shift_px / self.config.optics.kx)
     }
 
     /// What looks at this well's frames and measures its specimen.

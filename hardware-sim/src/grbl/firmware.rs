@@ -16,11 +16,15 @@ use super::words;
 use crate::motion::MotionProfile;
 use crate::serial::{self, SerialFaults};
 use crate::shaft::Shaft;
+use crate::slide::Slide;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// A line keeps one byte of its 80 for the terminator.
 const LINE_BYTES: usize = 80 - 1;
+/// What the axes X and Y move.
+const SHAFT: usize = 0;
+const SLIDE: usize = 1;
 /// How much farther than the travel the first homing search may go, and than the pull-off the second.
 const HOMING_SEARCH: f64 = 1.5;
 const HOMING_LOCATE: f64 = 5.0;
@@ -107,6 +111,8 @@ enum Homing {
 
 pub(crate) struct Firmware {
     shaft: Arc<Shaft>,
+    /// On Y, where there is one.
+    slide: Option<Arc<Slide>>,
     faults: Arc<SerialFaults>,
     settings: Settings,
     dialect: Dialect,
@@ -122,6 +128,9 @@ pub(crate) struct Firmware {
     planner: VecDeque<Block>,
     running: Option<Running>,
     homing: Homing,
+    /// The axis that is being homed, and whether the other follows.
+    homing_axis: usize,
+    homing_all: bool,
     /// Steps counted up to the move under way.
     position: [i64; 3],
     mode: Mode,
@@ -205,9 +214,10 @@ impl serial::Firmware for Firmware {
 }
 
 impl Firmware {
-    pub fn new(shaft: Arc<Shaft>, faults: Arc<SerialFaults>, settings: Settings, dialect: Dialect) -> Self {
+    pub fn new(shaft: Arc<Shaft>, slide: Option<Arc<Slide>>, faults: Arc<SerialFaults>, settings: Settings, dialect: Dialect) -> Self {
         Self {
             shaft,
+            slide,
             faults,
             settings,
             dialect,
@@ -221,6 +231,8 @@ impl Firmware {
             planner: VecDeque::new(),
             running: None,
             homing: Homing::Search,
+            homing_axis: SHAFT,
+            homing_all: true,
             position: [0; 3],
             mode: Mode::Idle,
             wait: Wait::Nothing,
@@ -332,10 +344,15 @@ impl Firmware {
             b"#" => self.say(&self.parser.report_offsets()),
             b"I" => self.say(self.dialect.version()),
             b"N" => self.say("$N0=\r\n$N1=\r\n"),
-            b"H" => {
+            b"H" | b"HX" | b"HY" => {
                 if !self.settings.is_on(22) {
                     return Err(5);
                 }
+                if command == b"HY" && self.slide.is_none() {
+                    return Err(3);
+                }
+                self.homing_axis = if command == b"HY" { SLIDE } else { SHAFT };
+                self.homing_all = command == b"H";
                 self.mode = Mode::Home;
                 self.homed = false;
                 self.wait = Wait::Homing;
@@ -437,14 +454,21 @@ impl Firmware {
         if block.steps[0] != 0 {
             self.shaft.begin(start_s, block.steps[0], block.length, Arc::clone(&profile));
         }
+        if let (Some(slide), true) = (&self.slide, block.steps[SLIDE] != 0) {
+            slide.begin(start_s, block.steps[SLIDE], block.length, Arc::clone(&profile));
+        }
         self.running = Some(Running { block, start_s, profile, limit_s, brake: None });
     }
 
     fn limit_hit_s(&self, block: &Block, profile: &MotionProfile, start_s: f64) -> Option<f64> {
-        let steps = block.steps[0];
-        let to_index = self.shaft.steps_to_next_index(steps.signum());
-        (steps != 0 && to_index <= steps.abs())
-            .then(|| start_s + profile.time_at_s(block.length * to_index as f64 / steps.unsigned_abs() as f64))
+        let hit = |steps: i64, to_switch: i64| {
+            (steps != 0 && to_switch <= steps.abs())
+                .then(|| start_s + profile.time_at_s(block.length * to_switch as f64 / steps.unsigned_abs() as f64))
+        };
+        let [turn, along, _] = block.steps;
+        let index = hit(turn, self.shaft.steps_to_next_index(turn.signum()));
+        let end = self.slide.as_ref().and_then(|slide| hit(along, slide.steps_to_end(along.signum())));
+        index.into_iter().chain(end).reduce(f64::min)
     }
 
     /// The move under way is over, as planned or by braking.
@@ -477,6 +501,9 @@ impl Firmware {
         if running.block.steps[0] != 0 {
             done[0] = self.shaft.end(at_s);
         }
+        if let (Some(slide), true) = (&self.slide, running.block.steps[SLIDE] != 0) {
+            done[SLIDE] = slide.end(at_s);
+        }
         for (p, d) in self.position.iter_mut().zip(done) {
             *p += d;
         }
@@ -490,6 +517,9 @@ impl Firmware {
             let profile = Arc::new(MotionProfile::braking(from, speed, running.block.acceleration, running.block.length));
             if running.block.steps[0] != 0 {
                 self.shaft.replan(now_s, Arc::clone(&profile));
+            }
+            if let (Some(slide), true) = (&self.slide, running.block.steps[SLIDE] != 0) {
+                slide.replan(now_s, Arc::clone(&profile));
             }
             running.start_s = now_s;
             running.profile = profile;
@@ -531,17 +561,21 @@ impl Firmware {
 
     fn home(&mut self, phase: Homing, start_s: f64) {
         self.homing = phase;
-        let per_unit = f64::from(self.settings.get(100));
-        let direction: i64 = if self.settings.get(23) as i64 & 1 == 0 { 1 } else { -1 };
+        let axis = self.homing_axis;
+        let per_unit = f64::from(self.settings.per_axis(100)[axis]);
+        let direction = self.homing_direction();
         let pull_off = f64::from(self.settings.get(27)) * per_unit;
         let (steps, feed) = match phase {
             Homing::Search | Homing::Locate => {
                 let (range, feed) = if phase == Homing::Search {
-                    (HOMING_SEARCH * f64::from(self.settings.get(130)) * per_unit, self.settings.get(25))
+                    (HOMING_SEARCH * f64::from(self.settings.per_axis(130)[axis]) * per_unit, self.settings.get(25))
                 } else {
                     (HOMING_LOCATE * pull_off, self.settings.get(24))
                 };
-                let to_go = self.shaft.steps_to_index(direction);
+                let to_go = match (&self.slide, axis) {
+                    (Some(slide), SLIDE) => slide.steps_to_end(direction),
+                    _ => self.shaft.steps_to_index(direction),
+                };
                 if to_go as f64 > range {
                     return self.homing_failed(9);
                 }
@@ -553,25 +587,45 @@ impl Firmware {
             return self.homed(start_s);
         }
         let length = steps.unsigned_abs() as f64 / per_unit;
-        let (speed, acceleration) = ((f64::from(feed) / 60.0).max(1e-3), f64::from(self.settings.get(120)).max(1e-3));
+        let (speed, acceleration) = ((f64::from(feed) / 60.0).max(1e-3), f64::from(self.settings.per_axis(120)[axis]).max(1e-3));
         let debounce_s = f64::from(self.settings.get(26)) / 1000.0;
-        self.run(Block { steps: [steps, 0, 0], length, speed, acceleration }, start_s + debounce_s);
+        let mut block = Block { steps: [0; 3], length, speed, acceleration };
+        block.steps[axis] = steps;
+        self.run(block, start_s + debounce_s);
+    }
+
+    fn homing_direction(&self) -> i64 {
+        if (self.settings.get(23) as i64 >> self.homing_axis) & 1 == 0 { 1 } else { -1 }
+    }
+
+    fn at_homing_switch(&self, at_s: f64) -> bool {
+        match (&self.slide, self.homing_axis) {
+            (Some(slide), SLIDE) => slide.steps_to_end(self.homing_direction()) == 0,
+            _ => self.shaft.at_index(at_s),
+        }
     }
 
     /// One leg of the homing cycle is done.
     fn homed(&mut self, at_s: f64) {
         match self.homing {
             Homing::Search => self.home(Homing::PullOff, at_s),
-            Homing::PullOff if self.shaft.at_index(at_s) => self.homing_failed(8),
+            Homing::PullOff if self.at_homing_switch(at_s) => self.homing_failed(8),
             Homing::PullOff => self.home(Homing::Locate, at_s),
             Homing::Locate => {
-                self.shaft.count_from_here();
+                if self.homing_axis == SHAFT {
+                    self.shaft.count_from_here();
+                }
                 self.home(Homing::Leave, at_s);
             }
             Homing::Leave => {
+                let axis = self.homing_axis;
                 let pull_off = self.settings.get(27);
-                let units = if self.settings.get(23) as i64 & 1 == 0 { -pull_off } else { pull_off - self.settings.get(130) };
-                self.position[0] = (units * self.settings.get(100)).round() as i64;
+                let units = if self.homing_direction() > 0 { -pull_off } else { pull_off - self.settings.per_axis(130)[axis] };
+                self.position[axis] = (units * self.settings.per_axis(100)[axis]).round() as i64;
+                if self.homing_all && axis == SHAFT && self.slide.is_some() {
+                    self.homing_axis = SLIDE;
+                    return self.home(Homing::Search, at_s);
+                }
                 self.parser.position = self.machine(self.position);
                 self.mode = Mode::Idle;
                 self.homed = true;

@@ -24,7 +24,7 @@ impl Bench {
     fn of(dialect: Dialect) -> Self {
         let shaft = Arc::new(Shaft::new(RigClock::new(1.0), ShaftSettings::default()));
         let faults = Arc::new(SerialFaults::default());
-        let mut firmware = Firmware::new(Arc::clone(&shaft), Arc::clone(&faults), Settings::default(), dialect);
+        let mut firmware = Firmware::new(Arc::clone(&shaft), None, Arc::clone(&faults), Settings::default(), dialect);
         firmware.boot();
         Self { firmware, shaft, faults, now_s: 0.0 }
     }

@@ -31,6 +31,14 @@ impl Contents {
         Ok(Self { specimens: settle(self.specimens)?, clutter: settle(self.clutter)? })
     }
 
+    /// Everything carried along x.
+    pub(super) fn shifted(mut self, by_um: f64) -> Self {
+        for specimen in self.specimens.iter_mut().chain(&mut self.clutter) {
+            specimen.move_all(|[x, y, z]| [x + by_um, y, z]);
+        }
+        self
+    }
+
     /// Everything that is drawn.
     pub(super) fn all(&self) -> impl Iterator<Item = &Specimen> {
         self.specimens.iter().chain(&self.clutter)

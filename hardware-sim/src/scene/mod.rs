@@ -68,7 +68,14 @@ pub struct Scene {
     /// The empty capillary before and after blur.
     sharp: Vec<[f32; 3]>,
     soft: Vec<[f32; 3]>,
-    loaded: RwLock<Arc<Contents>>,
+    loaded: RwLock<Loaded>,
+}
+
+/// What lies in the capillary, in the picture's coordinates, and how far along x it has been carried.
+#[derive(Debug, Default)]
+struct Loaded {
+    contents: Arc<Contents>,
+    shift_um: f64,
 }
 
 impl Scene {
@@ -86,8 +93,20 @@ impl Scene {
     /// Refuses what leaves the bore; what was loaded then stays.
     pub fn load(&self, contents: impl Into<Contents>) -> Result<(), PlacementError> {
         let settled = contents.into().settled(self.settings.capillary.bore_radius_um())?;
-        *self.loaded.write().unwrap_or_else(PoisonError::into_inner) = Arc::new(settled);
+        let mut loaded = self.loaded.write().unwrap_or_else(PoisonError::into_inner);
+        loaded.contents = Arc::new(settled.shifted(loaded.shift_um));
         Ok(())
+    }
+
+    /// Carries the capillary with what lies in it to `shift_um` along x; the camera stays.
+    pub fn slide_to(&self, shift_um: f64) {
+        let mut loaded = self.loaded.write().unwrap_or_else(PoisonError::into_inner);
+        let by_um = shift_um - loaded.shift_um;
+        // Rounding is no way.
+        if by_um.abs() > 1e-6 {
+            loaded.contents = Arc::new(Contents::clone(&loaded.contents).shifted(by_um));
+            loaded.shift_um = shift_um;
+        }
     }
 
     pub fn settings(&self) -> &SceneSettings {
@@ -96,7 +115,7 @@ impl Scene {
 
     /// What is loaded, placed in the bore.
     pub fn contents(&self) -> Arc<Contents> {
-        Arc::clone(&self.loaded.read().unwrap_or_else(PoisonError::into_inner))
+        Arc::clone(&self.loaded.read().unwrap_or_else(PoisonError::into_inner).contents)
     }
 
     /// Truth of the one specimen that is loaded; None where there is none or more than one.

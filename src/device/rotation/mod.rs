@@ -14,7 +14,7 @@ mod port;
 mod relay;
 
 pub use bridge::{Degrees, VastBridge, VastBridgeSettings};
-pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, Reference, TranslationSettings};
 pub use identify::{Answer, identify};
 pub use port::{Port, UsbAdapter, list as serial_ports};
 pub use relay::{Relay, RelaySettings};

@@ -63,7 +63,7 @@ impl Grbl {
         };
         hold(STATUS_MASK, "status report", "odd, to report machine positions".into(), &|mask| mask as u32 & 1 == 1);
         hold(INCHES, "report in inches", "0".into(), &|inches| inches == 0.0);
-        if self.settings.reference == Reference::Home {
+        if self.settings.reference == Reference::Home || self.slide.is_some() {
             hold(HOMING, "homing", "on (odd)".into(), &|homing| homing as u32 & 1 == 1);
         }
         for axis in self.axes() {

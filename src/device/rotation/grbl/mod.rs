@@ -17,10 +17,12 @@
 
 mod agree;
 mod geometry;
+mod linear;
 mod report;
 mod settings;
 mod talk;
 
+pub use linear::TranslationSettings;
 pub use settings::{AxisLetter, Dialect, GrblSettings, Reference};
 
 use super::link::Link;
@@ -29,6 +31,7 @@ use crate::device::{Achieved, Capabilities, DeviceError, Position, RotationAxis,
 use crate::units::Steps;
 use agree::Found;
 use geometry::Geometry;
+use linear::Slide;
 use report::{Line, State};
 use std::time::Instant;
 
@@ -62,6 +65,8 @@ pub struct Grbl {
     memory_erased: bool,
     /// Homing makes the switch machine position 0, by the firmware's build options.
     zero_at_home: bool,
+    /// The axis that moves the capillary along, where this controller has it.
+    slide: Option<Slide>,
     /// Its settings when they last agreed with the configuration.
     found: Found,
 }
@@ -80,7 +85,18 @@ impl Grbl {
     /// # Errors
     /// A bad setting, a port that cannot be opened, a silent controller, one of another kind or with other settings.
     pub fn open(settings: GrblSettings) -> Result<Self, DeviceError> {
+        Self::with_translation(settings, None)
+    }
+
+    /// The same for a controller that moves the capillary along as well, on another of its axes.
+    ///
+    /// # Errors
+    /// As `open`.
+    pub fn with_translation(settings: GrblSettings, translation: Option<TranslationSettings>) -> Result<Self, DeviceError> {
         settings.check()?;
+        if let Some(translation) = &translation {
+            translation.check()?;
+        }
         let link = Link::serial(DEVICE, &settings.port, settings.baud, STOP)?;
         let mut grbl = Self {
             link,
@@ -92,6 +108,7 @@ impl Grbl {
             is_hal: false,
             memory_erased: false,
             zero_at_home: false,
+            slide: translation.map(Slide::new),
             found: Found::new(),
         };
         let greeting = grbl.wake()?;
@@ -115,7 +132,7 @@ impl Grbl {
 
     /// The axes that are driven through this controller.
     fn axes(&self) -> Vec<Geometry> {
-        vec![self.rotation()]
+        std::iter::once(self.rotation()).chain(self.slide.as_ref().map(Slide::geometry)).collect()
     }
 
     /// Moves an axis from one machine step to another and returns once it stands there.
@@ -141,6 +158,11 @@ impl Grbl {
             self.link.halt();
             self.in_flight = false;
         }
+        if let Some(slide) = &mut self.slide
+            && matches!(slide.knowledge, Knowledge::Referenced { .. })
+        {
+            slide.knowledge = Knowledge::Suspect { why: error.to_string() };
+        }
         if matches!(self.knowledge, Knowledge::Referenced { .. }) {
             self.epoch += 1;
             self.knowledge = Knowledge::Suspect { why: error.to_string() };
@@ -157,28 +179,28 @@ impl Grbl {
         }
         self.wake()?;
         self.compare_settings()?;
-        let how = self.settings.reference;
-        match how {
-            Reference::Home => {
-                self.in_flight = true;
-                self.command("$H", self.settings.homing_timeout(), |_| {})?;
-                self.in_flight = false;
-            }
-            Reference::Here if self.status()?.state == State::Alarm => {
-                self.command("$X", self.settings.answer_timeout(), |_| {})?;
-            }
-            Reference::Here => {}
-        }
         let axis = self.rotation();
-        let until = Instant::now() + self.settings.answer_timeout();
-        let lies_between = || DeviceError::Suspect { why: "the controller reports a place between two steps".into() };
-        let origin = self.standing(&axis, until)?.ok_or_else(lies_between)?;
         if self.settings.reference == Reference::Home {
-            self.has_homed(&axis, origin)?;
+            self.in_flight = true;
+            self.command("$H", self.settings.homing_timeout(), |_| {})?;
+            self.in_flight = false;
+            self.slide_has_homed()?;
+            return self.homed_origin(&axis);
         }
+        if self.status()?.state == State::Alarm {
+            self.command("$X", self.settings.answer_timeout(), |_| {})?;
+        }
+        let until = Instant::now() + self.settings.answer_timeout();
+        let origin = self.origin(&axis, until)?;
         // Read twice: every later angle hangs on this number.
         self.confirm(&axis, origin, origin, until)?;
         Ok(origin)
+    }
+
+    /// The machine step where an axis stands that has just been referenced.
+    fn origin(&mut self, axis: &Geometry, until: Instant) -> Result<i64, DeviceError> {
+        let lies_between = || DeviceError::Suspect { why: "the controller reports a place between two steps".into() };
+        self.standing(axis, until)?.ok_or_else(lies_between)
     }
 
     /// An `ok` to `$H` alone is no proof: one bit makes it `$X`, which is answered by `ok` as well.
@@ -243,6 +265,10 @@ impl RotationAxis for Grbl {
                 Err(error)
             }
         }
+    }
+
+    fn linear(&mut self) -> Option<&mut dyn crate::device::LinearAxis> {
+        self.slide.is_some().then_some(self as &mut dyn crate::device::LinearAxis)
     }
 
     fn position(&self) -> Position {

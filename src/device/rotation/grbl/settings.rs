@@ -90,7 +90,7 @@ pub enum Reference {
 }
 
 /// Largest steps per unit: with positions in thousandths of a unit, half a thousandth is then a fifth of a step.
-const MOST_STEPS_PER_UNIT: f64 = 400.0;
+pub(super) const MOST_STEPS_PER_UNIT: f64 = 400.0;
 
 impl GrblSettings {
     /// # Errors
