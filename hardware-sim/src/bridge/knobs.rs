@@ -12,6 +12,7 @@ pub struct Knobs(Arc<Shared>);
 #[derive(Debug, Default)]
 struct Shared {
     taken_up: AtomicU32,
+    finished: AtomicU32,
     lost_requests: AtomicU32,
     missed_triggers: AtomicU32,
     doubled_arrivals: AtomicU32,
@@ -31,6 +32,11 @@ impl Knobs {
     /// A specimen stands in the capillary: the machine reads its list and goes to the first line.
     pub fn take_up_specimen(&self) {
         self.0.taken_up.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// How many lists were gone through and out of their ends.
+    pub fn finished_lists(&self) -> u32 {
+        self.0.finished.load(Ordering::Relaxed)
     }
 
     /// The next `count` requests never reach the bridge.
@@ -70,6 +76,10 @@ impl Knobs {
 
     pub(super) fn taken_up(&self) -> bool {
         take_one(&self.0.taken_up)
+    }
+
+    pub(super) fn list_finished(&self) {
+        self.0.finished.fetch_add(1, Ordering::Relaxed);
     }
 
     pub(super) fn request_lost(&self) -> bool {

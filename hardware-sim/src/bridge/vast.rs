@@ -63,6 +63,7 @@ impl Vast {
     pub fn trigger(&mut self, now_s: f64) {
         if matches!(self.phase, Phase::Stands) && !self.next_line(now_s) {
             self.phase = Phase::Idle;
+            self.settings.knobs.list_finished();
         }
     }
 
