@@ -1,10 +1,10 @@
-//! An emulated VAST rig, seen from outside only through real bytes: a Grbl controller on a pty and a GigE Vision camera on
+//! An emulated VAST rig, seen from outside only through real bytes: a motor controller on a pty and a GigE Vision camera on
 //! loopback.
 //!
 //! ```text
-//!   host ── serial ──► grbl ── steps ──► shaft ── true angle ──► gige ── UDP ──► host
-//!                                                                 │
-//!                                              Sight: the scene, a replay, a test card
+//!   host ── serial ──► grbl, tmcl ── steps ──► shaft ── true angle ──► gige ── UDP ──► host
+//!                                                                       │
+//!                                                    Sight: the scene, a replay, a test card
 //! ```
 //! The camera looks at where the shaft truly is, so a wrong move gives a wrong picture. Angle 0 is the reference switch:
 //! after homing with the default settings that is machine position 0, and the shaft stands one pull-off before it.
@@ -17,6 +17,7 @@ pub mod clock;
 pub mod gige;
 pub mod grbl;
 pub mod motion;
+mod motor_faults;
 pub mod relay;
 pub mod replay;
 pub mod rig;
@@ -26,8 +27,10 @@ pub mod shaft;
 pub mod sight;
 pub mod slide;
 pub mod test_card;
+pub mod tmcl;
 pub mod truth;
 
+pub use motor_faults::MotorFaults;
 pub use replay::{Replay, ReplayError};
 pub use rig::{CameraAddress, Controller, Faults, Rig, RigError, RigSettings};
 pub use scene::Exposure;

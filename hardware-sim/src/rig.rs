@@ -4,11 +4,13 @@ use crate::bridge;
 use crate::clock::RigClock;
 use crate::gige::{CameraFaults, GigeCamera};
 use crate::grbl;
+use crate::motor_faults::MotorFaults;
 use crate::relay::{self, Relay};
 use crate::serial::{Firmware, SerialFaults, SerialPort};
 use crate::shaft::{Shaft, ShaftSettings};
 use crate::sight::{PixelFormat, Sight};
 use crate::slide::{OnSlide, Slide, SlideSettings};
+use crate::tmcl;
 use crate::truth::ExposureRecord;
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
@@ -30,6 +32,8 @@ pub enum Controller {
     Grbl(grbl::Settings),
     Bridge(bridge::Settings),
     GrblHal(grbl::Settings),
+    /// A pair of motors on one Trinamic module.
+    Tmcl(tmcl::Settings),
 }
 
 impl Default for Controller {
@@ -39,11 +43,18 @@ impl Default for Controller {
 }
 
 impl Controller {
-    fn firmware(self, shaft: Arc<Shaft>, slide: Option<Arc<Slide>>, faults: Arc<SerialFaults>) -> Box<dyn Firmware> {
+    fn firmware(
+        self,
+        shaft: Arc<Shaft>,
+        slide: Option<Arc<Slide>>,
+        faults: Arc<SerialFaults>,
+        motors: &Arc<MotorFaults>,
+    ) -> Box<dyn Firmware> {
         match self {
             Self::Bridge(settings) => Box::new(bridge::Firmware::new(shaft, settings)),
             Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::Grbl)),
             Self::GrblHal(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::GrblHal)),
+            Self::Tmcl(settings) => Box::new(tmcl::Firmware::new(&shaft, motors, settings)),
         }
     }
 }
@@ -105,6 +116,7 @@ pub struct Rig {
     slide: Option<Arc<Slide>>,
     port: SerialPort,
     relay: Option<Relay>,
+    motors: Arc<MotorFaults>,
     camera: GigeCamera,
 }
 
@@ -126,7 +138,8 @@ impl Rig {
             return Err(RigError::StepsPerRevolution { steps, revolutions });
         }
         let clock = RigClock::new(settings.time_scale);
-        let shaft = Arc::new(Shaft::new(clock, settings.shaft));
+        let shaft = Shaft::new(clock, settings.shaft);
+        let shaft = Arc::new(if matches!(settings.controller, Controller::Tmcl(_)) { shaft.paired() } else { shaft });
         let slide = settings.slide.map(|settings| Arc::new(Slide::new(clock, settings)));
         let sight: Arc<dyn Sight> = match &slide {
             Some(slide) => Arc::new(OnSlide { sight, slide: Arc::clone(slide) }),
@@ -135,10 +148,11 @@ impl Rig {
         let camera = start_camera(&settings, clock, &shaft, &sight)?;
         let link = settings.serial_link;
         let controller = settings.controller;
-        let port = SerialPort::start(clock, |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), faults), link.clone())
-            .map_err(|why| RigError::Serial { link, why })?;
+        let motors = Arc::new(MotorFaults::default());
+        let firmware = |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), faults, &motors);
+        let port = SerialPort::start(clock, firmware, link.clone()).map_err(|why| RigError::Serial { link, why })?;
         let relay = settings.relay.map(|relay| Relay::start(clock, Arc::clone(&shaft), relay)).transpose().map_err(RigError::Relay)?;
-        Ok(Self { shaft, slide, port, relay, camera })
+        Ok(Self { shaft, slide, port, relay, motors, camera })
     }
 
     /// What a host opens as the motor controller's port.
@@ -188,6 +202,11 @@ impl<'a> Faults<'a> {
     /// What the camera sends.
     pub fn camera(&self) -> &'a CameraFaults {
         self.rig.camera.faults()
+    }
+
+    /// What happens at the motors, where the controller's firmware can do something about it (TMCL).
+    pub fn motors(&self) -> &'a MotorFaults {
+        &self.rig.motors
     }
 
     /// The motor will not follow the next `steps` steps.

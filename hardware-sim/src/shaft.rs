@@ -7,6 +7,8 @@
 //! ```
 //! Angles are unwrapped and counted from the index at which the firmware last referenced the axis, so the view that closes
 //! a revolution (360 deg) is another one than the first (0 deg).
+//!
+//! A pair of motors holds the capillary at both ends: in the picture it stands at their mean, and their difference twists it.
 
 use crate::clock::RigClock;
 use crate::motion::MotionProfile;
@@ -46,21 +48,47 @@ impl Motion {
     }
 }
 
+/// One of the motors at the ends of the capillary.
 #[derive(Debug)]
-struct State {
-    /// Where the shaft stood when the present move began.
+struct Drive {
+    /// Where it stood when the present move began.
     rest_steps: i64,
     motion: Option<Motion>,
-    /// Steps that the motor will still fail to make.
+    /// Steps that it will still fail to make.
     to_lose: u32,
-    /// The index from which angles are counted.
-    datum_steps: i64,
 }
 
-impl State {
+impl Drive {
     fn position(&self, now_s: f64) -> f64 {
         let issued = self.motion.as_ref().map_or(0.0, |m| m.issued(now_s));
         self.rest_steps as f64 + issued - issued.signum() * issued.abs().min(f64::from(self.to_lose))
+    }
+
+    fn settle(&mut self, now_s: f64) -> i64 {
+        let Some(motion) = self.motion.take() else { return 0 };
+        let issued = motion.issued(now_s).round() as i64;
+        let lost = issued.unsigned_abs().min(u64::from(self.to_lose));
+        self.to_lose -= lost as u32;
+        self.rest_steps += issued - issued.signum() * lost as i64;
+        issued
+    }
+}
+
+#[derive(Debug)]
+struct State {
+    drives: Vec<Drive>,
+    /// The index from which angles are counted.
+    datum_steps: f64,
+    /// Play between motor and capillary, and where the capillary stood when a move last began or ended.
+    play_steps: f64,
+    capillary_steps: f64,
+}
+
+impl State {
+    /// Where the capillary stands: dragged along behind the motors by the play.
+    fn position(&self, now_s: f64) -> f64 {
+        let motors = self.drives.iter().map(|d| d.position(now_s)).sum::<f64>() / self.drives.len() as f64;
+        self.capillary_steps.clamp(motors - self.play_steps, motors)
     }
 }
 
@@ -74,8 +102,21 @@ pub struct Shaft {
 
 impl Shaft {
     pub fn new(clock: RigClock, settings: ShaftSettings) -> Self {
-        let state = State { rest_steps: settings.power_on_steps, motion: None, to_lose: 0, datum_steps: settings.index_steps };
+        let steps = settings.power_on_steps;
+        let state = State {
+            drives: vec![Drive { rest_steps: steps, motion: None, to_lose: 0 }],
+            datum_steps: settings.index_steps as f64,
+            play_steps: 0.0,
+            capillary_steps: steps as f64,
+        };
         Self { clock, settings, state: Mutex::new(state) }
+    }
+
+    /// The same, held by a pair of motors.
+    pub(crate) fn paired(self) -> Self {
+        let steps = self.settings.power_on_steps;
+        self.lock().drives.push(Drive { rest_steps: steps, motion: None, to_lose: 0 });
+        self
     }
 
     /// The true angle at this instant, unwrapped.
@@ -86,7 +127,12 @@ impl Shaft {
     /// The true angle at an instant of rig time, as far as the moves begun by now tell.
     pub fn angle_at_rad(&self, now_s: f64) -> f64 {
         let state = self.lock();
-        self.steps_to_rad(state.position(now_s) - state.datum_steps as f64)
+        self.steps_to_rad(state.position(now_s) - state.datum_steps)
+    }
+
+    /// Where one motor of a pair stands, in steps since the rig was built.
+    pub fn motor_steps(&self, motor: usize) -> f64 {
+        self.lock().drives[motor].position(self.clock.now_s())
     }
 
     pub fn steps_to_rad(&self, steps: f64) -> f64 {
@@ -96,14 +142,28 @@ impl Shaft {
 
     /// The motor will not follow the next `steps` steps it is sent, whichever way.
     pub fn lose_steps(&self, steps: u32) {
-        self.lock().to_lose += steps;
+        self.lose_steps_of(0, steps);
+    }
+
+    /// One motor of a pair will not follow the next `steps` steps.
+    pub fn lose_steps_of(&self, motor: usize, steps: u32) {
+        self.lock().drives[motor].to_lose += steps;
+    }
+
+    /// Puts play between motor and capillary: after a reversal it stays behind by this much.
+    pub fn set_play(&self, steps: f64) {
+        self.lock().play_steps = steps;
     }
 
     /// Begins a move of `steps` spread evenly over a path of length `path`, which `profile` travels.
     pub(crate) fn begin(&self, start_s: f64, steps: i64, path: f64, profile: Arc<MotionProfile>) {
-        let mut state = self.lock();
-        Self::settle(&mut state, start_s);
-        state.motion = Some(Motion { start_s, steps, path, profile });
+        self.begin_of(0, start_s, steps, path, profile);
+    }
+
+    /// The same, by one motor of a pair.
+    pub(crate) fn begin_of(&self, motor: usize, start_s: f64, steps: i64, path: f64, profile: Arc<MotionProfile>) {
+        self.end_of(motor, start_s);
+        self.lock().drives[motor].motion = Some(Motion { start_s, steps, path, profile });
     }
 
     /// Begins a move from rest to rest; says how long it takes, s.
@@ -119,7 +179,11 @@ impl Shaft {
 
     /// The move under way goes on by another profile of the same path.
     pub(crate) fn replan(&self, start_s: f64, profile: Arc<MotionProfile>) {
-        if let Some(motion) = &mut self.lock().motion {
+        self.replan_of(0, start_s, profile);
+    }
+
+    pub(crate) fn replan_of(&self, motor: usize, start_s: f64, profile: Arc<MotionProfile>) {
+        if let Some(motion) = &mut self.lock().drives[motor].motion {
             motion.start_s = start_s;
             motion.profile = profile;
         }
@@ -127,13 +191,24 @@ impl Shaft {
 
     /// Ends the move where it is at `now_s`; returns the whole steps that were issued.
     pub(crate) fn end(&self, now_s: f64) -> i64 {
-        Self::settle(&mut self.lock(), now_s)
+        self.end_of(0, now_s)
+    }
+
+    pub(crate) fn end_of(&self, motor: usize, now_s: f64) -> i64 {
+        let mut state = self.lock();
+        let issued = state.drives[motor].settle(now_s);
+        state.capillary_steps = state.position(now_s);
+        issued
     }
 
     /// Steps to go until the reference switch trips, turning in `direction`; 0 where it is pressed already.
     pub(crate) fn steps_to_index(&self, direction: i64) -> i64 {
+        self.steps_to_index_of(0, direction)
+    }
+
+    pub(crate) fn steps_to_index_of(&self, motor: usize, direction: i64) -> i64 {
         let per_revolution = self.steps_per_revolution();
-        let ahead = ((self.settings.index_steps - self.lock().rest_steps) * direction) as f64;
+        let ahead = ((self.settings.index_steps - self.lock().drives[motor].rest_steps) * direction) as f64;
         let to_go = ahead.rem_euclid(per_revolution);
         // Just past the index by less than half a step is still at it.
         if per_revolution - to_go < 0.5 { 0 } else { to_go.round() as i64 }
@@ -162,16 +237,7 @@ impl Shaft {
     /// The firmware has found the index here: angles count from it.
     pub(crate) fn count_from_here(&self) {
         let mut state = self.lock();
-        state.datum_steps = state.rest_steps;
-    }
-
-    fn settle(state: &mut State, now_s: f64) -> i64 {
-        let Some(motion) = state.motion.take() else { return 0 };
-        let issued = motion.issued(now_s).round() as i64;
-        let lost = issued.unsigned_abs().min(u64::from(state.to_lose));
-        state.to_lose -= lost as u32;
-        state.rest_steps += issued - issued.signum() * lost as i64;
-        issued
+        state.datum_steps = state.position(self.clock.now_s());
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {

@@ -33,7 +33,9 @@ pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
         RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::with_translation(settings.clone(), config.translation)?),
         RotationDriver::VastBridge(settings) => Box::new(rotation::VastBridge::open(settings.clone(), config.steps_per_revolution)?),
         RotationDriver::Relay(settings) => Box::new(rotation::Relay::open(settings.clone(), config.steps_per_revolution)?),
+        RotationDriver::Tmcl(settings) => Box::new(rotation::Tmcl::open(settings.clone())?),
     };
+    let rotation = rotation::one_sided(rotation, config.backlash_steps)?;
     let camera = match &config.camera {
         CameraDriver::Aravis(settings) => camera::open(settings.clone())?,
     };

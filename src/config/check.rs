@@ -24,6 +24,8 @@ pub struct Config {
     pub calibration: CalibrationConfig,
     pub rig_name: String,
     pub steps_per_revolution: StepsPerRevolution,
+    /// Taken up by approaching every stop from the same side.
+    pub backlash_steps: u32,
     pub acquisition: AcquisitionSettings,
     /// The rig's nominal camera.
     pub optics: Camera,
@@ -154,6 +156,7 @@ impl Config {
             calibration: raw.calibration,
             rig_name: raw.rig.name,
             steps_per_revolution: raw.rig.steps_per_revolution,
+            backlash_steps: raw.rig.backlash_steps,
             acquisition: raw.acquisition,
             optics,
             empty_capillary,

@@ -4,7 +4,7 @@ use super::Method;
 use crate::acquisition::AcquisitionSettings;
 use crate::device::DeviceError;
 use crate::device::camera::AravisSettings;
-use crate::device::rotation::{GrblSettings, RelaySettings, TranslationSettings, VastBridgeSettings};
+use crate::device::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings};
 use crate::frame::PixelFormat;
 use crate::http::HttpSettings;
 use crate::units::StepsPerRevolution;
@@ -60,6 +60,9 @@ impl Default for CalibrationConfig {
 pub(super) struct RawRig {
     pub name: String,
     pub steps_per_revolution: StepsPerRevolution,
+    /// Play between motor and capillary, motor steps: every stop is approached from the same side by at least this much.
+    #[serde(default)]
+    pub backlash_steps: u32,
 }
 
 /// psi as a rig's data sheet has it; angles in degrees, lengths in um, image positions in px.
@@ -89,6 +92,7 @@ pub enum RotationDriver {
     Grbl(GrblSettings),
     VastBridge(VastBridgeSettings),
     Relay(RelaySettings),
+    Tmcl(TmclSettings),
 }
 
 impl RotationDriver {
@@ -99,6 +103,7 @@ impl RotationDriver {
             Self::Grbl(settings) => settings.check(),
             Self::VastBridge(settings) => settings.check(per_revolution),
             Self::Relay(settings) => settings.check(),
+            Self::Tmcl(settings) => settings.check(),
         }
     }
 }

@@ -19,6 +19,12 @@ pub enum DeviceError {
     Unexpected { device: &'static str, expected: String, found: String },
     #[error("{device}: its settings are not those of the configuration; it will not move until they agree:{}", rows(differences))]
     Mismatch { device: &'static str, differences: Vec<Difference> },
+    #[error(
+        "{device}: the two motors of the pair stand at {first} and {second}; they may be {limit} steps apart. Both were stopped. Look for a blocked motor, turn the capillary free of twist, then reference the axis again"
+    )]
+    Skew { device: &'static str, first: Steps, second: Steps, limit: u32 },
+    #[error("{device}: {motor} stalled at {at} on its way to {target} ({evidence}). Free the capillary, then reference the axis again")]
+    Stalled { device: &'static str, motor: String, at: Steps, target: Steps, evidence: String },
     #[error("{device}: the controller reports {what}. Clear the cause, then reference the axis again")]
     Alarm { device: &'static str, what: String },
     #[error("rotation axis: not referenced; its position is not known, so it refuses to move")]

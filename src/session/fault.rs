@@ -45,7 +45,9 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
             | DeviceError::NotArmed => ("camera_failed", "camera", PauseInstrument),
             DeviceError::Sampler { .. } => ("sampler_failed", "sampler", PauseInstrument),
             // What the controller was told or is set to is not what its machine allows: a person has to look.
-            DeviceError::Alarm { .. } => ("rotation_alarm", "motion", EscalateOperator),
+            DeviceError::Alarm { .. } | DeviceError::Skew { .. } | DeviceError::Stalled { .. } => {
+                ("rotation_alarm", "motion", EscalateOperator)
+            }
             DeviceError::Mismatch { .. } => ("rotation_settings", "motion", EscalateOperator),
             DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => (ROTATION_LOST, "motion", PauseInstrument),
             // Nothing here ends what the machine is in: a person has to.

@@ -19,6 +19,8 @@ pub struct SerialFaults {
 #[derive(Debug, Default, Clone)]
 pub(super) struct Line {
     delay: Duration,
+    /// How many answers leave in time before the one that is late, and how late.
+    delay_one: Option<(u32, Duration)>,
     split: bool,
     stray_to_host: Vec<u8>,
     stray_to_controller: Vec<u8>,
@@ -82,6 +84,11 @@ impl SerialFaults {
     /// Every answer from now on leaves this much later (real time).
     pub fn delay_answers(&self, by: Duration) {
         self.line().delay = by;
+    }
+
+    /// The answer after `answers` more leaves this much later, and all others behind it.
+    pub fn delay_answer_after(&self, answers: u32, by: Duration) {
+        self.line().delay_one = Some((answers, by));
     }
 
     /// Every byte from now on leaves by itself.
@@ -152,8 +159,18 @@ impl SerialFaults {
         self.lost_bytes.fetch_add(1, Ordering::Relaxed);
     }
 
-    pub(super) fn delay(&self) -> Duration {
-        self.line().delay
+    /// How much later a piece of output leaves than it was said.
+    pub(super) fn take_delay(&self) -> Duration {
+        let mut line = self.line();
+        let once = match &mut line.delay_one {
+            Some((0, by)) => std::mem::take(by),
+            Some((answers, _)) => {
+                *answers -= 1;
+                Duration::ZERO
+            }
+            None => Duration::ZERO,
+        };
+        line.delay + once
     }
 
     pub(crate) fn take_dropped_ok(&self) -> bool {

@@ -249,8 +249,10 @@ impl Worker {
 
     fn write(&mut self) {
         let Sent { pieces, unplug } = self.faults.sent(self.firmware.take_output());
-        let due = Instant::now() + self.faults.delay();
-        self.outgoing.extend(pieces.into_iter().map(|piece| (due, piece)));
+        if !pieces.is_empty() {
+            let due = Instant::now() + self.faults.take_delay();
+            self.outgoing.extend(pieces.into_iter().map(|piece| (due, piece)));
+        }
         let now = Instant::now();
         while self.outgoing.front().is_some_and(|(due, _)| *due <= now) {
             let Some((_, bytes)) = self.outgoing.pop_front() else { break };

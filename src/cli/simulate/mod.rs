@@ -1,19 +1,19 @@
 //! `carved simulate`: the emulated rig and the daemon on it, over the real doors.
 //!
 //! ```text
-//! hardware-sim: scene or recording ── Grbl firmware on a pty ──> serialport ──┐
+//! hardware-sim: scene or recording ── motor firmware on a pty ─> serialport ──┐
 //!                                 └── GigE camera on 127.0.0.x ─> Aravis ─────┴──> the same daemon as `serve`
 //! ```
 
+mod controller;
 mod job;
 mod replay;
 mod scenery;
 
 use super::daemon::Daemon;
 use super::serve;
-use crate::config::{CameraDriver, Config, RotationDriver};
+use crate::config::{CameraDriver, Config};
 use crate::device::camera::CameraSelect;
-use crate::device::rotation::Port;
 use crate::device::sampler::{LoaderGate, Sampler};
 use crate::session::{Instrument, Mode, is_well};
 use anyhow::Context;
@@ -44,6 +44,9 @@ pub struct Args {
     /// Wells of every simulated plate that hold nothing.
     #[arg(long, value_delimiter = ',', default_value = "A04", value_parser = well)]
     empty: Vec<String>,
+    /// The controller that turns the emulated capillary.
+    #[arg(long, value_enum, default_value_t = controller::Make::Grbl)]
+    controller: controller::Make,
     /// Play a recording back through both device doors instead of the scene, and compare the numbers.
     #[arg(long, value_name = "RECORDING")]
     replay: Option<PathBuf>,
@@ -63,6 +66,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     config.http.listen = args.listen;
     config.store.data_dir.clone_from(&args.data);
     config.acquisition.settle_ms = (f64::from(config.acquisition.settle_ms) / args.time_scale).ceil() as u32;
+    args.controller.configure(&mut config, args.time_scale)?;
     let listener = config.http.bind()?;
     let listen = listener.local_addr().context("the address that is served")?;
     config.http.listen = listen;
@@ -72,8 +76,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     };
 
     let rig = Rig::start(rig_settings(&config, args.time_scale), sight).context("the emulated rig did not start")?;
-    let RotationDriver::Grbl(grbl) = &mut config.rotation else { anyhow::bail!("{CONFIG_NAME}: the emulated rig's axis is a Grbl one") };
-    grbl.port = Port::Path(rig.serial_path().to_string_lossy().into_owned());
+    controller::connect(&mut config.rotation, &rig.serial_path())?;
     let CameraDriver::Aravis(camera) = &mut config.camera;
     camera.select = CameraSelect::Address(rig.camera_address());
     let devices = serve::open_rig(&config)?;
@@ -103,5 +106,5 @@ struct Before {
 fn rig_settings(config: &Config, time_scale: f64) -> RigSettings {
     let [num, den] = config.steps_per_revolution.into();
     let shaft = ShaftSettings { steps_per_revolution: (num, den), ..ShaftSettings::default() };
-    RigSettings { shaft, time_scale, ..RigSettings::default() }
+    RigSettings { shaft, time_scale, controller: controller::emulated(&config.rotation), ..RigSettings::default() }
 }

@@ -41,10 +41,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     let CameraDriver::Aravis(camera) = &mut config.camera;
     camera.pixel_format = recording.rig.pixel_format;
     (camera.width, camera.height) = (recording.rig.camera.width, recording.rig.camera.height);
-    // The rig counts its angles from the reference switch, and homing leaves the axis one pull-off before it.
-    let RotationDriver::Grbl(grbl) = &config.rotation else { anyhow::bail!("a recording is replayed through a Grbl axis") };
-    let [per_unit, units] = grbl.steps_per_unit.map(f64::from);
-    let reference = Steps(-(f64::from(hardware_sim::grbl::Settings::default().get(HOMING_PULL_OFF)) * per_unit / units).round() as i64);
+    let reference = reference(&config.rotation);
     let frames = recording
         .ledger
         .entries()
@@ -66,6 +63,13 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     let [num, den] = config.steps_per_revolution.into();
     let sight = Replay::new(frames, (num, den)).with_context(|| reader.folder().display().to_string())?;
     Ok(Before { sight: Arc::new(sight), sampler: Box::new(ReplaySampler), job })
+}
+
+/// Where homing leaves the axis. The rig counts its angles from the reference switch, and Grbl stops one pull-off before it.
+fn reference(rotation: &RotationDriver) -> Steps {
+    let RotationDriver::Grbl(grbl) = rotation else { return Steps(0) };
+    let [per_unit, units] = grbl.steps_per_unit.map(f64::from);
+    Steps(-(f64::from(hardware_sim::grbl::Settings::default().get(HOMING_PULL_OFF)) * per_unit / units).round() as i64)
 }
 
 /// The emulated axis makes an even turn from step 0: only frames of its stops can be shown.

@@ -1,20 +1,32 @@
 //! Rotation axes: drivers behind [`super::RotationAxis`].
 //!
 //! ```text
-//! Grbl (protocol, knowledge of the position) ── Link (bytes, lines, deadlines, the latched stop) ── Door (tty, TCP)
+//!              ┌─ Grbl ───────┐  (protocol, knowledge of the position)
+//! one_sided ───┼─ Tmcl ───────┤
+//! (backlash)   ├─ VastBridge ─┼─ Link (bytes, lines, deadlines, the latched stop) ── Door (tty, TCP)
+//!              └─ Relay ──────┘
 //! ```
 
 mod bridge;
 mod door;
 mod grbl;
 mod identify;
+mod knowledge;
 mod link;
+mod one_sided;
 mod pace;
 mod port;
+mod reference;
 mod relay;
+#[cfg(test)]
+mod scripted;
+mod tmcl;
 
 pub use bridge::{Degrees, VastBridge, VastBridgeSettings};
-pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, Reference, TranslationSettings};
+pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, TranslationSettings};
 pub use identify::{Answer, identify};
+pub use one_sided::{OneSided, one_sided};
 pub use port::{Port, UsbAdapter, list as serial_ports};
+pub use reference::Reference;
 pub use relay::{Relay, RelaySettings};
+pub use tmcl::{ClockDivisors, Tmcl, TmclSettings};

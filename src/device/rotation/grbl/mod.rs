@@ -23,8 +23,9 @@ mod settings;
 mod talk;
 
 pub use linear::TranslationSettings;
-pub use settings::{AxisLetter, Dialect, GrblSettings, Reference};
+pub use settings::{AxisLetter, Dialect, GrblSettings};
 
+use super::Reference;
 use super::link::Link;
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};

@@ -1,7 +1,7 @@
 //! The `[rotation]` table of a Grbl controller, and its geometry in whole steps.
 
 use crate::device::DeviceError;
-use crate::device::rotation::Port;
+use crate::device::rotation::{Port, Reference};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -77,16 +77,6 @@ pub enum Dialect {
     /// Grbl 1.1 itself.
     Grbl,
     GrblHal,
-}
-
-/// How the axis finds its step 0.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Reference {
-    /// Runs the controller's homing cycle to a switch.
-    Home,
-    /// Takes the place where the axis stands; enough where only angles within one revolution matter.
-    Here,
 }
 
 /// Largest steps per unit: with positions in thousandths of a unit, half a thousandth is then a fifth of a step.

@@ -1,0 +1,34 @@
+//! What the module keeps in its EEPROM: axis parameters, the same for both motors.
+
+use std::collections::BTreeMap;
+
+/// The module and the axis parameters that it starts with.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    pub module_address: u8,
+    pub host_address: u8,
+    /// Type of the module in the upper half, version of its firmware in the lower.
+    pub version: i32,
+    parameters: BTreeMap<u8, i32>,
+}
+
+impl Default for Settings {
+    /// A TMCM-6212, firmware 1.00, which counts in steps/s and steps/s^2. A turn of 6400 microsteps takes two seconds.
+    fn default() -> Self {
+        let parameters = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 3200), (5, 32_000), (8, 1), (10, 0), (11, 0), (140, 5), (181, 0), (206, 512)];
+        Self { module_address: 1, host_address: 2, version: 0x1844_0100, parameters: parameters.into() }
+    }
+}
+
+impl Settings {
+    /// Writes an axis parameter of both motors to the EEPROM.
+    #[must_use]
+    pub fn with(mut self, parameter: u8, value: i32) -> Self {
+        self.parameters.insert(parameter, value);
+        self
+    }
+
+    pub(super) fn parameters(&self) -> BTreeMap<u8, i32> {
+        self.parameters.clone()
+    }
+}

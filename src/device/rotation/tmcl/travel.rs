@@ -1,0 +1,303 @@
+//! Moves of the pair, and what is held against their plan while they last.
+
+use super::frame::{Request, parameter};
+use super::wire::{Answer, refused};
+use super::{DEVICE, Tmcl};
+use crate::device::DeviceError;
+use crate::units::Steps;
+use std::time::{Duration, Instant};
+
+/// Pause between two looks at a turning pair.
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
+/// Looks at a motor without speed, short of its target, until it counts as standing: a ramp takes a moment to begin.
+const STANDING_LOOKS: u32 = 4;
+
+/// Both counters at one moment: the first was asked before and after the second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Look {
+    before: i64,
+    second: i64,
+    after: i64,
+}
+
+impl Look {
+    fn pair(self) -> [i64; 2] {
+        [self.after, self.second]
+    }
+
+    fn both_at(self, place: i64) -> bool {
+        [self.before, self.second, self.after] == [place; 3]
+    }
+
+    fn between(self, from: i64, to: i64) -> bool {
+        [self.before, self.second, self.after].iter().all(|p| (from.min(to)..=from.max(to)).contains(p))
+    }
+
+    /// What the pair is apart by at least, whenever in between the second was asked.
+    fn skew(self) -> u64 {
+        let (low, high) = (self.before.min(self.after), self.before.max(self.after));
+        self.second.abs_diff(self.second.clamp(low, high))
+    }
+}
+
+impl Tmcl {
+    fn look(&mut self) -> Result<Look, DeviceError> {
+        let [first, second] = self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_POSITION, motor));
+        let before = self.wire.ask(first)?.into();
+        let second = self.wire.ask(second)?.into();
+        Ok(Look { before, second, after: self.wire.ask(first)?.into() })
+    }
+
+    fn speeds(&mut self) -> Result<[i32; 2], DeviceError> {
+        let [first, second] = self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_SPEED, motor));
+        Ok([self.wire.ask(first)?, self.wire.ask(second)?])
+    }
+
+    fn max_skew(&self) -> u64 {
+        self.settings.max_skew_steps.into()
+    }
+
+    fn skewed(&self, [first, second]: [i64; 2]) -> DeviceError {
+        DeviceError::Skew { device: DEVICE, first: Steps(first), second: Steps(second), limit: self.settings.max_skew_steps }
+    }
+
+    /// Was the module reset since the reference?
+    fn check_mark(&mut self) -> Result<(), DeviceError> {
+        if self.wire.ask(Request::mark())? == self.mark || self.wire.ask(Request::mark())? == self.mark {
+            return Ok(());
+        }
+        Err(DeviceError::Suspect { why: "the module was reset: what was written into it at the last reference is gone".into() })
+    }
+
+    /// Sure that both motors stand at `place`?
+    pub(super) fn confirm(&mut self, place: i64) -> Result<(), DeviceError> {
+        if self.look()?.both_at(place) {
+            return Ok(());
+        }
+        let look = self.look()?;
+        if look.both_at(place) {
+            return Ok(());
+        }
+        if look.skew() > self.max_skew() {
+            return Err(self.skewed(look.pair()));
+        }
+        let off = look.pair().into_iter().find(|p| *p != place).unwrap_or(look.before);
+        Err(DeviceError::Missed { target: Steps(place), achieved: Steps(off) })
+    }
+
+    /// Turns the pair from one place to another and returns once it stands there.
+    pub(super) fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
+        self.wire.hush()?;
+        self.check_mark()?;
+        self.confirm(from)?;
+        if from == to {
+            return Ok(());
+        }
+        let beyond = |_| DeviceError::Unexpected {
+            device: DEVICE,
+            expected: format!("a target within {} of the reference", Steps(i32::MAX.into())),
+            found: Steps(to).to_string(),
+        };
+        let target = i32::try_from(to).map_err(beyond)?;
+        self.in_flight = true;
+        self.start_pair(|motor| Request::go(motor, target))?;
+        self.watch(from, to, Instant::now() + self.settings.travel_time(to - from))?;
+        self.check_mark()?;
+        self.in_flight = false;
+        Ok(())
+    }
+
+    /// Sets both motors going, one after the other. One alone goes no farther than the skew allows: where its answer takes
+    /// longer, both are stopped, and started once more.
+    fn start_pair(&mut self, request: impl Fn(u8) -> Request) -> Result<(), DeviceError> {
+        let wait = self.settings.skew_time();
+        let mut lost = String::new();
+        for _ in 0..2 {
+            let mut started = 0;
+            for motor in self.settings.motors {
+                match self.wire.once(request(motor), wait)? {
+                    Answer::Value(_) => started += 1,
+                    Answer::Refused(status) => return Err(refused(request(motor), status)),
+                    Answer::Lost(why) => {
+                        self.wire.halt();
+                        self.wire.flush()?;
+                        lost = why;
+                        break;
+                    }
+                }
+            }
+            if started == self.settings.motors.len() {
+                return Ok(());
+            }
+        }
+        Err(DeviceError::Unexpected { device: DEVICE, expected: "both motors to start".into(), found: lost })
+    }
+
+    /// Looks until both counters stand at the target without speed.
+    fn watch(&mut self, from: i64, to: i64, until: Instant) -> Result<(), DeviceError> {
+        let mut doubted = false;
+        let mut last = None;
+        let mut standing = 0;
+        loop {
+            let look = self.look()?;
+            if look.skew() > self.max_skew() || !look.between(from, to) {
+                if std::mem::replace(&mut doubted, true) {
+                    return Err(self.gone_astray(look, from, to));
+                }
+                continue;
+            }
+            doubted = false;
+            standing = if last == Some(look) { standing + 1 } else { 0 };
+            if look.both_at(to) || standing >= STANDING_LOOKS {
+                match self.speeds()? {
+                    [0, 0] if look.both_at(to) => return Ok(()),
+                    [0, 0] => return Err(self.why_short(look, to)),
+                    _ => standing = 0,
+                }
+            }
+            last = Some(look);
+            if Instant::now() > until {
+                let expected = format!("both motors at {to} before the deadline of their speed");
+                let [first, second] = look.pair();
+                return Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("{first} and {second}") });
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+    }
+
+    /// The pair is apart, or a counter is where its way does not lead: both are stopped before the cause is looked for.
+    fn gone_astray(&mut self, look: Look, from: i64, to: i64) -> DeviceError {
+        // Told apart only while the other motor still turns: once both are stopped, neither has speed.
+        let speeds = self.speeds();
+        self.wire.halt();
+        let cause = speeds.and_then(|speeds| {
+            self.wire.flush()?;
+            self.check_mark()?;
+            self.obstacle(look, to, speeds)
+        });
+        match cause {
+            Err(error) | Ok(Some(error)) => error,
+            Ok(None) if look.skew() > self.max_skew() => self.skewed(look.pair()),
+            Ok(None) => {
+                let [first, second] = look.pair();
+                DeviceError::Suspect { why: format!("on the way from {from} to {to} the motors count {first} and {second}") }
+            }
+        }
+    }
+
+    /// Both motors stand, and not at the target.
+    fn why_short(&mut self, look: Look, to: i64) -> DeviceError {
+        match self.check_mark().and_then(|()| self.obstacle(look, to, [0, 0])) {
+            Err(error) | Ok(Some(error)) => error,
+            Ok(None) => {
+                let off = look.pair().into_iter().find(|p| *p != to).unwrap_or(look.before);
+                DeviceError::Missed { target: Steps(to), achieved: Steps(off) }
+            }
+        }
+    }
+
+    /// What holds a motor that stands short of its target: a limit switch, or a stall.
+    fn obstacle(&mut self, look: Look, to: i64, speeds: [i32; 2]) -> Result<Option<DeviceError>, DeviceError> {
+        for ((motor, at), speed) in self.settings.motors.into_iter().zip(look.pair()).zip(speeds) {
+            if at == to || speed != 0 {
+                continue;
+            }
+            for (number, side) in [(parameter::RIGHT_LIMIT, "right"), (parameter::LEFT_LIMIT, "left")] {
+                if self.wire.ask(Request::get(number, motor))? != 0 {
+                    let what = format!("that motor {motor} stands on its {side} limit switch, at {at} on its way to {to}");
+                    return Ok(Some(DeviceError::Alarm { device: DEVICE, what }));
+                }
+            }
+            if self.settings.stop_on_stall.is_some() {
+                let evidence = format!("load value {}", self.wire.ask(Request::get(parameter::LOAD, motor))?);
+                let (at, target) = (Steps(at), Steps(to));
+                return Ok(Some(DeviceError::Stalled { device: DEVICE, motor: format!("motor {motor}"), at, target, evidence }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Ends whatever both motors are doing, targets included, and waits until they stand.
+    pub(super) fn stop_and_rest(&mut self) -> Result<(), DeviceError> {
+        for motor in self.settings.motors {
+            self.wire.ask(Request::stop(motor))?;
+        }
+        let until = Instant::now() + self.settings.travel_time(0);
+        while self.speeds()? != [0, 0] {
+            if Instant::now() > until {
+                let expected = "both motors to stand after a stop".into();
+                return Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("speeds {:?}", self.speeds()?) });
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        Ok(())
+    }
+
+    /// Counts from where the pair stands. Ends that are a little apart, as after a stop, are brought together first.
+    pub(super) fn take_here(&mut self) -> Result<(), DeviceError> {
+        let look = self.look()?;
+        let [first, second] = look.pair();
+        if look.skew() > self.max_skew() {
+            return Err(self.skewed([first, second]));
+        }
+        if first != second {
+            let until = Instant::now() + self.settings.travel_time(first - second);
+            self.in_flight = true;
+            self.wire.ask(Request::go(self.settings.motors[1], first as i32))?;
+            self.watch(second, first, until)?;
+            self.in_flight = false;
+        }
+        // In positioning mode a motor would follow its counter to the old target.
+        self.stop_and_rest()?;
+        for motor in self.settings.motors {
+            self.wire.ask(Request::set(parameter::ACTUAL_POSITION, motor, 0))?;
+        }
+        Ok(())
+    }
+
+    /// Both motors search their switches at once. What one of them lost on the way shows here: it comes to its switch late.
+    pub(super) fn search(&mut self) -> Result<(), DeviceError> {
+        let limit = self.max_skew();
+        let until = Instant::now() + self.settings.homing_timeout();
+        let began = self.look()?;
+        self.in_flight = true;
+        self.start_pair(Request::search)?;
+        // Where the one that is late was seen when the other had found its switch.
+        let mut late: Option<(usize, i64)> = None;
+        let mut doubted = false;
+        loop {
+            let [first, second] = self.settings.motors.map(Request::searching);
+            let searching = [self.wire.ask(first)? != 0, self.wire.ask(second)? != 0];
+            let look = self.look()?;
+            // The counters jump to 0 at the switch: a motor is held against itself, or against one that searches, too.
+            let apart = match searching {
+                [false, false] => break,
+                [true, true] => {
+                    let travelled =
+                        Look { before: look.before - began.after, second: look.second - began.second, after: look.after - began.after };
+                    (travelled.skew() > limit).then(|| travelled.pair())
+                }
+                [first_searches, _] => {
+                    let motor = usize::from(!first_searches);
+                    let at = look.pair()[motor];
+                    let (_, since) = *late.get_or_insert((motor, at));
+                    (at.abs_diff(since) > limit).then(|| if first_searches { [at - since, 0] } else { [0, at - since] })
+                }
+            };
+            if let Some(pair) = apart {
+                if std::mem::replace(&mut doubted, true) {
+                    return Err(self.skewed(pair));
+                }
+                continue;
+            }
+            doubted = false;
+            if Instant::now() > until {
+                let waited_ms = self.settings.homing_timeout().as_millis();
+                return Err(DeviceError::Silent { device: DEVICE, request: "the reference search".into(), waited_ms });
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        self.in_flight = false;
+        Ok(())
+    }
+}
