@@ -33,3 +33,9 @@ fn measures_a_bead(controller: &str, identity: &str, steps_per_revolution: f64) 
 fn a_trinamic_pair_turns_the_whole_daemon() {
     measures_a_bead("tmcl", "TMCM-6212", 6400.0);
 }
+
+#[test]
+fn a_stock_vast_behind_its_bridge_or_a_relay_turns_the_whole_daemon() {
+    measures_a_bead("vast-bridge", "VAST trigger bridge", 500.0);
+    measures_a_bead("relay", "VAST relay", 500.0);
+}

@@ -1,14 +1,22 @@
 //! Which controller turns the emulated capillary: configured as the shipped file of such an instrument has it.
 
+use crate::cancel::CancelToken;
 use crate::config::{Config, RotationDriver};
+use crate::device::DeviceError;
 use crate::device::rotation::Port;
-use hardware_sim::{Controller, grbl, tmcl};
+use crate::device::sampler::{Expected, Loaded, Sampler};
+use anyhow::Context;
+use hardware_sim::{Controller, Rig, bridge, grbl, relay, tmcl};
 use std::path::Path;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Make {
     Grbl,
     Tmcl,
+    /// A stock VAST behind its trigger bridge.
+    VastBridge,
+    /// A stock VAST behind a relay.
+    Relay,
 }
 
 impl Make {
@@ -17,6 +25,8 @@ impl Make {
             // The built-in configuration has it already.
             Self::Grbl => None,
             Self::Tmcl => Some(("config/vast-tmcl.toml (built in)", include_str!("../../../config/vast-tmcl.toml"))),
+            Self::VastBridge => Some(("config/vast-bridge.toml (built in)", include_str!("../../../config/vast-bridge.toml"))),
+            Self::Relay => Some(("config/vast-relay.toml (built in)", include_str!("../../../config/vast-relay.toml"))),
         }
     }
 
@@ -28,9 +38,17 @@ impl Make {
         config.translation = shipped.translation;
         config.steps_per_revolution = shipped.steps_per_revolution;
         config.backlash_steps = shipped.backlash_steps;
-        if let RotationDriver::Tmcl(settings) = &mut config.rotation {
+        match &mut config.rotation {
             // Both motors are told one after the other: in the time that this takes they are so many times as far apart.
-            settings.max_skew_steps = (f64::from(settings.max_skew_steps) * time_scale.max(1.0)).ceil() as u32;
+            RotationDriver::Tmcl(settings) => {
+                settings.max_skew_steps = (f64::from(settings.max_skew_steps) * time_scale.max(1.0)).ceil() as u32;
+            }
+            RotationDriver::VastBridge(settings) => {
+                settings.list = config.store.data_dir.join("external.txt");
+                settings.speed_deg_per_s = bridge::Settings::reading(settings.list.clone()).speed_deg_per_s * time_scale;
+            }
+            RotationDriver::Relay(settings) => settings.speed_deg_per_s = relay::Settings::default().speed_deg_per_s * time_scale,
+            RotationDriver::Grbl(_) => {}
         }
         Ok(())
     }
@@ -40,17 +58,56 @@ impl Make {
 pub fn emulated(rotation: &RotationDriver) -> Controller {
     match rotation {
         RotationDriver::Tmcl(_) => Controller::Tmcl(tmcl::Settings::default()),
+        RotationDriver::VastBridge(settings) => Controller::Bridge(bridge::Settings::reading(settings.list.clone())),
         _ => Controller::Grbl(grbl::Settings::default()),
     }
 }
 
 /// Fills in where the emulated controller is.
-pub fn connect(rotation: &mut RotationDriver, port: &Path) -> anyhow::Result<()> {
-    let port = Port::Path(port.to_string_lossy().into_owned());
+pub fn connect(rotation: &mut RotationDriver, rig: &Rig) -> anyhow::Result<()> {
+    let name = rig.serial_path().to_string_lossy().into_owned();
+    let port = Port::Path(name);
     match rotation {
         RotationDriver::Grbl(settings) => settings.port = port,
         RotationDriver::Tmcl(settings) => settings.port = port,
-        RotationDriver::VastBridge(_) | RotationDriver::Relay(_) => anyhow::bail!("the emulated rig has no VAST in it"),
+        RotationDriver::VastBridge(settings) => settings.port = port,
+        RotationDriver::Relay(settings) => settings.address = rig.relay_address().context("the emulated rig has no relay")?.to_string(),
     }
     Ok(())
+}
+
+/// The relay that the configured driver speaks to, if it speaks to one.
+pub fn relay(rotation: &RotationDriver) -> Option<relay::Settings> {
+    matches!(rotation, RotationDriver::Relay(_)).then(relay::Settings::default)
+}
+
+/// A stock VAST takes up by itself what is loaded.
+pub fn taken_up_by(controller: &Controller, sampler: Box<dyn Sampler>) -> Box<dyn Sampler> {
+    match controller {
+        Controller::Bridge(machine) => Box::new(TakenUp { sampler, machine: machine.knobs.clone() }),
+        _ => sampler,
+    }
+}
+
+struct TakenUp {
+    sampler: Box<dyn Sampler>,
+    machine: bridge::Knobs,
+}
+
+impl Sampler for TakenUp {
+    fn waits_for_loader(&self) -> bool {
+        self.sampler.waits_for_loader()
+    }
+
+    fn load(&mut self, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let loaded = self.sampler.load(expected, cancel)?;
+        if loaded.is_some() {
+            self.machine.take_up_specimen();
+        }
+        Ok(loaded)
+    }
+
+    fn eject(&mut self, well: &str) -> Result<(), DeviceError> {
+        self.sampler.eject(well)
+    }
 }

@@ -75,8 +75,10 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         None => scenery::of_phantoms(&args, &config),
     };
 
-    let rig = Rig::start(rig_settings(&config, args.time_scale), sight).context("the emulated rig did not start")?;
-    controller::connect(&mut config.rotation, &rig.serial_path())?;
+    let settings = rig_settings(&config, args.time_scale);
+    let sampler = controller::taken_up_by(&settings.controller, sampler);
+    let rig = Rig::start(settings, sight).context("the emulated rig did not start")?;
+    controller::connect(&mut config.rotation, &rig)?;
     let CameraDriver::Aravis(camera) = &mut config.camera;
     camera.select = CameraSelect::Address(rig.camera_address());
     let devices = serve::open_rig(&config)?;
@@ -106,5 +108,11 @@ struct Before {
 fn rig_settings(config: &Config, time_scale: f64) -> RigSettings {
     let [num, den] = config.steps_per_revolution.into();
     let shaft = ShaftSettings { steps_per_revolution: (num, den), ..ShaftSettings::default() };
-    RigSettings { shaft, time_scale, controller: controller::emulated(&config.rotation), ..RigSettings::default() }
+    RigSettings {
+        shaft,
+        time_scale,
+        controller: controller::emulated(&config.rotation),
+        relay: controller::relay(&config.rotation),
+        ..RigSettings::default()
+    }
 }

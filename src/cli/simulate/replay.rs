@@ -41,6 +41,10 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     let CameraDriver::Aravis(camera) = &mut config.camera;
     camera.pixel_format = recording.rig.pixel_format;
     (camera.width, camera.height) = (recording.rig.camera.width, recording.rig.camera.height);
+    anyhow::ensure!(
+        !matches!(config.rotation, RotationDriver::Relay(_)),
+        "--replay needs an axis that finds its zero again; a relay takes it where it stands: choose another --controller"
+    );
     let reference = reference(&config.rotation);
     let frames = recording
         .ledger
