@@ -39,3 +39,8 @@ fn a_stock_vast_behind_its_bridge_or_a_relay_turns_the_whole_daemon() {
     measures_a_bead("vast-bridge", "VAST trigger bridge", 500.0);
     measures_a_bead("relay", "VAST relay", 500.0);
 }
+
+#[test]
+fn a_zaber_axis_turns_the_whole_daemon() {
+    measures_a_bead("zaber", "Zaber 51234", 6400.0);
+}

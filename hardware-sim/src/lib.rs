@@ -2,7 +2,7 @@
 //! loopback.
 //!
 //! ```text
-//!   host ── serial ──► grbl, tmcl ── steps ──► shaft ── true angle ──► gige ── UDP ──► host
+//!   host ── serial ──► grbl, ... ── steps ──► shaft ── true angle ──► gige ── UDP ──► host
 //!                                                                       │
 //!                                                    Sight: the scene, a replay, a test card
 //! ```
@@ -29,6 +29,7 @@ pub mod slide;
 pub mod test_card;
 pub mod tmcl;
 pub mod truth;
+pub mod zaber;
 
 pub use motor_faults::MotorFaults;
 pub use replay::{Replay, ReplayError};

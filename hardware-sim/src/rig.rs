@@ -12,6 +12,7 @@ use crate::sight::{PixelFormat, Sight};
 use crate::slide::{OnSlide, Slide, SlideSettings};
 use crate::tmcl;
 use crate::truth::ExposureRecord;
+use crate::zaber;
 use std::io::ErrorKind;
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
@@ -34,6 +35,7 @@ pub enum Controller {
     GrblHal(grbl::Settings),
     /// A pair of motors on one Trinamic module.
     Tmcl(tmcl::Settings),
+    Zaber(zaber::Settings),
 }
 
 impl Default for Controller {
@@ -55,6 +57,7 @@ impl Controller {
             Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::Grbl)),
             Self::GrblHal(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::GrblHal)),
             Self::Tmcl(settings) => Box::new(tmcl::Firmware::new(&shaft, motors, settings)),
+            Self::Zaber(settings) => Box::new(zaber::Firmware::new(shaft, Arc::clone(motors), settings)),
         }
     }
 }
@@ -204,7 +207,7 @@ impl<'a> Faults<'a> {
         self.rig.camera.faults()
     }
 
-    /// What happens at the motors, where the controller's firmware can do something about it (TMCL).
+    /// What happens at the motors, where the controller's firmware can do something about it (TMCL, Zaber).
     pub fn motors(&self) -> &'a MotorFaults {
         &self.rig.motors
     }

@@ -130,9 +130,20 @@ impl Shaft {
         self.steps_to_rad(state.position(now_s) - state.datum_steps)
     }
 
-    /// Where one motor of a pair stands, in steps since the rig was built.
+    /// Where one motor of a pair stands, in steps.
     pub fn motor_steps(&self, motor: usize) -> f64 {
-        self.lock().drives[motor].position(self.clock.now_s())
+        self.motor_at(motor, self.clock.now_s())
+    }
+
+    pub(crate) fn motor_at(&self, motor: usize, now_s: f64) -> f64 {
+        self.lock().drives[motor].position(now_s)
+    }
+
+    /// A hand turns the standing shaft, and the motor with it.
+    pub fn push(&self, steps: i64) {
+        let mut state = self.lock();
+        state.drives.iter_mut().for_each(|drive| drive.rest_steps += steps);
+        state.capillary_steps += steps as f64;
     }
 
     pub fn steps_to_rad(&self, steps: f64) -> f64 {

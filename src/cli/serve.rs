@@ -34,6 +34,7 @@ pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
         RotationDriver::VastBridge(settings) => Box::new(rotation::VastBridge::open(settings.clone(), config.steps_per_revolution)?),
         RotationDriver::Relay(settings) => Box::new(rotation::Relay::open(settings.clone(), config.steps_per_revolution)?),
         RotationDriver::Tmcl(settings) => Box::new(rotation::Tmcl::open(settings.clone())?),
+        RotationDriver::Zaber(settings) => Box::new(rotation::Zaber::open(settings.clone())?),
     };
     let rotation = rotation::one_sided(rotation, config.backlash_steps)?;
     let camera = match &config.camera {

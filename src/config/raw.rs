@@ -4,7 +4,7 @@ use super::Method;
 use crate::acquisition::AcquisitionSettings;
 use crate::device::DeviceError;
 use crate::device::camera::AravisSettings;
-use crate::device::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings};
+use crate::device::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
 use crate::frame::PixelFormat;
 use crate::http::HttpSettings;
 use crate::units::StepsPerRevolution;
@@ -93,6 +93,7 @@ pub enum RotationDriver {
     VastBridge(VastBridgeSettings),
     Relay(RelaySettings),
     Tmcl(TmclSettings),
+    Zaber(ZaberSettings),
 }
 
 impl RotationDriver {
@@ -104,6 +105,7 @@ impl RotationDriver {
             Self::VastBridge(settings) => settings.check(per_revolution),
             Self::Relay(settings) => settings.check(),
             Self::Tmcl(settings) => settings.check(),
+            Self::Zaber(settings) => settings.check(),
         }
     }
 }

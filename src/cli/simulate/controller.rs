@@ -6,13 +6,14 @@ use crate::device::DeviceError;
 use crate::device::rotation::Port;
 use crate::device::sampler::{Expected, Loaded, Sampler};
 use anyhow::Context;
-use hardware_sim::{Controller, Rig, bridge, grbl, relay, tmcl};
+use hardware_sim::{Controller, Rig, bridge, grbl, relay, tmcl, zaber};
 use std::path::Path;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Make {
     Grbl,
     Tmcl,
+    Zaber,
     /// A stock VAST behind its trigger bridge.
     VastBridge,
     /// A stock VAST behind a relay.
@@ -25,6 +26,7 @@ impl Make {
             // The built-in configuration has it already.
             Self::Grbl => None,
             Self::Tmcl => Some(("config/vast-tmcl.toml (built in)", include_str!("../../../config/vast-tmcl.toml"))),
+            Self::Zaber => Some(("config/vast-zaber.toml (built in)", include_str!("../../../config/vast-zaber.toml"))),
             Self::VastBridge => Some(("config/vast-bridge.toml (built in)", include_str!("../../../config/vast-bridge.toml"))),
             Self::Relay => Some(("config/vast-relay.toml (built in)", include_str!("../../../config/vast-relay.toml"))),
         }
@@ -48,7 +50,7 @@ impl Make {
                 settings.speed_deg_per_s = bridge::Settings::reading(settings.list.clone()).speed_deg_per_s * time_scale;
             }
             RotationDriver::Relay(settings) => settings.speed_deg_per_s = relay::Settings::default().speed_deg_per_s * time_scale,
-            RotationDriver::Grbl(_) => {}
+            RotationDriver::Grbl(_) | RotationDriver::Zaber(_) => {}
         }
         Ok(())
     }
@@ -58,6 +60,7 @@ impl Make {
 pub fn emulated(rotation: &RotationDriver) -> Controller {
     match rotation {
         RotationDriver::Tmcl(_) => Controller::Tmcl(tmcl::Settings::default()),
+        RotationDriver::Zaber(_) => Controller::Zaber(zaber::Settings::default()),
         RotationDriver::VastBridge(settings) => Controller::Bridge(bridge::Settings::reading(settings.list.clone())),
         _ => Controller::Grbl(grbl::Settings::default()),
     }
@@ -70,6 +73,7 @@ pub fn connect(rotation: &mut RotationDriver, rig: &Rig) -> anyhow::Result<()> {
     match rotation {
         RotationDriver::Grbl(settings) => settings.port = port,
         RotationDriver::Tmcl(settings) => settings.port = port,
+        RotationDriver::Zaber(settings) => settings.port = port,
         RotationDriver::VastBridge(settings) => settings.port = port,
         RotationDriver::Relay(settings) => settings.address = rig.relay_address().context("the emulated rig has no relay")?.to_string(),
     }

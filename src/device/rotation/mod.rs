@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!              ┌─ Grbl ───────┐  (protocol, knowledge of the position)
-//! one_sided ───┼─ Tmcl ───────┤
+//! one_sided ───┼─ Tmcl, Zaber ┤
 //! (backlash)   ├─ VastBridge ─┼─ Link (bytes, lines, deadlines, the latched stop) ── Door (tty, TCP)
 //!              └─ Relay ──────┘
 //! ```
@@ -21,6 +21,7 @@ mod relay;
 #[cfg(test)]
 mod scripted;
 mod tmcl;
+mod zaber;
 
 pub use bridge::{Degrees, VastBridge, VastBridgeSettings};
 pub use grbl::{AxisLetter, Dialect, Grbl, GrblSettings, TranslationSettings};
@@ -30,3 +31,4 @@ pub use port::{Port, UsbAdapter, list as serial_ports};
 pub use reference::Reference;
 pub use relay::{Relay, RelaySettings};
 pub use tmcl::{ClockDivisors, Tmcl, TmclSettings};
+pub use zaber::{Zaber, ZaberSettings};

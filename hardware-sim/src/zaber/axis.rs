@@ -1,0 +1,179 @@
+//! The axis: its ramp, its counter, its encoder and the flags that its life leaves.
+
+use super::Settings;
+use crate::motion::MotionProfile;
+use crate::motor_faults::{Fault, MotorFaults};
+use crate::shaft::Shaft;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// Microsteps that a standing axis may be displaced before it says so.
+const DISPLACED_STEPS: f64 = 50.0;
+
+#[derive(Debug)]
+struct Running {
+    steps: i64,
+    start_s: f64,
+    profile: Arc<MotionProfile>,
+    /// A fault that ends this move before its time.
+    cut: Option<(f64, Fault)>,
+    homing: bool,
+}
+
+pub(super) struct Axis {
+    shaft: Arc<Shaft>,
+    faults: Arc<MotorFaults>,
+    /// Counted up to the move under way.
+    counter: i64,
+    /// Where the motor stood when encoder and counter were 0.
+    encoder_zero: f64,
+    /// What the encoder said when the axis came to rest.
+    rest_encoder: f64,
+    running: Option<Running>,
+    flags: BTreeSet<&'static str>,
+    /// Something has come to an end since it was last asked.
+    pub ended: bool,
+}
+
+impl Axis {
+    pub fn new(shaft: Arc<Shaft>, faults: Arc<MotorFaults>) -> Self {
+        let flags = BTreeSet::from(["WR"]);
+        let mut axis = Self { shaft, faults, counter: 0, encoder_zero: 0.0, rest_encoder: 0.0, running: None, flags, ended: false };
+        axis.encoder_zero = axis.shaft.motor_at(0, 0.0);
+        axis
+    }
+
+    pub fn is_moving(&self) -> bool {
+        self.running.is_some()
+    }
+
+    /// The most important flag: faults before warnings before notes, as the letters go.
+    pub fn flag(&self) -> &'static str {
+        self.flags.iter().find(|f| !f.starts_with('N') || self.flags.len() == 1).copied().unwrap_or("--")
+    }
+
+    pub fn clear_flags(&mut self) {
+        self.flags.retain(|f| matches!(*f, "WR" | "WH"));
+    }
+
+    pub fn next_event_s(&self) -> Option<f64> {
+        self.running.as_ref().map(|r| r.cut.map_or(r.start_s + r.profile.duration_s(), |(at_s, _)| at_s))
+    }
+
+    pub fn advance(&mut self, now_s: f64, settings: &Settings) {
+        while let Some(at_s) = self.next_event_s().filter(|at| *at <= now_s) {
+            let Some(Running { cut, homing, steps, .. }) = self.running.as_ref().map(|r| Running { profile: Arc::clone(&r.profile), ..*r })
+            else {
+                return;
+            };
+            let before = self.counter;
+            self.rest(at_s);
+            let to_go = steps - (self.counter - before);
+            match cut {
+                Some((_, Fault::Limit { .. })) => _ = self.flags.insert("FE"),
+                Some((_, Fault::Stall { .. })) if settings.encoder => _ = self.flags.insert("FS"),
+                Some(_) => {
+                    // The counter goes on to the target, the shaft does not.
+                    self.shaft.lose_steps(to_go.unsigned_abs() as u32);
+                    self.run(to_go, at_s, settings, homing);
+                    continue;
+                }
+                None if homing => self.found(at_s),
+                None => {}
+            }
+            self.ended = true;
+        }
+        // A hand at the axis.
+        if !self.is_moving() && settings.encoder && (self.encoder(now_s) - self.rest_encoder).abs() > DISPLACED_STEPS {
+            self.flags.insert("WM");
+        }
+    }
+
+    fn found(&mut self, now_s: f64) {
+        self.shaft.count_from_here();
+        self.set_counter(0);
+        self.encoder_zero = self.shaft.motor_at(0, now_s);
+        self.rest_encoder = 0.0;
+        self.flags.clear();
+    }
+
+    pub fn go(&mut self, target: i64, now_s: f64, settings: &Settings) {
+        self.interrupt(now_s);
+        self.run(target - self.counter, now_s, settings, false);
+    }
+
+    pub fn home(&mut self, now_s: f64, settings: &Settings) {
+        self.interrupt(now_s);
+        let steps = self.shaft.steps_to_index(1);
+        self.run(steps, now_s, settings, true);
+    }
+
+    /// A new move ends an old one, and the flags of both are its own.
+    fn interrupt(&mut self, now_s: f64) {
+        self.clear_flags();
+        if self.is_moving() {
+            self.flags.insert("NI");
+            self.rest(now_s);
+        }
+    }
+
+    fn run(&mut self, steps: i64, now_s: f64, settings: &Settings, homing: bool) {
+        let length = steps.unsigned_abs() as f64;
+        let fault = if steps == 0 { None } else { self.faults.take(0) };
+        let start_s = if let Some(Fault::Late { by_s }) = fault { now_s + by_s } else { now_s };
+        let profile = Arc::new(MotionProfile::trapezoid(length, settings.steps_per_s(), settings.steps_per_s2()));
+        let cut = fault.and_then(|fault| match fault {
+            Fault::Stall { after_steps } | Fault::Limit { after_steps } if f64::from(after_steps) < length => {
+                Some((start_s + profile.time_at_s(f64::from(after_steps)), fault))
+            }
+            _ => None,
+        });
+        self.shaft.begin(start_s, steps, length.max(1.0), Arc::clone(&profile));
+        self.running = Some(Running { steps, start_s, profile, cut, homing });
+    }
+
+    /// Brakes as fast as it may.
+    pub fn stop(&mut self, now_s: f64, settings: &Settings) {
+        if let Some(running) = &mut self.running {
+            let elapsed_s = now_s - running.start_s;
+            let (from, speed) = (running.profile.travelled(elapsed_s), running.profile.speed(elapsed_s));
+            let braking = Arc::new(MotionProfile::braking(from, speed, settings.steps_per_s2(), running.profile.distance()));
+            self.shaft.replan(now_s, Arc::clone(&braking));
+            *running = Running { steps: running.steps, start_s: now_s, profile: braking, cut: None, homing: false };
+            self.flags.insert("NI");
+        }
+    }
+
+    fn rest(&mut self, now_s: f64) {
+        if self.running.take().is_some() {
+            self.counter += self.shaft.end(now_s);
+        }
+        self.rest_encoder = self.encoder(now_s);
+    }
+
+    /// The axis loses power: it stands, what it counted is gone.
+    pub fn lose_power(&mut self, now_s: f64) {
+        self.rest(now_s);
+        self.counter = 0;
+        self.encoder_zero = self.shaft.motor_at(0, now_s);
+        self.rest_encoder = 0.0;
+        self.flags = BTreeSet::from(["WR"]);
+    }
+
+    pub fn counter(&self, now_s: f64) -> i64 {
+        let issued = |r: &Running| (r.profile.travelled(now_s - r.start_s) * r.steps.signum() as f64).round() as i64;
+        self.counter + self.running.as_ref().map_or(0, issued)
+    }
+
+    pub fn set_counter(&mut self, value: i64) {
+        self.counter = value;
+        // It has a place now, though it was not homed.
+        if self.flags.remove("WR") {
+            self.flags.insert("WH");
+        }
+    }
+
+    pub fn encoder(&self, now_s: f64) -> f64 {
+        self.shaft.motor_at(0, now_s) - self.encoder_zero
+    }
+}

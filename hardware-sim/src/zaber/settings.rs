@@ -1,0 +1,33 @@
+//! What the controller is and keeps.
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Settings {
+    /// Address of the device in its chain.
+    pub device: u8,
+    /// Microsteps per full step.
+    pub resolution: u32,
+    /// Microsteps/s times 1.6384.
+    pub maxspeed: u32,
+    /// Microsteps/s^2 times 1.6384 / 10000.
+    pub accel: u32,
+    /// Whether an encoder is fitted, and with it stalls are noticed.
+    pub encoder: bool,
+    pub serial_number: u32,
+}
+
+impl Default for Settings {
+    /// 200 full steps of 32; half a turn per second.
+    fn default() -> Self {
+        Self { device: 1, resolution: 32, maxspeed: 5243, accel: 5, encoder: true, serial_number: 51_234 }
+    }
+}
+
+impl Settings {
+    pub(super) fn steps_per_s(&self) -> f64 {
+        f64::from(self.maxspeed) / 1.6384
+    }
+
+    pub(super) fn steps_per_s2(&self) -> f64 {
+        f64::from(self.accel) * 10_000.0 / 1.6384
+    }
+}

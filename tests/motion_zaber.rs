@@ -1,0 +1,256 @@
+//! The Zaber driver against an emulated controller over a pty, held against where the shaft truly stands.
+#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
+
+#[path = "common/driver.rs"]
+mod driver;
+
+use carved::cancel::CancelToken;
+use carved::device::rotation::{Port, Reference, Zaber, ZaberSettings, one_sided};
+use carved::device::{Achieved, DeviceError, Position, RotationAxis};
+use carved::units::Steps;
+use driver::{at_every_byte, stand, turns, until};
+use hardware_sim::{Controller, Rig, zaber::Settings};
+use std::time::Duration;
+
+const STEPS: f64 = 6400.0;
+
+fn rig(settings: Settings) -> Rig {
+    driver::rig(Controller::Zaber(settings), (6400, 1))
+}
+
+fn settings(rig: &Rig) -> ZaberSettings {
+    ZaberSettings {
+        port: Port::Path(rig.serial_path().to_str().unwrap().into()),
+        baud: 115_200,
+        device: 1,
+        axis: 1,
+        resolution: 32,
+        maxspeed: 5243,
+        accel: 5,
+        encoder_tolerance_steps: Some(9),
+        reference: Reference::Home,
+        answer_timeout_ms: 200,
+        homing_timeout_ms: 30_000,
+    }
+}
+
+fn here(rig: &Rig) -> ZaberSettings {
+    ZaberSettings { reference: Reference::Here, ..settings(rig) }
+}
+
+fn referenced(settings: ZaberSettings) -> Zaber {
+    let mut axis = Zaber::open(settings).unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
+    axis
+}
+
+/// Ends a move to `target` as `meanwhile` makes it, and gives its error; the axis is then suspect.
+fn failed(axis: &mut Zaber, target: i64, meanwhile: impl FnOnce()) -> DeviceError {
+    let error = std::thread::scope(|scope| {
+        let moving = scope.spawn(|| axis.move_to(Steps(target)));
+        meanwhile();
+        moving.join().unwrap().unwrap_err()
+    });
+    assert!(matches!(axis.position(), Position::Suspect { .. }), "{error}");
+    assert!(matches!(axis.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
+    error
+}
+
+#[test]
+fn a_turn_stands_at_every_view_where_its_steps_say() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    assert_eq!(axis.identity(), "Zaber 51234, firmware 7.32");
+    assert!(turns(&rig).abs() < 1e-9, "homed to the sensor");
+    for view in 0..=21 {
+        let target = Steps((f64::from(view) * STEPS / 21.0).round() as i64);
+        assert_eq!(axis.move_to(target).unwrap(), Achieved { steps: target, epoch: 1 });
+        assert!((turns(&rig) - target.0 as f64 / STEPS).abs() < 1e-9);
+    }
+    assert_eq!(axis.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 2 });
+}
+
+#[test]
+fn settings_that_differ_refuse_to_open_and_are_all_listed() {
+    let rig = rig(Settings { resolution: 64, accel: 205, ..Settings::default() });
+    let error = Zaber::open(settings(&rig)).err().unwrap();
+    let DeviceError::Mismatch { differences, .. } = &error else { panic!("{error}") };
+    let found: Vec<_> = differences.iter().map(|d| (d.name.as_str(), d.configured.as_str(), d.found.as_str())).collect();
+    assert_eq!(found, [("resolution", "32", "64"), ("accel", "5", "205")]);
+}
+
+#[test]
+fn an_encoder_that_is_not_there_is_told_by_the_controllers_reason() {
+    let rig = rig(Settings { encoder: false, ..Settings::default() });
+    let error = Zaber::open(settings(&rig)).err().unwrap();
+    assert!(error.to_string().contains("RJ BADCOMMAND") && error.to_string().contains("get encoder.pos"), "{error}");
+    let mut axis = referenced(ZaberSettings { encoder_tolerance_steps: None, ..settings(&rig) });
+    assert!(!axis.capabilities().has_encoder);
+    axis.move_to(Steps(320)).unwrap();
+}
+
+#[test]
+fn the_port_is_open_to_one_alone() {
+    let rig = rig(Settings::default());
+    let _axis = referenced(settings(&rig));
+    assert!(matches!(Zaber::open(settings(&rig)), Err(DeviceError::Open { .. })));
+}
+
+#[test]
+fn a_stop_in_the_middle_of_a_move_stops_the_axis_until_the_next_reference() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(here(&rig));
+    let stop = axis.stop_handle();
+    let begin = turns(&rig);
+    let error = failed(&mut axis, 640_000, || {
+        until("the axis to turn", || turns(&rig) > begin + 0.05);
+        stop.stop();
+    });
+    assert!(matches!(error, DeviceError::Stopped), "{error}");
+    stand(&rig);
+    assert!(turns(&rig) < begin + 50.0, "long before its target");
+    assert_eq!(axis.reference(&CancelToken::new()).unwrap().epoch, 3);
+    axis.move_to(Steps(64)).unwrap();
+}
+
+#[test]
+fn the_cable_pulled_at_any_byte_is_a_lost_connection_and_a_new_reference() {
+    // What a move hears first: state, counter, encoder, the acceptance, and a state or two; some 26 bytes each.
+    at_every_byte(26 * 5, |byte| {
+        let rig = rig(Settings::default());
+        let mut axis = referenced(here(&rig));
+        rig.faults().serial().unplug_after(byte);
+        let error = axis.move_to(Steps(3200)).unwrap_err();
+        assert!(matches!(error, DeviceError::Gone { .. }), "byte {byte}: {error}");
+        assert_eq!(axis.position(), Position::Suspect { epoch: 2 });
+        assert!(matches!(axis.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
+    });
+    let rig = rig(Settings::default());
+    let axis = referenced(here(&rig));
+    rig.faults().unplug_serial();
+    drop(axis);
+    rig.faults().replug_serial().unwrap();
+    referenced(here(&rig)).move_to(Steps(64)).unwrap();
+}
+
+#[test]
+fn a_late_answer_at_any_place_of_a_move_answers_nothing_else() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    for late in 0..8 {
+        // One and a half times what the driver waits.
+        rig.faults().serial().delay_answer_after(late, Duration::from_millis(300));
+        let target = Steps(101 * (i64::from(late) + 1));
+        assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {late}: {e}")).steps, target);
+        assert!((turns(&rig) - target.0 as f64 / STEPS).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn noise_split_and_lost_lines_are_got_over_and_the_move_arrives() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    for (n, noise) in [&b"\xff"[..], b"/1 1 mo", b"@01 1 ", b"\r\n\n", b"\0\0:\xaa"].into_iter().enumerate() {
+        let target = Steps(100 * (n as i64 + 1));
+        rig.faults().serial().stray_to_controller(noise);
+        axis.move_to(target).unwrap_or_else(|e| panic!("{noise:?} to the controller: {e}"));
+        rig.faults().serial().stray_to_host(noise);
+        axis.move_to(target + Steps(50)).unwrap_or_else(|e| panic!("{noise:?} to the host: {e}"));
+        assert!((turns(&rig) - (target.0 + 50) as f64 / STEPS).abs() < 1e-9);
+    }
+    rig.faults().serial().drop_answers(1);
+    axis.move_to(Steps(64)).unwrap();
+    // Two answers in one: the line end between them is lost.
+    rig.faults().serial().rewrite_next(b"\r\n", b"");
+    axis.move_to(Steps(128)).unwrap();
+    rig.faults().serial().split_answers(true);
+    axis.move_to(Steps(0)).unwrap();
+    assert!(turns(&rig).abs() < 1e-9);
+}
+
+/// Digits that change places leave the checksum as it is.
+#[test]
+fn a_wrong_number_that_parses_is_asked_again() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    for target in [1600, 3200] {
+        // Of the counter at the end of the first move, and at the beginning of the second.
+        rig.faults().serial().rewrite_next(b"-- 1600:", b"-- 6100:");
+        axis.move_to(Steps(target)).unwrap();
+        assert!((turns(&rig) - target as f64 / STEPS).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn a_restart_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    let error = failed(&mut axis, 6400, || {
+        until("the axis to turn", || turns(&rig) > 0.1);
+        rig.faults().reboot_controller();
+    });
+    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+    assert_eq!(axis.reference(&CancelToken::new()).unwrap().epoch, 3);
+    // Here the counter says 0, and 0 is where it is expected.
+    let stands = turns(&rig);
+    rig.faults().reboot_controller();
+    let error = failed(&mut axis, 320, || ());
+    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+    assert_eq!(turns(&rig).to_bits(), stands.to_bits(), "nothing moved");
+}
+
+#[test]
+fn lost_steps_are_a_miss_by_the_encoder_and_within_its_tolerance_none() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    rig.faults().lose_steps(9);
+    axis.move_to(Steps(1600)).unwrap();
+    rig.faults().lose_steps(1);
+    let error = failed(&mut axis, 3200, || ());
+    assert!(matches!(error, DeviceError::Missed { target: Steps(3200), achieved: Steps(3190) }), "{error}");
+}
+
+#[test]
+fn stalls_limits_and_hands_are_named() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(here(&rig));
+    rig.faults().motors().stall_after(0, 700);
+    let error = failed(&mut axis, 1600, || ());
+    assert!(matches!(error, DeviceError::Stalled { at: Steps(700), target: Steps(1600), .. }), "{error}");
+    let stands = turns(&rig);
+    axis.reference(&CancelToken::new()).unwrap();
+    assert_eq!(turns(&rig).to_bits(), stands.to_bits(), "the old move is forgotten");
+    rig.faults().motors().limit_after(0, 500);
+    let error = failed(&mut axis, 1600, || ());
+    assert!(matches!(&error, DeviceError::Alarm { what, .. } if what.starts_with("FE")), "{error}");
+    drop(axis);
+    // Homed: a place that was taken as it is carries WH, which hides what is less.
+    let mut axis = referenced(settings(&rig));
+    axis.move_to(Steps(64)).unwrap();
+    rig.shaft().push(80);
+    let error = failed(&mut axis, 1600, || ());
+    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("WM")), "{error}");
+}
+
+#[test]
+fn a_silent_controller_is_named_and_nothing_is_believed() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(here(&rig));
+    rig.faults().serial().drop_answers(u32::MAX);
+    let error = failed(&mut axis, 320, || ());
+    assert!(matches!(error, DeviceError::Silent { .. }), "{error}");
+}
+
+#[test]
+fn backlash_is_taken_up_by_coming_from_one_side() {
+    let rig = rig(Settings::default());
+    rig.shaft().set_play(25.0);
+    let mut axis = one_sided(Box::new(Zaber::open(here(&rig)).unwrap()), 30).unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
+    let zero = turns(&rig);
+    for target in [3200, 1600, 4800, 800, 0] {
+        assert_eq!(axis.move_to(Steps(target)).unwrap().steps, Steps(target));
+        let off = (turns(&rig) - zero) * STEPS - target as f64;
+        assert!(off.abs() < 1e-6, "{target}: {off} steps off");
+    }
+}
