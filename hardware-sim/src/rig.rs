@@ -71,6 +71,8 @@ pub struct RigSettings {
     pub camera: CameraAddress,
     /// What the camera sends until a host chooses otherwise.
     pub pixel_format: PixelFormat,
+    /// Exposure at which frames are as bright as what the camera looks at, us; none makes them so at any exposure.
+    pub nominal_exposure_us: Option<f32>,
     pub controller: Controller,
     /// What moves the capillary along, on the Y axis of a Grbl controller; none where nothing does.
     pub slide: Option<SlideSettings>,
@@ -87,6 +89,7 @@ impl Default for RigSettings {
             time_scale: 1.0,
             camera: CameraAddress::default(),
             pixel_format: PixelFormat::BayerRG8,
+            nominal_exposure_us: None,
             controller: Controller::default(),
             slide: None,
             relay: None,
@@ -115,12 +118,14 @@ pub enum RigError {
 
 /// A running rig; everything is shut down and joined when it is dropped.
 pub struct Rig {
+    clock: RigClock,
     shaft: Arc<Shaft>,
     slide: Option<Arc<Slide>>,
     port: SerialPort,
     relay: Option<Relay>,
     motors: Arc<MotorFaults>,
     camera: GigeCamera,
+    second: Option<GigeCamera>,
 }
 
 /// Every knob of a rig that makes something go wrong.
@@ -155,7 +160,22 @@ impl Rig {
         let firmware = |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), faults, &motors);
         let port = SerialPort::start(clock, firmware, link.clone()).map_err(|why| RigError::Serial { link, why })?;
         let relay = settings.relay.map(|relay| Relay::start(clock, Arc::clone(&shaft), relay)).transpose().map_err(RigError::Relay)?;
-        Ok(Self { shaft, slide, port, relay, motors, camera })
+        Ok(Self { clock, shaft, slide, port, relay, motors, camera, second: None })
+    }
+
+    /// Puts a second camera beside the first, on the same shaft, and says where.
+    #[allow(clippy::needless_pass_by_value)]
+    pub fn add_camera(&mut self, sight: Arc<dyn Sight>) -> Result<Ipv4Addr, RigError> {
+        let settings = RigSettings { pixel_format: PixelFormat::Mono8, ..RigSettings::default() };
+        let camera = start_camera(&settings, self.clock, &self.shaft, &sight)?;
+        let address = camera.address();
+        self.second = Some(camera);
+        Ok(address)
+    }
+
+    /// What the second camera really exposed, oldest first.
+    pub fn second_exposures(&self) -> Vec<ExposureRecord> {
+        self.second.as_ref().map(|camera| camera.truth().all()).unwrap_or_default()
     }
 
     /// What a host opens as the motor controller's port.
@@ -184,6 +204,11 @@ impl Rig {
     /// The true slide, where there is one.
     pub fn slide(&self) -> Option<&Slide> {
         self.slide.as_deref()
+    }
+
+    /// A pulse on the camera's trigger line.
+    pub fn pulse_camera_line(&self) {
+        self.camera.pulse_line();
     }
 
     /// What was really exposed, oldest first.
@@ -240,7 +265,8 @@ impl<'a> Faults<'a> {
 
 fn start_camera(settings: &RigSettings, clock: RigClock, shaft: &Arc<Shaft>, sight: &Arc<dyn Sight>) -> Result<GigeCamera, RigError> {
     let try_on = |address| {
-        GigeCamera::start(address, settings.pixel_format, clock, Arc::clone(shaft), Arc::clone(sight)).map_err(|why| match why.kind() {
+        let seen = (settings.pixel_format, settings.nominal_exposure_us, Arc::clone(sight));
+        GigeCamera::start(address, seen, clock, Arc::clone(shaft)).map_err(|why| match why.kind() {
             ErrorKind::AddrInUse => RigError::AddressInUse(address),
             _ => RigError::Camera { address, why },
         })

@@ -114,7 +114,7 @@ fn the_host_finds_features_and_limits() {
     assert_eq!(camera.exposure_time().unwrap(), 2500.0);
     camera.set_integer("GainRaw", 6).unwrap();
     assert!(camera.set_integer("GainRaw", 99).is_err());
-    assert!(camera.set_string("TriggerSource", "Line1").is_err(), "no line is wired");
+    assert!(camera.set_string("TriggerSource", "Line2").is_err(), "this line is not wired");
     let device = camera.device().unwrap();
     let tick = device.downcast_ref::<GvDevice>().unwrap().timestamp_tick_frequency().unwrap();
     assert_eq!(tick, 1_000_000_000);

@@ -62,9 +62,13 @@ impl Control {
             if self.quit.load(Ordering::SeqCst) {
                 break;
             }
+            if self.faults.takes_restart() {
+                self.restart();
+            }
             self.watch_heartbeat();
             if let Ok((length, from)) = received
                 && !self.faults.is_mute()
+                && !self.faults.is_unplugged()
                 && let Some(request) = Request::parse(&packet[..length])
             {
                 self.answer(&request, from);
@@ -94,6 +98,13 @@ impl Control {
         self.owner = None;
         self.lock().forget_destination();
         let _ = self.sensor.send(Order::Stop);
+    }
+
+    /// Everything is as after power came back.
+    fn restart(&mut self) {
+        self.owner = None;
+        self.lock().restart();
+        let _ = self.sensor.send(Order::Restart);
     }
 
     fn answer(&mut self, request: &Request, from: SocketAddr) {
@@ -209,7 +220,7 @@ impl Control {
         }
         let last = if last == TO_THE_END { frame.last_packet() } else { last.min(frame.last_packet()) };
         for packet in (first..=last).filter_map(|id| frame.packet(id)) {
-            if !self.faults.loses_resend() {
+            if !(self.faults.loses_resend() || self.faults.is_unplugged()) {
                 let _ = self.stream.socket.send_to(&packet, to);
             }
         }

@@ -8,10 +8,19 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 pub struct CameraFaults {
     lost_packets_ppm: AtomicU32,
     lost_resends_ppm: AtomicU32,
+    doubled_packets_ppm: AtomicU32,
+    swapped_packets_ppm: AtomicU32,
     dropped_frames: AtomicU32,
+    cut_frames: AtomicU32,
+    misshapen_frames: AtomicU32,
+    repeated_frames: AtomicU32,
     ignored_triggers: AtomicU32,
+    stale_packets: AtomicU32,
+    keep_numbers: AtomicBool,
     mute: AtomicBool,
     stolen: AtomicBool,
+    unplugged: AtomicBool,
+    restart: AtomicBool,
     dice: AtomicU64,
 }
 
@@ -24,6 +33,52 @@ impl CameraFaults {
     /// The same for packets sent again on request.
     pub fn lose_resends_ppm(&self, ppm: u32) {
         self.lost_resends_ppm.store(ppm, Ordering::Relaxed);
+    }
+
+    /// Of a million stream packets this many leave twice.
+    pub fn double_packets_ppm(&self, ppm: u32) {
+        self.doubled_packets_ppm.store(ppm, Ordering::Relaxed);
+    }
+
+    /// Of a million stream packets this many leave after the one that follows them.
+    pub fn swap_packets_ppm(&self, ppm: u32) {
+        self.swapped_packets_ppm.store(ppm, Ordering::Relaxed);
+    }
+
+    /// The second halves of the next `count` frames never leave, nor are they sent again; their trailers do.
+    pub fn cut_frames(&self, count: u32) {
+        self.cut_frames.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` frames leave whole, but as if another region were configured: upside half of the rows only, half as high.
+    pub fn misshape_frames(&self, count: u32) {
+        self.misshapen_frames.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` frames are sent once more at the next trigger, as frames of their own number, before what was then exposed.
+    pub fn repeat_frames(&self, count: u32) {
+        self.repeated_frames.store(count, Ordering::Relaxed);
+    }
+
+    /// The next acquisition's first frame comes after the last `packets` packets of the acquisition before, which the device still
+    /// had; more than a frame has is the whole frame.
+    pub fn leave_stale_packets(&self, packets: u32) {
+        self.stale_packets.store(packets, Ordering::Relaxed);
+    }
+
+    /// Frames are numbered on over acquisitions instead of from 1 with each.
+    pub fn keep_numbers(&self, keep: bool) {
+        self.keep_numbers.store(keep, Ordering::Relaxed);
+    }
+
+    /// Nothing gets in or out, or does again; the camera itself goes on.
+    pub fn pull_cable(&self, out: bool) {
+        self.unplugged.store(out, Ordering::Relaxed);
+    }
+
+    /// The camera forgets everything, as after a loss of power, and is there again at once.
+    pub fn restart(&self) {
+        self.restart.store(true, Ordering::Relaxed);
     }
 
     /// The next `count` frames are exposed but never sent, nor sent again.
@@ -52,6 +107,43 @@ impl CameraFaults {
 
     pub(super) fn loses_resend(&self) -> bool {
         self.unlucky(&self.lost_resends_ppm)
+    }
+
+    pub(super) fn doubles_packet(&self) -> bool {
+        self.unlucky(&self.doubled_packets_ppm)
+    }
+
+    pub(super) fn swaps_packet(&self) -> bool {
+        self.unlucky(&self.swapped_packets_ppm)
+    }
+
+    pub(super) fn cuts_frame(&self) -> bool {
+        take_one(&self.cut_frames)
+    }
+
+    pub(super) fn misshapes_frame(&self) -> bool {
+        take_one(&self.misshapen_frames)
+    }
+
+    pub(super) fn repeats_frame(&self) -> bool {
+        take_one(&self.repeated_frames)
+    }
+
+    /// How many packets of the acquisition before come once more.
+    pub(super) fn takes_stale_packets(&self) -> u32 {
+        self.stale_packets.swap(0, Ordering::Relaxed)
+    }
+
+    pub(super) fn keeps_numbers(&self) -> bool {
+        self.keep_numbers.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn is_unplugged(&self) -> bool {
+        self.unplugged.load(Ordering::Relaxed)
+    }
+
+    pub(super) fn takes_restart(&self) -> bool {
+        self.restart.swap(false, Ordering::Relaxed)
     }
 
     pub(super) fn takes_frame(&self) -> bool {

@@ -84,6 +84,8 @@ const fn feature(group: &'static str, name: &'static str, register: Register, ki
 pub(super) const FRAME_START: u32 = 0;
 pub(super) const SELECTORS: usize = 4;
 pub(super) const FREERUN: u32 = 0;
+pub(super) const LINE1: u32 = 1;
+const FIXED_RATE: u32 = 5;
 pub(super) const SOFTWARE: u32 = 6;
 pub(super) const CONTINUOUS: u32 = 0;
 pub(super) const SINGLE_FRAME: u32 = 1;
@@ -141,11 +143,11 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
         Register::TriggerSource,
         Kind::Enumeration(&[
             ("Freerun", FREERUN),
-            ("Line1", 1),
+            ("Line1", LINE1),
             ("Line2", 2),
             ("Line3", 3),
             ("Line4", 4),
-            ("FixedRate", 5),
+            ("FixedRate", FIXED_RATE),
             ("Software", SOFTWARE),
         ]),
     ),
@@ -230,6 +232,16 @@ impl Values {
         self.trigger_on[FRAME_START as usize] && self.trigger_source == SOFTWARE
     }
 
+    /// Whether each frame waits for a pulse on the one line that is wired.
+    pub fn waits_for_line(&self) -> bool {
+        self.trigger_on[FRAME_START as usize] && self.trigger_source == LINE1
+    }
+
+    /// Whether frames come by themselves, at the frame rate.
+    pub fn runs_free(&self) -> bool {
+        !self.waits_for_software() && !self.waits_for_line()
+    }
+
     pub fn read(&self, register: Register) -> u32 {
         match register {
             Register::SensorWidth => self.sensor.0,
@@ -280,8 +292,8 @@ impl Values {
             Register::AcquisitionFrameRateAbs => self.frame_rate_hz = f32::from_bits(value),
             Register::TriggerSelector => self.selector = value,
             Register::TriggerMode => self.trigger_on[self.selector as usize] = value == 1,
-            // No lines are wired, and nothing keeps a fixed rate here but free run.
-            Register::TriggerSource if value != FREERUN && value != SOFTWARE => return false,
+            // One line is wired; a fixed rate is free run at that rate.
+            Register::TriggerSource if ![FREERUN, LINE1, FIXED_RATE, SOFTWARE].contains(&value) => return false,
             Register::TriggerSource if self.selector == FRAME_START => self.trigger_source = value,
             Register::TriggerActivation => self.trigger_activation = value,
             Register::ExposureTimeAbs => self.exposure_us = f32::from_bits(value),
@@ -429,7 +441,9 @@ mod tests {
         assert!(v.waits_for_software(), "another selector's mode");
         assert!(v.write(Register::TriggerSelector, FRAME_START) && v.write(Register::TriggerMode, 0));
         assert!(!v.waits_for_software());
-        assert!(!v.write(Register::TriggerSource, 1), "no line is wired");
+        assert!(!v.write(Register::TriggerSource, 2), "this line is not wired");
+        assert!(v.write(Register::TriggerMode, 1) && v.write(Register::TriggerSource, LINE1) && v.waits_for_line() && !v.runs_free());
+        assert!(v.write(Register::TriggerSource, FIXED_RATE) && v.runs_free());
     }
 
     #[test]

@@ -25,6 +25,8 @@ pub(super) struct Block {
     pub offset: (u32, u32),
     /// Negotiated size of a packet, headers included.
     pub packet_size: usize,
+    /// A fault keeps the second half of its payload from being sent, now and when it is asked for again.
+    pub cut: bool,
     pub bytes: Vec<u8>,
 }
 
@@ -38,10 +40,10 @@ impl Block {
         self.bytes.len().div_ceil(self.payload_size()) as u32 + 1
     }
 
-    /// The packet with this id; none beyond the trailer.
+    /// The packet with this id; none beyond the trailer, nor of what is cut.
     pub fn packet(&self, id: u32) -> Option<Vec<u8>> {
         let last = self.last_packet();
-        if id > last {
+        if id > last || (self.cut && id > last / 2 && id < last) {
             return None;
         }
         let (kind, content): (u8, std::borrow::Cow<[u8]>) = if id == 0 {
@@ -99,6 +101,7 @@ mod tests {
             height: 100,
             offset: (4, 6),
             packet_size: 1500,
+            cut: false,
             bytes: bytes.clone(),
         };
         // 1464 bytes fit into a packet of 1500: six full ones and a rest of 1216.
@@ -111,6 +114,8 @@ mod tests {
         assert_eq!(block.packet(1).unwrap().len() + 28, 1500);
         assert_eq!(block.packet(8).unwrap(), [0, 0, 0, 7, 2, 0, 0, 8, 0, 0, 0, 1, 0, 0, 0, 100]);
         assert!(block.packet(9).is_none());
+        let cut = Block { cut: true, ..block };
+        assert_eq!((0..9).filter(|id| cut.packet(*id).is_some()).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 8]);
     }
 
     #[test]

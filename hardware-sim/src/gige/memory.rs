@@ -49,6 +49,8 @@ pub(super) enum Effect {
 pub(super) struct Memory {
     bootstrap: Vec<u8>,
     pub values: Values,
+    /// What both are when power comes.
+    at_power_on: (Vec<u8>, Values),
     description: Vec<u8>,
     pub streaming: bool,
 }
@@ -56,7 +58,9 @@ pub(super) struct Memory {
 impl Memory {
     pub fn new(identity: &Identity, sensor: (u32, u32), format: PixelFormat) -> Self {
         let description = features::description(identity.vendor, identity.model).into_bytes();
-        let mut memory = Self { bootstrap: vec![0; BOOTSTRAP_BYTES], values: Values::new(sensor, format), description, streaming: false };
+        let values = Values::new(sensor, format);
+        let at_power_on = (Vec::new(), values.clone());
+        let mut memory = Self { bootstrap: vec![0; BOOTSTRAP_BYTES], values, at_power_on, description, streaming: false };
         let [a, b, c, d] = identity.address.octets();
         for (address, value) in [
             // GigE Vision 1.2; big-endian, UTF-8.
@@ -96,7 +100,13 @@ impl Memory {
             let text = &text.as_bytes()[..text.len().min(size - 1)];
             memory.bootstrap[address..address + text.len()].copy_from_slice(text);
         }
+        memory.at_power_on.0.clone_from(&memory.bootstrap);
         memory
+    }
+
+    pub fn restart(&mut self) {
+        (self.bootstrap, self.values) = self.at_power_on.clone();
+        self.streaming = false;
     }
 
     pub fn discovery(&self) -> &[u8] {

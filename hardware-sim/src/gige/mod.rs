@@ -26,7 +26,7 @@ use memory::{Identity, Memory};
 use sensor::{Order, Sensor, State, Stream};
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 
 pub const VENDOR: &str = "carved";
@@ -40,19 +40,21 @@ pub struct GigeCamera {
     serial: String,
     faults: Arc<CameraFaults>,
     truth: Arc<Truth>,
+    memory: Arc<Mutex<Memory>>,
+    stream: Arc<Stream>,
     quit: Arc<AtomicBool>,
     orders: mpsc::Sender<Order>,
     threads: Vec<JoinHandle<()>>,
 }
 
 impl GigeCamera {
-    /// Puts a camera on `address`; fails where another one listens there.
+    /// Puts a camera on `address`; fails where another one listens there. It sends the format until a host chooses otherwise, and
+    /// frames as bright as the sight's at the nominal exposure, or at any.
     pub fn start(
         address: Ipv4Addr,
-        format: PixelFormat,
+        (format, nominal_exposure_us, sight): (PixelFormat, Option<f32>, Arc<dyn Sight>),
         clock: RigClock,
         shaft: Arc<Shaft>,
-        sight: Arc<dyn Sight>,
     ) -> std::io::Result<Self> {
         let socket = UdpSocket::bind(SocketAddrV4::new(address, PORT))?;
         let stream_socket = socket2::Socket::from(UdpSocket::bind(SocketAddrV4::new(address, 0))?);
@@ -73,6 +75,7 @@ impl GigeCamera {
             clock,
             shaft,
             sight,
+            nominal_exposure_us,
             memory: Arc::clone(&memory),
             stream: Arc::clone(&stream),
             faults: Arc::clone(&faults),
@@ -80,8 +83,9 @@ impl GigeCamera {
             orders: inbox,
             state: State::default(),
         };
-        let control = Control::new(socket, clock, memory, stream, Arc::clone(&faults), orders.clone(), Arc::clone(&quit));
-        let mut camera = Self { address, serial, faults, truth, quit, orders, threads: Vec::new() };
+        let (registers, sender) = (Arc::clone(&memory), Arc::clone(&stream));
+        let control = Control::new(socket, clock, registers, sender, Arc::clone(&faults), orders.clone(), Arc::clone(&quit));
+        let mut camera = Self { address, serial, faults, truth, memory, stream, quit, orders, threads: Vec::new() };
         let spawn = |name: &str, run: Box<dyn FnOnce() + Send>| std::thread::Builder::new().name(name.into()).spawn(run);
         camera.threads.push(spawn("sim-sensor", Box::new(move || sensor.run()))?);
         camera.threads.push(spawn("sim-gvcp", Box::new(move || control.run()))?);
@@ -98,6 +102,14 @@ impl GigeCamera {
 
     pub fn faults(&self) -> &CameraFaults {
         &self.faults
+    }
+
+    /// A pulse on the trigger line; lost where the camera does not wait for one.
+    pub fn pulse_line(&self) {
+        let waits = self.memory.lock().unwrap_or_else(PoisonError::into_inner).values.waits_for_line();
+        if waits && !self.stream.exposing.swap(true, Ordering::SeqCst) {
+            let _ = self.orders.send(Order::Trigger);
+        }
     }
 
     pub(crate) fn truth(&self) -> &Truth {

@@ -34,7 +34,10 @@ const BURST: Duration = Duration::from_micros(250);
 pub(super) enum Order {
     Start,
     Stop,
+    /// A software trigger, or a pulse on the line.
     Trigger,
+    /// Power was lost: frame numbers and what was kept are gone too.
+    Restart,
     Quit,
 }
 
@@ -64,8 +67,12 @@ impl Stream {
         kept.push_back((Arc::clone(block), to));
     }
 
-    fn forget(&self) {
-        self.kept.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    /// Forgets all frames; the last one is given back.
+    fn forget(&self) -> Option<Arc<Block>> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let last = kept.pop_back();
+        kept.clear();
+        last.map(|(block, _)| block)
     }
 }
 
@@ -73,6 +80,7 @@ pub(super) struct Sensor {
     pub clock: RigClock,
     pub shaft: Arc<Shaft>,
     pub sight: Arc<dyn Sight>,
+    pub nominal_exposure_us: Option<f32>,
     pub memory: Arc<Mutex<Memory>>,
     pub stream: Arc<Stream>,
     pub faults: Arc<CameraFaults>,
@@ -92,6 +100,10 @@ pub(super) struct State {
     triggers: u32,
     /// When free run exposes next.
     due: Option<Instant>,
+    /// The last frame of the acquisition before.
+    stale: Option<Arc<Block>>,
+    /// A frame that a fault sends once more.
+    again: Option<Arc<Block>>,
 }
 
 impl Sensor {
@@ -102,7 +114,7 @@ impl Sensor {
                 self.frame();
                 continue;
             }
-            let free_run = self.state.streaming && !self.lock().values.waits_for_software();
+            let free_run = self.state.streaming && self.lock().values.runs_free();
             if free_run {
                 let due = *self.state.due.get_or_insert_with(Instant::now);
                 if self.pause_until(due) && self.state.streaming {
@@ -134,13 +146,21 @@ impl Sensor {
                 };
                 drop(memory);
                 state.streaming = true;
-                state.block = 0;
+                if !self.faults.keeps_numbers() {
+                    state.block = 0;
+                }
                 state.due = None;
                 state.triggers = 0;
+                state.again = None;
                 self.stream.exposing.store(false, Ordering::SeqCst);
-                self.stream.forget();
+                state.stale = self.stream.forget();
             }
             Order::Stop => self.stop(),
+            Order::Restart => {
+                self.stop();
+                self.stream.forget();
+                self.state = State { number: self.state.number, ..State::default() };
+            }
             Order::Trigger if state.streaming => state.triggers += 1,
             Order::Trigger => self.stream.exposing.store(false, Ordering::SeqCst),
             Order::Quit => {
@@ -191,9 +211,14 @@ impl Sensor {
         }
         self.stream.exposing.store(false, Ordering::SeqCst);
         self.state.number += 1;
+        let again = self.state.again.take().map(|again| {
+            self.state.block = next_block(self.state.block);
+            Arc::new(Block { id: self.state.block, ..Block::clone(&again) })
+        });
         self.state.block = next_block(self.state.block);
         let mut bytes = picture.crop(values.offset.0, values.offset.1, values.width, values.height);
-        amplify(&mut bytes, values.gain_db);
+        let longer = self.nominal_exposure_us.map_or(1.0, |nominal| f64::from(values.exposure_us / nominal));
+        amplify(&mut bytes, longer * 10f64.powf(f64::from(values.gain_db) / 20.0));
         let sent = !self.faults.takes_frame();
         self.truth.add(ExposureRecord {
             frame_id: u64::from(self.state.block),
@@ -202,19 +227,32 @@ impl Sensor {
             sha256: Sha256::digest(&bytes).into(),
             sent,
         });
-        let block = Block {
+        let misshapen = self.faults.misshapes_frame();
+        let height = if misshapen { values.height / 2 } else { values.height };
+        bytes.truncate(values.width as usize * height as usize * values.format.bytes_per_pixel());
+        let block = Arc::new(Block {
             id: self.state.block,
             timestamp_ns,
             format: values.format,
             width: values.width,
-            height: values.height,
+            height,
             offset: values.offset,
             packet_size: values.packet_size as usize,
+            cut: self.faults.cuts_frame(),
             bytes,
-        };
+        });
         let destination = self.lock().destination().filter(|_| sent);
         if let Some(to) = destination {
-            self.send(block, to, values.bytes_per_second);
+            self.send_what_is_stale(to, values.bytes_per_second);
+            if let Some(again) = again {
+                self.stream.keep(&again, to);
+                self.send(&again, 0, to, values.bytes_per_second);
+            }
+            self.stream.keep(&block, to);
+            self.send(&block, 0, to, values.bytes_per_second);
+            if self.faults.repeats_frame() {
+                self.state.again = Some(block);
+            }
         }
         if let Some(left) = &mut self.state.left {
             *left = left.saturating_sub(1);
@@ -241,17 +279,30 @@ impl Sensor {
         Pixels::filled(width, height, format, 0)
     }
 
-    fn send(&mut self, block: Block, to: SocketAddrV4, bytes_per_second: u32) {
-        let block = Arc::new(block);
-        self.stream.keep(&block, to);
+    /// What a fault leaves of the acquisition before.
+    fn send_what_is_stale(&mut self, to: SocketAddrV4, bytes_per_second: u32) {
+        if let Some(stale) = self.state.stale.take() {
+            let from = (stale.last_packet() + 1).saturating_sub(self.faults.takes_stale_packets());
+            self.send(&stale, from, to, bytes_per_second);
+        }
+    }
+
+    /// Sends the packets of a frame from `first` on, at the stream's pace, in order but for what faults do to them.
+    fn send(&mut self, block: &Block, first: u32, to: SocketAddrV4, bytes_per_second: u32) {
         let burst_bytes = f64::from(bytes_per_second) * BURST.as_secs_f64();
         let begin = Instant::now();
         let (mut sent, mut next_pause) = (0.0, burst_bytes);
-        for id in 0..=block.last_packet() {
-            let Some(packet) = block.packet(id) else { break };
-            if !self.faults.loses_packet() {
-                // Nobody listening is the host's affair; it shows there as a missing frame.
-                let _ = self.stream.socket.send_to(&packet, to);
+        let mut held_back = None;
+        for id in first..=block.last_packet() {
+            let Some(packet) = block.packet(id) else { continue };
+            if held_back.is_none() && id < block.last_packet() && self.faults.swaps_packet() {
+                held_back = Some(packet);
+                continue;
+            }
+            self.send_packet(&packet, to);
+            if let Some(late) = held_back.take() {
+                self.send_packet(&late, to);
+                sent += block.packet_size as f64;
             }
             sent += block.packet_size as f64;
             if sent >= next_pause {
@@ -263,17 +314,30 @@ impl Sensor {
         }
     }
 
+    fn send_packet(&self, packet: &[u8], to: SocketAddrV4) {
+        let times = match (self.faults.loses_packet() || self.faults.is_unplugged(), self.faults.doubles_packet()) {
+            (true, _) => 0,
+            (false, true) => 2,
+            (false, false) => 1,
+        };
+        for _ in 0..times {
+            // Nobody listening is the host's affair; it shows there as a missing frame.
+            let _ = self.stream.socket.send_to(packet, to);
+        }
+    }
+
     fn lock(&self) -> std::sync::MutexGuard<'_, Memory> {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Gain in decibels of amplitude, saturating.
-fn amplify(bytes: &mut [u8], gain_db: u32) {
-    if gain_db == 0 {
+/// More light or gain, saturating.
+#[allow(clippy::float_cmp)]
+fn amplify(bytes: &mut [u8], factor: f64) {
+    // Exactly 1 where nothing is set.
+    if factor == 1.0 {
         return;
     }
-    let factor = 10f64.powf(f64::from(gain_db) / 20.0);
     let table: [u8; 256] = std::array::from_fn(|v| (v as f64 * factor).round().min(255.0) as u8);
     for byte in bytes {
         *byte = table[usize::from(*byte)];

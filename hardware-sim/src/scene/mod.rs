@@ -12,6 +12,7 @@
 pub mod camera;
 pub mod capillary;
 pub mod contents;
+pub mod fluorescence;
 pub mod frame_set;
 pub mod image;
 pub mod ink;
@@ -24,6 +25,7 @@ pub(crate) mod seeded;
 pub use camera::Camera;
 pub use capillary::Capillary;
 pub use contents::Contents;
+pub use fluorescence::{Fluorescent, FluorescentSettings};
 pub use image::{Coverage, Rgb};
 pub use ink::InkDot;
 pub use nuisance::{Drift, HotPixels, LightCentre, Marks, Motion, Nuisances};
