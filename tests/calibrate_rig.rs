@@ -26,6 +26,7 @@ fn record(folder: &Path, rig: &str, bead: &Bead) {
         sense: Sense::default(),
         rotation_identity: String::new(),
         camera_identity: String::new(),
+        second: None,
     };
     let mut psi = config.optics.clone();
     (psi.uy, psi.gamma) = (uy_px, 1e-4 * uy_px);

@@ -41,7 +41,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "store",
         ],
     ),
-    ("store", &["units", "frame", "hash", "geometry", "profile", "measure", "pipeline", "acquisition", "config", "session"]),
+    ("store", &["units", "frame", "hash", "geometry", "profile", "surface", "measure", "pipeline", "acquisition", "config", "session"]),
     (
         "session",
         &["units", "frame", "cancel", "profile", "surface", "measure", "pipeline", "export", "device", "acquisition", "config", "store"],

@@ -159,6 +159,9 @@ impl Recorded {
                 moved_ms: 0.0,
                 settle_ms: 0.0,
                 grab_ms: 0.0,
+                trigger_ms: 0.0,
+                light: None,
+                second: None,
                 frame_id: u64::from(stop.view),
                 attempts: 1,
                 sha256: sha256_hex(frame.bytes()),
@@ -195,6 +198,7 @@ impl Recorded {
             sense: Sense::default(),
             rotation_identity: String::new(),
             camera_identity: String::new(),
+            second: None,
         };
         let well = PlannedWell { well: "A01".into(), specimen: SpecimenKind::Bead, dpf: None };
         let method = self.config.methods["standard"].clone();

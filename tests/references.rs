@@ -148,6 +148,7 @@ fn recorded(folder: &Path, well: PlannedWell, references: &[References], record:
         sense: config.acquisition.sense,
         rotation_identity: String::new(),
         camera_identity: String::new(),
+        second: None,
     };
     let recording = Recording::new("r", well, Mode::Simulated, rig, "standard", config.methods["standard"].clone());
     let mut writer = RecordingWriter::create(folder, recording, None).unwrap();

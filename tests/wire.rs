@@ -48,22 +48,8 @@ fn axis(rig: &hardware_sim::Rig) -> Grbl {
 }
 
 fn camera_settings(rig: &hardware_sim::Rig) -> AravisSettings {
-    AravisSettings {
-        select: CameraSelect::Address(rig.camera_address()),
-        pixel_format: PixelFormat::BayerRG8,
-        width: WIDTH,
-        height: HEIGHT,
-        offset_x: 0,
-        offset_y: 0,
-        exposure_us: 4000.0,
-        gain_raw: None,
-        packet_size: 8228,
-        socket_buffer_bytes: 4 << 20,
-        packet_socket: false,
-        resend: true,
-        frame_timeout_ms: 500,
-        features: vec![],
-    }
+    let select = CameraSelect::Address(rig.camera_address());
+    AravisSettings { packet_size: 8228, ..AravisSettings::new(select, PixelFormat::BayerRG8, WIDTH, HEIGHT, 4000.0) }
 }
 
 fn settings() -> AcquisitionSettings {

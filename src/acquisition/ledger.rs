@@ -1,5 +1,6 @@
 //! The account of a revolution: where each view was taken, by the axis' own word, and which frame it is.
 
+use super::Light;
 use crate::units::Steps;
 use serde::{Deserialize, Serialize};
 
@@ -21,14 +22,35 @@ pub struct LedgerEntry {
     pub settle_ms: f64,
     /// Time from the first trigger to the accepted frame, ms.
     pub grab_ms: f64,
+    /// Of that, until the camera had acknowledged the last trigger, ms; the rest is exposure, readout and transfer.
+    #[serde(default)]
+    pub trigger_ms: f64,
+    /// Light and focus of the frame; none in recordings of pictures that no camera of ours took.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub light: Option<Light>,
     /// The camera stream's own number of the frame.
     pub frame_id: u64,
     /// Software triggers that the frame took.
     pub attempts: u32,
     /// SHA-256 of the frame's raw bytes, in hexadecimal.
     pub sha256: String,
+    /// The frame that the second camera took of the same view.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<SecondEntry>,
     /// The view at 360 degrees; compared with view 0, never carved.
     pub closure: bool,
+}
+
+/// A frame of the second camera, taken after the first's and before the axis moves on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SecondEntry {
+    pub grab_ms: f64,
+    pub frame_id: u64,
+    pub attempts: u32,
+    pub light: Light,
+    /// SHA-256 of the frame's raw bytes, in hexadecimal.
+    pub sha256: String,
 }
 
 /// Entries of one revolution in the order in which they were taken, all of one epoch, no view twice.
@@ -119,9 +141,12 @@ mod tests {
             moved_ms: 41.25,
             settle_ms: 10.0,
             grab_ms: 33.3,
+            trigger_ms: 0.4,
+            light: Some(Light { background: 211.0, saturated: 1e-3, focus: 0.0123 }),
             frame_id: u64::from(view) + 1,
             attempts: 1,
             sha256: "00".repeat(32),
+            second: None,
             closure: false,
         }
     }

@@ -9,10 +9,14 @@
 //! The plan is immutable and pure; the [`Ledger`] says where every view was really taken. The science receives the
 //! achieved angle, never the planned one. Everything here blocks and knows no async runtime.
 
+mod grab;
 mod ledger;
+mod light;
 mod plan;
 mod worker;
 
-pub use ledger::{Ledger, LedgerEntry, LedgerError};
+pub use grab::{grab, grab_second};
+pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};
+pub use light::Light;
 pub use plan::{PlanError, RevolutionPlan, Stop, ViewOrder};
 pub use worker::{AcquisitionError, AcquisitionSettings, SinkClosed, revolve};

@@ -9,7 +9,7 @@
 //! boundary, the handle ends a move that is under way. Nothing resumes after a change of epoch: the error is final and
 //! the next revolution begins at a new reference.
 
-use super::{Ledger, LedgerEntry, LedgerError, RevolutionPlan, Stop};
+use super::{Ledger, LedgerEntry, LedgerError, Light, RevolutionPlan, Stop, grab};
 use crate::cancel::CancelToken;
 use crate::device::{DeviceError, Rig, StopHandle};
 use crate::frame::RawFrame;
@@ -91,7 +91,8 @@ fn take_view(
     let arrived = Instant::now();
     unless_cancelled(cancel.rest(Duration::from_millis(settings.settle_ms.into())))?;
     let settled = Instant::now();
-    let grabbed = rig.camera.grab(Duration::from_millis(settings.grab_deadline_ms.into())).map_err(failed)?;
+    let deadline = Duration::from_millis(settings.grab_deadline_ms.into());
+    let grabbed = grab(rig.camera.as_mut(), deadline, cancel).map_err(failed)?;
     let grabbed_at = Instant::now();
 
     let entry = LedgerEntry {
@@ -103,9 +104,12 @@ fn take_view(
         moved_ms: milliseconds(arrived - began),
         settle_ms: milliseconds(settled - arrived),
         grab_ms: milliseconds(grabbed_at - settled),
+        trigger_ms: grabbed.trigger_ms,
+        light: Some(Light::of(&grabbed.frame)),
         frame_id: grabbed.frame_id,
         attempts: grabbed.attempts,
         sha256: sha256_hex(grabbed.frame.bytes()),
+        second: None,
         closure: stop.closure,
     };
     tracing::debug!(view, steps = achieved.steps.0, moved_ms = entry.moved_ms, grab_ms = entry.grab_ms, attempts = entry.attempts, "view");
@@ -137,7 +141,7 @@ impl Drop for StopUnlessDone {
 mod tests {
     use super::*;
     use crate::acquisition::ViewOrder;
-    use crate::device::{Achieved, Camera, Capabilities, Grabbed, Position, RotationAxis, StreamCounters};
+    use crate::device::{Achieved, Camera, Capabilities, Grabbed, Link, Position, RotationAxis, StreamCounters};
     use crate::frame::PixelFormat;
     use crate::units::{Steps, StepsPerRevolution};
     use std::sync::Arc;
@@ -208,7 +212,13 @@ mod tests {
             }
             let pixel = (self.bench.steps.load(Ordering::SeqCst) % 251) as u8;
             let frame = RawFrame::new(2, 1, PixelFormat::Mono8, vec![pixel; 2]).unwrap();
-            Ok(Grabbed { frame, frame_id: self.frames.into(), attempts: 1 })
+            Ok(Grabbed { frame, frame_id: self.frames.into(), attempts: 1, trigger_ms: 0.0 })
+        }
+        fn link(&self) -> Link {
+            Link::new(|| false)
+        }
+        fn reopen(&mut self) -> Result<(), DeviceError> {
+            Ok(())
         }
         fn counters(&self) -> StreamCounters {
             StreamCounters::default()

@@ -7,9 +7,10 @@
 
 use super::told;
 use crate::acquisition::{LedgerEntry, RevolutionPlan};
+use crate::measure::fluorescence::Fluorescence;
 use crate::pipeline::{Pipeline, SpecimenRecord};
 use crate::session::SpecimenKind;
-use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
+use crate::store::{self, MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
@@ -86,13 +87,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// A recording's line, and whether other numbers are stored.
 fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, bool)> {
     let reader = RecordingReader::open(path)?;
-    let record = measure(&reader, asd)?;
+    let (record, fluorescence) = measure_all(&reader, asd)?;
     // As if so many views had been planned.
     let mut recording = reader.recording().clone();
     let captured = recording.method.asd;
     let asd = asd.unwrap_or(captured);
     recording.method.asd = asd;
-    let file = MeasurementFile::new(&recording, &reader.references()?, record);
+    let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&recording, &reader.references()?, record) };
     let stored = if asd == captured { compare(reader.folder(), &file)? } else { "not_compared" };
     let well = &recording.specimen.well;
     let line = Measured { recording: path, well, stored, asd, captured, truth: recording.truth.as_ref(), file };
@@ -130,6 +131,11 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
 
 /// The same path as a live run: frames and angles in, numbers out; of `asd` views where fewer are asked for.
 pub fn measure(reader: &RecordingReader, asd: Option<u32>) -> anyhow::Result<SpecimenRecord> {
+    Ok(measure_all(reader, asd)?.0)
+}
+
+/// The same with what the second camera says, where there was one.
+fn measure_all(reader: &RecordingReader, asd: Option<u32>) -> anyhow::Result<(SpecimenRecord, Option<Fluorescence>)> {
     reader.require_finished()?;
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
@@ -163,8 +169,15 @@ pub fn measure(reader: &RecordingReader, asd: Option<u32>) -> anyhow::Result<Spe
             pipeline.observe(entry.view, entry.omega, seen)?;
         }
     }
-    let (_, record) = pipeline.finish().with_context(|| reader.folder().display().to_string())?;
-    Ok(record)
+    let (mesh, record) = pipeline.finish().with_context(|| reader.folder().display().to_string())?;
+    let Some(second) = &recording.rig.second else { return Ok((record, None)) };
+    let mut frames = Vec::new();
+    for entry in &entries {
+        frames.extend(reader.second(entry)?.map(|frame| (*entry, frame)));
+    }
+    let frames = frames.iter().map(|(entry, frame)| (*entry, frame));
+    let fluorescence = store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
+    Ok((record, fluorescence))
 }
 
 /// Every so manieth view around the turn from view 0, and the closure view.
@@ -222,6 +235,9 @@ mod tests {
                 moved_ms: 0.0,
                 settle_ms: 0.0,
                 grab_ms: 0.0,
+                trigger_ms: 0.0,
+                light: None,
+                second: None,
                 frame_id: 0,
                 attempts: 1,
                 sha256: String::new(),

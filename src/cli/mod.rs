@@ -1,6 +1,7 @@
 //! The commands a user meets, one file each.
 
 mod calibrate;
+mod camera;
 mod check;
 mod daemon;
 mod doctor;
@@ -40,6 +41,9 @@ enum Command {
     /// Work with the reference larvae that specimens are compared with.
     #[command(subcommand)]
     Reference(reference::Command),
+    /// Set up the camera's light and take its reference frames.
+    #[command(subcommand)]
+    Camera(camera::Command),
     /// Find where views looked from.
     #[command(subcommand)]
     Calibrate(calibrate::Command),
@@ -85,6 +89,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Measure(args) => measure::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Reference(command) => reference::run(&command),
+        Command::Camera(command) => camera::run(&command),
         Command::Calibrate(command) => calibrate::run(&command),
         // A refusal is an answer of its own: it is printed, and has its own code.
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),

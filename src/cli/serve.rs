@@ -3,8 +3,9 @@
 use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler};
-use crate::device::{Rig, RotationAxis, camera, rotation};
+use crate::device::{Camera, Rig, RotationAxis, camera, rotation};
 use crate::session::{Instrument, Mode};
+use anyhow::Context;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -19,12 +20,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
     let listener = config.http.bind()?;
     let rig = open_rig(&config)?;
+    let second = open_second(&config)?;
     let gate = LoaderGate::default();
     let sampler: Box<dyn Sampler> = match config.sampler {
         SamplerDriver::Loader {} => Box::new(LoaderSampler::new(gate.clone())),
     };
     let greeting = format!("carved serves the instrument {:?}:", config.rig_name);
-    Daemon { config, mode: Mode::Hardware, instrument: Instrument { rig, sampler }, gate, listener, greeting }.run(|_| async { Ok(()) })
+    Daemon { config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, gate, listener, greeting }
+        .run(|_| async { Ok(()) })
 }
 
 /// Opens every device that the configuration names, or says which does not answer.
@@ -41,4 +44,11 @@ pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
         CameraDriver::Aravis(settings) => camera::open(settings.clone())?,
     };
     Ok(Rig { rotation, camera })
+}
+
+/// The second camera, where one is configured.
+fn open_second(config: &Config) -> anyhow::Result<Option<Box<dyn Camera>>> {
+    let Some(second) = &config.second else { return Ok(None) };
+    let CameraDriver::Aravis(settings) = &second.camera;
+    Ok(Some(camera::open(settings.clone()).context("the second camera")?))
 }

@@ -1,12 +1,12 @@
 //! Raw to checked: every breach is found and said, then nothing needs to be doubted again.
 
 use super::Method;
-use super::raw::{CalibrationConfig, CameraDriver, Raw, RotationDriver, SamplerDriver};
+use super::raw::{CalibrationConfig, CameraDriver, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
 use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
 use crate::device::rotation::TranslationSettings;
-use crate::frame::RawFrame;
-use crate::geometry::Camera;
+use crate::frame::{PixelFormat, RawFrame};
+use crate::geometry::{Camera, SecondOptics};
 use crate::http::HttpSettings;
 use crate::measure::references::References;
 use crate::profile::{Picture, Reference};
@@ -35,10 +35,19 @@ pub struct Config {
     /// The axis along the capillary, where the rotation's controller drives it.
     pub translation: Option<TranslationSettings>,
     pub camera: CameraDriver,
+    /// A second camera, which is triggered per view after the first.
+    pub second: Option<SecondCamera>,
     pub sampler: SamplerDriver,
     pub methods: BTreeMap<String, Method>,
     /// The larvae that specimens are compared with.
     pub references: Arc<[References]>,
+}
+
+/// The second camera and where it looks from.
+#[derive(Debug, Clone)]
+pub struct SecondCamera {
+    pub camera: CameraDriver,
+    pub optics: SecondOptics,
 }
 
 #[derive(Debug, Clone)]
@@ -133,6 +142,7 @@ impl Config {
         for checked in [raw.rotation.check(raw.rig.steps_per_revolution), translation, camera.check()] {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
+        let second = second_camera(raw.camera_second, raw.optics_second.as_ref(), &mut breaches);
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
         match (&raw.translation, &raw.rotation) {
             (Some(_), driver) if !matches!(driver, RotationDriver::Grbl(_)) => {
@@ -163,11 +173,48 @@ impl Config {
             rotation: raw.rotation,
             translation: raw.translation,
             camera: raw.camera,
+            second,
             sampler: raw.sampler,
             methods: raw.methods,
             references,
         })
     }
+}
+
+/// Both tables of a second camera, or neither.
+fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>, breaches: &mut Vec<String>) -> Option<SecondCamera> {
+    let (camera, o) = match (camera, optics) {
+        (None, None) => return None,
+        (Some(camera), Some(optics)) => (camera, optics),
+        _ => {
+            breaches.push("  [camera_second], [optics_second]: one of the two; expected both, or neither".into());
+            return None;
+        }
+    };
+    let CameraDriver::Aravis(settings) = &camera;
+    breaches.extend(settings.check().err().map(|e| format!("  [camera_second] {e}")));
+    if settings.pixel_format != PixelFormat::Mono8 {
+        breaches
+            .push(format!("  camera_second.pixel_format = {}; expected Mono8: light is summed, not colours", settings.pixel_format.name()));
+    }
+    let optics = Camera {
+        f: o.distance_um,
+        kx: o.kx_px_per_um,
+        ky: o.ky_px_per_um,
+        ux: o.ux_px,
+        uy: o.uy_px,
+        s: 0.0,
+        alpha: o.alpha_deg.to_radians(),
+        gamma: o.gamma_deg.to_radians(),
+        phi: std::f64::consts::FRAC_PI_2,
+        width: settings.width,
+        height: settings.height,
+    };
+    breaches.extend(optics.check().err().map(|e| format!("  [optics_second] = {e}; expected a camera")));
+    if !o.around_deg.is_finite() {
+        breaches.push(format!("  optics_second.around_deg = {}; expected a finite number", o.around_deg));
+    }
+    Some(SecondCamera { camera, optics: SecondOptics { camera: optics, around: o.around_deg.to_radians() } })
 }
 
 /// The named files, looked for beside the configuration `path`, or the paper's references.

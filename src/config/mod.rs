@@ -9,6 +9,6 @@ mod method;
 mod raw;
 pub mod references;
 
-pub use check::{Config, ConfigError, StoreConfig};
+pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
 pub use method::Method;
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};

@@ -30,6 +30,11 @@ pub(super) struct Raw {
     #[serde(default)]
     pub translation: Option<TranslationSettings>,
     pub camera: CameraDriver,
+    /// A second camera, the microscope's; both tables or none.
+    #[serde(default)]
+    pub camera_second: Option<CameraDriver>,
+    #[serde(default)]
+    pub optics_second: Option<RawSecondOptics>,
     pub sampler: SamplerDriver,
     pub methods: BTreeMap<String, Method>,
 }
@@ -83,6 +88,24 @@ pub(super) struct RawOptics {
     /// A frame of the empty capillary, as this camera takes it; relative to the configuration file.
     #[serde(default)]
     pub empty_capillary: Option<PathBuf>,
+}
+
+/// The second camera's, in the same words.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RawSecondOptics {
+    /// How far around the capillary it looks from, seen from the first: what the first sees at an angle of the axis it sees when
+    /// the axis stands this much before it.
+    pub around_deg: f64,
+    pub distance_um: f64,
+    pub kx_px_per_um: f64,
+    pub ky_px_per_um: f64,
+    pub ux_px: f64,
+    pub uy_px: f64,
+    #[serde(default)]
+    pub alpha_deg: f64,
+    #[serde(default)]
+    pub gamma_deg: f64,
 }
 
 /// Which controller turns the capillary.

@@ -47,8 +47,10 @@ pub enum DeviceError {
     Stopped,
     #[error("camera: {address} is controlled by another program. Close it, or wait until the camera's heartbeat has run out")]
     NotController { address: String },
-    #[error("camera: control of the camera was lost; another program took it, or the cable is out")]
+    #[error("camera: control of the camera was lost; another program took it, or the cable is out. It is opened again when it answers")]
     ControlLost,
+    #[error("camera: no answer to {request} ({why}). Check its power and cable; it is opened again when it answers")]
+    CameraSilent { request: String, why: String },
     #[error("camera: not armed")]
     NotArmed,
     #[error("camera: no whole frame within {waited_ms} ms after {attempts} triggers; last: {last}")]

@@ -115,14 +115,30 @@ impl StopHandle {
     }
 }
 
+/// Whether a device is known to be lost, for any thread; it asks nothing of the device.
+#[derive(Clone)]
+pub struct Link(std::sync::Arc<dyn Fn() -> bool + Send + Sync>);
+
+impl Link {
+    pub fn new(is_lost: impl Fn() -> bool + Send + Sync + 'static) -> Self {
+        Self(std::sync::Arc::new(is_lost))
+    }
+
+    pub fn is_lost(&self) -> bool {
+        (self.0)()
+    }
+}
+
 /// A frame that passed the acceptance rule: whole, of the configured geometry and format.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Grabbed {
     pub frame: RawFrame,
     /// The stream's own number of the frame.
     pub frame_id: u64,
-    /// Software triggers that this frame took; more than 1 after a lost frame.
+    /// Triggers that this frame took; more than 1 after a lost frame.
     pub attempts: u32,
+    /// Until the camera had acknowledged the last of them, ms; the rest of the time is exposure, readout and transfer.
+    pub trigger_ms: f64,
 }
 
 /// What the stream counted since it was opened.
@@ -140,10 +156,17 @@ pub struct StreamCounters {
 pub trait Camera: Send {
     /// Vendor, model and serial number, for the record.
     fn identity(&self) -> &str;
-    /// Starts the one acquisition of a run: the camera then waits for triggers.
+    /// Starts the one acquisition of a run: the camera then waits for triggers. One that was lost is opened again first.
     fn arm(&mut self) -> Result<(), DeviceError>;
     /// Triggers one exposure and returns its frame; a lost frame is triggered again until the deadline has passed.
     fn grab(&mut self, deadline: Duration) -> Result<Grabbed, DeviceError>;
+    /// Tells any thread whether the device is still ours; once it is not, only `reopen` or `arm` help.
+    fn link(&self) -> Link;
+    fn is_lost(&self) -> bool {
+        self.link().is_lost()
+    }
+    /// Opens and configures a lost camera again, where it answers; does nothing with one that is not lost.
+    fn reopen(&mut self) -> Result<(), DeviceError>;
     fn counters(&self) -> StreamCounters;
     fn disarm(&mut self) -> Result<(), DeviceError>;
 }

@@ -12,9 +12,11 @@
 mod camera;
 mod grid;
 mod projection;
+mod second;
 mod turntable;
 
 pub use camera::{Camera, CameraError};
 pub use grid::{BoxUm, GridError, VoxelGrid};
 pub use projection::{Projection, ProjectionError};
+pub use second::SecondOptics;
 pub use turntable::{AxisFrame, NoTurn, Turntable};

@@ -110,6 +110,12 @@ fn describe_hardware(registry: &mut Registry, status: &Status) {
     for (name, help, value) in counters {
         registry.register(name, help, ConstCounter::new(value));
     }
+    if let Some(light) = &camera.light {
+        let percent = Unit::Other("percent".into());
+        registry.register("camera_background", "Median of the newest frame, 0 to 255", ConstGauge::new(light.background));
+        registry.register_with_unit("camera_saturated", "Pixels at the top", percent, ConstGauge::new(light.saturated * 100.0));
+        registry.register("camera_focus", "Sharpness of the newest frame", ConstGauge::new(light.focus));
+    }
     if let Some(free) = status.hardware.disk_free_bytes {
         registry.register_with_unit("disk_free", "Space left for recordings", Unit::Bytes, ConstGauge::new(free as i64));
     }

@@ -1,8 +1,10 @@
 //! The driver: the one place that changes anything. It takes commands and the worker's progress, journals, then publishes.
 
+use super::fault::Lost;
 use super::handle::{Command, Publisher, Refusal};
 use super::heart::{self, Heart};
 use super::plan::is_plain_name;
+use super::search::{self, Search};
 use super::state::{self, STARTABLE, Trigger};
 use super::worker::{self, Instrument, Progress, RunContext, RunEnd};
 use super::{
@@ -12,8 +14,8 @@ use super::{
 use super::{fault, sentence};
 use crate::cancel::CancelToken;
 use crate::config::Config;
-use crate::device::StopHandle;
 use crate::device::sampler::LoaderGate;
+use crate::device::{DeviceError, Link, StopHandle};
 use crate::store::{Journal, RunRecord, Store, StoreError, calibrations};
 use std::future::Future;
 use std::sync::Arc;
@@ -68,8 +70,12 @@ struct Running {
     fault_seq: u64,
     /// A write of this run failed: what is shown of it is not all on disk.
     store_failed: bool,
-    /// A device that does not answer any more, and what to do; nothing runs without it.
-    lost: Option<String>,
+    /// Devices that do not answer any more; nothing runs without them.
+    lost: Vec<Lost>,
+    /// Whether the camera is there, wherever the instrument is now.
+    camera: Link,
+    /// A look for a lost camera, which has the instrument.
+    search: Option<Search>,
 }
 
 /// However the driver ends, a panic included: motors first, and the worker then ends by itself.
@@ -110,16 +116,31 @@ impl Driver {
     /// Serves commands until `shutdown`; then the motors are stopped, the record is closed and everything is joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
         let Self { config, mode, store, journal, publisher, instrument, gate, heart } = self;
+        let camera = instrument.rig.camera.link();
         let instrument = Some(instrument);
         let fault_seq = journal.last_fault();
-        let mut d =
-            Running { config, mode, store, journal, publisher, gate, instrument, active: None, fault_seq, store_failed: false, lost: None };
+        let mut d = Running {
+            config,
+            mode,
+            store,
+            journal,
+            publisher,
+            gate,
+            instrument,
+            active: None,
+            fault_seq,
+            store_failed: false,
+            lost: Vec::new(),
+            camera,
+            search: None,
+        };
         d.at_rest()?;
         tokio::pin!(shutdown);
         let mut beat = tokio::time::interval(heart::BEAT);
+        let mut look = tokio::time::interval(search::LOOK);
         let mut stopping = false;
         loop {
-            if stopping && d.active.is_none() {
+            if stopping && d.active.is_none() && d.search.is_none() {
                 d.go(Trigger::Joined);
                 return Ok(d.event("daemon.stopped", None, serde_json::Value::Null)?);
             }
@@ -138,10 +159,20 @@ impl Driver {
                     }
                     Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?, stopping),
                 },
+                found = search::ended(&mut d.search) => {
+                    let (instrument, found) = found.map_err(|_| DriverError::WorkerPanicked)?;
+                    let stored = d.camera_searched(instrument, &found);
+                    d.keep(stored);
+                }
                 _ = beat.tick() => {
                     heart.beat();
                     d.calibration_ages();
+                    if !stopping {
+                        let stored = d.look_for_camera();
+                        d.keep(stored);
+                    }
                 }
+                _ = look.tick(), if d.active.is_some() => d.show_camera(),
                 command = mailbox.recv(), if !stopping => {
                     if let Some(command) = command {
                         d.command(command);
@@ -229,13 +260,13 @@ impl Running {
         let raised = fault::of(self.fault_seq, error);
         let shown = raised.clone();
         let lost = fault::lost_device(error);
-        if let Some(lost) = &lost {
-            self.lost = Some(lost.way_out().to_owned());
+        if let Some(lost) = lost.filter(|lost| !self.lost.contains(lost)) {
+            self.lost.push(lost);
         }
         self.publish(|s| {
             match lost {
-                Some(fault::Lost::Camera) => s.hardware.camera.connected = false,
-                Some(fault::Lost::Rotation) => {
+                Some(Lost::Camera) => s.hardware.camera.connected = false,
+                Some(Lost::Rotation) => {
                     s.hardware.rotation.connected = false;
                     s.hardware.rotation.referenced = false;
                     s.hardware.rotation.position_steps = None;
@@ -246,6 +277,54 @@ impl Running {
             s.faults.push(shown);
         });
         raised
+    }
+
+    /// What to do about lost devices, if any are.
+    fn way_out(&self) -> Option<String> {
+        self.lost.first().map(|lost| lost.way_out().to_owned())
+    }
+
+    /// During a run the worker opens a lost camera again by itself, or ends the run; here it is shown.
+    fn show_camera(&self) {
+        let is_lost = self.camera.is_lost();
+        if self.publisher.status().hardware.camera.connected == is_lost {
+            self.publish(|s| s.hardware.camera.connected = !is_lost);
+        }
+    }
+
+    /// At rest, a loss is a fault of its own, and a lost camera is looked for.
+    fn look_for_camera(&mut self) -> Result<(), StoreError> {
+        if self.active.is_none() && self.search.is_none() && self.camera.is_lost() {
+            if !self.lost.contains(&Lost::Camera) {
+                let fault = self.raise(&DeviceError::ControlLost.into());
+                let why = self.way_out();
+                self.publish(|s| {
+                    s.ready = false;
+                    s.not_ready_reason = why;
+                });
+                self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default())?;
+            }
+            self.search = self.instrument.take().map(search::begin);
+        }
+        Ok(())
+    }
+
+    fn camera_searched(&mut self, instrument: Instrument, found: &Result<(), DeviceError>) -> Result<(), StoreError> {
+        self.instrument = Some(instrument);
+        if let Err(error) = found {
+            tracing::debug!(%error, "the camera is not back yet");
+            return Ok(());
+        }
+        self.lost.retain(|lost| *lost != Lost::Camera);
+        let why = self.way_out();
+        let over: Vec<u64> = self.publisher.status().faults.iter().filter(|f| Lost::Camera.is_all_of(f)).map(|f| f.seq).collect();
+        self.publish(|s| {
+            s.hardware.camera.connected = true;
+            s.faults.retain(|f| !over.contains(&f.seq));
+            s.ready = why.is_none();
+            s.not_ready_reason = why;
+        });
+        self.event("fault.cleared", None, serde_json::json!({ "seq": over, "why": "the camera is back" }))
     }
 
     /// Puts the devices' first word into the status.
@@ -262,6 +341,7 @@ impl Running {
             let under_way = run.wells.iter().find(|w| w.outcome == Some(SpecimenOutcome::Interrupted))?;
             Some(SpecimenStatus::new(&under_way.well, Phase::Eject, true, run.method.asd))
         });
+        let second = self.instrument.as_ref().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
         let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
         let disk_free_bytes = self.store.free_bytes();
         let calibration = self.calibration();
@@ -273,6 +353,8 @@ impl Running {
                 s.hardware.camera.identity = Some(camera);
                 s.hardware.camera.connected = true;
             }
+            s.hardware.camera_second =
+                second.map(|identity| super::CameraStatus { identity: Some(identity), connected: true, ..super::CameraStatus::default() });
             s.hardware.disk_free_bytes = disk_free_bytes;
             s.ready = true;
             s.not_ready_reason = None;
@@ -333,8 +415,8 @@ impl Running {
             return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
         }
         plan.check(&self.config.methods).map_err(Refusal::InvalidPlan)?;
-        if let Some(why) = &self.lost {
-            return Err(Refusal::DeviceLost { why: why.clone() });
+        if let Some(why) = self.way_out() {
+            return Err(Refusal::DeviceLost { why });
         }
         if let (None, Some(left)) = (&self.active, self.publisher.status().specimen.as_ref().filter(|s| s.in_capillary)) {
             return Err(Refusal::CapillaryFull { well: left.well.clone() });
@@ -345,7 +427,8 @@ impl Running {
         };
         match self.start(id, plan, instrument) {
             Ok(()) => Ok(Accepted::Created),
-            Err((instrument, e)) => {
+            Err(refused) => {
+                let (instrument, e) = *refused;
                 self.instrument = Some(instrument);
                 Err(e.into())
             }
@@ -353,11 +436,11 @@ impl Running {
     }
 
     /// Journals the run, then lets the worker go. On failure the instrument comes back.
-    fn start(&mut self, id: &str, plan: RunPlan, instrument: Instrument) -> Result<(), (Instrument, StoreError)> {
-        let method = match self.config.methods.get(&plan.method) {
-            Some(method) => method.clone(),
-            // `check` has looked it up; a plan that names no method never comes here.
-            None => return Err((instrument, StoreError::Format { path: id.into(), expected: "a known method", found: plan.method })),
+    fn start(&mut self, id: &str, plan: RunPlan, instrument: Instrument) -> Result<(), Box<(Instrument, StoreError)>> {
+        // `check` has looked it up; a plan that names no method never comes here.
+        let Some(method) = self.config.methods.get(&plan.method).cloned() else {
+            let error = StoreError::Format { path: id.into(), expected: "a known method", found: plan.method };
+            return Err(Box::new((instrument, error)));
         };
         let record = RunRecord::new(id, plan, method.clone(), self.mode, self.config.empty_capillary.as_deref());
         let journalled = self.store.save_run(&record).and_then(|()| {
@@ -375,7 +458,7 @@ impl Running {
                 if let Err(error) = self.store.forget_run(id) {
                     tracing::error!(%error, "a run that was refused is still on disk");
                 }
-                return Err((instrument, e));
+                return Err(Box::new((instrument, e)));
             }
         }
         self.gate.clear();
@@ -528,12 +611,13 @@ impl Running {
                 self.publisher.set_live(|l| *l = live);
                 self.publish(|_| ());
             }
-            Progress::View { well, index, closure, achieved_steps, volume_um3, live } => {
+            Progress::View { well, index, closure, achieved_steps, volume_um3, light, live } => {
                 self.publisher.set_live(|l| *l = live);
                 let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
                 self.publish(|s| {
                     s.hardware.rotation.position_steps = Some(achieved_steps);
                     s.hardware.rotation.position_deg = Some(position_deg);
+                    s.hardware.camera.light = light;
                     if let (Some(specimen), Some(volume_um3)) = (&mut s.specimen, volume_um3) {
                         specimen.view += 1;
                         specimen.volume_um3 = Some(volume_um3);
@@ -548,17 +632,15 @@ impl Running {
                 self.publisher.set_live(|l| l.mesh_glb = Some(glb));
                 self.publish(|_| ());
             }
-            Progress::Hardware { rotation, counters } => {
+            Progress::Hardware { rotation, counters, second } => {
                 let disk_free_bytes = self.store.free_bytes();
                 self.publish(|s| {
                     s.hardware.rotation = rotation;
                     s.hardware.disk_free_bytes = disk_free_bytes;
-                    let camera = &mut s.hardware.camera;
-                    camera.completed_frames = counters.completed;
-                    camera.failed_frames = counters.failed;
-                    camera.missing_packets = counters.missing_packets;
-                    camera.resent_packets = counters.resent_packets;
-                    camera.ignored_packets = counters.ignored_packets;
+                    s.hardware.camera.count(&counters);
+                    if let (Some(camera), Some(counters)) = (&mut s.hardware.camera_second, second) {
+                        camera.count(&counters);
+                    }
                 });
             }
             Progress::WellDone { result, seconds, in_capillary } => {
@@ -633,7 +715,7 @@ impl Running {
                 _ => self.go(Trigger::WellsDone),
             }
         }
-        let lost = self.lost.clone();
+        let lost = self.way_out();
         // The end and all that follows from it are one revision.
         let change = |s: &mut Status| {
             s.run = Some(status);

@@ -15,6 +15,7 @@ mod live;
 mod placing;
 mod plan;
 mod reference;
+mod search;
 mod sentence;
 mod state;
 mod status;

@@ -12,6 +12,7 @@ pub fn of(s: &Status) -> String {
         State::Idle => "Idle. Ready for a plate.".into(),
         State::Starting => "Starting the run: the camera is being armed.".into(),
         State::Suspended => format!("Waiting for the loader: {}.", s.plate.needs.as_deref().unwrap_or("a specimen")),
+        State::Execute if !s.hardware.camera.connected => "The camera is lost: it is opened again if it answers within ten seconds.".into(),
         State::Execute => match &s.specimen {
             None => "Preparing the first well.".into(),
             Some(x) => match x.phase {

@@ -176,6 +176,9 @@ pub struct WellStatus {
     pub field_area_um2: Option<f64>,
     /// Of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
+    /// Fluorescence in the second camera per volume: grey levels times px per nl.
+    #[serde(default)]
+    pub signal_per_nl: Option<f64>,
     /// Where a larva of known age stands among reference larvae.
     #[serde(default)]
     pub reference: Option<Box<super::ReferenceStatus>>,
@@ -199,6 +202,7 @@ impl WellStatus {
             field_volume_um3: None,
             field_area_um2: None,
             diameter_um: None,
+            signal_per_nl: None,
             reference: None,
         }
     }
@@ -285,6 +289,19 @@ pub struct CameraStatus {
     pub missing_packets: u64,
     pub resent_packets: u64,
     pub ignored_packets: u64,
+    /// Light and focus of the newest view.
+    #[serde(default)]
+    pub light: Option<crate::acquisition::Light>,
+}
+
+impl CameraStatus {
+    pub fn count(&mut self, counters: &crate::device::StreamCounters) {
+        self.completed_frames = counters.completed;
+        self.failed_frames = counters.failed;
+        self.missing_packets = counters.missing_packets;
+        self.resent_packets = counters.resent_packets;
+        self.ignored_packets = counters.ignored_packets;
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
@@ -304,6 +321,9 @@ pub struct HardwareStatus {
     /// `null` on a rig without a linear axis.
     pub translation: Option<RotationStatus>,
     pub camera: CameraStatus,
+    /// `null` on a rig without a second camera.
+    #[serde(default)]
+    pub camera_second: Option<CameraStatus>,
     pub disk_free_bytes: Option<u64>,
 }
 

@@ -7,18 +7,17 @@
 //!                                   └─ closure view at 360 deg
 //! ```
 
-use super::fault;
 use super::{Live, Mode, Phase, PlannedWell, ReferenceStatus, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
 use super::{live, placing};
-use crate::acquisition::{self, AcquisitionError, LedgerEntry, PlanError, RevolutionPlan, SinkClosed};
+use crate::acquisition::{self, AcquisitionError, LedgerEntry, Light, PlanError, RevolutionPlan, SinkClosed};
 use crate::cancel::CancelToken;
 use crate::config::{Config, Method};
 use crate::device::sampler::{Expected, Sampler};
-use crate::device::{DeviceError, Position, Rig, StreamCounters};
+use crate::device::{Camera, DeviceError, Position, Rig, StreamCounters};
 use crate::export;
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, PipelineError};
-use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RigRecord, StoreError};
+use crate::store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingWriter, RigRecord, SecondRecord, StoreError};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,6 +28,8 @@ use tokio::sync::mpsc::Sender;
 /// The devices and who fills the capillary.
 pub struct Instrument {
     pub rig: Rig,
+    /// A second camera, triggered per view after the rig's.
+    pub second: Option<Box<dyn Camera>>,
     pub sampler: Box<dyn Sampler>,
 }
 
@@ -54,6 +55,7 @@ pub enum Progress {
         closure: bool,
         achieved_steps: i64,
         volume_um3: Option<f64>,
+        light: Option<Light>,
         live: Live,
     },
     /// The finished surface, for the page.
@@ -69,6 +71,7 @@ pub enum Progress {
     Hardware {
         rotation: RotationStatus,
         counters: StreamCounters,
+        second: Option<StreamCounters>,
     },
 }
 
@@ -88,6 +91,8 @@ pub enum RunError {
     Acquisition(#[from] AcquisitionError),
     #[error(transparent)]
     Store(#[from] StoreError),
+    #[error("second camera: {0}")]
+    Second(DeviceError),
     #[error("the specimen thread ended without a result; see the log")]
     SpecimenThread,
 }
@@ -108,6 +113,13 @@ pub struct RunContext {
 /// How often a specimen that is not all in view is carried along before it is taken as it lies.
 const PLACINGS: u32 = 2;
 
+/// One view on its way from the rig to the science.
+struct View {
+    entry: LedgerEntry,
+    frame: RawFrame,
+    second: Option<RawFrame>,
+}
+
 /// Why a well has no number.
 enum WellEnd {
     Measured {
@@ -120,6 +132,7 @@ enum WellEnd {
         field_volume_um3: f64,
         field_area_um2: f64,
         diameter_um: Option<f64>,
+        signal_per_nl: Option<f64>,
         reference: Option<Box<ReferenceStatus>>,
     },
     Skipped(&'static str),
@@ -138,12 +151,18 @@ pub fn run(mut instrument: Instrument, context: &RunContext) -> (Instrument, Run
     if !matches!(end, RunEnd::AllWells) {
         instrument.rig.rotation.stop_handle().stop();
     }
-    // Waiting for a camera that is gone would only delay the word that it is.
-    let lost = matches!(&end, RunEnd::Failed(e) if fault::lost_device(e).is_some());
-    if !lost && let Err(error) = instrument.rig.camera.disarm() {
+    // One that is lost is taken apart when it is opened again.
+    if !instrument.rig.camera.is_lost()
+        && let Err(error) = instrument.rig.camera.disarm()
+    {
         tracing::warn!(%error, "the camera did not disarm");
     }
-    context.hardware(&instrument.rig);
+    if let Some(second) = instrument.second.as_mut().filter(|second| !second.is_lost())
+        && let Err(error) = second.disarm()
+    {
+        tracing::warn!(%error, "the second camera did not disarm");
+    }
+    context.hardware(&instrument);
     (instrument, end)
 }
 
@@ -159,7 +178,8 @@ impl RunContext {
         self.tell(Progress::Phase { well: well.to_owned(), phase, in_capillary });
     }
 
-    fn hardware(&self, rig: &Rig) {
+    fn hardware(&self, instrument: &Instrument) {
+        let rig = &instrument.rig;
         let (referenced, position_steps) = match rig.rotation.position() {
             Position::Referenced { steps, .. } => (true, Some(steps)),
             Position::Unknown | Position::Suspect { .. } => (false, None),
@@ -174,6 +194,7 @@ impl RunContext {
                 position_deg: position_steps.map(|s| self.config.steps_per_revolution.angle(s).to_degrees()),
             },
             counters: rig.camera.counters(),
+            second: instrument.second.as_ref().map(|second| second.counters()),
         });
     }
 
@@ -187,6 +208,9 @@ impl RunContext {
 
     fn all_wells(&self, instrument: &mut Instrument) -> Result<ControlFlow<()>, RunError> {
         instrument.rig.camera.arm()?;
+        if let Some(second) = &mut instrument.second {
+            second.arm().map_err(RunError::Second)?;
+        }
         self.tell(Progress::Ready);
         for planned in &self.wells {
             if self.cancel.is_cancelled() {
@@ -206,6 +230,7 @@ impl RunContext {
                     field_volume_um3,
                     field_area_um2,
                     diameter_um,
+                    signal_per_nl,
                     reference,
                 } => {
                     result.end(SpecimenOutcome::Succeeded, None);
@@ -218,12 +243,13 @@ impl RunContext {
                     result.field_volume_um3 = Some(field_volume_um3);
                     result.field_area_um2 = Some(field_area_um2);
                     result.diameter_um = diameter_um;
+                    result.signal_per_nl = signal_per_nl;
                     result.reference = reference;
                 }
                 WellEnd::Skipped(reason) => result.end(SpecimenOutcome::Skipped, Some(reason)),
                 WellEnd::Failed(reason) => result.end(SpecimenOutcome::Failed, Some(&reason)),
             }
-            self.hardware(&instrument.rig);
+            self.hardware(instrument);
             let in_capillary = instrument.sampler.waits_for_loader() && result.outcome != Some(SpecimenOutcome::Skipped);
             self.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), in_capillary });
         }
@@ -245,13 +271,13 @@ impl RunContext {
         }
         let expected = Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf };
         let Some(loaded) = instrument.sampler.load(expected, &self.cancel)? else { return Ok(None) };
-        let rig = &mut instrument.rig;
         self.phase(well, Phase::Position, true);
-        rig.rotation.reference(&self.cancel)?;
+        instrument.rig.rotation.reference(&self.cancel)?;
         if let Some(translation) = &self.config.translation {
-            placing::place(rig, translation.position_um, &self.cancel)?;
+            placing::place(&mut instrument.rig, translation.position_um, &self.cancel)?;
         }
-        self.hardware(rig);
+        self.hardware(instrument);
+        let rig = &instrument.rig;
 
         self.phase(well, Phase::Detect, true);
         let recording = Recording::new(
@@ -267,12 +293,13 @@ impl RunContext {
                 empty_capillary_sha256: None,
                 rotation_identity: rig.rotation.identity().to_owned(),
                 camera_identity: rig.camera.identity().to_owned(),
+                second: self.second_record(instrument),
             },
             &self.method_name,
             self.method.clone(),
         );
         let mut writer = RecordingWriter::create(&self.folder.join(well), recording, self.config.empty_capillary.as_deref())?;
-        let end = self.judge(rig, &mut writer, planned, loaded.truth);
+        let end = self.judge(instrument, &mut writer, planned, loaded.truth);
         // The record is closed on every way out, a fault's included; the fault is what is told then.
         let closed = writer.close();
         let driven = !instrument.sampler.waits_for_loader();
@@ -292,23 +319,31 @@ impl RunContext {
         Ok(Some(end))
     }
 
+    fn second_record(&self, instrument: &Instrument) -> Option<SecondRecord> {
+        let (second, configured) = instrument.second.as_ref().zip(self.config.second.as_ref())?;
+        Some(SecondRecord { optics: configured.optics.clone(), identity: second.identity().to_owned() })
+    }
+
     /// Looks what is in the capillary, and takes a specimen through its revolution.
     fn judge(
         &self,
-        rig: &mut Rig,
+        instrument: &mut Instrument,
         writer: &mut RecordingWriter,
         planned: &PlannedWell,
         truth: Option<serde_json::Value>,
     ) -> Result<Option<WellEnd>, RunError> {
-        let mut detected = rig.camera.grab(self.deadline())?;
+        let rig = &mut instrument.rig;
+        let mut detected = acquisition::grab(rig.camera.as_mut(), self.deadline(), &self.cancel)?;
         for _ in 0..PLACINGS {
             match self.out_of_view_um(planned, &detected.frame) {
-                Some(by_um) if placing::shift(rig, by_um)? => detected = rig.camera.grab(self.deadline())?,
+                Some(by_um) if placing::shift(rig, by_um)? => {
+                    detected = acquisition::grab(rig.camera.as_mut(), self.deadline(), &self.cancel)?;
+                }
                 _ => break,
             }
         }
         writer.add_detection(&detected.frame, truth)?;
-        self.hardware(rig);
+        self.hardware(instrument);
         if self.cancel.is_cancelled() {
             return Ok(None);
         }
@@ -327,10 +362,10 @@ impl RunContext {
                     tracing::info!(well = %planned.well, reason, detection = ?p.detection, "the well is skipped");
                     Ok(Some(WellEnd::Skipped(reason)))
                 }
-                None => self.revolve(rig, writer, planned, pipeline),
+                None => self.revolve(instrument, writer, planned, pipeline),
             },
             // A frame that cannot be judged is not taken for an empty well: the revolution decides.
-            Err(_) => self.revolve(rig, writer, planned, pipeline),
+            Err(_) => self.revolve(instrument, writer, planned, pipeline),
         }
     }
 
@@ -351,7 +386,7 @@ impl RunContext {
 
     fn revolve(
         &self,
-        rig: &mut Rig,
+        instrument: &mut Instrument,
         writer: &mut RecordingWriter,
         planned: &PlannedWell,
         pipeline: Pipeline,
@@ -364,11 +399,23 @@ impl RunContext {
         };
         writer.add_references(&self.config.references)?;
         // Room for every view: the axis never waits for the science.
-        let (send, views) = sync_channel::<(LedgerEntry, RawFrame)>(self.method.asd as usize + 1);
+        let (send, views) = sync_channel::<View>(self.method.asd as usize + 1);
+        let Instrument { rig, second, .. } = instrument;
+        let mut second_failed = None;
         let (revolved, specimen) = std::thread::scope(|scope| {
-            let science = scope.spawn(move || self.reconstruct(pipeline, writer, well, views));
-            let revolved = acquisition::revolve(rig, &plan, &self.config.acquisition, &self.cancel, |entry, frame| {
-                send.send((entry, frame)).map_err(|_| SinkClosed)
+            let science = scope.spawn(move || self.reconstruct(pipeline, writer, well, &views));
+            let revolved = acquisition::revolve(rig, &plan, &self.config.acquisition, &self.cancel, |mut entry, frame| {
+                // The axis stands until this has returned.
+                let second = second.as_deref_mut().map(|camera| acquisition::grab_second(camera, self.deadline(), &self.cancel));
+                let second = second.transpose().map_err(|e| {
+                    second_failed = Some(e);
+                    SinkClosed
+                })?;
+                let second = second.map(|(seen, frame)| {
+                    entry.second = Some(seen);
+                    frame
+                });
+                send.send(View { entry, frame, second }).map_err(|_| SinkClosed)
             });
             drop(send);
             (revolved, science.join())
@@ -376,6 +423,9 @@ impl RunContext {
         let specimen = specimen.map_err(|_| RunError::SpecimenThread)?;
         if self.cancel.is_cancelled() {
             return Ok(None);
+        }
+        if let Some(e) = second_failed {
+            return Err(RunError::Second(e));
         }
         // Where the specimen thread ended by itself, that is why no more views were taken.
         let end = specimen?;
@@ -391,12 +441,17 @@ impl RunContext {
         mut pipeline: Pipeline,
         writer: &mut RecordingWriter,
         well: &str,
-        views: Receiver<(LedgerEntry, RawFrame)>,
+        views: &Receiver<View>,
     ) -> Result<WellEnd, RunError> {
         let mut clock = StageClock::default();
         let mut seen = 0;
         let mut next = views.recv().ok();
-        while let Some((entry, frame)) = next {
+        let mut seconds = Vec::new();
+        while let Some(View { entry, frame, second }) = next {
+            if let Some(second) = second {
+                writer.add_second(&entry, &second)?;
+                seconds.push((entry.clone(), second));
+            }
             // While no view waits there is time to calibrate; one that comes meanwhile waits in the queue, and the axis turns on.
             let waiting = match self.take_view(&mut pipeline, writer, well, entry, &frame, &mut clock, || views.try_recv().ok())? {
                 Ok(waiting) => waiting,
@@ -422,7 +477,11 @@ impl RunContext {
             writer.add_file("model.glb", &glb)?;
             self.tell(Progress::Model { glb });
         }
-        let file = MeasurementFile::new(writer.recording(), &self.config.references, record);
+        let second = self.config.second.as_ref().filter(|_| !seconds.is_empty());
+        let fluorescence = second
+            .and_then(|s| store::fluorescence(&mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame))));
+        let signal_per_nl = fluorescence.as_ref().map(|f| f.signal_per_nl);
+        let file = MeasurementFile { fluorescence, ..MeasurementFile::new(writer.recording(), &self.config.references, record) };
         writer.add_json(MEASUREMENT, &file)?;
         let MeasurementFile { record, reference, .. } = file;
         writer.add_json("timings.json", &clock)?;
@@ -438,6 +497,7 @@ impl RunContext {
             field_volume_um3: m.field_volume_um3,
             field_area_um2: m.field_area_um2,
             diameter_um: m.diameter_um,
+            signal_per_nl,
         })
     }
 
@@ -454,7 +514,7 @@ impl RunContext {
         clock: &mut StageClock,
         waiting: impl FnOnce() -> Option<T>,
     ) -> Result<Result<Option<T>, PipelineError>, RunError> {
-        let (index, closure, omega, achieved_steps) = (entry.view, entry.closure, entry.omega, entry.achieved_steps.0);
+        let (index, closure, omega, achieved_steps, light) = (entry.view, entry.closure, entry.omega, entry.achieved_steps.0, entry.light);
         clock.store.time(|| writer.add_view(entry, frame))?;
         let seen = match clock.profile.time(|| pipeline.look(frame)) {
             Ok(seen) => seen,
@@ -476,7 +536,7 @@ impl RunContext {
         }
         let volume_um3 = (!closure).then(|| pipeline.live().volume_um3);
         let live = live::of_view(&seen, &pipeline.live_mesh());
-        self.tell(Progress::View { well: well.to_owned(), index, closure, achieved_steps, volume_um3, live });
+        self.tell(Progress::View { well: well.to_owned(), index, closure, achieved_steps, volume_um3, light, live });
         Ok(Ok(waiting))
     }
 }

@@ -17,7 +17,9 @@ mod sums;
 
 pub use error::StoreError;
 pub use journal::Journal;
-pub use recording::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, Software};
+pub use recording::{
+    MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, Software, fluorescence,
+};
 
 use crate::config::Method;
 use crate::frame::RawFrame;

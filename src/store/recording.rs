@@ -4,6 +4,7 @@
 //! runs/RUN/A01/recording.json          rig, method, ledger (rewritten durably after each view)
 //!              frames/view_000.png     the raw frame, lossless; Bayer frames stay mosaics
 //!              frames/closure.png      the view at 360 deg
+//!              second/view_000.png     the second camera's frame of the same view, where there is one
 //!              frames/empty.png        the empty capillary that the frames are compared with, where there is one
 //!              frames/detect.png       the frame on which the well was judged
 //!              profiles/view_000.png   the mask that was carved with
@@ -18,12 +19,15 @@ use super::{StoreError, durable, frames};
 use crate::acquisition::{Ledger, LedgerEntry};
 use crate::config::Method;
 use crate::frame::{PixelFormat, RawFrame};
-use crate::geometry::Camera;
+use crate::geometry::{Camera, SecondOptics};
 use crate::hash::sha256_hex;
+use crate::measure::Measurement;
+use crate::measure::fluorescence::{Fluorescence, SecondView};
 use crate::measure::references::{References, Specimen, Standing, estimates};
 use crate::pipeline::SpecimenRecord;
 use crate::profile::Mask;
 use crate::session::{Mode, PlannedWell};
+use crate::surface::Mesh;
 use crate::units::{Sense, StepsPerRevolution};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -42,6 +46,9 @@ pub struct MeasurementFile {
     pub mode: Mode,
     #[serde(flatten)]
     pub record: SpecimenRecord,
+    /// What the second camera says, where there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fluorescence: Option<Fluorescence>,
     /// The place among reference larvae, of a larva whose age is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Standing>,
@@ -64,8 +71,28 @@ impl MeasurementFile {
             Standing::of(&specimen, references)
         };
         let reference = recording.specimen.age_of_larva().filter(|_| !references.is_empty()).map(standing);
-        Self { mode: recording.mode, record, reference }
+        Self { mode: recording.mode, record, fluorescence: None, reference }
     }
+}
+
+/// The second camera's numbers of a specimen: of its frames beside their ledger entries, the closure view's left out.
+pub fn fluorescence<'a>(
+    mesh: &Mesh,
+    measurement: &Measurement,
+    optics: &SecondOptics,
+    frames: impl Iterator<Item = (&'a LedgerEntry, &'a RawFrame)>,
+) -> Option<Fluorescence> {
+    let views: Vec<SecondView> = frames
+        .filter(|(entry, _)| !entry.closure)
+        .map(|(entry, frame)| SecondView {
+            view: entry.view,
+            projection: optics.projection(entry.omega),
+            pixels: frame.bytes(),
+            width: frame.width() as usize,
+            height: frame.height() as usize,
+        })
+        .collect();
+    Fluorescence::measure(mesh, &views, measurement.volume_um3, measurement.volume_sd_um3)
 }
 
 /// Which program wrote a file.
@@ -95,6 +122,16 @@ pub struct RigRecord {
     pub sense: Sense,
     pub rotation_identity: String,
     pub camera_identity: String,
+    /// The second camera, where there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<SecondRecord>,
+}
+
+/// The second camera as it was.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SecondRecord {
+    pub optics: SecondOptics,
+    pub identity: String,
 }
 
 /// `recording.json`.
@@ -143,6 +180,10 @@ fn frame_file(entry: &LedgerEntry) -> String {
     if entry.closure { "frames/closure.png".into() } else { format!("frames/view_{:03}.png", entry.view) }
 }
 
+fn second_file(entry: &LedgerEntry) -> String {
+    if entry.closure { "second/closure.png".into() } else { format!("second/view_{:03}.png", entry.view) }
+}
+
 /// The frame of the empty capillary, relative to the recording.
 const EMPTY: &str = "frames/empty.png";
 
@@ -166,6 +207,9 @@ impl RecordingWriter {
         }
         durable::create_folder(&folder.join("frames"))?;
         durable::create_folder(&folder.join("profiles"))?;
+        if recording.rig.second.is_some() {
+            durable::create_folder(&folder.join("second"))?;
+        }
         let mut writer = Self { folder: folder.to_owned(), recording, written: BTreeMap::new() };
         if let Some(frame) = empty {
             writer.put(EMPTY, &frames::encode(frame)?)?;
@@ -217,6 +261,11 @@ impl RecordingWriter {
             found: e.to_string(),
         })?;
         self.save()
+    }
+
+    /// The second camera's frame of a view that `add_view` is then told of.
+    pub fn add_second(&mut self, entry: &LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
+        self.put(&second_file(entry), &frames::encode(frame)?)
     }
 
     pub fn add_profile(&mut self, index: u32, mask: &Mask) -> Result<(), StoreError> {
@@ -292,13 +341,23 @@ impl RecordingReader {
         if !path.exists() {
             return Err(StoreError::MissingFrame { path, view: entry.view });
         }
-        self.unaltered(path, &entry.sha256)
+        unaltered(path, self.recording.rig.pixel_format, &entry.sha256)
+    }
+
+    /// The second camera's frame of a ledger entry; none where there was no second camera.
+    pub fn second(&self, entry: &LedgerEntry) -> Result<Option<RawFrame>, StoreError> {
+        let Some(second) = &entry.second else { return Ok(None) };
+        let path = self.folder.join(second_file(entry));
+        if !path.exists() {
+            return Err(StoreError::MissingFrame { path, view: entry.view });
+        }
+        unaltered(path, PixelFormat::Mono8, &second.sha256).map(Some)
     }
 
     /// The empty capillary that the frames were compared with, if they were.
     pub fn empty_capillary(&self) -> Result<Option<RawFrame>, StoreError> {
         let expected = self.recording.rig.empty_capillary_sha256.as_deref();
-        expected.map(|expected| self.unaltered(self.folder.join(EMPTY), expected)).transpose()
+        expected.map(|expected| unaltered(self.folder.join(EMPTY), self.recording.rig.pixel_format, expected)).transpose()
     }
 
     /// The numbers that are stored beside the frames.
@@ -317,13 +376,13 @@ impl RecordingReader {
         }
         durable::read_json(&path, "references (carved.references/1)")
     }
+}
 
-    fn unaltered(&self, path: PathBuf, expected: &str) -> Result<RawFrame, StoreError> {
-        let frame = frames::decode(&path, self.recording.rig.pixel_format)?;
-        let found = sha256_hex(frame.bytes());
-        if found != expected {
-            return Err(StoreError::Altered { path, expected: expected.to_owned(), found });
-        }
-        Ok(frame)
+fn unaltered(path: PathBuf, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
+    let frame = frames::decode(&path, format)?;
+    let found = sha256_hex(frame.bytes());
+    if found != expected {
+        return Err(StoreError::Altered { path, expected: expected.to_owned(), found });
     }
+    Ok(frame)
 }

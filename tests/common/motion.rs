@@ -44,22 +44,8 @@ pub fn targets(order: ViewOrder) -> Vec<Steps> {
 
 /// An armed camera beside the axis.
 pub fn with_camera(emulated: &hardware_sim::Rig, rotation: Box<dyn RotationAxis>) -> Rig {
-    let settings = AravisSettings {
-        select: CameraSelect::Address(emulated.camera_address()),
-        pixel_format: PixelFormat::BayerRG8,
-        width: WIDTH,
-        height: HEIGHT,
-        offset_x: 0,
-        offset_y: 0,
-        exposure_us: 4000.0,
-        gain_raw: None,
-        packet_size: 8228,
-        socket_buffer_bytes: 4 << 20,
-        packet_socket: false,
-        resend: true,
-        frame_timeout_ms: 500,
-        features: vec![],
-    };
+    let select = CameraSelect::Address(emulated.camera_address());
+    let settings = AravisSettings { packet_size: 8228, ..AravisSettings::new(select, PixelFormat::BayerRG8, WIDTH, HEIGHT, 4000.0) };
     let mut camera = camera::open(settings).unwrap();
     camera.arm().unwrap();
     Rig { rotation, camera }

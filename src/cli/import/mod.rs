@@ -283,6 +283,7 @@ fn recording(rig: Rig, specimen: PlannedWell, kind: Kind, imported: &Imported) -
         sense: imported.turn.sense,
         rotation_identity: format!("imported: {}", imported.angles_from),
         camera_identity: format!("imported: {}", imported.camera_from),
+        second: None,
     };
     Ok(Recording::new("imported", specimen, Mode::Imported, record, &rig.method_name, method))
 }

@@ -89,7 +89,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     Daemon {
         config,
         mode: Mode::Simulated,
-        instrument: Instrument { rig: devices, sampler },
+        instrument: Instrument { rig: devices, second: None, sampler },
         gate,
         listener,
         greeting: "carved simulates an instrument. Page:".into(),

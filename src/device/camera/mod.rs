@@ -9,7 +9,7 @@
 mod aravis;
 mod settings;
 
-pub use settings::{AravisSettings, CameraSelect};
+pub use settings::{AravisSettings, CameraSelect, MacAddress, Trigger};
 
 use super::{Camera, DeviceError};
 

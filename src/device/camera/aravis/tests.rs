@@ -1,6 +1,8 @@
 //! Against Aravis' own fake camera, a peer that is not ours: skipped where Debian's aravis-tools are not installed.
 
 use super::*;
+use crate::frame::PixelFormat;
+use std::net::Ipv4Addr;
 use std::process::{Child, Command, Stdio};
 
 struct Fake(Child);
@@ -21,22 +23,8 @@ impl Drop for Fake {
 }
 
 fn settings() -> AravisSettings {
-    AravisSettings {
-        select: CameraSelect::Address(Ipv4Addr::LOCALHOST),
-        pixel_format: PixelFormat::Mono8,
-        width: 512,
-        height: 256,
-        offset_x: 0,
-        offset_y: 0,
-        exposure_us: 1000.0,
-        gain_raw: Some(3),
-        packet_size: 1500,
-        socket_buffer_bytes: 4 << 20,
-        packet_socket: false,
-        resend: true,
-        frame_timeout_ms: 500,
-        features: vec![],
-    }
+    let select = CameraSelect::Address(Ipv4Addr::LOCALHOST);
+    AravisSettings { gain_raw: Some(3), ..AravisSettings::new(select, PixelFormat::Mono8, 512, 256, 1000.0) }
 }
 
 /// The fake needs a moment to listen.
@@ -94,6 +82,6 @@ fn a_camera_of_another_maker_is_opened_driven_refused_to_others_and_missed_when_
     camera.grab(deadline).unwrap();
     drop(fake);
     let gone = camera.grab(deadline).unwrap_err();
-    assert!(matches!(gone, DeviceError::Gone { .. } | DeviceError::ControlLost), "{gone}");
+    assert!(matches!(gone, DeviceError::CameraSilent { .. } | DeviceError::ControlLost), "{gone}");
     assert!(matches!(camera.grab(deadline), Err(DeviceError::ControlLost)), "a dead camera is not waited for again");
 }

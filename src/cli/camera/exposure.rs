@@ -1,0 +1,101 @@
+//! `carved camera exposure`: the longest exposure at which next to no pixel of the background is saturated.
+//!
+//! ```text
+//! expose ── top of the background (99.5th percentile) ── x target / top ──► again, until it is at the target
+//!              └─ at 255: how much too bright cannot be seen; a third of the time
+//! ```
+
+use super::{Configured, average};
+use crate::acquisition::Light;
+use crate::device::camera::AravisSettings;
+use crate::frame::RawFrame;
+use anyhow::{bail, ensure};
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    configured: Configured,
+    /// Level of the brightest half per cent of the pixels, of 255.
+    #[arg(long, default_value_t = 240.0)]
+    target: f64,
+}
+
+/// What is printed.
+#[derive(serde::Serialize)]
+struct Found {
+    camera: String,
+    /// The value for `[camera] exposure_us`.
+    exposure_us: f64,
+    /// Level of the brightest half per cent.
+    top: f64,
+    light: Light,
+    looks: u32,
+}
+
+/// Looks before it is given up: four decades of light take seven.
+const LOOKS: u32 = 15;
+/// The lamp's flicker and the sensor's noise move the top by about as much.
+const NEAR: f64 = 3.0;
+
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    ensure!((50.0..=250.0).contains(&args.target), "--target is {}; from 50 to 250 is just under saturation", args.target);
+    let (_, mut settings) = args.configured.load()?;
+    let longest_us = f64::from(settings.frame_timeout_ms) * 500.0;
+    for looks in 1..=LOOKS {
+        let (camera, frames) = average::take(&settings, 1)?;
+        let Some(frame) = frames.first() else { bail!("the camera gave no frame") };
+        let top = top(frame);
+        if (top - args.target).abs() <= NEAR {
+            let found = Found { camera, exposure_us: settings.exposure_us, top, light: Light::of(frame), looks };
+            println!("{}", serde_json::to_string(&found)?);
+            eprintln!("put this into [camera]:  exposure_us = {:.1}", settings.exposure_us);
+            return Ok(());
+        }
+        let next_us = next(&settings, top, args.target);
+        ensure!(
+            next_us <= longest_us,
+            "too little light: {next_us:.0} us of exposure would do, half of frame_timeout_ms is {longest_us:.0} us; turn the lamp or the gain up"
+        );
+        settings.exposure_us = next_us;
+    }
+    bail!(
+        "no exposure holds the background at {} within {NEAR}: after {LOOKS} looks it is at {} us; is the lamp steady?",
+        args.target,
+        settings.exposure_us
+    )
+}
+
+/// In proportion, where the top can be seen.
+fn next(settings: &AravisSettings, top: f64, target: f64) -> f64 {
+    let factor = if top >= 254.5 { 1.0 / 3.0 } else { (target / top.max(1.0)).min(20.0) };
+    // A tenth of a us: what the configuration is told is what was tried.
+    (settings.exposure_us * factor * 10.0).round() / 10.0
+}
+
+/// Level that half a per cent of the pixels are above.
+fn top(frame: &RawFrame) -> f64 {
+    let mut histogram = [0usize; 256];
+    frame.bytes().iter().for_each(|b| histogram[usize::from(*b)] += 1);
+    let mut above = 0;
+    let at = (0..256).rev().find(|&level| {
+        above += histogram[level];
+        above * 200 >= frame.bytes().len()
+    });
+    at.unwrap_or(0) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::PixelFormat;
+
+    #[test]
+    fn the_top_leaves_half_a_per_cent_above_it() {
+        let mut bytes = vec![100u8; 1000];
+        bytes[..4].fill(255);
+        let frame = |bytes: &[u8]| RawFrame::new(1000, 1, PixelFormat::Mono8, bytes.to_vec()).unwrap();
+        assert!((top(&frame(&bytes)) - 100.0).abs() < 1e-12);
+        bytes[4] = 250;
+        assert!((top(&frame(&bytes)) - 250.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,42 @@
+//! `carved camera`: light and reference frames, taken with the configured camera while no daemon has it.
+
+mod average;
+mod exposure;
+mod reference;
+
+use crate::config::{CameraDriver, Config};
+use crate::device::camera::AravisSettings;
+use std::path::PathBuf;
+
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    /// Find the exposure at which the background is just under saturation; the capillary must be empty.
+    Exposure(exposure::Args),
+    /// Take and store a picture of the empty capillary, which frames are compared with.
+    Empty(reference::Args),
+    /// Take and store a picture of the light alone, without capillary.
+    FlatField(reference::Args),
+}
+
+#[derive(Debug, clap::Args)]
+struct Configured {
+    /// The instrument's configuration (TOML). Stop its daemon first: a camera has one controller.
+    #[arg(long)]
+    config: PathBuf,
+}
+
+impl Configured {
+    fn load(&self) -> anyhow::Result<(Config, AravisSettings)> {
+        let config = Config::load(&self.config)?;
+        let CameraDriver::Aravis(settings) = config.camera.clone();
+        Ok((config, settings))
+    }
+}
+
+pub fn run(command: &Command) -> anyhow::Result<()> {
+    match command {
+        Command::Exposure(args) => exposure::run(args),
+        Command::Empty(args) => reference::run(args, reference::Kind::Empty),
+        Command::FlatField(args) => reference::run(args, reference::Kind::FlatField),
+    }
+}

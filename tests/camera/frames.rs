@@ -1,0 +1,87 @@
+//! What the network and the sensor do to frames: none of it may cost a view, or change one.
+
+use crate::bench::{Bench, DEADLINE};
+use carved::device::DeviceError;
+use carved::device::camera::AravisSettings;
+
+/// Frames of each loss test: at 12 packets a frame, 1 % of loss spoils one in nine.
+const FRAMES: u32 = 100;
+
+fn with_loss(ppm: u32) -> u32 {
+    let mut bench = Bench::armed();
+    bench.faults().lose_packets_ppm(ppm);
+    let attempts = (0..FRAMES).map(|_| bench.take().attempts).sum();
+    let counters = bench.camera.counters();
+    println!("{ppm} ppm lost: {FRAMES} frames with {attempts} triggers, {counters:?}");
+    assert!(counters.resent_packets > 0, "{counters:?}");
+    attempts
+}
+
+#[test]
+fn one_percent_of_loss_costs_no_frame() {
+    assert!(with_loss(10_000) < FRAMES * 11 / 10);
+}
+
+#[test]
+fn five_percent_of_loss_costs_no_frame() {
+    assert!(with_loss(50_000) < FRAMES * 12 / 10);
+}
+
+/// The cure is to ask again: without it frames are missing, and said to be; none is taken in part.
+#[test]
+fn without_resend_loss_is_a_typed_error_and_never_half_a_frame() {
+    let mut bench = Bench::armed_with(|s| AravisSettings { resend: false, frame_timeout_ms: 100, ..s });
+    bench.faults().lose_packets_ppm(500_000);
+    let error = bench.try_take().unwrap_err();
+    assert!(
+        matches!(error, DeviceError::NoFrame { waited_ms, attempts, .. } if attempts > 1 && waited_ms + 100 >= DEADLINE.as_millis()),
+        "{error}"
+    );
+    bench.faults().lose_packets_ppm(0);
+    bench.take();
+}
+
+#[test]
+fn packets_that_come_twice_or_in_another_order_make_the_same_frames() {
+    let mut bench = Bench::armed();
+    bench.faults().double_packets_ppm(300_000);
+    bench.faults().swap_packets_ppm(300_000);
+    for _ in 0..FRAMES {
+        bench.take();
+    }
+    // And with loss, where asking again and the late original cross.
+    bench.faults().lose_packets_ppm(50_000);
+    for _ in 0..FRAMES {
+        bench.take();
+    }
+}
+
+#[test]
+fn a_truncated_frame_is_not_taken_and_is_triggered_again() {
+    let mut bench = Bench::armed();
+    bench.faults().cut_frames(2);
+    assert_eq!(bench.take().attempts, 3);
+    bench.faults().cut_frames(u32::MAX);
+    let error = bench.try_take().unwrap_err();
+    assert!(matches!(&error, DeviceError::NoFrame { last, .. } if last.contains("not whole") || last.contains("nothing came")), "{error}");
+}
+
+#[test]
+fn a_whole_frame_of_another_geometry_is_not_taken() {
+    let mut bench = Bench::armed();
+    bench.faults().misshape_frames(1);
+    assert_eq!(bench.take().attempts, 2);
+    bench.faults().misshape_frames(u32::MAX);
+    let error = bench.try_take().unwrap_err().to_string();
+    assert!(error.contains("[256, 64, 0, 0]") && error.contains("[256, 32, 0, 0]"), "both geometries are said: {error}");
+}
+
+#[test]
+fn a_deaf_trigger_is_repeated_and_given_up_at_the_deadline() {
+    let mut bench = Bench::armed();
+    bench.faults().ignore_triggers(2);
+    assert_eq!(bench.take().attempts, 3);
+    bench.faults().ignore_triggers(u32::MAX);
+    let error = bench.try_take().unwrap_err();
+    assert!(matches!(&error, DeviceError::NoFrame { last, .. } if last.contains("nothing came")), "{error}");
+}

@@ -1,0 +1,129 @@
+//! A second camera that sees the specimen glow: its frames are stored beside the first's, and its signal per volume is the truth's.
+#![cfg(feature = "aravis")]
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+mod common;
+
+use common::{Daemon, json, run, stderr};
+use hardware_sim::RigSettings;
+use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene, SceneSettings, Specimen};
+use serde_json::{Value, json};
+use std::sync::Arc;
+
+const ASD: usize = 9;
+
+/// The second camera's tables, by the numbers that the emulated one has.
+fn tables(address: std::net::Ipv4Addr, glow: &FluorescentSettings) -> String {
+    let c = &glow.camera;
+    format!(
+        "\n[camera_second]\ndriver = \"aravis\"\nselect = {{ address = \"{address}\" }}\npixel_format = \"Mono8\"\nwidth = {}\nheight = {}\n\
+         exposure_us = 8000.0\n\n[optics_second]\naround_deg = {}\ndistance_um = {:?}\nkx_px_per_um = {:?}\nky_px_per_um = {:?}\n\
+         ux_px = {:?}\nuy_px = {:?}\n",
+        c.width,
+        c.height,
+        glow.around_rad.to_degrees(),
+        c.f_um,
+        c.kx_px_per_um,
+        c.ky_px_per_um,
+        c.ux_px,
+        c.uy_px
+    )
+}
+
+#[test]
+fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let scene = Arc::new(Scene::new(SceneSettings::default()));
+    let mut rig = hardware_sim::Rig::start(RigSettings { time_scale: 10.0, ..RigSettings::default() }, scene.clone()).unwrap();
+    let settings = FluorescentSettings::default();
+    let glow = Arc::new(Fluorescent::new(scene.clone(), settings.clone()));
+    let second = rig.add_camera(glow.clone()).unwrap();
+    let mut text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/config/vast-grbl.toml")).unwrap();
+    for (from, to) in [
+        ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
+        ("/var/lib/carved", data.display().to_string()),
+        ("/dev/carved-rotation", rig.serial_path().display().to_string()),
+        ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
+        ("settle_ms = 50", "settle_ms = 5".to_owned()),
+        ("asd = 21", format!("asd = {ASD}")),
+    ] {
+        assert!(text.contains(from), "the shipped configuration has no {from:?}");
+        text = text.replace(from, &to);
+    }
+    let config = dir.path().join("rig.toml");
+    std::fs::write(&config, text + &tables(second, &settings)).unwrap();
+    let daemon = Daemon::serve(&config, &data);
+    assert_eq!(daemon.status()["hardware"]["camera_second"]["connected"], true);
+
+    let specimens = [("A01", "bead", Specimen::bead(500.0).unwrap()), ("A02", "larva", Specimen::larva(4, 1).unwrap())];
+    let bodies_nl = specimens.each_ref().map(|(_, _, specimen)| specimen.truth().volume_um3 * 1e-6);
+    let wells: Vec<Value> = specimens.iter().map(|(well, kind, _)| json!({"well": well, "specimen": kind})).collect();
+    assert_eq!(daemon.put_run("r1", &json!({"plate_barcode": "P-1", "method": "standard", "operator": "t", "plate_map": wells})), 201);
+    for (well, _, specimen) in specimens {
+        daemon.wait("the loader to be asked", |s| {
+            s["plate"]["needs"].as_str().is_some_and(|n| n.contains(well)) && s["state"] == "Suspended"
+        });
+        scene.load(Some(specimen)).unwrap();
+        assert_eq!(daemon.put_loaded("r1", well), 200);
+        daemon.wait("the well to be taken on", |s| s["state"] == "Execute" && s["plate"]["needs"].is_null());
+    }
+    let status = daemon.wait("the run's end", |s| !s["run"]["outcome"].is_null());
+    assert_eq!(status["run"]["outcome"], "succeeded", "{status}");
+    assert!(status["hardware"]["camera_second"]["completed_frames"].as_u64() >= Some(2 * (ASD as u64 + 1)), "{status}");
+
+    let exposures = rig.second_exposures();
+    let hex = |hash: &[u8]| hash.iter().map(|b| format!("{b:02x}")).collect::<String>();
+    // Perspective beside the axis, the mesh's facets and noise come to less than 1 %.
+    for ((well, body_nl), result) in ["A01", "A02"].into_iter().zip(bodies_nl).zip(status["run"]["results"].as_array().unwrap()) {
+        let folder = data.join("runs/r1").join(well);
+        let found = &json(&folder.join("measurement.json"))["fluorescence"];
+        let per_nl = found["signal_per_nl"].as_f64().unwrap();
+        let off = found["signal"].as_f64().unwrap() / (body_nl * glow.signal_per_nl()) - 1.0;
+        println!(
+            "{well}: {per_nl:.1} +- {:.1} per nl, truth of the body {:.1}; signal {:+.2} %, spread between views {:.2} %",
+            found["signal_per_nl_sd"].as_f64().unwrap(),
+            glow.signal_per_nl(),
+            off * 100.0,
+            found["signal_sd"].as_f64().unwrap() / found["signal"].as_f64().unwrap() * 100.0
+        );
+        assert!(off.abs() < 0.015, "{well}: {off}");
+        // Per volume, what the volume is off by comes in: of a larva the hull, which is up to 5 % above the body.
+        let volume_nl = result["volume_um3"].as_f64().unwrap() * 1e-6;
+        assert!((per_nl * volume_nl / found["signal"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{found}");
+        assert!((per_nl / glow.signal_per_nl() - 1.0).abs() < if well == "A01" { 0.015 } else { 0.06 }, "{well}: {per_nl}");
+        assert_eq!(found["views"].as_array().unwrap().len(), ASD, "{found}");
+        assert_eq!(result["signal_per_nl"].as_f64(), Some(per_nl));
+        for entry in json(&folder.join("recording.json"))["ledger"].as_array().unwrap() {
+            let seen = &entry["second"];
+            assert!(exposures.iter().any(|e| seen["sha256"] == hex(&e.sha256)), "a frame that was never exposed: {entry}");
+        }
+        assert!(folder.join("second/view_000.png").is_file() && folder.join("second/closure.png").is_file());
+        let output = run(&["measure", folder.to_str().unwrap()]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        assert_eq!(serde_json::from_slice::<Value>(&output.stdout).unwrap()["stored"], "identical");
+    }
+    // What was recorded is what is measured: another picture in its place is refused by name.
+    let folder = data.join("runs/r1/A01/second");
+    std::fs::copy(folder.join("view_001.png"), folder.join("view_002.png")).unwrap();
+    let said = stderr(&run(&["measure", data.join("runs/r1/A01").to_str().unwrap()]));
+    assert!(said.contains("view_002.png") && said.contains("SHA-256"), "{said}");
+}
+
+#[test]
+fn half_of_a_second_camera_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/config/vast-grbl.toml")).unwrap();
+    let whole = tables("127.0.0.9".parse().unwrap(), &FluorescentSettings::default());
+    let config = dir.path().join("rig.toml");
+    let check = |tables: &str| {
+        std::fs::write(&config, text.clone() + tables).unwrap();
+        let output = run(&["config", "check", config.to_str().unwrap()]);
+        (output.status.success(), stderr(&output))
+    };
+    assert!(check(&whole).0, "{}", check(&whole).1);
+    let (ok, said) = check(whole.split("\n[optics_second]").next().unwrap());
+    assert!(!ok && said.contains("[optics_second]"), "{said}");
+    let (ok, said) = check(&whole.replace("Mono8", "BayerRG8"));
+    assert!(!ok && said.contains("expected Mono8"), "{said}");
+}
