@@ -96,6 +96,9 @@ impl Tmcl {
     }
 
     fn find_origin(&mut self) -> Result<(), DeviceError> {
+        // Until the pair is seen to stand at its origin, one motor may turn: from an earlier owner, or from a search whose end
+        // was misread.
+        self.in_flight = true;
         self.wire.flush()?;
         self.compare_settings()?;
         self.stop_and_rest()?;
@@ -111,7 +114,9 @@ impl Tmcl {
         self.mark = MARK | (self.knowledge.next_epoch() & 0xffff) as i32;
         self.wire.ask(Request::set_mark(self.mark))?;
         // Every later angle hangs on these counters.
-        self.confirm(0)
+        self.confirm(0)?;
+        self.in_flight = false;
+        Ok(())
     }
 
     /// Brings the axis to rest and no longer believes its position.

@@ -9,6 +9,8 @@ use std::time::{Duration, Instant};
 
 /// Pause between two looks at a turning pair.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
+/// Longest wait for each speed of a pair that must be stopped.
+const SPEED_WAIT: Duration = Duration::from_millis(15);
 /// Looks at a motor without speed, short of its target, until it counts as standing: a ramp takes a moment to begin.
 const STANDING_LOOKS: u32 = 4;
 
@@ -167,13 +169,15 @@ impl Tmcl {
 
     /// The pair is apart, or a counter is where its way does not lead: both are stopped before the cause is looked for.
     fn gone_astray(&mut self, look: Look, from: i64, to: i64) -> DeviceError {
-        // Told apart only while the other motor still turns: once both are stopped, neither has speed.
-        let speeds = self.speeds();
+        // Which motor is held shows only while the other still turns; that must not keep the pair from being stopped.
+        let speeds = self.settings.motors.map(|motor| self.wire.once(Request::get(parameter::ACTUAL_SPEED, motor), SPEED_WAIT));
         self.wire.halt();
-        let cause = speeds.and_then(|speeds| {
-            self.wire.flush()?;
+        let cause = self.wire.flush().and_then(|_| {
             self.check_mark()?;
-            self.obstacle(look, to, speeds)
+            match speeds {
+                [Ok(Answer::Value(first)), Ok(Answer::Value(second))] => self.obstacle(look, to, [first, second]),
+                _ => Ok(None),
+            }
         });
         match cause {
             Err(error) | Ok(Some(error)) => error,
@@ -242,10 +246,8 @@ impl Tmcl {
         }
         if first != second {
             let until = Instant::now() + self.settings.travel_time(first - second);
-            self.in_flight = true;
             self.wire.ask(Request::go(self.settings.motors[1], first as i32))?;
             self.watch(second, first, until)?;
-            self.in_flight = false;
         }
         // In positioning mode a motor would follow its counter to the old target.
         self.stop_and_rest()?;
@@ -260,7 +262,6 @@ impl Tmcl {
         let limit = self.max_skew();
         let until = Instant::now() + self.settings.homing_timeout();
         let began = self.look()?;
-        self.in_flight = true;
         self.start_pair(Request::search)?;
         // Where the one that is late was seen when the other had found its switch.
         let mut late: Option<(usize, i64)> = None;
@@ -293,11 +294,10 @@ impl Tmcl {
             doubted = false;
             if Instant::now() > until {
                 let waited_ms = self.settings.homing_timeout().as_millis();
-                return Err(DeviceError::Silent { device: DEVICE, request: "the reference search".into(), waited_ms });
+                return Err(DeviceError::Late { device: DEVICE, what: "the motors did not find their reference switches", waited_ms });
             }
             std::thread::sleep(LOOK_AGAIN);
         }
-        self.in_flight = false;
         Ok(())
     }
 }
