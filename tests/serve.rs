@@ -61,7 +61,9 @@ impl Instrument {
         let mut firmware = Settings::default();
         firmware.set(120, rate.acceleration).unwrap();
         let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
-        let settings = RigSettings { time_scale: rate.time_scale, controller: Controller::Grbl(firmware), shaft, ..RigSettings::default() };
+        let serial_link = Some(dir.path().join("motor"));
+        let controller = Controller::Grbl(firmware);
+        let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, ..RigSettings::default() };
         let rig = hardware_sim::Rig::start(settings, scene.clone()).unwrap();
 
         // The file that a user starts from, with this rig's values.
@@ -74,6 +76,9 @@ impl Instrument {
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
             ("asd = 21", format!("asd = {}", rate.asd)),
+            // A picture takes its time on a busy machine.
+            ("frame_timeout_ms = 500", "frame_timeout_ms = 5000".into()),
+            ("grab_deadline_ms = 3000", "grab_deadline_ms = 20000".into()),
         ] {
             assert!(text.contains(from), "the shipped configuration has no {from:?}");
             text = text.replace(from, &to);
@@ -290,6 +295,61 @@ fn a_serial_cable_pulled_in_a_revolution_ends_the_run_as_a_fault_that_names_the_
     let recording = instrument.data.join("runs/r1/A01");
     assert!(recording.join("SHA256SUMS").is_file(), "the recording is closed");
     assert_eq!(json(&recording.join("recording.json"))["ledger"].as_array().unwrap().len(), 1, "the view that was taken is kept");
+}
+
+/// The emulated rig's cable, pulled and plugged in again under the name that the configuration has.
+#[test]
+fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() {
+    let instrument = Instrument::start(&QUICK);
+    let daemon = &instrument.daemon;
+    daemon.wait("readiness", |s| s["ready"] == true);
+    instrument.rig.faults().unplug_serial();
+    let status = daemon.wait("the fault", |s| s["ready"] == false);
+    assert_eq!(status["faults"][0]["code"], "rotation_lost", "{status}");
+    assert_eq!(status["faults"][0]["scheduler_action"], "pause_instrument", "{status}");
+    assert_eq!(status["hardware"]["rotation"]["connected"], false, "{status}");
+    let plan = plan(&[json!({"well": "A01", "specimen": "bead"})]);
+    assert_eq!(daemon.put_run("r1", &plan), 503, "nothing runs without the axis");
+    instrument.rig.faults().replug_serial().unwrap();
+    let status = daemon.wait("the axis to be back", |s| s["ready"] == true);
+    assert_eq!(status["faults"], json!([]), "{status}");
+    assert_eq!(status["hardware"]["rotation"]["connected"], true, "{status}");
+
+    // And in a run.
+    assert_eq!(daemon.put_run("r1", &plan), 201);
+    daemon.wait("the loader to be asked", |s| s["state"] == "Suspended");
+    instrument.rig.faults().unplug_serial();
+    instrument.load("r1", "A01", Specimen::bead(BEAD_UM).unwrap());
+    let status = daemon.wait("the fault", |s| s["state"] == "Aborted");
+    assert_eq!(status["faults"][0]["code"], "rotation_lost", "{status}");
+    assert_eq!(status["ready"], false, "{status}");
+    instrument.rig.faults().replug_serial().unwrap();
+    let status = daemon.wait("the axis to be back", |s| s["ready"] == true);
+    assert_eq!((&status["faults"], &status["run"]["outcome"]), (&json!([]), &json!("failed")), "{status}");
+    assert_eq!(daemon.put_unloaded("r1", "A01"), 200);
+    instrument.awaited("r2");
+    let events = std::fs::read_to_string(instrument.data.join("events.jsonl")).unwrap();
+    assert_eq!(events.matches("\"fault.cleared\"").count(), 2);
+}
+
+/// Looking after the devices costs next to nothing, and an axis that is away is not looked for in a busy loop.
+#[test]
+fn an_idle_daemon_takes_no_processor_time_with_and_without_its_axis() {
+    const SECONDS: f64 = 10.0;
+    let instrument = Instrument::start(&QUICK);
+    let daemon = &instrument.daemon;
+    let share = || {
+        let before = daemon.cpu_s();
+        std::thread::sleep(Duration::from_secs_f64(SECONDS));
+        (daemon.cpu_s() - before) / SECONDS
+    };
+    daemon.wait("readiness", |s| s["ready"] == true);
+    let idle = share();
+    instrument.rig.faults().unplug_serial();
+    daemon.wait("the fault", |s| s["ready"] == false);
+    let unplugged = share();
+    println!("idle {:.1} %, unplugged {:.1} %", 100.0 * idle, 100.0 * unplugged);
+    assert!(idle < 0.01 && unplugged < 0.05, "idle {idle}, unplugged {unplugged}");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler};
-use crate::device::{Camera, Rig, RotationAxis, camera, rotation};
+use crate::device::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
 use crate::session::{Instrument, Mode};
 use anyhow::Context;
 use std::path::PathBuf;
@@ -32,6 +32,15 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 /// Opens every device that the configuration names, or says which does not answer.
 pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
+    let axis = config.clone();
+    let rotation = Box::new(Lasting::open(move || open_axis(&axis))?);
+    let camera = match &config.camera {
+        CameraDriver::Aravis(settings) => camera::open(settings.clone())?,
+    };
+    Ok(Rig { rotation, camera })
+}
+
+fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
     let rotation: Box<dyn RotationAxis> = match &config.rotation {
         RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::with_translation(settings.clone(), config.translation)?),
         RotationDriver::VastBridge(settings) => Box::new(rotation::VastBridge::open(settings.clone(), config.steps_per_revolution)?),
@@ -39,11 +48,7 @@ pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
         RotationDriver::Tmcl(settings) => Box::new(rotation::Tmcl::open(settings.clone())?),
         RotationDriver::Zaber(settings) => Box::new(rotation::Zaber::open(settings.clone())?),
     };
-    let rotation = rotation::one_sided(rotation, config.backlash_steps)?;
-    let camera = match &config.camera {
-        CameraDriver::Aravis(settings) => camera::open(settings.clone())?,
-    };
-    Ok(Rig { rotation, camera })
+    rotation::one_sided(rotation, config.backlash_steps)
 }
 
 /// The second camera, where one is configured.

@@ -11,9 +11,11 @@ pub mod rotation;
 pub mod sampler;
 
 mod error;
+mod lasting;
 mod rig;
 
 pub use error::{DeviceError, Difference};
+pub use lasting::Lasting;
 pub use rig::Rig;
 
 use crate::cancel::CancelToken;
@@ -80,6 +82,11 @@ pub trait RotationAxis: Send {
     /// The axis that moves the capillary along the picture, where the same controller drives it: a port has one owner.
     fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
         None
+    }
+    /// Whether the controller is still there, asked without moving anything; for the time between runs. One that has no
+    /// question for that says so at its next reference.
+    fn check(&mut self) -> Result<(), DeviceError> {
+        Ok(())
     }
     fn position(&self) -> Position;
     /// A handle by which any thread stops the motor at once, also while `move_to` is waiting. Where nothing can stop it

@@ -74,7 +74,7 @@ struct Running {
     lost: Vec<Lost>,
     /// Whether the camera is there, wherever the instrument is now.
     camera: Link,
-    /// A look for a lost camera, which has the instrument.
+    /// A look at the devices between runs, which has the instrument.
     search: Option<Search>,
 }
 
@@ -161,19 +161,20 @@ impl Driver {
                 },
                 found = search::ended(&mut d.search) => {
                     let (instrument, found) = found.map_err(|_| DriverError::WorkerPanicked)?;
-                    let stored = d.camera_searched(instrument, &found);
+                    let stored = d.searched(instrument, found);
                     d.keep(stored);
                 }
                 _ = beat.tick() => {
                     heart.beat();
                     d.calibration_ages();
                     if !stopping {
-                        let stored = d.look_for_camera();
+                        let stored = d.look();
                         d.keep(stored);
                     }
                 }
                 _ = look.tick(), if d.active.is_some() => d.show_camera(),
-                command = mailbox.recv(), if !stopping => {
+                // A look at devices that are there takes milliseconds, and a run needs them; without them there is no run.
+                command = mailbox.recv(), if !stopping && (d.search.is_none() || !d.lost.is_empty()) => {
                     if let Some(command) = command {
                         d.command(command);
                     } else {
@@ -292,39 +293,67 @@ impl Running {
         }
     }
 
-    /// At rest, a loss is a fault of its own, and a lost camera is looked for.
-    fn look_for_camera(&mut self) -> Result<(), StoreError> {
-        if self.active.is_none() && self.search.is_none() && self.camera.is_lost() {
-            if !self.lost.contains(&Lost::Camera) {
-                let fault = self.raise(&DeviceError::ControlLost.into());
-                let why = self.way_out();
-                self.publish(|s| {
-                    s.ready = false;
-                    s.not_ready_reason = why;
-                });
-                self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default())?;
-            }
-            self.search = self.instrument.take().map(search::begin);
+    /// At rest the devices are asked whether they are still there.
+    fn look(&mut self) -> Result<(), StoreError> {
+        if self.active.is_some() || self.search.is_some() {
+            return Ok(());
         }
+        if self.camera.is_lost() {
+            self.lose(Lost::Camera, DeviceError::ControlLost)?;
+        }
+        self.search = self.instrument.take().map(search::begin);
         Ok(())
     }
 
-    fn camera_searched(&mut self, instrument: Instrument, found: &Result<(), DeviceError>) -> Result<(), StoreError> {
+    fn searched(&mut self, instrument: Instrument, found: search::Found) -> Result<(), StoreError> {
+        let identity = instrument.rig.rotation.identity().to_owned();
         self.instrument = Some(instrument);
-        if let Err(error) = found {
-            tracing::debug!(%error, "the camera is not back yet");
+        match found.camera {
+            Ok(()) => self.regain(Lost::Camera, |s| s.hardware.camera.connected = true)?,
+            Err(error) => tracing::debug!(%error, "the camera is not back yet"),
+        }
+        match found.rotation {
+            Ok(()) => self.regain(Lost::Rotation, |s| {
+                s.hardware.rotation.connected = true;
+                s.hardware.rotation.identity = Some(identity);
+            }),
+            Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error),
+            Err(error) => {
+                tracing::debug!(%error, "the rotation axis is not back yet");
+                Ok(())
+            }
+        }
+    }
+
+    /// A loss at rest is a fault of its own, raised once.
+    fn lose(&mut self, device: Lost, error: DeviceError) -> Result<(), StoreError> {
+        if self.lost.contains(&device) {
             return Ok(());
         }
-        self.lost.retain(|lost| *lost != Lost::Camera);
+        let fault = self.raise(&error.into());
         let why = self.way_out();
-        let over: Vec<u64> = self.publisher.status().faults.iter().filter(|f| Lost::Camera.is_all_of(f)).map(|f| f.seq).collect();
         self.publish(|s| {
-            s.hardware.camera.connected = true;
+            s.ready = false;
+            s.not_ready_reason = why;
+        });
+        self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default())
+    }
+
+    /// What is back is a fault no more.
+    fn regain(&mut self, device: Lost, connected: impl FnOnce(&mut Status)) -> Result<(), StoreError> {
+        if !self.lost.contains(&device) {
+            return Ok(());
+        }
+        self.lost.retain(|lost| *lost != device);
+        let why = self.way_out();
+        let over: Vec<u64> = self.publisher.status().faults.iter().filter(|f| device.is_all_of(f)).map(|f| f.seq).collect();
+        self.publish(|s| {
+            connected(s);
             s.faults.retain(|f| !over.contains(&f.seq));
             s.ready = why.is_none();
             s.not_ready_reason = why;
         });
-        self.event("fault.cleared", None, serde_json::json!({ "seq": over, "why": "the camera is back" }))
+        self.event("fault.cleared", None, serde_json::json!({ "seq": over, "why": device.is_back() }))
     }
 
     /// Puts the devices' first word into the status.

@@ -24,13 +24,23 @@ impl Lost {
             Self::Camera => {
                 "the camera is lost: check its power and cable, and that no other program has it; it is opened again when it answers"
             }
-            Self::Rotation => "the rotation axis is lost: check its power and cable, then start carved again",
+            Self::Rotation => "the rotation axis is lost: check its power and cable; it is opened again when it answers",
+        }
+    }
+
+    pub fn is_back(self) -> &'static str {
+        match self {
+            Self::Camera => "the camera is back",
+            Self::Rotation => "the rotation axis is back",
         }
     }
 
     /// Whether a fault says no more than that this device is lost, so that it is over once the device is back.
     pub fn is_all_of(self, fault: &Fault) -> bool {
-        self == Self::Camera && [CAMERA_LOST, CAMERA_TAKEN].contains(&fault.code.as_str())
+        match self {
+            Self::Camera => [CAMERA_LOST, CAMERA_TAKEN].contains(&fault.code.as_str()),
+            Self::Rotation => fault.code == ROTATION_LOST,
+        }
     }
 }
 
@@ -88,8 +98,8 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
         code: code.into(),
         category: category.into(),
         message: error.to_string(),
-        // A camera comes back by itself; the axis wants a restart of the daemon.
-        recoverable: lost_device(error) != Some(Lost::Rotation),
+        // What is lost comes back by itself.
+        recoverable: true,
         scheduler_action: action,
         operator_required: action != Retry,
         since: jiff::Timestamp::now().to_string(),

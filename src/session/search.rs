@@ -1,9 +1,9 @@
-//! A camera that is lost between runs, or was lost in one, is looked for until it answers.
+//! Between runs the axis is asked once a second whether it is still there, and what is lost is looked for until it answers.
 //!
 //! ```text
-//! beat ── lost, at rest ──► blocking thread: reopen ──► there: its faults are over ── ready
-//!   ▲                                             └──► not there: the instrument comes back
-//!   └────────────────────── next beat ◄─────────────────────┘
+//! beat ── at rest ──► blocking thread: check the axis, reopen a lost camera ──► there: its faults are over ── ready
+//!   ▲                                                                     └──► lost: a fault of its own
+//!   └────────────────────── next beat ◄── the instrument comes back ────────────┘
 //! ```
 
 use super::worker::Instrument;
@@ -14,18 +14,24 @@ use tokio::task::{JoinError, JoinHandle};
 /// During a run, how often it is looked whether the camera is known to be lost.
 pub const LOOK: Duration = Duration::from_millis(250);
 
-/// One look for a lost camera; it owns the instrument meanwhile.
-pub type Search = JoinHandle<(Instrument, Result<(), DeviceError>)>;
+/// What a look has found of each device.
+pub struct Found {
+    pub rotation: Result<(), DeviceError>,
+    pub camera: Result<(), DeviceError>,
+}
+
+/// One look at the devices; it owns the instrument meanwhile.
+pub type Search = JoinHandle<(Instrument, Found)>;
 
 pub fn begin(mut instrument: Instrument) -> Search {
     tokio::task::spawn_blocking(move || {
-        let found = instrument.rig.camera.reopen();
+        let found = Found { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
         (instrument, found)
     })
 }
 
 /// The end of a search; never, where none is under way.
-pub async fn ended(search: &mut Option<Search>) -> Result<(Instrument, Result<(), DeviceError>), JoinError> {
+pub async fn ended(search: &mut Option<Search>) -> Result<(Instrument, Found), JoinError> {
     let Some(task) = search else { return std::future::pending().await };
     let result = task.await;
     *search = None;

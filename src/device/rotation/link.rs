@@ -239,6 +239,31 @@ impl Link {
         Ok(self.take_line())
     }
 
+    /// Whether the connection stands, told by the kernel: nothing is sent, and whatever has come is kept.
+    pub fn still_there(&mut self) -> Result<(), DeviceError> {
+        self.receive(Duration::ZERO).map(|_came| ())
+    }
+
+    /// Asks for a sign of life, of a stopped controller too: `question` must be one that moves nothing. The lines that came,
+    /// none where nobody answered.
+    pub fn probe(&mut self, question: &[u8], wait: Duration) -> Result<Vec<String>, DeviceError> {
+        {
+            let mut state = self.transmitter.lock();
+            self.transmitter.write(&mut state, question)?;
+        }
+        let until = Instant::now() + wait;
+        let mut lines = Vec::new();
+        while lines.is_empty() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            self.receive(left)?;
+            lines.extend(std::iter::from_fn(|| self.take_line()));
+        }
+        Ok(lines)
+    }
+
     /// Forgets whatever arrives until the line has been silent for `silence`, at most until `until`.
     pub fn quiet(&mut self, silence: Duration, until: Instant) -> Result<(), DeviceError> {
         while Instant::now() < until && self.receive(silence)? {

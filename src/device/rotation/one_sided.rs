@@ -69,6 +69,10 @@ impl RotationAxis for OneSided {
         self.axis.let_go(cancel)
     }
 
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.axis.check()
+    }
+
     fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
         self.axis.linear()
     }

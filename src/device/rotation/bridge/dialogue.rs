@@ -35,6 +35,10 @@ impl Dialogue {
         Ok(Self { link, answer_timeout: settings.answer_timeout(), heard: VecDeque::new(), arrivals: 0 })
     }
 
+    pub fn still_there(&mut self) -> Result<(), DeviceError> {
+        self.link.still_there()
+    }
+
     pub fn stop_handle(&self) -> StopHandle {
         let stopper = self.link.stopper();
         StopHandle::new(move || stopper.stop())

@@ -223,6 +223,10 @@ impl RotationAxis for VastBridge {
         self.unless_doubtful(finished)
     }
 
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.dialogue.still_there()
+    }
+
     fn position(&self) -> Position {
         match self.knowledge {
             Knowledge::Unknown => Position::Unknown,

@@ -268,6 +268,14 @@ impl RotationAxis for Grbl {
         }
     }
 
+    fn check(&mut self) -> Result<(), DeviceError> {
+        let result = self.answers();
+        if let Err(error) = &result {
+            self.doubt(error);
+        }
+        result
+    }
+
     fn linear(&mut self) -> Option<&mut dyn crate::device::LinearAxis> {
         self.slide.is_some().then_some(self as &mut dyn crate::device::LinearAxis)
     }

@@ -140,6 +140,21 @@ impl Grbl {
         }
     }
 
+    /// Whether the controller answers; what it says of a restart or an alarm is heard on the way.
+    pub(super) fn answers(&mut self) -> Result<(), DeviceError> {
+        let wait = self.settings.answer_timeout();
+        let lines = self.link.probe(STATUS, wait)?;
+        if lines.is_empty() {
+            return Err(DeviceError::Silent { device: DEVICE, request: "?".into(), waited_ms: wait.as_millis() });
+        }
+        for line in lines {
+            if let Err(error) = unless_lost(Line::parse(&line)) {
+                self.doubt(&error);
+            }
+        }
+        Ok(())
+    }
+
     /// Hears what was said since the last answer: a restart or an alarm between two moves.
     pub(super) fn catch_up(&mut self) -> Result<(), DeviceError> {
         while let Some(text) = self.link.line_now()? {

@@ -158,6 +158,10 @@ impl RotationAxis for Relay {
         Ok(Achieved { steps: target, epoch: self.epoch })
     }
 
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.link.still_there()
+    }
+
     fn position(&self) -> Position {
         match self.knowledge {
             Knowledge::Unknown => Position::Unknown,

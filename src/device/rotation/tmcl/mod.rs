@@ -161,6 +161,10 @@ impl RotationAxis for Tmcl {
         }
     }
 
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.wire.still_there()
+    }
+
     fn position(&self) -> Position {
         self.knowledge.position()
     }

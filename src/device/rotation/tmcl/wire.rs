@@ -54,6 +54,10 @@ impl Wire {
         self.link.stopper()
     }
 
+    pub fn still_there(&mut self) -> Result<(), DeviceError> {
+        self.link.still_there()
+    }
+
     pub fn release(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
         self.link.release(cancel)
     }
