@@ -95,7 +95,10 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
         Command::Validate(args) => validate::run(&args),
-        Command::Doctor(args) => doctor::run(&args),
+        Command::Doctor(args) => {
+            doctor::run(&args);
+            Ok(())
+        }
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)

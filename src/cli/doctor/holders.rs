@@ -1,6 +1,6 @@
 //! Who has a device open, as far as this user may see.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Programs that have the port open, as `name (process 123)`. A pseudo-terminal is always held by the program behind it.
 pub fn of(port: &str) -> Vec<String> {
@@ -22,7 +22,7 @@ fn has_open(process: &Path, device: &Path) -> bool {
     open.flatten().any(|fd| std::fs::read_link(fd.path()).is_ok_and(|target| target == device))
 }
 
-fn name(process: &PathBuf) -> Option<String> {
+fn name(process: &Path) -> Option<String> {
     let number: u32 = process.file_name()?.to_str()?.parse().ok()?;
     let name = std::fs::read_to_string(process.join("comm")).unwrap_or_default();
     Some(format!("{} (process {number})", name.trim()))

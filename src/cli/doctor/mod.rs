@@ -23,7 +23,7 @@ pub struct Args {
     baud: u32,
 }
 
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args) {
     let known = serial_ports();
     let ports: Vec<SerialPortInfo> = if args.port.is_empty() {
         known
@@ -41,7 +41,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         println!("{}", heading(port));
         println!("{}", indented(&answer(port, args.baud)));
     }
-    Ok(())
 }
 
 fn usb(port: &SerialPortInfo) -> Option<&UsbPortInfo> {

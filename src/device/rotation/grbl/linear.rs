@@ -99,7 +99,7 @@ impl Slide {
     }
 }
 
-fn refused(why: impl ToString) -> DeviceError {
+fn refused(why: &(impl ToString + ?Sized)) -> DeviceError {
     DeviceError::Translation { why: why.to_string() }
 }
 
@@ -118,7 +118,7 @@ impl Grbl {
         let slide = self.slide.as_ref().ok_or_else(|| refused("the configuration has no [translation]"))?;
         match &slide.knowledge {
             Knowledge::Unknown => Err(refused("not referenced; its position is not known, so it refuses to move")),
-            Knowledge::Suspect { why } => Err(refused(format!("its position cannot be trusted ({why})"))),
+            Knowledge::Suspect { why } => Err(refused(&format!("its position cannot be trusted ({why})"))),
             Knowledge::Referenced { origin, at } => Ok((slide.settings, *origin, *at)),
         }
     }
@@ -147,7 +147,7 @@ impl LinearAxis for Grbl {
         let (settings, origin, from) = self.slide_from()?;
         let [low, high] = settings.limits_um.map(|um| settings.steps(um));
         if !(low..=high).contains(&target) {
-            return Err(refused(format!("sent to {target}, its limits are {low} and {high}")));
+            return Err(refused(&format!("sent to {target}, its limits are {low} and {high}")));
         }
         let to = origin + target.0;
         match self.travel(&settings.geometry(), from, to, origin) {
@@ -160,7 +160,7 @@ impl LinearAxis for Grbl {
             Err(error) => {
                 self.doubt(&error);
                 Err(match error {
-                    DeviceError::Missed { .. } | DeviceError::Suspect { .. } => refused(error),
+                    DeviceError::Missed { .. } | DeviceError::Suspect { .. } => refused(&error),
                     other => other,
                 })
             }

@@ -52,6 +52,7 @@ const BARRIER: &str = "G4P0.01";
 const FARTHEST_STEPS: i64 = (1 << 24) / 100;
 
 /// A rotation axis on a Grbl controller.
+#[allow(clippy::struct_excessive_bools)] // facts about the controller, not a state
 pub struct Grbl {
     link: Link,
     settings: GrblSettings,
