@@ -11,6 +11,7 @@ use carved::units::Steps;
 use driver::{at_every_byte, stand, turns, until};
 use hardware_sim::{Controller, Rig, tmcl::Settings};
 use std::f64::consts::TAU;
+use std::io::Write;
 use std::time::Duration;
 
 const STEPS: f64 = 6400.0;
@@ -204,11 +205,13 @@ fn a_flipped_bit_that_parses_is_asked_again() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
     for bit in [0, 4, 9, 20, 31] {
+        // At the beginning of a way, and at its end.
         rig.faults().serial().rewrite_next(&answer(0), &answer(1 << bit));
-        axis.move_to(Steps(1600)).unwrap();
+        axis.move_to(Steps(800)).unwrap();
         rig.faults().serial().rewrite_next(&answer(1600), &answer(0x640 ^ (1 << bit)));
+        axis.move_to(Steps(1600)).unwrap();
+        assert!((turns(&rig) - 0.25).abs() < 1e-9);
         axis.move_to(Steps(0)).unwrap();
-        assert!(turns(&rig).abs() < 1e-9);
     }
 }
 
@@ -275,6 +278,25 @@ fn a_stall_is_named_and_never_armed_away() {
     // The reference arms the stall stop again; the old move must not go on by that.
     axis.reference(&CancelToken::new()).unwrap();
     assert_eq!(motors(&rig).map(f64::to_bits), stands.map(f64::to_bits));
+    axis.move_to(Steps(100)).unwrap();
+}
+
+/// Of another program, or of this one before it was killed.
+#[test]
+fn a_stalled_move_that_nobody_ended_does_not_go_on_when_the_stall_stop_is_armed() {
+    let rig = rig(Settings::default().with(181, 100));
+    // What is said to a module that is still starting is lost.
+    drop(Tmcl::open(armed(&rig)).unwrap());
+    for motor in [0_u8, 1] {
+        rig.faults().motors().stall_after(motor.into(), 800);
+        // Both to 1600: the sum of the other bytes of this frame is 0x4b.
+        let go = [1, 4, 0, motor, 0, 0, 0x06, 0x40, 0x4b + motor];
+        std::fs::OpenOptions::new().write(true).open(rig.serial_path()).unwrap().write_all(&go).unwrap();
+    }
+    until("both motors to stall", || motors(&rig).iter().all(|at| *at > 936.5));
+    stand(&rig);
+    let mut axis = referenced(armed(&rig));
+    assert_eq!(motors(&rig).map(f64::to_bits), [937.0_f64; 2].map(f64::to_bits));
     axis.move_to(Steps(100)).unwrap();
 }
 
