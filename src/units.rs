@@ -76,6 +76,10 @@ pub enum Sense {
 pub struct BadSense(i8);
 
 impl Sense {
+    pub fn sign(self) -> f64 {
+        f64::from(i8::from(self))
+    }
+
     /// The angle omega of the view taken at `steps`, rad.
     pub fn omega(self, steps: Steps, per_revolution: StepsPerRevolution) -> f64 {
         match self {

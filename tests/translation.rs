@@ -8,7 +8,7 @@ mod common;
 use carved::cancel::CancelToken;
 use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference, TranslationSettings};
 use carved::device::{DeviceError, Position, RotationAxis};
-use carved::units::Steps;
+use carved::units::{Sense, Steps};
 use common::{Daemon, json};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Placement, Scene, SceneSettings, Specimen};
@@ -46,6 +46,7 @@ fn translation() -> TranslationSettings {
         acceleration_units_per_s2: 5000.0,
         limits_um: [-19_000.0, 0.0],
         position_um: -4990.0,
+        sense: Sense::Positive,
     }
 }
 

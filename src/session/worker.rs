@@ -369,13 +369,13 @@ impl RunContext {
         }
     }
 
-    /// How far the capillary is to be carried along for more of the specimen to be seen; nothing where it cannot be.
+    /// How far the axis is to carry the capillary along for more of the specimen to be seen; nothing where it cannot be.
     fn out_of_view_um(&self, planned: &PlannedWell, frame: &RawFrame) -> Option<f64> {
-        self.config.translation?;
+        let sense = self.config.translation?.sense;
         let seen = self.pipeline(planned).and_then(|pipeline| pipeline.look(frame)).ok()?;
         let shift_px = placing::shift_px(&seen.profile.ok()?)?;
         tracing::info!(well = %planned.well, shift_px, "the specimen is not all in view");
-        Some(shift_px / self.config.optics.kx)
+        Some(sense.sign() * shift_px / self.config.optics.kx)
     }
 
     /// What looks at this well's frames and measures its specimen.

@@ -10,6 +10,7 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
         Port::Usb(UsbAdapter { usb_serial }) => format!("port = {{ usb_serial = {usb_serial:?} }}"),
     };
     let table = |driver: &str| format!("[rotation]\ndriver = \"{driver}\"\n{port}\nbaud = {baud}\n");
+    let example = |driver: &str, file: &str| format!("{}# its further keys, with their meanings: config/{file}\n", table(driver));
     match answer {
         Answer::Grbl { is_hal, version, settings } => {
             let mut text = format!("{}: {version}\n{}", if *is_hal { "grblHAL" } else { "Grbl" }, table("grbl"));
@@ -27,9 +28,11 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
             }
             text
         }
-        Answer::Zaber { status } => format!("Zaber, ASCII protocol: @{status}\n{}", table("zaber")),
-        Answer::VastBridge { settings } => format!("VAST trigger bridge: {}\n{}", settings.join(", "), table("vast_bridge")),
-        Answer::Tmcl { module, version } => format!("Trinamic {module}, firmware {version}\n{}", table("tmcl")),
+        Answer::Zaber { status } => format!("Zaber, ASCII protocol: @{status}\n{}", example("zaber", "vast-zaber.toml")),
+        Answer::VastBridge { settings } => {
+            format!("VAST trigger bridge: {}\n{}", settings.join(", "), example("vast_bridge", "vast-bridge.toml"))
+        }
+        Answer::Tmcl { module, version } => format!("Trinamic {module}, firmware {version}\n{}", example("tmcl", "vast-tmcl.toml")),
     }
 }
 

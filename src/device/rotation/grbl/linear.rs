@@ -11,7 +11,7 @@ use super::{Grbl, Knowledge, Reference};
 use crate::cancel::CancelToken;
 use crate::device::rotation::AxisLetter;
 use crate::device::{Achieved, DeviceError, LinearAxis, Position};
-use crate::units::Steps;
+use crate::units::{Sense, Steps};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
@@ -33,6 +33,9 @@ pub struct TranslationSettings {
     pub limits_um: [f64; 2],
     /// Where the specimen is in view.
     pub position_um: f64,
+    /// Whether positive positions carry the capillary to the right of the picture.
+    #[serde(default)]
+    pub sense: Sense,
 }
 
 impl TranslationSettings {
