@@ -7,7 +7,7 @@
 //! ```
 //! Pure: the same frames and angles give the same bytes of numbers, whoever asks.
 
-use crate::calibration::{Calibration, Verdict, ViewState};
+use crate::calibration::{Calibration, Verdict, ViewState, widest_gap};
 use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
@@ -103,6 +103,13 @@ const CLOSURE_IOU_MIN: f64 = 0.95;
 
 /// Of fewer views slices are told as little more than discs.
 pub const FEW_VIEWS: usize = 7;
+/// An angle in which no view sees an edge, from which on the shape there is a guess; 7 views around leave 26 deg.
+pub const GAP_MOST_DEG: f64 = 45.0;
+
+/// Whether so few views, or so few directions, tell little of a slice's shape.
+pub fn tell_little(omegas: &[f64]) -> bool {
+    omegas.len() < FEW_VIEWS || widest_gap(omegas).to_degrees() > GAP_MOST_DEG
+}
 
 /// The views' median blur may be off the configured one by this, px: from specimen to specimen it varies by 0.07 px. Each edge is
 /// placed at its own frame's blur, so that this says no more than that the focus is not what it was.
@@ -303,7 +310,8 @@ impl Pipeline {
         flag(self.clipped[0], "clipped_left");
         flag(self.clipped[1], "clipped_right");
         flag(hull.touches_box(), "outside_box");
-        flag(used < FEW_VIEWS, "few_views");
+        let angles: Vec<f64> = self.views.iter().filter(|v| v.used).map(|v| v.omega).collect();
+        flag(tell_little(&angles), "few_views");
         flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN) || found.is_some_and(|c| c.moved.is_some()), "moved");
         flag(self.closure.is_none(), "no_closure");
         flag(looks_dead(&self.views), "dead_looking");

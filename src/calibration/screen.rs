@@ -7,6 +7,7 @@
 //! ```
 
 use super::least_squares::Solution;
+use crate::profile::Columns;
 use crate::statistics::{fit, fit_robust, mad_sd, median};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use rayon::prelude::*;
@@ -107,6 +108,8 @@ pub enum Bad {
     Far { share: f64 },
     #[error("it lies {found:.1} px off in the image where views of this turn scatter by {usual:.1} px: it jumped")]
     Jumped { found: f64, usual: f64 },
+    #[error("{:.0} % of the columns in which the other views show the specimen are empty in it: a part is missing", 100.0 * share)]
+    Short { share: f64 },
     #[error("its profile covers {found:.2} times what the other views' turn makes expected: it leaks, or a part is missing")]
     Area { found: f64 },
 }
@@ -168,6 +171,23 @@ pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
         off = views.iter().map(|(omega, area)| area / middle - wave(*omega).dot(&fit)).collect();
     }
     off.iter().enumerate().filter(|(_, o)| o.abs() > AREA_OFF).map(|(view, o)| (view, Bad::Area { found: 1.0 + o })).collect()
+}
+
+/// Of the columns that the usual view covers, one may leave this share empty: the thin end of a tail.
+const SHORT_MOST: f64 = 0.1;
+
+/// Views that lack a part of what the others show along the capillary: where nothing is seen there is no edge to be off.
+pub fn short(views: &[&Columns]) -> Vec<(usize, Bad)> {
+    let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.extent()).collect();
+    if extents.len() < 6 {
+        return Vec::new();
+    }
+    let usual = |of: fn(&(usize, usize)) -> usize| median(extents.iter().map(|e| of(e) as f64).collect()) as usize;
+    let (from, to) = (usual(|e| e.0), usual(|e| e.1));
+    let length = (to.max(from) - from + 1) as f64;
+    let share = |view: &Columns| (from..=to).filter(|&u| view.get(u).is_none()).count() as f64 / length;
+    let shares = views.iter().map(|view| share(view)).enumerate();
+    shares.filter(|(_, share)| *share > SHORT_MOST).map(|(view, share)| (view, Bad::Short { share })).collect()
 }
 
 /// What changed between the views before `view` and those from it on.
@@ -244,4 +264,24 @@ fn step(
     let size = if more == 1 { added[0] } else { added[0].abs().max(added[1].hypot(added[2])) };
     let free = (n as f64 - found.len() as f64).max(1.0);
     (size, ((without - with).max(0.0) / more as f64 / (with / free).max(1e-9)).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bar from column `from` to 90 of 100.
+    fn bar(from: usize) -> Columns {
+        let coverage: Vec<u8> =
+            (0..20 * 100).map(|i| if (from..=90).contains(&(i % 100)) && (5..15).contains(&(i / 100)) { 255 } else { 0 }).collect();
+        Columns::from_coverage(100, 20, &coverage)
+    }
+
+    #[test]
+    fn views_that_lack_a_part_are_named_and_a_thin_end_is_not() {
+        let bars: Vec<Columns> = [10, 10, 26, 10, 27, 14, 10, 10].map(bar).into();
+        let found = short(&bars.iter().collect::<Vec<_>>());
+        assert_eq!(found.iter().map(|(view, _)| *view).collect::<Vec<_>>(), [2, 4]);
+        assert_eq!(found[0].1, Bad::Short { share: 16.0 / 81.0 });
+    }
 }

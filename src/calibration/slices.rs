@@ -4,6 +4,7 @@ use super::support::{Support, basis};
 use super::tangents::{Pose, Side, Tangent, TurnView};
 use crate::statistics::huber;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use std::f64::consts::TAU;
 
 /// A slice needs this share of the views: towards the ends perspective hides it from some.
 const SHARE_OF_VIEWS: f64 = 0.75;
@@ -139,15 +140,22 @@ pub fn harmonics(omegas: &[f64]) -> usize {
 
 /// Directions that views see a slice's edges from: opposite views are mirror images and count once.
 pub fn directions(omegas: &[f64]) -> usize {
-    let turn = std::f64::consts::TAU;
-    let mut normals: Vec<f64> = omegas.iter().flat_map(|w| [w.rem_euclid(turn), (w + turn / 2.0).rem_euclid(turn)]).collect();
+    let apart = 0.3 * TAU / (2 * omegas.len().max(1)) as f64;
+    gaps(omegas).filter(|gap| *gap > apart).count()
+}
+
+/// The widest angle, rad, in which no view sees an edge.
+pub fn widest_gap(omegas: &[f64]) -> f64 {
+    gaps(omegas).fold(0.0, f64::max)
+}
+
+/// From each direction in which a view sees an edge to the next, rad.
+fn gaps(omegas: &[f64]) -> impl Iterator<Item = f64> {
+    let mut normals: Vec<f64> = omegas.iter().flat_map(|w| [w.rem_euclid(TAU), (w + TAU / 2.0).rem_euclid(TAU)]).collect();
     normals.sort_by(f64::total_cmp);
-    let apart = 0.3 * turn / normals.len().max(1) as f64;
-    let gaps = normals.iter().enumerate().filter(|(i, a)| {
-        let next = normals.get(i + 1).copied().unwrap_or(normals[0] + turn);
-        next - **a > apart
-    });
-    gaps.count()
+    let first = normals.first().map(|first| first + TAU);
+    let next: Vec<f64> = normals.iter().skip(1).copied().chain(first).collect();
+    normals.into_iter().zip(next).map(|(from, to)| to - from)
 }
 
 #[cfg(test)]
@@ -156,8 +164,12 @@ mod tests {
 
     #[test]
     fn opposite_views_count_once() {
-        let even = |n: u32| (0..n).map(|i| f64::from(i) * std::f64::consts::TAU / f64::from(n)).collect::<Vec<_>>();
+        let even = |n: u32| (0..n).map(|i| f64::from(i) * TAU / f64::from(n)).collect::<Vec<_>>();
         let found: Vec<_> = [4, 7, 12, 14, 21, 28, 84].map(even).iter().map(|o| (directions(o), harmonics(o))).collect();
+        assert!((widest_gap(&even(7)) - TAU / 14.0).abs() < 1e-9 && (widest_gap(&even(4)) - TAU / 4.0).abs() < 1e-9);
+        let third: Vec<f64> = even(21)[..7].to_vec();
+        assert!((widest_gap(&third) - (TAU / 2.0 - 6.0 * TAU / 21.0)).abs() < 1e-9, "{}", widest_gap(&third));
+        assert_eq!((directions(&[1.0; 9]), directions(&[])), (2, 0));
         assert_eq!(found, [(4, 1), (14, 3), (12, 4), (14, 5), (42, 8), (28, 8), (84, 8)]);
     }
 }

@@ -2,7 +2,7 @@
 
 use super::closed_form::axis;
 use super::least_squares::{GivenView, Priors, Solution, pivot, solve};
-use super::screen::{Bad, Moved, ViewOff, moved, views_off, worst, wrong_areas};
+use super::screen::{Bad, Moved, ViewOff, moved, short, views_off, worst, wrong_areas};
 use super::tangents::TurnView;
 use crate::geometry::{Camera, Projection};
 use crate::statistics::{Line, median};
@@ -113,7 +113,8 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     let good = |bad: &[Option<Bad>]| -> Vec<usize> { (0..given.len()).filter(|&i| bad[i].is_none()).collect() };
     let shown = good(&bad);
     let areas: Vec<(f64, f64)> = shown.iter().map(|&i| (given[i].omega, given[i].columns.area_px())).collect();
-    for (at, why) in wrong_areas(&areas) {
+    let profiles: Vec<_> = shown.iter().map(|&i| given[i].columns).collect();
+    for (at, why) in wrong_areas(&areas).into_iter().chain(short(&profiles)) {
         bad[shown[at]] = Some(why);
     }
     let mut used = good(&bad);

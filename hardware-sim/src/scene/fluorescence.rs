@@ -118,7 +118,7 @@ mod tests {
             [0.0, 1.0, 4.0].map(|angle| glow.light(&scene.contents(), angle).iter().map(|p| f64::from(p[1]) - 12.0).sum::<f64>()).to_vec();
         // The bead lies at the bottom of the bore, some 70 um beside the axis: 0.2 %; its mesh is 0.2 % small.
         for sum in sums {
-            assert!((sum / (volume_nl * glow.signal_per_nl()) - 1.0).abs() < 0.006, "{sum} of {} nl", volume_nl);
+            assert!((sum / (volume_nl * glow.signal_per_nl()) - 1.0).abs() < 0.006, "{sum} of {volume_nl} nl");
         }
     }
 }

@@ -75,9 +75,9 @@ fn stalls_limits_stops_and_hands_leave_their_flags_until_the_next_move() {
     let mut now_s = LATER_S;
     for (flag, trouble) in [("FS", 0), ("FE", 1)] {
         if trouble == 0 {
-            bench.faults.stall_after(0, 300)
+            bench.faults.stall_after(0, 300);
         } else {
-            bench.faults.limit_after(0, 300)
+            bench.faults.limit_after(0, 300);
         }
         bench.ask("/1 1 move rel 1600", now_s);
         now_s += LATER_S;

@@ -3,11 +3,11 @@
 use super::cameras::{Cameras, Psi};
 use super::report::Clock;
 use super::views::View;
-use crate::calibration::{Bad, Calibration, Gate, Moved, VIEWS_LEAST, Verdict};
+use crate::calibration::{Bad, Calibration, Gate, Moved, VIEWS_LEAST, Verdict, directions, widest_gap};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::Measurement;
-use crate::pipeline::FEW_VIEWS;
+use crate::pipeline::tell_little;
 use crate::reconstruction::{HullModel, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
 use crate::statistics::mean;
 use crate::surface::{self, Mesh};
@@ -49,12 +49,19 @@ pub(super) enum Refusal {
         "{used} of {given} views show something; {needed} are needed: opposite views are mirror images, and fewer leave the specimen open on a side"
     )]
     FewViews { used: usize, given: usize, needed: usize },
+    #[error(
+        "the angles of {views} views see edges in {found} directions; {needed} are needed to close a body. Check the angles: is omega in rad, and one per view?"
+    )]
+    FewDirections { found: usize, views: usize, needed: usize },
 }
+
+/// A body that is seen from fewer is open on a side.
+const DIRECTIONS_LEAST: usize = 4;
 
 impl Refusal {
     pub fn flag(&self) -> &'static str {
         match self {
-            Self::FewViews { .. } => "few_views",
+            Self::FewViews { .. } | Self::FewDirections { .. } => "few_views",
         }
     }
 }
@@ -94,6 +101,11 @@ pub(super) fn turn(
     if seen.len() < VIEWS_LEAST {
         return Err(Refusal::FewViews { used: seen.len(), given: views.len(), needed: VIEWS_LEAST }.into());
     }
+    let angles: Vec<f64> = seen.iter().map(|&i| psi.omega[i]).collect();
+    let found = directions(&angles);
+    if found < DIRECTIONS_LEAST {
+        return Err(Refusal::FewDirections { found, views: seen.len(), needed: DIRECTIONS_LEAST }.into());
+    }
     let mut reconstruction = Reconstruction::new(&psi.camera, grid, seen.len(), settings)?;
     for &i in &seen {
         let view = &views[i];
@@ -120,15 +132,20 @@ pub(super) fn turn(
         };
     }
     let used = judged.iter().filter(|j| j.used).count();
+    let angles: Vec<f64> = judged.iter().zip(&psi.omega).filter(|(j, _)| j.used).map(|(_, &omega)| omega).collect();
     let (camera, omega) = match &calibration {
         Ok(c) => (c.camera.clone(), psi.omega.iter().map(|&w| c.angle(w)).collect()),
         Err(_) => (psi.camera.clone(), psi.omega.clone()),
     };
-    let mut raised = raised_by(&shown, &hull, &model.measurement);
-    raised.extend(
-        (used < FEW_VIEWS)
-            .then(|| ("few_views", Some(format!("warning: {used} views tell little of each slice's shape; the numbers are rough")))),
-    );
+    let counted: Vec<&View> = shown.iter().zip(&seen).filter(|(_, at)| judged[**at].used).map(|(view, _)| *view).collect();
+    let mut raised = raised_by(&counted, &hull, &model.measurement);
+    raised.extend(tell_little(&angles).then(|| {
+        let gap_deg = widest_gap(&angles).to_degrees();
+        let why = format!(
+            "warning: {used} views that leave {gap_deg:.0} deg without an edge tell little of each slice's shape; the numbers are rough"
+        );
+        ("few_views", Some(why))
+    }));
     raised.extend((used < views.len()).then_some(("bad_view", None)));
     raised.extend(vrv.filter(|gate| gate.verdict == Verdict::NotLargest).map(|_| ("calibration_gate", Some(GATE.into()))));
     match &calibration {
@@ -138,6 +155,7 @@ pub(super) fn turn(
     }
     let (flags, doubts): (Vec<_>, Vec<_>) = raised.into_iter().unzip();
     let mut doubts: Vec<String> = doubts.into_iter().flatten().collect();
+    doubts.extend(model.measurement.fallback.as_ref().map(|why| format!("warning: the voxels' numbers are given: {why}")));
     doubts.extend(low_overlap(&overlaps));
     Ok(Measured {
         measurement: Some(model.measurement),
@@ -166,8 +184,7 @@ fn raised_by(shown: &[&View], hull: &HullModel, measurement: &Measurement) -> Ve
         }
     }
     raised.extend(hull.touches_box().then(|| ("outside_box", Some(BOX.into()))));
-    let fallback = measurement.fallback.as_ref().map(|why| format!("warning: the voxels' numbers are given: {why}"));
-    raised.extend(measurement.is_nonconvex().then_some(("nonconvex", fallback)));
+    raised.extend(measurement.is_nonconvex().then_some(("nonconvex", None)));
     raised
 }
 

@@ -21,6 +21,7 @@ use crate::geometry::{BoxUm, VoxelGrid};
 use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use anyhow::{Context, bail};
 use cameras::Cameras;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -105,19 +106,26 @@ fn parse_box(text: &str) -> Result<BoxUm, String> {
     }
 }
 
+/// Prints the answer; whoever reads it may have gone, or the disk behind it be full.
+fn say(answer: &serde_json::Value, code: ExitCode) -> ExitCode {
+    match writeln!(std::io::stdout().lock(), "{answer:#}") {
+        Ok(()) => code,
+        Err(error) => {
+            eprintln!("carved: the answer could not be printed: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
 /// Reads, reconstructs, writes the mesh and prints the report; what is wrong is printed as a refusal, and is the exit code.
 pub fn run(args: &Args) -> ExitCode {
     match reconstruct(args) {
-        Ok(report) => {
-            println!("{report:#}");
-            ExitCode::SUCCESS
-        }
+        Ok(report) => say(&report, ExitCode::SUCCESS),
         Err(error) => {
             let flags: Vec<&str> = error.downcast_ref::<measured::Refusal>().map(measured::Refusal::flag).into_iter().collect();
             let error = told(&error);
-            println!("{:#}", serde_json::json!({"flags": flags, "error": error}));
             eprintln!("carved: {error}");
-            ExitCode::from(REFUSED)
+            say(&serde_json::json!({"flags": flags, "error": error}), ExitCode::from(REFUSED))
         }
     }
 }

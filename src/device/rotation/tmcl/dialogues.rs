@@ -1,5 +1,7 @@
 //! Dialogues with a scripted module: what the driver says, frame by frame, and what it makes of each answer.
 
+#![allow(clippy::decimal_bitwise_operands, reason = "what is flipped is a bit of a place")]
+
 use super::frame::BYTES;
 use super::*;
 use crate::device::rotation::Port;

@@ -1,5 +1,7 @@
 //! Dialogues with a scripted controller: what the driver says, line by line, and what it makes of each answer.
 
+#![allow(clippy::decimal_bitwise_operands, reason = "what is flipped is a bit of a place")]
+
 use super::*;
 use crate::device::rotation::Port;
 use crate::device::rotation::scripted::{Scripted, Step};
