@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{Daemon, json};
+use common::{Daemon, configured, json, port};
 use hardware_sim::RigSettings;
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
 use serde_json::{Value, json};
@@ -29,23 +29,10 @@ struct Instrument {
 impl Instrument {
     fn start() -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let data = dir.path().join("data");
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         let rig = hardware_sim::Rig::start(RigSettings { time_scale: TIME_SCALE, ..RigSettings::default() }, scene.clone()).unwrap();
-        let mut text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/config/vast-grbl.toml")).unwrap();
-        for (from, to) in [
-            ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
-            ("/var/lib/carved", data.display().to_string()),
-            ("/dev/carved-rotation", rig.serial_path().display().to_string()),
-            ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
-            ("settle_ms = 50", "settle_ms = 5".to_owned()),
-            ("asd = 21", format!("asd = {ASD}")),
-        ] {
-            assert!(text.contains(from), "the shipped configuration has no {from:?}");
-            text = text.replace(from, &to);
-        }
-        let config = dir.path().join("rig.toml");
-        std::fs::write(&config, text).unwrap();
+        let changes = [port(&rig), ("settle_ms = 50", "settle_ms = 5".to_owned()), ("asd = 21", format!("asd = {ASD}"))];
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
         Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
     }
 

@@ -8,11 +8,10 @@ use carved::cancel::CancelToken;
 use carved::device::rotation::{Port, Reference, Tmcl, TmclSettings, one_sided};
 use carved::device::{Achieved, DeviceError, Position, RotationAxis};
 use carved::units::Steps;
-use driver::{at_every_byte, stand, turns, until};
+use driver::{cable_pulled_at_any_byte, late_answers, stand, turns, until};
 use hardware_sim::{Controller, Rig, tmcl::Settings};
 use std::f64::consts::TAU;
 use std::io::Write;
-use std::time::Duration;
 
 const STEPS: f64 = 6400.0;
 /// What one motor does in 0.2 s: more than another process takes of this one's time.
@@ -144,35 +143,15 @@ fn a_stop_is_heard_by_a_module_that_waits_for_the_rest_of_a_frame() {
 #[test]
 fn the_cable_pulled_at_any_byte_is_a_lost_connection_and_a_new_reference() {
     // What a move hears first: the mark, a look of three, two accepted targets, and some of the looks on the way.
-    at_every_byte(9 * 9, |byte| {
-        let rig = rig(Settings::default());
-        let mut axis = referenced(here(&rig));
-        rig.faults().serial().unplug_after(byte);
-        let error = axis.move_to(Steps(3200)).unwrap_err();
-        assert!(matches!(error, DeviceError::Gone { .. }), "byte {byte}: {error}");
-        assert_eq!(axis.position(), Position::Suspect { epoch: 2 });
-        assert!(matches!(axis.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
-    });
-    let rig = rig(Settings::default());
-    let axis = referenced(here(&rig));
-    rig.faults().unplug_serial();
-    drop(axis);
-    rig.faults().replug_serial().unwrap();
-    referenced(here(&rig)).move_to(Steps(64)).unwrap();
+    cable_pulled_at_any_byte(9 * 9, || rig(Settings::default()), |rig| referenced(here(rig)));
 }
 
 #[test]
 fn a_late_answer_at_any_place_of_a_move_is_never_in_the_wrong_field() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
-    for late in 0..12 {
-        // One and a half times what the driver waits.
-        rig.faults().serial().delay_answer_after(late, Duration::from_millis(300));
-        // So short that the pair cannot be apart where it is the first motor's target that is accepted late.
-        let target = Steps(101 * (i64::from(late) + 1));
-        assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {late}: {e}")).steps, target);
-        assert!((turns(&rig) - target.0 as f64 / STEPS).abs() < 1e-9);
-    }
+    // So short that the pair cannot be apart where it is the first motor's target that is accepted late.
+    late_answers(12, 101, &rig, &mut axis, STEPS);
 }
 
 #[test]

@@ -8,9 +8,8 @@ use carved::cancel::CancelToken;
 use carved::device::rotation::{Port, Reference, Zaber, ZaberSettings, one_sided};
 use carved::device::{Achieved, DeviceError, Position, RotationAxis};
 use carved::units::Steps;
-use driver::{at_every_byte, stand, turns, until};
+use driver::{cable_pulled_at_any_byte, late_answers, stand, turns, until};
 use hardware_sim::{Controller, Rig, zaber::Settings};
-use std::time::Duration;
 
 const STEPS: f64 = 6400.0;
 
@@ -116,34 +115,14 @@ fn a_stop_in_the_middle_of_a_move_stops_the_axis_until_the_next_reference() {
 #[test]
 fn the_cable_pulled_at_any_byte_is_a_lost_connection_and_a_new_reference() {
     // What a move hears first: state, counter, encoder, the acceptance, and a state or two; some 26 bytes each.
-    at_every_byte(26 * 5, |byte| {
-        let rig = rig(Settings::default());
-        let mut axis = referenced(here(&rig));
-        rig.faults().serial().unplug_after(byte);
-        let error = axis.move_to(Steps(3200)).unwrap_err();
-        assert!(matches!(error, DeviceError::Gone { .. }), "byte {byte}: {error}");
-        assert_eq!(axis.position(), Position::Suspect { epoch: 2 });
-        assert!(matches!(axis.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
-    });
-    let rig = rig(Settings::default());
-    let axis = referenced(here(&rig));
-    rig.faults().unplug_serial();
-    drop(axis);
-    rig.faults().replug_serial().unwrap();
-    referenced(here(&rig)).move_to(Steps(64)).unwrap();
+    cable_pulled_at_any_byte(26 * 5, || rig(Settings::default()), |rig| referenced(here(rig)));
 }
 
 #[test]
 fn a_late_answer_at_any_place_of_a_move_answers_nothing_else() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
-    for late in 0..8 {
-        // One and a half times what the driver waits.
-        rig.faults().serial().delay_answer_after(late, Duration::from_millis(300));
-        let target = Steps(101 * (i64::from(late) + 1));
-        assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {late}: {e}")).steps, target);
-        assert!((turns(&rig) - target.0 as f64 / STEPS).abs() < 1e-9);
-    }
+    late_answers(8, 101, &rig, &mut axis, STEPS);
 }
 
 #[test]

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Daemon, json, run, stderr};
+use common::{Daemon, configured, json, port, run, stderr};
 use hardware_sim::RigSettings;
 use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene, SceneSettings, Specimen};
 use serde_json::{Value, json};
@@ -33,26 +33,14 @@ fn tables(address: std::net::Ipv4Addr, glow: &FluorescentSettings) -> String {
 #[test]
 fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording() {
     let dir = tempfile::tempdir().unwrap();
-    let data = dir.path().join("data");
     let scene = Arc::new(Scene::new(SceneSettings::default()));
     let mut rig = hardware_sim::Rig::start(RigSettings { time_scale: 10.0, ..RigSettings::default() }, scene.clone()).unwrap();
     let settings = FluorescentSettings::default();
     let glow = Arc::new(Fluorescent::new(scene.clone(), settings.clone()));
     let second = rig.add_camera(glow.clone()).unwrap();
-    let mut text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/config/vast-grbl.toml")).unwrap();
-    for (from, to) in [
-        ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
-        ("/var/lib/carved", data.display().to_string()),
-        ("/dev/carved-rotation", rig.serial_path().display().to_string()),
-        ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
-        ("settle_ms = 50", "settle_ms = 5".to_owned()),
-        ("asd = 21", format!("asd = {ASD}")),
-    ] {
-        assert!(text.contains(from), "the shipped configuration has no {from:?}");
-        text = text.replace(from, &to);
-    }
-    let config = dir.path().join("rig.toml");
-    std::fs::write(&config, text + &tables(second, &settings)).unwrap();
+    let changes = [port(&rig), ("settle_ms = 50", "settle_ms = 5".to_owned()), ("asd = 21", format!("asd = {ASD}"))];
+    let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
+    std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + &tables(second, &settings)).unwrap();
     let daemon = Daemon::serve(&config, &data);
     assert_eq!(daemon.status()["hardware"]["camera_second"]["connected"], true);
 

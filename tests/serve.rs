@@ -10,7 +10,7 @@
 
 mod common;
 
-use common::{Daemon, PATIENCE, json};
+use common::{Daemon, PATIENCE, configured, json, port};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, RigSettings, ShaftSettings};
@@ -56,7 +56,6 @@ const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
 impl Instrument {
     fn start(rate: &Rate) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let data = dir.path().join("data");
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         let mut firmware = Settings::default();
         firmware.set(120, rate.acceleration).unwrap();
@@ -66,25 +65,16 @@ impl Instrument {
         let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, ..RigSettings::default() };
         let rig = hardware_sim::Rig::start(settings, scene.clone()).unwrap();
 
-        // The file that a user starts from, with this rig's values.
-        let mut text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/config/vast-grbl.toml")).unwrap();
-        for (from, to) in [
-            ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
-            ("/var/lib/carved", data.display().to_string()),
-            ("/dev/carved-rotation", rig.serial_path().display().to_string()),
-            ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
+        let changes = [
+            port(&rig),
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
             ("asd = 21", format!("asd = {}", rate.asd)),
             // A picture takes its time on a busy machine.
             ("frame_timeout_ms = 500", "frame_timeout_ms = 5000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 20000".into()),
-        ] {
-            assert!(text.contains(from), "the shipped configuration has no {from:?}");
-            text = text.replace(from, &to);
-        }
-        let config = dir.path().join("rig.toml");
-        std::fs::write(&config, text).unwrap();
+        ];
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
         Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
     }
 

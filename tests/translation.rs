@@ -9,7 +9,7 @@ use carved::cancel::CancelToken;
 use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference, TranslationSettings};
 use carved::device::{DeviceError, Position, RotationAxis};
 use carved::units::{Sense, Steps};
-use common::{Daemon, json};
+use common::{Daemon, configured, json, port};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Placement, Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, Rig, RigSettings, Sight, SlideSettings, TestCard};
@@ -151,15 +151,10 @@ fn a_restart_makes_both_axes_doubtful_and_its_own_switches_end_a_move() {
 #[test]
 fn a_specimen_that_is_cut_by_the_pictures_side_is_carried_into_view_and_measured() {
     let folder = tempfile::tempdir().unwrap();
-    let data = folder.path().join("data");
     let scene = Arc::new(Scene::new(SceneSettings::default()));
     let rig = rig(Controller::Grbl(firmware()), scene.clone());
-    let mut text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/config/vast-grbl.toml")).unwrap();
-    for (from, to) in [
-        ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
-        ("/var/lib/carved", data.display().to_string()),
-        ("/dev/carved-rotation", rig.serial_path().display().to_string()),
-        ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
+    let changes = [
+        port(&rig),
         ("settle_ms = 50", "settle_ms = 5".into()),
         ("asd = 21", "asd = 12".into()),
         ("frame_timeout_ms = 500", "frame_timeout_ms = 5000".into()),
@@ -172,12 +167,8 @@ fn a_specimen_that_is_cut_by_the_pictures_side_is_carried_into_view_and_measured
         ("# acceleration", "acceleration".into()),
         ("# limits_um", "limits_um".into()),
         ("# position_um", "position_um".into()),
-    ] {
-        assert!(text.contains(from), "the shipped configuration has no {from:?}");
-        text = text.replace(from, &to);
-    }
-    let config = folder.path().join("rig.toml");
-    std::fs::write(&config, text).unwrap();
+    ];
+    let (config, data) = configured("vast-grbl.toml", folder.path(), &rig, &changes);
     let daemon = Daemon::serve(&config, &data);
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test",
         "plate_map": [{"well": "A01", "specimen": "larva", "dpf": 4}]});

@@ -9,7 +9,7 @@
 
 mod common;
 
-use common::{Daemon, PATIENCE, json};
+use common::{Daemon, PATIENCE, configured, json, port};
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, RigSettings, bridge, relay};
 use serde_json::{Value, json};
@@ -35,27 +35,19 @@ struct Instrument {
 impl Instrument {
     fn start(shipped: &str, settings: impl FnOnce(&Path) -> RigSettings) -> Self {
         let dir = tempfile::tempdir().unwrap();
-        let data = dir.path().join("data");
         let list = dir.path().join("external.txt");
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         let rig = hardware_sim::Rig::start(RigSettings { time_scale: SCALE, ..settings(&list) }, scene.clone()).unwrap();
-        let mut text = std::fs::read_to_string(format!("{}/config/{shipped}", env!("CARGO_MANIFEST_DIR"))).unwrap();
-        let relay = rig.relay_address().map(|a| a.to_string()).unwrap_or_default();
-        for (from, to) in [
-            ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
-            ("/var/lib/carved", data.display().to_string()),
-            ("/dev/carved-rotation", rig.serial_path().display().to_string()),
-            ("/mnt/vast/external.txt", list.display().to_string()),
-            ("192.168.10.3:5000", relay),
-            ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
+        let door = match rig.relay_address() {
+            Some(relay) => vec![("192.168.10.3:5000", relay.to_string())],
+            None => vec![port(&rig), ("/mnt/vast/external.txt", list.display().to_string())],
+        };
+        let pace = [
             ("settle_ms = 50", "settle_ms = 5".to_owned()),
             ("speed_deg_per_s = 90.0", format!("speed_deg_per_s = {:?}", SPEED_DEG_PER_S * SCALE)),
             ("asd = 21", format!("asd = {ASD}")),
-        ] {
-            text = text.replace(from, &to);
-        }
-        let config = dir.path().join("rig.toml");
-        std::fs::write(&config, text).unwrap();
+        ];
+        let (config, data) = configured(shipped, dir.path(), &rig, &[door, pace.into()].concat());
         Self { daemon: Daemon::serve(&config, &data), rig, scene, data, dir }
     }
 

@@ -1,6 +1,8 @@
 //! An emulated rig for the tests of motion drivers, and what they wait for.
 #![allow(dead_code, clippy::unwrap_used)] // each test binary uses its own part; a harness may panic
 
+use carved::device::{DeviceError, Position, RotationAxis};
+use carved::units::Steps;
 use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, TestCard};
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -47,4 +49,34 @@ pub fn stand(rig: &Rig) {
         let angle = rig.shaft().angle_rad();
         angle.to_bits() == std::mem::replace(&mut before, angle).to_bits()
     });
+}
+
+/// The cable pulled at each of the first `bytes` bytes that a move hears; `referenced` opens the axis of a rig and references it where
+/// it stands.
+pub fn cable_pulled_at_any_byte<A: RotationAxis>(bytes: usize, rig: impl Fn() -> Rig + Sync, referenced: impl Fn(&Rig) -> A + Sync) {
+    at_every_byte(bytes, |byte| {
+        let rig = rig();
+        let mut axis = referenced(&rig);
+        rig.faults().serial().unplug_after(byte);
+        let error = axis.move_to(Steps(3200)).unwrap_err();
+        assert!(matches!(error, DeviceError::Gone { .. }), "byte {byte}: {error}");
+        assert_eq!(axis.position(), Position::Suspect { epoch: 2 });
+        assert!(matches!(axis.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
+    });
+    let rig = rig();
+    let axis = referenced(&rig);
+    rig.faults().unplug_serial();
+    drop(axis);
+    rig.faults().replug_serial().unwrap();
+    referenced(&rig).move_to(Steps(64)).unwrap();
+}
+
+/// Each of the first `answers` answers of a move comes half as late again as a driver waits that waits for 200 ms; moves are `apart` steps.
+pub fn late_answers(answers: u32, apart: i64, rig: &Rig, axis: &mut dyn RotationAxis, steps: f64) {
+    for late in 0..answers {
+        rig.faults().serial().delay_answer_after(late, Duration::from_millis(300));
+        let target = Steps(apart * (i64::from(late) + 1));
+        assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {late}: {e}")).steps, target);
+        assert!((turns(rig) - target.0 as f64 / steps).abs() < 1e-9);
+    }
 }

@@ -24,6 +24,29 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// The file that a user starts from, `shipped` in config/, with this rig's doors and `changes`; written into `folder`, its data beside it.
+pub fn configured(shipped: &str, folder: &Path, rig: &hardware_sim::Rig, changes: &[(&str, String)]) -> (PathBuf, PathBuf) {
+    let data = folder.join("data");
+    let mut text = std::fs::read_to_string(format!("{}/config/{shipped}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    let doors = [
+        ("127.0.0.1:8420", "127.0.0.1:0".to_owned()),
+        ("/var/lib/carved", data.display().to_string()),
+        ("address = \"192.168.10.2\"", format!("address = \"{}\"", rig.camera_address())),
+    ];
+    for (from, to) in doors.iter().chain(changes) {
+        assert!(text.contains(from), "the shipped configuration has no {from:?}");
+        text = text.replace(from, to);
+    }
+    let config = folder.join("rig.toml");
+    std::fs::write(&config, text).unwrap();
+    (config, data)
+}
+
+/// Where a shipped configuration has its controller's port.
+pub fn port(rig: &hardware_sim::Rig) -> (&'static str, String) {
+    ("/dev/carved-rotation", rig.serial_path().display().to_string())
+}
+
 /// A running `carved simulate` or `carved serve`.
 pub struct Daemon {
     child: Child,
