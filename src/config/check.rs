@@ -126,6 +126,7 @@ impl Config {
         }
         for (name, method) in &raw.methods {
             breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
+            breaches.extend(method.policy.check().iter().map(|e| format!("  methods.{name}.policy.{e}")));
             breaches.extend(method.surface.check().iter().map(|e| format!("  methods.{name}.surface.{e}")));
         }
         let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {

@@ -1,5 +1,6 @@
 //! A method: what is done to a specimen and how it is measured. It is recorded whole with every specimen.
 
+use super::Policy;
 use crate::acquisition::ViewOrder;
 use crate::geometry::{BoxUm, Camera, GridError, VoxelGrid};
 use crate::pipeline::PipelineSettings;
@@ -27,6 +28,9 @@ pub struct Method {
     pub surface: SurfaceSettings,
     #[serde(default)]
     pub calibration: CalibrationSettings,
+    /// How long a phase may take, what is tried again and how an interrupted run goes on.
+    #[serde(default)]
+    pub policy: Policy,
 }
 
 fn papers_box() -> BoxUm {

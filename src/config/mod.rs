@@ -6,9 +6,11 @@
 
 mod check;
 mod method;
+mod policy;
 mod raw;
 pub mod references;
 
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
 pub use method::Method;
+pub use policy::{BeadGate, Deadlines, Interrupted, Policy, Resume};
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};

@@ -116,6 +116,7 @@ fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Metho
             segment: crate::profile::SegmentSettings::default(),
             surface: crate::reconstruction::SurfaceSettings::default(),
             calibration: crate::reconstruction::CalibrationSettings::default(),
+            policy: crate::config::Policy::default(),
         };
         return Ok(("imported".into(), method));
     };
