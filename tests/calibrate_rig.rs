@@ -30,7 +30,7 @@ fn record(folder: &Path, rig: &str, bead: &Bead) {
     };
     let mut psi = config.optics.clone();
     (psi.uy, psi.gamma) = (uy_px, 1e-4 * uy_px);
-    let well = PlannedWell { well: "A01".into(), specimen: SpecimenKind::Bead, dpf: None };
+    let well = PlannedWell::new("A01", SpecimenKind::Bead, None);
     let mut recording = Recording::new("r", well, Mode::Simulated, rig, "standard", config.methods["standard"].clone());
     recording.started = format!("2026-11-{day:02}T09:00:00Z");
     let view = |bore_um: f64| {

@@ -200,7 +200,7 @@ impl Recorded {
             camera_identity: String::new(),
             second: None,
         };
-        let well = PlannedWell { well: "A01".into(), specimen: SpecimenKind::Bead, dpf: None };
+        let well = PlannedWell::new("A01", SpecimenKind::Bead, None);
         let method = self.config.methods["standard"].clone();
         let recording = Recording::new("r", well, Mode::Simulated, rig, "standard", method);
         let mut writer = RecordingWriter::create(folder, recording, empty).unwrap();

@@ -160,7 +160,7 @@ fn recorded(folder: &Path, well: PlannedWell, references: &[References], record:
 }
 
 fn larva(well: &str, dpf: Option<f64>) -> PlannedWell {
-    PlannedWell { well: well.into(), specimen: SpecimenKind::Larva, dpf }
+    PlannedWell::new(well, SpecimenKind::Larva, dpf)
 }
 
 #[test]

@@ -6,6 +6,7 @@
 //!     └──────── Status, events, Live <───┘
 //! ```
 
+mod concentration;
 mod driver;
 mod event;
 mod fault;
@@ -21,13 +22,14 @@ mod state;
 mod status;
 mod worker;
 
+pub use concentration::ConcentrationUnit;
 pub use driver::{Driver, DriverError};
 pub use heart::Heart;
 pub use worker::Instrument;
 
 pub use event::Event;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};
-pub use plan::{FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};
+pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
     CalibrationStatus, CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus,

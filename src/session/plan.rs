@@ -1,5 +1,6 @@
 //! What a client asks for: the whole plan of a run, checked before anything moves.
 
+use super::ConcentrationUnit;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use utoipa::ToSchema;
@@ -26,6 +27,16 @@ pub struct RunPlan {
     pub plate_map: Vec<PlannedWell>,
 }
 
+/// Whether a well is one that others are held against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Control {
+    Positive,
+    Negative,
+}
+
+/// One well of a plate map: what is in it, and what was done to it. carved measures by `specimen` and `dpf` and carries the rest
+/// into the results.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
@@ -36,9 +47,70 @@ pub struct PlannedWell {
     /// Days post fertilisation.
     #[serde(default)]
     pub dpf: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compound: Option<String>,
+    /// In `concentration_unit`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub concentration: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub concentration_unit: Option<ConcentrationUnit>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub strain: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub treatment: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub control: Option<Control>,
+    /// Number of the repetition of the same condition, from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub replicate: Option<u32>,
 }
 
 impl PlannedWell {
+    /// A well of which no more is said than what is in it.
+    pub fn new(well: impl Into<String>, specimen: SpecimenKind, dpf: Option<f64>) -> Self {
+        Self {
+            well: well.into(),
+            specimen,
+            dpf,
+            compound: None,
+            concentration: None,
+            concentration_unit: None,
+            strain: None,
+            treatment: None,
+            control: None,
+            replicate: None,
+        }
+    }
+
+    /// Fields that say something that cannot be, and what is wrong with each; the well's name is judged by who knows the others.
+    pub fn mistakes(&self) -> Vec<(&'static str, String)> {
+        let mut found = Vec::new();
+        if let Some(dpf) = self.dpf.filter(|d| !(0.0..=30.0).contains(d)) {
+            found.push(("dpf", format!("{dpf} is not an age in days post fertilisation: 0 to 30")));
+        }
+        match (self.concentration, self.concentration_unit) {
+            (Some(c), _) if !(c.is_finite() && c >= 0.0) => found.push(("concentration", format!("{c} is no concentration: 0 or more"))),
+            (Some(c), None) => {
+                let known = ConcentrationUnit::known();
+                found.push(("concentration_unit", format!("the concentration {c} has no unit; the units are {known}")));
+            }
+            (None, Some(unit)) => found.push(("concentration", format!("there is a unit, {}, but no concentration", unit.symbol()))),
+            _ => {}
+        }
+        if self.replicate == Some(0) {
+            found.push(("replicate", "0 is no replicate: they count from 1".into()));
+        }
+        for (field, text) in [("compound", &self.compound), ("strain", &self.strain), ("treatment", &self.treatment)] {
+            let Some(text) = text else { continue };
+            if text.trim().is_empty() {
+                found.push((field, "the text is empty; leave the field out".into()));
+            } else if text.chars().count() > TEXT_LIMIT || text.chars().any(char::is_control) {
+                found.push((field, format!("use at most {TEXT_LIMIT} characters of one line; these are {}", text.chars().count())));
+            }
+        }
+        found
+    }
+
     /// Days post fertilisation of a larva, where they are known.
     pub fn age_of_larva(&self) -> Option<f64> {
         self.dpf.filter(|_| self.specimen == SpecimenKind::Larva)
@@ -59,6 +131,9 @@ pub struct FieldError {
 
 /// Longest name that fits every file system and label.
 const NAME_LIMIT: usize = 64;
+
+/// Longest text that describes a well.
+const TEXT_LIMIT: usize = 200;
 
 /// Whether a name may stand in a path and a URL: letters, digits, `-`, `_` and `.`, not first a dot.
 pub fn is_plain_name(name: &str) -> bool {
@@ -106,8 +181,8 @@ impl RunPlan {
             } else if !seen.insert(&w.well) {
                 wrong(format!("/plate_map/{i}/well"), format!("{} stands in the plate map twice", w.well));
             }
-            if let Some(dpf) = w.dpf.filter(|d| !(0.0..=30.0).contains(d)) {
-                wrong(format!("/plate_map/{i}/dpf"), format!("{dpf} is not an age in days post fertilisation: 0 to 30"));
+            for (field, detail) in w.mistakes() {
+                wrong(format!("/plate_map/{i}/{field}"), detail);
             }
         }
         if errors.is_empty() { Ok(()) } else { Err(errors) }
@@ -141,6 +216,24 @@ mod tests {
             "/plate_map/4/dpf",
         ];
         assert_eq!(pointers, expected);
+    }
+
+    #[test]
+    fn conditions_that_cannot_be_are_named() {
+        let found = |fields: &str| {
+            let well: PlannedWell = serde_json::from_str(&format!(r#"{{"well": "A01", {fields}}}"#)).unwrap();
+            well.mistakes().into_iter().map(|(field, _)| field).collect::<Vec<_>>()
+        };
+        for (fields, wrong) in [
+            (r#""concentration": 3"#, vec!["concentration_unit"]),
+            (r#""concentration_unit": "uM""#, vec!["concentration"]),
+            (r#""concentration": -1, "concentration_unit": "uM""#, vec!["concentration"]),
+            (r#""replicate": 0, "dpf": 31"#, vec!["dpf", "replicate"]),
+            (r#""compound": " ", "strain": "a\nb""#, vec!["compound", "strain"]),
+            (r#""concentration": 0, "concentration_unit": "% v/v", "compound": "DMSO", "control": "negative", "replicate": 1"#, vec![]),
+        ] {
+            assert_eq!(found(fields), wrong, "{fields}");
+        }
     }
 
     #[test]

@@ -161,14 +161,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             empty.format().name()
         );
     }
-    let specimen = PlannedWell {
-        well: args.well.clone(),
-        specimen: match args.specimen {
-            Specimen::Larva => SpecimenKind::Larva,
-            Specimen::Bead => SpecimenKind::Bead,
-        },
-        dpf: args.dpf,
+    let kind_of_specimen = match args.specimen {
+        Specimen::Larva => SpecimenKind::Larva,
+        Specimen::Bead => SpecimenKind::Bead,
     };
+    let specimen = PlannedWell::new(&args.well, kind_of_specimen, args.dpf);
     let imported =
         Imported { looks, turn, angles_from, camera_from: rig.camera_from.clone(), empty, references: rig.references.clone(), warnings };
     let recording = recording(rig, specimen, kind, &imported)?;

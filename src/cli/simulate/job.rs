@@ -54,17 +54,16 @@ async fn finished(handle: &SessionHandle, id: &str) -> Option<RunStatus> {
 }
 
 fn demo_plan() -> RunPlan {
-    let well = |well: &str, specimen, dpf| PlannedWell { well: well.into(), specimen, dpf };
     RunPlan {
         plate_barcode: "DEMO".into(),
         method: "standard".into(),
         operator: "demo".into(),
         external_id: None,
         plate_map: vec![
-            well("A01", SpecimenKind::Larva, Some(3.0)),
-            well("A02", SpecimenKind::Larva, Some(5.0)),
-            well("A03", SpecimenKind::Bead, None),
-            well("A04", SpecimenKind::Larva, Some(4.0)),
+            PlannedWell::new("A01", SpecimenKind::Larva, Some(3.0)),
+            PlannedWell::new("A02", SpecimenKind::Larva, Some(5.0)),
+            PlannedWell::new("A03", SpecimenKind::Bead, None),
+            PlannedWell::new("A04", SpecimenKind::Larva, Some(4.0)),
         ],
     }
 }
