@@ -25,24 +25,41 @@ pub struct Expected<'a> {
 pub trait Sampler: Send {
     /// Whether `load` waits for somebody outside.
     fn waits_for_loader(&self) -> bool;
-    /// Brings the specimen of a well into the capillary; nothing where the run was cancelled meanwhile.
+    /// Brings the specimen of a well into the capillary; nothing where the run was cancelled or paused meanwhile.
     fn load(&mut self, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
     fn eject(&mut self, well: &str) -> Result<(), DeviceError>;
 }
 
-/// Where the loader's word arrives: the name of the well whose specimen is in the capillary.
+/// What a wait for the loader ends with.
+enum Word {
+    /// The specimen of this well is in the capillary.
+    Loaded(String),
+    /// The loader is not waited for any more.
+    GiveUp,
+}
+
+/// Where the loader's word arrives.
 #[derive(Clone, Default)]
-pub struct LoaderGate(Arc<(Mutex<Option<String>>, Condvar)>);
+pub struct LoaderGate(Arc<(Mutex<Option<Word>>, Condvar)>);
 
 impl LoaderGate {
-    /// Forgets a word that a cancelled wait left behind: it belongs to another run.
+    /// Forgets a word that an earlier wait left behind: it belongs to another run or another life of this one.
     pub fn clear(&self) {
         *self.0.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
     pub fn say_loaded(&self, well: &str) {
+        self.say(Word::Loaded(well.to_owned()));
+    }
+
+    /// Ends a wait that is under way, or the next one: nothing was loaded.
+    pub fn give_up(&self) {
+        self.say(Word::GiveUp);
+    }
+
+    fn say(&self, word: Word) {
         let (slot, changed) = &*self.0;
-        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(well.to_owned());
+        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(word);
         changed.notify_all();
     }
 }
@@ -73,8 +90,13 @@ impl Sampler for LoaderSampler {
             if cancel.is_cancelled() {
                 return Ok(None);
             }
-            if said.take_if(|w| w == expected.well).is_some() {
-                return Ok(Some(Loaded::default()));
+            match &*said {
+                Some(Word::GiveUp) => return Ok(None),
+                Some(Word::Loaded(well)) if well == expected.well => {
+                    *said = None;
+                    return Ok(Some(Loaded::default()));
+                }
+                _ => {}
             }
             said = changed.wait_timeout(said, CANCEL_CHECK).unwrap_or_else(PoisonError::into_inner).0;
         }
@@ -101,5 +123,17 @@ mod tests {
         gate.clear();
         cancel.cancel();
         assert_eq!(sampler.load(well("A02"), &cancel).unwrap(), None);
+    }
+
+    #[test]
+    fn a_wait_that_is_given_up_ends_without_a_cancel_and_the_next_run_waits_anew() {
+        let gate = LoaderGate::default();
+        let mut sampler = LoaderSampler::new(gate.clone());
+        let expected = Expected { well: "A01", bead: false, dpf: None };
+        gate.give_up();
+        assert_eq!(sampler.load(expected, &CancelToken::default()).unwrap(), None);
+        gate.clear();
+        gate.say_loaded("A01");
+        assert_eq!(sampler.load(expected, &CancelToken::default()).unwrap(), Some(Loaded::default()));
     }
 }

@@ -499,10 +499,12 @@ impl Running {
             mode: self.mode,
             run: id.to_owned(),
             wells: record.plan.plate_map.clone(),
+            eject_first: None,
             method_name: record.plan.method.clone(),
             method,
             folder: self.store.run_folder(id),
             cancel: cancel.clone(),
+            pause: CancelToken::default(),
             progress: progress_in,
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
@@ -713,7 +715,7 @@ impl Running {
             (_, RunEnd::Failed(error)) => (RunOutcome::Failed, Some(error)),
             (Some(outcome), _) => (outcome, None),
             (None, RunEnd::AllWells) => (RunOutcome::of_wells(&active.record.wells), None),
-            (None, RunEnd::Cancelled) => (RunOutcome::Interrupted, None),
+            (None, RunEnd::Cancelled | RunEnd::Paused) => (RunOutcome::Interrupted, None),
         };
         let left = if outcome == RunOutcome::Aborted { SpecimenOutcome::Aborted } else { SpecimenOutcome::Interrupted };
         let reason = match (&fault, outcome) {

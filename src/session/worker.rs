@@ -78,6 +78,8 @@ pub enum Progress {
 /// How the worker ended.
 pub enum RunEnd {
     AllWells,
+    /// It was asked to end after the specimen under way, and wells are left.
+    Paused,
     Cancelled,
     Failed(RunError),
 }
@@ -102,11 +104,16 @@ pub struct RunContext {
     pub config: Arc<Config>,
     pub mode: Mode,
     pub run: String,
+    /// The wells still to do, in order.
     pub wells: Vec<PlannedWell>,
+    /// A well whose specimen an earlier life of the daemon may have left in the capillary: it is taken out before anything else.
+    pub eject_first: Option<String>,
     pub method_name: String,
     pub method: Method,
     pub folder: PathBuf,
     pub cancel: CancelToken,
+    /// Ends the run once the specimen under way is done; the motors are not stopped.
+    pub pause: CancelToken,
     pub progress: Sender<Progress>,
 }
 
@@ -143,12 +150,13 @@ enum WellEnd {
 pub fn run(mut instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd) {
     let end = match context.all_wells(&mut instrument) {
         Ok(ControlFlow::Continue(())) => RunEnd::AllWells,
-        Ok(ControlFlow::Break(())) => RunEnd::Cancelled,
+        Ok(ControlFlow::Break(())) if context.cancel.is_cancelled() => RunEnd::Cancelled,
+        Ok(ControlFlow::Break(())) => RunEnd::Paused,
         // A stop that was asked for shows as a device error on its way out; it is no fault.
         Err(_) if context.cancel.is_cancelled() => RunEnd::Cancelled,
         Err(e) => RunEnd::Failed(e),
     };
-    if !matches!(end, RunEnd::AllWells) {
+    if !matches!(end, RunEnd::AllWells | RunEnd::Paused) {
         instrument.rig.rotation.stop_handle().stop();
     }
     // One that is lost is taken apart when it is opened again.
@@ -212,8 +220,13 @@ impl RunContext {
             second.arm().map_err(RunError::Second)?;
         }
         self.tell(Progress::Ready);
+        if let Some(well) = &self.eject_first {
+            self.phase(well, Phase::Eject, true);
+            instrument.sampler.eject(well)?;
+            self.phase(well, Phase::Eject, false);
+        }
         for planned in &self.wells {
-            if self.cancel.is_cancelled() {
+            if self.cancel.is_cancelled() || self.pause.is_cancelled() {
                 return Ok(ControlFlow::Break(()));
             }
             let began = Instant::now();
