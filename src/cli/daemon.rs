@@ -3,7 +3,7 @@
 use super::notify;
 use crate::config::Config;
 use crate::device::sampler::LoaderGate;
-use crate::session::{self, Driver, Heart, Instrument, Mode, SessionHandle};
+use crate::session::{self, Driver, Heart, Instrument, MethodOffer, Mode, SessionHandle};
 use crate::store::Store;
 use anyhow::Context;
 use std::net::TcpListener;
@@ -34,6 +34,7 @@ impl Daemon {
         let listen = listener.local_addr().context("the address that is served")?;
         let (store, journal, events) = Store::open(&config.store.data_dir)?;
         let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
+        let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
         let heart = Heart::default();
         let driver = Driver { config: config.clone(), mode, store, journal, publisher, instrument, gate, heart: heart.clone() };
         let (stop_in, stop) = watch::channel(false);

@@ -19,6 +19,7 @@ mod docs;
 mod events;
 mod health;
 mod live;
+mod methods;
 mod metrics;
 mod openapi;
 mod page;

@@ -1,6 +1,6 @@
 //! The contract: routes and their description come from one list, so neither can miss one of the other's.
 
-use super::{AppState, access, docs, events, health, live, metrics, page, problem, runs, status};
+use super::{AppState, access, docs, events, health, live, methods, metrics, page, problem, runs, status};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -19,6 +19,7 @@ struct Contract;
 pub(super) fn routes() -> OpenApiRouter<AppState> {
     OpenApiRouter::with_openapi(Contract::openapi())
         .routes(routes!(status::get))
+        .routes(routes!(methods::get))
         .routes(routes!(runs::put))
         .routes(routes!(runs::abort))
         .routes(routes!(runs::loaded))

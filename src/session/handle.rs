@@ -1,7 +1,7 @@
 //! How the edges reach the session: commands enter a mailbox and are accepted or refused by name; everyone else reads
 //! snapshots. The driver is the only one that changes anything.
 
-use super::{Event, FieldError, RunOutcome, RunPlan, State, Status};
+use super::{Event, FieldError, MethodOffer, RunOutcome, RunPlan, State, Status};
 use crate::store::StoreError;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -75,6 +75,7 @@ pub struct SessionHandle {
     live: Arc<Mutex<Live>>,
     events: Arc<EventLog>,
     booted: Instant,
+    methods: Arc<[MethodOffer]>,
 }
 
 impl SessionHandle {
@@ -99,6 +100,16 @@ impl SessionHandle {
         let mut watch = self.status.clone();
         let newer = watch.wait_for(|s| s.revision > after).await.map(|s| s.clone());
         newer.map_or_else(|_| self.status(), |s| self.stamp(&s))
+    }
+
+    /// The same with the methods that a run may name.
+    #[must_use]
+    pub fn offering(self, methods: impl IntoIterator<Item = MethodOffer>) -> Self {
+        Self { methods: methods.into_iter().collect(), ..self }
+    }
+
+    pub fn methods(&self) -> &[MethodOffer] {
+        &self.methods
     }
 
     pub fn live(&self) -> Live {
@@ -218,7 +229,14 @@ pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receive
     let (status, watch) = watch::channel(Arc::new(first));
     let live = Arc::new(Mutex::new(Live::default()));
     let events = Arc::new(EventLog::new(tail));
-    let handle = SessionHandle { commands, status: watch, live: live.clone(), events: events.clone(), booted: Instant::now() };
+    let handle = SessionHandle {
+        commands,
+        status: watch,
+        live: live.clone(),
+        events: events.clone(),
+        booted: Instant::now(),
+        methods: Arc::default(),
+    };
     (handle, mailbox, Publisher { status, live, events })
 }
 

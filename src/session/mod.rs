@@ -13,6 +13,7 @@ mod fault;
 mod handle;
 mod heart;
 mod live;
+mod offer;
 mod placing;
 mod plan;
 mod reference;
@@ -29,6 +30,7 @@ pub use worker::Instrument;
 
 pub use event::Event;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};
+pub use offer::MethodOffer;
 pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{

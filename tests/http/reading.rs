@@ -28,6 +28,15 @@ fn the_status_is_the_snapshot_and_its_tag_changes_with_the_state_alone() {
     assert_ne!(newer.header("etag"), Some(&*tag));
 }
 
+#[test]
+fn the_methods_that_a_plan_may_name_are_served() {
+    let answer = Rig::start().get("/v1/methods");
+    assert_eq!(answer.status, 200);
+    let expected = serde_json::json!({"methods": [
+        {"name": "", "asd": 21, "order": "coarse_to_fine", "epsilon": 0.05, "voxel_um": 6.93}]});
+    assert_eq!(answer.json(), expected);
+}
+
 fn ask(rig: &Rig, path: &str, headers: &str) -> TcpStream {
     let mut stream = connect(rig.address);
     write!(stream, "GET {path} HTTP/1.1\r\nHost: localhost\r\n{headers}\r\n").unwrap();

@@ -1,9 +1,10 @@
 //! A running server, and the driver at its other end that the tests hold in their hands.
 
 use crate::wire::{self, Answer};
+use carved::acquisition::ViewOrder;
 use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::{
-    Accepted, Command, Event, HardwareStatus, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State, Status, channel,
+    Accepted, Command, Event, HardwareStatus, MethodOffer, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State, Status, channel,
 };
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -16,6 +17,8 @@ use tokio::task::JoinHandle;
 pub const BOOT: &str = "boot-7f";
 pub const PLAN: &str =
     r#"{"plate_barcode": "P-1", "method": "standard", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}, {"well": "A02"}]}"#;
+
+pub const METHOD: MethodOffer = MethodOffer { name: String::new(), asd: 21, order: ViewOrder::CoarseToFine, epsilon: 0.05, voxel_um: 6.93 };
 
 pub struct Rig {
     pub address: SocketAddr,
@@ -69,6 +72,7 @@ impl Rig {
     pub fn with(settings: HttpSettings, tail: Vec<Event>) -> Self {
         let runtime = Runtime::new().unwrap();
         let (session, mailbox, driver) = channel(status(), tail);
+        let session = session.offering([METHOD]);
         let (refusal, commands) = <(Arc<Mutex<Option<Refusal>>>, Arc<Mutex<Vec<String>>>)>::default();
         runtime.spawn(drive(mailbox, refusal.clone(), commands.clone()));
         let listener = settings.bind().unwrap();

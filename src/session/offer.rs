@@ -1,0 +1,27 @@
+//! What a run may be asked for by name: the methods of the configuration, in short.
+
+use crate::acquisition::ViewOrder;
+use crate::config::Method;
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// A method of this instrument; `run.json` records it whole.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct MethodOffer {
+    pub name: String,
+    /// ASD: axial views in one revolution.
+    pub asd: u32,
+    /// `sequential` or `coarse_to_fine`.
+    #[schema(value_type = String)]
+    pub order: ViewOrder,
+    /// Share of the views that may miss a voxel that still counts.
+    pub epsilon: f64,
+    /// SD: edge of a voxel, um.
+    pub voxel_um: f64,
+}
+
+impl MethodOffer {
+    pub fn new(name: &str, method: &Method) -> Self {
+        Self { name: name.to_owned(), asd: method.asd, order: method.order, epsilon: method.epsilon, voxel_um: method.voxel_um }
+    }
+}
