@@ -17,6 +17,7 @@ mod body;
 mod conditional;
 mod docs;
 mod events;
+mod fault_codes;
 mod health;
 mod live;
 mod methods;

@@ -1,6 +1,6 @@
 //! The contract: routes and their description come from one list, so neither can miss one of the other's.
 
-use super::{AppState, access, docs, events, health, live, methods, metrics, page, problem, runs, status};
+use super::{AppState, access, docs, events, fault_codes, health, live, methods, metrics, page, problem, runs, status};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -24,6 +24,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(runs::abort))
         .routes(routes!(runs::loaded))
         .routes(routes!(events::get))
+        .routes(routes!(fault_codes::get))
         .routes(routes!(live::frame))
         .routes(routes!(live::profile))
         .routes(routes!(live::mesh))

@@ -29,6 +29,7 @@ pub use heart::Heart;
 pub use worker::Instrument;
 
 pub use event::Event;
+pub use fault::table::{ALL as FAULT_CODES, FaultCode};
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};
 pub use offer::MethodOffer;
 pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};

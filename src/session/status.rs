@@ -109,6 +109,9 @@ pub struct Fault {
     pub recoverable: bool,
     pub scheduler_action: SchedulerAction,
     pub operator_required: bool,
+    /// What the operator does about it, in plain words.
+    #[serde(default)]
+    pub what_to_do: String,
     /// RFC 3339, UTC.
     pub since: String,
 }

@@ -33,6 +33,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /openapi.json",
         "get /readyz",
         "get /v1/events",
+        "get /v1/fault-codes",
         "get /v1/live/frame.jpg",
         "get /v1/live/mesh.glb",
         "get /v1/live/profile.png",
@@ -105,4 +106,13 @@ fn the_page_is_served_with_a_policy_and_every_answer_with_its_headers() {
         assert!(answer.header("cache-control").is_some());
         assert_eq!(answer.header("access-control-allow-origin"), None);
     }
+}
+
+#[test]
+fn every_code_of_a_fault_is_told_with_what_to_do() {
+    let codes = Rig::start().get("/v1/fault-codes").json();
+    assert!(codes.as_array().unwrap().len() > 10);
+    let lost = codes.as_array().unwrap().iter().find(|c| c["code"] == "camera_lost").unwrap();
+    assert_eq!((&lost["category"], &lost["scheduler_action"]), (&"camera".into(), &"pause_instrument".into()));
+    assert!(lost["what_to_do"].as_str().unwrap().contains("cable"), "{lost}");
 }

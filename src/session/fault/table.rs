@@ -1,0 +1,176 @@
+//! Every fault this program can raise, once: what it means, what the scheduler does, what the operator does.
+//!
+//! ```text
+//! table ─┬─> faults in the status and the journal (mod.rs: which error is which code)
+//!        ├─> GET /v1/fault-codes
+//!        └─> the table of codes in docs/faults.md, held against it by a test
+//! ```
+//! A fault is `recoverable` where the daemon goes on without being started again, by itself or once the operator has done
+//! what stands here.
+
+use crate::session::SchedulerAction::{self, EscalateOperator, PauseInstrument, Retry};
+use serde::Serialize;
+use utoipa::ToSchema;
+
+/// One code with what is always true of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+pub struct FaultCode {
+    /// Stable word to branch on.
+    pub code: &'static str,
+    pub category: Category,
+    /// What the scheduler does, unless the fault itself says otherwise.
+    pub scheduler_action: SchedulerAction,
+    /// Whether a person has to do something before the instrument is fit again.
+    pub operator_required: bool,
+    /// Whether the daemon goes on without being started again.
+    pub recoverable: bool,
+    pub meaning: &'static str,
+    /// For the operator, in plain words.
+    pub what_to_do: &'static str,
+}
+
+/// What a fault concerns.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Category {
+    Camera,
+    Motion,
+    Sampler,
+    Storage,
+    Software,
+}
+
+impl Category {
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Camera => "camera",
+            Self::Motion => "motion",
+            Self::Sampler => "sampler",
+            Self::Storage => "storage",
+            Self::Software => "software",
+        }
+    }
+}
+
+/// Makes a constant of every entry and the list of all, so that no code can be raised that the list lacks.
+macro_rules! codes {
+    ($($name:ident = $code:literal, $category:ident, $action:ident, operator: $operator:literal, recoverable: $recoverable:literal,
+       $meaning:literal, $what_to_do:literal;)*) => {
+        $(pub const $name: FaultCode = FaultCode {
+            code: $code,
+            category: Category::$category,
+            scheduler_action: $action,
+            operator_required: $operator,
+            recoverable: $recoverable,
+            meaning: $meaning,
+            what_to_do: $what_to_do,
+        };)*
+        /// Every code, in the order of the documents.
+        pub const ALL: &[FaultCode] = &[$($name),*];
+    };
+}
+
+codes! {
+    CAMERA_LOST = "camera_lost", Camera, PauseInstrument, operator: true, recoverable: true,
+        "The camera does not answer, or the control of it was lost, for longer than a run waits.",
+        "Check the camera's power and network cable. It is opened again by itself when it answers.";
+    CAMERA_TAKEN = "camera_taken", Camera, PauseInstrument, operator: true, recoverable: true,
+        "Another program controls the camera.",
+        "Close the other program, on this or another computer. The camera is opened again by itself.";
+    CAMERA_NO_FRAME = "camera_no_frame", Camera, Retry, operator: false, recoverable: true,
+        "No whole frame came within the step's deadline, though the camera answers.",
+        "Nothing at first. If it comes again, check the network cable and the other traffic on its network.";
+    CAMERA_REFUSED = "camera_refused", Camera, EscalateOperator, operator: true, recoverable: false,
+        "The camera does not take a value of the configuration.",
+        "Correct the value that the message names in the configuration, and start the daemon again.";
+    SECOND_CAMERA_FAILED = "second_camera_failed", Camera, PauseInstrument, operator: true, recoverable: true,
+        "The second camera failed in a run.",
+        "Check the second camera's power and cable. It is opened again with the next run.";
+    ROTATION_LOST = "rotation_lost", Motion, PauseInstrument, operator: true, recoverable: true,
+        "The axis' controller does not answer any more.",
+        "Check the controller's power and cable. It is opened again by itself when it answers.";
+    ROTATION_SUSPECT = "rotation_suspect", Motion, Retry, operator: false, recoverable: true,
+        "It is not certain any more where the axis stands; it was stopped. A stock VAST that may be out of step asks for a person.",
+        "Nothing: the next run begins with a reference, which finds the axis again. With a stock VAST, end its list first.";
+    ROTATION_ALARM = "rotation_alarm", Motion, EscalateOperator, operator: true, recoverable: true,
+        "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
+        "Look what touched the switch or holds the capillary, and clear it. The next run begins with a reference.";
+    ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
+        "The controller's settings are not those of the configuration; the message names each.",
+        "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";
+    ROTATION_FAILED = "rotation_failed", Motion, PauseInstrument, operator: true, recoverable: true,
+        "The axis could not do what it was asked to, for another reason than those above.",
+        "Read the message: it says what was asked and why it was refused. Then start the run's other wells in a new run.";
+    REVOLUTION_FAILED = "revolution_failed", Motion, PauseInstrument, operator: true, recoverable: true,
+        "A revolution could not be planned or carried through.",
+        "Read the message. If it names the method, choose another for the next run.";
+    SAMPLER_FAILED = "sampler_failed", Sampler, PauseInstrument, operator: true, recoverable: true,
+        "The sampler did not bring or take away a specimen.",
+        "Look whether a specimen is stuck in the tubing or the capillary, and take it out. Then say so to the instrument.";
+    STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
+        "Something could not be written to disk. The plate is not called removable.",
+        "Check that the data folder is there, belongs to the daemon and can be written. Then start a new run.";
+    DISK_FULL = "disk_full", Storage, PauseInstrument, operator: true, recoverable: true,
+        "The disk that holds the data is full. The plate is not called removable.",
+        "Make room on the data disk. Then start a new run for the wells that were not measured.";
+    INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
+        "A part of the program ended that should not have.",
+        "Keep the daemon's log and report it. The next run may start.";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeSet;
+
+    #[test]
+    fn codes_are_plain_words_each_given_once_and_explained() {
+        let mut seen = BTreeSet::new();
+        for c in ALL {
+            assert!(seen.insert(c.code), "{} twice", c.code);
+            assert!(c.code.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'), "{}", c.code);
+            for text in [c.meaning, c.what_to_do] {
+                assert!(text.ends_with('.') && !text.contains('|'), "{}: {text}", c.code);
+            }
+            // Whoever is told to come back by himself is not told to wait for a person, and the other way round.
+            assert_eq!(c.operator_required, c.scheduler_action != Retry, "{}", c.code);
+        }
+    }
+
+    /// One row of the documents.
+    fn row(c: &FaultCode) -> String {
+        let action = serde_json::to_value(c.scheduler_action).unwrap();
+        let yes = |it: bool| if it { "yes" } else { "no" };
+        format!(
+            "| `{}` | {} | `{}` | {} | {} | {} | {} |",
+            c.code,
+            c.category.word(),
+            action.as_str().unwrap(),
+            yes(c.operator_required),
+            yes(c.recoverable),
+            c.meaning,
+            c.what_to_do
+        )
+    }
+
+    #[test]
+    fn the_documents_table_is_this_one() {
+        let documents = include_str!("../../../docs/faults.md");
+        let section = documents.split("\n## All codes\n").nth(1).expect("docs/faults.md has a section `All codes`");
+        let section = section.split("\n## ").next().unwrap();
+        let found: Vec<&str> = section.lines().filter(|l| l.starts_with("| `")).collect();
+        let wanted: Vec<String> = ALL.iter().map(row).collect();
+        assert!(found == wanted, "docs/faults.md, All codes, should have these rows:\n{}", wanted.join("\n"));
+    }
+
+    /// Every code that the documents name elsewhere in a row is one that can be raised.
+    #[test]
+    fn no_row_of_the_documents_names_a_code_that_is_none() {
+        let documents = include_str!("../../../docs/faults.md");
+        let prefixes = ["camera_", "second_camera_", "rotation_", "revolution_", "sampler_", "store_"];
+        let words = documents.split('`').skip(1).step_by(2).filter(|w| w.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'));
+        for word in words.filter(|w| prefixes.iter().any(|p| w.starts_with(p))) {
+            assert!(ALL.iter().any(|c| c.code == word), "docs/faults.md names {word}, which is no code");
+        }
+    }
+}
