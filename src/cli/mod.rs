@@ -9,6 +9,7 @@ pub mod emulated;
 mod import;
 mod measure;
 mod notify;
+mod plate;
 mod reconstruct;
 mod reference;
 mod segment;
@@ -53,6 +54,9 @@ enum Command {
     Validate(validate::Args),
     /// Say what is plugged in, what answers and what to configure; nothing is moved.
     Doctor(doctor::Args),
+    /// Work with plate maps.
+    #[command(subcommand)]
+    Plate(plate::Command),
     /// Work with configurations.
     #[command(subcommand)]
     Config(ConfigCommand),
@@ -99,6 +103,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
             doctor::run(&args);
             Ok(())
         }
+        Command::Plate(command) => return plate::run(&command),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)

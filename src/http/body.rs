@@ -6,6 +6,7 @@
 use super::AppState;
 use super::problem::Problem;
 use crate::session::FieldError;
+use crate::session::plate_map::Format;
 use axum::extract::{FromRequest, Request};
 use axum::http::{HeaderMap, StatusCode, header};
 use futures::StreamExt;
@@ -16,7 +17,7 @@ use utoipa::ToSchema;
 
 /// Limit of a body.
 pub(super) const SMALL: usize = 64 * 1024;
-/// Limit of the one body that carries a plate map.
+/// Limit of the bodies that carry a plate map.
 pub(super) const PLATE_MAP: usize = 1024 * 1024;
 
 /// A JSON body of at most `LIMIT` bytes.
@@ -26,23 +27,53 @@ impl<T: DeserializeOwned + ToSchema, const LIMIT: usize> FromRequest<AppState> f
     type Rejection = Problem;
 
     async fn from_request(request: Request, app: &AppState) -> Result<Self, Problem> {
-        require_json(request.headers())?;
-        within(request.headers(), LIMIT)?;
-        let bytes = tokio::time::timeout(app.body_timeout, read(request, LIMIT))
-            .await
-            .map_err(|_| Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", "the body did not arrive in time").come_back())??;
-        parse(&bytes, &app.schemas).map(Self)
+        let found = content_type(request.headers());
+        if media(&found) != "application/json" {
+            let detail = format!("the body's content type is {found:?}; send application/json");
+            return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_json", detail));
+        }
+        parse(&whole(request, LIMIT, app).await?, &app.schemas).map(Self)
     }
 }
 
-fn require_json(headers: &HeaderMap) -> Result<(), Problem> {
-    let found = headers.get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or_default();
-    let media = found.split(';').next().unwrap_or_default().trim();
-    if media.eq_ignore_ascii_case("application/json") {
-        return Ok(());
+/// A plate map as a file has it: the only body that need not be JSON.
+pub(super) struct PlateMapFile {
+    pub bytes: Vec<u8>,
+    pub format: Format,
+}
+
+impl FromRequest<AppState> for PlateMapFile {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &AppState) -> Result<Self, Problem> {
+        let found = content_type(request.headers());
+        let format = match media(&found).as_str() {
+            "text/csv" | "text/tab-separated-values" => Format::Csv,
+            "application/json" => Format::Json,
+            _ => {
+                let detail = format!("the body's content type is {found:?}; send text/csv or application/json");
+                return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_a_plate_map", detail));
+            }
+        };
+        Ok(Self { bytes: whole(request, PLATE_MAP, app).await?, format })
     }
-    let detail = format!("the body's content type is {found:?}; send application/json");
-    Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_json", detail))
+}
+
+fn content_type(headers: &HeaderMap) -> String {
+    headers.get(header::CONTENT_TYPE).and_then(|v| v.to_str().ok()).unwrap_or_default().to_owned()
+}
+
+/// A content type without its parameters.
+fn media(content_type: &str) -> String {
+    content_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
+}
+
+/// The whole body, bounded in size and time.
+async fn whole(request: Request, limit: usize, app: &AppState) -> Result<Vec<u8>, Problem> {
+    within(request.headers(), limit)?;
+    tokio::time::timeout(app.body_timeout, read(request, limit))
+        .await
+        .map_err(|_| Problem::new(StatusCode::REQUEST_TIMEOUT, "slow_body", "the body did not arrive in time").come_back())?
 }
 
 fn too_large(limit: usize) -> Problem {
@@ -216,7 +247,7 @@ mod tests {
                        "plate_map": [{"well": "A01", "specimen": "worm"}, {"dpf": "3"}, 4, {"well": "B01", "a/b": 1}]}"#;
         let problem = refuse(body);
         assert_eq!((problem.status, problem.code.as_str()), (422, "invalid_body"));
-        let mut pointers: Vec<_> = problem.errors.iter().map(|e| e.pointer.as_str()).collect();
+        let mut pointers: Vec<_> = problem.errors.iter().map(|e| e.pointer.as_deref().unwrap()).collect();
         pointers.sort_unstable();
         let expected = [
             "/external_id",
@@ -237,7 +268,7 @@ mod tests {
     fn what_only_serde_sees_is_named_with_its_place() {
         let twice = refuse(&SOUND.replace(r#""well": "A01""#, r#""well": "A01", "well": "A02""#));
         assert_eq!(twice.errors.len(), 1);
-        assert!(twice.errors[0].pointer.starts_with("/plate_map/0"), "{:?}", twice.errors);
+        assert!(twice.errors[0].pointer.as_deref().unwrap().starts_with("/plate_map/0"), "{:?}", twice.errors);
         assert!(twice.errors[0].detail.contains("duplicate"), "{:?}", twice.errors);
     }
 
@@ -247,7 +278,7 @@ mod tests {
             assert_eq!(refuse(body).status, 400, "{body:?}");
         }
         parse::<RunPlan>(SOUND.as_bytes(), &schemas()).unwrap();
-        assert_eq!(refuse("[]").errors[0].pointer, "");
+        assert_eq!(refuse("[]").errors[0].pointer.as_deref(), Some(""));
         let nothing = SOUND.replace(r#""operator": "o""#, r#""operator": "o", "external_id": null"#);
         parse::<RunPlan>(nothing.as_bytes(), &schemas()).unwrap();
     }

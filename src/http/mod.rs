@@ -24,6 +24,7 @@ mod methods;
 mod metrics;
 mod openapi;
 mod page;
+mod plate_maps;
 mod problem;
 mod runs;
 mod serve;

@@ -1,6 +1,6 @@
 //! The contract: routes and their description come from one list, so neither can miss one of the other's.
 
-use super::{AppState, access, docs, events, fault_codes, health, live, methods, metrics, page, problem, runs, status};
+use super::{AppState, access, docs, events, fault_codes, health, live, methods, metrics, page, plate_maps, problem, runs, status};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -25,6 +25,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(runs::loaded))
         .routes(routes!(events::get))
         .routes(routes!(fault_codes::get))
+        .routes(routes!(plate_maps::check))
         .routes(routes!(live::frame))
         .routes(routes!(live::profile))
         .routes(routes!(live::mesh))
@@ -58,7 +59,7 @@ pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
                     ("400", "The body or the path is malformed"),
                     ("408", "The body did not arrive in time"),
                     ("413", "The body is too large"),
-                    ("415", "The body is not application/json"),
+                    ("415", "The body is of a type that is not taken here"),
                     ("422", "Fields of the body are wrong: `errors` lists every one"),
                 ]);
             }

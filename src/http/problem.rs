@@ -1,6 +1,7 @@
 //! Every error that leaves the server: `application/problem+json` (RFC 9457) with what the scheduler does about it.
 
-use crate::session::{FieldError, Refusal, SchedulerAction, State, Status};
+use crate::session::plate_map::Mistake;
+use crate::session::{Refusal, SchedulerAction, State, Status};
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
@@ -24,15 +25,18 @@ pub struct Problem {
     pub scheduler_action: SchedulerAction,
     /// Number of the fault behind it, as listed in the status; `null` where there is none.
     pub fault_seq: Option<u64>,
-    /// Every wrong field of the body, with a 422.
+    /// Everything that is wrong with the body, with a 422.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub errors: Vec<FieldError>,
+    pub errors: Vec<Mistake>,
     /// States that accept the command, with a 409 for a wrong state.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted_in: Vec<State>,
     #[serde(skip)]
     pub(super) retry_after_s: Option<u32>,
 }
+
+/// Mistakes that the detail has in words.
+const DETAILED: usize = 20;
 
 /// A client that is told to come back is told when.
 const RETRY_AFTER_S: u32 = 5;
@@ -67,8 +71,11 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, code, detail)
     }
 
-    pub(super) fn unprocessable(code: &str, errors: Vec<FieldError>) -> Self {
-        let detail = errors.iter().map(|e| format!("{}: {}", e.pointer, e.detail)).collect::<Vec<_>>().join("; ");
+    pub(super) fn unprocessable(code: &str, errors: impl IntoIterator<Item: Into<Mistake>>) -> Self {
+        let errors: Vec<Mistake> = errors.into_iter().map(Into::into).collect();
+        let detail = errors.iter().take(DETAILED).map(ToString::to_string).collect::<Vec<_>>().join("; ");
+        let more = errors.len().saturating_sub(DETAILED);
+        let detail = if more > 0 { format!("{detail}; {more} more stand in errors") } else { detail };
         Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }.action(SchedulerAction::RejectPlate)
     }
 

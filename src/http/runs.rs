@@ -3,6 +3,7 @@
 use super::AppState;
 use super::body::{self, Body};
 use super::problem::Problem;
+use crate::session::plate_map::Mistake;
 use crate::session::{Accepted, Refusal, RunPlan, is_plain_name};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
@@ -57,7 +58,7 @@ pub(super) async fn put(
     let Path(id) = path?;
     if !is_plain_name(&id) {
         let detail = format!("{id:?} is not a run id: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
-        return Err(Problem { detail, ..Problem::unprocessable("invalid_run_id", Vec::new()) });
+        return Err(Problem { detail, ..Problem::unprocessable("invalid_run_id", Vec::<Mistake>::new()) });
     }
     let accepted = app.session.put_run(id.clone(), plan).await.map_err(|refusal| refused(&app, refusal))?;
     let location = format!("/v1/runs/{id}");

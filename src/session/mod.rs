@@ -16,6 +16,7 @@ mod live;
 mod offer;
 mod placing;
 mod plan;
+pub mod plate_map;
 mod reference;
 mod search;
 mod sentence;

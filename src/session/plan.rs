@@ -1,6 +1,7 @@
 //! What a client asks for: the whole plan of a run, checked before anything moves.
 
 use super::ConcentrationUnit;
+use super::plate_map::Metadata;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use utoipa::ToSchema;
@@ -25,6 +26,10 @@ pub struct RunPlan {
     pub external_id: Option<String>,
     /// The wells in the order in which they are visited.
     pub plate_map: Vec<PlannedWell>,
+    /// What the lab keeps with the plate, as MIHCSME has it; stored with the run and not read.
+    #[serde(default, skip_serializing_if = "Metadata::is_empty")]
+    #[schema(value_type = Object)]
+    pub metadata: Metadata,
 }
 
 /// Whether a well is one that others are held against.
@@ -153,6 +158,18 @@ pub fn is_well(name: &str) -> bool {
 }
 
 impl RunPlan {
+    /// A plan with no more than a run needs.
+    pub fn new(plate_barcode: &str, method: &str, operator: &str, plate_map: Vec<PlannedWell>) -> Self {
+        Self {
+            plate_barcode: plate_barcode.into(),
+            method: method.into(),
+            operator: operator.into(),
+            external_id: None,
+            plate_map,
+            metadata: Metadata::new(),
+        }
+    }
+
     /// Everything that is wrong with the plan, not the first thing only. `methods` are the configuration's.
     ///
     /// # Errors

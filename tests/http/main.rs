@@ -9,6 +9,7 @@ mod access;
 mod commands;
 mod contract;
 mod limits;
+mod plate_maps;
 mod reading;
 mod rig;
 mod wire;

@@ -252,13 +252,7 @@ fn summed(turns: &[f64]) -> Vec<f64> {
 fn recording(rig: Rig, specimen: PlannedWell, kind: Kind, imported: &Imported) -> anyhow::Result<Recording> {
     let mut method = rig.method;
     method.asd = imported.turn.asd;
-    let plan = RunPlan {
-        plate_barcode: "IMPORT".into(),
-        method: rig.method_name.clone(),
-        operator: "import".into(),
-        external_id: None,
-        plate_map: vec![specimen.clone()],
-    };
+    let plan = RunPlan::new("IMPORT", &rig.method_name, "import", vec![specimen.clone()]);
     if let Err(errors) = plan.check(&BTreeMap::from([(rig.method_name.clone(), &method)])) {
         bail!(
             "{}",

@@ -54,18 +54,13 @@ async fn finished(handle: &SessionHandle, id: &str) -> Option<RunStatus> {
 }
 
 fn demo_plan() -> RunPlan {
-    RunPlan {
-        plate_barcode: "DEMO".into(),
-        method: "standard".into(),
-        operator: "demo".into(),
-        external_id: None,
-        plate_map: vec![
-            PlannedWell::new("A01", SpecimenKind::Larva, Some(3.0)),
-            PlannedWell::new("A02", SpecimenKind::Larva, Some(5.0)),
-            PlannedWell::new("A03", SpecimenKind::Bead, None),
-            PlannedWell::new("A04", SpecimenKind::Larva, Some(4.0)),
-        ],
-    }
+    let wells = vec![
+        PlannedWell::new("A01", SpecimenKind::Larva, Some(3.0)),
+        PlannedWell::new("A02", SpecimenKind::Larva, Some(5.0)),
+        PlannedWell::new("A03", SpecimenKind::Bead, None),
+        PlannedWell::new("A04", SpecimenKind::Larva, Some(4.0)),
+    ];
+    RunPlan::new("DEMO", "standard", "demo", wells)
 }
 
 /// The demo's numbers beside the phantoms' truth.

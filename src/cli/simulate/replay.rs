@@ -56,13 +56,8 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
             anyhow::Ok((angle_rad, pixels(&frame)))
         })
         .collect::<Result<Vec<_>, _>>()?;
-    let plan = RunPlan {
-        plate_barcode: format!("REPLAY-{}", recording.specimen.well),
-        method: recording.method_name.clone(),
-        operator: "replay".into(),
-        external_id: None,
-        plate_map: vec![recording.specimen.clone()],
-    };
+    let plate = format!("REPLAY-{}", recording.specimen.well);
+    let plan = RunPlan::new(&plate, &recording.method_name, "replay", vec![recording.specimen.clone()]);
     let job = Job::Replay { plan, recorded: Box::new(recorded), name };
     let [num, den] = config.steps_per_revolution.into();
     let sight = Replay::new(frames, (num, den)).with_context(|| reader.folder().display().to_string())?;

@@ -1,0 +1,36 @@
+//! `POST /v1/plate-maps/check`: a plate map as a file has it becomes the wells of a plan, or every mistake with its line.
+
+use super::body::PlateMapFile;
+use super::problem::Problem;
+use crate::session::plate_map::{self, PlateMap};
+use axum::Json;
+use axum::extract::Query;
+use axum::extract::rejection::QueryRejection;
+use serde::Deserialize;
+use utoipa::IntoParams;
+
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Which {
+    /// One of several plates of a MIHCSME file.
+    plate: Option<String>,
+}
+
+/// Reads a plate map without starting anything.
+///
+/// Its answer's `plate_map` and `metadata` are those of `PUT /v1/runs/{run_id}`.
+#[utoipa::path(
+    post, path = "/v1/plate-maps/check", tag = "contract", params(Which),
+    request_body(description = "CSV, or JSON: a list of wells, or MIHCSME metadata", content(
+        (String = "text/csv"),
+        (serde_json::Value = "application/json"),
+    )),
+    responses((status = 200, description = "Nothing is wrong with it", body = PlateMap))
+)]
+pub(super) async fn check(query: Result<Query<Which>, QueryRejection>, file: PlateMapFile) -> Result<Json<PlateMap>, Problem> {
+    let Query(which) = query?;
+    plate_map::read(&file.bytes, file.format, which.plate.as_deref())
+        .map(Json)
+        .map_err(|mistakes| Problem::unprocessable("invalid_plate_map", mistakes))
+}

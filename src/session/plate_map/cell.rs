@@ -1,0 +1,170 @@
+//! One well of a file: cells of known columns become a planned well.
+
+use super::Place;
+use super::number::{self, Decimal};
+use crate::session::{ConcentrationUnit, Control, PlannedWell, SpecimenKind, is_well};
+
+/// A column that carved knows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Column {
+    Well,
+    Specimen,
+    Compound,
+    Concentration,
+    ConcentrationUnit,
+    Dpf,
+    Strain,
+    Treatment,
+    Control,
+    Replicate,
+}
+
+impl Column {
+    pub const ALL: [Self; 10] = [
+        Self::Well,
+        Self::Specimen,
+        Self::Compound,
+        Self::Concentration,
+        Self::ConcentrationUnit,
+        Self::Dpf,
+        Self::Strain,
+        Self::Treatment,
+        Self::Control,
+        Self::Replicate,
+    ];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Well => "well",
+            Self::Specimen => "specimen",
+            Self::Compound => "compound",
+            Self::Concentration => "concentration",
+            Self::ConcentrationUnit => "concentration_unit",
+            Self::Dpf => "dpf",
+            Self::Strain => "strain",
+            Self::Treatment => "treatment",
+            Self::Control => "control",
+            Self::Replicate => "replicate",
+        }
+    }
+
+    /// The column of a heading: case does not count, nor whether its words are parted by blanks, `-` or `_`.
+    pub fn of_heading(heading: &str) -> Option<Self> {
+        let heading = heading.trim().to_ascii_lowercase().replace([' ', '-'], "_");
+        Self::ALL.into_iter().find(|c| c.name() == heading)
+    }
+
+    pub fn known() -> String {
+        Self::ALL.map(Self::name).join(", ")
+    }
+}
+
+/// A cell: its column, the name that the file has for it, and its text without blanks around it.
+pub struct Cell {
+    pub column: Column,
+    pub name: String,
+    pub text: String,
+}
+
+/// The cells of one well that are not empty.
+pub struct Row {
+    pub place: Place,
+    pub decimal: Decimal,
+    pub cells: Vec<Cell>,
+}
+
+/// A well as a file may name it: `a1` and `A1` are `A01`.
+fn well_of(written: &str) -> Option<String> {
+    let row = written.chars().next().filter(char::is_ascii_alphabetic)?.to_ascii_uppercase();
+    let column = &written[1..];
+    let digits = !column.is_empty() && column.len() <= 2 && column.bytes().all(|b| b.is_ascii_digit());
+    let name = format!("{row}{column:0>2}");
+    (digits && is_well(&name)).then_some(name)
+}
+
+/// What is wrong with a cell: the file's own name of its column, and why.
+type Wrong = (String, String);
+
+impl Row {
+    fn cell(&self, column: Column) -> Option<&Cell> {
+        self.cells.iter().find(|c| c.column == column)
+    }
+
+    /// What the file calls a column.
+    pub fn name_of(&self, column: Column) -> String {
+        self.cell(column).map_or_else(|| column.name().to_owned(), |c| c.name.clone())
+    }
+
+    /// The planned well where it has a name, everything that is wrong, and what was read otherwise than it stands there.
+    pub fn well(&self) -> (Option<PlannedWell>, Vec<Wrong>, Vec<String>) {
+        let mut mistakes = Vec::new();
+        let mut notes = Vec::new();
+        let text = |column| self.cell(column).map(|c| c.text.clone());
+        let well = match text(Column::Well) {
+            None => {
+                mistakes.push((self.name_of(Column::Well), "this row names no well".into()));
+                None
+            }
+            Some(written) => {
+                let found = well_of(&written);
+                match &found {
+                    None => mistakes.push((self.name_of(Column::Well), format!("{written:?} is not a well: A01 to P24"))),
+                    Some(name) if *name != written => notes.push(format!("{}: {written} is read as {name}", self.place)),
+                    Some(_) => {}
+                }
+                found
+            }
+        };
+        let mut planned = PlannedWell::new(well.clone().unwrap_or_default(), SpecimenKind::Larva, None);
+        (planned.compound, planned.strain, planned.treatment) = (text(Column::Compound), text(Column::Strain), text(Column::Treatment));
+        let mut parse = Parse { row: self, mistakes: &mut mistakes };
+        planned.specimen =
+            parse.word(Column::Specimen, &[("larva", SpecimenKind::Larva), ("bead", SpecimenKind::Bead)]).unwrap_or(SpecimenKind::Larva);
+        planned.control = parse.word(Column::Control, &[("positive", Control::Positive), ("negative", Control::Negative)]);
+        planned.dpf = parse.number(Column::Dpf);
+        planned.concentration = parse.number(Column::Concentration);
+        planned.concentration_unit = parse.read(Column::ConcentrationUnit, |unit| {
+            ConcentrationUnit::from_file(unit)
+                .ok_or_else(|| format!("{unit:?} is not a unit of concentration; the units are {}", ConcentrationUnit::known()))
+        });
+        planned.replicate =
+            parse.read(Column::Replicate, |n| n.parse().map_err(|_| format!("{n:?} is not the number of a replicate: 1, 2, 3 ...")));
+        // What cannot be read is said once: the plan's own check would find it missing.
+        let unread: Vec<String> = mistakes.iter().map(|(column, _)| column.clone()).collect();
+        let concentration_unread = [Column::Concentration, Column::ConcentrationUnit].iter().any(|&c| unread.contains(&self.name_of(c)));
+        for (field, detail) in planned.mistakes() {
+            if field.starts_with("concentration") && concentration_unread {
+                continue;
+            }
+            let name = Column::of_heading(field).map_or_else(|| field.to_owned(), |c| self.name_of(c));
+            mistakes.push((name, detail));
+        }
+        (well.map(|_| planned), mistakes, notes)
+    }
+}
+
+/// Reads cells and collects what is wrong with them.
+struct Parse<'r> {
+    row: &'r Row,
+    mistakes: &'r mut Vec<Wrong>,
+}
+
+impl Parse<'_> {
+    fn read<T>(&mut self, column: Column, read: impl FnOnce(&str) -> Result<T, String>) -> Option<T> {
+        let cell = self.row.cell(column)?;
+        read(&cell.text).map_err(|detail| self.mistakes.push((cell.name.clone(), detail))).ok()
+    }
+
+    fn number(&mut self, column: Column) -> Option<f64> {
+        let decimal = self.row.decimal;
+        self.read(column, |written| number::read(written, decimal))
+    }
+
+    fn word<T: Copy>(&mut self, column: Column, words: &[(&str, T)]) -> Option<T> {
+        self.read(column, |written| {
+            let found = words.iter().find(|(word, _)| word.eq_ignore_ascii_case(written)).map(|&(_, value)| value);
+            let known = words.iter().map(|(word, _)| *word).collect::<Vec<_>>().join(", ");
+            found.ok_or_else(|| format!("{written:?} is none of {known}, or nothing"))
+        })
+    }
+}

@@ -1,0 +1,105 @@
+//! MIHCSME metadata (Minimum Information about a High Content Screening Microscopy Experiment), as its spreadsheet becomes
+//! JSON: with the names of the sheets, or with those of the Python model.
+//!
+//! ```text
+//! {"InvestigationInformation": {group: {key: value}}, "StudyInformation": ..., "AssayInformation": ...,
+//!  "AssayConditions": [{"Plate": "P1", "Well": "A01", "Compound": "DMSO", "Dose": "0.1", "DoseUnit": "%", ...}]}
+//! {"investigation_information": ..., "assay_conditions": [{"plate": "P1", "well": "A01", "conditions": {"Compound": ...}}]}
+//! ```
+//! The whole is kept as the run's metadata. Conditions that carved has a column for become the well's; the others are only kept.
+
+use super::cell::{Cell, Column, Row};
+use super::number::Decimal;
+use super::{Metadata, Mistake, Place, Reading, json};
+use serde_json::{Map, Value};
+use std::collections::BTreeSet;
+
+/// The two names of the list of wells: of the sheet, of the model.
+const LISTS: [&str; 2] = ["AssayConditions", "assay_conditions"];
+
+pub fn is_one(document: &Map<String, Value>) -> bool {
+    LISTS.iter().any(|name| document.contains_key(*name))
+}
+
+/// The column of a condition. MIHCSME leaves the names to the lab; these are those of its template and of carved.
+fn column_of(condition: &str) -> Option<Column> {
+    let plain: String = condition.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_ascii_lowercase();
+    Some(match plain.as_str() {
+        "well" => Column::Well,
+        "specimen" | "specimentype" => Column::Specimen,
+        "compound" | "compoundname" => Column::Compound,
+        "dose" | "concentration" => Column::Concentration,
+        "doseunit" | "doseunits" | "concentrationunit" | "concentrationunits" => Column::ConcentrationUnit,
+        "dpf" | "dayspostfertilisation" | "dayspostfertilization" => Column::Dpf,
+        "strain" => Column::Strain,
+        "treatment" => Column::Treatment,
+        "control" | "controltype" => Column::Control,
+        "replicate" => Column::Replicate,
+        _ => return None,
+    })
+}
+
+pub fn read(document: Metadata, plate: Option<&str>, reading: &mut Reading) {
+    for name in LISTS {
+        match document.get(name) {
+            None => {}
+            Some(Value::Array(entries)) => conditions(name, entries, plate, reading),
+            Some(_) => reading.wrong(Mistake::at(format!("/{name}"), "expected a list with an object per well")),
+        }
+    }
+    reading.map.metadata = document;
+}
+
+fn conditions(name: &str, entries: &[Value], plate: Option<&str>, reading: &mut Reading) {
+    let plate_of = |entry: &Value| entry.get("Plate").or_else(|| entry.get("plate")).and_then(Value::as_str).map(|p| p.trim().to_owned());
+    let plates: BTreeSet<String> = entries.iter().filter_map(plate_of).collect();
+    // With one plate its name is the lab's own business; with several the barcode has to say which is meant.
+    let several = plates.len() > 1;
+    if several && !plate.is_some_and(|p| plates.contains(p)) {
+        let known = plates.iter().map(String::as_str).collect::<Vec<_>>().join(", ");
+        let asked = plate.map_or_else(|| "none was chosen".to_owned(), |p| format!("{p:?} is none of them"));
+        reading.wrong(Mistake::at(format!("/{name}"), format!("there are several plates, {known}, and {asked}")));
+        return;
+    }
+    for (i, entry) in entries.iter().enumerate() {
+        if several && plate_of(entry).as_deref() != plate {
+            continue;
+        }
+        let at = format!("/{name}/{i}");
+        let Value::Object(fields) = entry else {
+            reading.wrong(Mistake::at(at, "expected an object with a well"));
+            continue;
+        };
+        // The model has the conditions in a field of their own; pointers lead there.
+        let nested = fields.get("conditions").and_then(Value::as_object);
+        let own = fields.iter().filter(|(key, _)| nested.is_none() || key.as_str() != "conditions").map(|(k, v)| (json::escape(k), k, v));
+        let inner = nested.into_iter().flatten().map(|(k, v)| (format!("conditions/{}", json::escape(k)), k, v));
+        let place = Place::Pointer(at);
+        let mut cells: Vec<Cell> = Vec::new();
+        for (path, key, value) in own.chain(inner) {
+            let Some(column) = column_of(key) else { continue };
+            match json::text_of(value) {
+                Err(detail) => reading.wrong(place.mistake(&path, detail)),
+                Ok(text) if text.is_empty() => {}
+                Ok(_) if cells.iter().any(|c| c.column == column) => {
+                    reading.wrong(place.mistake(&path, format!("{} is said twice", column.name())));
+                }
+                Ok(text) => cells.push(Cell { column, name: path, text }),
+            }
+        }
+        unit_of_its_own(&mut cells);
+        reading.row(&Row { place, decimal: Decimal::Point, cells });
+    }
+}
+
+/// Parts `0.1%` or `10 uM`, as the template has a dose, into the number and its unit where no unit stands elsewhere.
+fn unit_of_its_own(cells: &mut Vec<Cell>) {
+    if cells.iter().any(|c| c.column == Column::ConcentrationUnit) {
+        return;
+    }
+    let Some(dose) = cells.iter_mut().find(|c| c.column == Column::Concentration && c.text.parse::<f64>().is_err()) else { return };
+    let Some(end) = dose.text.find(|c: char| !(c.is_ascii_digit() || matches!(c, '.' | ','))).filter(|&end| end > 0) else { return };
+    let unit = dose.text.split_off(end).trim().to_owned();
+    let name = dose.name.clone();
+    cells.push(Cell { column: Column::ConcentrationUnit, name, text: unit });
+}

@@ -1,0 +1,187 @@
+//! Plate maps as people keep them, read whole and checked before anything moves. Pure: bytes in, wells or every mistake out.
+//!
+//! ```text
+//! CSV ── text ── table ──┐
+//!                        ├─> Row: cells by column ─> wells, notes ─> one well twice? ─> PlateMap
+//! JSON ─┬─ wells ────────┤                             mistakes, each with its place
+//!       └─ MIHCSME ──────┘
+//! ```
+//! Files are read leniently where only one thing can be meant (`a1` is `A01`) and refused where two can (`1,500`).
+
+mod cell;
+mod json;
+mod mihcsme;
+mod number;
+mod table;
+mod text;
+
+use super::{FieldError, PlannedWell};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use utoipa::ToSchema;
+
+/// What carved keeps beside the wells without reading it: a JSON object.
+pub type Metadata = serde_json::Map<String, serde_json::Value>;
+
+/// In which form a plate map is written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Format {
+    /// Comma, semicolon or tab between the cells.
+    Csv,
+    /// A list of wells, `{"plate_map": [...], "metadata": {...}}`, or MIHCSME metadata.
+    Json,
+}
+
+/// A plate map that holds no mistake.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub struct PlateMap {
+    /// The `plate_map` of a run's plan: the wells in the order of the file.
+    pub plate_map: Vec<PlannedWell>,
+    /// The `metadata` of a run's plan: MIHCSME as it came, for one.
+    #[schema(value_type = Object)]
+    pub metadata: Metadata,
+    /// What was read otherwise than it stands there, each with its place.
+    pub notes: Vec<String>,
+}
+
+/// One thing wrong with what was sent, and where: a JSON pointer, or a line and a column of a CSV.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Mistake {
+    /// JSON pointer into the body, as `/plate_map/3/well`; the body itself is the empty one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pointer: Option<String>,
+    /// Line of the file, from 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub line: Option<u64>,
+    /// The column by its heading; not there where the whole line is meant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    pub detail: String,
+}
+
+impl Mistake {
+    fn at(pointer: impl Into<String>, detail: impl Into<String>) -> Self {
+        Self { pointer: Some(pointer.into()), line: None, column: None, detail: detail.into() }
+    }
+
+    fn in_line(line: u64, column: &str, detail: impl Into<String>) -> Self {
+        let column = (!column.is_empty()).then(|| column.to_owned());
+        Self { pointer: None, line: Some(line), column, detail: detail.into() }
+    }
+}
+
+impl From<FieldError> for Mistake {
+    fn from(error: FieldError) -> Self {
+        Self::at(error.pointer, error.detail)
+    }
+}
+
+impl std::fmt::Display for Mistake {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match (self.line, &self.column, self.pointer.as_deref()) {
+            (Some(line), Some(column), _) => write!(f, "line {line}, {column}: ")?,
+            (Some(line), None, _) => write!(f, "line {line}: ")?,
+            (None, _, Some(pointer)) if !pointer.is_empty() => write!(f, "{pointer}: ")?,
+            _ => {}
+        }
+        f.write_str(&self.detail)
+    }
+}
+
+/// Mistakes that are listed; a file that is no plate map has one in every line.
+const LISTED: usize = 1000;
+
+/// Reads a plate map. `plate` names one of several plates of a MIHCSME file.
+///
+/// # Errors
+/// Everything that is wrong with it, each with its line and column, or its JSON pointer.
+pub fn read(bytes: &[u8], format: Format, plate: Option<&str>) -> Result<PlateMap, Vec<Mistake>> {
+    let mut reading = Reading::default();
+    match format {
+        Format::Csv => table::read(bytes, &mut reading),
+        Format::Json => json::read(bytes, plate, &mut reading),
+    }
+    reading.finish()
+}
+
+/// Where something stands in a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+enum Place {
+    Line(u64),
+    Pointer(String),
+}
+
+impl Place {
+    /// `column` is the name of the column or, below a pointer, a piece of a pointer.
+    fn mistake(&self, column: &str, detail: impl Into<String>) -> Mistake {
+        match self {
+            Self::Line(line) => Mistake::in_line(*line, column, detail),
+            Self::Pointer(pointer) if column.is_empty() => Mistake::at(pointer.clone(), detail),
+            Self::Pointer(pointer) => Mistake::at(format!("{pointer}/{column}"), detail),
+        }
+    }
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Line(line) => write!(f, "line {line}"),
+            Self::Pointer(pointer) => f.write_str(pointer),
+        }
+    }
+}
+
+/// What has been read so far.
+#[derive(Default)]
+struct Reading {
+    map: PlateMap,
+    mistakes: Vec<Mistake>,
+    left_out: usize,
+    /// Where each well was named first.
+    named: BTreeMap<String, Place>,
+}
+
+impl Reading {
+    fn wrong(&mut self, mistake: Mistake) {
+        if self.mistakes.len() < LISTED {
+            self.mistakes.push(mistake);
+        } else {
+            self.left_out += 1;
+        }
+    }
+
+    /// Takes one well, or says what is wrong with it.
+    fn row(&mut self, row: &cell::Row) {
+        let (planned, mistakes, notes) = row.well();
+        self.map.notes.extend(notes);
+        let sound = mistakes.is_empty();
+        for (column, detail) in mistakes {
+            self.wrong(row.place.mistake(&column, detail));
+        }
+        let Some(planned) = planned else { return };
+        if let Some(first) = self.named.get(&planned.well) {
+            let detail = format!("{} stands in the plate map twice, first at {first}", planned.well);
+            let column = row.name_of(cell::Column::Well);
+            self.wrong(row.place.mistake(&column, detail));
+            return;
+        }
+        self.named.insert(planned.well.clone(), row.place.clone());
+        if sound {
+            self.map.plate_map.push(planned);
+        }
+    }
+
+    fn finish(mut self) -> Result<PlateMap, Vec<Mistake>> {
+        if self.mistakes.is_empty() && self.map.plate_map.is_empty() {
+            self.wrong(Mistake::in_line(1, "", "the plate map names no well"));
+        }
+        if let (1.., Some(last)) = (self.left_out, self.mistakes.last()) {
+            let detail = format!("{} more mistakes are not listed", self.left_out);
+            self.mistakes.push(Mistake { column: None, detail, ..last.clone() });
+        }
+        if self.mistakes.is_empty() { Ok(self.map) } else { Err(self.mistakes) }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,132 @@
+//! The CSV form: one heading, one line per well.
+
+use super::cell::{Cell, Column, Row};
+use super::number::Decimal;
+use super::{Mistake, Place, Reading, text};
+use csv::{ByteRecord, ReaderBuilder, StringRecord};
+
+pub fn read(bytes: &[u8], reading: &mut Reading) {
+    let text = match text::decode(bytes) {
+        Ok(text) => text,
+        Err(mistake) => return reading.wrong(mistake),
+    };
+    let (told, text, lines_before) = told_delimiter(&text);
+    let delimiter = told.unwrap_or_else(|| likely_delimiter(text));
+    let decimal = match delimiter {
+        b';' => Decimal::Comma,
+        b',' => Decimal::Point,
+        _ => Decimal::Either,
+    };
+    let mut rows = Rows::new(text, delimiter, lines_before);
+    let Some((line, headings)) = rows.next() else {
+        return reading.wrong(Mistake::in_line(1, "", format!("the file is empty; its first line names the columns: {}", Column::known())));
+    };
+    let columns = columns(line, &headings, reading);
+    if !reading.mistakes.is_empty() {
+        // With columns that mean something else every line would be wrong for the same reason.
+        return;
+    }
+    for (line, record) in rows {
+        if record.len() != headings.len() {
+            let detail = format!(
+                "{} cells, the heading has {} columns: a delimiter or a quote is missing or too many",
+                record.len(),
+                headings.len()
+            );
+            reading.wrong(Mistake::in_line(line, "", detail));
+            continue;
+        }
+        let mut cells = Vec::new();
+        for (text, column) in record.iter().zip(&columns).filter(|(text, _)| !text.is_empty()) {
+            match column {
+                Some((column, name)) => cells.push(Cell { column: *column, name: name.clone(), text: text.to_owned() }),
+                None => reading.wrong(Mistake::in_line(line, "", format!("{text:?} stands in a column without a heading"))),
+            }
+        }
+        if !cells.is_empty() {
+            reading.row(&Row { place: Place::Line(line), decimal, cells });
+        }
+    }
+}
+
+/// Excel's own first line, `sep=;`: the delimiter, what follows the line, and how many lines that was.
+fn told_delimiter(text: &str) -> (Option<u8>, &str, u64) {
+    let (first, rest) = text.split_once('\n').unwrap_or((text, ""));
+    match first.trim_end().strip_prefix("sep=").map(str::as_bytes) {
+        Some(&[delimiter]) if delimiter.is_ascii() => (Some(delimiter), rest, 1),
+        _ => (None, text, 0),
+    }
+}
+
+/// The delimiter with which the first line has the most headings that are known, else the most parts.
+fn likely_delimiter(text: &str) -> u8 {
+    let heading = text.lines().find(|l| !l.trim().is_empty()).unwrap_or_default();
+    let rate = |delimiter: u8| {
+        let parts: Vec<&str> = heading.split(char::from(delimiter)).collect();
+        let known = parts.iter().filter(|p| Column::of_heading(p.trim().trim_matches('"')).is_some()).count();
+        (known, parts.len())
+    };
+    // The last of equals is taken: the comma.
+    [b'\t', b';', b','].into_iter().max_by_key(|&d| rate(d)).unwrap_or(b',')
+}
+
+/// The column of each heading; nothing of one without a name.
+fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Option<(Column, String)>> {
+    let mut found: Vec<Option<(Column, String)>> = Vec::new();
+    for heading in headings {
+        let column = Column::of_heading(heading);
+        if let Some(column) = column.filter(|c| found.iter().flatten().any(|(seen, _)| seen == c)) {
+            reading.wrong(Mistake::in_line(line, heading, format!("the column {} is there twice", column.name())));
+        } else if column.is_none() && !heading.is_empty() {
+            let detail = format!("there is no column {heading:?}; the known ones are {}", Column::known());
+            reading.wrong(Mistake::in_line(line, heading, detail));
+        }
+        found.push(column.map(|c| (c, heading.to_owned())));
+    }
+    if reading.mistakes.is_empty() && !found.iter().flatten().any(|(c, _)| *c == Column::Well) {
+        reading.wrong(Mistake::in_line(line, "well", format!("the column well is missing; the known columns are {}", Column::known())));
+    }
+    found
+}
+
+/// The records of a text that hold anything, each with the line on which it begins.
+struct Rows<'t> {
+    text: &'t str,
+    reader: csv::Reader<&'t [u8]>,
+    lines_before: u64,
+}
+
+impl<'t> Rows<'t> {
+    fn new(text: &'t str, delimiter: u8, lines_before: u64) -> Self {
+        let reader =
+            ReaderBuilder::new().has_headers(false).flexible(true).delimiter(delimiter).trim(csv::Trim::All).from_reader(text.as_bytes());
+        Self { text, reader, lines_before }
+    }
+
+    /// The line of a record that the reader began to look for at `start`: it passes over empty lines without counting them as read.
+    fn line(&self, start: &csv::Position) -> u64 {
+        let from = self.text.as_bytes().get(start.byte() as usize..).unwrap_or_default();
+        let empty = from.iter().take_while(|&&b| b == b'\n').count() as u64;
+        self.lines_before + start.line() + empty
+    }
+}
+
+impl Iterator for Rows<'_> {
+    type Item = (u64, StringRecord);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            let start = self.reader.position().clone();
+            let mut record = ByteRecord::new();
+            // A text in memory cannot fail to be read, and records of any length are taken.
+            if !self.reader.read_byte_record(&mut record).unwrap_or(false) {
+                return None;
+            }
+            // Cut from UTF-8 at ASCII characters, so it is UTF-8.
+            let record = StringRecord::from_byte_record_lossy(record);
+            if record.iter().any(|cell| !cell.is_empty()) {
+                return Some((self.line(&start), record));
+            }
+        }
+    }
+}

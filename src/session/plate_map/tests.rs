@@ -1,0 +1,263 @@
+use super::*;
+use crate::session::{ConcentrationUnit, Control, SpecimenKind};
+use proptest::prelude::*;
+
+const FULL: &str = "well,compound,concentration,concentration_unit,dpf,strain,treatment,control,replicate\n\
+    A01,DMSO,0.1,% v/v,3,AB,bath,negative,1\n\
+    A02,valproate,50,µM,3,AB,bath,,1\n\
+    A03,\"ethanol, absolute\",1.5,%,3,AB,bath,positive,2\n";
+
+fn csv(text: &str) -> Result<PlateMap, Vec<Mistake>> {
+    read(text.as_bytes(), Format::Csv, None)
+}
+
+fn json(text: &str) -> Result<PlateMap, Vec<Mistake>> {
+    read(text.as_bytes(), Format::Json, None)
+}
+
+fn places(text: &str) -> Vec<(u64, String)> {
+    let line = |m: Mistake| (m.line.unwrap(), m.column.unwrap_or_default());
+    csv(text).unwrap_err().into_iter().map(line).collect()
+}
+
+fn pointers(text: &str) -> Vec<String> {
+    json(text).unwrap_err().into_iter().map(|m| m.pointer.unwrap()).collect()
+}
+
+fn names(map: &PlateMap) -> Vec<&str> {
+    map.plate_map.iter().map(|w| w.well.as_str()).collect()
+}
+
+#[test]
+fn a_full_map_is_read() {
+    let map = csv(FULL).unwrap();
+    assert_eq!((names(&map), map.notes.len()), (vec!["A01", "A02", "A03"], 0));
+    let third = &map.plate_map[2];
+    assert_eq!((third.compound.as_deref(), third.concentration), (Some("ethanol, absolute"), Some(1.5)));
+    assert_eq!((third.concentration_unit, third.control), (Some(ConcentrationUnit::Percent), Some(Control::Positive)));
+    assert_eq!((third.dpf, third.replicate, third.specimen), (Some(3.0), Some(2), SpecimenKind::Larva));
+    assert_eq!(map.plate_map[1].concentration_unit, Some(ConcentrationUnit::Micromolar));
+}
+
+#[test]
+fn the_same_map_reads_the_same_however_a_spreadsheet_saves_it() {
+    let plain = csv(FULL).unwrap();
+    let semicolons =
+        FULL.replace("\"ethanol, absolute\"", "ethanol; absolute").replace(',', ";").replace("ethanol; absolute", "\"ethanol, absolute\"");
+    for text in [
+        format!("\u{feff}{FULL}"),
+        FULL.replace('\n', "\r\n"),
+        FULL.replace('\n', "\r"),
+        semicolons.clone(),
+        semicolons.replace("0.1", "0,1").replace("1.5", "1,5"),
+        format!("sep=;\r\n{}", semicolons.replace('\n', "\r\n")),
+        FULL.replace("\"ethanol, absolute\"", "ethanol# absolute").replace(',', "\t").replace('#', ","),
+        FULL.replace("concentration_unit", "Concentration Unit").replace("well,", "WELL ,"),
+        FULL.replace('\n', "\n,,,,,,,,\n\n"),
+        FULL.replace("0.1,", "\"0,1\","),
+        FULL.replace("negative", "Negative"),
+    ] {
+        assert_eq!(csv(&text), Ok(plain.clone()), "{text}");
+    }
+    let moved = csv("dpf;specimen;well\n3;;B02\n;bead;B01\n").unwrap();
+    assert_eq!(names(&moved), ["B02", "B01"], "the order is the file's");
+    assert_eq!((moved.plate_map[1].specimen, moved.plate_map[1].dpf), (SpecimenKind::Bead, None));
+}
+
+#[test]
+fn names_of_wells_are_read_as_people_write_them_and_that_is_said() {
+    let map = csv("well\na1\nA2\nP24\n\"A03\"\n").unwrap();
+    assert_eq!(names(&map), ["A01", "A02", "P24", "A03"]);
+    assert_eq!(map.notes, ["line 2: a1 is read as A01", "line 3: A2 is read as A02"]);
+}
+
+#[test]
+fn every_mistake_is_listed_with_its_line_and_column() {
+    let text = "well,compound,concentration,concentration_unit,dpf,control,replicate\n\
+        A1,x,3,,3,,\n\
+        Q01,,-1,mM,31,maybe,0\n\
+        \n\
+        ,x,,,,,\n\
+        A01,,three,furlong,,,1.5\n\
+        A25,,1,MM,,,\n\
+        B01,,,mM,old,,\n";
+    let of = |line, column: &str| (line, column.to_owned());
+    let expected = [
+        of(2, "concentration_unit"),
+        of(3, "well"),
+        of(3, "control"),
+        of(3, "dpf"),
+        of(3, "concentration"),
+        of(3, "replicate"),
+        of(5, "well"),
+        of(6, "concentration"),
+        of(6, "concentration_unit"),
+        of(6, "replicate"),
+        of(6, "well"),
+        of(7, "well"),
+        of(7, "concentration_unit"),
+        of(8, "dpf"),
+        of(8, "concentration"),
+    ];
+    let mut found = places(text);
+    let mut expected = expected.to_vec();
+    found.sort();
+    expected.sort();
+    assert_eq!(found, expected);
+    let twice = csv("well\nA01\nA1\n").unwrap_err();
+    assert_eq!(twice[0].to_string(), "line 3, well: A01 stands in the plate map twice, first at line 2");
+}
+
+#[test]
+fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
+    let refused = |text: &str| csv(text).unwrap_err().into_iter().map(|m| m.to_string()).collect::<Vec<_>>();
+    let unknown = refused("well,dose,colour\nA01,1,red\n");
+    assert_eq!(unknown.len(), 2);
+    assert!(unknown[0].starts_with("line 1, dose: ") && unknown[0].contains("concentration_unit"), "{unknown:?}");
+    assert!(refused("Well,WELL\nA01,A02\n")[0].contains("twice"));
+    assert!(refused("compound\nDMSO\n")[0].contains("the column well is missing"));
+    for empty in ["", "\n\n", "\u{feff}"] {
+        assert!(refused(empty)[0].starts_with("line 1: the file is empty"), "{empty:?}");
+    }
+    assert_eq!(refused("well,dpf\n"), ["line 1: the plate map names no well"]);
+    assert!(refused("well,dpf\nA01\nA02,3\n")[0].starts_with("line 2: 1 cells"));
+    assert!(refused("well,dpf\nA01,3,4\n")[0].starts_with("line 2: 3 cells"));
+    assert!(refused("well,\nA01,\nA02,x\n")[0].starts_with("line 3: \"x\" stands in a column without a heading"));
+    // An open quote swallows the rest: its line is named.
+    assert!(refused("well,compound\nA01,x\nA02,\"y\nA03,z\n")[0].starts_with("line 3"));
+    assert!(
+        read(b"well,compound\r\nA01,x\r\nA02,\xb5\r\n", Format::Csv, None).unwrap_err()[0].to_string().starts_with("line 3: the byte 0xb5")
+    );
+    assert!(read(b"\xff\xfew\0e\0", Format::Csv, None).unwrap_err()[0].to_string().contains("UTF-16"));
+    assert!(refused("well;concentration;concentration_unit\nA01;1.500;mM\n")[0].contains("could be 1500 or 1.500"));
+}
+
+#[test]
+fn a_file_of_nothing_but_mistakes_is_not_answered_with_as_many_lines() {
+    let text = format!("well\n{}", "Z99\n".repeat(5000));
+    let mistakes = csv(&text).unwrap_err();
+    assert_eq!(mistakes.len(), LISTED + 1);
+    assert!(mistakes[LISTED].detail.starts_with("4000 more"), "{}", mistakes[LISTED]);
+}
+
+#[test]
+fn json_is_read_as_a_list_or_as_what_a_check_answers() {
+    let list =
+        r#"[{"well": "A1", "concentration": 2, "concentration_unit": "uM", "replicate": 1, "control": null}, {"well": "A02", "dpf": 3.5}]"#;
+    let map = json(list).unwrap();
+    assert_eq!((names(&map), &map.notes[..]), (vec!["A01", "A02"], &["/0: A1 is read as A01".to_owned()][..]));
+    let again = serde_json::to_string(&PlateMap { notes: vec!["x".into()], ..csv(FULL).unwrap() }).unwrap();
+    assert_eq!(json(&again), csv(FULL));
+    assert_eq!(
+        pointers(r#"[{"well": "A01", "dose": 1}, 4, {"well": ["A02"]}, {"wel/l": 1, "well": "A03"}]"#),
+        ["/0/dose", "/1", "/2/well", "/2/well", "/3/wel~1l"]
+    );
+    assert_eq!(pointers(r#"{"plate_map": [{"well": "A99"}], "metadata": 3, "stages": []}"#), ["/metadata", "/plate_map/0/well", "/stages"]);
+    assert_eq!(pointers("{}"), ["/plate_map"]);
+    assert_eq!(pointers("3"), [""]);
+    let broken = json("[\n{\"well\": \"A01\"},\n}").unwrap_err();
+    assert_eq!((broken.len(), broken[0].line), (1, Some(3)));
+}
+
+const MIHCSME: &str = r#"{
+    "InvestigationInformation": {"DataOwner": {"First Name": "Kim"}},
+    "AssayInformation": {"Assay": {"Assay Title": "growth"}},
+    "AssayConditions": [
+        {"Plate": "P1", "Well": "A1", "Compound": "DMSO", "Dose": "0.1%", "CellLine": "none", "Strain": "AB", "DPF": 3},
+        {"Plate": "P1", "Well": "A02", "Compound": "x", "Dose": "10", "Dose Unit": "µM", "ControlType": "positive"}]}"#;
+
+#[test]
+fn mihcsme_is_kept_whole_and_its_conditions_become_the_wells() {
+    let map = json(MIHCSME).unwrap();
+    assert_eq!(names(&map), ["A01", "A02"]);
+    let (first, second) = (&map.plate_map[0], &map.plate_map[1]);
+    assert_eq!((first.concentration, first.concentration_unit), (Some(0.1), Some(ConcentrationUnit::Percent)));
+    assert_eq!((first.strain.as_deref(), first.dpf), (Some("AB"), Some(3.0)));
+    assert_eq!((second.concentration, second.concentration_unit), (Some(10.0), Some(ConcentrationUnit::Micromolar)));
+    assert_eq!(second.control, Some(Control::Positive));
+    assert_eq!(map.metadata["InvestigationInformation"]["DataOwner"]["First Name"], "Kim");
+    assert_eq!(map.metadata["AssayConditions"][0]["CellLine"], "none");
+    let model = r#"{"assay_conditions": [{"plate": "P1", "well": "B3", "conditions": {"Compound": "y", "Dose": "high"}}]}"#;
+    assert_eq!(pointers(model), ["/assay_conditions/0/conditions/Dose"]);
+    assert_eq!(json(&model.replace("high", "2 nM")).unwrap().plate_map[0].concentration_unit, Some(ConcentrationUnit::Nanomolar));
+}
+
+#[test]
+fn of_several_plates_one_has_to_be_chosen() {
+    let two = MIHCSME.replacen("P1", "P2", 1);
+    assert!(json(&two).unwrap_err()[0].to_string().contains("P1, P2"));
+    assert!(read(two.as_bytes(), Format::Json, Some("P3")).is_err());
+    let chosen = read(two.as_bytes(), Format::Json, Some("P2")).unwrap();
+    assert_eq!(names(&chosen), ["A01"]);
+    assert_eq!(names(&read(MIHCSME.as_bytes(), Format::Json, Some("barcode-7")).unwrap()).len(), 2, "one plate is the plate");
+}
+
+fn check(bytes: &[u8], format: Format) -> Result<(), TestCaseError> {
+    match read(bytes, format, Some("P1")) {
+        Ok(map) => {
+            prop_assert!(!map.plate_map.is_empty());
+            for well in &map.plate_map {
+                prop_assert!(crate::session::is_well(&well.well) && well.mistakes().is_empty(), "{well:?}");
+            }
+        }
+        Err(mistakes) => {
+            prop_assert!(!mistakes.is_empty());
+            let lines = 1 + bytes.iter().filter(|b| matches!(b, b'\n' | b'\r')).count() as u64;
+            for mistake in mistakes {
+                prop_assert!(mistake.pointer.is_some() || mistake.line.is_some_and(|l| (1..=lines).contains(&l)), "{mistake:?}");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Cells of which some are right, some nearly.
+fn cell() -> impl Strategy<Value = String> {
+    let common = [
+        "", "A01", "b2", "P24", "Q1", "1,5", "1.500", "0.1", "-1", "µM", "% v/v", "mM", "negative", "Positive", "larva", "bead", "\"",
+        "\"x", "nan", "1e400", "0", "3",
+    ];
+    prop_oneof![8 => prop::sample::select(common.to_vec()).prop_map(str::to_owned), 1 => "[ -~µ\\r\\n]{0,6}"]
+}
+
+proptest! {
+    #[test]
+    fn bytes_of_any_kind_are_read_or_refused_with_their_place(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+        check(&bytes, Format::Csv)?;
+        check(&bytes, Format::Json)?;
+    }
+
+    #[test]
+    fn tables_of_any_kind_are_read_or_refused_with_their_place(
+        headings in prop::sample::subsequence(cell::Column::ALL.to_vec(), 1..=10),
+        rows in prop::collection::vec(prop::collection::vec(cell(), 10), 0..12),
+        delimiter in prop::sample::select(vec![",", ";", "\t"]),
+        end in prop::sample::select(vec!["\n", "\r\n", "\r", "\n\n"]),
+    ) {
+        let heading = headings.iter().map(|c| c.name()).collect::<Vec<_>>().join(delimiter);
+        let rows = rows.iter().map(|row| format!("{end}{}", row[..headings.len()].join(delimiter))).collect::<String>();
+        check(format!("{heading}{rows}").as_bytes(), Format::Csv)?;
+    }
+
+    #[test]
+    fn conditions_of_any_kind_are_read_or_refused_with_their_place(
+        wells in prop::collection::vec(prop::collection::vec((prop::sample::select(vec!["Well", "Plate", "Dose", "Compound", "DoseUnit", "x/y"]), cell()), 0..5), 0..6),
+    ) {
+        let wells: Vec<_> = wells.into_iter().map(|w| w.into_iter().map(|(k, v)| (k, v.into())).collect::<std::collections::BTreeMap<&str, serde_json::Value>>()).collect();
+        check(serde_json::json!({ "AssayConditions": wells }).to_string().as_bytes(), Format::Json)?;
+        check(serde_json::json!(wells).to_string().as_bytes(), Format::Json)?;
+    }
+}
+
+#[test]
+fn the_example_of_the_documents_is_sound() {
+    let map = csv(include_str!("../../../config/plate-map.csv")).unwrap();
+    assert_eq!((map.plate_map.len(), map.notes.len()), (7, 0));
+    let documents = include_str!("../../../docs/plate-map.md");
+    for column in cell::Column::ALL {
+        assert!(documents.contains(&format!("`{}`", column.name())), "docs/plate-map.md lacks {}", column.name());
+    }
+    for unit in ConcentrationUnit::ALL {
+        assert!(documents.contains(&format!("`{}`", unit.symbol())), "docs/plate-map.md lacks {}", unit.symbol());
+    }
+}
