@@ -3,7 +3,7 @@
 //! Data flows one way:
 //!
 //! ```text
-//! units, frame  <- geometry <- profile, carver <- calibration, surface <- measure <- reconstruction   science: values in, values out
+//! units, frame  <- geometry <- profile, carver <- calibration, surface <- measure <- quality <- reconstruction   science: values in, values out
 //! units, frame  <- device <- acquisition                                                    instrument: blocking, no science
 //! both          <- session <- http, cli                                                     edges: store, export, network
 //! ```
@@ -25,6 +25,7 @@ pub mod http;
 pub mod measure;
 pub mod pipeline;
 pub mod profile;
+pub mod quality;
 pub mod range;
 pub mod reconstruction;
 pub mod session;

@@ -7,13 +7,14 @@
 //! ```
 //! Pure: the same frames and angles give the same bytes of numbers, whoever asks.
 
-use crate::calibration::{Calibration, Verdict, ViewState, widest_gap};
+use crate::calibration::{Calibration, Lie, Verdict, ViewState};
 use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
+use crate::quality::{CalibrationOff, ClosureOff, Estimate, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled};
 use crate::reconstruction::{
     CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
 };
@@ -31,6 +32,7 @@ pub struct PipelineSettings {
     /// The empty capillary, which every frame is compared with where there is such a picture.
     pub reference: Option<Arc<Reference>>,
     pub reconstruction: ReconstructionSettings,
+    pub quality: QualitySettings,
     /// A sphere is fitted to what should be one.
     pub sphere: bool,
 }
@@ -64,6 +66,12 @@ pub struct ViewRecord {
     /// Between its edges and what all other views make expected, root of the mean square.
     #[serde(default)]
     pub residual_px: Option<f64>,
+    /// Of what no view misses (VRV), seen again in this view.
+    #[serde(default)]
+    pub vrv_area_um2: Option<f64>,
+    /// That area over the profile's, %.
+    #[serde(default)]
+    pub overlap_percent: Option<f64>,
 }
 
 /// The walls of one frame as a ruler laid on the rig's calibration, in the column of the principal point. The walls are the
@@ -95,20 +103,9 @@ pub struct ClosureRecord {
     pub iou: f64,
     /// Shift of the profile's centroid, px: along the capillary and across it.
     pub shift_px: [f64; 2],
-}
-
-/// A closure below this overlap says that the specimen is not where it was: repeated views of a specimen at rest
-/// overlap by 0.98 and more, one step of 0.72 deg costs less than 0.01, a larva that slid by 30 um more than 0.05.
-const CLOSURE_IOU_MIN: f64 = 0.95;
-
-/// Of fewer views slices are told as little more than discs.
-pub const FEW_VIEWS: usize = 7;
-/// An angle in which no view sees an edge, from which on the shape there is a guess; 7 views around leave 26 deg.
-pub const GAP_MOST_DEG: f64 = 45.0;
-
-/// Whether so few views, or so few directions, tell little of a slice's shape.
-pub fn tell_little(omegas: &[f64]) -> bool {
-    omegas.len() < FEW_VIEWS || widest_gap(omegas).to_degrees() > GAP_MOST_DEG
+    /// How the specimen lies at 360 deg against how it lay at 0, by the model of the turn.
+    #[serde(default)]
+    pub lie: Option<Lie>,
 }
 
 /// The views' median blur may be off the configured one by this, px: from specimen to specimen it varies by 0.07 px. Each edge is
@@ -130,10 +127,14 @@ pub struct SpecimenRecord {
     /// Why it is measured with the rig's camera, where it should not have been.
     #[serde(default)]
     pub uncalibrated: Option<String>,
+    /// Every number that is held against a limit of the method.
+    #[serde(default)]
+    pub quality: Option<Quality>,
     /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
     /// profile, so that a specimen that moved would show in the residuals only), `dead_looking` (opaque throughout in most
     /// views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `uncalibrated`
-    /// (measured with the rig's camera as it is), `calibration_gate` (another axis leaves a larger hull: views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says).
+    /// (measured with the rig's camera as it is), `calibration_gate` (another axis leaves a larger hull: views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says),
+    /// and those of [`Quality`]: `unusable_views`, `residual`, `overlap`, `calibration_off`, `volume_off_references`, `area_off_references`.
     pub flags: Vec<String>,
 }
 
@@ -162,7 +163,6 @@ pub struct Pipeline {
     /// The profile of view 0, which the closure view is compared with.
     first: Option<Mask>,
     closure: Option<ClosureRecord>,
-    clipped: [bool; 2],
 }
 
 /// A frame looked at: its colours, and the profile or why there is none.
@@ -184,16 +184,7 @@ impl Pipeline {
         let reconstruction =
             Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
         let segmenters = Segmenters::default();
-        Ok(Self {
-            settings,
-            segmenters,
-            reconstruction,
-            views: Vec::new(),
-            carved: Vec::new(),
-            first: None,
-            closure: None,
-            clipped: [false; 2],
-        })
+        Ok(Self { settings, segmenters, reconstruction, views: Vec::new(), carved: Vec::new(), first: None, closure: None })
     }
 
     pub fn settings(&self) -> &PipelineSettings {
@@ -231,6 +222,8 @@ impl Pipeline {
             walls: None,
             dy_px: None,
             residual_px: None,
+            vrv_area_um2: None,
+            overlap_percent: None,
         };
         record.detection = seen.profile.as_ref().ok().map(|p| p.detection);
         record.walls = seen.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera));
@@ -243,8 +236,6 @@ impl Pipeline {
                 self.carved.push(index);
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
-                self.clipped[0] |= leaves.left;
-                self.clipped[1] |= leaves.right;
                 if index == 0 {
                     self.first = Some(p.mask.clone());
                 }
@@ -259,8 +250,55 @@ impl Pipeline {
     pub fn observe_closure(&mut self, seen: &Seen) {
         if let (Some(first), Ok(last)) = (&self.first, &seen.profile) {
             let shift_px = first.centroid().zip(last.mask.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
-            self.closure = Some(ClosureRecord { iou: first.iou(&last.mask), shift_px });
+            self.closure = Some(ClosureRecord { iou: first.iou(&last.mask), shift_px, lie: None });
+            if let Some(at) = self.carved.iter().position(|view| *view == 0) {
+                self.reconstruction.observe_closure(&last.mask, &last.edge, at);
+            }
         }
+    }
+
+    /// Takes a view again: what it gave before is forgotten, and so is the closure view.
+    ///
+    /// # Errors
+    /// As [`Self::observe`].
+    pub fn replace(&mut self, index: u32, omega: f64, seen: &Seen) -> Result<f64, PipelineError> {
+        if let Some(at) = self.carved.iter().position(|view| *view == index) {
+            self.reconstruction.take_back(at)?;
+            self.carved.remove(at);
+        }
+        self.views.retain(|v| v.index != index);
+        self.closure = None;
+        self.observe(index, omega, seen)
+    }
+
+    /// The views so far that spoil the model, to be taken again: those without a profile, and those that do not fit the others.
+    /// Takes as long as a calibration.
+    pub fn spoiled(&self) -> Vec<Spoiled> {
+        let mut strip: Vec<ViewStrip> = self.views.iter().map(ViewRecord::strip).collect();
+        for (index, state) in self.carved.iter().zip(self.reconstruction.states()) {
+            if let Some(view) = strip.iter_mut().find(|v| v.view == *index) {
+                view.used = state.bad.is_none();
+                view.reason = state.bad.map(|bad| bad.to_string());
+                view.residual_px = state.residual_px;
+            }
+        }
+        spoiled(&strip, self.settings.quality.residual_view_px)
+    }
+
+    /// The volume after the views so far with what few views make of it taken off, for `quality::should_stop`. Takes as long as
+    /// [`Self::refine`].
+    pub fn estimate(&self) -> Option<Estimate> {
+        self.reconstruction.estimate()
+    }
+
+    /// Ends the turn with the views that there are: from now on so many were planned.
+    ///
+    /// # Errors
+    /// None once a view was observed.
+    pub fn end_early(&mut self) -> Result<(), PipelineError> {
+        self.reconstruction.replan(self.carved.len())?;
+        self.settings.planned_views = self.views.len() as u32;
+        Ok(())
     }
 
     /// The hull so far, through the best camera that is known of it.
@@ -295,31 +333,42 @@ impl Pipeline {
             let reason = self.views.iter().find_map(|v| v.reason.clone()).unwrap_or_else(|| "views are missing".into());
             return Err(PipelineError::TooFewViews { used, planned: self.settings.planned_views, needed, reason });
         }
-        let TurnModel { model, hull, calibration, .. } = self.reconstruction.finish(self.settings.sphere)?;
+        let TurnModel { model, hull, calibration, seen_again, closure, .. } = self.reconstruction.finish(self.settings.sphere)?;
         if let Ok(found) = &calibration {
-            self.judged(&found.calibration.views);
+            self.judged(&found.calibration.views, &seen_again);
         }
+        if let Some(record) = &mut self.closure {
+            record.lie = closure;
+        }
+        let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
+        let quality = self.quality(found);
         let mut flags = Vec::new();
         let mut flag = |raised: bool, name: &str| {
             if raised {
                 flags.push(name.to_owned());
             }
         };
-        let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
         flag(self.views.iter().any(|v| !v.used), "bad_view");
-        flag(self.clipped[0], "clipped_left");
-        flag(self.clipped[1], "clipped_right");
+        let clipped = |side: fn(&Detection) -> bool| {
+            self.views.iter().any(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(side))
+        };
+        flag(clipped(Detection::is_clipped_left), "clipped_left");
+        flag(clipped(Detection::is_clipped_right), "clipped_right");
         flag(hull.touches_box(), "outside_box");
-        let angles: Vec<f64> = self.views.iter().filter(|v| v.used).map(|v| v.omega).collect();
-        flag(tell_little(&angles), "few_views");
-        flag(self.closure.as_ref().is_some_and(|c| c.iou < CLOSURE_IOU_MIN) || found.is_some_and(|c| c.moved.is_some()), "moved");
+        flag(quality.raises("few_views"), "few_views");
+        flag(quality.raises("moved") || found.is_some_and(|c| c.moved.is_some()), "moved");
         flag(self.closure.is_none(), "no_closure");
         flag(looks_dead(&self.views), "dead_looking");
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
         flag(model.measurement.is_nonconvex(), "nonconvex");
         flag(found.is_none(), "uncalibrated");
         flag(calibration.as_ref().is_ok_and(|judged| judged.gate.verdict == Verdict::NotLargest), "calibration_gate");
-        flag(found.is_some_and(Calibration::has_wrong_steps), "wrong_steps");
+        flag(quality.raises("wrong_steps"), "wrong_steps");
+        for name in quality.flags() {
+            if !flags.iter().any(|f| f == name) {
+                flags.push(name.to_owned());
+            }
+        }
         let record = SpecimenRecord {
             measurement: model.measurement,
             shape: Some(Shape::of(&model.mesh)),
@@ -327,21 +376,76 @@ impl Pipeline {
             closure: self.closure,
             calibration: calibration.as_ref().ok().map(CalibrationRecord::from),
             uncalibrated: calibration.as_ref().err().filter(|why| **why != NotCalibrated::NotAsked).map(ToString::to_string),
+            quality: Some(quality),
             flags,
         };
         Ok((model.mesh, record))
     }
 
+    /// Holds the turn against the method's limits.
+    fn quality(&self, found: Option<&Calibration>) -> Quality {
+        let strip: Vec<ViewStrip> = self.views.iter().map(ViewRecord::strip).collect();
+        let omegas: Vec<f64> = self.views.iter().filter(|v| v.used).map(|v| v.omega).collect();
+        let rig = &self.settings.camera;
+        let facts = TurnFacts {
+            planned_views: self.settings.planned_views as usize,
+            omegas: &omegas,
+            strip: &strip,
+            closure: self.closure.as_ref().map(|c| ClosureOff {
+                overlap: c.iou,
+                along_px: c.lie.map_or(c.shift_px[0], |l| l.along_px),
+                across_px: c.lie.map_or(c.shift_px[1], |l| l.across_px),
+                turn_deg: c.lie.map(|l| l.turn_rad.to_degrees()),
+            }),
+            calibration: found.map(|c| CalibrationOff {
+                uy_px: c.camera.uy - rig.uy,
+                gamma_deg: (c.camera.gamma - rig.gamma).to_degrees(),
+                alpha_deg: (c.camera.alpha - rig.alpha).to_degrees(),
+                rho_percent: 100.0 * (c.rho - 1.0),
+                is_rho_told: c.tells_steps(),
+            }),
+        };
+        Quality::of(&facts, &self.settings.quality)
+    }
+
     /// Writes down what the calibration found of the views that carved.
-    fn judged(&mut self, states: &[ViewState]) {
-        for (index, state) in self.carved.iter().zip(states) {
+    fn judged(&mut self, states: &[ViewState], seen_again: &[Option<[f64; 2]>]) {
+        for ((index, state), again) in self.carved.iter().zip(states).zip(seen_again) {
             if let Some(record) = self.views.iter_mut().find(|v| v.index == *index) {
                 record.used = state.bad.is_none();
                 record.reason = state.bad.map(|bad| bad.to_string());
                 record.dy_px = record.used.then_some(state.dy_px);
                 record.residual_px = state.residual_px;
+                record.vrv_area_um2 = again.map(|[hull_um2, _]| hull_um2);
+                record.overlap_percent = again.map(|[hull_um2, profile_um2]| 100.0 * hull_um2 / profile_um2);
             }
         }
+    }
+}
+
+impl ViewRecord {
+    /// Its entry in the residual strip.
+    fn strip(&self) -> ViewStrip {
+        ViewStrip {
+            view: self.index,
+            used: self.used,
+            reason: self.reason.clone(),
+            residual_px: self.residual_px,
+            overlap_percent: self.overlap_percent,
+        }
+    }
+}
+
+impl SpecimenRecord {
+    /// Holds volume and area against reference larvae of its age: standard deviations from their mean, and how many are allowed.
+    pub fn held_against(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
+        let quality = self.quality.take().unwrap_or_default().among_references(volume_z, area_z, limit);
+        for name in quality.flags() {
+            if !self.flags.iter().any(|f| f == name) {
+                self.flags.push(name.to_owned());
+            }
+        }
+        self.quality = Some(quality);
     }
 }
 
@@ -396,6 +500,8 @@ mod tests {
             walls: None,
             dy_px: None,
             residual_px: None,
+            vrv_area_um2: None,
+            overlap_percent: None,
         };
         let mut views: Vec<_> =
             [Some(100), Some(100), None, Some(150), Some(100), Some(80)].into_iter().zip(0..).map(|(a, i)| view(i, a)).collect();

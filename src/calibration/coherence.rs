@@ -13,3 +13,8 @@ use crate::profile::Columns;
 pub fn coherence(columns: &[&Columns], psi: &Psi) -> f64 {
     HullSlices::new(columns.to_vec(), &psi.camera).coherence(psi)
 }
+
+/// Each view's area of what no view misses, seen again, and of its own profile: um^2 at the axis.
+pub fn seen_again(columns: &[&Columns], psi: &Psi) -> Vec<[f64; 2]> {
+    HullSlices::new(columns.to_vec(), &psi.camera).seen_again(psi)
+}

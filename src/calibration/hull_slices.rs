@@ -60,15 +60,19 @@ impl<'a> HullSlices<'a> {
         self.of_each(psi, Cut::area_um2).iter().sum::<f64>() * self.thick_um
     }
 
-    /// Mean over the views of the hull's width over the strip's, each summed over the slices. A view that shows nothing leaves
-    /// nothing of the others.
-    pub fn coherence(&self, psi: &Psi) -> f64 {
+    /// Of each view, the area of the hull seen again and that of its profile, um^2 at the axis: widths summed over the slices. A view
+    /// that shows nothing leaves nothing of the others.
+    pub fn seen_again(&self, psi: &Psi) -> Vec<[f64; 2]> {
         let slices = self.of_each(psi, Cut::widths);
-        let overlap = |view: usize| {
-            let [hull, strip] = slices.iter().fold([0.0; 2], |sum, slice| [sum[0] + slice[view][0], sum[1] + slice[view][1]]);
-            if strip > 0.0 { hull / strip } else { 0.0 }
-        };
-        (0..self.columns.len()).map(overlap).sum::<f64>() / self.columns.len() as f64
+        let of = |view: usize| slices.iter().fold([0.0; 2], |sum, slice| [sum[0] + slice[view][0], sum[1] + slice[view][1]]);
+        (0..self.columns.len()).map(|view| of(view).map(|width_um| width_um * self.thick_um)).collect()
+    }
+
+    /// Mean over the views of the hull's area over the profile's.
+    pub fn coherence(&self, psi: &Psi) -> f64 {
+        let overlap = |[hull, profile]: &[f64; 2]| if *profile > 0.0 { hull / profile } else { 0.0 };
+        let seen = self.seen_again(psi);
+        seen.iter().map(overlap).sum::<f64>() / seen.len() as f64
     }
 
     /// In the order of the slices, so that sums are the same on any number of threads.

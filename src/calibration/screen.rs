@@ -45,10 +45,7 @@ pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {
                     let sight = &slice.sights[at];
                     let sign = sight.side.sign();
                     let [_, slope_um] = fit.support.at(sight.tangent.theta);
-                    // An edge that lies lower by 1 px; a specimen that lies 1 px to the right shows what was left of it; one that
-                    // has turned on shows what was behind.
-                    let row = Vector3::new(sign, -sign * sight.tangent.edge_slope, -slope_um * camera.ky);
-                    rows.push((row, off_um * camera.ky));
+                    rows.push((row(sign, sight.tangent.edge_slope, slope_um * camera.ky), off_um * camera.ky));
                 }
             }
             let found = off(&rows);
@@ -56,6 +53,12 @@ pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {
             ViewOff { dy_px: solution.dy_px[view] + found.dy_px, turn, jump_px: jump(solution, view), ..found }
         })
         .collect()
+}
+
+/// An edge that lies lower by 1 px; a specimen that lies 1 px to the right shows what was left of it; one that has turned on shows
+/// what was behind. `slope_px` is the support function's, px per rad.
+pub(super) fn row(sign: f64, edge_slope: f64, slope_px: f64) -> Vector3<f64> {
+    Vector3::new(sign, -sign * edge_slope, -slope_px)
 }
 
 /// The shift of one view that explains most of all shifts. What the slices took as their own is missing from these, so that a
@@ -78,7 +81,8 @@ fn jump(solution: &Solution, view: usize) -> [f64; 2] {
     [size, (left / free).sqrt()]
 }
 
-fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
+/// What edges' distances from a model look like; a row is what a px down, a px along and a radian of turn make of its distance.
+pub(super) fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
     let mut sizes: Vec<f64> = rows.iter().map(|(_, r)| r * r).collect();
     sizes.sort_by(f64::total_cmp);
     sizes.truncate(((1.0 - TRIM) * sizes.len() as f64).ceil() as usize);

@@ -97,10 +97,16 @@ impl Calibration {
         Camera { uy: self.camera.uy + self.views[view].dy_px, ..self.camera.clone() }.projection(self.angle(omega))
     }
 
-    /// Whether the capillary did not turn as far as the ledger says. A specimen that turned in it once looks alike.
-    pub fn has_wrong_steps(&self) -> bool {
+    /// Whether the views tell a ratio of angles other than 1: enough of them, beyond doubt, and no specimen that moved, which looks
+    /// alike where it turned in the capillary once.
+    pub fn tells_steps(&self) -> bool {
         let used = self.views.iter().filter(|v| v.bad.is_none()).count();
-        used >= TELLS_STEPS && self.moved.is_none() && (self.rho - 1.0).abs() > WRONG_STEPS.max(SURE * self.sd.rho)
+        used >= TELLS_STEPS && self.moved.is_none() && (self.rho - 1.0).abs() > SURE * self.sd.rho
+    }
+
+    /// Whether the capillary did not turn as far as the ledger says.
+    pub fn has_wrong_steps(&self) -> bool {
+        self.tells_steps() && (self.rho - 1.0).abs() > WRONG_STEPS
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Method;
 use super::raw::{CalibrationConfig, CameraDriver, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
-use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
+use crate::acquisition::{AcquisitionSettings, RevolutionPlan, ViewOrder};
 use crate::device::rotation::TranslationSettings;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::geometry::{Camera, SecondOptics};
@@ -128,6 +128,13 @@ impl Config {
             breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
             breaches.extend(method.policy.check().iter().map(|e| format!("  methods.{name}.policy.{e}")));
             breaches.extend(method.surface.check().iter().map(|e| format!("  methods.{name}.surface.{e}")));
+            breaches.extend(method.quality.check().iter().map(|e| format!("  methods.{name}.quality.{e}")));
+            breaches.extend(method.quality.gate.check().iter().map(|e| format!("  methods.{name}.quality.gate.{e}")));
+            breaches.extend(method.early_stop.check().iter().map(|e| format!("  methods.{name}.early_stop.{e}")));
+            if method.early_stop.enabled && method.order == ViewOrder::Sequential {
+                let why = "true, with order = \"sequential\"; expected order = \"coarse_to_fine\": views one after the other leave the rest of the turn unseen";
+                breaches.push(format!("  methods.{name}.early_stop.enabled = {why}"));
+            }
         }
         let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {
             let file = path.parent().unwrap_or(Path::new("")).join(named);

@@ -5,12 +5,16 @@ use crate::acquisition::ViewOrder;
 use crate::geometry::{BoxUm, Camera, GridError, VoxelGrid};
 use crate::pipeline::PipelineSettings;
 use crate::profile::SegmentSettings;
+use crate::quality::{EarlyStopSettings, QualitySettings};
 use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Method {
+    /// What the lab calls this state of the method: a word or a number. It is recorded with the method and its numbers.
+    #[serde(default, deserialize_with = "word_or_number", skip_serializing_if = "Option::is_none")]
+    pub version: Option<String>,
     /// ASD: axial views in one revolution.
     pub asd: u32,
     /// In which order the stops are visited.
@@ -31,6 +35,24 @@ pub struct Method {
     /// How long a phase may take, what is tried again and how an interrupted run goes on.
     #[serde(default)]
     pub policy: Policy,
+    /// What is over one of these limits is flagged.
+    #[serde(default)]
+    pub quality: QualitySettings,
+    #[serde(default)]
+    pub early_stop: EarlyStopSettings,
+}
+
+fn word_or_number<'de, D: Deserializer<'de>>(found: D) -> Result<Option<String>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Version {
+        Word(String),
+        Number(u64),
+    }
+    Ok(Option::<Version>::deserialize(found)?.map(|version| match version {
+        Version::Word(word) => word,
+        Version::Number(number) => number.to_string(),
+    }))
 }
 
 fn papers_box() -> BoxUm {
@@ -47,6 +69,7 @@ impl Method {
             segment: self.segment.clone(),
             reference: None,
             reconstruction: ReconstructionSettings { epsilon: self.epsilon, surface: self.surface, calibration: self.calibration },
+            quality: self.quality,
             sphere,
         })
     }

@@ -1,7 +1,7 @@
 //! What a turn's views tell of their own camera, held against the camera as given.
 
 use super::Reconstruction;
-use crate::calibration::{Calibration, CalibrationError, Gate, GivenView, Moved, Priors, Verdict, calibrate, gate};
+use crate::calibration::{Calibration, CalibrationError, Gate, GivenView, Moved, Priors, Verdict, ViewState, calibrate, gate};
 use crate::geometry::{Camera, Projection};
 use crate::range::{OutOfRange, outside};
 use serde::{Deserialize, Serialize};
@@ -113,6 +113,15 @@ impl Reconstruction {
         };
         let found = judged();
         Calibrated { order, found }
+    }
+
+    /// What calibrating on the views so far says of each, in the order of observing; nothing where it fails.
+    pub fn states(&self) -> Vec<ViewState> {
+        let Calibrated { order, found } = self.calibrate();
+        let Ok(judged) = found else { return Vec::new() };
+        let mut by_view: Vec<(usize, ViewState)> = order.into_iter().zip(judged.calibration.views).collect();
+        by_view.sort_by_key(|(i, _)| *i);
+        by_view.into_iter().map(|(_, state)| state).collect()
     }
 
     /// Lets a calibration pass that leaves no less than the camera as given.

@@ -3,12 +3,13 @@
 use super::calibrated::{Calibrated, Judged, NotCalibrated};
 use super::refined::Refined;
 use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
-use crate::calibration::{Pose, TurnView};
+use crate::calibration::{Calibration, GivenView, Lie, Pose, Psi, TurnView, lie, seen_again};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
+use crate::quality::Estimate;
 use crate::surface::{self, Coarse, Mesh};
 
 /// A view as it was observed; its mask is in the carver.
@@ -29,6 +30,19 @@ pub struct TurnModel {
     pub calibration: Result<Judged, NotCalibrated>,
     /// The projection of each view observed, in the order of observing.
     pub projections: Vec<Projection>,
+    /// In that order too: what no view misses, seen again, and the profile, um^2 at the axis; nothing of a view that does not count, or
+    /// of a turn that is not calibrated.
+    pub seen_again: Vec<Option<[f64; 2]>>,
+    /// Where the closure view shows the specimen, less where the view at 0 deg does.
+    pub closure: Option<Lie>,
+}
+
+/// The view at 360 deg, which is never carved.
+#[derive(Debug, Clone)]
+struct ClosureView {
+    columns: Columns,
+    /// Of the view at 0 deg, in the order of observing.
+    first: usize,
 }
 
 /// Share of the volume in hollow slices from which slices are no longer nearly convex.
@@ -76,6 +90,7 @@ pub struct Reconstruction {
     /// What is shown instead once the views have told a better camera, and at how many views that was last asked.
     pub(super) refined: Option<Refined>,
     pub(super) refined_at: usize,
+    closure: Option<ClosureView>,
 }
 
 impl Reconstruction {
@@ -89,7 +104,7 @@ impl Reconstruction {
     ) -> Result<Self, ReconstructionError> {
         camera.check()?;
         let hull = HullModel::new(grid, planned_views, settings)?;
-        Ok(Self { camera: camera.clone(), settings, hull, seen: Vec::new(), refined: None, refined_at: 0 })
+        Ok(Self { camera: camera.clone(), settings, hull, seen: Vec::new(), refined: None, refined_at: 0, closure: None })
     }
 
     /// Takes the view at angle `omega` (rad); `outlines` are those that the mask was filled from, if there are any.
@@ -97,9 +112,58 @@ impl Reconstruction {
     /// # Errors
     /// Refuses a mask that is not of the sensor's size, and what the carver refuses; the model is then unchanged.
     pub fn observe(&mut self, mask: &Mask, outlines: &[Polygon], omega: f64, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
-        let columns =
-            if outlines.is_empty() { Columns::from_mask(mask) } else { Columns::from_outlines(outlines, mask.width(), mask.height()) };
-        self.observe_edges(mask, outlines, columns, omega, leaves)
+        self.observe_edges(mask, outlines, columns_of(mask, outlines), omega, leaves)
+    }
+
+    /// Takes the view at 360 deg, to be held against the view that was observed as number `first`.
+    pub fn observe_closure(&mut self, mask: &Mask, outlines: &[Polygon], first: usize) {
+        self.closure = Some(ClosureView { columns: columns_of(mask, outlines), first });
+    }
+
+    /// Takes back the view that was observed as number `at`; the later ones move up.
+    ///
+    /// # Errors
+    /// As [`Self::observe`]; the model is then unchanged.
+    pub fn take_back(&mut self, at: usize) -> Result<(), ReconstructionError> {
+        let carver = self.hull.carver();
+        let mut hull = HullModel::new(*carver.grid(), carver.planned_views(), self.settings)?;
+        for (_, (seen, view)) in self.seen.iter().zip(carver.views()).enumerate().filter(|(i, _)| *i != at) {
+            hull.observe(&view.runs.mask(), &seen.outlines, &self.camera.projection(seen.omega), view.leaves)?;
+        }
+        self.hull = hull;
+        if at < self.seen.len() {
+            self.seen.remove(at);
+        }
+        // Both knew the view.
+        (self.refined, self.refined_at, self.closure) = (None, 0, None);
+        Ok(())
+    }
+
+    /// The volume by support functions after the views so far, calibrated on just these: what few views make of a hull is not in it.
+    /// Takes as long as [`Self::refine`] without its carving. Nothing where the views do not tell it, or it is not to be trusted.
+    pub fn estimate(&self) -> Option<Estimate> {
+        let Calibrated { order, found } = self.calibrate();
+        let Judged { calibration, .. } = found.ok()?;
+        let given = self.given(&order);
+        let used = || order.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none());
+        let open = self.open(used().map(|(&i, _)| i));
+        let sections = Sections::of(&Pose::new(&calibration.camera), &calibration.turn_views(&given), calibration.residual_sd_um, open)?;
+        let support = SupportEstimate::of(&sections);
+        if support.hollow_share > HOLLOW_MOST || support.volume_bias_um3.abs() > BIAS_MOST * support.volume_um3.abs() {
+            return None;
+        }
+        let [volume_calibration_um3, _] = calibration_sd(&calibration, &given).unwrap_or_default();
+        Some(Estimate {
+            views: self.seen.len(),
+            volume_um3: support.volume_um3,
+            volume_sd_um3: support.volume_sd_um3.hypot(volume_calibration_um3),
+        })
+    }
+
+    /// Whether the specimen goes on beyond the image on the left and right in any of these views.
+    fn open(&self, views: impl Iterator<Item = usize> + Clone) -> [bool; 2] {
+        let leaves = |side: fn(&Leaves) -> bool| views.clone().any(|i| side(&self.hull.carver().views()[i].leaves));
+        [leaves(|l| l.left), leaves(|l| l.right)]
     }
 
     /// The same with edges from elsewhere than mask and outlines.
@@ -179,8 +243,7 @@ impl Reconstruction {
         }
         let hull = self.carved_again(&used)?;
         let mut model = hull.finish(sphere)?;
-        let leaves = |side: fn(&Leaves) -> bool| used.iter().any(|&(i, _)| side(&self.hull.carver().views()[i].leaves));
-        let open = [leaves(|l| l.left), leaves(|l| l.right)];
+        let open = self.open(used.iter().map(|&(i, _)| i));
         let (pose, views, sd_um) = match &found {
             Ok(Judged { calibration: c, .. }) => (Pose::new(&c.camera), c.turn_views(&given), c.residual_sd_um),
             Err(_) => (
@@ -190,8 +253,13 @@ impl Reconstruction {
                 1.0 / self.camera.ky,
             ),
         };
+        let mut closure = None;
         match Sections::of(&pose, &views, sd_um, open) {
             Some(sections) => {
+                closure = self.closure.as_ref().and_then(|closure| {
+                    let at = used.iter().position(|(i, _)| *i == closure.first)?;
+                    closed(&pose, &sections, &views[at], &closure.columns)
+                });
                 let estimate = SupportEstimate::of(&sections);
                 let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given));
                 let fitted = sphere.then(|| sections.sphere()).flatten();
@@ -199,13 +267,19 @@ impl Reconstruction {
             }
             None => model.measurement.fallback = Some("the views have no stretch of slices in common".into()),
         }
+        let mut again = vec![None; self.seen.len()];
+        if let Ok(Judged { calibration: c, .. }) = &found {
+            for (&(i, _), areas) in used.iter().zip(again_of(c, &given)) {
+                again[i] = Some(areas);
+            }
+        }
         // Back to the order of observing.
         let calibration = found.map(|mut judged| {
             let by_angle = judged.calibration.views.clone();
             order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
             judged
         });
-        Ok(TurnModel { model, hull, calibration, projections })
+        Ok(TurnModel { model, hull, calibration, projections, seen_again: again, closure })
     }
 
     /// The hull of some of the views, through these projections. The tolerance is a share of the views that count.
@@ -266,4 +340,28 @@ impl Reconstruction {
         m.spread = Some(spread);
         m.estimators.support = Some(support);
     }
+}
+
+fn columns_of(mask: &Mask, outlines: &[Polygon]) -> Columns {
+    if outlines.is_empty() { Columns::from_mask(mask) } else { Columns::from_outlines(outlines, mask.width(), mask.height()) }
+}
+
+/// Of each view that counts, what no view misses and its profile, um^2.
+fn again_of(found: &Calibration, given: &[GivenView]) -> Vec<[f64; 2]> {
+    let ledger: Vec<f64> = given.iter().map(|v| v.omega).collect();
+    let columns: Vec<&Columns> = found.turn_views(given).iter().map(|v| v.columns).collect();
+    seen_again(&columns, &Psi::of(found, &ledger))
+}
+
+/// Where a second look along the same direction shows the specimen, less where the first does. What the model errs by in that
+/// direction is in both.
+fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<Lie> {
+    let of = |view: &TurnView| lie(pose, view, sections.sections.iter().map(|s| (s.x_um, &s.support)));
+    let (before, after) = (of(first)?, of(&TurnView { columns, ..*first })?);
+    Some(Lie {
+        along_px: after.along_px - before.along_px,
+        across_px: after.across_px - before.across_px,
+        turn_rad: after.turn_rad - before.turn_rad,
+        rms_px: after.rms_px,
+    })
 }

@@ -11,6 +11,7 @@ pub mod calibrations;
 pub mod durable;
 mod error;
 pub mod frames;
+pub mod gates;
 mod journal;
 mod recording;
 mod sums;

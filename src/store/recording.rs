@@ -52,11 +52,14 @@ pub struct MeasurementFile {
     /// The place among reference larvae, of a larva whose age is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Standing>,
+    /// What the lab calls this state of the method, where it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method_version: Option<String>,
 }
 
 impl MeasurementFile {
     /// The numbers of a recording, compared with the references that it holds.
-    pub fn new(recording: &Recording, references: &[References], record: SpecimenRecord) -> Self {
+    pub fn new(recording: &Recording, references: &[References], mut record: SpecimenRecord) -> Self {
         let measurement = &record.measurement;
         let standing = |dpf| {
             let specimen = Specimen {
@@ -71,7 +74,11 @@ impl MeasurementFile {
             Standing::of(&specimen, references)
         };
         let reference = recording.specimen.age_of_larva().filter(|_| !references.is_empty()).map(standing);
-        Self { mode: recording.mode, record, fluorescence: None, reference }
+        if let Some(standing) = &reference {
+            let trusted = record.measurement.estimator.name();
+            record.held_against(standing.z(trusted), recording.method.quality.reference_z);
+        }
+        Self { mode: recording.mode, record, fluorescence: None, reference, method_version: recording.method.version.clone() }
     }
 }
 

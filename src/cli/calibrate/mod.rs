@@ -1,6 +1,7 @@
 //! `carved calibrate`: where the views looked from, found from what they show, and the rig's scale from what is known in um.
 
 mod beads;
+mod gate;
 mod history;
 mod keep;
 mod marked;
@@ -16,6 +17,8 @@ pub enum Command {
     Scale(scale::Args),
     /// What measured beads say of the rig: diameter, refraction, axis; kept as a dated file
     Beads(beads::Args),
+    /// Whether a few beads say that the instrument is today what it was; kept as a dated file
+    Gate(gate::Args),
     /// What the dated files of `beads` say over days
     History(history::Args),
     /// Which way the capillary turns and whether the picture is mirrored, from a dot of ink on the glass; kept as a dated file
@@ -28,6 +31,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
         Command::Specimen(args) => specimen::run(args),
         Command::Scale(args) => scale::run(args),
         Command::Beads(args) => beads::run(args),
+        Command::Gate(args) => gate::run(args),
         Command::History(args) => history::run(args),
         Command::Marked(args) => marked::run(args),
     }

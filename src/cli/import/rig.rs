@@ -108,6 +108,7 @@ fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Metho
     let Some(config) = config else {
         ensure!(args.method.is_none(), "--method names a method of a configuration; give --config too");
         let method = Method {
+            version: None,
             asd: 0,
             order: crate::acquisition::ViewOrder::Sequential,
             epsilon: 0.05,
@@ -117,6 +118,8 @@ fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Metho
             surface: crate::reconstruction::SurfaceSettings::default(),
             calibration: crate::reconstruction::CalibrationSettings::default(),
             policy: crate::config::Policy::default(),
+            quality: crate::quality::QualitySettings::default(),
+            early_stop: crate::quality::EarlyStopSettings::default(),
         };
         return Ok(("imported".into(), method));
     };

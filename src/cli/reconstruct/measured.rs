@@ -7,7 +7,7 @@ use crate::calibration::{Bad, Calibration, Gate, Moved, VIEWS_LEAST, Verdict, di
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::Measurement;
-use crate::pipeline::tell_little;
+use crate::quality::{QualitySettings, tell_little};
 use crate::reconstruction::{HullModel, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
 use crate::statistics::mean;
 use crate::surface::{self, Mesh};
@@ -114,7 +114,7 @@ pub(super) fn turn(
     clock.split("carve");
     let calibrated = reconstruction.calibrate();
     clock.split("calibrate");
-    let TurnModel { model, hull, calibration, projections } = reconstruction.measure(calibrated, sphere)?;
+    let TurnModel { model, hull, calibration, projections, .. } = reconstruction.measure(calibrated, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.gate);
     let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
@@ -139,7 +139,7 @@ pub(super) fn turn(
     };
     let counted: Vec<&View> = shown.iter().zip(&seen).filter(|(_, at)| judged[**at].used).map(|(view, _)| *view).collect();
     let mut raised = raised_by(&counted, &hull, &model.measurement);
-    raised.extend(tell_little(&angles).then(|| {
+    raised.extend(tell_little(&angles, &QualitySettings::default()).then(|| {
         let gap_deg = widest_gap(&angles).to_degrees();
         let why = format!(
             "warning: {used} views that leave {gap_deg:.0} deg without an edge tell little of each slice's shape; the numbers are rough"

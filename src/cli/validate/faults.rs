@@ -6,8 +6,8 @@ use super::statistics::Summary;
 use super::turn::{Turn, even_plan, grid, off};
 use crate::calibration::Verdict;
 use crate::carver::Leaves;
-use crate::pipeline::FEW_VIEWS;
 use crate::profile::Mask;
+use crate::quality::QualitySettings;
 use crate::reconstruction::{Judged, Reconstruction, ReconstructionSettings, TurnModel};
 use hardware_sim::analytic::{Disturbance, Fault, Phantom, Pose};
 use hardware_sim::scene::Camera;
@@ -152,7 +152,7 @@ fn outcome(case: Case, seed: u64) -> anyhow::Result<Outcome> {
         }
         Err(_) => named.push("uncalibrated"),
     }
-    named.extend((m.views < FEW_VIEWS).then_some("few views"));
+    named.extend((m.views < QualitySettings::default().views_least).then_some("few views"));
     named.extend(m.fallback.is_some().then_some("not convex: voxels"));
     named.extend(hull.touches_box().then_some("outside the box"));
     named.sort_unstable();

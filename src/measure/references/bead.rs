@@ -5,7 +5,7 @@
 //! ```
 //! The paper holds it against 2.787, the two-sided 1 % point of 25 degrees of freedom; its 25 beads leave 24, and 2.797.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, Continuous, ContinuousCDF, Normal, StudentsT};
 use statrs::statistics::Statistics;
 
@@ -13,7 +13,7 @@ use statrs::statistics::Statistics;
 pub const LEVEL: f64 = 0.01;
 
 /// A set of beads against its nominal diameter.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BeadScore {
     pub n: u32,
     pub nominal_um: f64,
@@ -21,7 +21,7 @@ pub struct BeadScore {
     /// With the divisor n.
     pub sd_um: f64,
     pub t_score: f64,
-    /// Two-sided point of Student's t at [`LEVEL`] with n - 1 degrees of freedom: a larger score says that the mean is off.
+    /// Two-sided point of Student's t, by default at [`LEVEL`], with n - 1 degrees of freedom: a larger score says that the mean is off.
     pub critical: f64,
     pub p: f64,
     /// The deviation of the mean that the score passes `critical` for in four of five such sets, um. A score below it means no
@@ -75,6 +75,11 @@ pub fn critical(n: u32, level: f64) -> Option<f64> {
 impl BeadScore {
     /// Nothing for fewer than three beads, or beads without spread.
     pub fn of(diameters_um: &[f64], nominal_um: f64) -> Option<Self> {
+        Self::at(diameters_um, nominal_um, LEVEL)
+    }
+
+    /// The same where another share of sound sets may be called unsound.
+    pub fn at(diameters_um: &[f64], nominal_um: f64, level: f64) -> Option<Self> {
         let n = u32::try_from(diameters_um.len()).ok().filter(|n| *n > 2)?;
         let (mean_um, sd_um) = (diameters_um.mean(), diameters_um.population_std_dev());
         if !(sd_um > 0.0 && sd_um.is_finite()) {
@@ -88,22 +93,22 @@ impl BeadScore {
             mean_um,
             sd_um,
             t_score,
-            critical: critical(n, LEVEL)?,
+            critical: critical(n, level)?,
             p: 2.0 * student.cdf(-t_score),
-            detectable_um: detectable(sd_um, n)?,
+            detectable_um: detectable(sd_um, n, level)?,
         })
     }
 }
 
 /// Where the power is 0.8, by halving.
-fn detectable(sd_um: f64, n: u32) -> Option<f64> {
+fn detectable(sd_um: f64, n: u32, level: f64) -> Option<f64> {
     let (mut low, mut high) = (0.0, sd_um);
-    while power(high, sd_um, n, LEVEL)? < 0.8 {
+    while power(high, sd_um, n, level)? < 0.8 {
         high *= 2.0;
     }
     for _ in 0..40 {
         let middle = f64::midpoint(low, high);
-        if power(middle, sd_um, n, LEVEL)? < 0.8 { low = middle } else { high = middle }
+        if power(middle, sd_um, n, level)? < 0.8 { low = middle } else { high = middle }
     }
     Some(high)
 }

@@ -3,7 +3,7 @@
 use super::estimate::{Estimate, VOXEL};
 use super::group::{Group, Moments, Quantity, References};
 use super::joint::{JointPlace, JointPredictive};
-use super::matching::{Missing, Specimen};
+use super::matching::{Missing, Specimen, asd_is_matched};
 use super::predictive::{Place, Predictive};
 use super::stage::Stage;
 use serde::{Deserialize, Serialize};
@@ -69,6 +69,16 @@ impl Standing {
             }
         };
         Self { dpf: specimen.dpf, estimates: asked.map(of_one).collect() }
+    }
+
+    /// Standard deviations from the mean of larvae of its age and ASD, volume and area, by this estimator; by the paper's where only that
+    /// one has references.
+    pub fn z(&self, estimator: &str) -> [Option<f64>; 2] {
+        let of = |quantity: fn(&EstimateStanding) -> &Answer<Place>| {
+            let place = |name| quantity(self.by(name)?).known().filter(|p| asd_is_matched(&p.mismatches));
+            place(estimator).or_else(|| place(VOXEL)).map(|p| p.z)
+        };
+        [of(|e| &e.volume), of(|e| &e.area)]
     }
 
     /// The place of this estimator's numbers.

@@ -1,0 +1,84 @@
+//! One number against one limit, and all of a specimen's.
+
+use serde::{Deserialize, Serialize};
+
+/// A number beside its limit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Check {
+    /// The limit's key in the method's `quality`.
+    pub name: String,
+    pub unit: String,
+    /// `null` where nothing tells it.
+    pub found: Option<f64>,
+    pub limit: f64,
+    /// The view that it is of, where it is the worst of the views'.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<u32>,
+    /// Beyond the limit: the flag is raised.
+    pub over: bool,
+    pub flag: String,
+}
+
+impl Check {
+    fn new(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64, over: impl Fn(f64) -> bool) -> Self {
+        // What is no number is no measure of anything: it is within no limit.
+        let over = found.is_some_and(|x| !x.is_finite() || over(x));
+        let found = found.filter(|x| x.is_finite());
+        Self { name: name.to_owned(), unit: unit.to_owned(), found, limit, view: None, over, flag: flag.to_owned() }
+    }
+
+    /// At most, whatever the sign.
+    pub(super) fn at_most(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64) -> Self {
+        Self::new(name, unit, flag, found, limit, |x| x.abs() > limit)
+    }
+
+    pub(super) fn at_least(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64) -> Self {
+        Self::new(name, unit, flag, found, limit, |x| x < limit)
+    }
+
+    pub(super) fn of_view(self, view: Option<u32>) -> Self {
+        Self { view, ..self }
+    }
+}
+
+/// A specimen's checks.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quality {
+    /// Nothing is over its limit.
+    pub passed: bool,
+    pub checks: Vec<Check>,
+}
+
+impl Quality {
+    pub(super) fn new(checks: Vec<Check>) -> Self {
+        let passed = checks.iter().all(|c| !c.over);
+        Self { passed, checks }
+    }
+
+    /// The same with a larva's place among reference larvae, in standard deviations from their mean: volume and area.
+    #[must_use]
+    pub fn among_references(mut self, volume_z: Option<f64>, area_z: Option<f64>, limit: f64) -> Self {
+        let of = |flag: &str, z| Check::at_most("reference_z", "standard deviations", flag, z, limit);
+        self.checks.extend([of("volume_off_references", volume_z), of("area_off_references", area_z)]);
+        Self::new(self.checks)
+    }
+
+    pub fn check(&self, name: &str) -> Option<&Check> {
+        self.checks.iter().find(|c| c.name == name)
+    }
+
+    pub fn raises(&self, flag: &str) -> bool {
+        self.checks.iter().any(|c| c.over && c.flag == flag)
+    }
+
+    /// Each flag that is raised, once.
+    pub fn flags(&self) -> Vec<&str> {
+        let mut flags: Vec<&str> = Vec::new();
+        for check in self.checks.iter().filter(|c| c.over) {
+            if !flags.contains(&check.flag.as_str()) {
+                flags.push(&check.flag);
+            }
+        }
+        flags
+    }
+}

@@ -1,0 +1,142 @@
+//! When a turn may end before its last view: the bias-corrected volume has settled and is known well enough.
+//!
+//! ```text
+//!  estimates after each view ── at least min_views ── the last ones within spread_percent of one another
+//!                                                 └── t_{0.975} sd of the newest within promised_error_percent ── stop
+//! ```
+//! The raw hull of few views is too large; the estimates are of support functions, which are not. Views must stand well spread
+//! around the turn from the first on: coarse to fine, not one after the other.
+
+use crate::range::{OutOfRange, outside};
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+/// `[methods.X.early_stop]`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EarlyStopSettings {
+    /// Off unless asked for: a turn that ends early has no view left to tell that something went wrong.
+    pub enabled: bool,
+    /// No turn ends before so many views.
+    pub min_views: usize,
+    /// So many of the newest estimates must agree.
+    pub last: usize,
+    /// Most that they may differ by, the largest less the smallest, % of the newest.
+    pub spread_percent: f64,
+    /// The volume at the stop is off by no more than this in 95 of 100 turns; the newest estimate's own 95 % interval must be as narrow.
+    pub promised_error_percent: f64,
+}
+
+impl Default for EarlyStopSettings {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+impl EarlyStopSettings {
+    /// Checked on 1000 phantoms: docs/quality.md.
+    pub const DEFAULT: Self = Self { enabled: false, min_views: 28, last: 3, spread_percent: 0.4, promised_error_percent: 1.0 };
+
+    /// Every setting that is out of its range.
+    pub fn check(&self) -> Vec<OutOfRange> {
+        outside([
+            ("min_views", self.min_views as f64, 7.0..=1000.0, "views"),
+            ("last", self.last as f64, 2.0..=20.0, "estimates"),
+            ("spread_percent", self.spread_percent, 0.01..=10.0, "%"),
+            ("promised_error_percent", self.promised_error_percent, 0.05..=10.0, "%"),
+        ])
+    }
+
+    /// Whether an estimate after so many views is of use: earlier ones decide nothing.
+    pub fn asks(&self, views: usize) -> bool {
+        self.enabled && views + self.last > self.min_views
+    }
+}
+
+/// A volume after so many views, with what few views make of it taken off.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Estimate {
+    pub views: usize,
+    pub volume_um3: f64,
+    /// Of another turn of the same specimen: views and calibration.
+    pub volume_sd_um3: f64,
+}
+
+impl Estimate {
+    /// Half of the 95 % interval, % of the volume: Student's t of the views less one.
+    pub fn half_interval_percent(&self) -> Option<f64> {
+        let student = StudentsT::new(0.0, 1.0, self.views as f64 - 1.0).ok()?;
+        Some(100.0 * student.inverse_cdf(0.975) * self.volume_sd_um3 / self.volume_um3)
+    }
+}
+
+/// Whether the turn may end. `estimates` are in the order of taking, the newest last.
+pub fn should_stop(estimates: &[Estimate], settings: &EarlyStopSettings) -> bool {
+    let Some(newest) = estimates.last() else { return false };
+    if !settings.enabled || newest.views < settings.min_views || estimates.len() < settings.last {
+        return false;
+    }
+    let last = &estimates[estimates.len() - settings.last..];
+    // An estimate for every view: one that is missing may be the one that disagrees.
+    let consecutive = last.windows(2).all(|pair| pair[1].views == pair[0].views + 1);
+    let [low, high] = last.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], e| [l.min(e.volume_um3), h.max(e.volume_um3)]);
+    let numbers = last.iter().all(|e| e.volume_um3.is_finite());
+    let agree = numbers && high - low <= settings.spread_percent / 100.0 * newest.volume_um3;
+    let known = newest.half_interval_percent().is_some_and(|percent| percent <= settings.promised_error_percent);
+    consecutive && agree && known
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const ON: EarlyStopSettings =
+        EarlyStopSettings { enabled: true, min_views: 10, last: 3, spread_percent: 0.4, promised_error_percent: 1.0 };
+
+    fn estimates(first_views: usize, volumes: &[f64], sd: f64) -> Vec<Estimate> {
+        let of = |(i, volume_um3): (usize, &f64)| Estimate { views: first_views + i, volume_um3: *volume_um3, volume_sd_um3: sd };
+        volumes.iter().enumerate().map(of).collect()
+    }
+
+    #[test]
+    fn it_stops_when_the_last_agree_and_are_known_and_not_before() {
+        let settled = estimates(8, &[100.3, 100.0, 100.1], 0.2);
+        assert!(should_stop(&settled, &ON));
+        assert!(!should_stop(&settled, &EarlyStopSettings { enabled: false, ..ON }));
+        assert!(!should_stop(&settled, &EarlyStopSettings { min_views: 11, ..ON }));
+        assert!(!should_stop(&settled, &EarlyStopSettings { last: 4, ..ON }));
+        assert!(!should_stop(&settled, &EarlyStopSettings { spread_percent: 0.29, ..ON }), "0.3 apart");
+        // 95 % of 9 degrees of freedom: 2.262 times 0.2.
+        assert!(!should_stop(&settled, &EarlyStopSettings { promised_error_percent: 0.45, ..ON }));
+        assert!(should_stop(&settled, &EarlyStopSettings { promised_error_percent: 0.46, ..ON }));
+        assert!(!should_stop(&[settled[0], settled[2]], &EarlyStopSettings { last: 2, ..ON }), "the view between gave no estimate");
+        assert!(!should_stop(&[], &ON));
+        assert!(!should_stop(&estimates(8, &[100.0, 100.0, f64::NAN], 0.1), &ON));
+        assert!(!should_stop(&estimates(8, &[100.0, f64::NAN, 100.0], 0.1), &ON));
+    }
+
+    #[test]
+    fn estimates_are_asked_for_as_soon_as_they_decide() {
+        let asked: Vec<usize> = (0..20).filter(|v| ON.asks(*v)).collect();
+        assert_eq!(asked.first(), Some(&8));
+        assert!(!EarlyStopSettings::default().asks(50));
+    }
+
+    proptest! {
+        /// What stops a turn stops it under any looser rule.
+        #[test]
+        fn a_looser_rule_stops_no_later(
+            volumes in prop::collection::vec(99.0..101.0f64, 3..12), sd in 0.01..1.0f64, looser in 1.0..4.0f64, fewer in 0usize..4
+        ) {
+            let found = estimates(6, &volumes, sd);
+            let loose = EarlyStopSettings {
+                min_views: ON.min_views - fewer,
+                spread_percent: ON.spread_percent * looser,
+                promised_error_percent: ON.promised_error_percent * looser,
+                ..ON
+            };
+            prop_assert!(!should_stop(&found, &ON) || should_stop(&found, &loose));
+        }
+    }
+}

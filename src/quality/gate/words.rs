@@ -1,0 +1,75 @@
+//! A gate in plain words: what was found, and what an operator does about it.
+
+use super::GateSettings;
+use super::chart::Chart;
+use super::judge::{BeadGate, GateVerdict};
+use crate::quality::Check;
+
+pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
+    let n = gate.numbers.beads;
+    let mut said = vec![match gate.verdict {
+        GateVerdict::Passed => format!("passed: {n} beads within every limit, and as in {} earlier gates", gate.history),
+        GateVerdict::NoHistory => format!(
+            "passed the limits: {n} beads; {} earlier gates that passed, {} are needed to tell a change. Measure beads daily",
+            gate.history, settings.history_least
+        ),
+        GateVerdict::TooFewBeads => format!("no gate: {n} different bead(s), {} are needed. Measure more", settings.beads_least),
+        GateVerdict::Failed => format!("failed: {n} beads. Measure no specimens before this is understood"),
+    }];
+    if gate.verdict != GateVerdict::TooFewBeads {
+        said.extend(gate.checks.iter().filter(|c| c.over).map(check));
+        said.extend(gate.charts.iter().filter(|c| c.jumped || c.drifted).map(chart));
+    }
+    said.extend(gate.score.as_ref().map(|s| {
+        let percent = 100.0 * s.detectable_um / s.nominal_um;
+        format!(
+            "t score {:.2} of {:.2}: {n} beads show a mean that is off by {:.1} um ({percent:.1} %) in four of five such sets; a smaller bias \
+             passes unseen. The scale is told by a certified bead or a micrometer",
+            s.t_score, s.critical, s.detectable_um
+        )
+    }));
+    if gate.numbers.repeat_um.is_none() {
+        said.push("no bead was measured twice: repeatability is not told. Measure one of them a second time".into());
+    }
+    said
+}
+
+fn check(check: &Check) -> String {
+    let Check { name, unit, found, limit, .. } = check;
+    let found = found.map_or_else(|| "no number".to_owned(), |x| format!("{x:.4}"));
+    let way_out = match name.as_str() {
+        "aspect_off" => {
+            "length over width is not 1: kx and ky do not belong together. carved calibrate beads says the right ky; look whether there is air around the capillary"
+        }
+        "roundness_um" => "a bead is not round: clean capillary and bead, look at the frames for bubbles and dirt, measure it again",
+        "residual_px" => "the views of a bead do not agree: look at focus, vibration and the light; carved doctor",
+        "repeat_um" => "the same bead twice is not the same: look at focus, light and the capillary's seat, and measure it again",
+        "t_percent" => {
+            "the mean diameter is not the nominal one: the scale, or the batch, is another. carved calibrate scale with a micrometer"
+        }
+        _ => "look at the beads' frames",
+    };
+    format!("{name} {found} {unit}, limit {limit}: {way_out}")
+}
+
+fn chart(chart: &Chart) -> String {
+    let Chart { name, unit, found, history, limits: [low, high], cusum, .. } = chart;
+    let how = if chart.jumped {
+        format!("jumped: {found:.4} {unit}, {low:.4} to {high:.4} expected of {} earlier gates", history.n)
+    } else {
+        format!(
+            "has drifted: {found:.4} {unit} where {} earlier gates have {:.4}, sums {:.1} up and {:.1} down",
+            history.n, history.mean, cusum[0], cusum[1]
+        )
+    };
+    let way_out = match name.as_str() {
+        "uy_px" | "gamma_deg" => {
+            "the capillary or the camera sits elsewhere. If that was meant, begin a new history (--begin-history); else look at the mounts"
+        }
+        "aspect_ratio" | "diameter_um" => {
+            "the optics are not what they were: look at the lens, the working distance and the water around the capillary"
+        }
+        _ => "edges are worse than they were: look at focus, light and the glass",
+    };
+    format!("{name} {how}: {way_out}")
+}

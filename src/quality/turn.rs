@@ -1,0 +1,202 @@
+//! What is checked of a turn.
+//!
+//! ```text
+//!  closure ─── overlap, px along, px across, deg of turn ─┐
+//!  strip ───── residual of the median view, of the worst; least overlap with VRV ─┤
+//!  angles ──── views that count, of those planned; widest gap ────────────────────┼─ Quality
+//!  camera ──── uy, gamma, alpha off the rig's; rho off 1 ─────────────────────────┘
+//! ```
+
+use super::checks::{Check, Quality};
+use super::limits::QualitySettings;
+use super::strip::ViewStrip;
+use crate::calibration::widest_gap;
+use crate::statistics::median;
+
+/// The view at 360 deg against the view at 0 deg.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClosureOff {
+    pub overlap: f64,
+    pub along_px: f64,
+    pub across_px: f64,
+    /// Nothing where the turn's slices do not tell it.
+    pub turn_deg: Option<f64>,
+}
+
+/// The turn's own camera less the rig's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CalibrationOff {
+    pub uy_px: f64,
+    pub gamma_deg: f64,
+    pub alpha_deg: f64,
+    pub rho_percent: f64,
+    /// The ratio of angles is another than 1 beyond doubt.
+    pub is_rho_told: bool,
+}
+
+/// A turn, as far as it is checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TurnFacts<'a> {
+    pub planned_views: usize,
+    /// Of the views that count, rad.
+    pub omegas: &'a [f64],
+    pub strip: &'a [ViewStrip],
+    pub closure: Option<ClosureOff>,
+    pub calibration: Option<CalibrationOff>,
+}
+
+/// Whether so few views, or so few directions, tell little of a slice's shape.
+pub fn tell_little(omegas: &[f64], limits: &QualitySettings) -> bool {
+    omegas.len() < limits.views_least || widest_gap(omegas).to_degrees() > limits.gap_deg
+}
+
+impl Quality {
+    pub fn of(turn: &TurnFacts, l: &QualitySettings) -> Self {
+        let used = || turn.strip.iter().filter(|v| v.used);
+        let residuals: Vec<f64> = used().filter_map(|v| v.residual_px).collect();
+        let residual = (!residuals.is_empty()).then(|| median(residuals));
+        let worst = used().filter_map(|v| Some((v.residual_px?, v.view))).max_by(|a, b| a.0.total_cmp(&b.0)).unzip();
+        let least = used().filter_map(|v| Some((v.overlap_percent?, v.view))).min_by(|a, b| a.0.total_cmp(&b.0)).unzip();
+        let views = turn.omegas.len() as f64;
+        let closure = |of: fn(&ClosureOff) -> f64| turn.closure.as_ref().map(of);
+        let off = |of: fn(&CalibrationOff) -> f64| turn.calibration.as_ref().map(of);
+        // A ratio that is not told apart from 1 is none.
+        let rho = turn.calibration.map(|c| if c.is_rho_told { c.rho_percent } else { 0.0 });
+        Self::new(vec![
+            Check::at_least("closure_overlap", "share", "moved", closure(|c| c.overlap), l.closure_overlap),
+            Check::at_most("closure_along_px", "px", "moved", closure(|c| c.along_px), l.closure_along_px),
+            Check::at_most("closure_across_px", "px", "moved", closure(|c| c.across_px), l.closure_across_px),
+            Check::at_most("closure_turn_deg", "deg", "moved", turn.closure.and_then(|c| c.turn_deg), l.closure_turn_deg),
+            Check::at_least("views_least", "views", "few_views", Some(views), l.views_least as f64),
+            Check::at_least(
+                "usable_percent",
+                "%",
+                "unusable_views",
+                Some(100.0 * views / turn.planned_views.max(1) as f64),
+                l.usable_percent,
+            ),
+            Check::at_most("gap_deg", "deg", "few_views", Some(widest_gap(turn.omegas).to_degrees()), l.gap_deg),
+            Check::at_most("residual_px", "px", "residual", residual, l.residual_px),
+            Check::at_most("residual_view_px", "px", "residual", worst.0, l.residual_view_px).of_view(worst.1),
+            Check::at_least("overlap_percent", "%", "overlap", least.0, l.overlap_percent).of_view(least.1),
+            Check::at_most("uy_px", "px", "calibration_off", off(|c| c.uy_px), l.uy_px),
+            Check::at_most("gamma_deg", "deg", "calibration_off", off(|c| c.gamma_deg), l.gamma_deg),
+            Check::at_most("alpha_deg", "deg", "calibration_off", off(|c| c.alpha_deg), l.alpha_deg),
+            Check::at_most("rho_percent", "%", "wrong_steps", rho, l.rho_percent),
+        ])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+
+    fn even(n: u32) -> Vec<f64> {
+        (0..n).map(|i| TAU * f64::from(i) / f64::from(n)).collect()
+    }
+
+    fn strip(n: u32) -> Vec<ViewStrip> {
+        let view = |view| ViewStrip { view, used: true, reason: None, residual_px: Some(0.4), overlap_percent: Some(97.0) };
+        (0..n).map(view).collect()
+    }
+
+    const GOOD: ClosureOff = ClosureOff { overlap: 0.985, along_px: 0.2, across_px: -0.3, turn_deg: Some(0.4) };
+    const NEAR: CalibrationOff = CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_told: false };
+
+    fn of(omegas: &[f64], strip: &[ViewStrip], closure: Option<ClosureOff>, calibration: Option<CalibrationOff>) -> Quality {
+        Quality::of(&TurnFacts { planned_views: 21, omegas, strip, closure, calibration }, &QualitySettings::default())
+    }
+
+    fn good() -> Quality {
+        of(&even(21), &strip(21), Some(GOOD), Some(NEAR))
+    }
+
+    #[test]
+    fn a_good_turn_passes_and_has_every_number() {
+        let found = good();
+        assert!(found.passed && found.flags().is_empty(), "{found:?}");
+        assert!(found.checks.iter().all(|c| c.found.is_some()));
+        // Every limit has its key: the names are those of the settings.
+        let keys = serde_json::to_value(QualitySettings::default()).unwrap();
+        assert!(found.checks.iter().all(|c| keys.get(&c.name).is_some_and(|l| (l.as_f64().unwrap() - c.limit).abs() < 1e-12)));
+    }
+
+    #[test]
+    fn each_number_over_its_limit_raises_its_flag_alone() {
+        let closure = |c: ClosureOff| of(&even(21), &strip(21), Some(c), Some(NEAR));
+        let camera = |c: CalibrationOff| of(&even(21), &strip(21), Some(GOOD), Some(c));
+        let seen = |omegas: &[f64], views: &[ViewStrip]| of(omegas, views, Some(GOOD), Some(NEAR));
+        for moved in [
+            closure(ClosureOff { overlap: 0.94, ..GOOD }),
+            closure(ClosureOff { along_px: -3.1, ..GOOD }),
+            closure(ClosureOff { across_px: 3.1, ..GOOD }),
+            closure(ClosureOff { turn_deg: Some(-3.1), ..GOOD }),
+        ] {
+            assert_eq!((moved.flags(), moved.passed), (vec!["moved"], false));
+        }
+        for off in [
+            camera(CalibrationOff { uy_px: 30.5, ..NEAR }),
+            camera(CalibrationOff { gamma_deg: -3.1, ..NEAR }),
+            camera(CalibrationOff { alpha_deg: 2.1, ..NEAR }),
+        ] {
+            assert_eq!(off.flags(), ["calibration_off"]);
+        }
+        assert_eq!(camera(CalibrationOff { is_rho_told: true, ..NEAR }).flags(), ["wrong_steps"]);
+        let mut views = strip(21);
+        views[6].residual_px = Some(3.5);
+        let found = seen(&even(21), &views);
+        assert_eq!((found.flags(), found.check("residual_view_px").unwrap().view), (vec!["residual"], Some(6)));
+        views[6] = ViewStrip { overlap_percent: Some(80.0), ..strip(1)[0].clone() };
+        assert_eq!(seen(&even(21), &views).flags(), ["overlap"]);
+        // A view that was left out is not held against the model.
+        views[6].used = false;
+        assert!(seen(&even(21), &views).passed);
+        assert_eq!(seen(&even(21)[..16], &strip(21)).flags(), ["unusable_views"]);
+        assert_eq!(seen(&even(84)[..30], &strip(30)).flags(), ["few_views"]);
+    }
+
+    #[test]
+    fn what_is_not_known_is_null_and_no_number_is_over() {
+        let found = of(&even(21), &strip(21), None, None);
+        assert!(found.passed && found.check("closure_turn_deg").unwrap().found.is_none());
+        let found = of(&even(21), &strip(21), Some(ClosureOff { along_px: f64::NAN, ..GOOD }), None);
+        assert!(!found.passed && found.raises("moved") && found.check("closure_along_px").unwrap().found.is_none());
+        serde_json::to_string(&found).unwrap();
+    }
+
+    #[test]
+    fn a_place_among_references_is_a_check_like_others() {
+        let found = good().among_references(Some(-5.2), Some(0.3), 5.0);
+        assert_eq!((found.flags(), found.passed), (vec!["volume_off_references"], false));
+        assert!(good().among_references(None, Some(4.9), 5.0).passed);
+    }
+
+    proptest! {
+        /// Whatever the numbers, the flags are those of the checks that are over, and a wider limit raises none.
+        #[test]
+        fn a_wider_limit_raises_nothing(along in -10.0..10.0f64, uy in -60.0..60.0f64, residual in 0.0..6.0f64, wider in 1.0..5.0f64) {
+            let (omegas, mut views) = (even(21), strip(21));
+            views[3].residual_px = Some(residual);
+            let facts = TurnFacts {
+                planned_views: 21,
+                omegas: &omegas,
+                strip: &views,
+                closure: Some(ClosureOff { along_px: along, ..GOOD }),
+                calibration: Some(CalibrationOff { uy_px: uy, ..NEAR }),
+            };
+            let narrow = QualitySettings::default();
+            let wide = QualitySettings {
+                closure_along_px: wider * narrow.closure_along_px,
+                uy_px: wider * narrow.uy_px,
+                residual_view_px: wider * narrow.residual_view_px,
+                ..narrow
+            };
+            let (narrow, wide) = (Quality::of(&facts, &narrow), Quality::of(&facts, &wide));
+            prop_assert!(wide.flags().iter().all(|f| narrow.raises(f)));
+            prop_assert_eq!(narrow.passed, narrow.checks.iter().all(|c| !c.over));
+            prop_assert_eq!(narrow.raises("moved"), along.abs() > 3.0);
+        }
+    }
+}
