@@ -12,6 +12,7 @@ mod notify;
 mod plate;
 mod reconstruct;
 mod reference;
+mod run;
 mod segment;
 mod serve;
 mod simulate;
@@ -54,6 +55,9 @@ enum Command {
     Validate(validate::Args),
     /// Say what is plugged in, what answers and what to configure; nothing is moved.
     Doctor(doctor::Args),
+    /// Start, follow and steer runs on a daemon that serves.
+    #[command(subcommand, after_help = run::EXIT_CODES)]
+    Run(run::Command),
     /// Work with plate maps.
     #[command(subcommand)]
     Plate(plate::Command),
@@ -103,6 +107,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
             doctor::run(&args);
             Ok(())
         }
+        Command::Run(command) => return run::run(&command),
         Command::Plate(command) => return plate::run(&command),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
     }?;

@@ -51,7 +51,7 @@ fn host(allowed: &BTreeSet<String>, request: &Request) -> Result<Authority, Prob
     Ok(authority)
 }
 
-fn changes_something(method: &Method) -> bool {
+pub(super) fn changes_something(method: &Method) -> bool {
     !matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS)
 }
 

@@ -124,6 +124,11 @@ fn parse<T: DeserializeOwned + ToSchema>(bytes: &[u8], schemas: &Value) -> Resul
     Err(Problem::unprocessable("invalid_body", errors))
 }
 
+/// A wrong field that only its meaning tells.
+pub(super) fn wrong(pointer: &str, detail: String) -> FieldError {
+    FieldError { pointer: pointer.to_owned(), detail }
+}
+
 fn malformed(why: &serde_json::Error) -> Problem {
     Problem::bad_request("malformed_json", format!("the body is not JSON: {why}"))
 }

@@ -1,9 +1,9 @@
 //! The HTTP edge: what the plate-loader, the operator's page, the CLI and Prometheus talk to.
 //!
 //! ```text
-//! TCP ─> accept loop (serve) ─> count ─> headers ─> access ─> route ─> SessionHandle ─> driver
-//!        slots, head timeout     metrics            Host,      status, runs, events,      │
-//!        joined at the end                          Origin,    live, health, page   <─────┘ snapshots
+//! TCP ─> accept loop (serve) ─> count ─> headers ─> access ─> pace ─> lease ─> route ─> SessionHandle ─> driver
+//!        slots, head timeout     metrics            Host,              status, runs, events,          │
+//!        joined at the end                          Origin,            live, health, page       <─────┘ snapshots
 //!                                                   token
 //! ```
 //! Nothing here touches hardware or disk: reads come from the session's snapshots, commands go to its mailbox and are
@@ -19,10 +19,12 @@ mod docs;
 mod events;
 mod fault_codes;
 mod health;
+mod lease;
 mod live;
 mod methods;
 mod metrics;
 mod openapi;
+mod pace;
 mod page;
 mod plate_maps;
 mod problem;
@@ -58,6 +60,8 @@ struct App {
     contract: Bytes,
     docs: Bytes,
     requests: metrics::Requests,
+    lease: lease::Desk,
+    pace: pace::Pace,
     /// Becomes true when the server is to end: streams and long polls end with it.
     closing: watch::Receiver<bool>,
 }
@@ -81,11 +85,15 @@ fn router(session: SessionHandle, settings: &HttpSettings, guard: Guard, closing
         docs: docs::render(&contract).into(),
         contract: contract.to_string().into(),
         requests: metrics::Requests::default(),
+        lease: lease::Desk::default(),
+        pace: pace::Pace::new(settings.commands_per_minute, settings.command_burst),
         closing,
     });
     routes
         .fallback(page::asset)
         .method_not_allowed_fallback(method_not_allowed)
+        .layer(from_fn_with_state(app.clone(), lease::check))
+        .layer(from_fn_with_state(app.clone(), pace::check))
         .layer(from_fn_with_state(app.clone(), access::check))
         .layer(from_fn(secure_headers))
         .layer(from_fn_with_state(app.clone(), metrics::count))

@@ -1,6 +1,8 @@
 //! The contract: routes and their description come from one list, so neither can miss one of the other's.
 
-use super::{AppState, access, docs, events, fault_codes, health, live, methods, metrics, page, plate_maps, problem, runs, status};
+use super::{
+    AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate_maps, problem, runs, status,
+};
 use axum::extract::State;
 use axum::http::header;
 use axum::response::{IntoResponse, Response};
@@ -23,6 +25,7 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(runs::put))
         .routes(routes!(runs::abort))
         .routes(routes!(runs::loaded))
+        .routes(routes!(lease::put, lease::get, lease::delete))
         .routes(routes!(events::get))
         .routes(routes!(fault_codes::get))
         .routes(routes!(plate_maps::check))
@@ -48,11 +51,21 @@ pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
     let mut contract = serde_json::to_value(contract).unwrap_or_default();
     contract["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
     for (path, item) in contract["paths"].as_object_mut().into_iter().flatten() {
-        for operation in item.as_object_mut().into_iter().flat_map(|operations| operations.values_mut()) {
+        for (method, operation) in item.as_object_mut().into_iter().flatten() {
             let mut refusals = vec![("403", "The Host is not in the list, or a page of another origin sent it")];
             if !access::is_open(path) {
                 operation["security"] = json!([{}, { "token": [] }]);
                 refusals.push(("401", "The token that this instrument asks for is missing or wrong"));
+            }
+            let commands = matches!(method.as_str(), "put" | "post" | "delete");
+            if commands && pace::counts(path) {
+                refusals.push(("429", "Too many commands of one address; Retry-After says when the next is taken"));
+            }
+            if commands && lease::guards(path) {
+                refusals.extend([
+                    ("412", "The lease of the Carved-Lease token is over"),
+                    ("423", "Another client has the lease: `lease` says who, and for how long"),
+                ]);
             }
             if operation.get("requestBody").is_some() {
                 refusals.extend([

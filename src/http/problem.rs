@@ -1,5 +1,6 @@
 //! Every error that leaves the server: `application/problem+json` (RFC 9457) with what the scheduler does about it.
 
+use super::lease::LeaseStatus;
 use crate::session::plate_map::Mistake;
 use crate::session::{Refusal, SchedulerAction, State, Status};
 use axum::Json;
@@ -31,6 +32,9 @@ pub struct Problem {
     /// States that accept the command, with a 409 for a wrong state.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted_in: Vec<State>,
+    /// Who has the lease and for how long, with a 423.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) lease: Option<LeaseStatus>,
     #[serde(skip)]
     pub(super) retry_after_s: Option<u32>,
 }
@@ -53,6 +57,7 @@ impl Problem {
             fault_seq: None,
             errors: Vec::new(),
             accepted_in: Vec::new(),
+            lease: None,
             retry_after_s: None,
         }
     }
@@ -62,8 +67,12 @@ impl Problem {
         self
     }
 
-    pub(super) fn come_back(mut self) -> Self {
-        self.retry_after_s = Some(RETRY_AFTER_S);
+    pub(super) fn come_back(self) -> Self {
+        self.come_back_after(RETRY_AFTER_S)
+    }
+
+    pub(super) fn come_back_after(mut self, seconds: u32) -> Self {
+        self.retry_after_s = Some(seconds);
         self.action(SchedulerAction::Retry)
     }
 

@@ -7,10 +7,14 @@
 //! ```
 //! hyper's builder is used directly because `axum::serve` gives a client that dribbles its head all the time it wants.
 
+use super::pace::Peer;
 use super::{HttpError, HttpSettings, closed, router};
 use crate::session::SessionHandle;
 use axum::Router;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use std::pin::pin;
@@ -46,8 +50,8 @@ pub async fn serve(
     loop {
         tokio::select! {
             accepted = next_client(&listener, &slots) => match accepted {
-                Ok((stream, slot)) => {
-                    let served = connection(stream, slot, builder(&settings), router.clone(), closing.clone());
+                Ok((stream, peer, slot)) => {
+                    let served = connection(stream, peer, slot, builder(&settings), router.clone(), closing.clone());
                     connections.spawn(served);
                 }
                 Err(why) => {
@@ -65,12 +69,12 @@ pub async fn serve(
     Ok(())
 }
 
-async fn next_client(listener: &TcpListener, slots: &Arc<Semaphore>) -> std::io::Result<(TcpStream, OwnedSemaphorePermit)> {
+async fn next_client(listener: &TcpListener, slots: &Arc<Semaphore>) -> std::io::Result<(TcpStream, Peer, OwnedSemaphorePermit)> {
     let slot = slots.clone().acquire_owned().await.map_err(std::io::Error::other)?;
-    let (stream, _peer) = listener.accept().await?;
+    let (stream, peer) = listener.accept().await?;
     // Answers are small and awaited.
     stream.set_nodelay(true)?;
-    Ok((stream, slot))
+    Ok((stream, Peer(peer.ip().to_canonical()), slot))
 }
 
 fn builder(settings: &HttpSettings) -> http1::Builder {
@@ -81,12 +85,18 @@ fn builder(settings: &HttpSettings) -> http1::Builder {
 
 async fn connection(
     stream: TcpStream,
+    peer: Peer,
     slot: OwnedSemaphorePermit,
     builder: http1::Builder,
     router: Router,
     closing: watch::Receiver<bool>,
 ) {
-    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), TowerToHyperService::new(router)));
+    let inner = TowerToHyperService::new(router);
+    let service = service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(peer);
+        inner.call(request)
+    });
+    let mut connection = pin!(builder.serve_connection(TokioIo::new(stream), service));
     let ended = tokio::select! {
         ended = connection.as_mut() => ended,
         () = closed(closing) => {

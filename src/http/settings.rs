@@ -25,6 +25,10 @@ pub struct HttpSettings {
     pub body_timeout_ms: u64,
     /// Connections served at a time; more wait to be accepted.
     pub max_connections: usize,
+    /// Commands that one address may send per minute in the long run; reading is not counted.
+    pub commands_per_minute: u32,
+    /// Commands that it may send at once, after a rest.
+    pub command_burst: u32,
     /// Time that open requests have to end after a shutdown was asked for, ms.
     pub drain_ms: u64,
 }
@@ -41,6 +45,9 @@ impl Default for HttpSettings {
             body_timeout_ms: 8_000,
             // 1000 pollers and 2000 dribblers at once leave room for the operator.
             max_connections: 4_096,
+            // A loader sends a few per well, each well takes seconds; a page sends one per click.
+            commands_per_minute: 600,
+            command_burst: 100,
             // The whole daemon has 5 s to end.
             drain_ms: 2_000,
         }
@@ -98,6 +105,8 @@ impl HttpSettings {
             ms("head_timeout_ms", self.head_timeout_ms, 10.0),
             ms("body_timeout_ms", self.body_timeout_ms, 10.0),
             ms("drain_ms", self.drain_ms, 0.0),
+            ("commands_per_minute", f64::from(self.commands_per_minute), 1.0..=60_000.0, "commands"),
+            ("command_burst", f64::from(self.command_burst), 1.0..=10_000.0, "commands"),
             ("max_connections", self.max_connections as f64, 1.0..=65_536.0, "connections"),
         ])
     }

@@ -26,6 +26,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         .flat_map(|(path, item)| item.as_object().unwrap().keys().map(move |method| format!("{method} {path}")))
         .collect();
     let mut expected = vec![
+        "delete /v1/lease",
         "get /",
         "get /docs",
         "get /livez",
@@ -34,6 +35,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /readyz",
         "get /v1/events",
         "get /v1/fault-codes",
+        "get /v1/lease",
         "get /v1/live/frame.jpg",
         "get /v1/live/mesh.glb",
         "get /v1/live/profile.png",
@@ -41,6 +43,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /v1/status",
         "post /v1/plate-maps/check",
         "post /v1/runs/{run_id}/abort",
+        "put /v1/lease",
         "put /v1/runs/{run_id}",
         "put /v1/runs/{run_id}/wells/{well}",
     ];

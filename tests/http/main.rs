@@ -6,8 +6,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
 mod access;
+mod client;
 mod commands;
 mod contract;
+mod lease;
 mod limits;
 mod plate_maps;
 mod reading;

@@ -1,0 +1,172 @@
+//! One daemon, asked over HTTP: what can be asked again is, until patience ends, and `Retry-After` is honoured.
+
+use crate::http::Problem;
+use crate::session::Status;
+use anyhow::{Context, bail};
+use serde_json::Value;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use ureq::http::{Request, Response, StatusCode};
+
+/// Which daemon, and how it is spoken to.
+#[derive(Debug, clap::Args)]
+pub struct Daemon {
+    /// Where the daemon listens.
+    #[arg(long, default_value = "http://127.0.0.1:8420")]
+    url: String,
+    /// File with the daemon's bearer token, where it asks for one.
+    #[arg(long)]
+    token_file: Option<PathBuf>,
+    /// Token of a lease that the caller holds (`PUT /v1/lease`).
+    #[arg(long)]
+    lease: Option<String>,
+    /// Seconds to go on asking a daemon that does not answer or says to come back.
+    #[arg(long, default_value_t = 30)]
+    patience_s: u16,
+}
+
+/// Why something was not done.
+#[derive(Debug, thiserror::Error)]
+pub enum Failure {
+    #[error("{url} does not answer: {why}. Is the daemon running (`carved serve`, `carved simulate`), and --url right?")]
+    Unreachable { url: String, why: ureq::Error },
+    #[error("{} ({}, {})", .0.detail, .0.code, .0.status)]
+    Refused(Box<Problem>),
+    #[error("{url} answered {status} in a form that is not carved's; --url may lead to another program")]
+    Strange { url: String, status: StatusCode },
+}
+
+pub struct Client {
+    agent: ureq::Agent,
+    url: String,
+    authorization: Option<String>,
+    lease: Option<String>,
+    patience: Duration,
+}
+
+/// The daemon holds a long poll for so long.
+pub const POLL_S: u32 = 5;
+const CONNECT: Duration = Duration::from_secs(5);
+const ANSWER: Duration = Duration::from_secs(20);
+/// Pauses between attempts, doubled from the first to the last.
+const FIRST_PAUSE: Duration = Duration::from_millis(250);
+const LAST_PAUSE: Duration = Duration::from_secs(5);
+
+/// A name as one segment of a path.
+pub fn segment(name: &str) -> String {
+    let plain = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.' | b'~');
+    name.bytes().map(|b| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()
+}
+
+impl Client {
+    pub fn new(daemon: &Daemon) -> anyhow::Result<Self> {
+        if !daemon.url.starts_with("http://") {
+            bail!(
+                "--url {:?} is not http://HOST:PORT; the daemon speaks plain HTTP (reach another machine's through an SSH tunnel)",
+                daemon.url
+            );
+        }
+        let token =
+            daemon.token_file.as_ref().map(|path| std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display())));
+        let agent = ureq::Agent::config_builder()
+            .http_status_as_error(false)
+            .timeout_connect(Some(CONNECT))
+            .timeout_global(Some(ANSWER))
+            // A proxy of the environment is for the world outside, not for an instrument in the room.
+            .proxy(None)
+            .max_redirects(0)
+            .build()
+            .into();
+        Ok(Self {
+            agent,
+            url: daemon.url.trim_end_matches('/').to_owned(),
+            authorization: token.transpose()?.map(|token| format!("Bearer {}", token.trim())),
+            lease: daemon.lease.clone(),
+            patience: Duration::from_secs(daemon.patience_s.into()),
+        })
+    }
+
+    fn once(&self, method: &str, path: &str, body: Option<&Value>) -> Result<Response<ureq::Body>, ureq::Error> {
+        let mut request = Request::builder().method(method).uri(format!("{}{path}", self.url));
+        for (name, value) in [("authorization", &self.authorization), ("carved-lease", &self.lease)] {
+            if let Some(value) = value {
+                request = request.header(name, value);
+            }
+        }
+        match body {
+            Some(body) => self.agent.run(request.header("content-type", "application/json").body(body.to_string())?),
+            None if method == "GET" => self.agent.run(request.body(())?),
+            None => self.agent.run(request.body(String::new())?),
+        }
+    }
+
+    /// The answer's JSON. Every request of this client may be sent again: commands move towards a state, and a run is named
+    /// by the client.
+    pub fn send(&self, method: &str, path: &str, body: Option<&Value>) -> Result<Value, Failure> {
+        let until = Instant::now() + self.patience;
+        let mut pause = FIRST_PAUSE;
+        loop {
+            let (failure, told) = match self.once(method, path, body) {
+                Err(why) => (Failure::Unreachable { url: self.url.clone(), why }, None),
+                Ok(mut answer) => {
+                    let status = answer.status();
+                    let told = answer
+                        .headers()
+                        .get("retry-after")
+                        .and_then(|v| v.to_str().ok())
+                        .and_then(|v| v.parse().ok())
+                        .map(Duration::from_secs);
+                    let text = answer.body_mut().read_to_string();
+                    match text {
+                        Err(why) => (Failure::Unreachable { url: self.url.clone(), why }, None),
+                        Ok(text) => match self.judge(status, &text) {
+                            Ok(value) => return Ok(value),
+                            Err(failure) if matches!(status.as_u16(), 408 | 429 | 500 | 502 | 503 | 504) => (failure, told),
+                            Err(failure) => return Err(failure),
+                        },
+                    }
+                }
+            };
+            let wait = told.unwrap_or(pause);
+            if Instant::now() + wait > until {
+                return Err(failure);
+            }
+            std::thread::sleep(wait);
+            pause = (pause * 2).min(LAST_PAUSE);
+        }
+    }
+
+    fn judge(&self, status: StatusCode, text: &str) -> Result<Value, Failure> {
+        let strange = || Failure::Strange { url: self.url.clone(), status };
+        if status.is_success() {
+            return serde_json::from_str(text).map_err(|_| strange());
+        }
+        let problem: Problem = serde_json::from_str(text).map_err(|_| strange())?;
+        Err(Failure::Refused(Box::new(problem)))
+    }
+
+    fn typed(&self, value: Value) -> anyhow::Result<Status> {
+        serde_json::from_value(value)
+            .with_context(|| format!("the status of {} is of another version of carved than this program's", self.url))
+    }
+
+    pub fn status(&self) -> anyhow::Result<Status> {
+        self.typed(self.send("GET", "/v1/status", None)?)
+    }
+
+    /// The status as soon as its revision is above `after`, or as it is after a while.
+    pub fn status_after(&self, after: u64) -> anyhow::Result<Status> {
+        self.typed(self.send("GET", &format!("/v1/status?wait={POLL_S}&after={after}"), None)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_name_stays_one_segment() {
+        assert_eq!(segment("P-1.a_2"), "P-1.a_2");
+        assert_eq!(segment("../a b?"), "..%2Fa%20b%3F");
+    }
+}

@@ -1,0 +1,131 @@
+//! `carved run`: runs from the command line, as a client of a daemon's API like any other.
+//!
+//! ```text
+//! plate map ── start ──> PUT /v1/runs/{id} ──┐
+//!              hold, unhold, stop, abort ────┼─> daemon
+//!              status, watch <── /v1/status ─┘
+//! ```
+
+mod client;
+mod show;
+mod start;
+mod watch;
+
+use crate::session::{RunOutcome, Status};
+use client::{Client, Failure};
+use std::process::ExitCode;
+
+/// How the command ends, as its help says it.
+pub const EXIT_CODES: &str = "Exit codes: 0 done (watch: the run succeeded), 1 refused or nobody answers, 2 the command line is wrong, \
+    3 mistakes in the plate map or the plan, 4 the run ended partial, 5 failed or interrupted, 6 aborted.";
+
+#[derive(Debug, clap::Subcommand)]
+pub enum Command {
+    /// Start a run on a plate map (docs/plate-map.md).
+    Start(start::Args),
+    /// Say what the instrument is doing.
+    Status(StatusArgs),
+    /// Hold a run after the specimen under way.
+    Hold(SteerArgs),
+    /// Go on with a run that is held.
+    Unhold(SteerArgs),
+    /// End a run after the specimen under way.
+    Stop(SteerArgs),
+    /// End a run at once; motors stop first.
+    Abort(SteerArgs),
+    /// Follow a run until it ends.
+    Watch(WatchArgs),
+}
+
+#[derive(Debug, clap::Args)]
+pub struct StatusArgs {
+    #[command(flatten)]
+    daemon: client::Daemon,
+    /// Print the whole status as it is served.
+    #[arg(long)]
+    json: bool,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct SteerArgs {
+    #[command(flatten)]
+    daemon: client::Daemon,
+    /// The run; the one under way where none is named.
+    run: Option<String>,
+}
+
+#[derive(Debug, clap::Args)]
+pub struct WatchArgs {
+    #[command(flatten)]
+    daemon: client::Daemon,
+    /// The run; the newest where none is named.
+    run: Option<String>,
+}
+
+/// The code that a run's end has.
+fn code_of(outcome: RunOutcome) -> u8 {
+    match outcome {
+        RunOutcome::Succeeded => 0,
+        RunOutcome::Partial => 4,
+        RunOutcome::Failed | RunOutcome::Interrupted => 5,
+        RunOutcome::Aborted => 6,
+    }
+}
+
+fn newest(status: &Status) -> anyhow::Result<String> {
+    let run = status.run.as_ref().map(|run| run.id.clone());
+    run.ok_or_else(|| anyhow::anyhow!("there is no run yet; start one with `carved run start`"))
+}
+
+fn steer(args: &SteerArgs, verb: &str) -> anyhow::Result<()> {
+    let client = Client::new(&args.daemon)?;
+    let run = match &args.run {
+        Some(run) => run.clone(),
+        None => newest(&client.status()?)?,
+    };
+    client.send("POST", &format!("/v1/runs/{}/{verb}", client::segment(&run)), None)?;
+    println!("{verb} of run {run} is accepted. {}", client.status()?.doing);
+    Ok(())
+}
+
+fn carry_out(command: &Command) -> anyhow::Result<ExitCode> {
+    match command {
+        Command::Start(args) => return start::run(args),
+        Command::Status(args) => {
+            let client = Client::new(&args.daemon)?;
+            if args.json {
+                println!("{}", serde_json::to_string_pretty(&client.send("GET", "/v1/status", None)?)?);
+            } else {
+                print!("{}", show::status(&client.status()?));
+            }
+        }
+        Command::Hold(args) => steer(args, "hold")?,
+        Command::Unhold(args) => steer(args, "unhold")?,
+        Command::Stop(args) => steer(args, "stop")?,
+        Command::Abort(args) => steer(args, "abort")?,
+        Command::Watch(args) => {
+            let client = Client::new(&args.daemon)?;
+            let run = match &args.run {
+                Some(run) => run.clone(),
+                None => newest(&client.status()?)?,
+            };
+            return watch::follow(&client, &run);
+        }
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
+pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
+    match carry_out(command) {
+        // A plan with mistakes is an answer of its own: every one is printed, and has its own code.
+        Err(error) => match error.downcast_ref::<Failure>() {
+            Some(Failure::Refused(problem)) if !problem.errors.is_empty() => {
+                problem.errors.iter().for_each(|mistake| eprintln!("{mistake}"));
+                eprintln!("{} mistake(s); nothing was started", problem.errors.len());
+                Ok(ExitCode::from(super::plate::MISTAKES))
+            }
+            _ => Err(error),
+        },
+        done => done,
+    }
+}

@@ -1,0 +1,72 @@
+//! The status in words and lines.
+
+use crate::session::{Fault, RunStatus, SpecimenKind, Status, WellStatus};
+use serde::Serialize;
+
+/// The word that a value has in the API.
+fn word(value: impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// One well that has ended.
+pub fn well(well: &WellStatus) -> String {
+    let kind = match (well.specimen, well.dpf) {
+        (SpecimenKind::Bead, _) => "bead".to_owned(),
+        (SpecimenKind::Larva, Some(dpf)) => format!("larva of {dpf} dpf"),
+        (SpecimenKind::Larva, None) => "larva".to_owned(),
+    };
+    let mut line = format!("{}  {kind}: {}", well.well, well.outcome.map(word).unwrap_or_default());
+    if let Some(reason) = &well.reason {
+        line += &format!(", {reason}");
+    }
+    if let Some(volume) = well.volume_um3 {
+        let sd = well.volume_sd_um3.map_or_else(String::new, |sd| format!(" ± {:.2} nl", sd / 1e6));
+        line += &format!(", {:.2} nl{sd}", volume / 1e6);
+    }
+    if !well.flags.is_empty() {
+        line += &format!(" ({})", well.flags.join(", "));
+    }
+    line
+}
+
+pub fn fault(fault: &Fault) -> String {
+    format!("fault {} {}: {}. What to do: {}", fault.seq, fault.code, fault.message, fault.what_to_do)
+}
+
+pub fn counts(run: &RunStatus) -> String {
+    let w = &run.wells;
+    let parts = [
+        (w.succeeded, "succeeded"),
+        (w.flagged, "flagged"),
+        (w.failed, "failed"),
+        (w.skipped, "skipped"),
+        (w.interrupted, "interrupted"),
+        (w.pending, "to come"),
+    ];
+    let said: Vec<String> = parts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!("{n} {what}")).collect();
+    format!("{} wells: {}", w.total, said.join(", "))
+}
+
+/// How a run ended.
+pub fn end(run: &RunStatus) -> String {
+    format!("run {} has ended: {}; {}", run.id, run.outcome.map(word).unwrap_or_default(), counts(run))
+}
+
+pub fn status(status: &Status) -> String {
+    let mut text = format!("{} ({})\n", status.doing, word(status.state));
+    if let (false, Some(why)) = (status.ready, &status.not_ready_reason) {
+        text += &format!("not ready: {why}\n");
+    }
+    match &status.run {
+        Some(run) if run.outcome.is_some() => text += &format!("{}\n", end(run)),
+        Some(run) => {
+            let left = run.eta_s.map_or_else(String::new, |eta| format!(", some {:.0} min to go", (eta.p50 / 60.0).ceil()));
+            text += &format!("run {} by {}, method {}: {}{left}\n", run.id, run.operator, run.method, counts(run));
+        }
+        None => {}
+    }
+    for one in &status.faults {
+        text += &format!("{}\n", fault(one));
+    }
+    text
+}
