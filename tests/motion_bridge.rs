@@ -14,6 +14,7 @@ use hardware_sim::bridge::{self, Knobs};
 use hardware_sim::{Controller, RigSettings};
 use motion::{PATIENCE, SPEED_DEG_PER_S, await_that, is_suspect, targets, true_steps, turn, with_camera};
 use std::path::PathBuf;
+use std::time::Duration;
 
 struct Bench {
     folder: tempfile::TempDir,
@@ -208,6 +209,19 @@ fn a_bridge_that_restarts_while_vast_turns_makes_the_position_suspect() {
 #[test]
 fn a_pulled_cable_is_told_and_leaves_vast_where_its_step_ends() {
     fails(|b| b.emulated.faults().unplug_serial(), |e| matches!(e, DeviceError::Gone { .. }));
+}
+
+#[test]
+fn a_late_answer_to_the_greeting_is_no_ok_to_a_trigger() {
+    let bench = Bench::new(Degrees::Absolute);
+    let mut axis = bench.open();
+    axis.announce(&targets(ViewOrder::Sequential)).unwrap();
+    // It is asked again after 700 ms, and then answers twice.
+    bench.emulated.faults().serial().delay_answer_after(0, Duration::from_secs(1));
+    bench.knobs.take_up_specimen();
+    axis.reference(&CancelToken::new()).unwrap();
+    let stop = targets(ViewOrder::Sequential)[1];
+    assert_eq!(axis.move_to(stop).unwrap().steps, stop);
 }
 
 #[test]

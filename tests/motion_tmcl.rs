@@ -123,6 +123,24 @@ fn a_stop_in_the_middle_of_a_move_stops_both_motors_until_the_next_reference() {
 }
 
 #[test]
+fn a_stop_reaches_both_motors_over_one_pair_of_wires() {
+    let mut module = Settings::default();
+    module.half_duplex = true;
+    let rig = rig(module);
+    let mut axis = referenced(here(&rig));
+    let stop = axis.stop_handle();
+    let begin = motors(&rig);
+    std::thread::scope(|scope| {
+        let moving = scope.spawn(|| axis.move_to(Steps(64_000)));
+        until("the pair to turn", || motors(&rig)[1] > begin[1] + 200.0);
+        stop.stop();
+        assert!(matches!(moving.join().unwrap(), Err(DeviceError::Stopped)));
+    });
+    stand(&rig);
+    assert!(motors(&rig).iter().all(|at| *at < 32_000.0), "{:?}: long before its target", motors(&rig));
+}
+
+#[test]
 fn a_stop_is_heard_by_a_module_that_waits_for_the_rest_of_a_frame() {
     for stray in 1..9 {
         let rig = rig(Settings::default());

@@ -130,6 +130,11 @@ impl Shaft {
         self.steps_to_rad(state.position(now_s) - state.datum_steps)
     }
 
+    /// Whether a move is under way.
+    pub fn is_turning(&self) -> bool {
+        self.lock().drives.iter().any(|drive| drive.motion.is_some())
+    }
+
     /// Where one motor of a pair stands, in steps.
     pub fn motor_steps(&self, motor: usize) -> f64 {
         self.motor_at(motor, self.clock.now_s())

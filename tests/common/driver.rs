@@ -43,12 +43,7 @@ pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
 
 /// A refusal may overtake the bytes of its stop on their way through the pty; what they bring about is lasting.
 pub fn stand(rig: &Rig) {
-    let mut before = f64::NAN;
-    until("the shaft to stand", || {
-        std::thread::sleep(Duration::from_millis(20));
-        let angle = rig.shaft().angle_rad();
-        angle.to_bits() == std::mem::replace(&mut before, angle).to_bits()
-    });
+    until("the shaft to stand", || !rig.shaft().is_turning());
 }
 
 /// The cable pulled at each of the first `bytes` bytes that a move hears; `referenced` opens the axis of a rig and references it where

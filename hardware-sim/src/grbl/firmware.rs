@@ -22,6 +22,8 @@ use std::sync::Arc;
 
 /// A line keeps one byte of its 80 for the terminator.
 const LINE_BYTES: usize = 80 - 1;
+/// A dwell is so many of these as reach it, by Grbl and by grblHAL; none where 0 s are asked for.
+const DWELL_STEP_S: f64 = 0.05;
 /// What the axes X and Y move.
 const SHAFT: usize = 0;
 const SLIDE: usize = 1;
@@ -268,7 +270,10 @@ impl Firmware {
                 self.wait = Wait::Nothing;
                 match then {
                     Then::Answer => self.ok(),
-                    Then::Dwell { seconds } => self.wait = Wait::Dwell { until_s: now_s + f64::from(seconds) },
+                    Then::Dwell { seconds } => {
+                        let steps = (f64::from(seconds) / DWELL_STEP_S).ceil();
+                        self.wait = Wait::Dwell { until_s: now_s + steps * DWELL_STEP_S };
+                    }
                     Then::Pause => {
                         self.ok();
                         self.mode = Mode::Hold;

@@ -97,6 +97,15 @@ fn ok_means_queued_and_g4_means_arrived() {
 }
 
 #[test]
+fn a_dwell_is_rounded_up_to_50_ms_and_none_is_none() {
+    let mut b = Bench::unlocked();
+    assert_eq!(b.say("G4 P0.01\n"), "");
+    assert_eq!(b.after(0.049), "");
+    assert_eq!(b.after(0.002), "ok\r\n");
+    assert_eq!(b.say("G4 P0\n"), "ok\r\n");
+}
+
+#[test]
 fn homing_finds_the_index_and_sets_the_position_as_grbl_does() {
     let mut b = Bench::new();
     b.heard();

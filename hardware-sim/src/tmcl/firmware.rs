@@ -57,6 +57,9 @@ impl serial::Firmware for Firmware {
         while let Some(frame) = self.received.first_chunk::<BYTES>().copied() {
             self.received.drain(..BYTES);
             self.answer(Request::read(frame), now_s);
+            if self.settings.half_duplex && !self.out.is_empty() {
+                self.received.clear();
+            }
         }
     }
 

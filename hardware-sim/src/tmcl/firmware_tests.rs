@@ -53,6 +53,16 @@ fn the_published_frame_is_answered_as_published() {
 }
 
 #[test]
+fn on_one_pair_of_wires_a_frame_beside_an_answer_is_not_heard() {
+    for half_duplex in [false, true] {
+        let mut module = Module::new(Settings { half_duplex, ..Settings::default() });
+        let version = [1, 136, 1, 0, 0, 0, 0, 0, 138];
+        module.firmware.receive(&[version, version].concat(), 0.0);
+        assert_eq!(module.firmware.take_output().len(), if half_duplex { BYTES } else { 2 * BYTES });
+    }
+}
+
+#[test]
 fn both_motors_turn_the_capillary_and_one_twists_it() {
     let mut module = Module::new(Settings::default());
     module.go(0, 1600, 0.0);

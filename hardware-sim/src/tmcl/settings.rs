@@ -9,6 +9,8 @@ pub struct Settings {
     pub host_address: u8,
     /// Type of the module in the upper half, version of its firmware in the lower.
     pub version: i32,
+    /// One pair of wires for both directions (RS485): what comes while the module has an answer to give is not heard.
+    pub half_duplex: bool,
     parameters: BTreeMap<u8, i32>,
 }
 
@@ -16,7 +18,7 @@ impl Default for Settings {
     /// A TMCM-6212, firmware 1.00, which counts in steps/s and steps/s^2. A turn of 6400 microsteps takes two seconds.
     fn default() -> Self {
         let parameters = [(0, 0), (1, 0), (2, 0), (3, 0), (4, 3200), (5, 32_000), (8, 1), (10, 0), (11, 0), (140, 5), (181, 0), (206, 512)];
-        Self { module_address: 1, host_address: 2, version: 0x1844_0100, parameters: parameters.into() }
+        Self { module_address: 1, host_address: 2, version: 0x1844_0100, half_duplex: false, parameters: parameters.into() }
     }
 }
 

@@ -19,7 +19,7 @@
 //! Opening a port raises its DTR line, which restarts an Arduino; its position was of no use to anybody, because a port that
 //! another program has open is left alone.
 
-use super::link::Link;
+use super::link::{Link, Stop};
 use super::port::Port;
 use crate::device::DeviceError;
 use std::collections::BTreeMap;
@@ -63,7 +63,7 @@ pub enum Answer {
 /// # Errors
 /// A port that cannot be opened, another program's included, or that goes away meanwhile.
 pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
-    let mut line = Wire(Link::serial(DEVICE, port, baud, b"")?);
+    let mut line = Wire(Link::serial(DEVICE, port, baud, Stop::default())?);
     // Grbl says its name when it starts; a bridge says OK, which others say as well.
     let greeting = line.hear(BOOT, |text| is_grbl(text).then(|| text.to_owned()))?;
     if greeting.is_some() || line.ask(b"?", |text| text.starts_with('<').then_some(()))?.is_some() {

@@ -2,29 +2,33 @@
 //!
 //! ```text
 //! Unknown ──reference──► At(epoch) ──any doubt──► Suspect(epoch + 1) ──reference──► At(epoch + 2)
+//!    └── a reference that fails ──► Suspect
 //! ```
 
 use crate::device::{Achieved, DeviceError, Position};
 use crate::units::Steps;
 use std::time::Duration;
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Knowledge {
+    axis: &'static str,
     epoch: u32,
     known: Known,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 enum Known {
-    #[default]
     Unknown,
     At(Steps),
-    Suspect {
-        why: String,
-    },
+    Suspect { why: String },
 }
 
 impl Knowledge {
+    /// Nothing is known of `axis`.
+    pub fn none_of(axis: &'static str) -> Self {
+        Self { axis, epoch: 0, known: Known::Unknown }
+    }
+
     /// The axis stands at its reference: step 0 of a new epoch.
     pub fn begin_epoch(&mut self) -> Achieved {
         self.epoch += 1;
@@ -36,13 +40,28 @@ impl Knowledge {
         Achieved { steps: at, epoch: self.epoch }
     }
 
-    /// No longer believes the position, if there was one to believe.
+    /// No longer believes the position, if there was one to believe, and remembers why.
     pub fn doubt(&mut self, error: &DeviceError) {
-        if matches!(self.known, Known::At(_)) {
+        if self.is_known() {
             self.epoch += 1;
-            self.known = Known::Suspect { why: error.to_string() };
-            tracing::warn!(epoch = self.epoch, why = %error, "the position of the rotation axis is suspect");
+            tracing::warn!(epoch = self.epoch, why = %error, "the position of the {} is suspect", self.axis);
         }
+        if !matches!(self.known, Known::Suspect { .. }) {
+            self.known = Known::Suspect { why: error.to_string() };
+        }
+    }
+
+    /// What was known is of no meaning any more, and nothing is wrong.
+    pub fn forget(&mut self) {
+        self.known = Known::Unknown;
+    }
+
+    pub fn is_known(&self) -> bool {
+        matches!(self.known, Known::At(_))
+    }
+
+    pub fn is_suspect(&self) -> bool {
+        matches!(self.known, Known::Suspect { .. })
     }
 
     /// Where a move begins.

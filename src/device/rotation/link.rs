@@ -9,9 +9,10 @@
 //! any thread ── Stopper
 //! ```
 //! The one owner of a port is the rig worker, which blocks anyway; there is no thread per port. Reading needs no lock.
-//! Every write takes the transmitter's lock for one short line (at most 80 bytes into a kernel buffer of 4096), so a stop
+//! Every write takes the transmitter's lock for one request, which the kernel's buffer of 4096 bytes takes at once, so a stop
 //! is on the wire at once even while the owner waits for an answer. Latch and bytes change under the same lock: a command
-//! either precedes the stop on the wire, and the stop ends it, or it finds the latch and is never sent.
+//! either precedes the stop on the wire, and the stop ends it, or it finds the latch and is never sent. A stop of several
+//! pieces keeps the lock until the last of them: nothing comes between them.
 //!
 //! A serial port is opened exclusively. Closing the owner closes the connection, whatever stop handles are still about.
 
@@ -44,8 +45,7 @@ pub(super) struct Link {
 
 struct Transmitter {
     device: &'static str,
-    /// What stops the motor on this protocol.
-    stop_bytes: Vec<u8>,
+    stop: Stop,
     state: Mutex<State>,
 }
 
@@ -53,6 +53,20 @@ struct State {
     /// None once the owner has closed the connection.
     door: Option<Door>,
     latched: bool,
+}
+
+/// What stops the motor on this protocol.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Stop {
+    pub pieces: Vec<Vec<u8>>,
+    /// From one piece to the next: on a wire for both directions the answer to a piece would fall upon the next one.
+    pub gap: Duration,
+}
+
+impl Stop {
+    pub fn of(bytes: &[u8]) -> Self {
+        Self { pieces: vec![bytes.to_vec()], gap: Duration::ZERO }
+    }
 }
 
 /// Stops the motor from any thread and keeps it stopped until the owner lifts the latch.
@@ -63,7 +77,7 @@ impl Stopper {
     pub fn stop(&self) {
         let mut state = self.0.lock();
         state.latched = true;
-        if let Err(e) = self.0.write(&mut state, &self.0.stop_bytes) {
+        if let Err(e) = self.0.write_stop(&mut state) {
             tracing::error!(device = self.0.device, error = %e, "stop could not be sent");
         }
     }
@@ -80,11 +94,21 @@ impl Transmitter {
         let door = state.door.as_mut().ok_or_else(|| gone("the connection has been closed".into()))?;
         door.send(bytes).map_err(|e| gone(e.to_string()))
     }
+
+    fn write_stop(&self, state: &mut State) -> Result<(), DeviceError> {
+        for (i, piece) in self.stop.pieces.iter().enumerate() {
+            if i > 0 {
+                std::thread::sleep(self.stop.gap);
+            }
+            self.write(state, piece)?;
+        }
+        Ok(())
+    }
 }
 
 impl Link {
     /// Opens a serial port, exclusively.
-    pub fn serial(device: &'static str, port: &Port, baud: u32, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
+    pub fn serial(device: &'static str, port: &Port, baud: u32, stop: Stop) -> Result<Self, DeviceError> {
         let path = &port.resolve(device)?;
         let refused = |e: &serialport::Error| {
             let why = e.to_string();
@@ -100,11 +124,11 @@ impl Link {
         if let Err(e) = port.write_data_terminal_ready(true) {
             tracing::debug!(device, error = %e, "the port has no DTR line");
         }
-        Self::through(device, path, Door::Serial(port), stop_bytes)
+        Self::through(device, path, Door::Serial(port), stop)
     }
 
     /// Connects to a program that speaks for the controller, `host:port`.
-    pub fn tcp(device: &'static str, address: &str, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
+    pub fn tcp(device: &'static str, address: &str, stop: Stop) -> Result<Self, DeviceError> {
         let refused = |e: std::io::Error| DeviceError::Open {
             device,
             address: address.into(),
@@ -118,7 +142,7 @@ impl Link {
                     // Requests are a few bytes each and wait for their answers.
                     stream.set_nodelay(true).map_err(refused)?;
                     stream.set_write_timeout(Some(WRITE_TIMEOUT)).map_err(refused)?;
-                    return Self::through(device, address, Door::Tcp(stream), stop_bytes);
+                    return Self::through(device, address, Door::Tcp(stream), stop);
                 }
                 Err(e) => last = e,
             }
@@ -126,7 +150,7 @@ impl Link {
         Err(refused(last))
     }
 
-    fn through(device: &'static str, address: &str, reader: Door, stop_bytes: &[u8]) -> Result<Self, DeviceError> {
+    fn through(device: &'static str, address: &str, reader: Door, stop: Stop) -> Result<Self, DeviceError> {
         let twin = reader.twin().map_err(|e| DeviceError::Open {
             device,
             address: address.into(),
@@ -134,7 +158,7 @@ impl Link {
             remedy: "Close other programs: this computer has no file handles left",
         })?;
         let state = Mutex::new(State { door: Some(twin), latched: false });
-        let transmitter = Transmitter { device, stop_bytes: stop_bytes.to_vec(), state };
+        let transmitter = Transmitter { device, stop, state };
         Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
     }
 
@@ -154,7 +178,7 @@ impl Link {
     /// Stops the motor without latching: the owner's own reaction to a fault.
     pub fn halt(&mut self) {
         let mut state = self.transmitter.lock();
-        if let Err(e) = self.transmitter.write(&mut state, &self.transmitter.stop_bytes) {
+        if let Err(e) = self.transmitter.write_stop(&mut state) {
             tracing::warn!(device = self.device, error = %e, "halt could not be sent");
         }
     }

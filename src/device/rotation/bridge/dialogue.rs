@@ -9,13 +9,11 @@
 use super::message::{self, Message};
 use super::{DEVICE, VastBridgeSettings};
 use crate::cancel::CancelToken;
-use crate::device::rotation::link::Link;
+use crate::device::rotation::link::{Link, Stop};
 use crate::device::{DeviceError, StopHandle};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Nothing on the wire stops VAST: a stop only latches.
-const NO_STOP: &[u8] = b"";
 /// Asked until it answers: a controller that restarts when its port is opened hears nothing for up to two seconds.
 const WAKE_ATTEMPTS: u32 = 8;
 /// Lines of settings after the `OK` to `X?`.
@@ -31,7 +29,8 @@ pub(super) struct Dialogue {
 
 impl Dialogue {
     pub fn open(settings: &VastBridgeSettings) -> Result<Self, DeviceError> {
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, NO_STOP)?;
+        // Nothing on the wire stops VAST: a stop only latches.
+        let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::default())?;
         Ok(Self { link, answer_timeout: settings.answer_timeout(), heard: VecDeque::new(), arrivals: 0 })
     }
 
@@ -64,7 +63,7 @@ impl Dialogue {
     pub fn greet(&mut self) -> Result<Vec<String>, DeviceError> {
         let wait = self.answer_timeout;
         let mut error = None;
-        for _ in 0..WAKE_ATTEMPTS {
+        for asked in 1..=WAKE_ATTEMPTS {
             self.link.send(b"X?\n")?;
             let until = Instant::now() + wait;
             let mut lines = Vec::new();
@@ -79,11 +78,22 @@ impl Dialogue {
                 }
             }
             if lines.len() == SETTINGS_LINES {
+                if asked > 1 {
+                    self.hear_out()?;
+                }
                 return Ok(lines);
             }
         }
         let waited_ms = u128::from(WAKE_ATTEMPTS) * wait.as_millis();
         Err(error.map_or(DeviceError::Silent { device: DEVICE, request: "X?".into(), waited_ms }, refused))
+    }
+
+    /// After a question that was asked again: the `OK` of a late answer would be taken for the next trigger's.
+    fn hear_out(&mut self) -> Result<(), DeviceError> {
+        while let Some(message) = self.next(Instant::now() + self.answer_timeout)? {
+            self.arrivals += u32::from(message == Message::Arrived);
+        }
+        Ok(())
     }
 
     fn next(&mut self, until: Instant) -> Result<Option<Message>, DeviceError> {

@@ -17,6 +17,7 @@ mod settings;
 
 pub use settings::{Degrees, VastBridgeSettings};
 
+use super::knowledge::Knowledge;
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
 use crate::units::{Steps, StepsPerRevolution};
@@ -33,21 +34,12 @@ pub struct VastBridge {
     hundredths_per_step: i64,
     identity: String,
     stops: Vec<Steps>,
+    /// Unknown while VAST is not within a list, or has not come to its first stop.
     knowledge: Knowledge,
+    /// Which of the stops it stands at, where that is known.
+    stop: usize,
     /// Until when the arrival of the last trigger may still come.
     due: Instant,
-    epoch: u32,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-enum Knowledge {
-    /// VAST is not within a list, or has not come to its first stop.
-    Unknown,
-    /// It stands at this stop of the list.
-    At(usize),
-    Suspect {
-        why: String,
-    },
 }
 
 impl VastBridge {
@@ -66,25 +58,26 @@ impl VastBridge {
             hundredths_per_step,
             identity: String::new(),
             stops: Vec::new(),
-            knowledge: Knowledge::Unknown,
+            knowledge: Knowledge::none_of("rotation axis"),
+            stop: 0,
             due: Instant::now(),
-            epoch: 0,
         };
         bridge.identity = format!("VAST trigger bridge ({})", bridge.dialogue.greet()?.join(", "));
         tracing::info!(identity = bridge.identity, port = %bridge.settings.port, "rotation axis opened");
         Ok(bridge)
     }
 
-    /// Steps from a stop to the one after it.
-    fn step(&mut self, from: usize) -> Result<(), DeviceError> {
-        let way = Steps(self.stops[from + 1].0 - self.stops[from].0);
+    /// Steps on to the next stop.
+    fn step(&mut self) -> Result<Achieved, DeviceError> {
+        let next = self.stops[self.stop + 1];
+        let way = Steps(next.0 - self.stops[self.stop].0);
         let deg = self.per_revolution.angle(way).to_degrees();
         let pace = self.settings.pace();
         self.due = Instant::now() + pace.longest(deg);
         let since = self.dialogue.trigger()?;
         self.dialogue.arrive(since, pace.shortest(deg), pace.longest(deg))?;
-        self.knowledge = Knowledge::At(from + 1);
-        Ok(())
+        self.stop += 1;
+        Ok(self.knowledge.arrived(next))
     }
 
     /// Waits until VAST stands at the first stop.
@@ -92,7 +85,7 @@ impl VastBridge {
         let Some(first) = self.stops.first().copied() else {
             return Err(out_of_step("no list has been announced, so VAST has none to go by"));
         };
-        if self.knowledge != Knowledge::Unknown {
+        if self.knowledge.is_known() || self.knowledge.is_suspect() {
             self.begin_anew()?;
         }
         self.dialogue.listen()?;
@@ -111,10 +104,10 @@ impl VastBridge {
         let text = list::text(stops, self.hundredths_per_step, &self.settings);
         let is_there = std::fs::read(&path).is_ok_and(|there| there == text.as_bytes());
         let stopped = self.dialogue.is_stopped();
-        if is_there && self.stops == stops && !stopped && matches!(self.knowledge, Knowledge::At(_)) {
+        if is_there && self.stops == stops && !stopped && self.knowledge.is_known() {
             return Ok(());
         }
-        if stopped || self.knowledge != Knowledge::Unknown {
+        if stopped || self.knowledge.is_known() || self.knowledge.is_suspect() {
             self.begin_anew()?;
         }
         if is_there {
@@ -136,39 +129,29 @@ impl VastBridge {
     fn begin_anew(&mut self) -> Result<(), DeviceError> {
         let still_due = self.due.saturating_duration_since(Instant::now());
         self.dialogue.forget(still_due)?;
-        self.epoch += u32::from(matches!(self.knowledge, Knowledge::At(_)));
-        self.knowledge = Knowledge::Unknown;
+        self.knowledge.forget();
         Ok(())
     }
 
     /// Goes through what is left of the list and out of its end.
     fn finish(&mut self) -> Result<(), DeviceError> {
-        while let Knowledge::At(stop) = self.knowledge {
-            if stop + 1 < self.stops.len() {
-                self.step(stop)?;
-                continue;
-            }
-            if self.settings.end_with_trigger {
-                self.dialogue.trigger()?;
-            }
-            self.knowledge = Knowledge::Unknown;
-            self.dialogue.arrivals = 0;
+        if !self.knowledge.is_known() {
+            return Ok(());
         }
+        while self.stop + 1 < self.stops.len() {
+            self.step()?;
+        }
+        if self.settings.end_with_trigger {
+            self.dialogue.trigger()?;
+        }
+        self.knowledge.forget();
+        self.dialogue.arrivals = 0;
         Ok(())
-    }
-
-    /// No longer believes where VAST stands.
-    fn doubt(&mut self, error: &DeviceError) {
-        if matches!(self.knowledge, Knowledge::At(_)) {
-            self.epoch += 1;
-            tracing::warn!(epoch = self.epoch, why = %error, "the position of the rotation axis is suspect");
-        }
-        self.knowledge = Knowledge::Suspect { why: error.to_string() };
     }
 
     fn unless_doubtful<T>(&mut self, outcome: Result<T, DeviceError>) -> Result<T, DeviceError> {
         if let Err(error) = &outcome {
-            self.doubt(error);
+            self.knowledge.doubt(error);
         }
         outcome
     }
@@ -193,28 +176,23 @@ impl RotationAxis for VastBridge {
         self.dialogue.release(cancel)?;
         let taken_up = self.take_up();
         let steps = self.unless_doubtful(taken_up)?;
-        self.epoch += 1;
-        self.knowledge = Knowledge::At(0);
-        Ok(Achieved { steps, epoch: self.epoch })
+        self.stop = 0;
+        self.knowledge.begin_epoch();
+        Ok(self.knowledge.arrived(steps))
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let at = match &self.knowledge {
-            Knowledge::Unknown => return Err(DeviceError::NotReferenced),
-            Knowledge::Suspect { why } => return Err(DeviceError::Suspect { why: why.clone() }),
-            Knowledge::At(at) => *at,
-        };
-        let moved = if self.stops[at] == target {
-            self.dialogue.catch_up()
+        let at = self.knowledge.whence()?;
+        let moved = if at == target {
+            self.dialogue.catch_up().map(|()| self.knowledge.arrived(at))
         } else {
-            let next = self.stops.get(at + 1).copied();
+            let next = self.stops.get(self.stop + 1).copied();
             if next != Some(target) {
                 return Err(DeviceError::NotNext { target, next });
             }
-            self.step(at)
+            self.step()
         };
-        self.unless_doubtful(moved)?;
-        Ok(Achieved { steps: target, epoch: self.epoch })
+        self.unless_doubtful(moved)
     }
 
     fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
@@ -228,11 +206,7 @@ impl RotationAxis for VastBridge {
     }
 
     fn position(&self) -> Position {
-        match self.knowledge {
-            Knowledge::Unknown => Position::Unknown,
-            Knowledge::At(stop) => Position::Referenced { steps: self.stops[stop], epoch: self.epoch },
-            Knowledge::Suspect { .. } => Position::Suspect { epoch: self.epoch },
-        }
+        self.knowledge.position()
     }
 
     fn stop_handle(&self) -> StopHandle {

@@ -90,11 +90,13 @@ impl TranslationSettings {
 pub(super) struct Slide {
     settings: TranslationSettings,
     pub knowledge: Knowledge,
+    /// The machine step of step 0.
+    origin: i64,
 }
 
 impl Slide {
     pub fn new(settings: TranslationSettings) -> Self {
-        Self { settings, knowledge: Knowledge::Unknown }
+        Self { settings, knowledge: Knowledge::none_of("translation axis"), origin: 0 }
     }
 
     pub fn geometry(&self) -> Geometry {
@@ -112,25 +114,30 @@ impl Grbl {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Ok(()) };
         let origin = self.homed_origin(&axis)?;
         if let Some(slide) = &mut self.slide {
-            slide.knowledge = Knowledge::Referenced { origin, at: origin };
+            slide.origin = origin;
+            slide.knowledge.begin_epoch();
         }
         Ok(())
     }
 
-    fn slide_from(&self) -> Result<(TranslationSettings, i64, i64), DeviceError> {
-        let slide = self.slide.as_ref().ok_or_else(|| refused("the configuration has no [translation]"))?;
-        match &slide.knowledge {
-            Knowledge::Unknown => Err(refused("not referenced; its position is not known, so it refuses to move")),
-            Knowledge::Suspect { why } => Err(refused(&format!("its position cannot be trusted ({why})"))),
-            Knowledge::Referenced { origin, at } => Ok((slide.settings, *origin, *at)),
+    fn slide(&mut self) -> Result<&mut Slide, DeviceError> {
+        self.slide.as_mut().ok_or_else(|| refused("the configuration has no [translation]"))
+    }
+
+    fn slide_from(&mut self) -> Result<(TranslationSettings, i64, Steps), DeviceError> {
+        let slide = self.slide()?;
+        match slide.knowledge.whence() {
+            Ok(at) => Ok((slide.settings, slide.origin, at)),
+            Err(DeviceError::Suspect { why }) => Err(refused(&format!("its position cannot be trusted ({why})"))),
+            Err(_) => Err(refused("not referenced; its position is not known, so it refuses to move")),
         }
     }
 }
 
 impl LinearAxis for Grbl {
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-        if let Ok((_, origin, at)) = self.slide_from() {
-            return Ok(Achieved { steps: Steps(at - origin), epoch: self.epoch });
+        if let Ok((_, _, at)) = self.slide_from() {
+            return Ok(self.slide()?.knowledge.arrived(at));
         }
         // Where all axes home together, the rotation's reference has done it, or has failed.
         if self.settings.reference == Reference::Home {
@@ -138,7 +145,7 @@ impl LinearAxis for Grbl {
         }
         self.link.release(cancel)?;
         match self.home_slide() {
-            Ok(()) => Ok(Achieved { steps: Steps(0), epoch: self.epoch }),
+            Ok(()) => Ok(self.slide()?.knowledge.arrived(Steps(0))),
             Err(error) => {
                 self.doubt(&error);
                 Err(error)
@@ -152,14 +159,8 @@ impl LinearAxis for Grbl {
         if !(low..=high).contains(&target) {
             return Err(refused(&format!("sent to {target}, its limits are {low} and {high}")));
         }
-        let to = origin + target.0;
-        match self.travel(&settings.geometry(), from, to, origin) {
-            Ok(()) => {
-                if let Some(slide) = &mut self.slide {
-                    slide.knowledge = Knowledge::Referenced { origin, at: to };
-                }
-                Ok(Achieved { steps: target, epoch: self.epoch })
-            }
+        match self.travel(&settings.geometry(), origin + from.0, origin + target.0, origin) {
+            Ok(()) => Ok(self.slide()?.knowledge.arrived(target)),
             Err(error) => {
                 self.doubt(&error);
                 Err(match error {
@@ -175,11 +176,7 @@ impl LinearAxis for Grbl {
     }
 
     fn position(&self) -> Position {
-        match self.slide.as_ref().map(|s| &s.knowledge) {
-            None | Some(Knowledge::Unknown) => Position::Unknown,
-            Some(Knowledge::Referenced { origin, at }) => Position::Referenced { steps: Steps(at - origin), epoch: self.epoch },
-            Some(Knowledge::Suspect { .. }) => Position::Suspect { epoch: self.epoch },
-        }
+        self.slide.as_ref().map_or(Position::Unknown, |slide| slide.knowledge.position())
     }
 
     fn steps_of(&self, um: f64) -> Steps {

@@ -26,7 +26,8 @@ pub use linear::TranslationSettings;
 pub use settings::{AxisLetter, Dialect, GrblSettings};
 
 use super::Reference;
-use super::link::Link;
+use super::knowledge::Knowledge;
+use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
 use crate::units::Steps;
@@ -44,8 +45,8 @@ const SOFT_RESET: &[u8] = b"\x18";
 const STATUS: &[u8] = b"?";
 /// grblHAL alone.
 const FULL_STATUS: &[u8] = b"\x87";
-/// Answered only once every queued motion has ended.
-const BARRIER: &str = "G4P0.01";
+/// Answered only once every queued motion has ended, and then at once: any longer dwell is rounded up to 50 ms, by Grbl as by grblHAL.
+const BARRIER: &str = "G4P0";
 
 /// Machine steps beyond which a reference "here" turns the axis back first: float32 holds 2^24 steps, and a hundredth of
 /// a step is to stay resolved.
@@ -58,7 +59,8 @@ pub struct Grbl {
     settings: GrblSettings,
     identity: String,
     knowledge: Knowledge,
-    epoch: u32,
+    /// The machine step of step 0; machine steps count from the controller's own zero.
+    origin: i64,
     /// A motion has been asked for and its end has not been seen.
     in_flight: bool,
     /// By its greeting.
@@ -71,14 +73,6 @@ pub struct Grbl {
     slide: Option<Slide>,
     /// Its settings when they last agreed with the configuration.
     found: Found,
-}
-
-/// Machine steps count from the controller's own zero.
-#[derive(Debug, Clone, PartialEq)]
-enum Knowledge {
-    Unknown,
-    Referenced { origin: i64, at: i64 },
-    Suspect { why: String },
 }
 
 impl Grbl {
@@ -99,13 +93,13 @@ impl Grbl {
         if let Some(translation) = &translation {
             translation.check()?;
         }
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, STOP)?;
+        let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(STOP))?;
         let mut grbl = Self {
             link,
             settings,
             identity: String::new(),
-            knowledge: Knowledge::Unknown,
-            epoch: 0,
+            knowledge: Knowledge::none_of("rotation axis"),
+            origin: 0,
             in_flight: false,
             is_hal: false,
             memory_erased: false,
@@ -160,24 +154,17 @@ impl Grbl {
             self.link.halt();
             self.in_flight = false;
         }
-        if let Some(slide) = &mut self.slide
-            && matches!(slide.knowledge, Knowledge::Referenced { .. })
-        {
-            slide.knowledge = Knowledge::Suspect { why: error.to_string() };
+        if let Some(slide) = &mut self.slide {
+            slide.knowledge.doubt(error);
         }
-        if matches!(self.knowledge, Knowledge::Referenced { .. }) {
-            self.epoch += 1;
-            self.knowledge = Knowledge::Suspect { why: error.to_string() };
-            tracing::warn!(epoch = self.epoch, why = %error, "the position of the rotation axis is suspect");
-        }
+        self.knowledge.doubt(error);
     }
 
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
-        if let (Reference::Here, Knowledge::Referenced { origin, at }) = (self.settings.reference, &self.knowledge)
-            && at.abs() > FARTHEST_STEPS
+        if let (Reference::Here, Ok(at)) = (self.settings.reference, self.knowledge.whence())
+            && (self.origin + at.0).abs() > FARTHEST_STEPS
         {
-            let (origin, at) = (*origin, *at);
-            self.travel(&self.rotation(), at, 0, origin)?;
+            self.travel(&self.rotation(), self.origin + at.0, 0, self.origin)?;
         }
         self.wake()?;
         self.compare_settings()?;
@@ -239,9 +226,8 @@ impl RotationAxis for Grbl {
         self.link.release(cancel)?;
         match self.find_origin() {
             Ok(origin) => {
-                self.epoch += 1;
-                self.knowledge = Knowledge::Referenced { origin, at: origin };
-                Ok(Achieved { steps: Steps(0), epoch: self.epoch })
+                self.origin = origin;
+                Ok(self.knowledge.begin_epoch())
             }
             Err(error) => {
                 self.doubt(&error);
@@ -251,17 +237,9 @@ impl RotationAxis for Grbl {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let (origin, from) = match &self.knowledge {
-            Knowledge::Unknown => return Err(DeviceError::NotReferenced),
-            Knowledge::Suspect { why } => return Err(DeviceError::Suspect { why: why.clone() }),
-            Knowledge::Referenced { origin, at } => (*origin, *at),
-        };
-        let to = origin + target.0;
-        match self.travel(&self.rotation(), from, to, origin) {
-            Ok(()) => {
-                self.knowledge = Knowledge::Referenced { origin, at: to };
-                Ok(Achieved { steps: target, epoch: self.epoch })
-            }
+        let (origin, from) = (self.origin, self.knowledge.whence()?);
+        match self.travel(&self.rotation(), origin + from.0, origin + target.0, origin) {
+            Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
                 self.doubt(&error);
                 Err(error)
@@ -282,11 +260,7 @@ impl RotationAxis for Grbl {
     }
 
     fn position(&self) -> Position {
-        match self.knowledge {
-            Knowledge::Unknown => Position::Unknown,
-            Knowledge::Referenced { origin, at } => Position::Referenced { steps: Steps(at - origin), epoch: self.epoch },
-            Knowledge::Suspect { .. } => Position::Suspect { epoch: self.epoch },
-        }
+        self.knowledge.position()
     }
 
     fn stop_handle(&self) -> StopHandle {

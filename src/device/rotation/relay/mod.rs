@@ -13,14 +13,14 @@ mod settings;
 
 pub use settings::RelaySettings;
 
-use super::link::Link;
+use super::knowledge::Knowledge;
+use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
 use crate::units::{Steps, StepsPerRevolution};
 use std::time::{Duration, Instant};
 
 const DEVICE: &str = "rotation axis (VAST relay)";
-const NO_STOP: &[u8] = b"";
 /// Pause between two questions whether it still turns.
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
 
@@ -31,16 +31,8 @@ pub struct Relay {
     per_revolution: StepsPerRevolution,
     identity: String,
     knowledge: Knowledge,
-    epoch: u32,
     /// The connection is of no use any more.
     broken: bool,
-}
-
-#[derive(Debug, Clone, PartialEq)]
-enum Knowledge {
-    Unknown,
-    At(Steps),
-    Suspect { why: String },
 }
 
 impl Relay {
@@ -50,9 +42,10 @@ impl Relay {
     /// A bad setting, a relay that cannot be reached or does not answer.
     pub fn open(settings: RelaySettings, per_revolution: StepsPerRevolution) -> Result<Self, DeviceError> {
         settings.check()?;
-        let link = Link::tcp(DEVICE, &settings.address, NO_STOP)?;
+        let link = Link::tcp(DEVICE, &settings.address, Stop::default())?;
         let identity = format!("VAST relay at {}", settings.address);
-        let mut relay = Self { link, settings, per_revolution, identity, knowledge: Knowledge::Unknown, epoch: 0, broken: false };
+        let knowledge = Knowledge::none_of("rotation axis");
+        let mut relay = Self { link, settings, per_revolution, identity, knowledge, broken: false };
         if relay.settings.boot {
             frames::ask(&mut relay.link, "boot", relay.settings.boot_timeout())?;
         }
@@ -94,7 +87,7 @@ impl Relay {
 
     fn take_place(&mut self) -> Result<(), DeviceError> {
         if self.broken {
-            self.link.go_on_through(Link::tcp(DEVICE, &self.settings.address, NO_STOP)?);
+            self.link.go_on_through(Link::tcp(DEVICE, &self.settings.address, Stop::default())?);
             self.broken = false;
         }
         // What a stop or a fault left behind may still be turning.
@@ -118,11 +111,7 @@ impl Relay {
 
     fn unless_doubtful(&mut self, outcome: Result<(), DeviceError>) -> Result<(), DeviceError> {
         if let Err(error) = &outcome {
-            if matches!(self.knowledge, Knowledge::At(_)) {
-                self.epoch += 1;
-                tracing::warn!(epoch = self.epoch, why = %error, "the position of the rotation axis is suspect");
-            }
-            self.knowledge = Knowledge::Suspect { why: error.to_string() };
+            self.knowledge.doubt(error);
         }
         outcome
     }
@@ -141,21 +130,14 @@ impl RotationAxis for Relay {
         self.link.release(cancel)?;
         let taken = self.take_place();
         self.unless_doubtful(taken)?;
-        self.epoch += 1;
-        self.knowledge = Knowledge::At(Steps(0));
-        Ok(Achieved { steps: Steps(0), epoch: self.epoch })
+        Ok(self.knowledge.begin_epoch())
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let from = match &self.knowledge {
-            Knowledge::Unknown => return Err(DeviceError::NotReferenced),
-            Knowledge::Suspect { why } => return Err(DeviceError::Suspect { why: why.clone() }),
-            Knowledge::At(steps) => *steps,
-        };
+        let from = self.knowledge.whence()?;
         let turned = self.turn(Steps(target.0 - from.0));
         self.unless_doubtful(turned)?;
-        self.knowledge = Knowledge::At(target);
-        Ok(Achieved { steps: target, epoch: self.epoch })
+        Ok(self.knowledge.arrived(target))
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {
@@ -163,11 +145,7 @@ impl RotationAxis for Relay {
     }
 
     fn position(&self) -> Position {
-        match self.knowledge {
-            Knowledge::Unknown => Position::Unknown,
-            Knowledge::At(steps) => Position::Referenced { steps, epoch: self.epoch },
-            Knowledge::Suspect { .. } => Position::Suspect { epoch: self.epoch },
-        }
+        self.knowledge.position()
     }
 
     fn stop_handle(&self) -> StopHandle {

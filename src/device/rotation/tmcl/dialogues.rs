@@ -83,7 +83,7 @@ fn referenced() -> Vec<Step> {
     let mut steps = opening();
     steps.extend(opening());
     steps.extend(stopped());
-    steps.extend(look(77, 77));
+    steps.extend([look(77, 77), look(77, 77)].concat());
     steps.extend(stopped());
     steps.extend([0, 1].map(|motor| step(Request::set(parameter::ACTUAL_POSITION, motor, 0), 0)));
     steps.push(step(Request::set_mark(FIRST_MARK), FIRST_MARK));
@@ -107,7 +107,7 @@ fn arrived(target: i32) -> Vec<Step> {
 }
 
 fn halt() -> Step {
-    (stop_bytes(1, [0, 1]), Vec::new())
+    (stop_pieces(1, [0, 1]).concat(), Vec::new())
 }
 
 fn axis(script: Vec<Step>) -> (Scripted, Tmcl) {
@@ -316,7 +316,7 @@ fn the_stall_stop_is_armed_only_after_a_stop_has_forgotten_the_old_move() {
     script.extend(opening());
     script.extend(stopped());
     script.extend([0, 1].map(|motor| step(Request::set(parameter::STOP_ON_STALL, motor, 100), 100)));
-    script.extend(look(77, 77));
+    script.extend([look(77, 77), look(77, 77)].concat());
     script.extend(stopped());
     script.extend([0, 1].map(|motor| step(Request::set(parameter::ACTUAL_POSITION, motor, 0), 0)));
     script.push(step(Request::set_mark(FIRST_MARK), FIRST_MARK));
@@ -349,7 +349,8 @@ fn ends_that_are_a_little_apart_after_a_stop_are_brought_together_by_the_referen
     let mut script = opening();
     script.extend(opening());
     script.extend(stopped());
-    script.extend(look(77, 70));
+    // A flipped bit, and then twice the same.
+    script.extend([look(77, 70), look(77, 70 ^ 16), look(77, 70), look(77, 70)].concat());
     script.push(step(Request::go(1, 77), 77));
     script.extend(look(77, 77));
     script.extend(standing());
@@ -399,8 +400,59 @@ fn a_stop_reaches_the_wire_while_an_answer_is_awaited_and_stays_until_the_refere
 }
 
 #[test]
-fn stop_bytes_begin_with_plain_frames_for_both_motors() {
-    let stop = stop_bytes(1, [0, 1]);
-    assert_eq!(stop[..BYTES], Request::stop(0).encode(1));
-    assert_eq!(stop[BYTES..2 * BYTES], Request::stop(1).encode(1));
+fn a_stop_begins_with_plain_frames_for_both_motors() {
+    let stop = stop_pieces(1, [0, 1]);
+    assert_eq!(stop[0], Request::stop(0).encode(1));
+    assert_eq!(stop[1][..BYTES], Request::stop(1).encode(1));
+}
+
+#[test]
+fn both_acknowledgements_share_the_time_in_which_the_pair_comes_apart() {
+    let mut script = vec![step(Request::mark(), FIRST_MARK)];
+    script.extend(look(0, 0));
+    for _ in 0..2 {
+        // The first turns, the second does not say.
+        script.extend([step(Request::go(0, 1600), 1600), (said(Request::go(1, 1600)), Vec::new()), halt()]);
+        script.push(step(Request::version(), VERSION));
+    }
+    script.push(halt());
+    let error = fails(script).to_string();
+    // Of the second in which the pair comes apart by 20 steps, an exchange at the end is for the stop.
+    let waited: u32 = error.split("within ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap().parse().unwrap();
+    assert!(waited < 1000 - 4, "{error}");
+}
+
+/// A reference at the switches that goes as `rounds` say.
+fn searches(rounds: Vec<Step>) {
+    let mut script = opening();
+    script.extend(opening());
+    script.extend(stopped());
+    script.extend([look(77, 77), look(77, 77)].concat());
+    script.extend([0, 1].map(|motor| step(Request::search(motor), 0)));
+    script.extend(rounds);
+    script.push(step(Request::set_mark(FIRST_MARK), FIRST_MARK));
+    script.extend(look(0, 0));
+    let module = Scripted::play(script);
+    let mut tmcl = Tmcl::open(TmclSettings { reference: Reference::Home, ..settings(&module.port()) }).unwrap();
+    assert_eq!(tmcl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 1 });
+    module.followed(tmcl);
+}
+
+fn searching(motor: u8, answers: &[i32]) -> Vec<Step> {
+    answers.iter().map(|answer| step(Request::searching(motor), *answer)).collect()
+}
+
+#[test]
+fn an_end_of_the_search_is_asked_for_twice() {
+    let both = [searching(0, &[1]), searching(1, &[1]), look(90, 90)].concat();
+    let flipped = [searching(0, &[0, 1]), searching(1, &[0, 1]), look(110, 110)].concat();
+    let ended = [searching(0, &[0, 0]), searching(1, &[0, 0]), look(0, 0)].concat();
+    searches([both, flipped, ended].concat());
+}
+
+#[test]
+fn a_wrong_reading_is_not_what_a_late_motor_is_held_against() {
+    let late = |at| [searching(0, &[0, 0]), searching(1, &[1]), look(0, at)].concat();
+    let ended = [searching(0, &[0, 0]), searching(1, &[0, 0]), look(0, 0)].concat();
+    searches([late(95 ^ 1024), late(97), late(99), late(101), ended].concat());
 }

@@ -130,12 +130,16 @@ fn sum8(bytes: &[u8; BYTES]) -> u8 {
     bytes[..BYTES - 1].iter().fold(0, |sum, b| sum.wrapping_add(*b))
 }
 
-/// What stops both motors at once, moving or searching, also where the module still waits for the rest of an earlier frame:
-/// the same frames at each of the nine places at which its next frame may begin. The first of them are plain.
-pub(super) fn stop_bytes(module: u8, motors: [u8; 2]) -> Vec<u8> {
-    let frames: Vec<u8> =
-        motors.map(Request::stop).into_iter().chain(motors.map(Request::end_search)).flat_map(|request| request.encode(module)).collect();
-    (0..BYTES).flat_map(|_| frames.iter().copied().chain([0])).collect()
+/// What stops both motors, moving and then searching, also where the module still waits for the rest of an earlier frame: the
+/// same frames at each of the nine places at which its next frame may begin. The first two are plain. A piece is a frame, since the
+/// module answers each of them.
+pub(super) fn stop_pieces(module: u8, motors: [u8; 2]) -> Vec<Vec<u8>> {
+    let pass = |requests: [Request; 2]| {
+        let [first, second] = requests.map(|request| request.encode(module).to_vec());
+        // The zero behind the second begins the next place.
+        (0..BYTES).flat_map(move |_| [first.clone(), [second.clone(), vec![0]].concat()])
+    };
+    pass(motors.map(Request::stop)).chain(pass(motors.map(Request::end_search))).collect()
 }
 
 /// What a status other than "carried out" means.
@@ -182,7 +186,7 @@ mod tests {
         #[test]
         fn a_stop_is_heard_by_a_module_that_waits_for_the_rest_of_a_frame(half in prop::collection::vec(any::<u8>(), 0..BYTES)) {
             let mut stream = half;
-            stream.extend(stop_bytes(1, [0, 1]));
+            stream.extend(stop_pieces(1, [0, 1]).concat());
             let heard: Vec<Request> = stream
                 .as_chunks::<BYTES>().0
                 .iter()

@@ -6,8 +6,8 @@
 //!               └─ look, look, ... : apart? out of the way? standing short? ─► both stopped, position suspect
 //!               └─ both counters at the target, both speeds 0 ─ mark? ─► arrived
 //! ```
-//! One motor is told before the other, and is stopped again where the module does not answer in the time in which the pair
-//! comes apart by what is allowed. A look asks the first counter before and after the second, so that the skew of a turning pair is told without a clock.
+//! One motor is told before the other, and is stopped again where the module has not acknowledged both in the time in which the
+//! pair comes apart by what is allowed. A look asks the first counter before and after the second, so that the skew of a turning pair is told without a clock.
 //! Parameter 8, "position reached", is not asked: a stop leaves it at 0. A reading that says something is wrong is asked
 //! again before it is believed: bits flip, and the sum with them.
 //!
@@ -27,11 +27,11 @@ pub use settings::{ClockDivisors, TmclSettings};
 
 use super::Reference;
 use super::knowledge::Knowledge;
-use super::link::Link;
+use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
 use crate::units::Steps;
-use frame::{Request, parameter, stop_bytes};
+use frame::{Request, parameter, stop_pieces};
 use wire::Wire;
 
 const DEVICE: &str = "rotation axis (TMCL)";
@@ -56,12 +56,13 @@ impl Tmcl {
     /// A bad setting, a port that cannot be opened, a silent module, or one with other settings.
     pub fn open(settings: TmclSettings) -> Result<Self, DeviceError> {
         settings.check()?;
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, &stop_bytes(settings.module_address, settings.motors))?;
+        let stop = Stop { pieces: stop_pieces(settings.module_address, settings.motors), gap: settings.exchange_time() };
+        let link = Link::serial(DEVICE, &settings.port, settings.baud, stop)?;
         let mut wire = Wire::new(link, &settings);
         let version = wire.flush()?;
         // The type in the upper half, major and minor version in the lower.
         let identity = format!("TMCM-{} {}.{:02}", version >> 16, (version >> 8) & 0xff, version & 0xff);
-        let mut tmcl = Self { wire, settings, identity, knowledge: Knowledge::default(), mark: 0, in_flight: false };
+        let mut tmcl = Self { wire, settings, identity, knowledge: Knowledge::none_of("rotation axis"), mark: 0, in_flight: false };
         tmcl.compare_settings()?;
         tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");
         Ok(tmcl)

@@ -81,6 +81,10 @@ fn default_homing_timeout_ms() -> u32 {
     30_000
 }
 
+/// What a module may take from a request to its answer.
+const MODULE_TIME: Duration = Duration::from_millis(3);
+/// Both motors are told, and one is stopped again.
+const EXCHANGES_APART: u32 = 3;
 /// Clock of the TMC428/429, Hz.
 const CLOCK_HZ: f64 = 16.0e6;
 /// 256 microsteps.
@@ -91,14 +95,15 @@ impl TmclSettings {
     /// # Errors
     /// Names the first value that no module can have.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let bad = |name, found: String, rule: &str| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule: rule.into() });
+        let bad = |name, found: String, rule: String| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule });
         if self.motors[0] == self.motors[1] {
-            return bad("motors", format!("{:?}", self.motors), "the two ends of the capillary have a motor each");
+            return bad("motors", format!("{:?}", self.motors), "the two ends of the capillary have a motor each".into());
         }
         if self.microstep_resolution > FINEST_RESOLUTION {
-            return bad("microstep_resolution", self.microstep_resolution.to_string(), "it must be 0 to 8");
+            return bad("microstep_resolution", self.microstep_resolution.to_string(), "it must be 0 to 8".into());
         }
         for (name, value) in [
+            ("baud", self.baud),
             ("max_speed", self.max_speed),
             ("max_acceleration", self.max_acceleration),
             ("stop_on_stall", self.stop_on_stall.unwrap_or(1)),
@@ -107,17 +112,27 @@ impl TmclSettings {
             ("homing_timeout_ms", self.homing_timeout_ms),
         ] {
             if !(1..=i32::MAX as u32).contains(&value) {
-                return bad(name, value.to_string(), "it must be 1 to 2147483647");
+                return bad(name, value.to_string(), "it must be 1 to 2147483647".into());
             }
         }
-        match self.clock_divisors {
-            Some(divisors) if divisors.pulse > LARGEST_DIVISOR || divisors.ramp > LARGEST_DIVISOR => {
-                bad("clock_divisors", format!("{divisors:?}"), "both must be 0 to 13")
-            }
-            _ => Ok(()),
+        if let Some(divisors) = self.clock_divisors
+            && (divisors.pulse > LARGEST_DIVISOR || divisors.ramp > LARGEST_DIVISOR)
+        {
+            return bad("clock_divisors", format!("{divisors:?}"), "both must be 0 to 13".into());
         }
+        let (apart_ms, needed_ms) = (self.apart_s() * 1e3, (EXCHANGES_APART * self.exchange_time()).as_secs_f64() * 1e3);
+        if apart_ms < needed_ms {
+            let found = format!("{}, which one motor turns in {apart_ms:.1} ms at max_speed", self.max_skew_steps);
+            let rule = format!(
+                "to tell both motors and to stop one again takes {needed_ms:.1} ms at {} baud: allow {:.0} steps, or lower max_speed or \
+                 raise baud",
+                self.baud,
+                (needed_ms * 1e-3 * self.rates().0).ceil()
+            );
+            return bad("max_skew_steps", found, rule);
+        }
+        Ok(())
     }
-
     /// Microsteps/s and microsteps/s^2, by the formulas of the TMC429's data sheet where it counts in fractions of its clock.
     fn rates(&self) -> (f64, f64) {
         let (speed, acceleration) = (f64::from(self.max_speed), f64::from(self.max_acceleration));
@@ -137,9 +152,20 @@ impl TmclSettings {
     }
 
     /// How long one motor may turn alone: at full speed it is then as far ahead as the pair may be apart.
-    pub(super) fn skew_time(&self) -> Duration {
-        let seconds = f64::from(self.max_skew_steps) / self.rates().0;
-        Duration::try_from_secs_f64(seconds).map_or(self.answer_timeout(), |lag| lag.min(self.answer_timeout()))
+    fn apart_s(&self) -> f64 {
+        f64::from(self.max_skew_steps) / self.rates().0
+    }
+
+    /// How long both acknowledgements may take, so that there is time left to stop the pair again.
+    pub(super) fn start_time(&self) -> Duration {
+        let apart = Duration::try_from_secs_f64(self.apart_s()).unwrap_or(Duration::MAX);
+        apart.saturating_sub(self.exchange_time()).min(self.answer_timeout())
+    }
+
+    /// A request on the wire, its answer, and what the module takes between them.
+    pub(super) fn exchange_time(&self) -> Duration {
+        let bits = 2.0 * 10.0 * super::frame::BYTES as f64;
+        Duration::from_secs_f64(bits / f64::from(self.baud)) + MODULE_TIME
     }
 
     pub(super) fn answer_timeout(&self) -> Duration {
@@ -157,7 +183,7 @@ mod tests {
 
     pub fn settings() -> TmclSettings {
         toml::from_str(
-            "port = \"p\"\nmicrostep_resolution = 5\nmax_speed = 1000\nmax_acceleration = 500\nmax_skew_steps = 8\nreference = \"here\"",
+            "port = \"p\"\nmicrostep_resolution = 5\nmax_speed = 1000\nmax_acceleration = 500\nmax_skew_steps = 80\nreference = \"here\"",
         )
         .unwrap()
     }
@@ -180,8 +206,20 @@ mod tests {
             (TmclSettings { max_skew_steps: 0, ..settings() }, "max_skew_steps"),
             (TmclSettings { stop_on_stall: Some(0), ..settings() }, "stop_on_stall"),
             (TmclSettings { clock_divisors: Some(ClockDivisors { pulse: 14, ramp: 0 }), ..settings() }, "clock_divisors"),
+            (TmclSettings { baud: 0, ..settings() }, "baud"),
         ] {
             assert!(matches!(broken.check(), Err(DeviceError::Setting { name: found, .. }) if found == name), "{name}");
         }
+    }
+
+    #[test]
+    fn a_pair_that_comes_apart_before_both_can_be_told_is_refused_with_both_times() {
+        // 8 steps at 1000 steps/s are 8 ms; three exchanges at 115200 baud are 3 * (180 bits + 3 ms).
+        let said = TmclSettings { max_skew_steps: 8, ..settings() }.check().unwrap_err().to_string();
+        for part in ["max_skew_steps = 8,", "8.0 ms", "13.7 ms", "115200 baud", "14 steps"] {
+            assert!(said.contains(part), "{part} is not in: {said}");
+        }
+        TmclSettings { max_skew_steps: 14, ..settings() }.check().unwrap();
+        assert!(TmclSettings { max_skew_steps: 14, baud: 9600, ..settings() }.check().is_err());
     }
 }

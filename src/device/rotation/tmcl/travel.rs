@@ -8,7 +8,7 @@ use crate::units::Steps;
 use std::time::{Duration, Instant};
 
 /// Pause between two looks at a turning pair.
-const LOOK_AGAIN: Duration = Duration::from_millis(5);
+const LOOK_AGAIN: Duration = Duration::from_millis(1);
 /// Longest wait for each speed of a pair that must be stopped.
 const SPEED_WAIT: Duration = Duration::from_millis(15);
 /// Looks at a motor without speed, short of its target, until it counts as standing: a ramp takes a moment to begin.
@@ -112,12 +112,13 @@ impl Tmcl {
     /// Sets both motors going, one after the other. One alone goes no farther than the skew allows: where its answer takes
     /// longer, both are stopped, and started once more.
     fn start_pair(&mut self, request: impl Fn(u8) -> Request) -> Result<(), DeviceError> {
-        let wait = self.settings.skew_time();
         let mut lost = String::new();
         for _ in 0..2 {
             let mut started = 0;
+            // One time for both: the first turns alone from its command to the second's.
+            let until = Instant::now() + self.settings.start_time();
             for motor in self.settings.motors {
-                match self.wire.once(request(motor), wait)? {
+                match self.wire.once(request(motor), until.saturating_duration_since(Instant::now()))? {
                     Answer::Value(_) => started += 1,
                     Answer::Refused(status) => return Err(refused(request(motor), status)),
                     Answer::Lost(why) => {
@@ -237,9 +238,24 @@ impl Tmcl {
         Ok(())
     }
 
+    /// A look at a pair that stands, believed once another agrees with it.
+    fn look_at_rest(&mut self) -> Result<Look, DeviceError> {
+        let mut before = self.look()?;
+        for _ in 0..STANDING_LOOKS {
+            let look = self.look()?;
+            if look == before && look.before == look.after {
+                return Ok(look);
+            }
+            before = look;
+        }
+        let [first, second] = before.pair();
+        let found = format!("{first} and {second}, and something else in each of {} looks", STANDING_LOOKS + 1);
+        Err(DeviceError::Unexpected { device: DEVICE, expected: "motors that stand".into(), found })
+    }
+
     /// Counts from where the pair stands. Ends that are a little apart, as after a stop, are brought together first.
     pub(super) fn take_here(&mut self) -> Result<(), DeviceError> {
-        let look = self.look()?;
+        let look = self.look_at_rest()?;
         let [first, second] = look.pair();
         if look.skew() > self.max_skew() {
             return Err(self.skewed([first, second]));
@@ -257,18 +273,24 @@ impl Tmcl {
         Ok(())
     }
 
+    /// Whether a motor still searches its switch; that it does not is asked for once more before it is believed.
+    fn searches(&mut self, motor: u8) -> Result<bool, DeviceError> {
+        let request = Request::searching(motor);
+        Ok(self.wire.ask(request)? != 0 || self.wire.ask(request)? != 0)
+    }
+
     /// Both motors search their switches at once. What one of them lost on the way shows here: it comes to its switch late.
     pub(super) fn search(&mut self) -> Result<(), DeviceError> {
         let limit = self.max_skew();
         let until = Instant::now() + self.settings.homing_timeout();
-        let began = self.look()?;
+        let began = self.look_at_rest()?;
         self.start_pair(Request::search)?;
-        // Where the one that is late was seen when the other had found its switch.
-        let mut late: Option<(usize, i64)> = None;
+        // Where each was first seen when the other had found its switch; twice, since one reading may be wrong.
+        let mut late: [Vec<i64>; 2] = [Vec::new(), Vec::new()];
         let mut doubted = false;
         loop {
-            let [first, second] = self.settings.motors.map(Request::searching);
-            let searching = [self.wire.ask(first)? != 0, self.wire.ask(second)? != 0];
+            let [first, second] = self.settings.motors;
+            let searching = [self.searches(first)?, self.searches(second)?];
             let look = self.look()?;
             // The counters jump to 0 at the switch: a motor is held against itself, or against one that searches, too.
             let apart = match searching {
@@ -281,7 +303,10 @@ impl Tmcl {
                 [first_searches, _] => {
                     let motor = usize::from(!first_searches);
                     let at = look.pair()[motor];
-                    let (_, since) = *late.get_or_insert((motor, at));
+                    if late[motor].len() < 2 {
+                        late[motor].push(at);
+                    }
+                    let since = late[motor].iter().copied().min_by_key(|since| at.abs_diff(*since)).unwrap_or(at);
                     (at.abs_diff(since) > limit).then(|| if first_searches { [at - since, 0] } else { [0, at - since] })
                 }
             };

@@ -17,7 +17,7 @@ pub use settings::ZaberSettings;
 
 use super::Reference;
 use super::knowledge::Knowledge;
-use super::link::Link;
+use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
 use crate::units::Steps;
@@ -26,7 +26,7 @@ use wire::Wire;
 
 const DEVICE: &str = "rotation axis (Zaber)";
 /// Pause between two looks at an axis that turns.
-const LOOK_AGAIN: Duration = Duration::from_millis(5);
+const LOOK_AGAIN: Duration = Duration::from_millis(1);
 
 /// A rotation axis on a Zaber controller.
 pub struct Zaber {
@@ -48,10 +48,16 @@ impl Zaber {
     pub fn open(settings: ZaberSettings) -> Result<Self, DeviceError> {
         settings.check()?;
         let stop = packet::stop(settings.device, settings.axis);
-        let link = Link::serial(DEVICE, &settings.port, settings.baud, stop.as_bytes())?;
+        let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::of(stop.as_bytes()))?;
         let wire = Wire::new(link, &settings);
-        let mut zaber =
-            Self { wire, settings, identity: String::new(), knowledge: Knowledge::default(), encoder_origin: 0, in_flight: false };
+        let mut zaber = Self {
+            wire,
+            settings,
+            identity: String::new(),
+            knowledge: Knowledge::none_of("rotation axis"),
+            encoder_origin: 0,
+            in_flight: false,
+        };
         zaber.compare_settings()?;
         let serial = zaber.wire.ask_device("get system.serial")?.data;
         let version = zaber.wire.ask_device("get version")?.data;
