@@ -7,6 +7,7 @@ mod daemon;
 mod doctor;
 pub mod emulated;
 mod import;
+mod index;
 mod measure;
 mod notify;
 mod plate;
@@ -53,6 +54,9 @@ enum Command {
     Segment(segment::Args),
     /// Measure simulated specimens of known size: the paper's tables, and how well it measures.
     Validate(validate::Args),
+    /// Work with the index over the run folders.
+    #[command(subcommand)]
+    Index(index::Command),
     /// Say what is plugged in, what answers and what to configure; nothing is moved.
     Doctor(doctor::Args),
     /// Start, follow and steer runs on a daemon that serves.
@@ -103,6 +107,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
         Command::Validate(args) => validate::run(&args),
+        Command::Index(command) => index::run(&command),
         Command::Doctor(args) => {
             doctor::run(&args);
             Ok(())

@@ -1,26 +1,23 @@
 //! Acknowledged means durable: write beside, sync, rename over, sync the folder.
 
-use super::StoreError;
-use std::fs::{self, File};
-use std::io::Write;
+use super::{StoreError, disk};
+use std::fs;
 use std::path::Path;
 
 /// Replaces `path` by `bytes`, so that a reader and a crash see the old file or the new one, never a mixture.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-    let at = |what| move |source| StoreError::Io { what, path: path.to_owned(), source };
+    let at = |what| StoreError::io(what, path);
     let folder = folder_of(path);
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".part");
     let part = folder.join(name);
-    let mut file = File::create(&part).map_err(at("create"))?;
-    let written = file
-        .write_all(bytes)
+    let written = disk::create(&part, bytes)
         .map_err(at("write"))
-        .and_then(|()| file.sync_data().map_err(at("sync")))
-        .and_then(|()| fs::rename(&part, path).map_err(at("rename")));
+        .and_then(|file| disk::sync(&file, &part).map_err(at("sync")))
+        .and_then(|()| disk::rename(&part, path).map_err(at("rename")));
     if written.is_err() {
         // What is left of it is of no use; that the write failed is the error to tell.
-        let _ = fs::remove_file(&part);
+        let _ = disk::remove(&part);
     }
     written?;
     sync_folder(folder)
@@ -33,11 +30,16 @@ pub fn folder_of(path: &Path) -> &Path {
 
 /// Makes names in a folder durable.
 pub fn sync_folder(folder: &Path) -> Result<(), StoreError> {
-    File::open(folder).and_then(|f| f.sync_all()).map_err(|source| StoreError::Io {
-        what: "sync the folder",
-        path: folder.to_owned(),
-        source,
-    })
+    disk::sync_folder(folder).map_err(StoreError::io("sync the folder", folder))
+}
+
+/// Renames a file or folder to a name that is free, durably.
+pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
+    if to.exists() {
+        return Err(StoreError::Exists { path: to.to_owned() });
+    }
+    disk::rename(from, to).map_err(StoreError::io("rename", from))?;
+    sync_folder(folder_of(to))
 }
 
 /// Creates a folder and those above it, each made durable in its parent.
@@ -45,16 +47,12 @@ pub fn create_folder(folder: &Path) -> Result<(), StoreError> {
     if folder.is_dir() {
         return Ok(());
     }
-    if let Some(parent) = folder.parent().filter(|p| !p.as_os_str().is_empty()) {
-        create_folder(parent)?;
-        match fs::create_dir(folder) {
-            Err(e) if e.kind() != std::io::ErrorKind::AlreadyExists => {
-                return Err(StoreError::Io { what: "create the folder", path: folder.to_owned(), source: e });
-            }
-            _ => return sync_folder(parent),
-        }
+    let parent = folder_of(folder);
+    create_folder(parent)?;
+    match disk::create_folder(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::AlreadyExists => Err(StoreError::io("create the folder", folder)(e)),
+        _ => sync_folder(parent),
     }
-    fs::create_dir_all(folder).map_err(|source| StoreError::Io { what: "create the folder", path: folder.to_owned(), source })
 }
 
 /// A value as indented JSON; `path` names it in errors only.

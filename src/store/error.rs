@@ -22,6 +22,13 @@ pub enum StoreError {
     Vanished { path: PathBuf },
     #[error("{}: another carved uses this folder; stop it or give another --data", path.display())]
     Locked { path: PathBuf },
+    #[error(
+        "{}: it is of format {found}, this carved ({}) reads up to {known}: a newer carved{} wrote it. Use that one; nothing was changed",
+        path.display(), env!("CARGO_PKG_VERSION"), writer.as_ref().map(|v| format!(" ({v})")).unwrap_or_default()
+    )]
+    Newer { path: PathBuf, found: String, known: String, writer: Option<String> },
+    #[error("{}: the index could not {what}: {source}", path.display())]
+    Index { what: &'static str, path: PathBuf, source: rusqlite::Error },
     #[error("{}: exists already; nothing is overwritten", path.display())]
     Exists { path: PathBuf },
 }

@@ -1,51 +1,87 @@
-//! The append-only event journal: one JSON object per line, synced before anyone hears of it.
+//! The append-only event journal: one JSON object per line, synced before anyone hears of it. What happens in a run stands in
+//! the run's own folder as well.
+//!
+//! ```text
+//! append ─> DATA/events.jsonl ─> DATA/runs/RUN/events.jsonl ─> the event counts ─> index
+//!               synced               synced                                        follows by itself
+//! ```
+//! A crash between the two leaves the run's file one line short: the next start adds it.
 
+use super::index::Index;
+use super::lines::Lines;
 use super::{StoreError, durable};
 use crate::session::Event;
-use std::fs::{File, OpenOptions};
-use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+pub(super) const FILE: &str = "events.jsonl";
+
+/// Events that are read at a start, for readers that come back.
+const TAIL: usize = 2000;
 
 pub struct Journal {
-    file: File,
-    path: PathBuf,
+    all: Lines,
+    runs: PathBuf,
+    /// The run that was told of last, and its file.
+    of_run: Option<(String, Lines)>,
     next_id: u64,
-    /// Length up to which every line is whole and synced.
-    good_bytes: u64,
     /// Sequence number of the newest fault.
     last_fault: u64,
+    index: Arc<Index>,
 }
 
 impl Journal {
-    /// Opens or creates the journal and reads what it holds. A last line that a crash tore is cut off: it was never
-    /// acknowledged. Any other line that is not an event is an error, not skipped.
-    pub fn open(path: &Path) -> Result<(Self, Vec<Event>), StoreError> {
-        let io = |what| move |source| StoreError::Io { what, path: path.to_owned(), source };
-        let mut file = OpenOptions::new().read(true).append(true).create(true).open(path).map_err(io("open"))?;
-        let mut text = Vec::new();
-        file.read_to_end(&mut text).map_err(io("read"))?;
-        let whole = text.iter().rposition(|&b| b == b'\n').map_or(0, |i| i + 1);
-        if whole < text.len() {
-            file.set_len(whole as u64).map_err(io("cut the torn last line of"))?;
-            file.seek(SeekFrom::End(0)).map_err(io("seek"))?;
+    /// Opens or creates the journal of a data folder and reads its end. A line there that is not an event is an error, not
+    /// skipped.
+    pub(super) fn open(root: &Path, all: Lines, index: Arc<Index>) -> Result<(Self, Vec<Event>), StoreError> {
+        let path = root.join(FILE);
+        let tail: Vec<Event> = all.tail(TAIL)?.iter().map(|line| parse(&path, line)).collect::<Result<_, _>>()?;
+        let next_id = tail.last().map_or(1, |e| e.id + 1);
+        let last_fault = match index.last_fault() {
+            Some(seq) => seq,
+            None => last_fault(&path)?,
+        };
+        let mut journal = Self { all, runs: root.join("runs"), of_run: None, next_id, last_fault, index };
+        if let Some(last) = tail.last() {
+            journal.mend(last)?;
         }
-        let mut events = Vec::new();
-        for (i, line) in text[..whole].split(|&b| b == b'\n').enumerate().filter(|(_, l)| !l.is_empty()) {
-            events.push(serde_json::from_slice::<Event>(line).map_err(|e| StoreError::Format {
-                path: path.to_owned(),
-                expected: "one event per line",
-                found: format!("line {}: {e}", i + 1),
-            })?);
-        }
-        durable::sync_folder(durable::folder_of(path))?;
-        let next_id = events.last().map_or(1, |e| e.id + 1);
-        let faults = events.iter().filter(|e| e.kind == "fault.raised").filter_map(|e| e.data["seq"].as_u64());
-        let last_fault = faults.max().unwrap_or(0);
-        Ok((Self { file, path: path.to_owned(), next_id, good_bytes: whole as u64, last_fault }, events))
+        Ok((journal, tail))
     }
 
     pub fn last_fault(&self) -> u64 {
         self.last_fault
+    }
+
+    /// Adds the last event to its run's file where a crash came between the two.
+    fn mend(&mut self, last: &Event) -> Result<(), StoreError> {
+        let Some(run) = last.run.as_deref() else { return Ok(()) };
+        let folder = self.runs.join(run);
+        // Runs of before the files of runs have none; one that was taken away is not to come back.
+        if !folder.is_dir() || !folder.join(FILE).exists() && last.kind != "run.accepted" {
+            return Ok(());
+        }
+        let newest = self.of_run(run)?.tail(1)?.first().and_then(|line| serde_json::from_slice::<Event>(line).ok());
+        if newest.is_none_or(|e| e.id < last.id) { self.append_of_run(run, &line_of(last)?) } else { Ok(()) }
+    }
+
+    fn of_run(&mut self, run: &str) -> Result<&mut Lines, StoreError> {
+        let folder = self.runs.join(run);
+        // A run that was not accepted after all has taken its file with it.
+        if self.of_run.as_ref().is_none_or(|(of, _)| of != run || !folder.join(FILE).exists()) {
+            durable::create_folder(&folder)?;
+            self.of_run = Some((run.to_owned(), Lines::open(&folder.join(FILE))?));
+        }
+        match &mut self.of_run {
+            Some((_, lines)) => Ok(lines),
+            None => Err(StoreError::Vanished { path: folder }),
+        }
+    }
+
+    fn append_of_run(&mut self, run: &str, line: &[u8]) -> Result<(), StoreError> {
+        let lines = self.of_run(run)?;
+        lines.append(line)?;
+        lines.keep(line);
+        Ok(())
     }
 
     /// Writes an event and syncs it; the id it got comes back with it.
@@ -58,65 +94,93 @@ impl Journal {
             well: well.map(str::to_owned),
             data,
         };
-        let io = |what| StoreError::io(what, &self.path);
-        let mut line = serde_json::to_vec(&event).map_err(|e| StoreError::Format {
-            path: self.path.clone(),
-            expected: "an event JSON can hold",
-            found: e.to_string(),
+        let line = line_of(&event)?;
+        self.all.append(&line).and_then(|()| run.map_or(Ok(()), |run| self.append_of_run(run, &line))).inspect_err(|_| {
+            // Not acknowledged, so it is better gone; where that fails too the next line takes its place.
+            self.all.drop_rest();
+            self.of_run.iter_mut().for_each(|(_, lines)| lines.drop_rest());
         })?;
-        line.push(b'\n');
-        // What an earlier failure left behind the last good line must not become the beginning of this one.
-        self.file.set_len(self.good_bytes).map_err(io("cut the torn last line of"))?;
-        self.file.write_all(&line).map_err(io("append to"))?;
-        self.file.sync_data().map_err(io("sync"))?;
-        self.good_bytes += line.len() as u64;
+        self.all.keep(&line);
         self.next_id += 1;
+        self.index.event(&event, self.all.good_bytes());
         Ok(event)
     }
 }
 
+fn parse(path: &Path, line: &[u8]) -> Result<Event, StoreError> {
+    serde_json::from_slice(line).map_err(|e| StoreError::Format {
+        path: path.to_owned(),
+        expected: "one event per line",
+        found: format!("{:?}: {e}", String::from_utf8_lossy(&line[..line.len().min(80)])),
+    })
+}
+
+fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {
+    let mut line = serde_json::to_vec(event).map_err(|e| StoreError::Format {
+        path: FILE.into(),
+        expected: "an event JSON can hold",
+        found: e.to_string(),
+    })?;
+    line.push(b'\n');
+    Ok(line)
+}
+
+/// Where the index cannot say it: the newest fault of the whole journal.
+fn last_fault(path: &Path) -> Result<u64, StoreError> {
+    let text = std::fs::read(path).map_err(StoreError::io("read", path))?;
+    let events = text.split(|&b| b == b'\n').filter_map(|line| serde_json::from_slice::<Event>(line).ok());
+    Ok(events.filter(|e| e.kind == "fault.raised").filter_map(|e| e.data["seq"].as_u64()).max().unwrap_or(0))
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use crate::store::Store;
+    use serde_json::{Value, json};
+    use std::fs::OpenOptions;
+    use std::io::Write;
 
     #[test]
     fn ids_last_across_restarts_and_a_torn_line_is_cut() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("events.jsonl");
-        let (mut journal, events) = Journal::open(&path).unwrap();
+        let (store, mut journal, events) = Store::open(dir.path()).unwrap();
         assert!(events.is_empty());
-        journal.append("a", None, None, serde_json::json!({"x": 1})).unwrap();
-        journal.append("b", Some("r"), Some("A01"), serde_json::Value::Null).unwrap();
-        drop(journal);
+        journal.append("a", None, None, json!({"x": 1})).unwrap();
+        journal.append("b", Some("r"), Some("A01"), Value::Null).unwrap();
+        drop((store, journal));
         OpenOptions::new().append(true).open(&path).unwrap().write_all(b"{\"id\": 3, \"tim").unwrap();
 
-        let (mut journal, events) = Journal::open(&path).unwrap();
+        let (store, mut journal, events) = Store::open(dir.path()).unwrap();
         assert_eq!(events.iter().map(|e| e.id).collect::<Vec<_>>(), [1, 2]);
-        assert_eq!(journal.append("c", None, None, serde_json::Value::Null).unwrap().id, 3);
-        let (_, events) = Journal::open(&path).unwrap();
+        assert_eq!(journal.append("c", None, None, Value::Null).unwrap().id, 3);
+        drop((store, journal));
+        let (_store, _journal, events) = Store::open(dir.path()).unwrap();
         assert_eq!(events.len(), 3);
         assert_eq!(events[2].kind, "c");
     }
 
-    /// A write that failed half way is not there for the next one.
+    /// The newest fault may lie far before the tail.
     #[test]
-    fn a_torn_append_is_cut_before_the_next() {
+    fn a_start_reads_the_end_of_a_long_journal_and_knows_its_newest_fault() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("events.jsonl");
-        let (mut journal, _) = Journal::open(&path).unwrap();
-        journal.append("a", None, None, serde_json::Value::Null).unwrap();
-        OpenOptions::new().append(true).open(&path).unwrap().write_all(b"{\"id\": 2, \"kind\": \"run.").unwrap();
-        assert_eq!(journal.append("b", None, None, serde_json::Value::Null).unwrap().id, 2);
-        let (_, events) = Journal::open(&path).unwrap();
-        assert_eq!(events.iter().map(|e| e.kind.as_str()).collect::<Vec<_>>(), ["a", "b"]);
+        let line = |id: u64, kind: &str| {
+            format!("{}\n", json!({"id": id, "time": "2026-01-01T00:00:00Z", "kind": kind, "run": null, "well": null, "data": {"seq": 41}}))
+        };
+        let text: String = (1..=5000).map(|id| line(id, if id == 7 { "fault.raised" } else { "x" })).collect();
+        std::fs::write(dir.path().join("events.jsonl"), &text).unwrap();
+        drop(Store::open(dir.path()).unwrap());
+        // Indexed once, what lies before the tail is not looked at again.
+        std::fs::write(dir.path().join("events.jsonl"), text.replacen("fault.raised", "xxxxx.xxxxxx", 1)).unwrap();
+        let (_store, mut journal, events) = Store::open(dir.path()).unwrap();
+        assert_eq!((journal.last_fault(), events.len(), events[0].id), (41, 2000, 3001));
+        assert_eq!(journal.append("y", None, None, Value::Null).unwrap().id, 5001);
     }
 
     #[test]
-    fn a_broken_line_in_the_middle_is_named() {
+    fn a_broken_line_at_the_end_is_named() {
         let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("events.jsonl");
-        std::fs::write(&path, "nonsense\n").unwrap();
-        let error = Journal::open(&path).err().unwrap().to_string();
-        assert!(error.contains("events.jsonl") && error.contains("line 1"), "{error}");
+        std::fs::write(dir.path().join("events.jsonl"), "nonsense\n").unwrap();
+        let error = Store::open(dir.path()).err().unwrap().to_string();
+        assert!(error.contains("events.jsonl") && error.contains("nonsense"), "{error}");
     }
 }

@@ -1,147 +1,137 @@
-//! What outlives the daemon: run folders that are sufficient by themselves, and the event journal.
+//! What outlives the daemon: run folders that are sufficient by themselves, the event journal, and an index over both.
 //!
 //! ```text
 //! DATA/events.jsonl               append-only, synced line by line
+//! DATA/index.sqlite               to look things up; made anew from the rest whenever it is missing (see `index`)
 //! DATA/calibrations/              what is known of the rig's size (see `calibrations`)
 //! DATA/runs/RUN/run.json          plan, method, outcome, one entry per well
+//! DATA/runs/RUN/events.jsonl      what happened in this run, as in the journal
 //! DATA/runs/RUN/A01/              a recording with its results (see `recording`)
 //! ```
 
 pub mod calibrations;
+mod disk;
 pub mod durable;
 mod error;
 pub mod frames;
 pub mod gates;
+mod index;
 mod journal;
+mod lines;
+#[cfg(test)]
+mod power_loss;
 mod recording;
+mod run;
+mod schema;
 mod sums;
 
 pub use error::StoreError;
+pub use index::{Found, Unreadable};
 pub use journal::Journal;
 pub use recording::{
     MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, Software, fluorescence,
 };
+pub use run::RunRecord;
 
-use crate::config::Method;
-use crate::frame::RawFrame;
-use crate::hash::sha256_hex;
-use crate::session::{Event, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus};
-use serde::{Deserialize, Serialize};
+use crate::session::{Event, RunOutcome, SpecimenOutcome};
+use index::Index;
+use lines::Lines;
+use recording::RECORDING;
 use std::fs::File;
 use std::path::{Path, PathBuf};
-
-const RUN_SCHEMA: &str = "carved.run/1";
-
-/// `run.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RunRecord {
-    pub schema: String,
-    pub id: String,
-    pub software: Software,
-    pub mode: Mode,
-    pub plan: RunPlan,
-    pub method: Method,
-    /// Of the empty capillary's picture that the frames are compared with, as in every `recording.json`.
-    #[serde(default)]
-    pub empty_capillary_sha256: Option<String>,
-    /// RFC 3339, UTC.
-    pub started: String,
-    pub ended: Option<String>,
-    pub outcome: Option<RunOutcome>,
-    pub wells: Vec<WellStatus>,
-}
-
-impl RunRecord {
-    pub fn new(id: &str, plan: RunPlan, method: Method, mode: Mode, empty: Option<&RawFrame>) -> Self {
-        let wells = plan.plate_map.iter().map(WellStatus::pending).collect();
-        Self {
-            schema: RUN_SCHEMA.into(),
-            id: id.into(),
-            software: Software::this(),
-            mode,
-            plan,
-            method,
-            empty_capillary_sha256: empty.map(|frame| sha256_hex(frame.bytes())),
-            started: jiff::Timestamp::now().to_string(),
-            ended: None,
-            outcome: None,
-            wells,
-        }
-    }
-
-    pub fn end(&mut self, outcome: RunOutcome) {
-        self.ended = Some(jiff::Timestamp::now().to_string());
-        self.outcome = Some(outcome);
-    }
-}
+use std::sync::Arc;
 
 /// The data folder, held by one daemon at a time.
 pub struct Store {
     root: PathBuf,
+    index: Arc<Index>,
+    /// Runs that were found without an outcome when the folder was opened.
+    open: Vec<String>,
     _lock: File,
 }
 
+fn lock(root: &Path) -> Result<File, StoreError> {
+    let path = root.join("lock");
+    let lock = File::create(&path).map_err(StoreError::io("create", &path))?;
+    match lock.try_lock() {
+        Ok(()) => Ok(lock),
+        Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
+        Err(std::fs::TryLockError::Error(e)) => Err(StoreError::io("lock", &path)(e)),
+    }
+}
+
+/// Makes the index of a data folder that no daemon uses anew from its run folders.
+pub fn rebuild_index(root: &Path) -> Result<Found, StoreError> {
+    let _lock = lock(root)?;
+    index::rebuild(root).map(|(_, found)| found)
+}
+
 impl Store {
-    /// Opens or creates the data folder and its journal.
+    /// Opens or creates the data folder, its journal and its index. A run whose `run.json` cannot be read is told, in the log and
+    /// as an event, and left alone.
     pub fn open(root: &Path) -> Result<(Self, Journal, Vec<Event>), StoreError> {
         durable::create_folder(&root.join("runs"))?;
-        let lock_path = root.join("lock");
-        let lock = File::create(&lock_path).map_err(StoreError::io("create", &lock_path))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(std::fs::TryLockError::WouldBlock) => return Err(StoreError::Locked { path: root.to_owned() }),
-            Err(std::fs::TryLockError::Error(e)) => return Err(StoreError::io("lock", &lock_path)(e)),
+        let lock = lock(root)?;
+        let lines = Lines::open(&root.join(journal::FILE))?;
+        let (index, found) = Index::open(root)?;
+        let index = Arc::new(index);
+        let (mut journal, mut events) = Journal::open(root, lines, index.clone())?;
+        for Unreadable { run, why } in found.unreadable {
+            tracing::error!(run, why, "a run cannot be read; it is left alone");
+            events.push(journal.append("run.unreadable", None, None, serde_json::json!({ "run": run, "why": why }))?);
         }
-        let (journal, events) = Journal::open(&root.join("events.jsonl"))?;
-        Ok((Self { root: root.to_owned(), _lock: lock }, journal, events))
+        Ok((Self { root: root.to_owned(), index, open: found.open, _lock: lock }, journal, events))
+    }
+
+    /// Why the index does not hold all that is on disk, where it does not. Runs go on all the same.
+    pub fn index_trouble(&self) -> Option<String> {
+        self.index.trouble()
     }
 
     pub fn run_folder(&self, run: &str) -> PathBuf {
         self.root.join("runs").join(run)
     }
 
-    pub fn save_run(&self, run: &RunRecord) -> Result<(), StoreError> {
-        let folder = self.run_folder(&run.id);
+    pub fn save_run(&self, record: &RunRecord) -> Result<(), StoreError> {
+        let folder = self.run_folder(&record.id);
         durable::create_folder(&folder)?;
-        durable::write_json(&folder.join("run.json"), run)
+        durable::write_json(&folder.join(run::FILE), record)?;
+        self.index.run(record);
+        Ok(())
     }
 
     /// Takes back a run that was not accepted after all.
     pub fn forget_run(&self, id: &str) -> Result<(), StoreError> {
-        let file = self.run_folder(id).join("run.json");
-        match std::fs::remove_file(&file) {
-            Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", &file)(e)),
-            _ => Ok(()),
+        let folder = self.run_folder(id);
+        for file in [run::FILE, journal::FILE].map(|name| folder.join(name)) {
+            match disk::remove(&file) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(StoreError::io("remove", &file)(e)),
+                _ => {}
+            }
         }
+        self.index.run_gone(id);
+        if folder.is_dir() { durable::sync_folder(&folder) } else { Ok(()) }
     }
 
     /// The run of this name, if there is one.
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
-        let file = self.run_folder(id).join("run.json");
-        if file.exists() { durable::read_json(&file, "a run (carved.run/1)").map(Some) } else { Ok(None) }
+        let file = self.run_folder(id).join(run::FILE);
+        if file.exists() { RunRecord::read(&file).map(Some) } else { Ok(None) }
     }
 
     /// Ends what a crash left open, and says which runs those were: the pose of a specimen under way is lost, and a run
     /// that nobody works on must not look as if somebody did.
     pub fn close_interrupted(&self) -> Result<Vec<RunRecord>, StoreError> {
-        let runs = self.root.join("runs");
         let mut closed = Vec::new();
-        for entry in std::fs::read_dir(&runs).map_err(StoreError::io("list", &runs))? {
-            let file = entry.map_err(StoreError::io("list", &runs))?.path().join("run.json");
-            if !file.exists() {
-                continue;
+        for id in &self.open {
+            let Some(mut run) = self.run(id)?.filter(|run| run.outcome.is_none()) else { continue };
+            for well in run.wells.iter_mut().filter(|w| w.outcome.is_none()) {
+                well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
             }
-            let mut run: RunRecord = durable::read_json(&file, "a run (carved.run/1)")?;
-            if run.outcome.is_none() {
-                for well in run.wells.iter_mut().filter(|w| w.outcome.is_none()) {
-                    well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
-                }
-                run.end(RunOutcome::Interrupted);
-                self.save_run(&run)?;
-                closed.push(run);
-            }
+            run.end(RunOutcome::Interrupted);
+            self.save_run(&run)?;
+            closed.push(run);
         }
-        closed.sort_by(|a, b| a.started.cmp(&b.started));
         Ok(closed)
     }
 

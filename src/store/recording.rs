@@ -15,7 +15,7 @@
 //!              SHA256SUMS              of all of the above, when the record is closed
 //! ```
 
-use super::{StoreError, durable, frames};
+use super::{StoreError, durable, frames, schema};
 use crate::acquisition::{Ledger, LedgerEntry};
 use crate::config::Method;
 use crate::frame::{PixelFormat, RawFrame};
@@ -34,7 +34,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 const SCHEMA: &str = "carved.recording/1";
-const RECORDING: &str = "recording.json";
+pub(super) const RECORDING: &str = "recording.json";
 
 /// Name of the file with a recording's numbers.
 pub const MEASUREMENT: &str = "measurement.json";
@@ -316,10 +316,7 @@ impl RecordingReader {
     pub fn open(path: &Path) -> Result<Self, StoreError> {
         let folder = if path.is_file() { durable::folder_of(path).to_owned() } else { path.to_owned() };
         let file = folder.join(RECORDING);
-        let recording: Recording = durable::read_json(&file, "a recording (carved.recording/1)")?;
-        if recording.schema != SCHEMA {
-            return Err(StoreError::Format { path: file, expected: SCHEMA, found: recording.schema });
-        }
+        let recording: Recording = schema::read(&file, SCHEMA)?;
         super::sums::check_one(&folder, RECORDING)?;
         Ok(Self { folder, recording })
     }

@@ -1,0 +1,170 @@
+//! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
+
+use crate::hash::sha256_hex;
+use crate::session::{Event, SpecimenOutcome, WellStatus};
+use crate::store::{MEASUREMENT, RECORDING, RunRecord, run};
+use rusqlite::{Connection, OptionalExtension, params};
+use serde_json::Value;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+/// A word as serde writes it: `succeeded`, `simulated`.
+fn word<T: serde::Serialize>(value: &T) -> Option<String> {
+    serde_json::to_value(value).ok()?.as_str().map(str::to_owned)
+}
+
+/// When and how long `run.json` was written: whether it is the one that is known. Zeros where there is none.
+pub(super) fn stamp(file: &Path) -> (i64, i64) {
+    std::fs::metadata(file).map_or((0, 0), |m| (m.mtime() * 1_000_000_000 + m.mtime_nsec(), m.len() as i64))
+}
+
+/// A run's row and those of its wells. Of wells that read as they did, the folders are left alone, unless all is to be read anew.
+pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: bool) -> rusqlite::Result<()> {
+    let folder = root.join("runs").join(&record.id);
+    if anew {
+        remove_run(c, &record.id)?;
+    }
+    let (ns, bytes) = stamp(&folder.join(run::FILE));
+    let plan = &record.plan;
+    let started_us = record.started.parse::<jiff::Timestamp>().map_or(0, jiff::Timestamp::as_microsecond);
+    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+        record.id,
+        record.schema,
+        record.software.version,
+        word(&record.mode),
+        plan.plate_barcode,
+        plan.method,
+        plan.operator,
+        plan.external_id,
+        record.started,
+        started_us,
+        record.ended,
+        word(&record.outcome),
+        record.wells.len(),
+        ns,
+        bytes,
+    ])?;
+    for (place, planned) in plan.plate_map.iter().enumerate() {
+        c.prepare_cached("INSERT OR REPLACE INTO wells VALUES (?, ?, ?, ?, ?)")?.execute(params![
+            record.id,
+            place,
+            planned.well,
+            word(&planned.specimen),
+            planned.dpf
+        ])?;
+    }
+    for status in &record.wells {
+        let text = serde_json::to_string(status).unwrap_or_default();
+        let known: Option<String> = c
+            .prepare_cached("SELECT status FROM specimens WHERE run = ? AND well = ?")?
+            .query_row(params![record.id, status.well], |row| row.get(0))
+            .optional()?;
+        if known.as_ref() != Some(&text) {
+            put_specimen(c, &record.id, status, &text, &folder.join(&status.well))?;
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn remove_run(c: &Connection, id: &str) -> rusqlite::Result<()> {
+    for table in ["beads", "measurements", "specimens", "wells"] {
+        c.execute(&format!("DELETE FROM {table} WHERE run = ?"), [id])?;
+    }
+    c.execute("DELETE FROM runs WHERE id = ?", [id]).map(|_| ())
+}
+
+fn put_specimen(c: &Connection, run: &str, status: &WellStatus, text: &str, folder: &Path) -> rusqlite::Result<()> {
+    let well = &status.well;
+    let recording = json(&folder.join(RECORDING)).unwrap_or_default().1;
+    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+        run,
+        well,
+        word::<Option<SpecimenOutcome>>(&status.outcome),
+        status.reason,
+        serde_json::to_string(&status.flags).unwrap_or_default(),
+        recording["started"].as_str(),
+        recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true).count()),
+        bytes_of(folder),
+        text,
+    ])?;
+    c.execute("DELETE FROM measurements WHERE run = ? AND well = ?", [run, well])?;
+    c.execute("DELETE FROM beads WHERE run = ? AND well = ?", [run, well])?;
+    let Some((sha256, file)) = json(&folder.join(MEASUREMENT)) else { return Ok(()) };
+    let m = &file["measurement"];
+    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+        run,
+        well,
+        sha256,
+        file["mode"].as_str(),
+        m["estimator"].as_str(),
+        m["views"].as_u64(),
+        m["volume_um3"].as_f64(),
+        m["volume_sd_um3"].as_f64(),
+        m["area_um2"].as_f64(),
+        m["area_sd_um2"].as_f64(),
+        m["field_volume_um3"].as_f64(),
+        m["field_area_um2"].as_f64(),
+        m["length_um"].as_f64(),
+    ])?;
+    if let Some(diameter_um) = m["diameter_um"].as_f64() {
+        c.prepare_cached("INSERT INTO beads VALUES (?, ?, ?, ?, ?)")?.execute(params![
+            run,
+            well,
+            diameter_um,
+            m["sphere_rms_um"].as_f64(),
+            m["aspect_ratio"].as_f64(),
+        ])?;
+    }
+    Ok(())
+}
+
+/// A JSON file and the hash of its bytes; none where it is not there or no JSON, which is for whoever reads the recording to tell.
+fn json(path: &Path) -> Option<(String, Value)> {
+    let text = std::fs::read(path).ok()?;
+    Some((sha256_hex(&text), serde_json::from_slice(&text).ok()?))
+}
+
+/// What a folder takes of the disk.
+fn bytes_of(folder: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let one = |entry: std::fs::DirEntry| match entry.metadata() {
+        Ok(m) if m.is_dir() => bytes_of(&entry.path()),
+        Ok(m) => m.len(),
+        Err(_) => 0,
+    };
+    entries.flatten().map(one).sum()
+}
+
+/// An event, what it says of faults, and how long the journal is with it.
+pub(super) fn put_event(c: &Connection, event: &Event, journal_bytes: u64) -> rusqlite::Result<()> {
+    let data = event.data.to_string();
+    c.prepare_cached("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?)")?
+        .execute(params![event.id, event.time, event.kind, event.run, event.well, data])?;
+    let d = &event.data;
+    // One number, or a list of them.
+    let seqs = || d["seq"].as_array().map_or_else(|| vec![d["seq"].as_u64()], |all| all.iter().map(Value::as_u64).collect());
+    match event.kind.as_str() {
+        "fault.raised" => {
+            if let Some(seq) = d["seq"].as_u64() {
+                c.prepare_cached("INSERT OR REPLACE INTO faults VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, NULL)")?.execute(params![
+                    seq,
+                    event.id,
+                    event.run,
+                    event.well,
+                    d["code"].as_str(),
+                    d["category"].as_str(),
+                    d["message"].as_str(),
+                    event.time,
+                ])?;
+            }
+        }
+        "fault.cleared" | "fault.acknowledged" => {
+            let column = &event.kind["fault.".len()..];
+            for seq in seqs().into_iter().flatten() {
+                c.execute(&format!("UPDATE faults SET {column} = ? WHERE seq = ?"), params![event.time, seq])?;
+            }
+        }
+        _ => {}
+    }
+    c.prepare_cached("UPDATE place SET journal_bytes = ?")?.execute([journal_bytes]).map(|_| ())
+}

@@ -1,0 +1,67 @@
+//! `run.json`: plan, method and outcome of a run, one entry per well.
+
+use super::{Software, StoreError, schema};
+use crate::config::Method;
+use crate::frame::RawFrame;
+use crate::hash::sha256_hex;
+use crate::session::{Mode, RunOutcome, RunPlan, WellStatus};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+const SCHEMA: &str = "carved.run/1";
+
+pub(super) const FILE: &str = "run.json";
+
+/// `run.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRecord {
+    pub schema: String,
+    pub id: String,
+    pub software: Software,
+    pub mode: Mode,
+    pub plan: RunPlan,
+    pub method: Method,
+    /// Of the empty capillary's picture that the frames are compared with, as in every `recording.json`.
+    #[serde(default)]
+    pub empty_capillary_sha256: Option<String>,
+    /// RFC 3339, UTC.
+    pub started: String,
+    pub ended: Option<String>,
+    pub outcome: Option<RunOutcome>,
+    pub wells: Vec<WellStatus>,
+}
+
+impl RunRecord {
+    pub fn new(id: &str, plan: RunPlan, method: Method, mode: Mode, empty: Option<&RawFrame>) -> Self {
+        let wells = plan.plate_map.iter().map(WellStatus::pending).collect();
+        Self {
+            schema: SCHEMA.into(),
+            id: id.into(),
+            software: Software::this(),
+            mode,
+            plan,
+            method,
+            empty_capillary_sha256: empty.map(|frame| sha256_hex(frame.bytes())),
+            started: jiff::Timestamp::now().to_string(),
+            ended: None,
+            outcome: None,
+            wells,
+        }
+    }
+
+    pub fn end(&mut self, outcome: RunOutcome) {
+        self.ended = Some(jiff::Timestamp::now().to_string());
+        self.outcome = Some(outcome);
+    }
+
+    /// Reads a `run.json`, of the folder that has the run's name.
+    pub(super) fn read(file: &Path) -> Result<Self, StoreError> {
+        let run: Self = schema::read(file, SCHEMA)?;
+        let folder = file.parent().and_then(Path::file_name).unwrap_or_default();
+        if folder != run.id.as_str() {
+            let found = format!("run {:?} in the folder {}", run.id, folder.display());
+            return Err(StoreError::Format { path: file.to_owned(), expected: "the run that its folder is named after", found });
+        }
+        Ok(run)
+    }
+}
