@@ -15,7 +15,7 @@ fn rig(controller: Controller) -> Rig {
 }
 
 fn doctor(port: &str) -> String {
-    let output = run(&["doctor", "--port", port]);
+    let output = run(&["doctor", "--no-cameras", "--port", port]);
     assert!(output.status.success(), "{}", stderr(&output));
     String::from_utf8(output.stdout).unwrap()
 }
@@ -63,6 +63,59 @@ fn a_trigger_bridge_is_known_by_its_settings_and_never_triggered() {
     let rig = rig(Controller::Bridge(hardware_sim::bridge::Settings::reading(folder.path().join("external.txt"))));
     let said = examined(&rig);
     assert!(said.contains("VAST trigger bridge") && said.contains("driver = \"vast_bridge\""), "{said}");
+}
+
+#[test]
+fn trinamic_modules_and_zaber_controllers_are_known_without_being_moved() {
+    for (controller, parts) in [
+        (
+            Controller::Tmcl(hardware_sim::tmcl::Settings::default()),
+            ["Trinamic TMCM-6212, firmware 1.", "driver = \"tmcl\"", "config/vast-tmcl.toml"],
+        ),
+        (
+            Controller::Zaber(hardware_sim::zaber::Settings::default()),
+            ["Zaber, ASCII protocol: @01", "driver = \"zaber\"", "config/vast-zaber.toml"],
+        ),
+    ] {
+        let said = examined(&rig(controller));
+        for part in parts {
+            assert!(said.contains(part), "{part:?} is missing: {said}");
+        }
+    }
+}
+
+#[cfg(feature = "aravis")]
+#[test]
+fn cameras_are_listed_with_who_has_them_and_what_to_configure() {
+    use carved::device::camera::{self, AravisSettings, CameraSelect};
+    use carved::frame::PixelFormat;
+    let rig = rig(Controller::default());
+    let look = || {
+        let output = run(&["doctor", "--port", "/dev/no-such-port", "--data", "/no/such/folder"]);
+        assert!(output.status.success(), "{}", stderr(&output));
+        let said = String::from_utf8(output.stdout).unwrap();
+        let own = said.split("Camera ").find(|part| part.contains(rig.camera_serial()));
+        (own.unwrap_or_else(|| panic!("{} is not listed: {said}", rig.camera_serial())).to_owned(), said)
+    };
+    let (own, said) = look();
+    let address = rig.camera_address().to_string();
+    let [_, b, c, d] = rig.camera_address().octets();
+    for part in [
+        "carved Emulated GE1050C, serial number ",
+        &format!("hardware address 02:7f:{b:02x}:{c:02x}:{d:02x}:50"),
+        "nobody controls it",
+        &format!("select = {{ address = \"{address}\" }}"),
+        "packet_size = 8228   # lo has an MTU of ",
+    ] {
+        assert!(own.contains(part), "{part:?} is missing: {own}");
+    }
+    assert!(said.contains("net.core.rmem_max = ") && said.contains("GB free for runs in /no/such/folder"), "{said}");
+    // Being looked at costs a camera nothing, and its controller neither.
+    let settings = AravisSettings::new(CameraSelect::Address(rig.camera_address()), PixelFormat::Mono8, 64, 64, 1000.0);
+    let mut ours = camera::open(settings).unwrap();
+    ours.arm().unwrap();
+    assert!(look().0.contains("controlled by a program"));
+    ours.grab(Duration::from_secs(10)).unwrap();
 }
 
 #[test]

@@ -12,7 +12,7 @@ use carved::device::{Capabilities, DeviceError, Position, RotationAxis};
 use carved::units::Steps;
 use hardware_sim::bridge::{self, Knobs};
 use hardware_sim::{Controller, RigSettings};
-use motion::{PATIENCE, SPEED_DEG_PER_S, await_that, is_suspect, targets, true_steps, turn, with_camera};
+use motion::{PATIENCE, SPEED_DEG_PER_S, is_suspect, targets, true_steps, turn, until, with_camera};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -197,13 +197,13 @@ fn a_bridge_that_restarts_while_vast_turns_makes_the_position_suspect() {
     let half_a_turn = targets(ViewOrder::CoarseToFine)[1];
     std::thread::scope(|scope| {
         let moving = scope.spawn(|| axis.move_to(half_a_turn));
-        await_that("the shaft turns", || true_steps(&bench.emulated) > 1.0);
+        until("the shaft turns", || true_steps(&bench.emulated) > 1.0);
         bench.emulated.faults().reboot_controller();
         let error = moving.join().unwrap().unwrap_err();
         assert!(out_of_step(&error, "restarted"), "{error}");
     });
     assert!(is_suspect(&axis));
-    await_that("VAST ends its step", || (true_steps(&bench.emulated) - half_a_turn.0 as f64).abs() < 1e-6);
+    until("VAST ends its step", || (true_steps(&bench.emulated) - half_a_turn.0 as f64).abs() < 1e-6);
 }
 
 #[test]
@@ -246,13 +246,13 @@ fn a_stop_ends_the_triggers_and_vast_ends_its_step() {
     let stop = axis.stop_handle();
     std::thread::scope(|scope| {
         let moving = scope.spawn(|| axis.move_to(half_a_turn));
-        await_that("the shaft turns", || true_steps(&bench.emulated) > 1.0);
+        until("the shaft turns", || true_steps(&bench.emulated) > 1.0);
         stop.stop();
         let error = moving.join().unwrap().unwrap_err();
         assert!(matches!(error, DeviceError::Stopped), "{error}");
     });
     assert!(is_suspect(&axis));
-    await_that("VAST ends its step", || (true_steps(&bench.emulated) - half_a_turn.0 as f64).abs() < 1e-6);
+    until("VAST ends its step", || (true_steps(&bench.emulated) - half_a_turn.0 as f64).abs() < 1e-6);
     let cancelled = CancelToken::new();
     cancelled.cancel();
     axis.announce(&targets(ViewOrder::Sequential)).unwrap();
@@ -291,7 +291,7 @@ fn vast_never_goes_by_another_list_than_the_one_that_was_announced() {
     // It takes a specimen up by one list, and then another is announced.
     bench.knobs.take_up_specimen();
     let mut orders = [ViewOrder::CoarseToFine, ViewOrder::Sequential].into_iter().cycle();
-    await_that("the refusal of a list that comes too late", || {
+    until("the refusal of a list that comes too late", || {
         let before = std::fs::read(bench.list()).unwrap();
         let Err(late) = axis.announce(&targets(orders.next().unwrap())) else { return false };
         assert!(out_of_step(&late, "by another"), "{late}");

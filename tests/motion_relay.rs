@@ -12,7 +12,7 @@ use carved::device::{Capabilities, DeviceError, Position, RotationAxis};
 use carved::units::Steps;
 use hardware_sim::RigSettings;
 use hardware_sim::relay::{self, Knobs};
-use motion::{SPEED_DEG_PER_S, await_that, is_suspect, true_steps, turn, with_camera};
+use motion::{SPEED_DEG_PER_S, is_suspect, true_steps, turn, until, with_camera};
 use std::time::Duration;
 
 struct Bench {
@@ -148,7 +148,7 @@ fn a_stop_ends_the_requests_and_vast_ends_its_turn() {
     let stop = axis.stop_handle();
     std::thread::scope(|scope| {
         let moving = scope.spawn(|| axis.move_to(Steps(250)));
-        await_that("the shaft turns", || true_steps(&bench.emulated) > zero + 1.0);
+        until("the shaft turns", || true_steps(&bench.emulated) > zero + 1.0);
         stop.stop();
         let error = moving.join().unwrap().unwrap_err();
         assert!(matches!(error, DeviceError::Stopped), "{error}");

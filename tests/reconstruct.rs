@@ -2,8 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
+#[path = "common/shared.rs"]
+mod shared;
+
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 fn carved(dir: &Path, args: &[&str]) -> Output {
@@ -31,12 +34,7 @@ fn number(value: &Value, key: &str) -> f64 {
 
 /// A profile set with its truth, or nothing where the shared data are absent.
 fn set(name: &str) -> Option<(String, String, Value)> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).parent().map(|p| p.join("shared"));
-    let folder = std::env::var_os("CARVED_SHARED").map(PathBuf::from).or_else(beside)?.join("data/profile_sets").join(name);
-    if !folder.is_dir() {
-        println!("skipped: {} is not there", folder.display());
-        return None;
-    }
+    let folder = shared::shared(&format!("data/profile_sets/{name}"))?;
     let truth = serde_json::from_slice(&std::fs::read(folder.join("truth.json")).unwrap()).unwrap();
     Some((folder.display().to_string(), folder.join("camera.json").display().to_string(), truth))
 }

@@ -32,12 +32,7 @@ fn group<'a>(all: &'a [References], name: &str) -> &'a carved::measure::referenc
 fn the_built_in_references_are_the_papers_tables() {
     let all = references::embedded().unwrap();
     assert_eq!(all.iter().map(|r| r.groups.len()).collect::<Vec<_>>(), [24, 2]);
-    let shared = std::env::var("CARVED_SHARED").unwrap_or_else(|_| "../shared".into());
-    let tables = Path::new(env!("CARGO_MANIFEST_DIR")).join(shared).join("paper/tables.json");
-    if !tables.is_file() {
-        println!("skipped: {} is not there", tables.display());
-        return;
-    }
+    let Some(tables) = common::shared("paper/tables.json") else { return };
     let tables = common::json(&tables);
     let numbers = |value: &serde_json::Value| value.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>();
     let close = |found: f64, wanted: f64, unit: f64| assert!((found / unit - wanted).abs() < 1e-9, "{found} is not {wanted} x {unit}");

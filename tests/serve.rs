@@ -10,7 +10,7 @@
 
 mod common;
 
-use common::{Daemon, PATIENCE, configured, json, port};
+use common::{Daemon, configured, json, port, until};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, RigSettings, ShaftSettings};
@@ -18,7 +18,7 @@ use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Steps per revolution of the rig and of the configuration.
 const STEPS: f64 = 500.0;
@@ -146,14 +146,6 @@ impl Instrument {
 
 fn plan(wells: &[Value]) -> Value {
     json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells})
-}
-
-fn until(what: &str, mut met: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
-    while !met() {
-        assert!(Instant::now() < deadline, "waited for {what}");
-        std::thread::park_timeout(Duration::from_millis(5));
-    }
 }
 
 #[test]

@@ -9,14 +9,13 @@
 
 mod common;
 
-use common::{Daemon, PATIENCE, configured, json, port};
+use common::{Daemon, configured, json, port, until};
 use hardware_sim::scene::{Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, RigSettings, bridge, relay};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
 
 const STEPS: f64 = 500.0;
 const ASD: u32 = 5;
@@ -94,14 +93,6 @@ impl Instrument {
 
 fn bead() -> Specimen {
     Specimen::bead(500.0).unwrap()
-}
-
-fn until(what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
-    while !holds() {
-        assert!(Instant::now() < deadline, "waited in vain for {what}");
-        std::thread::yield_now();
-    }
 }
 
 #[test]

@@ -1,6 +1,9 @@
 //! The paper's objective on phantoms: what it finds, what it cannot tell, and the gate that it is.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
+#[path = "common/shared.rs"]
+mod shared;
+
 use carved::calibration::{
     Ask, Calibration, Free, GivenView, Objective, Optimiser, Priors, Psi, Stop, Verdict, Vrv, calibrate, gate, optimise,
 };
@@ -10,7 +13,7 @@ use carved::geometry::{BoxUm, Camera, VoxelGrid};
 use carved::profile::{Columns, Mask};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
@@ -226,19 +229,9 @@ fn freed_angles_and_tilt_stay_where_ledger_and_prior_hold_them() {
     assert!(found.psi.omega[0].abs() < 1e-12, "the first view's angle stands");
 }
 
-fn shared_sets() -> Option<PathBuf> {
-    let shared = std::env::var_os("CARVED_SHARED").map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
-    let sets = shared.join("data/profile_sets");
-    if !sets.is_dir() {
-        println!("skipped: no profile sets at {}; CARVED_SHARED names the folder that holds data/profile_sets", sets.display());
-        return None;
-    }
-    Some(sets)
-}
-
 #[test]
 fn profile_sets_of_another_renderer_pass_the_gate() {
-    let Some(sets) = shared_sets() else { return };
+    let Some(sets) = shared::shared("data/profile_sets") else { return };
     for name in ["bead_512um_asd21", "larva_fin_asd21", "larva_drift_asd42"] {
         let turn = Turn::read(&sets.join(name));
         let found = turn.calibrated();

@@ -6,6 +6,7 @@ use crate::gige::{CameraFaults, GigeCamera};
 use crate::grbl;
 use crate::motor_faults::MotorFaults;
 use crate::relay::{self, Relay};
+use crate::sampler::{SamplerSettings, VendorSampler};
 use crate::serial::{Firmware, SerialFaults, SerialPort};
 use crate::shaft::{Shaft, ShaftSettings};
 use crate::sight::{PixelFormat, Sight};
@@ -49,13 +50,15 @@ impl Controller {
         self,
         shaft: Arc<Shaft>,
         slide: Option<Arc<Slide>>,
+        sampler: Option<Arc<VendorSampler>>,
         faults: Arc<SerialFaults>,
         motors: &Arc<MotorFaults>,
     ) -> Box<dyn Firmware> {
+        let grbl = |shaft, settings, dialect| grbl::Firmware::new(shaft, slide, faults, settings, dialect).with_sampler(sampler);
         match self {
             Self::Bridge(settings) => Box::new(bridge::Firmware::new(shaft, settings)),
-            Self::Grbl(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::Grbl)),
-            Self::GrblHal(settings) => Box::new(grbl::Firmware::new(shaft, slide, faults, settings, grbl::Dialect::GrblHal)),
+            Self::Grbl(settings) => Box::new(grbl(shaft, settings, grbl::Dialect::Grbl)),
+            Self::GrblHal(settings) => Box::new(grbl(shaft, settings, grbl::Dialect::GrblHal)),
             Self::Tmcl(settings) => Box::new(tmcl::Firmware::new(&shaft, motors, settings)),
             Self::Zaber(settings) => Box::new(zaber::Firmware::new(shaft, Arc::clone(motors), settings)),
         }
@@ -76,6 +79,8 @@ pub struct RigSettings {
     pub controller: Controller,
     /// What moves the capillary along, on the Y axis of a Grbl controller; none where nothing does.
     pub slide: Option<SlideSettings>,
+    /// The vendor's sampler, on the probe input and the flood output of a Grbl controller; none where somebody else fills the capillary.
+    pub sampler: Option<SamplerSettings>,
     /// A relay that turns the shaft as well, over TCP.
     pub relay: Option<relay::Settings>,
     /// A path that points to the serial port, whatever its device name; none gives the device name itself.
@@ -92,6 +97,7 @@ impl Default for RigSettings {
             nominal_exposure_us: None,
             controller: Controller::default(),
             slide: None,
+            sampler: None,
             relay: None,
             serial_link: None,
         }
@@ -121,6 +127,7 @@ pub struct Rig {
     clock: RigClock,
     shaft: Arc<Shaft>,
     slide: Option<Arc<Slide>>,
+    sampler: Option<Arc<VendorSampler>>,
     port: SerialPort,
     relay: Option<Relay>,
     motors: Arc<MotorFaults>,
@@ -149,6 +156,7 @@ impl Rig {
         let shaft = Shaft::new(clock, settings.shaft);
         let shaft = Arc::new(if matches!(settings.controller, Controller::Tmcl(_)) { shaft.paired() } else { shaft });
         let slide = settings.slide.map(|settings| Arc::new(Slide::new(clock, settings)));
+        let sampler = settings.sampler.map(|settings| Arc::new(VendorSampler::new(clock, settings)));
         let sight: Arc<dyn Sight> = match &slide {
             Some(slide) => Arc::new(OnSlide { sight, slide: Arc::clone(slide) }),
             None => sight,
@@ -157,10 +165,10 @@ impl Rig {
         let link = settings.serial_link;
         let controller = settings.controller;
         let motors = Arc::new(MotorFaults::default());
-        let firmware = |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), faults, &motors);
+        let firmware = |faults| controller.firmware(Arc::clone(&shaft), slide.clone(), sampler.clone(), faults, &motors);
         let port = SerialPort::start(clock, firmware, link.clone()).map_err(|why| RigError::Serial { link, why })?;
         let relay = settings.relay.map(|relay| Relay::start(clock, Arc::clone(&shaft), relay)).transpose().map_err(RigError::Relay)?;
-        Ok(Self { clock, shaft, slide, port, relay, motors, camera, second: None })
+        Ok(Self { clock, shaft, slide, sampler, port, relay, motors, camera, second: None })
     }
 
     /// Puts a second camera beside the first, on the same shaft, and says where.
@@ -204,6 +212,11 @@ impl Rig {
     /// The true slide, where there is one.
     pub fn slide(&self) -> Option<&Slide> {
         self.slide.as_deref()
+    }
+
+    /// The vendor's sampler, where there is one; its faults are its own.
+    pub fn sampler(&self) -> Option<&Arc<VendorSampler>> {
+        self.sampler.as_ref()
     }
 
     /// A pulse on the camera's trigger line.

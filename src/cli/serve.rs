@@ -2,7 +2,7 @@
 
 use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
-use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler};
+use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler, TriggerSampler};
 use crate::device::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
 use crate::session::{Instrument, Mode};
 use anyhow::Context;
@@ -19,12 +19,9 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
     let listener = config.http.bind()?;
-    let rig = open_rig(&config)?;
-    let second = open_second(&config)?;
     let gate = LoaderGate::default();
-    let sampler: Box<dyn Sampler> = match config.sampler {
-        SamplerDriver::Loader {} => Box::new(LoaderSampler::new(gate.clone())),
-    };
+    let (rig, sampler) = with_sampler(open_rig(&config)?, config.sampler, &gate)?;
+    let second = open_second(&config)?;
     let greeting = format!("carved serves the instrument {:?}:", config.rig_name);
     Daemon { config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, gate, listener, greeting }
         .run(|_| async { Ok(()) })
@@ -40,6 +37,17 @@ pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
     Ok(Rig { rotation, camera })
 }
 
+/// Who fills the capillary; its wires may end at the rig's axis.
+pub fn with_sampler(rig: Rig, driver: SamplerDriver, gate: &LoaderGate) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
+    Ok(match driver {
+        SamplerDriver::Loader {} => (rig, Box::new(LoaderSampler::new(gate.clone()))),
+        SamplerDriver::Trigger(settings) => {
+            let (sampler, rotation) = TriggerSampler::beside(rig.rotation, settings)?;
+            (Rig { rotation, ..rig }, Box::new(sampler))
+        }
+    })
+}
+
 fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
     let rotation: Box<dyn RotationAxis> = match &config.rotation {
         RotationDriver::Grbl(settings) => Box::new(rotation::Grbl::with_translation(settings.clone(), config.translation)?),
@@ -52,7 +60,7 @@ fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
 }
 
 /// The second camera, where one is configured.
-fn open_second(config: &Config) -> anyhow::Result<Option<Box<dyn Camera>>> {
+pub fn open_second(config: &Config) -> anyhow::Result<Option<Box<dyn Camera>>> {
     let Some(second) = &config.second else { return Ok(None) };
     let CameraDriver::Aravis(settings) = &second.camera;
     Ok(Some(camera::open(settings.clone()).context("the second camera")?))

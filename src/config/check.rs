@@ -150,17 +150,9 @@ impl Config {
         for checked in [raw.rotation.check(raw.rig.steps_per_revolution), translation, camera.check()] {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
+        wires(&raw, &mut breaches);
         let second = second_camera(raw.camera_second, raw.optics_second.as_ref(), &mut breaches);
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
-        match (&raw.translation, &raw.rotation) {
-            (Some(_), driver) if !matches!(driver, RotationDriver::Grbl(_)) => {
-                wrong("[translation]", "a table".into(), "none: of the drivers of [rotation] only \"grbl\" moves the capillary along");
-            }
-            (Some(translation), RotationDriver::Grbl(grbl)) if translation.axis == grbl.axis => {
-                wrong("translation.axis", format!("{:?}", translation.axis), "another axis than that of [rotation]");
-            }
-            _ => {}
-        }
         let (width, height) = raw.camera.frame_size();
         if (width, height) != (o.width_px, o.height_px) {
             wrong("[camera] frame", format!("{width} x {height} px"), &format!("the {} x {} px of [optics]", o.width_px, o.height_px));
@@ -187,6 +179,25 @@ impl Config {
             references,
         })
     }
+}
+
+/// What ends at the rotation's controller besides the rotation.
+fn wires(raw: &Raw, breaches: &mut Vec<String>) {
+    let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
+    match (&raw.translation, &raw.rotation) {
+        (Some(_), driver) if !matches!(driver, RotationDriver::Grbl(_)) => {
+            wrong("[translation]", "a table".into(), "none: of the drivers of [rotation] only \"grbl\" moves the capillary along");
+        }
+        (Some(translation), RotationDriver::Grbl(grbl)) if translation.axis == grbl.axis => {
+            wrong("translation.axis", format!("{:?}", translation.axis), "another axis than that of [rotation]");
+        }
+        _ => {}
+    }
+    let SamplerDriver::Trigger(trigger) = &raw.sampler else { return };
+    if !matches!(raw.rotation, RotationDriver::Grbl(_)) {
+        wrong("sampler.driver", "\"trigger\"".into(), "\"loader\": of the drivers of [rotation] only \"grbl\" has the wire");
+    }
+    breaches.extend(trigger.check().err().map(|e| format!("  {e}")));
 }
 
 /// Both tables of a second camera, or neither.

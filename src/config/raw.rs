@@ -5,6 +5,7 @@ use crate::acquisition::AcquisitionSettings;
 use crate::device::DeviceError;
 use crate::device::camera::AravisSettings;
 use crate::device::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
+use crate::device::sampler::TriggerSettings;
 use crate::frame::PixelFormat;
 use crate::http::HttpSettings;
 use crate::units::StepsPerRevolution;
@@ -146,6 +147,8 @@ pub enum CameraDriver {
 pub enum SamplerDriver {
     /// The plate-loader does and says so: `PUT /v1/runs/{id}/wells/{well}`.
     Loader {},
+    /// A sampler of its own does, and says so by a wire to the motion controller.
+    Trigger(TriggerSettings),
 }
 
 impl CameraDriver {

@@ -7,7 +7,7 @@
 //! ```
 //! The port must be let go at once: while a dead tty is held open its adapter comes back under another name.
 
-use super::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, StopHandle};
+use super::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use crate::cancel::CancelToken;
 use crate::units::Steps;
 
@@ -94,6 +94,10 @@ impl RotationAxis for Lasting {
 
     fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
         self.axis.as_mut()?.linear()
+    }
+
+    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        self.axis.as_mut()?.specimen_input()
     }
 
     /// An axis that is away is opened again, one that does not answer is let go.

@@ -83,6 +83,10 @@ pub trait RotationAxis: Send {
     fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
         None
     }
+    /// The wire that says that a specimen is in the capillary, where it ends at this controller.
+    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        None
+    }
     /// Whether the controller is still there, asked without moving anything; for the time between runs. One that has no
     /// question for that says so at its next reference.
     fn check(&mut self) -> Result<(), DeviceError> {
@@ -105,6 +109,16 @@ pub trait LinearAxis {
     fn position(&self) -> Position;
     /// Whole steps of a length.
     fn steps_of(&self, um: f64) -> Steps;
+}
+
+/// Two wires between the controller and who brings specimens.
+pub trait SpecimenInput {
+    /// Lifts an earlier stop as a reference does; comes before a specimen is waited for.
+    fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError>;
+    /// Whether the input is active at this moment; it may bounce.
+    fn is_active(&mut self) -> Result<bool, DeviceError>;
+    /// Switches the output that says that the specimen is done with.
+    fn say_done(&mut self, done: bool) -> Result<(), DeviceError>;
 }
 
 /// Stops a motor from any thread.

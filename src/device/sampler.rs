@@ -1,6 +1,11 @@
 //! Who puts a specimen into the capillary and takes it out again.
 
-use super::DeviceError;
+mod trigger;
+mod watched;
+
+pub use trigger::{TriggerSampler, TriggerSettings};
+
+use super::{DeviceError, RotationAxis};
 use crate::cancel::CancelToken;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
@@ -25,9 +30,10 @@ pub struct Expected<'a> {
 pub trait Sampler: Send {
     /// Whether `load` waits for somebody outside.
     fn waits_for_loader(&self) -> bool;
-    /// Brings the specimen of a well into the capillary; nothing where the run was cancelled or paused meanwhile.
-    fn load(&mut self, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
-    fn eject(&mut self, well: &str) -> Result<(), DeviceError>;
+    /// Brings the specimen of a well into the capillary; nothing where the run was cancelled or paused meanwhile. `axis` may have the
+    /// wire that says that it is there.
+    fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
+    fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError>;
 }
 
 /// What a wait for the loader ends with.
@@ -83,7 +89,7 @@ impl Sampler for LoaderSampler {
         true
     }
 
-    fn load(&mut self, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+    fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (slot, changed) = &*self.gate.0;
         let mut said = slot.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -102,7 +108,7 @@ impl Sampler for LoaderSampler {
         }
     }
 
-    fn eject(&mut self, _well: &str) -> Result<(), DeviceError> {
+    fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
 }
@@ -110,6 +116,7 @@ impl Sampler for LoaderSampler {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::device::sampler::trigger::tests::Wired;
 
     #[test]
     fn the_word_for_another_well_does_not_count_and_a_cancel_ends_the_wait() {
@@ -117,12 +124,13 @@ mod tests {
         let gate = LoaderGate::default();
         let cancel = CancelToken::default();
         let mut sampler = LoaderSampler::new(gate.clone());
+        let mut axis = Wired::default();
         gate.say_loaded("A01");
-        assert_eq!(sampler.load(well("A01"), &cancel).unwrap(), Some(Loaded::default()));
+        assert_eq!(sampler.load(&mut axis, well("A01"), &cancel).unwrap(), Some(Loaded::default()));
         gate.say_loaded("A02");
         gate.clear();
         cancel.cancel();
-        assert_eq!(sampler.load(well("A02"), &cancel).unwrap(), None);
+        assert_eq!(sampler.load(&mut axis, well("A02"), &cancel).unwrap(), None);
     }
 
     #[test]
@@ -131,9 +139,9 @@ mod tests {
         let mut sampler = LoaderSampler::new(gate.clone());
         let expected = Expected { well: "A01", bead: false, dpf: None };
         gate.give_up();
-        assert_eq!(sampler.load(expected, &CancelToken::default()).unwrap(), None);
+        assert_eq!(sampler.load(&mut Wired::default(), expected, &CancelToken::default()).unwrap(), None);
         gate.clear();
         gate.say_loaded("A01");
-        assert_eq!(sampler.load(expected, &CancelToken::default()).unwrap(), Some(Loaded::default()));
+        assert_eq!(sampler.load(&mut Wired::default(), expected, &CancelToken::default()).unwrap(), Some(Loaded::default()));
     }
 }

@@ -267,12 +267,7 @@ impl Running {
         self.publish(|s| {
             match lost {
                 Some(Lost::Camera) => s.hardware.camera.connected = false,
-                Some(Lost::Rotation) => {
-                    s.hardware.rotation.connected = false;
-                    s.hardware.rotation.referenced = false;
-                    s.hardware.rotation.position_steps = None;
-                    s.hardware.rotation.position_deg = None;
-                }
+                Some(Lost::Rotation) => s.hardware.lose_axes(),
                 None => {}
             }
             s.faults.push(shown);
@@ -313,10 +308,7 @@ impl Running {
             Err(error) => tracing::debug!(%error, "the camera is not back yet"),
         }
         match found.rotation {
-            Ok(()) => self.regain(Lost::Rotation, |s| {
-                s.hardware.rotation.connected = true;
-                s.hardware.rotation.identity = Some(identity);
-            }),
+            Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity)),
             Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error),
             Err(error) => {
                 tracing::debug!(%error, "the rotation axis is not back yet");
@@ -372,13 +364,14 @@ impl Running {
         });
         let second = self.instrument.as_ref().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
         let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
+        let has_translation = self.config.translation.is_some();
         let disk_free_bytes = self.store.free_bytes();
         let calibration = self.calibration();
         self.publish(|s| {
             s.calibration = calibration;
             if let Some((rotation, camera)) = identities {
-                s.hardware.rotation.identity = Some(rotation);
-                s.hardware.rotation.connected = true;
+                s.hardware.translation = has_translation.then(super::TranslationStatus::default);
+                s.hardware.find_axes(&rotation);
                 s.hardware.camera.identity = Some(camera);
                 s.hardware.camera.connected = true;
             }
@@ -663,10 +656,11 @@ impl Running {
                 self.publisher.set_live(|l| l.mesh_glb = Some(glb));
                 self.publish(|_| ());
             }
-            Progress::Hardware { rotation, counters, second } => {
+            Progress::Hardware { rotation, translation, counters, second } => {
                 let disk_free_bytes = self.store.free_bytes();
                 self.publish(|s| {
                     s.hardware.rotation = rotation;
+                    s.hardware.translation = translation;
                     s.hardware.disk_free_bytes = disk_free_bytes;
                     s.hardware.camera.count(&counters);
                     if let (Some(camera), Some(counters)) = (&mut s.hardware.camera_second, second) {

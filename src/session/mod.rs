@@ -37,5 +37,5 @@ pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
     CalibrationStatus, CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus,
-    SchedulerAction, SpecimenOutcome, SpecimenStatus, State, Status, WellCounts, WellStatus,
+    SchedulerAction, SpecimenOutcome, SpecimenStatus, State, Status, TranslationStatus, WellCounts, WellStatus,
 };

@@ -4,6 +4,8 @@
 //! and the `faults`. Clocks (`server_time`, `uptime_s`, the calibration's `age_s`) are filled in when a snapshot is read and do not
 //! change its revision; `eta_s` is told anew with each well that is done.
 
+use crate::device::Position;
+use crate::units::Steps;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -318,16 +320,65 @@ pub struct RotationStatus {
     pub position_deg: Option<f64>,
 }
 
+/// The axis along the capillary.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub struct TranslationStatus {
+    /// Of its controller, which is the rotation's too.
+    pub identity: Option<String>,
+    pub connected: bool,
+    pub referenced: bool,
+    /// From the reference.
+    pub position_steps: Option<i64>,
+    pub position_um: Option<f64>,
+}
+
+impl TranslationStatus {
+    /// No position where the controller is away.
+    pub fn new(identity: &str, position: Option<Position>, um: impl Fn(Steps) -> f64) -> Self {
+        let steps = match position {
+            Some(Position::Referenced { steps, .. }) => Some(steps),
+            _ => None,
+        };
+        Self {
+            identity: Some(identity.to_owned()),
+            connected: position.is_some(),
+            referenced: steps.is_some(),
+            position_steps: steps.map(|s| s.0),
+            position_um: steps.map(um),
+        }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
 pub struct HardwareStatus {
     pub rotation: RotationStatus,
     /// `null` on a rig without a linear axis.
-    pub translation: Option<RotationStatus>,
+    pub translation: Option<TranslationStatus>,
     pub camera: CameraStatus,
     /// `null` on a rig without a second camera.
     #[serde(default)]
     pub camera_second: Option<CameraStatus>,
     pub disk_free_bytes: Option<u64>,
+}
+
+impl HardwareStatus {
+    /// The axes' controller is away, and with it what was known of their places.
+    pub fn lose_axes(&mut self) {
+        let away =
+            RotationStatus { connected: false, referenced: false, position_steps: None, position_deg: None, ..self.rotation.clone() };
+        self.rotation = away;
+        self.translation = self.translation.take().map(|t| TranslationStatus { identity: t.identity, ..TranslationStatus::default() });
+    }
+
+    /// It is there, and its axes wait for their references.
+    pub fn find_axes(&mut self, identity: &str) {
+        self.rotation.connected = true;
+        self.rotation.identity = Some(identity.to_owned());
+        if let Some(translation) = &mut self.translation {
+            translation.connected = true;
+            translation.identity = Some(identity.to_owned());
+        }
+    }
 }
 
 /// The newest calibration of this rig, by beads or by scale; looked up when the daemon and when a run starts.

@@ -7,7 +7,9 @@
 //!                                   └─ closure view at 360 deg
 //! ```
 
-use super::{Live, Mode, Phase, PlannedWell, ReferenceStatus, RotationStatus, SpecimenKind, SpecimenOutcome, WellStatus};
+use super::{
+    Live, Mode, Phase, PlannedWell, ReferenceStatus, RotationStatus, SpecimenKind, SpecimenOutcome, TranslationStatus, WellStatus,
+};
 use super::{live, placing};
 use crate::acquisition::{self, AcquisitionError, LedgerEntry, Light, PlanError, RevolutionPlan, SinkClosed};
 use crate::cancel::CancelToken;
@@ -70,6 +72,7 @@ pub enum Progress {
     },
     Hardware {
         rotation: RotationStatus,
+        translation: Option<TranslationStatus>,
         counters: StreamCounters,
         second: Option<StreamCounters>,
     },
@@ -170,7 +173,7 @@ pub fn run(mut instrument: Instrument, context: &RunContext) -> (Instrument, Run
     {
         tracing::warn!(%error, "the second camera did not disarm");
     }
-    context.hardware(&instrument);
+    context.hardware(&mut instrument);
     (instrument, end)
 }
 
@@ -186,8 +189,8 @@ impl RunContext {
         self.tell(Progress::Phase { well: well.to_owned(), phase, in_capillary });
     }
 
-    fn hardware(&self, instrument: &Instrument) {
-        let rig = &instrument.rig;
+    fn hardware(&self, instrument: &mut Instrument) {
+        let rig = &mut instrument.rig;
         let (referenced, position_steps) = match rig.rotation.position() {
             Position::Referenced { steps, .. } => (true, Some(steps)),
             Position::Unknown | Position::Suspect { .. } => (false, None),
@@ -201,9 +204,17 @@ impl RunContext {
                 position_steps: position_steps.map(|s| s.0),
                 position_deg: position_steps.map(|s| self.config.steps_per_revolution.angle(s).to_degrees()),
             },
+            translation: self.translation(rig),
             counters: rig.camera.counters(),
             second: instrument.second.as_ref().map(|second| second.counters()),
         });
+    }
+
+    /// Of the axis along the capillary, where the rig has one.
+    fn translation(&self, rig: &mut Rig) -> Option<TranslationStatus> {
+        let settings = self.config.translation.as_ref()?;
+        let position = rig.rotation.linear().map(|axis| axis.position());
+        Some(TranslationStatus::new(rig.rotation.identity(), position, |steps| settings.um(steps)))
     }
 
     fn plan(&self) -> Result<RevolutionPlan, PlanError> {
@@ -222,7 +233,7 @@ impl RunContext {
         self.tell(Progress::Ready);
         if let Some(well) = &self.eject_first {
             self.phase(well, Phase::Eject, true);
-            instrument.sampler.eject(well)?;
+            instrument.sampler.eject(instrument.rig.rotation.as_mut(), well, &self.cancel)?;
             self.phase(well, Phase::Eject, false);
         }
         for planned in &self.wells {
@@ -283,7 +294,7 @@ impl RunContext {
             self.tell(Progress::WaitingForLoader { well: well.to_owned() });
         }
         let expected = Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf };
-        let Some(loaded) = instrument.sampler.load(expected, &self.cancel)? else { return Ok(None) };
+        let Some(loaded) = instrument.sampler.load(instrument.rig.rotation.as_mut(), expected, &self.cancel)? else { return Ok(None) };
         self.phase(well, Phase::Position, true);
         instrument.rig.rotation.reference(&self.cancel)?;
         if let Some(translation) = &self.config.translation {
@@ -318,8 +329,12 @@ impl RunContext {
         let driven = !instrument.sampler.waits_for_loader();
         if matches!(end, Ok(None) | Err(_)) && driven {
             self.phase(well, Phase::Eject, true);
-            instrument.sampler.eject(well)?;
-            self.phase(well, Phase::Eject, false);
+            match instrument.sampler.eject(instrument.rig.rotation.as_mut(), well, &self.cancel) {
+                Ok(()) => self.phase(well, Phase::Eject, false),
+                // What ended the run is what is told.
+                Err(error) if end.is_err() => tracing::warn!(%error, well, "the specimen is left in the capillary"),
+                Err(error) => return Err(error.into()),
+            }
         }
         let Some(end) = end? else { return Ok(None) };
         closed?;
@@ -328,7 +343,7 @@ impl RunContext {
             tracing::warn!(%error, well, "the rotation axis did not let the specimen go");
         }
         self.phase(well, Phase::Eject, !matches!(end, WellEnd::Skipped(_)));
-        instrument.sampler.eject(well)?;
+        instrument.sampler.eject(instrument.rig.rotation.as_mut(), well, &self.cancel)?;
         Ok(Some(end))
     }
 

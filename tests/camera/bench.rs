@@ -1,5 +1,9 @@
 //! An emulated camera whose every frame tells its number, the driver at its other end, and what both must agree on.
 
+#[path = "../common/wait.rs"]
+mod wait;
+pub use wait::{PATIENCE, until};
+
 use carved::cancel::CancelToken;
 use carved::device::camera::{self, AravisSettings, CameraSelect};
 use carved::device::{Camera, DeviceError, Grabbed};
@@ -7,14 +11,12 @@ use carved::frame::PixelFormat;
 use hardware_sim::{Exposure, Pixels, Rig, RigSettings, Sight};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 pub const WIDTH: u32 = 256;
 pub const HEIGHT: u32 = 64;
 /// Time for one frame in these tests, as a run gives it.
 pub const DEADLINE: Duration = Duration::from_secs(3);
-/// Longer than anything here takes: a condition that is never met fails and does not hang.
-pub const PATIENCE: Duration = Duration::from_secs(60);
 
 /// No two frames alike: the number of the exposure, then noise that follows from it.
 struct Numbered;
@@ -92,13 +94,4 @@ impl Drop for Bench {
     fn drop(&mut self) {
         self.faults().pull_cable(false);
     }
-}
-
-pub fn until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
-    let began = Instant::now();
-    while !holds() {
-        assert!(began.elapsed() < PATIENCE, "waited for {what}");
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    began.elapsed()
 }

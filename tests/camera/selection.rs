@@ -15,6 +15,33 @@ fn a_name_that_nobody_has_is_an_error_that_lists_who_answers() {
     }
 }
 
+/// Two cameras on one network: each is found by each of its names, the other never.
+#[test]
+fn a_camera_is_found_by_its_address_id_serial_number_and_hardware_address() {
+    let (one, other) = (rig(), rig());
+    let listed = camera::discover();
+    for (rig, another) in [(&one, &other), (&other, &one)] {
+        let named =
+            |serial: &str| listed.iter().find(|camera| camera.serial.as_deref() == Some(serial)).unwrap_or_else(|| panic!("{listed:?}"));
+        let own = named(rig.camera_serial());
+        assert_ne!((&own.id, &own.mac), (&named(another.camera_serial()).id, &named(another.camera_serial()).mac));
+        assert_eq!(own.address.as_deref(), Some(rig.camera_address().to_string().as_str()));
+        let before = another.exposures().len();
+        for select in [
+            CameraSelect::Address(rig.camera_address()),
+            CameraSelect::Id(own.id.clone().unwrap()),
+            CameraSelect::Serial(rig.camera_serial().to_owned()),
+            CameraSelect::Mac(own.mac.as_ref().unwrap().parse().unwrap()),
+        ] {
+            let mut opened = camera::open(AravisSettings { select: select.clone(), ..settings(rig) }).unwrap();
+            assert!(opened.identity().contains(&format!("({})", rig.camera_serial())), "{select}: {}", opened.identity());
+            opened.arm().unwrap();
+            opened.grab(DEADLINE).unwrap();
+            assert_eq!(another.exposures().len(), before, "{select}: the other camera was triggered");
+        }
+    }
+}
+
 #[test]
 fn gain_goes_to_the_feature_that_is_there() {
     let rig = rig();

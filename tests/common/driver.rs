@@ -1,15 +1,16 @@
 //! An emulated rig for the tests of motion drivers, and what they wait for.
-#![allow(dead_code, clippy::unwrap_used)] // each test binary uses its own part; a harness may panic
+#![allow(dead_code, unused_imports, clippy::unwrap_used)] // each test binary uses its own part; a harness may panic
+
+#[path = "wait.rs"]
+mod wait;
+pub use wait::until;
 
 use carved::device::{DeviceError, Position, RotationAxis};
 use carved::units::Steps;
 use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, TestCard};
 use std::f64::consts::TAU;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-/// Far longer than anything here takes: a condition that is never met fails and does not hang.
-const PATIENCE: Duration = Duration::from_secs(60);
+use std::time::Duration;
 
 /// In real time: how far two motors are apart that are told one after the other is a matter of it.
 pub fn rig(controller: Controller, steps_per_revolution: (u32, u32)) -> Rig {
@@ -31,14 +32,6 @@ pub fn at_every_byte(bytes: usize, test: impl Fn(usize) + Sync) {
             scope.spawn(move || (first..=bytes).step_by(AT_ONCE).for_each(test));
         }
     });
-}
-
-pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
-    let deadline = Instant::now() + PATIENCE;
-    while !holds() {
-        assert!(Instant::now() < deadline, "waited in vain for {what}");
-        std::thread::sleep(Duration::from_millis(1));
-    }
 }
 
 /// A refusal may overtake the bytes of its stop on their way through the pty; what they bring about is lasting.

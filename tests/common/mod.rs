@@ -1,5 +1,5 @@
 //! The real program, started as a user starts it.
-#![allow(dead_code, clippy::unwrap_used, clippy::expect_used)] // each test binary uses its own part; a harness may panic
+#![allow(dead_code, unused_imports, clippy::unwrap_used, clippy::expect_used)] // each test binary uses its own part; a harness may panic
 
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
@@ -7,8 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// Longer than anything here takes, even on a loaded machine: a hang becomes a failure, nothing is timed by it.
-pub const PATIENCE: Duration = Duration::from_secs(240);
+mod shared;
+mod wait;
+
+pub use shared::shared;
+pub use wait::{PATIENCE, until};
 
 pub fn carved() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_carved"));

@@ -1,5 +1,9 @@
 //! One revolution through a real driver and the real camera, held against what was truly exposed.
-#![allow(dead_code)] // each test binary uses its own part
+#![allow(dead_code, unused_imports)] // each test binary uses its own part
+
+#[path = "wait.rs"]
+mod wait;
+pub use wait::{PATIENCE, until};
 
 use carved::acquisition::{AcquisitionSettings, Ledger, RevolutionPlan, ViewOrder, revolve};
 use carved::cancel::CancelToken;
@@ -10,13 +14,10 @@ use carved::units::{Sense, Steps, StepsPerRevolution};
 use hardware_sim::{Exposure, ExposureRecord, RigSettings, Sight, TestCard};
 use std::f64::consts::TAU;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 const WIDTH: u32 = 256;
 const HEIGHT: u32 = 256;
 pub const STEPS: f64 = 500.0;
-/// Far longer than anything here takes: a condition that is never met fails and does not hang.
-pub const PATIENCE: Duration = Duration::from_secs(30);
 /// How much faster than real the emulated machine is.
 pub const SCALE: f64 = 5.0;
 /// The emulated machine's 360 deg/s, as the host sees them.
@@ -78,15 +79,6 @@ fn holds(emulated: &hardware_sim::Rig, ledger: &Ledger, frames: &[RawFrame], zer
         let off_steps = (exposed.angle_rad - zero_rad - entry.omega) * STEPS / TAU;
         assert!(off_steps.abs() < 1e-6, "view {}: exposed {off_steps} steps from where the ledger says", entry.view);
         assert_eq!(entry.commanded_steps, entry.achieved_steps);
-    }
-}
-
-/// Waits for a condition of the emulated machine.
-pub fn await_that(what: &str, mut holds: impl FnMut() -> bool) {
-    let until = Instant::now() + PATIENCE;
-    while !holds() {
-        assert!(Instant::now() < until, "waited for: {what}");
-        std::thread::yield_now();
     }
 }
 

@@ -1,8 +1,8 @@
 // The instrument itself: axes, camera, disk, calibration.
 
 import { fact } from "./dom.ts";
-import { age, bytes, duration, grouped } from "./format.ts";
-import type { AxisStatus, CalibrationStatus, CameraStatus, Status } from "./status.ts";
+import { age, bytes, duration, grouped, micrometres, significant } from "./format.ts";
+import type { AxisStatus, CalibrationStatus, CameraStatus, Light, Status, TranslationStatus } from "./status.ts";
 
 export class RigView {
   readonly #list: HTMLElement;
@@ -13,10 +13,12 @@ export class RigView {
   }
 
   update(status: Status): void {
-    const { rotation, translation, camera, disk_free_bytes: free } = status.hardware;
+    const { rotation, translation, camera, camera_second: second, disk_free_bytes: free } = status.hardware;
     const rows: [string, string][] = [["Rotation", axis(rotation)]];
-    if (translation) rows.push(["Translation", axis(translation)]);
+    if (translation) rows.push(["Translation", slide(translation)]);
     rows.push(["Camera", cameraWords(camera)], ["Frames", frames(camera)]);
+    if (camera.light) rows.push(["Light", lightWords(camera.light)], ["Focus", focusWords(camera.light)]);
+    if (second) rows.push(["Second camera", cameraWords(second)], ["Its frames", frames(second)]);
     if (free !== null) rows.push(["Disk free", bytes(free)]);
     rows.push(["Calibration", calibrationWords(status.calibration)]);
     rows.push(["Running for", duration(Math.floor(status.uptime_s / 60) * 60 || Math.floor(status.uptime_s))]);
@@ -31,6 +33,23 @@ function axis(axis: AxisStatus): string {
   if (!axis.connected) return "✕ not connected";
   if (!axis.referenced) return "! not referenced";
   return axis.position_deg === null ? "✓ referenced" : `✓ at ${axis.position_deg.toFixed(2)}°`;
+}
+
+function slide(axis: TranslationStatus): string {
+  if (!axis.connected) return "✕ not connected";
+  if (!axis.referenced) return "! not referenced";
+  return axis.position_um === null ? "✓ referenced" : `✓ at ${micrometres(axis.position_um)}`;
+}
+
+/** The background of the newest view, of 255, and what of it is too bright to be told. */
+export function lightWords({ background, saturated }: Light): string {
+  const level = `background ${grouped(background)} of 255`;
+  return saturated < 0.0005 ? level : `${level}, ${significant(saturated * 100, 2)} % saturated`;
+}
+
+/** Says something beside other views of the same rig and specimen only: so many millionths are easier to compare than 0.00123. */
+export function focusWords({ focus }: Light): string {
+  return `${grouped(focus * 1e6)} (higher is sharper)`;
 }
 
 function cameraWords(camera: CameraStatus): string {

@@ -69,6 +69,7 @@ export interface WellStatus {
   field_volume_um3: number | null;
   field_area_um2: number | null;
   diameter_um: number | null;
+  signal_per_nl: number | null;
   reference: ReferenceStatus | null;
 }
 
@@ -116,6 +117,22 @@ export interface AxisStatus {
   position_deg: number | null;
 }
 
+/** The axis along the capillary. */
+export interface TranslationStatus {
+  identity: string | null;
+  connected: boolean;
+  referenced: boolean;
+  position_steps: number | null;
+  position_um: number | null;
+}
+
+/** Shares and ratios of the newest view, for the operator to see lamp and focus drift. */
+export interface Light {
+  background: number;
+  saturated: number;
+  focus: number;
+}
+
 export interface CameraStatus {
   identity: string | null;
   connected: boolean;
@@ -124,6 +141,7 @@ export interface CameraStatus {
   missing_packets: number;
   resent_packets: number;
   ignored_packets: number;
+  light: Light | null;
 }
 
 /** Of the rig itself. */
@@ -154,8 +172,9 @@ export interface Status {
   specimen: SpecimenStatus | null;
   hardware: {
     rotation: AxisStatus;
-    translation: AxisStatus | null;
+    translation: TranslationStatus | null;
     camera: CameraStatus;
+    camera_second: CameraStatus | null;
     disk_free_bytes: number | null;
   };
   calibration: CalibrationStatus | null;

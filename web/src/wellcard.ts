@@ -6,6 +6,7 @@ import {
   cubicMicrometres,
   micrometres,
   nanolitres,
+  significant,
   squareMicrometres,
   squareMillimetres,
   words,
@@ -82,6 +83,10 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
     rows.push(...fact("Its area", shown));
   }
   if (well.diameter_um !== null) rows.push(...fact("Diameter", number("diameter", micrometres(well.diameter_um, 1))));
+  if (well.signal_per_nl !== null) {
+    const shown = number("signal", `${significant(well.signal_per_nl)} per nL`, "grey levels × px, second camera");
+    rows.push(...fact("Fluorescence", shown));
+  }
   const among = places(well);
   if (among.length > 0) rows.push(...fact("Among its age", ...among.map(place)));
   return rows;

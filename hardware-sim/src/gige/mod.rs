@@ -1,6 +1,7 @@
 //! A GigE Vision camera on loopback: discovery, control, stream and packet resend in real packets.
 //!
 //! ```text
+//!   host ── broadcast ── discovery thread ── who it is
 //!   host ── UDP 3956 ── control thread ── memory (registers, GenICam description)
 //!                           │ start, stop, trigger
 //!   host ◄── stream ──── sensor thread ── Sight (the picture at the shaft's true angle)
@@ -8,6 +9,7 @@
 
 mod bytes;
 mod control;
+mod discovery;
 mod faults;
 mod features;
 mod gvcp;
@@ -22,6 +24,7 @@ use crate::shaft::Shaft;
 use crate::sight::{PixelFormat, Sight};
 use crate::truth::Truth;
 use control::Control;
+use discovery::Discovery;
 use memory::{Identity, Memory};
 use sensor::{Order, Sensor, State, Stream};
 use std::net::{Ipv4Addr, SocketAddrV4, UdpSocket};
@@ -83,12 +86,17 @@ impl GigeCamera {
             orders: inbox,
             state: State::default(),
         };
+        // Where nothing can listen to broadcasts the camera is still found by its address.
+        let discovery = Discovery::listen(socket.try_clone()?, Arc::clone(&memory), Arc::clone(&faults), Arc::clone(&quit)).ok();
         let (registers, sender) = (Arc::clone(&memory), Arc::clone(&stream));
         let control = Control::new(socket, clock, registers, sender, Arc::clone(&faults), orders.clone(), Arc::clone(&quit));
         let mut camera = Self { address, serial, faults, truth, memory, stream, quit, orders, threads: Vec::new() };
         let spawn = |name: &str, run: Box<dyn FnOnce() + Send>| std::thread::Builder::new().name(name.into()).spawn(run);
         camera.threads.push(spawn("sim-sensor", Box::new(move || sensor.run()))?);
         camera.threads.push(spawn("sim-gvcp", Box::new(move || control.run()))?);
+        if let Some(discovery) = discovery {
+            camera.threads.push(spawn("sim-discovery", Box::new(move || discovery.run()))?);
+        }
         Ok(camera)
     }
 

@@ -14,6 +14,7 @@ use super::report::{Reporter, Snapshot};
 use super::settings::Settings;
 use super::words;
 use crate::motion::MotionProfile;
+use crate::sampler::VendorSampler;
 use crate::serial::{self, SerialFaults};
 use crate::shaft::Shaft;
 use crate::slide::Slide;
@@ -115,6 +116,8 @@ pub(crate) struct Firmware {
     shaft: Arc<Shaft>,
     /// On Y, where there is one.
     slide: Option<Arc<Slide>>,
+    /// On the probe input and the flood output.
+    sampler: Option<Arc<VendorSampler>>,
     faults: Arc<SerialFaults>,
     settings: Settings,
     dialect: Dialect,
@@ -220,6 +223,7 @@ impl Firmware {
         Self {
             shaft,
             slide,
+            sampler: None,
             faults,
             settings,
             dialect,
@@ -239,6 +243,16 @@ impl Firmware {
             mode: Mode::Idle,
             wait: Wait::Nothing,
             out: Vec::new(),
+        }
+    }
+
+    pub fn with_sampler(self, sampler: Option<Arc<VendorSampler>>) -> Self {
+        Self { sampler, ..self }
+    }
+
+    fn tell_sampler(&self) {
+        if let Some(sampler) = &self.sampler {
+            sampler.done(self.parser.is_flooding());
         }
     }
 
@@ -307,6 +321,7 @@ impl Firmware {
                     Ok(action) => self.act(action, now_s),
                     Err(number) => self.error(number),
                 }
+                self.tell_sampler();
                 if self.parser.offset().map(f32::to_bits) != offset.map(f32::to_bits) {
                     self.reporter.offset_changed();
                 }
@@ -696,6 +711,7 @@ impl Firmware {
         self.planner.clear();
         self.wait = Wait::Nothing;
         self.parser = Parser::at(self.machine(self.position));
+        self.tell_sampler();
         self.reporter = Reporter::default();
         self.sticky = None;
         self.told_modes = self.parser.report();
@@ -743,6 +759,7 @@ impl Firmware {
             offset: self.parser.offset(),
             feed,
             at_limit: self.shaft.at_index(now_s),
+            at_probe: self.sampler.as_ref().is_some_and(|sampler| sampler.line()),
             free: (self.free_blocks(), self.dialect.receive_bytes() - self.received.len()),
             homed: self.dialect.is_hal().then_some(self.homed),
             mask: self.settings.get(10) as u8,

@@ -30,6 +30,8 @@ pub(super) struct Parser {
     g92: [f32; 3],
     system: u8,
     spindle: &'static str,
+    /// The flood output, M8 and M9.
+    flood: bool,
     /// Where the parser believes the machine will be, in machine coordinates.
     pub position: [f32; 3],
 }
@@ -53,6 +55,7 @@ impl Default for Parser {
             g92: [0.0; 3],
             system: 54,
             spindle: "M5",
+            flood: false,
             position: [0.0; 3],
         }
     }
@@ -68,13 +71,13 @@ struct Line {
     inches: Option<bool>,
     system: Option<u8>,
     spindle: Option<&'static str>,
+    flood: Option<bool>,
     machine_coordinates: bool,
     dwell: bool,
     set_g92: bool,
     clear_g92: bool,
     pause: bool,
     end: bool,
-    synchronise: bool,
     axes: [Option<f32>; 3],
     feed: Option<f32>,
     p: Option<f32>,
@@ -139,7 +142,8 @@ impl Line {
             3 => self.spindle = Some("M3"),
             4 => self.spindle = Some("M4"),
             5 => self.spindle = Some("M5"),
-            8 | 9 => self.synchronise = true,
+            8 => self.flood = Some(true),
+            9 => self.flood = Some(false),
             _ => return Err(20),
         }
         Ok(())
@@ -200,6 +204,7 @@ impl Parser {
         if let Some(spindle) = line.spindle {
             self.spindle = spindle;
         }
+        self.flood = line.flood.unwrap_or(self.flood);
         if line.clear_g92 {
             self.g92 = [0.0; 3];
         }
@@ -221,7 +226,7 @@ impl Parser {
             Action::End
         } else if line.pause {
             Action::Pause
-        } else if line.synchronise || line.spindle.is_some() {
+        } else if line.flood.is_some() || line.spindle.is_some() {
             Action::Synchronise
         } else {
             Action::None
@@ -244,6 +249,10 @@ impl Parser {
         let target = self.target(&line.axes, scale, absolute, line.machine_coordinates, self.offset());
         self.position = target;
         Ok(Action::Move { target, feed: Some(feed * scale) })
+    }
+
+    pub fn is_flooding(&self) -> bool {
+        self.flood
     }
 
     pub fn offset(&self) -> [f32; 3] {
@@ -269,7 +278,8 @@ impl Parser {
         let units = if self.inches { "G20" } else { "G21" };
         let distance = if self.absolute { "G90" } else { "G91" };
         let feed = if self.inches { self.feed / MM_PER_INCH } else { self.feed };
-        format!("[GC:{motion} G{} G17 {units} {distance} G94 {} M9 T0 F{feed:.0} S0]\r\n", self.system, self.spindle)
+        let flood = if self.flood { "M8" } else { "M9" };
+        format!("[GC:{motion} G{} G17 {units} {distance} G94 {} {flood} T0 F{feed:.0} S0]\r\n", self.system, self.spindle)
     }
 
     /// `$#`

@@ -2,10 +2,11 @@
 
 mod contents;
 mod larvae;
+#[path = "../../../tests/common/shared.rs"]
+mod shared;
 
 use super::*;
 use std::f64::consts::PI;
-use std::path::PathBuf;
 
 fn exact() -> SceneSettings {
     SceneSettings { optics: Optics::exact(), ..SceneSettings::default() }
@@ -264,13 +265,7 @@ fn every_larva_fits_the_bore_at_rest() {
 
 #[test]
 fn a_fish_that_nobody_here_drew_casts_its_mesh() {
-    let folder =
-        std::env::var_os("CARVED_SHARED").map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
-    let path = folder.join("data/blub/fish_low_resolution.obj");
-    if !path.exists() {
-        println!("skipped: {} is absent", path.display());
-        return;
-    }
+    let Some(path) = shared::shared("data/blub/fish_low_resolution.obj") else { return };
     let mesh = Mesh::from_obj_file(&path).unwrap().laid_along_x(800.0);
     let fish = Specimen::mesh(mesh);
     let truth = fish.truth();

@@ -14,7 +14,7 @@ pub enum Command {
     Exposure(exposure::Args),
     /// Take and store a picture of the empty capillary, which frames are compared with.
     Empty(reference::Args),
-    /// Take and store a picture of the light alone, without capillary.
+    /// Take and store a picture of the light alone, without capillary: kept for the record, applied nowhere.
     FlatField(reference::Args),
 }
 

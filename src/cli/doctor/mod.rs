@@ -3,21 +3,31 @@
 //! ```text
 //! serial ports ── held by a program? ── left alone
 //!              └─ else asked who they are ──► the lines for [rotation]
-//! cameras that answer to discovery ─────────► the line for [camera]
+//! cameras that answer to discovery ─────────► the lines for [camera], who controls it, what the network takes
+//! this computer ────────────────────────────► receive buffer, room for runs
 //! ```
-//! Nothing is moved. A port that another program holds is not opened, so that no controller restarts under it.
+//! Nothing is moved, and no camera is opened. A port that another program holds is not opened, so that no controller restarts under it.
 
 mod advice;
+mod cameras;
+mod computer;
 mod holders;
 
 use crate::device::rotation::{Port, UsbAdapter, identify, serial_ports};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Look at this serial port only; may be given more than once. Else at all that there are.
     #[arg(long, value_name = "PATH")]
     port: Vec<String>,
+    /// Only the serial ports; cameras are not looked for.
+    #[arg(long)]
+    no_cameras: bool,
+    /// Folder of the runs, whose disk is looked at.
+    #[arg(long, value_name = "DIR", default_value = "/var/lib/carved")]
+    data: PathBuf,
     /// Baud at which the ports are asked.
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
@@ -39,8 +49,13 @@ pub fn run(args: &Args) {
     }
     for port in &ports {
         println!("{}", heading(port));
-        println!("{}", indented(&answer(port, args.baud)));
+        println!("{}", indented(&format!("{}{}", computer::access(&port.port_name), answer(port, args.baud))));
     }
+    if !args.no_cameras {
+        cameras::look();
+    }
+    println!("This computer");
+    println!("{}", indented(&computer::facts(&args.data)));
 }
 
 fn usb(port: &SerialPortInfo) -> Option<&UsbPortInfo> {

@@ -2,12 +2,16 @@
 
 use crate::cancel::CancelToken;
 use crate::config::{Config, RotationDriver};
-use crate::device::DeviceError;
-use crate::device::rotation::Port;
+use crate::device::rotation::{AxisLetter, Port, TranslationSettings};
 use crate::device::sampler::{Expected, Loaded, Sampler};
+use crate::device::{DeviceError, RotationAxis};
+use crate::units::Sense;
 use anyhow::Context;
-use hardware_sim::{Controller, Rig, bridge, grbl, relay, tmcl, zaber};
+use hardware_sim::{Controller, Rig, SlideSettings, bridge, grbl, relay, tmcl, zaber};
 use std::path::Path;
+
+/// Of the emulated controller's second axis: a step must be told from its neighbour by three decimals.
+const UM_PER_UNIT: u32 = 10;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Make {
@@ -57,13 +61,44 @@ impl Make {
 }
 
 /// The firmware that the configured driver speaks to.
-pub fn emulated(rotation: &RotationDriver) -> Controller {
-    match rotation {
+pub fn emulated(config: &Config) -> anyhow::Result<Controller> {
+    Ok(match &config.rotation {
         RotationDriver::Tmcl(_) => Controller::Tmcl(tmcl::Settings::default()),
         RotationDriver::Zaber(_) => Controller::Zaber(zaber::Settings::default()),
         RotationDriver::VastBridge(settings) => Controller::Bridge(bridge::Settings::reading(settings.list.clone())),
+        _ if config.translation.is_some() => Controller::Grbl(with_second_axis(grbl::Settings::default())?),
         _ => Controller::Grbl(grbl::Settings::default()),
+    })
+}
+
+/// Brings the capillary along as well, on the second axis of the emulated Grbl controller.
+pub fn with_translation(config: &mut Config) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        matches!(config.rotation, RotationDriver::Grbl(_)),
+        "--translation needs --controller grbl: of the emulated controllers only that one has a second axis"
+    );
+    config.translation = Some(TranslationSettings {
+        axis: AxisLetter::Y,
+        steps_per_um: SlideSettings::default().steps_per_um.into(),
+        um_per_unit: UM_PER_UNIT,
+        max_rate_units_per_min: 60_000.0,
+        acceleration_units_per_s2: 5000.0,
+        limits_um: [-19_000.0, 0.0],
+        position_um: SlideSettings::default().in_view_um,
+        sense: Sense::Positive,
+    });
+    Ok(())
+}
+
+/// What the translation's settings are in the firmware: its steps, speed, acceleration and travel, and a search that takes seconds.
+fn with_second_axis(mut settings: grbl::Settings) -> anyhow::Result<grbl::Settings> {
+    let (steps, um) = SlideSettings::default().steps_per_um;
+    let per_unit = f64::from(steps * UM_PER_UNIT) / f64::from(um);
+    let travel = SlideSettings::default().travel_um / f64::from(UM_PER_UNIT);
+    for (number, value) in [(25, 6000.0), (101, per_unit), (111, 60_000.0), (121, 5000.0), (131, travel)] {
+        settings.set(number, value as f32).map_err(|error| anyhow::anyhow!("the emulated controller refuses ${number}: error:{error}"))?;
     }
+    Ok(settings)
 }
 
 /// Fills in where the emulated controller is.
@@ -103,15 +138,15 @@ impl Sampler for TakenUp {
         self.sampler.waits_for_loader()
     }
 
-    fn load(&mut self, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
-        let loaded = self.sampler.load(expected, cancel)?;
+    fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let loaded = self.sampler.load(axis, expected, cancel)?;
         if loaded.is_some() {
             self.machine.take_up_specimen();
         }
         Ok(loaded)
     }
 
-    fn eject(&mut self, well: &str) -> Result<(), DeviceError> {
-        self.sampler.eject(well)
+    fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.sampler.eject(axis, well, cancel)
     }
 }

@@ -8,7 +8,9 @@
 mod controller;
 mod job;
 mod replay;
+mod sampler;
 mod scenery;
+mod second;
 
 use super::daemon::Daemon;
 use super::serve;
@@ -17,8 +19,10 @@ use crate::device::camera::CameraSelect;
 use crate::device::sampler::{LoaderGate, Sampler};
 use crate::session::{Instrument, Mode, is_well};
 use anyhow::Context;
-use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight};
+use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight, SlideSettings};
 use job::Job;
+use sampler::{Outside, Who};
+use scenery::{SceneSampler, Scenery};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,6 +51,15 @@ pub struct Args {
     /// The controller that turns the emulated capillary.
     #[arg(long, value_enum, default_value_t = controller::Make::Grbl)]
     controller: controller::Make,
+    /// Who fills the emulated capillary.
+    #[arg(long, value_enum, default_value_t = Who::BuiltIn, conflicts_with = "replay")]
+    sampler: Who,
+    /// The emulated rig can move the capillary along, too: a second axis of the Grbl controller, with limits and a reference.
+    #[arg(long, conflicts_with = "replay")]
+    translation: bool,
+    /// A second emulated camera, in which the specimens glow.
+    #[arg(long, conflicts_with = "replay")]
+    second_camera: bool,
     /// Play a recording back through both device doors instead of the scene, and compare the numbers.
     #[arg(long, value_name = "RECORDING")]
     replay: Option<PathBuf>,
@@ -67,29 +80,43 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     config.store.data_dir.clone_from(&args.data);
     config.acquisition.settle_ms = (f64::from(config.acquisition.settle_ms) / args.time_scale).ceil() as u32;
     args.controller.configure(&mut config, args.time_scale)?;
+    args.sampler.configure(&mut config, args.time_scale);
+    if args.translation {
+        controller::with_translation(&mut config)?;
+    }
     let listener = config.http.bind()?;
     let listen = listener.local_addr().context("the address that is served")?;
     config.http.listen = listen;
-    let Before { sight, sampler, job } = match &args.replay {
+    let Before { sight, content, job } = match &args.replay {
         Some(path) => replay::of_recording(path, &mut config)?,
         None => scenery::of_phantoms(&args, &config),
     };
 
-    let settings = rig_settings(&config, args.time_scale);
-    let sampler = controller::taken_up_by(&settings.controller, sampler);
-    let rig = Rig::start(settings, sight).context("the emulated rig did not start")?;
+    let settings = rig_settings(&config, &args)?;
+    let machine = settings.controller.clone();
+    let mut rig = Rig::start(settings, sight).context("the emulated rig did not start")?;
     controller::connect(&mut config.rotation, &rig)?;
     let CameraDriver::Aravis(camera) = &mut config.camera;
     camera.select = CameraSelect::Address(rig.camera_address());
-    let devices = serve::open_rig(&config)?;
+    if let (true, Content::Scene(scenery)) = (args.second_camera, &content) {
+        config.second = Some(second::beside(&mut rig, scenery.scene())?);
+    }
+    let gate = LoaderGate::default();
+    let (devices, daemons) = serve::with_sampler(serve::open_rig(&config)?, config.sampler, &gate)?;
+    let second = serve::open_second(&config)?;
+    let sampler: Box<dyn Sampler> = match (content, args.sampler) {
+        (Content::Recording, _) => Box::new(replay::ReplaySampler),
+        (Content::Scene(scenery), Who::BuiltIn) => Box::new(SceneSampler(scenery)),
+        (Content::Scene(scenery), _) => Box::new(Outside { daemons, scenery, machine: rig.sampler().cloned() }),
+    };
+    let sampler = controller::taken_up_by(&machine, sampler);
 
     let config = Arc::new(config);
-    let gate = LoaderGate::default();
     let folder = args.data;
     Daemon {
         config,
         mode: Mode::Simulated,
-        instrument: Instrument { rig: devices, second: None, sampler },
+        instrument: Instrument { rig: devices, second, sampler },
         gate,
         listener,
         greeting: "carved simulates an instrument. Page:".into(),
@@ -101,18 +128,27 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 /// What stands before the emulated camera, who changes it, and what is done with it.
 struct Before {
     sight: Arc<dyn Sight>,
-    sampler: Box<dyn Sampler>,
+    content: Content,
     job: Job,
 }
 
-fn rig_settings(config: &Config, time_scale: f64) -> RigSettings {
+/// What the camera sees.
+enum Content {
+    Scene(Scenery),
+    /// A recording is in the capillary for the whole of the run.
+    Recording,
+}
+
+fn rig_settings(config: &Config, args: &Args) -> anyhow::Result<RigSettings> {
     let [num, den] = config.steps_per_revolution.into();
     let shaft = ShaftSettings { steps_per_revolution: (num, den), ..ShaftSettings::default() };
-    RigSettings {
+    Ok(RigSettings {
         shaft,
-        time_scale,
-        controller: controller::emulated(&config.rotation),
+        time_scale: args.time_scale,
+        controller: controller::emulated(config)?,
+        slide: config.translation.is_some().then(SlideSettings::default),
+        sampler: args.sampler.emulated(args.time_scale),
         relay: controller::relay(&config.rotation),
         ..RigSettings::default()
-    }
+    })
 }

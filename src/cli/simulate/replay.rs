@@ -1,12 +1,12 @@
 //! A recording in place of the scene: the emulated axis turns, the emulated camera sends the recorded frame of that angle.
 
-use super::{Before, Job};
+use super::{Before, Content, Job};
 use crate::acquisition::RevolutionPlan;
 use crate::cancel::CancelToken;
 use crate::cli::measure;
 use crate::config::{CameraDriver, Config, RotationDriver};
-use crate::device::DeviceError;
 use crate::device::sampler::{Expected, Loaded, Sampler};
+use crate::device::{DeviceError, RotationAxis};
 use crate::frame::{PixelFormat, RawFrame};
 use crate::session::RunPlan;
 use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, durable};
@@ -61,7 +61,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     let job = Job::Replay { plan, recorded: Box::new(recorded), name };
     let [num, den] = config.steps_per_revolution.into();
     let sight = Replay::new(frames, (num, den)).with_context(|| reader.folder().display().to_string())?;
-    Ok(Before { sight: Arc::new(sight), sampler: Box::new(ReplaySampler), job })
+    Ok(Before { sight: Arc::new(sight), content: Content::Recording, job })
 }
 
 /// Where homing leaves the axis. The rig counts its angles from the reference switch, and Grbl stops one pull-off before it.
@@ -97,18 +97,23 @@ fn pixels(frame: &RawFrame) -> Pixels {
 }
 
 /// A recording is in the capillary for the whole of the run.
-struct ReplaySampler;
+pub struct ReplaySampler;
 
 impl Sampler for ReplaySampler {
     fn waits_for_loader(&self) -> bool {
         false
     }
 
-    fn load(&mut self, _expected: Expected<'_>, _cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+    fn load(
+        &mut self,
+        _axis: &mut dyn RotationAxis,
+        _expected: Expected<'_>,
+        _cancel: &CancelToken,
+    ) -> Result<Option<Loaded>, DeviceError> {
         Ok(Some(Loaded::default()))
     }
 
-    fn eject(&mut self, _well: &str) -> Result<(), DeviceError> {
+    fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
 }

@@ -22,6 +22,8 @@ mod configure;
 mod find;
 mod stream;
 
+pub(super) use find::discover;
+
 use super::{AravisSettings, CameraSelect, Trigger};
 use crate::device::{Camera, DeviceError, Grabbed, Link, StreamCounters};
 use accept::{Verdict, accept};

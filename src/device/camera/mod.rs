@@ -7,11 +7,37 @@
 
 #[cfg(feature = "aravis")]
 mod aravis;
+mod control;
 mod settings;
 
+pub use control::{Controller, controller};
 pub use settings::{AravisSettings, CameraSelect, MacAddress, Trigger};
 
 use super::{Camera, DeviceError};
+
+/// A camera that answers to discovery, in its own words.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Listed {
+    /// As Aravis makes it of the names and the serial number.
+    pub id: Option<String>,
+    pub vendor: Option<String>,
+    pub model: Option<String>,
+    pub serial: Option<String>,
+    pub mac: Option<String>,
+    pub address: Option<String>,
+}
+
+/// The cameras that answer to a broadcast on the networks of this computer; takes a second.
+#[cfg(feature = "aravis")]
+pub fn discover() -> Vec<Listed> {
+    aravis::discover()
+}
+
+/// None: this build has no Aravis.
+#[cfg(not(feature = "aravis"))]
+pub fn discover() -> Vec<Listed> {
+    Vec::new()
+}
 
 /// Opens and configures the camera that `settings` name.
 ///

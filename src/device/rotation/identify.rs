@@ -21,6 +21,7 @@
 
 use super::link::{Link, Stop};
 use super::port::Port;
+use super::tmcl::frame::{BYTES, Version};
 use crate::device::DeviceError;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -31,8 +32,8 @@ const BOOT: Duration = Duration::from_millis(2500);
 /// The slowest answer to a question.
 const ANSWER: Duration = Duration::from_millis(400);
 const SILENCE: Duration = Duration::from_millis(50);
-/// TMCL: version of the firmware, as binary, of module 1.
-const GET_VERSION: [u8; 9] = [1, 136, 1, 0, 0, 0, 0, 0, 138];
+/// TMCL modules leave the factory with this address.
+const TMCL_MODULE: u8 = 1;
 
 /// What answered.
 #[derive(Debug, Clone, PartialEq)]
@@ -148,23 +149,19 @@ impl Wire {
     fn tmcl(&mut self) -> Result<Option<Answer>, DeviceError> {
         self.quiet()?;
         let mut zeros = 0;
-        while zeros < GET_VERSION.len() && self.0.exact::<9>(Instant::now() + SILENCE)?.is_none() {
+        while zeros < BYTES && self.0.exact::<BYTES>(Instant::now() + SILENCE)?.is_none() {
             self.0.send(&[0])?;
             zeros += 1;
         }
-        if zeros == GET_VERSION.len() {
+        if zeros == BYTES {
             // One that keeps silent about frames of others has now had 15 bytes: the next frame begins three later.
             self.0.send(&[0; 3])?;
         }
         self.quiet()?;
-        self.0.send(&GET_VERSION)?;
-        let Some(reply) = self.0.exact::<9>(Instant::now() + ANSWER)? else { return Ok(None) };
-        let sum = reply[..8].iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
-        if reply[2] != 100 || reply[3] != GET_VERSION[1] || reply[8] != sum {
-            return Ok(None);
-        }
-        let module = u16::from_be_bytes([reply[4], reply[5]]);
-        Ok(Some(Answer::Tmcl { module: format!("TMCM-{module}"), version: format!("{}.{:02}", reply[6], reply[7]) }))
+        self.0.send(&Version::question(TMCL_MODULE))?;
+        let reply = self.0.exact::<BYTES>(Instant::now() + ANSWER)?;
+        let version = reply.and_then(Version::told);
+        Ok(version.map(|version| Answer::Tmcl { module: format!("TMCM-{}", version.module), version: version.firmware() }))
     }
 }
 

@@ -8,7 +8,7 @@
 //! It stands before any driver. What the gear has of play is then always on the same side, and angles between views hold.
 
 use crate::cancel::CancelToken;
-use crate::device::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, StopHandle};
+use crate::device::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use crate::units::Steps;
 
 /// An axis that arrives turning forward, whatever way it came.
@@ -75,6 +75,10 @@ impl RotationAxis for OneSided {
 
     fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
         self.axis.linear()
+    }
+
+    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        self.axis.specimen_input()
     }
 
     fn position(&self) -> Position {

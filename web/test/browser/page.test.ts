@@ -146,6 +146,38 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   await until("well-heading", /A02/);
 });
 
+test("a rig with a second camera and a translation shows both, its light, and what glows in a well", async () => {
+  const glowing = well("A01", { outcome: "succeeded", volume_um3: 65_449_847, signal_per_nl: 7100.64 });
+  const base = status({ run: run([glowing]), state: "Complete", doing: "the run is done" });
+  const { camera } = base.hardware;
+  server.publish({
+    ...base,
+    hardware: {
+      ...base.hardware,
+      translation: {
+        identity: "Grbl 1.1h",
+        connected: true,
+        referenced: true,
+        position_steps: -106667,
+        position_um: -5000.02,
+      },
+      camera: { ...camera, light: { background: 240, saturated: 0.031, focus: 0.0012345 } },
+      camera_second: { ...camera, identity: "Fluo 1", completed_frames: 22, missing_packets: 3, light: null },
+    },
+  });
+  await page.goto(server.url);
+  await until("rig", /Second camera\s*✓ Fluo 1\s*Its frames\s*22 complete, 3 packets missing/);
+  const shown = (await text("rig")).replaceAll("\u202f", " ");
+  for (const wanted of ["✓ at −5,000 µm", "background 240 of 255, 3.1 % saturated", "1,235 (higher is sharper)"]) {
+    assert.ok(shown.includes(wanted), `${wanted} in ${shown}`);
+  }
+  await page.locator('[data-well="A01"].well').click();
+  const card = page.locator("#well-body");
+  await card.filter({ hasText: /Fluorescence/ }).waitFor();
+  assert.match(await text("well-body"), /7,101 per nL/);
+  await shoot(page, "second-camera");
+});
+
 test("the model grows without leaking: old geometry leaves the GPU, the canvas stays", async () => {
   server.publish(running(1));
   await page.goto(server.url);

@@ -18,6 +18,7 @@ export function well(name: string, change: Partial<WellStatus> = {}): WellStatus
     field_volume_um3: null,
     field_area_um2: null,
     diameter_um: null,
+    signal_per_nl: null,
     reference: null,
     ...change,
   };
@@ -132,7 +133,9 @@ export function status(change: Partial<Status> = {}): Status {
         missing_packets: 0,
         resent_packets: 0,
         ignored_packets: 0,
+        light: { background: 201, saturated: 0, focus: 0.00123 },
       },
+      camera_second: null,
       disk_free_bytes: 412_300_000_000,
     },
     calibration: null,

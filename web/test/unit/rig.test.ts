@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { calibrationWords } from "../../src/rig.ts";
+import { calibrationWords, focusWords, lightWords } from "../../src/rig.ts";
 
 const beads = {
   id: "0123456789ab",
@@ -23,4 +23,10 @@ test("a calibration is one line: by what, how old, how far off, and whether it s
     "✓ by beads, 2 h old, beads +0.50 %",
   );
   assert.equal(calibrationWords(null), "! none kept");
+});
+
+test("light says when the lamp is too bright, focus compares with other views", () => {
+  assert.equal(lightWords({ background: 201.4, saturated: 0.0004, focus: 0 }), "background 201 of 255");
+  assert.equal(lightWords({ background: 240, saturated: 0.0312, focus: 0 }), "background 240 of 255, 3.1 % saturated");
+  assert.equal(focusWords({ background: 200, saturated: 0, focus: 0.0012345 }), "1,235 (higher is sharper)");
 });

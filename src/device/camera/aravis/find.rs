@@ -1,5 +1,6 @@
 //! From the name that the configuration has for a camera to the camera.
 
+use super::super::Listed;
 use super::CameraSelect;
 use crate::device::DeviceError;
 use aravis::GvDevice;
@@ -13,7 +14,7 @@ pub(super) fn find(select: &CameraSelect) -> Result<aravis::Camera, DeviceError>
         device: "camera",
         address: select.to_string(),
         why,
-        remedy: "Check its power and cable; `arv-tool-0.8` lists the cameras that answer",
+        remedy: "Check its power and cable; `carved doctor` lists the cameras that answer",
     };
     let opened = match select {
         CameraSelect::Address(address) => {
@@ -43,13 +44,6 @@ fn device_at(address: Ipv4Addr) -> Result<GvDevice, String> {
     GvDevice::new(&inet(here.to_string())?, &inet(address.to_string())?).map_err(|e| e.message().to_owned())
 }
 
-/// A camera that answers to discovery, as Aravis lists it.
-struct Listed {
-    id: Option<String>,
-    serial: Option<String>,
-    mac: Option<String>,
-}
-
 /// The id of the first camera that fits; else what there is instead, in words.
 fn listed(fits: impl Fn(&Listed) -> bool) -> Result<String, String> {
     let all = discover();
@@ -62,7 +56,7 @@ fn listed(fits: impl Fn(&Listed) -> bool) -> Result<String, String> {
 }
 
 #[allow(unsafe_code)]
-fn discover() -> Vec<Listed> {
+pub(in super::super) fn discover() -> Vec<Listed> {
     let text = |pointer: *const std::ffi::c_char| {
         // SAFETY: the list functions return null or a NUL-terminated string that lives until the next update of the
         // list; it is copied before anything else is called.
@@ -76,6 +70,12 @@ fn discover() -> Vec<Listed> {
         .map(|index| Listed {
             // SAFETY: any index is allowed, one beyond the list gives null.
             id: text(unsafe { aravis_sys::arv_get_device_id(index) }),
+            // SAFETY: as above.
+            vendor: text(unsafe { aravis_sys::arv_get_device_vendor(index) }),
+            // SAFETY: as above.
+            model: text(unsafe { aravis_sys::arv_get_device_model(index) }),
+            // SAFETY: as above.
+            address: text(unsafe { aravis_sys::arv_get_device_address(index) }),
             // SAFETY: as above.
             serial: text(unsafe { aravis_sys::arv_get_device_serial_nbr(index) }),
             // SAFETY: as above.

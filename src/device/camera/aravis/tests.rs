@@ -29,13 +29,42 @@ fn settings() -> AravisSettings {
 
 /// The fake needs a moment to listen.
 fn open_within(patience: Duration) -> AravisCamera {
+    opened(&settings(), patience)
+}
+
+fn opened(settings: &AravisSettings, patience: Duration) -> AravisCamera {
     let until = Instant::now() + patience;
     loop {
-        match AravisCamera::open(settings()) {
+        match AravisCamera::open(settings.clone()) {
             Ok(camera) => return camera,
             Err(e) => assert!(Instant::now() < until, "{e}"),
         }
     }
+}
+
+/// Region, pixel format, rate, exposure and gain reach its sensor; what it has not is refused by name.
+fn takes_what_it_is_told(deadline: Duration) {
+    let few = |changed: AravisSettings| {
+        let mut camera = opened(&changed, deadline);
+        camera.arm().unwrap();
+        let frames: Vec<_> = (0..3).map(|_| camera.grab(deadline).unwrap()).collect();
+        assert!(frames.windows(2).all(|pair| pair[0].frame_id != pair[1].frame_id), "every frame is a new one");
+        let bytes = frames.iter().flat_map(|f| f.frame.bytes()).map(|b| f64::from(*b)).collect::<Vec<_>>();
+        let frame = &frames[0].frame;
+        assert_eq!((frame.width(), frame.height(), frame.format()), (changed.width, changed.height, changed.pixel_format));
+        camera.disarm().unwrap();
+        bytes.iter().sum::<f64>() / bytes.len() as f64
+    };
+    few(AravisSettings { offset_x: 64, offset_y: 32, width: 128, height: 48, ..settings() });
+    few(AravisSettings { pixel_format: PixelFormat::BayerRG8, ..settings() });
+    few(AravisSettings { trigger: Trigger::FixedRateHz(20.0), ..settings() });
+    // It draws its picture as bright as gain and exposure have it.
+    let [dark, exposed, amplified] = [(0, 1500.0), (0, 20_000.0), (1, 20_000.0)]
+        .map(|(gain, exposure_us)| few(AravisSettings { gain_raw: Some(gain), exposure_us, ..settings() }));
+    assert!(dark < 0.5 * exposed && (exposed - amplified).abs() > 5.0, "{dark}, {exposed}, {amplified}");
+    let line = AravisSettings { trigger: Trigger::Line("Line9".into()), ..settings() };
+    let said = AravisCamera::open(line).err().unwrap().to_string();
+    assert!(said.contains("TriggerSource = Line9"), "{said}");
 }
 
 // One test, since all of it needs the one address on which the fake can listen.
@@ -66,6 +95,7 @@ fn a_camera_of_another_maker_is_opened_driven_refused_to_others_and_missed_when_
     let second = AravisCamera::open(settings()).err().unwrap();
     assert!(matches!(second, DeviceError::NotController { .. }), "{second}");
     drop(camera);
+    takes_what_it_is_told(deadline);
 
     for (bad, named) in [
         (AravisSettings { width: 100_000, ..settings() }, "Width = 100000"),

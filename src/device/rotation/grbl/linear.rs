@@ -81,6 +81,11 @@ impl TranslationSettings {
         }
     }
 
+    /// The place of a step, um from the reference.
+    pub fn um(&self, steps: Steps) -> f64 {
+        steps.0 as f64 * f64::from(self.steps_per_um[1]) / f64::from(self.steps_per_um[0])
+    }
+
     fn steps(&self, um: f64) -> Steps {
         Steps((um * f64::from(self.steps_per_um[0]) / f64::from(self.steps_per_um[1])).round() as i64)
     }

@@ -20,6 +20,7 @@ mod geometry;
 mod linear;
 mod report;
 mod settings;
+mod specimen;
 mod talk;
 
 pub use linear::TranslationSettings;
@@ -257,6 +258,10 @@ impl RotationAxis for Grbl {
 
     fn linear(&mut self) -> Option<&mut dyn crate::device::LinearAxis> {
         self.slide.is_some().then_some(self as &mut dyn crate::device::LinearAxis)
+    }
+
+    fn specimen_input(&mut self) -> Option<&mut dyn crate::device::SpecimenInput> {
+        Some(self)
     }
 
     fn position(&self) -> Position {

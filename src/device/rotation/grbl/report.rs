@@ -29,6 +29,8 @@ pub(super) struct Status {
     pub machine: Option<Vec<f64>>,
     /// Whether the axes are homed; grblHAL tells it now and then, and in its full report.
     pub homed: Option<bool>,
+    /// The probe input is active; the field of pins comes only where one is.
+    pub probe: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,15 +84,18 @@ impl Status {
         };
         let mut machine = None;
         let mut homed = None;
+        let mut probe = false;
         // Fields come and go from report to report; only these matter here.
         for field in fields {
             if let Some(list) = field.strip_prefix("MPos:") {
                 machine = Some(list.split(',').map(finite).collect::<Option<Vec<f64>>>()?);
             } else if let Some(list) = field.strip_prefix("H:") {
                 homed = Some(list.starts_with('1'));
+            } else if let Some(pins) = field.strip_prefix("Pn:") {
+                probe = pins.contains('P');
             }
         }
-        Some(Self { state, machine, homed })
+        Some(Self { state, machine, homed, probe })
     }
 }
 
@@ -150,16 +155,18 @@ mod tests {
 
     #[test]
     fn a_status_is_read_whatever_optional_fields_it_carries() {
-        let plain = Status { state: State::Idle, machine: Some(vec![0.72, 0.0, -1.5]), homed: None };
+        let plain = Status { state: State::Idle, machine: Some(vec![0.72, 0.0, -1.5]), homed: None, probe: false };
         for text in [
             "<Idle|MPos:0.720,0.000,-1.500|FS:0,0>",
             "<Idle|MPos:0.720,0.000,-1.500|Bf:15,128|FS:0,0|WCO:0.000,0.000,0.000|Ov:100,100,100|A:S>",
         ] {
             assert_eq!(Line::parse(text), Line::Status(plain.clone()));
         }
+        let probed = Status { probe: true, ..plain.clone() };
+        assert_eq!(Line::parse("<Idle|MPos:0.720,0.000,-1.500|FS:0,0|Pn:PX>"), Line::Status(probed));
         let homed = Status { homed: Some(true), ..plain };
         assert_eq!(Line::parse("<Idle|MPos:0.720,0.000,-1.500|Bf:100,1023|FS:0,0|H:1,1|A:>"), Line::Status(homed));
-        let held = Status { state: State::Hold, machine: None, homed: None };
+        let held = Status { state: State::Hold, machine: None, homed: None, probe: false };
         assert_eq!(Line::parse("<Hold:0|WPos:1.0,2.0,3.0>"), Line::Status(held));
         for broken in ["<Idle|MPos:0.7x0,0,0>", "<Idl", "<|MPos:1>", "<Idle|MPos:1.000,2.0", "<Idle|MPos:inf,0,0>", "<>"] {
             assert!(matches!(Line::parse(broken), Line::BrokenStatus(_)), "{broken}");

@@ -5,7 +5,7 @@
 //! reply     HOST  ADR  STATUS  CMD    VALUE VALUE VALUE VALUE  SUM8
 //! ```
 
-pub(super) const BYTES: usize = 9;
+pub(in crate::device::rotation) const BYTES: usize = 9;
 
 /// Commands of TMCL that this driver speaks.
 mod command {
@@ -123,6 +123,37 @@ impl Reply {
     pub fn decode(bytes: [u8; BYTES]) -> Option<Self> {
         let [host, module, status, command, a, b, c, d, sum] = bytes;
         (sum == sum8(&bytes)).then(|| Self { host, module, status, command, value: i32::from_be_bytes([a, b, c, d]) })
+    }
+}
+
+/// Type and firmware of a module.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::device::rotation) struct Version {
+    pub module: u16,
+    major: u8,
+    minor: u8,
+}
+
+impl Version {
+    /// The question for it.
+    pub fn question(module: u8) -> [u8; BYTES] {
+        Request::version().encode(module)
+    }
+
+    /// What an answer to it says, of whatever module and to whatever host.
+    pub fn told(bytes: [u8; BYTES]) -> Option<Self> {
+        let reply = Reply::decode(bytes).filter(|r| (r.command, r.status) == (command::VERSION, 100))?;
+        Some(Self::of(reply.value))
+    }
+
+    /// The type in the upper half, major and minor version in the lower.
+    pub fn of(value: i32) -> Self {
+        let [a, b, major, minor] = value.to_be_bytes();
+        Self { module: u16::from_be_bytes([a, b]), major, minor }
+    }
+
+    pub fn firmware(self) -> String {
+        format!("{}.{:02}", self.major, self.minor)
     }
 }
 

@@ -18,7 +18,7 @@
 //! after a stop, which forgets the move. The module counts what it sent: steps that are lost without a stall show where
 //! the pair is referenced at its switches, as skew, or in the pictures.
 
-mod frame;
+pub(super) mod frame;
 mod settings;
 mod travel;
 mod wire;
@@ -31,7 +31,7 @@ use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
 use crate::units::Steps;
-use frame::{Request, parameter, stop_pieces};
+use frame::{Request, Version, parameter, stop_pieces};
 use wire::Wire;
 
 const DEVICE: &str = "rotation axis (TMCL)";
@@ -60,8 +60,8 @@ impl Tmcl {
         let link = Link::serial(DEVICE, &settings.port, settings.baud, stop)?;
         let mut wire = Wire::new(link, &settings);
         let version = wire.flush()?;
-        // The type in the upper half, major and minor version in the lower.
-        let identity = format!("TMCM-{} {}.{:02}", version >> 16, (version >> 8) & 0xff, version & 0xff);
+        let version = Version::of(version);
+        let identity = format!("TMCM-{} {}", version.module, version.firmware());
         let mut tmcl = Self { wire, settings, identity, knowledge: Knowledge::none_of("rotation axis"), mark: 0, in_flight: false };
         tmcl.compare_settings()?;
         tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");

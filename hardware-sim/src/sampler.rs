@@ -1,0 +1,172 @@
+//! The vendor's sampler beside the rig: it brings what lies next on its plate, says by a wire that it is there, and takes it away.
+//!
+//! ```text
+//!   waiting ── the next is given ── load_s ──► loaded: line up ── done ── eject_s ──► line down: waiting
+//! ```
+//! It works in rig time, and catches up with it whenever somebody looks at its line.
+
+use crate::clock::RigClock;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// How long the sampler takes, rig seconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SamplerSettings {
+    pub load_s: f64,
+    pub eject_s: f64,
+    /// How long the line bounces after each change.
+    pub bounce_s: f64,
+}
+
+impl Default for SamplerSettings {
+    /// Pumps take seconds, a relay's contact milliseconds.
+    fn default() -> Self {
+        Self { load_s: 3.0, eject_s: 1.5, bounce_s: 0.004 }
+    }
+}
+
+/// What happens at the capillary when the sampler gets there.
+type Change = Box<dyn FnOnce() + Send>;
+
+/// A specimen on the sampler's plate.
+pub struct Next {
+    /// Puts it into the capillary.
+    pub bring: Change,
+    /// Empties the capillary.
+    pub take_away: Change,
+}
+
+enum Stage {
+    Waiting,
+    Loading { until_s: f64 },
+    Loaded { take_away: Change },
+    Ejecting { take_away: Change, until_s: f64 },
+}
+
+struct State {
+    settings: SamplerSettings,
+    stage: Stage,
+    plate: Option<Next>,
+    /// The line before its faults, when it last changed, and how often it has been looked at since.
+    line: bool,
+    changed_s: f64,
+    looks: u32,
+    forced: Option<bool>,
+    ejected: u32,
+}
+
+/// The emulated sampler.
+pub struct VendorSampler {
+    clock: RigClock,
+    state: Mutex<State>,
+}
+
+impl VendorSampler {
+    pub(crate) fn new(clock: RigClock, settings: SamplerSettings) -> Self {
+        let state = State {
+            settings,
+            stage: Stage::Waiting,
+            plate: None,
+            line: false,
+            changed_s: f64::NEG_INFINITY,
+            looks: 0,
+            forced: None,
+            ejected: 0,
+        };
+        Self { clock, state: Mutex::new(state) }
+    }
+
+    /// Lays a specimen on the plate, in the place of one that is not in the capillary yet; it comes as soon as the capillary is empty.
+    pub fn give(&self, next: Next) {
+        let mut state = self.now();
+        state.plate = Some(next);
+        state.go_on(self.clock.now_s());
+    }
+
+    /// What the wire says at this moment.
+    pub(crate) fn line(&self) -> bool {
+        let mut state = self.now();
+        state.looks += 1;
+        let bounces = self.clock.now_s() < state.changed_s + state.settings.bounce_s;
+        // Every other look of a bouncing contact finds it as it was.
+        let line = state.line != (bounces && state.looks.is_multiple_of(2));
+        state.forced.unwrap_or(line)
+    }
+
+    /// The host's wire: the specimen is done with.
+    pub(crate) fn done(&self, on: bool) {
+        let mut state = self.now();
+        let until_s = self.clock.now_s() + state.settings.eject_s;
+        state.stage = match std::mem::replace(&mut state.stage, Stage::Waiting) {
+            Stage::Loaded { take_away } if on => Stage::Ejecting { take_away, until_s },
+            other => other,
+        };
+    }
+
+    /// How many specimens it has taken away.
+    pub fn ejected(&self) -> u32 {
+        self.now().ejected
+    }
+
+    // ---- what goes wrong
+
+    /// Its next loads take this long; infinity is never.
+    pub fn set_load_s(&self, load_s: f64) {
+        let mut state = self.now();
+        state.settings.load_s = load_s;
+        let late = self.clock.now_s() + load_s;
+        if let Stage::Loading { until_s } = &mut state.stage {
+            *until_s = late;
+        }
+    }
+
+    pub fn set_bounce_s(&self, bounce_s: f64) {
+        self.now().settings.bounce_s = bounce_s;
+    }
+
+    /// The wire says this whatever happens: stuck (true), or pulled (false); none mends it.
+    pub fn force_line(&self, level: Option<bool>) {
+        self.now().forced = level;
+    }
+
+    /// The specimen slips out of the capillary.
+    pub fn lose_specimen(&self) {
+        let mut state = self.now();
+        if let Stage::Loaded { take_away } = std::mem::replace(&mut state.stage, Stage::Waiting) {
+            take_away();
+            state.change(false, self.clock.now_s());
+        }
+    }
+
+    fn now(&self) -> MutexGuard<'_, State> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        state.go_on(self.clock.now_s());
+        state
+    }
+}
+
+impl State {
+    fn go_on(&mut self, now_s: f64) {
+        self.stage = match std::mem::replace(&mut self.stage, Stage::Waiting) {
+            Stage::Waiting if self.plate.is_some() => Stage::Loading { until_s: now_s + self.settings.load_s },
+            Stage::Loading { until_s } if until_s <= now_s => match self.plate.take() {
+                Some(Next { bring, take_away }) => {
+                    bring();
+                    self.change(true, now_s);
+                    Stage::Loaded { take_away }
+                }
+                None => Stage::Waiting,
+            },
+            Stage::Ejecting { take_away, until_s } if until_s <= now_s => {
+                take_away();
+                self.change(false, now_s);
+                self.ejected += 1;
+                Stage::Waiting
+            }
+            other => other,
+        };
+    }
+
+    fn change(&mut self, line: bool, now_s: f64) {
+        (self.line, self.changed_s, self.looks) = (line, now_s, 0);
+    }
+}

@@ -1,0 +1,81 @@
+//! Who fills the emulated capillary: the simulation itself, the plate-loader's word, or a sampler with a wire of its own.
+//!
+//! ```text
+//!   built-in   load ──► scene
+//!   loader     load ── PUT .../wells/{well} ──► scene
+//!   trigger    load ── the emulated sampler is given the specimen ── brings it: scene, wire ──► seen through the firmware
+//! ```
+
+use super::scenery::Scenery;
+use crate::cancel::CancelToken;
+use crate::config::{Config, SamplerDriver};
+use crate::device::sampler::{Expected, Loaded, Sampler, TriggerSettings};
+use crate::device::{DeviceError, RotationAxis};
+use hardware_sim::sampler::Next;
+use hardware_sim::{SamplerSettings, VendorSampler};
+use std::sync::Arc;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Who {
+    /// The simulation, at once.
+    BuiltIn,
+    /// The plate-loader says that it has, and the simulation does.
+    Loader,
+    /// An emulated sampler of somebody else's, on wires of the emulated Grbl controller.
+    Trigger,
+}
+
+impl Who {
+    /// How the daemon hears of a specimen; nothing where the simulation fills the capillary itself.
+    pub fn configure(self, config: &mut Config, time_scale: f64) {
+        if self == Self::Trigger {
+            let usual = TriggerSettings::default();
+            let debounce_ms = (f64::from(usual.debounce_ms) / time_scale).ceil() as u32;
+            config.sampler = SamplerDriver::Trigger(TriggerSettings { debounce_ms, done_output: true, ..usual });
+        }
+    }
+
+    pub fn emulated(self, time_scale: f64) -> Option<SamplerSettings> {
+        let usual = SamplerSettings::default();
+        // However fast the motors are, an empty capillary is to be seen as such.
+        let load_s = usual.load_s.max(0.2 * time_scale);
+        (self == Self::Trigger).then_some(SamplerSettings { load_s, ..usual })
+    }
+}
+
+/// Somebody outside fills the capillary, and the scene plays along.
+pub struct Outside {
+    pub daemons: Box<dyn Sampler>,
+    pub scenery: Scenery,
+    /// Who brings specimens, where that is not the plate-loader.
+    pub machine: Option<Arc<VendorSampler>>,
+}
+
+impl Sampler for Outside {
+    fn waits_for_loader(&self) -> bool {
+        self.daemons.waits_for_loader()
+    }
+
+    fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let (specimen, truth) = self.scenery.specimen(expected)?;
+        if let Some(machine) = &self.machine {
+            let (brought, taken) = (self.scenery.scene().clone(), self.scenery.scene().clone());
+            let well = expected.well.to_owned();
+            let bring =
+                move || brought.load(specimen).unwrap_or_else(|error| tracing::error!(%error, well, "the scene refuses a specimen"));
+            let take_away = move || taken.load(None).unwrap_or_else(|error| tracing::error!(%error, "the scene stays as it is"));
+            machine.give(Next { bring: Box::new(bring), take_away: Box::new(take_away) });
+            return Ok(self.daemons.load(axis, expected, cancel)?.map(|_| truth));
+        }
+        let loaded = self.daemons.load(axis, expected, cancel)?;
+        if loaded.is_some() {
+            self.scenery.fill(expected.well, specimen)?;
+        }
+        Ok(loaded.map(|_| truth))
+    }
+
+    fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.daemons.eject(axis, well, cancel)?;
+        if self.machine.is_some() { Ok(()) } else { self.scenery.fill(well, None) }
+    }
+}

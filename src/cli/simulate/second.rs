@@ -1,0 +1,26 @@
+//! The emulated rig's second camera, in which the specimens glow, and how the daemon knows of it.
+
+use crate::cli::emulated;
+use crate::config::{CameraDriver, SecondCamera};
+use crate::device::camera::{AravisSettings, CameraSelect};
+use crate::frame::PixelFormat;
+use crate::geometry::SecondOptics;
+use anyhow::Context;
+use hardware_sim::Rig;
+use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene};
+use std::sync::Arc;
+
+/// Long enough for faint light; the emulated one is as bright at any.
+const EXPOSURE_US: f64 = 8000.0;
+
+/// Puts it beside the first, on the same shaft.
+pub fn beside(rig: &mut Rig, scene: &Arc<Scene>) -> anyhow::Result<SecondCamera> {
+    let settings = FluorescentSettings::default();
+    let optics = SecondOptics { camera: emulated::camera(&settings.camera), around: settings.around_rad };
+    let (width, height) = (settings.camera.width, settings.camera.height);
+    let address =
+        rig.add_camera(Arc::new(Fluorescent::new(scene.clone(), settings))).context("the second emulated camera did not start")?;
+    let select = CameraSelect::Address(address);
+    let camera = CameraDriver::Aravis(AravisSettings::new(select, PixelFormat::Mono8, width, height, EXPOSURE_US));
+    Ok(SecondCamera { camera, optics })
+}

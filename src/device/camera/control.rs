@@ -1,0 +1,99 @@
+//! Whether somebody controls a camera, asked by GigE Vision's own protocol and without opening it.
+//!
+//! ```text
+//!   write "control" to the privilege register ── accepted ──► free: written back to 0 at once
+//!                                             └─ denied ────► controlled; by whom the primary application's register says (GigE Vision 2)
+//! ```
+
+use std::net::{Ipv4Addr, UdpSocket};
+use std::time::Duration;
+
+const PORT: u16 = 3956;
+const WAIT: Duration = Duration::from_millis(300);
+const ATTEMPTS: u16 = 3;
+const READ_REGISTER: u8 = 0x80;
+const WRITE_REGISTER: u8 = 0x82;
+const PRIVILEGE: u32 = 0xa00;
+const PRIMARY_APPLICATION: u32 = 0xa14;
+const CONTROL: u32 = 2;
+const ACCESS_DENIED: u16 = 0x8006;
+
+/// Who may drive a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Controller {
+    Nobody,
+    /// A program, on this computer where the camera says so.
+    Somebody(Option<Ipv4Addr>),
+    /// The camera answers to nothing from here.
+    Unknown,
+}
+
+/// Asks the camera at an address.
+pub fn controller(address: Ipv4Addr) -> Controller {
+    asked(address, PORT).unwrap_or(Controller::Unknown)
+}
+
+fn asked(address: Ipv4Addr, port: u16) -> Option<Controller> {
+    let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
+    socket.connect((address, port)).ok()?;
+    socket.set_read_timeout(Some(WAIT)).ok()?;
+    let word = |address: u32, value: u32| [address.to_be_bytes(), value.to_be_bytes()].concat();
+    match transact(&socket, 1, WRITE_REGISTER, &word(PRIVILEGE, CONTROL))? {
+        Ok(_) => {
+            transact(&socket, 2, WRITE_REGISTER, &word(PRIVILEGE, 0))?.ok()?;
+            Some(Controller::Nobody)
+        }
+        Err(ACCESS_DENIED) => {
+            let told = transact(&socket, 3, READ_REGISTER, &PRIMARY_APPLICATION.to_be_bytes()).and_then(Result::ok);
+            let bits = told.as_deref().and_then(|data| data.first_chunk()).map(|b| u32::from_be_bytes(*b));
+            Some(Controller::Somebody(bits.filter(|bits| *bits != 0).map(Ipv4Addr::from)))
+        }
+        Err(_) => None,
+    }
+}
+
+/// The answer's data, or its status; nothing where none comes.
+fn transact(socket: &UdpSocket, id: u16, command: u8, data: &[u8]) -> Option<Result<Vec<u8>, u16>> {
+    let [length_high, length_low] = (data.len() as u16).to_be_bytes();
+    let [id_high, id_low] = id.to_be_bytes();
+    let mut request = vec![0x42, 1, 0, command, length_high, length_low, id_high, id_low];
+    request.extend_from_slice(data);
+    for _ in 0..ATTEMPTS {
+        socket.send(&request).ok()?;
+        let mut answer = [0; 576];
+        while let Ok(n) = socket.recv(&mut answer) {
+            let [status_high, status_low, _, told, _, _, a, b, ref rest @ ..] = answer;
+            if n >= 8 && (told, a, b) == (command + 1, id_high, id_low) {
+                let status = u16::from_be_bytes([status_high, status_low]);
+                return Some(if status == 0 { Ok(rest[..n - 8].to_vec()) } else { Err(status) });
+            }
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera of GigE Vision 2 that has a controller, in its own words; the first request is lost.
+    #[test]
+    fn a_camera_that_says_who_has_it_is_understood_and_a_lost_answer_asked_for_again() {
+        let camera = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let port = camera.local_addr().unwrap().port();
+        let thread = std::thread::spawn(move || {
+            let mut packet = [0; 64];
+            camera.recv_from(&mut packet).unwrap();
+            for (expected, answer) in [
+                (&[0x42, 1, 0, 0x82, 0, 8, 0, 1, 0, 0, 0x0a, 0, 0, 0, 0, 2][..], &[0x80, 0x06, 0, 0x83, 0, 0, 0, 1][..]),
+                (&[0x42, 1, 0, 0x80, 0, 4, 0, 3, 0, 0, 0x0a, 0x14][..], &[0, 0, 0, 0x81, 0, 4, 0, 3, 192, 168, 10, 7][..]),
+            ] {
+                let (n, from) = camera.recv_from(&mut packet).unwrap();
+                assert_eq!(&packet[..n], expected);
+                camera.send_to(answer, from).unwrap();
+            }
+        });
+        assert_eq!(asked(Ipv4Addr::LOCALHOST, port), Some(Controller::Somebody(Some(Ipv4Addr::new(192, 168, 10, 7)))));
+        thread.join().unwrap();
+    }
+}
