@@ -1,6 +1,11 @@
-//! Entity tags: who has the newest already gets 304 and no body.
+//! Entity tags: who has the newest already gets 304 and no body; who commands under a condition is told that there is none.
 
+use super::access::changes_something;
+use super::lease;
+use super::problem::Problem;
+use axum::extract::{MatchedPath, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -24,6 +29,19 @@ pub(super) fn answer(asked: &HeaderMap, tag: &str, full: impl FnOnce() -> Respon
 fn known(asked: &HeaderMap, tag: &str) -> bool {
     let lines = asked.get_all(header::IF_NONE_MATCH).iter().filter_map(|v| v.to_str().ok());
     lines.flat_map(|line| line.split(',')).map(str::trim).any(|one| one == "*" || one.strip_prefix("W/").unwrap_or(one) == tag)
+}
+
+/// Refuses commands with `If-Match` or `If-Unmodified-Since`: what is commanded has no tag, and a condition that is passed over
+/// would read as one that was kept. A plan needs none: another plan under the same name is refused by itself.
+pub(super) async fn check(request: Request, next: Next) -> Response {
+    let headers = request.headers();
+    let conditional = headers.contains_key(header::IF_MATCH) || headers.contains_key(header::IF_UNMODIFIED_SINCE);
+    let guarded = request.extensions().get::<MatchedPath>().is_some_and(|route| lease::guards(route.as_str()));
+    if conditional && guarded && changes_something(request.method()) {
+        let detail = "nothing that is commanded here has a tag or a date to hold a condition against; send the command without If-Match";
+        return Problem::new(StatusCode::PRECONDITION_FAILED, "no_condition", detail).into_response();
+    }
+    next.run(request).await
 }
 
 #[cfg(test)]

@@ -92,6 +92,7 @@ fn router(session: SessionHandle, settings: &HttpSettings, guard: Guard, closing
     routes
         .fallback(page::asset)
         .method_not_allowed_fallback(method_not_allowed)
+        .layer(from_fn(conditional::check))
         .layer(from_fn_with_state(app.clone(), lease::check))
         .layer(from_fn_with_state(app.clone(), pace::check))
         .layer(from_fn_with_state(app.clone(), access::check))

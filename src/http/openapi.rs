@@ -63,7 +63,7 @@ pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
             }
             if commands && lease::guards(path) {
                 refusals.extend([
-                    ("412", "The lease of the Carved-Lease token is over"),
+                    ("412", "The lease of the Carved-Lease token is over, or the command has an If-Match"),
                     ("423", "Another client has the lease: `lease` says who, and for how long"),
                 ]);
             }

@@ -1,5 +1,6 @@
 //! What a run may be asked for by name: the methods of the configuration, in short.
 
+use super::plan::Versioned;
 use crate::acquisition::ViewOrder;
 use crate::config::Method;
 use serde::{Deserialize, Serialize};
@@ -9,6 +10,8 @@ use utoipa::ToSchema;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct MethodOffer {
     pub name: String,
+    /// What the lab calls this state of it; `null` where the configuration does not say.
+    pub version: Option<String>,
     /// ASD: axial views in one revolution.
     pub asd: u32,
     /// `sequential` or `coarse_to_fine`.
@@ -22,6 +25,19 @@ pub struct MethodOffer {
 
 impl MethodOffer {
     pub fn new(name: &str, method: &Method) -> Self {
-        Self { name: name.to_owned(), asd: method.asd, order: method.order, epsilon: method.epsilon, voxel_um: method.voxel_um }
+        Self {
+            name: name.to_owned(),
+            version: method.version.clone(),
+            asd: method.asd,
+            order: method.order,
+            epsilon: method.epsilon,
+            voxel_um: method.voxel_um,
+        }
+    }
+}
+
+impl Versioned for MethodOffer {
+    fn version(&self) -> Option<&str> {
+        self.version.as_deref()
     }
 }

@@ -2,6 +2,7 @@
 
 use super::ConcentrationUnit;
 use super::plate_map::Metadata;
+use crate::config::Method;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use utoipa::ToSchema;
@@ -21,6 +22,9 @@ pub struct RunPlan {
     pub plate_barcode: String,
     /// Name of a method of the configuration.
     pub method: String,
+    /// The version that the method must have there; any where it is left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method_version: Option<String>,
     pub operator: String,
     #[serde(default)]
     pub external_id: Option<String>,
@@ -157,12 +161,30 @@ pub fn is_well(name: &str) -> bool {
         && (1..=24).contains(&(u32::from(b[1] - b'0') * 10 + u32::from(b[2] - b'0')))
 }
 
+/// What the configuration calls the state of a method, where it says.
+pub trait Versioned {
+    fn version(&self) -> Option<&str>;
+}
+
+impl Versioned for Method {
+    fn version(&self) -> Option<&str> {
+        self.version.as_deref()
+    }
+}
+
+impl<T: Versioned> Versioned for &T {
+    fn version(&self) -> Option<&str> {
+        T::version(self)
+    }
+}
+
 impl RunPlan {
     /// A plan with no more than a run needs.
     pub fn new(plate_barcode: &str, method: &str, operator: &str, plate_map: Vec<PlannedWell>) -> Self {
         Self {
             plate_barcode: plate_barcode.into(),
             method: method.into(),
+            method_version: None,
             operator: operator.into(),
             external_id: None,
             plate_map,
@@ -174,7 +196,7 @@ impl RunPlan {
     ///
     /// # Errors
     /// The list, when it is not empty.
-    pub fn check<M>(&self, methods: &BTreeMap<String, M>) -> Result<(), Vec<FieldError>> {
+    pub fn check<M: Versioned>(&self, methods: &BTreeMap<String, M>) -> Result<(), Vec<FieldError>> {
         let mut errors = Vec::new();
         let mut wrong = |pointer: String, detail: String| errors.push(FieldError { pointer, detail });
         let plain = "use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'";
@@ -184,9 +206,16 @@ impl RunPlan {
         if self.operator.trim().is_empty() {
             wrong("/operator".into(), "the operator's name is empty".into());
         }
-        if !methods.contains_key(&self.method) {
-            let known = methods.keys().cloned().collect::<Vec<_>>().join(", ");
-            wrong("/method".into(), format!("{:?} is not a method of this instrument; it has: {known}", self.method));
+        match (methods.get(&self.method), &self.method_version) {
+            (None, _) => {
+                let known = methods.keys().cloned().collect::<Vec<_>>().join(", ");
+                wrong("/method".into(), format!("{:?} is not a method of this instrument; it has: {known}", self.method));
+            }
+            (Some(method), Some(asked)) if method.version() != Some(asked) => {
+                let found = method.version().map_or_else(|| "has no version".to_owned(), |found| format!("is of version {found:?}"));
+                wrong("/method_version".into(), format!("{asked:?} is asked for; {:?} of this instrument {found}", self.method));
+            }
+            _ => {}
         }
         if self.plate_map.is_empty() {
             wrong("/plate_map".into(), "the plate map names no well".into());
@@ -210,8 +239,30 @@ impl RunPlan {
 mod tests {
     use super::*;
 
-    fn methods() -> BTreeMap<String, u8> {
-        BTreeMap::from([("standard".into(), 0)])
+    struct Version(Option<&'static str>);
+
+    impl Versioned for Version {
+        fn version(&self) -> Option<&str> {
+            self.0
+        }
+    }
+
+    fn methods() -> BTreeMap<String, Version> {
+        BTreeMap::from([("standard".into(), Version(Some("2"))), ("quick".into(), Version(None))])
+    }
+
+    #[test]
+    fn a_method_of_another_version_is_refused() {
+        let check = |method: &str, version: Option<&str>| {
+            let plan = RunPlan::new("P", method, "kim", vec![PlannedWell::new("A01", SpecimenKind::Bead, None)]);
+            RunPlan { method_version: version.map(str::to_owned), ..plan }.check(&methods())
+        };
+        for (method, version) in [("standard", None), ("standard", Some("2")), ("quick", None)] {
+            check(method, version).unwrap();
+        }
+        for (method, version) in [("standard", Some("1")), ("standard", Some("")), ("quick", Some("1"))] {
+            assert_eq!(check(method, version).unwrap_err()[0].pointer, "/method_version", "{method} {version:?}");
+        }
     }
 
     #[test]

@@ -40,6 +40,21 @@ fn every_wrong_field_of_a_plan_is_named() {
 }
 
 #[test]
+fn a_condition_that_cannot_be_held_is_refused_and_not_passed_over() {
+    let rig = Rig::start();
+    let json = ("Content-Type", "application/json");
+    for condition in [("If-Match", "\"boot-7f-41\""), ("If-Match", "*"), ("If-Unmodified-Since", "Sat, 29 Oct 1994 19:43:31 GMT")] {
+        let answer = rig.send("PUT", "/v1/runs/r", &[json, condition], PLAN);
+        assert_eq!((answer.status, answer.problem().as_str()), (412, "no_condition"), "{condition:?}");
+    }
+    assert!(rig.commands.lock().unwrap().is_empty());
+    assert_eq!(rig.put("/v1/runs/r", PLAN).status, 201);
+    assert_eq!(rig.send("POST", "/v1/runs/r/abort", &[("If-Match", "*")], "").status, 200, "nothing keeps an abort");
+    let version = rig.put("/v1/runs/r2", &PLAN.replace("\"operator\"", "\"method_version\": \"3\", \"operator\""));
+    assert_eq!((version.status, pointers(&version)), (422, vec!["/method_version".to_owned()]));
+}
+
+#[test]
 fn names_that_could_leave_their_folder_are_refused() {
     let rig = Rig::start();
     for id in ["..", "%2e%2e", "a%2fb", ".hidden", "a%20b", "%00", &"x".repeat(65)] {

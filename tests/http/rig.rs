@@ -18,7 +18,8 @@ pub const BOOT: &str = "boot-7f";
 pub const PLAN: &str =
     r#"{"plate_barcode": "P-1", "method": "standard", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}, {"well": "A02"}]}"#;
 
-pub const METHOD: MethodOffer = MethodOffer { name: String::new(), asd: 21, order: ViewOrder::CoarseToFine, epsilon: 0.05, voxel_um: 6.93 };
+pub const METHOD: MethodOffer =
+    MethodOffer { name: String::new(), version: None, asd: 21, order: ViewOrder::CoarseToFine, epsilon: 0.05, voxel_um: 6.93 };
 
 pub struct Rig {
     pub address: SocketAddr,
@@ -145,7 +146,7 @@ impl Rig {
 }
 
 async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<Refusal>>>, commands: Arc<Mutex<Vec<String>>>) {
-    let methods = BTreeMap::from([("standard".to_owned(), 0u8)]);
+    let methods = BTreeMap::from([("standard".to_owned(), METHOD)]);
     let mut runs: BTreeMap<String, RunPlan> = BTreeMap::new();
     while let Some(command) = mailbox.recv().await {
         let refusal = refusal.lock().unwrap().clone();

@@ -20,6 +20,9 @@ pub struct Args {
     /// A method of the instrument's configuration (`GET /v1/methods`).
     #[arg(long)]
     method: String,
+    /// The version that the method must have; any where none is given.
+    #[arg(long)]
+    method_version: Option<String>,
     /// Who starts it.
     #[arg(long)]
     operator: String,
@@ -50,6 +53,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     let id = args.id.clone().unwrap_or_else(|| format!("{}-{now}", args.barcode));
     let wells = map.plate_map.len();
     let plan = RunPlan {
+        method_version: args.method_version.clone(),
         external_id: args.external_id.clone(),
         metadata: map.metadata,
         ..RunPlan::new(&args.barcode, &args.method, &args.operator, map.plate_map)
