@@ -65,7 +65,8 @@ const MAY_USE: &[(&str, &[&str])] = &[
         "session",
         &["units", "frame", "cancel", "profile", "surface", "measure", "pipeline", "export", "device", "acquisition", "config", "store"],
     ),
-    ("http", &["range", "session"]),
+    // `store` to read what runs have left; what the instrument does now comes from `session` alone.
+    ("http", &["range", "session", "store"]),
 ];
 
 const SCIENCE: &[&str] = &[
@@ -133,6 +134,17 @@ fn modules_use_only_what_stands_to_their_left() {
         }
     }
     assert!(breaches.is_empty(), "{}", breaches.join("\n"));
+}
+
+/// The status is polled: only the routes of results, and events older than memory holds, read the disk.
+#[test]
+fn only_results_and_old_events_read_the_store() {
+    let reads: Vec<String> = module_sources("http")
+        .into_iter()
+        .filter(|file| code(file).contains("app.reader"))
+        .map(|file| file.file_name().unwrap().to_string_lossy().into_owned())
+        .collect();
+    assert_eq!(reads.iter().map(String::as_str).collect::<BTreeSet<_>>(), BTreeSet::from(["events.rs", "results.rs"]));
 }
 
 #[test]

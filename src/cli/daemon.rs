@@ -33,6 +33,7 @@ impl Daemon {
         let Self { config, mode, instrument, gate, listener, greeting } = self;
         let listen = listener.local_addr().context("the address that is served")?;
         let (store, journal, events) = Store::open(&config.store.data_dir)?;
+        let reader = store.reader();
         let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
         let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
         let heart = Heart::default();
@@ -48,7 +49,7 @@ impl Daemon {
         };
         let served = runtime.block_on(async {
             let told = tokio::spawn(tell_systemd(handle.clone(), heart.clone()));
-            let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), config.http.clone(), stopped(stop)));
+            let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), reader, config.http.clone(), stopped(stop)));
             println!("{greeting} http://{listen}  status: http://{listen}/v1/status");
             let beside = beside(handle);
             let client = tokio::spawn(async move {

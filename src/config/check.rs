@@ -53,6 +53,8 @@ pub struct SecondCamera {
 #[derive(Debug, Clone)]
 pub struct StoreConfig {
     pub data_dir: PathBuf,
+    /// What the runs may take of the disk, where there is a bound.
+    pub budget_gb: Option<f64>,
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -106,6 +108,9 @@ impl Config {
         }
         if !(0.01..=3650.0).contains(&raw.calibration.max_age_days) {
             wrong("calibration.max_age_days", raw.calibration.max_age_days.to_string(), "0.01 to 3650 days");
+        }
+        if let Some(gb) = raw.store.budget_gb.filter(|gb| !(1.0..=1e6).contains(gb)) {
+            wrong("store.budget_gb", gb.to_string(), "1 to 1000000 GB");
         }
         if raw.methods.is_empty() {
             wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
@@ -162,7 +167,7 @@ impl Config {
         }
         Ok(Self {
             http: raw.http,
-            store: StoreConfig { data_dir: raw.store.data_dir },
+            store: StoreConfig { data_dir: raw.store.data_dir, budget_gb: raw.store.budget_gb },
             calibration: raw.calibration,
             rig_name: raw.rig.name,
             steps_per_revolution: raw.rig.steps_per_revolution,

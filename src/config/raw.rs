@@ -44,6 +44,9 @@ pub(super) struct Raw {
 #[serde(deny_unknown_fields)]
 pub(super) struct RawStore {
     pub data_dir: PathBuf,
+    /// What the runs may take of the disk; left out, all of it.
+    #[serde(default)]
+    pub budget_gb: Option<f64>,
 }
 
 /// Where the rig's own calibrations are, and how long they count.

@@ -1,7 +1,8 @@
 //! `GET /v1/events`: the journal as server-sent events.
 //!
 //! ```text
-//! Last-Event-ID: 41 ──> 42, 43 (kept) ──> 44 ... (live)
+//! Last-Event-ID: 41 ──> 42, 43 (in memory) ──> 44 ... (live)
+//! older ──> from the index, page by page ──> in memory ──> live
 //! too old, or not of this journal ──> event: resync ──> live
 //! ```
 //! `data` is the event as JSON; its kind stands inside, so that one listener sees all. Only `resync` has a name of its own:
@@ -9,6 +10,7 @@
 
 use super::{AppState, closed};
 use crate::session::{Event, Missed};
+use crate::store::EventsAfter;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event as Sent, KeepAlive, Sse};
@@ -21,6 +23,9 @@ use tokio::sync::broadcast::{Receiver, error::RecvError};
 
 /// A comment this often keeps proxies from closing a quiet stream.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
+/// Events that are read from the index at a time, and how often for one reader that comes back: of older ones the status tells more.
+const PAGE: usize = 500;
+const PAGES: u32 = 40;
 /// Pause before a browser connects again.
 const RETRY: Duration = Duration::from_secs(2);
 
@@ -33,7 +38,7 @@ const RETRY: Duration = Duration::from_secs(2);
 pub(super) async fn get(State(app): State<AppState>, headers: HeaderMap) -> Sse<impl Stream<Item = Result<Sent, Infallible>>> {
     let asked = headers.get("last-event-id").map(|v| v.to_str().unwrap_or_default().trim()).filter(|v| !v.is_empty());
     // An id that is no number was never given by this journal: to be told apart from no id at all.
-    let feed = Feed::open(app, asked.map(|id| id.parse().unwrap_or(u64::MAX)));
+    let feed = Feed::open(app, asked.map(|id| id.parse().unwrap_or(u64::MAX)), PAGES).await;
     let hello = stream::iter([Ok(Sent::default().retry(RETRY).comment("carved"))]);
     let events = stream::unfold(feed, |mut feed| async move { feed.next().await.map(|sent| (Ok(sent), feed)) });
     Sse::new(stream::StreamExt::chain(hello, events)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))
@@ -46,17 +51,27 @@ struct Feed {
     seen: Option<u64>,
     missed: VecDeque<Arc<Event>>,
     resync: bool,
+    /// What was missed reaches further back than memory: behind `missed` there is more to read.
+    more: bool,
+    pages_left: u32,
     live: Receiver<Arc<Event>>,
 }
 
 impl Feed {
-    fn open(app: AppState, seen: Option<u64>) -> Self {
+    async fn open(app: AppState, seen: Option<u64>, pages_left: u32) -> Self {
         let (missed, live) = app.session.events().subscribe(seen);
-        let (missed, resync) = match missed {
-            Missed::Events(events) => (events.into(), false),
-            Missed::Resync => (VecDeque::new(), true),
-        };
-        Self { app, seen, missed, resync, live }
+        let mut feed = Self { app, seen, missed: VecDeque::new(), resync: false, more: false, pages_left, live };
+        match (missed, seen) {
+            (Missed::Events(events), _) => feed.missed = events.into(),
+            (Missed::Resync, Some(seen)) if pages_left > 0 => {
+                feed.pages_left -= 1;
+                feed.missed = page(&feed.app, seen).await.into();
+                feed.more = !feed.missed.is_empty();
+                feed.resync = !feed.more;
+            }
+            (Missed::Resync, _) => feed.resync = true,
+        }
+        feed
     }
 
     /// The next thing to send; `None` when the server ends.
@@ -70,6 +85,10 @@ impl Feed {
             if let Some(event) = self.missed.pop_front() {
                 return Some(self.send(&event));
             }
+            if std::mem::take(&mut self.more) {
+                *self = Self::open(self.app.clone(), self.seen, self.pages_left).await;
+                continue;
+            }
             let received = tokio::select! {
                 received = self.live.recv() => received,
                 () = closed(self.app.closing.clone()) => return None,
@@ -77,7 +96,7 @@ impl Feed {
             match received {
                 Ok(event) => return Some(self.send(&event)),
                 // A slow reader fell out of the live channel; the journal's tail reaches further back.
-                Err(RecvError::Lagged(_)) if self.seen.is_some() => *self = Self::open(self.app.clone(), self.seen),
+                Err(RecvError::Lagged(_)) if self.seen.is_some() => *self = Self::open(self.app.clone(), self.seen, PAGES).await,
                 Err(RecvError::Lagged(_)) => self.resync = true,
                 Err(RecvError::Closed) => return None,
             }
@@ -88,5 +107,18 @@ impl Feed {
         self.seen = Some(event.id);
         let data = serde_json::to_string(event).unwrap_or_default();
         Sent::default().id(event.id.to_string()).data(data)
+    }
+}
+
+/// The next events of the journal behind one that was seen; none where that cannot be told.
+async fn page(app: &AppState, seen: u64) -> Vec<Arc<Event>> {
+    let reader = app.reader.clone();
+    match tokio::task::spawn_blocking(move || reader.events_after(seen, PAGE)).await {
+        Ok(Ok(EventsAfter::Events(events))) => events.into_iter().map(Arc::new).collect(),
+        Ok(Ok(EventsAfter::Unknown)) | Err(_) => Vec::new(),
+        Ok(Err(error)) => {
+            tracing::warn!(%error, "old events are not read");
+            Vec::new()
+        }
     }
 }

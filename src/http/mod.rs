@@ -6,8 +6,8 @@
 //!        joined at the end                          Origin,            live, health, page       <─────┘ snapshots
 //!                                                   token
 //! ```
-//! Nothing here touches hardware or disk: reads come from the session's snapshots, commands go to its mailbox and are
-//! answered when the driver has. Every error is a [`Problem`]. The contract is served as `/openapi.json`, made from the
+//! Nothing here touches hardware, and only `results` the disk, on threads of its own: reads come from the session's snapshots,
+//! commands go to its mailbox and are answered when the driver has. Every error is a [`Problem`]. The contract is served as `/openapi.json`, made from the
 //! handlers themselves.
 
 #![allow(clippy::result_large_err, reason = "a problem is made once per refused request and goes straight out")]
@@ -28,6 +28,7 @@ mod pace;
 mod page;
 mod plate_maps;
 mod problem;
+mod results;
 mod runs;
 mod serve;
 mod settings;
@@ -38,6 +39,7 @@ pub use serve::serve;
 pub use settings::{HttpError, HttpSettings};
 
 use crate::session::SessionHandle;
+use crate::store::StoreReader;
 use axum::body::Bytes;
 use axum::extract::Request;
 use axum::http::header::{self, HeaderName};
@@ -48,11 +50,14 @@ use axum::{Router, http::Uri};
 use settings::Guard;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::watch;
+use tokio::sync::{Semaphore, watch};
 
 /// What the handlers share.
 struct App {
     session: SessionHandle,
+    reader: StoreReader,
+    /// Slots of those who read the disk.
+    reading: Semaphore,
     guard: Guard,
     body_timeout: Duration,
     /// Schemas of the contract by name; bodies are explained by them.
@@ -74,11 +79,13 @@ async fn closed(mut closing: watch::Receiver<bool>) {
     let _ended = closing.wait_for(|closing| *closing).await;
 }
 
-fn router(session: SessionHandle, settings: &HttpSettings, guard: Guard, closing: watch::Receiver<bool>) -> Router {
+fn router(session: SessionHandle, reader: StoreReader, settings: &HttpSettings, guard: Guard, closing: watch::Receiver<bool>) -> Router {
     let (routes, contract) = openapi::routes().split_for_parts();
     let contract = openapi::complete(&contract);
     let app = Arc::new(App {
         session,
+        reader,
+        reading: Semaphore::new(results::AT_A_TIME),
         guard,
         body_timeout: settings.body_timeout(),
         schemas: contract["components"]["schemas"].clone(),

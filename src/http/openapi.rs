@@ -1,7 +1,8 @@
 //! The contract: routes and their description come from one list, so neither can miss one of the other's.
 
 use super::{
-    AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate_maps, problem, runs, status,
+    AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate_maps, problem, results, runs,
+    status,
 };
 use axum::extract::State;
 use axum::http::header;
@@ -29,6 +30,13 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(events::get))
         .routes(routes!(fault_codes::get))
         .routes(routes!(plate_maps::check))
+        .routes(routes!(results::list))
+        .routes(routes!(results::run))
+        .routes(routes!(results::specimen))
+        .routes(routes!(results::mesh))
+        .routes(routes!(results::model))
+        .routes(routes!(results::view))
+        .routes(routes!(results::profile))
         .routes(routes!(live::frame))
         .routes(routes!(live::profile))
         .routes(routes!(live::mesh))

@@ -10,6 +10,7 @@
 use super::pace::Peer;
 use super::{HttpError, HttpSettings, closed, router};
 use crate::session::SessionHandle;
+use crate::store::StoreReader;
 use axum::Router;
 use hyper::Request;
 use hyper::body::Incoming;
@@ -36,6 +37,7 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 pub async fn serve(
     listener: std::net::TcpListener,
     session: SessionHandle,
+    reader: StoreReader,
     settings: HttpSettings,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), HttpError> {
@@ -43,7 +45,7 @@ pub async fn serve(
     listener.set_nonblocking(true)?;
     let listener = TcpListener::from_std(listener)?;
     let (close, closing) = watch::channel(false);
-    let router = router(session, &settings, guard, closing.clone());
+    let router = router(session, reader, &settings, guard, closing.clone());
     let slots = Arc::new(Semaphore::new(settings.max_connections));
     let mut connections = JoinSet::new();
     let mut shutdown = pin!(shutdown);

@@ -7,8 +7,11 @@
 //! DATA/runs/RUN/run.json          plan, method, outcome, one entry per well
 //! DATA/runs/RUN/events.jsonl      what happened in this run, as in the journal
 //! DATA/runs/RUN/A01/              a recording with its results (see `recording`)
+//! DATA/runs/RUN/A01.attempt-1/    an earlier attempt at it (see `attempts`)
 //! ```
 
+mod attempts;
+mod budget;
 pub mod calibrations;
 mod disk;
 pub mod durable;
@@ -20,14 +23,17 @@ mod journal;
 mod lines;
 #[cfg(test)]
 mod power_loss;
+mod reader;
 mod recording;
 mod run;
 mod schema;
 mod sums;
 
+pub use budget::{Budget, bytes_per_specimen};
 pub use error::StoreError;
-pub use index::{Found, Unreadable};
+pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
 pub use journal::Journal;
+pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{
     MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, Software, fluorescence,
 };
@@ -86,6 +92,11 @@ impl Store {
     /// Why the index does not hold all that is on disk, where it does not. Runs go on all the same.
     pub fn index_trouble(&self) -> Option<String> {
         self.index.trouble()
+    }
+
+    /// For everyone who reads beside the daemon.
+    pub fn reader(&self) -> StoreReader {
+        StoreReader::new(&self.root)
     }
 
     pub fn run_folder(&self, run: &str) -> PathBuf {

@@ -38,26 +38,30 @@ pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
     sums.iter().map(|(name, hash)| format!("{hash}  {}\n", name.display())).collect()
 }
 
-/// Checks one file against the folder's sums, where there are any (an interrupted record has none).
-pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
+/// What a file of the folder should be; none in an interrupted record, which has no sums.
+pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError> {
     let sums = folder.join(FILE);
     let text = match std::fs::read_to_string(&sums) {
         Ok(text) => text,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
         Err(e) => return Err(StoreError::io("read", &sums)(e)),
     };
-    let Some(expected) = text.lines().find_map(|l| l.split_once("  ").filter(|(_, n)| *n == name).map(|(h, _)| h)) else {
-        return Err(StoreError::Format {
-            path: sums,
-            expected: "a line for every file of the recording",
-            found: format!("none for {name}"),
-        });
-    };
+    match text.lines().find_map(|l| l.split_once("  ").filter(|(_, n)| *n == name)) {
+        Some((hash, _)) => Ok(Some(hash.to_owned())),
+        None => {
+            Err(StoreError::Format { path: sums, expected: "a line for every file of the recording", found: format!("none for {name}") })
+        }
+    }
+}
+
+/// Checks one file against the folder's sums, where there are any.
+pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
+    let Some(expected) = expected(folder, name)? else { return Ok(()) };
     let path = folder.join(name);
     let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
     let found = sha256_hex(&bytes);
     if found != expected {
-        return Err(StoreError::Altered { path, expected: expected.into(), found });
+        return Err(StoreError::Altered { path, expected, found });
     }
     Ok(())
 }

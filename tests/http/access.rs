@@ -4,6 +4,7 @@ use crate::rig::{PLAN, Rig, settings};
 use crate::wire::exchange;
 use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::channel;
+use carved::store::StoreReader;
 use std::io::Write;
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt;
@@ -11,7 +12,7 @@ use std::os::unix::fs::PermissionsExt;
 /// Every operation of the contract, its parameters filled in.
 fn operations(rig: &Rig) -> Vec<(String, String)> {
     let paths = rig.contract()["paths"].as_object().unwrap();
-    let fill = |path: &String| path.replace("{run_id}", "r").replace("{well}", "A01");
+    let fill = |path: &String| path.replace("{run_id}", "r").replace("{well}", "A01").replace("{view}", "0.png");
     paths.iter().flat_map(|(p, item)| item.as_object().unwrap().keys().map(move |m| (m.to_uppercase(), fill(p)))).collect()
 }
 
@@ -134,6 +135,6 @@ fn refuses_to_serve_other_machines_without_a_token() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let open = std::net::TcpListener::bind(SocketAddr::from(([0, 0, 0, 0], 0))).unwrap();
     let (session, _mailbox, _driver) = channel(crate::rig::status(), Vec::new());
-    let refused = runtime.block_on(serve(open, session, settings(), std::future::pending()));
+    let refused = runtime.block_on(serve(open, session, StoreReader::new("nowhere".as_ref()), settings(), std::future::pending()));
     assert!(matches!(refused, Err(HttpError::TokenMandatory { .. })), "{refused:?}");
 }

@@ -40,6 +40,13 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /v1/live/mesh.glb",
         "get /v1/live/profile.png",
         "get /v1/methods",
+        "get /v1/runs",
+        "get /v1/runs/{run_id}",
+        "get /v1/runs/{run_id}/specimens/{well}",
+        "get /v1/runs/{run_id}/specimens/{well}/mesh.glb",
+        "get /v1/runs/{run_id}/specimens/{well}/mesh.ply",
+        "get /v1/runs/{run_id}/specimens/{well}/profiles/{view}",
+        "get /v1/runs/{run_id}/specimens/{well}/views/{view}",
         "get /v1/status",
         "post /v1/plate-maps/check",
         "post /v1/runs/{run_id}/abort",
@@ -80,7 +87,7 @@ fn unknown_routes_and_methods_are_problems() {
         }
     }
     let wrong = rig.send("DELETE", "/v1/runs/r", &[], "");
-    assert_eq!((wrong.header("allow"), wrong.problem().as_str()), (Some("PUT"), "method_not_allowed"));
+    assert_eq!((wrong.header("allow"), wrong.problem().as_str()), (Some("PUT,GET,HEAD"), "method_not_allowed"));
     assert_eq!(wrong.status, 405);
     assert_eq!(rig.send("POST", "/v1/status", &[], "").header("allow"), Some("GET,HEAD"));
 }

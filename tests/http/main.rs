@@ -13,5 +13,6 @@ mod lease;
 mod limits;
 mod plate_maps;
 mod reading;
+mod results;
 mod rig;
 mod wire;

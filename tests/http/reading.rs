@@ -3,6 +3,8 @@
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
 use carved::session::{CalibrationStatus, Mode, RunOutcome, RunStatus, State, WellCounts};
+use carved::store::Store;
+use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -156,6 +158,23 @@ fn a_gap_that_cannot_be_filled_is_said() {
     next_event(&mut stream);
     rig.driver.announce(event(8));
     assert_eq!(id_of(&next_event(&mut stream)), 8, "the stream goes on live after a resync");
+}
+
+/// Memory holds events 1101 and 1102 here, the index all of them, in pages of 500.
+#[test]
+fn a_reader_that_was_long_away_gets_every_event_once() {
+    let rig = Rig::with(settings(), (1101..=1102).map(event).collect());
+    let (_store, mut journal, _) = Store::open(rig.data.path()).unwrap();
+    for _ in 0..1102 {
+        journal.append("view.taken", None, None, Value::Null).unwrap();
+    }
+    let mut stream = ask(&rig, "/v1/events", "Last-Event-ID: 5\r\n");
+    for id in 6..=1102 {
+        assert_eq!(id_of(&next_event(&mut stream)), id);
+    }
+    rig.driver.announce(event(1103));
+    assert_eq!(id_of(&next_event(&mut stream)), 1103);
+    assert_eq!(next_event(&mut ask(&rig, "/v1/events", "Last-Event-ID: 9000\r\n"))[0], "event: resync", "an id that was never given");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::{
     Accepted, Command, Event, HardwareStatus, MethodOffer, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State, Status, channel,
 };
+use carved::store::StoreReader;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -28,6 +29,8 @@ pub struct Rig {
     pub refusal: Arc<Mutex<Option<Refusal>>>,
     /// Commands that reached the driver.
     pub commands: Arc<Mutex<Vec<String>>>,
+    /// The data folder that results are read from; empty, without an index, until a test fills it.
+    pub data: tempfile::TempDir,
     contract: Value,
     runtime: Runtime,
     server: Option<JoinHandle<Result<(), HttpError>>>,
@@ -76,16 +79,18 @@ impl Rig {
         let session = session.offering([METHOD]);
         let (refusal, commands) = <(Arc<Mutex<Option<Refusal>>>, Arc<Mutex<Vec<String>>>)>::default();
         runtime.spawn(drive(mailbox, refusal.clone(), commands.clone()));
+        let data = tempfile::tempdir().unwrap();
+        let reader = StoreReader::new(data.path());
         let listener = settings.bind().unwrap();
         let address = listener.local_addr().unwrap();
         let (stop, stopped) = oneshot::channel::<()>();
         let server = runtime.spawn(async move {
             let shutdown = async { drop(stopped.await) };
-            serve(listener, session, settings, shutdown).await
+            serve(listener, session, reader, settings, shutdown).await
         });
         let contract = wire::exchange(address, b"GET /openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n").json();
         let driver = Arc::new(driver);
-        Self { address, driver, refusal, commands, contract, runtime, server: Some(server), stop: Some(stop) }
+        Self { address, driver, refusal, commands, data, contract, runtime, server: Some(server), stop: Some(stop) }
     }
 
     pub fn contract(&self) -> &Value {

@@ -12,12 +12,15 @@
 //! It is an index: a write to it that fails is told in the log and stops nothing. From then on it is *behind*, says so
 //! ([`Index::trouble`]), and every further write tries to bring it up to the folders first.
 
+mod query;
 mod refresh;
 mod rows;
 mod tables;
 #[cfg(test)]
 mod tests;
 
+pub use query::{Cursor, EventsAfter, RunRow, RunsQuery};
+pub(super) use query::{events_after, runs, used_bytes};
 pub use refresh::{Found, Unreadable};
 
 use super::{RunRecord, StoreError, durable};
@@ -94,6 +97,11 @@ impl Index {
     /// A run that is on disk: what of its wells changed is read from their folders.
     pub fn run(&self, record: &RunRecord) {
         self.follow(|tx, root| rows::put_run(tx, root, record, false));
+    }
+
+    /// A run whose folders were changed behind its `run.json`: all of it is read anew.
+    pub fn run_anew(&self, record: &RunRecord) {
+        self.follow(|tx, root| rows::put_run(tx, root, record, true));
     }
 
     pub fn run_gone(&self, id: &str) {

@@ -1,8 +1,8 @@
 //! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
 
 use crate::hash::sha256_hex;
-use crate::session::{Event, SpecimenOutcome, WellStatus};
-use crate::store::{MEASUREMENT, RECORDING, RunRecord, run};
+use crate::session::{Event, WellStatus};
+use crate::store::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
@@ -56,11 +56,14 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
     for status in &record.wells {
         let text = serde_json::to_string(status).unwrap_or_default();
         let known: Option<String> = c
-            .prepare_cached("SELECT status FROM specimens WHERE run = ? AND well = ?")?
+            .prepare_cached("SELECT status FROM specimens WHERE run = ? AND well = ? AND attempt = 0")?
             .query_row(params![record.id, status.well], |row| row.get(0))
             .optional()?;
         if known.as_ref() != Some(&text) {
-            put_specimen(c, &record.id, status, &text, &folder.join(&status.well))?;
+            put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &folder)?;
+        }
+        for attempt in if anew { attempts::earlier(&folder, &status.well) } else { Vec::new() } {
+            put_specimen(c, &record.id, &status.well, attempt, None, &folder)?;
         }
     }
     Ok(())
@@ -73,27 +76,38 @@ pub(super) fn remove_run(c: &Connection, id: &str) -> rusqlite::Result<()> {
     c.execute("DELETE FROM runs WHERE id = ?", [id]).map(|_| ())
 }
 
-fn put_specimen(c: &Connection, run: &str, status: &WellStatus, text: &str, folder: &Path) -> rusqlite::Result<()> {
-    let well = &status.well;
+/// One attempt at a well. What became of an earlier one its folder says, as far as it does.
+fn put_specimen(
+    c: &Connection,
+    run: &str,
+    well: &str,
+    attempt: u32,
+    status: Option<(&WellStatus, &str)>,
+    of_run: &Path,
+) -> rusqlite::Result<()> {
+    let folder = of_run.join(attempts::folder_name(well, attempt));
     let recording = json(&folder.join(RECORDING)).unwrap_or_default().1;
-    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         run,
         well,
-        word::<Option<SpecimenOutcome>>(&status.outcome),
-        status.reason,
-        serde_json::to_string(&status.flags).unwrap_or_default(),
+        attempt,
+        status.and_then(|(s, _)| word(&s.outcome)),
+        status.and_then(|(s, _)| s.reason.as_deref()),
+        status.map(|(s, _)| serde_json::to_string(&s.flags).unwrap_or_default()),
         recording["started"].as_str(),
         recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true).count()),
-        bytes_of(folder),
-        text,
+        bytes_of(&folder),
+        status.map(|(_, text)| text),
     ])?;
-    c.execute("DELETE FROM measurements WHERE run = ? AND well = ?", [run, well])?;
-    c.execute("DELETE FROM beads WHERE run = ? AND well = ?", [run, well])?;
+    for table in ["measurements", "beads"] {
+        c.execute(&format!("DELETE FROM {table} WHERE run = ? AND well = ? AND attempt = ?"), params![run, well, attempt])?;
+    }
     let Some((sha256, file)) = json(&folder.join(MEASUREMENT)) else { return Ok(()) };
     let m = &file["measurement"];
-    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
         run,
         well,
+        attempt,
         sha256,
         file["mode"].as_str(),
         m["estimator"].as_str(),
@@ -107,9 +121,10 @@ fn put_specimen(c: &Connection, run: &str, status: &WellStatus, text: &str, fold
         m["length_um"].as_f64(),
     ])?;
     if let Some(diameter_um) = m["diameter_um"].as_f64() {
-        c.prepare_cached("INSERT INTO beads VALUES (?, ?, ?, ?, ?)")?.execute(params![
+        c.prepare_cached("INSERT INTO beads VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
             run,
             well,
+            attempt,
             diameter_um,
             m["sphere_rms_um"].as_f64(),
             m["aspect_ratio"].as_f64(),

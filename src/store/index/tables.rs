@@ -6,7 +6,8 @@ use rusqlite::Connection;
 use std::path::Path;
 
 /// Step `i` leads from version `i` to version `i + 1`, which the file keeps as `user_version`.
-pub(super) const STEPS: &[&str] = &["
+pub(super) const STEPS: &[&str] = &[
+    "
     CREATE TABLE runs (
         id TEXT PRIMARY KEY, schema TEXT NOT NULL, software TEXT NOT NULL, mode TEXT NOT NULL, plate_barcode TEXT NOT NULL,
         method TEXT NOT NULL, operator TEXT NOT NULL, external_id TEXT, started TEXT NOT NULL, started_us INTEGER NOT NULL,
@@ -39,7 +40,35 @@ pub(super) const STEPS: &[&str] = &["
     );
     CREATE TABLE place (one INTEGER PRIMARY KEY CHECK (one = 1), journal_bytes INTEGER NOT NULL);
     INSERT INTO place VALUES (1, 0);
-"];
+",
+    "
+    -- Attempts at a specimen: 0 is the newest, whose status run.json has.
+    CREATE TABLE specimens_2 (
+        run TEXT NOT NULL, well TEXT NOT NULL, attempt INTEGER NOT NULL, outcome TEXT, reason TEXT, flags TEXT, started TEXT,
+        views INTEGER NOT NULL, bytes INTEGER NOT NULL, status TEXT,
+        PRIMARY KEY (run, well, attempt)
+    ) WITHOUT ROWID;
+    INSERT INTO specimens_2 SELECT run, well, 0, outcome, reason, flags, started, views, bytes, status FROM specimens;
+    DROP TABLE specimens;
+    ALTER TABLE specimens_2 RENAME TO specimens;
+    CREATE TABLE measurements_2 (
+        run TEXT NOT NULL, well TEXT NOT NULL, attempt INTEGER NOT NULL, sha256 TEXT NOT NULL, mode TEXT, estimator TEXT, views INTEGER,
+        volume_um3 REAL, volume_sd_um3 REAL, area_um2 REAL, area_sd_um2 REAL, field_volume_um3 REAL, field_area_um2 REAL, length_um REAL,
+        PRIMARY KEY (run, well, attempt)
+    ) WITHOUT ROWID;
+    INSERT INTO measurements_2 SELECT run, well, 0, sha256, mode, estimator, views, volume_um3, volume_sd_um3, area_um2, area_sd_um2,
+        field_volume_um3, field_area_um2, length_um FROM measurements;
+    DROP TABLE measurements;
+    ALTER TABLE measurements_2 RENAME TO measurements;
+    CREATE TABLE beads_2 (
+        run TEXT NOT NULL, well TEXT NOT NULL, attempt INTEGER NOT NULL, diameter_um REAL NOT NULL, sphere_rms_um REAL, aspect_ratio REAL,
+        PRIMARY KEY (run, well, attempt)
+    ) WITHOUT ROWID;
+    INSERT INTO beads_2 SELECT run, well, 0, diameter_um, sphere_rms_um, aspect_ratio FROM beads;
+    DROP TABLE beads;
+    ALTER TABLE beads_2 RENAME TO beads;
+",
+];
 
 /// Brings an index to the newest version, each step whole or not at all.
 ///

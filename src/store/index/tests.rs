@@ -199,3 +199,56 @@ fn a_run_that_cannot_be_read_is_told_and_left_alone() {
 fn store_open(store: &Store) -> Vec<&str> {
     store.open.iter().map(String::as_str).collect()
 }
+
+#[test]
+fn an_index_of_version_1_is_brought_up_with_all_its_rows() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(live(dir.path()));
+    let expected = rows(dir.path());
+    let (path, newest) = (dir.path().join(FILE), dir.path().join("newest"));
+    std::fs::rename(&path, &newest).unwrap();
+    let old = Connection::open(&path).unwrap();
+    old.execute_batch(tables::STEPS[0]).unwrap();
+    old.execute("ATTACH ? AS newest", [newest.to_str().unwrap()]).unwrap();
+    for table in ["runs", "wells", "events", "faults"] {
+        old.execute(&format!("INSERT INTO main.{table} SELECT * FROM newest.{table}"), []).unwrap();
+    }
+    let specimens = "run, well, outcome, reason, flags, started, views, bytes, status";
+    let measurements = "run, well, sha256, mode, estimator, views, volume_um3, volume_sd_um3, area_um2, area_sd_um2, field_volume_um3, \
+                        field_area_um2, length_um";
+    for (table, columns) in
+        [("specimens", specimens), ("measurements", measurements), ("beads", "run, well, diameter_um, sphere_rms_um, aspect_ratio")]
+    {
+        old.execute(&format!("INSERT INTO main.{table} ({columns}) SELECT {columns} FROM newest.{table}"), []).unwrap();
+    }
+    old.execute_batch("UPDATE main.place SET journal_bytes = (SELECT journal_bytes FROM newest.place)").unwrap();
+    old.pragma_update(None, "user_version", 1).unwrap();
+    drop(old);
+    drop(Store::open(dir.path()).unwrap());
+    assert_eq!(rows(dir.path()), expected);
+    let version: usize = connect(&path).unwrap().pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
+    assert_eq!(version, tables::STEPS.len());
+}
+
+#[test]
+fn an_earlier_attempt_is_kept_beside_the_newest_and_known() {
+    let dir = tempfile::tempdir().unwrap();
+    let (store, journal) = live(dir.path());
+    let run = store.run("r1").unwrap().unwrap();
+    let first = std::fs::read(store.run_folder("r1").join("A02/measurement.json")).unwrap();
+    assert_eq!(store.keep_attempt("r1", "A02").unwrap(), Some(1));
+    assert_eq!(store.keep_attempt("r1", "A02").unwrap(), None, "there is nothing more to keep");
+    measured(&store, &run, 1, Some(501.0));
+    assert_eq!(store.keep_attempt("r1", "A02").unwrap(), Some(2));
+    measured(&store, &run, 1, Some(502.0));
+    let mut again = run;
+    again.wells[1].diameter_um = Some(502.0);
+    store.save_run(&again).unwrap();
+    drop((store, journal));
+    let written = rows(dir.path());
+    let beads: Vec<_> = written.iter().filter(|row| row.starts_with("beads")).collect();
+    assert!(beads.len() == 3 && beads[0].contains("502") && beads[1].contains("499.5") && beads[2].contains("501"), "{beads:?}");
+    assert_eq!(std::fs::read(dir.path().join("runs/r1/A02.attempt-1/measurement.json")).unwrap(), first);
+    rebuild_index(dir.path()).unwrap();
+    assert_eq!(rows(dir.path()), written);
+}

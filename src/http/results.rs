@@ -1,0 +1,286 @@
+//! `GET /v1/runs...`: what runs have left, read from the index and the run folders.
+//!
+//! ```text
+//! handler ─> a slot (few at a time) ─> blocking thread ─> StoreReader ─> disk
+//! ```
+//! These read the disk, so they are no way to poll: the status is. A slow disk holds up other readers of results and nothing else.
+
+mod files;
+
+pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, mesh, model, profile, view};
+
+use super::conditional;
+use super::problem::Problem;
+use super::{App, AppState};
+use crate::session::{RunOutcome, WellCounts, WellStatus};
+use crate::store::{Cursor, RunRow, RunsQuery, SpecimenFile, StoreError, StoreReader};
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{Path, Query, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use utoipa::{IntoParams, ToSchema};
+
+/// Reads of the disk at a time: as many as a disk can serve without the others waiting longer for it.
+pub(super) const AT_A_TIME: usize = 4;
+
+/// Longest page of runs.
+const MOST: usize = 200;
+
+fn fifty() -> usize {
+    50
+}
+
+#[derive(Debug, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Asked {
+    /// Runs per page, 1 to 200.
+    #[serde(default = "fifty")]
+    #[param(required = false, default = 50, minimum = 1, maximum = 200)]
+    limit: usize,
+    /// `next` of the page before.
+    cursor: Option<String>,
+    plate_barcode: Option<String>,
+    method: Option<String>,
+    operator: Option<String>,
+    external_id: Option<String>,
+    /// `hardware` or `simulated`.
+    mode: Option<String>,
+    /// `succeeded`, `partial`, `failed`, `aborted`, `interrupted`, or `open` for those without one.
+    outcome: Option<String>,
+}
+
+/// A page of runs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(super) struct Runs {
+    /// Newest first.
+    runs: Vec<RunRow>,
+    /// The `cursor` of the next page; `null` at the end.
+    next: Option<String>,
+}
+
+/// A run with the results of its wells.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(super) struct RunDetail {
+    id: String,
+    external_id: Option<String>,
+    /// `hardware` or `simulated`.
+    mode: String,
+    software_version: String,
+    plate_barcode: String,
+    method: String,
+    /// The method whole.
+    method_settings: Value,
+    operator: String,
+    /// RFC 3339, UTC.
+    started: String,
+    ended: Option<String>,
+    outcome: Option<RunOutcome>,
+    wells: WellCounts,
+    results: Vec<WellStatus>,
+    /// Of the wells in the order of `results`, whether or not anything was recorded of them.
+    specimens: Vec<String>,
+}
+
+#[derive(Debug, Default, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub(super) struct Attempt {
+    /// An earlier attempt at the well, by its number; 0 or left out, the newest.
+    #[serde(default)]
+    #[param(required = false)]
+    attempt: u32,
+}
+
+/// A specimen: results, quality, and where its files are.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(super) struct SpecimenDetail {
+    run: String,
+    well: String,
+    attempt: u32,
+    /// Numbers of the attempts before the newest.
+    earlier_attempts: Vec<u32>,
+    /// As in the run; `null` of an earlier attempt.
+    result: Option<WellStatus>,
+    /// `recording.json`: rig, method, ledger.
+    recording: Value,
+    /// `measurement.json` with its flags and every view's quality; `null` without numbers.
+    measurement: Option<Value>,
+    links: Links,
+}
+
+/// Addresses of a specimen's files, of those that there are.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+pub(super) struct Links {
+    mesh_ply: Option<String>,
+    mesh_glb: Option<String>,
+    views: Vec<String>,
+    profiles: Vec<String>,
+}
+
+/// Reads the store off the threads that serve, a few reads at a time.
+async fn read<T: Send + 'static>(
+    app: &App,
+    work: impl FnOnce(&StoreReader) -> Result<T, StoreError> + Send + 'static,
+) -> Result<T, Problem> {
+    let ended = || Problem::new(StatusCode::SERVICE_UNAVAILABLE, "shutting_down", "the instrument is shutting down").come_back();
+    let _slot = app.reading.acquire().await.map_err(|_| ended())?;
+    let reader = app.reader.clone();
+    tokio::task::spawn_blocking(move || work(&reader)).await.map_err(|_| ended())?.map_err(|e| unread(&e))
+}
+
+fn unread(error: &StoreError) -> Problem {
+    let detail = error.to_string();
+    match error {
+        StoreError::Index { .. } => Problem::new(StatusCode::SERVICE_UNAVAILABLE, "index", detail).come_back(),
+        StoreError::Newer { .. } => Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "newer_format", detail),
+        StoreError::Altered { .. } => Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "altered", detail),
+        _ => Problem::new(StatusCode::INTERNAL_SERVER_ERROR, "store", detail),
+    }
+}
+
+fn json<T: Serialize>(headers: &HeaderMap, value: &T) -> Response {
+    let text = serde_json::to_vec(value).unwrap_or_default();
+    let tag = conditional::tag_of(&text);
+    conditional::answer(headers, &tag, || {
+        ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], text).into_response()
+    })
+}
+
+fn cursor(text: &str) -> Option<Cursor> {
+    let (started_us, id) = text.split_once('-')?;
+    Some(Cursor { started_us: started_us.parse().ok()?, id: id.to_owned() })
+}
+
+/// Runs that are stored, newest first.
+#[utoipa::path(get, path = "/v1/runs", tag = "results", params(Asked), responses(
+    (status = 200, description = "A page of them", body = Runs),
+    (status = 304, description = "The client has it"),
+    (status = 400, description = "A query that makes no sense", body = Problem, content_type = "application/problem+json"),
+    (status = 503, description = "The index cannot be read", body = Problem, content_type = "application/problem+json"),
+))]
+pub(super) async fn list(
+    State(app): State<AppState>,
+    asked: Result<Query<Asked>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let Query(a) = asked?;
+    if !(1..=MOST).contains(&a.limit) {
+        return Err(Problem::bad_request("bad_query", format!("limit is {}; use 1 to {MOST}", a.limit)));
+    }
+    let after = match a.cursor.as_deref().map(|text| cursor(text).ok_or(text)) {
+        None => None,
+        Some(Ok(place)) => Some(place),
+        Some(Err(text)) => return Err(Problem::bad_request("bad_query", format!("{text:?} is no cursor; use `next` of a page as it is"))),
+    };
+    let limit = a.limit;
+    let query = RunsQuery {
+        // One more tells whether there is another page.
+        limit: limit + 1,
+        after,
+        plate_barcode: a.plate_barcode,
+        method: a.method,
+        operator: a.operator,
+        external_id: a.external_id,
+        mode: a.mode,
+        outcome: a.outcome,
+    };
+    let mut runs = read(&app, move |store| store.runs(&query)).await?;
+    let more = runs.len() > limit;
+    runs.truncate(limit);
+    let next = runs.last().filter(|_| more).map(RunRow::cursor).map(|c| format!("{}-{}", c.started_us, c.id));
+    Ok(json(&headers, &Runs { runs, next }))
+}
+
+/// A run that is stored, with the results of its wells.
+#[utoipa::path(get, path = "/v1/runs/{run_id}", tag = "results", params(("run_id" = String, Path)), responses(
+    (status = 200, description = "The run", body = RunDetail),
+    (status = 304, description = "The client has it"),
+    (status = 400, description = "The path is malformed", body = Problem, content_type = "application/problem+json"),
+    (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+    (status = 500, description = "It is there and cannot be read", body = Problem, content_type = "application/problem+json"),
+))]
+pub(super) async fn run(
+    State(app): State<AppState>,
+    path: Result<Path<String>, PathRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let Path(id) = path?;
+    let name = id.clone();
+    let record = read(&app, move |store| store.run(&name)).await?.ok_or_else(|| unknown_run(&id))?;
+    let word = |value: Value| value.as_str().unwrap_or_default().to_owned();
+    let detail = RunDetail {
+        specimens: record.wells.iter().map(|w| format!("/v1/runs/{id}/specimens/{}", w.well)).collect(),
+        mode: word(serde_json::to_value(record.mode).unwrap_or_default()),
+        method_settings: serde_json::to_value(&record.method).unwrap_or_default(),
+        wells: WellCounts::of(&record.wells),
+        id,
+        external_id: record.plan.external_id,
+        software_version: record.software.version,
+        plate_barcode: record.plan.plate_barcode,
+        method: record.plan.method,
+        operator: record.plan.operator,
+        started: record.started,
+        ended: record.ended,
+        outcome: record.outcome,
+        results: record.wells,
+    };
+    Ok(json(&headers, &detail))
+}
+
+fn unknown_run(id: &str) -> Problem {
+    Problem::new(StatusCode::NOT_FOUND, "unknown_run", format!("no run {id:?} is stored; GET /v1/runs lists those that are"))
+}
+
+fn unknown_specimen(run: &str, well: &str) -> Problem {
+    let detail = format!("nothing is recorded of well {well:?} of run {run:?}; GET /v1/runs/{{run_id}} lists its wells");
+    Problem::new(StatusCode::NOT_FOUND, "unknown_specimen", detail)
+}
+
+/// A specimen of a run: its results and quality, and links to its files.
+#[utoipa::path(
+    get, path = "/v1/runs/{run_id}/specimens/{well}", tag = "results",
+    params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`"), Attempt),
+    responses(
+        (status = 200, description = "What is recorded of it", body = SpecimenDetail),
+        (status = 304, description = "The client has it"),
+        (status = 400, description = "The path or the query is malformed", body = Problem, content_type = "application/problem+json"),
+        (status = 404, description = "Nothing is recorded of such a specimen", body = Problem, content_type = "application/problem+json"),
+        (status = 500, description = "It is there and cannot be read", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn specimen(
+    State(app): State<AppState>,
+    path: Result<Path<(String, String)>, PathRejection>,
+    query: Result<Query<Attempt>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let Path((run, well)) = path?;
+    let Query(Attempt { attempt }) = query?;
+    let (r, w) = (run.clone(), well.clone());
+    let stored = read(&app, move |store| store.specimen(&r, &w, attempt)).await?.ok_or_else(|| unknown_specimen(&run, &well))?;
+    let base = format!("/v1/runs/{run}/specimens/{well}");
+    let which = if attempt == 0 { String::new() } else { format!("?attempt={attempt}") };
+    let mut links = Links::default();
+    for file in stored.files {
+        match file {
+            SpecimenFile::Mesh => links.mesh_ply = Some(format!("{base}/mesh.ply{which}")),
+            SpecimenFile::Model => links.mesh_glb = Some(format!("{base}/mesh.glb{which}")),
+            SpecimenFile::View(i) => links.views.push(format!("{base}/views/{i}.png{which}")),
+            SpecimenFile::Profile(i) => links.profiles.push(format!("{base}/profiles/{i}.png{which}")),
+        }
+    }
+    let detail = SpecimenDetail {
+        run,
+        well,
+        attempt,
+        earlier_attempts: stored.earlier,
+        result: stored.status,
+        recording: stored.recording,
+        measurement: stored.measurement,
+        links,
+    };
+    Ok(json(&headers, &detail))
+}

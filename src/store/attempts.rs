@@ -1,0 +1,47 @@
+//! A specimen that is done again: the earlier attempt's folder is kept beside, the newest has the well's plain name.
+//!
+//! ```text
+//! runs/RUN/A01              the newest
+//! runs/RUN/A01.attempt-1    the first, when it was done again
+//! runs/RUN/A01.attempt-2    the second, when that was too
+//! ```
+
+use super::{Store, StoreError, durable};
+use std::path::Path;
+
+const MARK: &str = ".attempt-";
+
+/// Name of a well's folder; 0 is the newest attempt.
+pub(super) fn folder_name(well: &str, attempt: u32) -> String {
+    if attempt == 0 { well.to_owned() } else { format!("{well}{MARK}{attempt}") }
+}
+
+/// Numbers of the earlier attempts at a well, the first first.
+pub(super) fn earlier(run: &Path, well: &str) -> Vec<u32> {
+    let entries = std::fs::read_dir(run).into_iter().flatten().flatten();
+    let number = |name: String| name.strip_prefix(well)?.strip_prefix(MARK)?.parse().ok().filter(|n| *n > 0);
+    let mut found: Vec<u32> = entries.filter_map(|e| number(e.file_name().into_string().ok()?)).collect();
+    found.sort_unstable();
+    found
+}
+
+impl Store {
+    /// Moves what is there of a well aside, durably, so that it can be done again; gives the number of the attempt that was kept. Nothing
+    /// where the well has no folder.
+    ///
+    /// # Errors
+    /// A folder that cannot be moved; then nothing was.
+    pub fn keep_attempt(&self, run: &str, well: &str) -> Result<Option<u32>, StoreError> {
+        let folder = self.run_folder(run);
+        let newest = folder.join(well);
+        if !newest.is_dir() {
+            return Ok(None);
+        }
+        let number = earlier(&folder, well).last().map_or(1, |n| n + 1);
+        durable::rename(&newest, &folder.join(folder_name(well, number)))?;
+        if let Some(record) = self.run(run)? {
+            self.index.run_anew(&record);
+        }
+        Ok(Some(number))
+    }
+}

@@ -1,0 +1,180 @@
+//! What runs have left, as clients get it.
+
+use crate::rig::Rig;
+use carved::frame::{PixelFormat, RawFrame};
+use carved::session::{Mode, RunOutcome, SpecimenOutcome};
+use carved::store::{MEASUREMENT, Recording, RecordingWriter, RunRecord, Store};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+
+fn record(id: &str, started: &str, barcode: &str) -> RunRecord {
+    let plan =
+        json!({"plate_barcode": barcode, "method": "m", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}, {"well": "A02"}]});
+    let method = json!({"asd": 3, "order": "sequential", "epsilon": 0.05, "voxel_um": 20.0});
+    let (plan, method) = (serde_json::from_value(plan).unwrap(), serde_json::from_value(method).unwrap());
+    let mut record = RunRecord::new(id, plan, method, Mode::Simulated, None);
+    record.started = started.into();
+    record
+}
+
+/// A recording with two views, a mesh and numbers; what was written as the mesh and the first frame's file.
+fn recorded(store: &Store, run: &RunRecord, well: usize) -> (Vec<u8>, Vec<u8>) {
+    let planned = run.plan.plate_map[well].clone();
+    let folder = store.run_folder(&run.id).join(&planned.well);
+    let rig = json!({
+        "name": "rig", "pixel_format": "Mono8", "steps_per_revolution": [500, 1], "sense": 1,
+        "camera": {"f": 60000.0, "kx": 0.18, "ky": 0.18, "ux": 8.0, "uy": 8.0, "width": 16, "height": 16},
+        "rotation_identity": "axis", "camera_identity": "camera"
+    });
+    let recording = Recording::new(&run.id, planned, Mode::Simulated, serde_json::from_value(rig).unwrap(), "m", run.method.clone());
+    let mut writer = RecordingWriter::create(&folder, recording, None).unwrap();
+    for view in 0..2u32 {
+        let frame = RawFrame::new(16, 16, PixelFormat::Mono8, vec![view as u8 + 7; 256]).unwrap();
+        let sha256: String = Sha256::digest(frame.bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+        let entry = json!({"view": view, "commanded_steps": 0, "achieved_steps": 0, "epoch": 1, "omega": f64::from(view), "moved_ms": 0.0,
+            "settle_ms": 0.0, "grab_ms": 0.0, "frame_id": view, "attempts": 1, "sha256": sha256, "closure": false});
+        writer.add_view(serde_json::from_value(entry).unwrap(), &frame).unwrap();
+    }
+    let mesh = format!("ply\n{} {well}\n", run.id).into_bytes();
+    writer.add_file("mesh.ply", &mesh).unwrap();
+    writer.add_json(MEASUREMENT, &json!({"mode": "simulated", "measurement": {"volume_um3": 2.5e8}, "flags": ["moved"]})).unwrap();
+    writer.close().unwrap();
+    (mesh, std::fs::read(folder.join("frames/view_000.png")).unwrap())
+}
+
+fn ids(page: &Value) -> Vec<&str> {
+    page["runs"].as_array().unwrap().iter().map(|run| run["id"].as_str().unwrap()).collect()
+}
+
+#[test]
+fn runs_are_listed_newest_first_page_by_page_and_filtered() {
+    let rig = Rig::start();
+    assert_eq!(rig.get("/v1/runs").problem(), "index", "a folder without an index");
+    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    assert_eq!(rig.get("/v1/runs").json(), json!({"runs": [], "next": null}));
+    // Two of one moment; times as text would not sort.
+    let runs =
+        [("a", "2026-01-01T00:00:00.5Z"), ("b", "2026-01-01T00:00:00Z"), ("c-1", "2026-01-01T00:00:00.5Z"), ("d", "2026-02-01T00:00:00Z")];
+    for (id, started) in runs {
+        let mut run = record(id, started, if id == "b" { "P-2" } else { "P-1" });
+        run.wells[0].end(SpecimenOutcome::Succeeded, None);
+        if id != "d" {
+            run.wells[1].end(SpecimenOutcome::Skipped, Some("empty"));
+            run.end(RunOutcome::Succeeded);
+        }
+        store.save_run(&run).unwrap();
+    }
+    let all = rig.get("/v1/runs").json();
+    assert_eq!((ids(&all), &all["next"]), (vec!["d", "c-1", "a", "b"], &Value::Null));
+    let first = &all["runs"][0];
+    assert_eq!((&first["outcome"], &first["wells"]["pending"], &first["wells"]["succeeded"]), (&Value::Null, &json!(1), &json!(1)));
+    let mut seen = Vec::new();
+    let mut path = "/v1/runs?limit=1".to_owned();
+    loop {
+        let page = rig.get(&path).json();
+        seen.extend(ids(&page).into_iter().map(str::to_owned));
+        let Some(next) = page["next"].as_str() else { break };
+        path = format!("/v1/runs?limit=1&cursor={next}");
+    }
+    assert_eq!(seen, ["d", "c-1", "a", "b"]);
+    for (query, expected) in [
+        ("plate_barcode=P-2", vec!["b"]),
+        ("outcome=open", vec!["d"]),
+        ("outcome=succeeded&limit=2", vec!["c-1", "a"]),
+        ("mode=hardware", vec![]),
+        ("operator=kim'%20OR%201=1--", vec![]),
+    ] {
+        assert_eq!(ids(&rig.get(&format!("/v1/runs?{query}")).json()), expected, "{query}");
+    }
+    for bad in ["limit=0", "limit=201", "limit=x", "cursor=d", "cursor=x-d", "nonsense=1"] {
+        let answer = rig.get(&format!("/v1/runs?{bad}"));
+        assert_eq!((answer.status, answer.problem().as_str()), (400, "bad_query"), "{bad}");
+    }
+}
+
+#[test]
+fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
+    let rig = Rig::start();
+    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
+    let (earlier, _) = recorded(&store, &run, 0);
+    store.save_run(&run).unwrap();
+    store.keep_attempt("r1", "A01").unwrap();
+    std::fs::write(store.run_folder("r1").join("A01.attempt-1/mesh.ply.txt"), "no file of ours").unwrap();
+    let (mesh, frame) = recorded(&store, &run, 0);
+    run.wells[0].end(SpecimenOutcome::Succeeded, None);
+    run.end(RunOutcome::Partial);
+    store.save_run(&run).unwrap();
+
+    let answer = rig.get("/v1/runs/r1");
+    let detail = answer.json();
+    assert_eq!((&detail["outcome"], &detail["results"][0]["outcome"]), (&json!("partial"), &json!("succeeded")));
+    assert_eq!(detail["method_settings"]["asd"], 3);
+    let tag = answer.header("etag").unwrap().to_owned();
+    assert_eq!(rig.send("GET", "/v1/runs/r1", &[("If-None-Match", &tag)], "").status, 304);
+
+    let path = detail["specimens"][0].as_str().unwrap();
+    let specimen = rig.get(path).json();
+    assert_eq!(specimen["measurement"]["flags"], json!(["moved"]));
+    assert_eq!((&specimen["attempt"], &specimen["earlier_attempts"]), (&json!(0), &json!([1])));
+    assert_eq!(specimen["links"]["mesh_glb"], Value::Null, "there is none");
+    assert_eq!(specimen["links"]["views"].as_array().unwrap().len(), 2);
+    let link = |name: &str| specimen["links"][name].as_str().unwrap().to_owned();
+    for (path, content_type, bytes) in [
+        (link("mesh_ply"), "application/octet-stream", &mesh),
+        (specimen["links"]["views"][0].as_str().unwrap().to_owned(), "image/png", &frame),
+    ] {
+        let answer = rig.get(&path);
+        assert_eq!((answer.status, answer.header("content-type"), &answer.body), (200, Some(content_type), bytes), "{path}");
+        let tag = answer.header("etag").unwrap().to_owned();
+        let again = rig.send("GET", &path, &[("If-None-Match", &tag)], "");
+        assert_eq!((again.status, again.body.len(), again.header("etag")), (304, 0, Some(tag.as_str())), "{path}");
+    }
+    let before = rig.get(&format!("{path}?attempt=1")).json();
+    assert_eq!((&before["result"], &before["attempt"]), (&Value::Null, &json!(1)));
+    assert_eq!(rig.get(before["links"]["mesh_ply"].as_str().unwrap()).body, earlier);
+
+    // Bytes that are not what was recorded are not given out.
+    std::fs::write(store.run_folder("r1").join("A01/mesh.ply"), "altered").unwrap();
+    let altered = rig.get(&link("mesh_ply"));
+    assert_eq!((altered.status, altered.problem().as_str()), (500, "altered"));
+    std::fs::write(store.run_folder("r1").join("run.json"), r#"{"schema": "carved.run/99"}"#).unwrap();
+    let newer = rig.get("/v1/runs/r1");
+    assert_eq!((newer.status, newer.problem().as_str()), (500, "newer_format"));
+}
+
+#[test]
+fn no_name_leads_out_of_the_run_folders() {
+    let rig = Rig::start();
+    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    let run = record("r1", "2026-01-01T00:00:00Z", "P-1");
+    recorded(&store, &run, 0);
+    store.save_run(&run).unwrap();
+    std::fs::write(rig.data.path().join("run.json"), "{}").unwrap();
+    for path in [
+        "/v1/runs/..",
+        "/v1/runs/%2e%2e",
+        "/v1/runs/..%2fr1",
+        "/v1/runs/.hidden",
+        "/v1/runs/r1%00",
+        "/v1/runs/none",
+        "/v1/runs/r1/specimens/A02",
+        "/v1/runs/r1/specimens/..",
+        "/v1/runs/r1/specimens/A01%2fframes",
+        "/v1/runs/r1/specimens/A01.attempt-1",
+        "/v1/runs/r1/specimens/A01?attempt=7",
+        "/v1/runs/r1/specimens/A01/mesh.glb",
+        "/v1/runs/%2e%2e/specimens/A01/mesh.ply",
+        "/v1/runs/r1/specimens/A01/views/9.png",
+        "/v1/runs/r1/specimens/A01/views/..%2f..%2frecording.json",
+        "/v1/runs/r1/specimens/A01/views/+1.png",
+        "/v1/runs/r1/specimens/A01/views/0.jpg",
+        "/v1/runs/r1/specimens/A01/profiles/0.png",
+    ] {
+        let answer = rig.get(path);
+        assert_eq!(answer.status, 404, "{path}");
+        assert!(!answer.problem().is_empty(), "{path}");
+    }
+    assert_eq!(rig.get("/v1/runs/r1/specimens/A01/views/0.png").status, 200);
+    assert_eq!(rig.get("/v1/runs/r1/specimens/A01?attempt=x").status, 400);
+}
