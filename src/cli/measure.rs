@@ -7,10 +7,11 @@
 
 use super::told;
 use crate::acquisition::{LedgerEntry, RevolutionPlan};
-use crate::measure::fluorescence::Fluorescence;
+use crate::config::Method;
 use crate::pipeline::{Pipeline, SpecimenRecord};
 use crate::session::SpecimenKind;
-use crate::store::{self, MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
+use crate::store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, StoreError, durable};
+use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
@@ -87,13 +88,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 /// A recording's line, and whether other numbers are stored.
 fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, bool)> {
     let reader = RecordingReader::open(path)?;
-    let (record, fluorescence) = measure_all(&reader, asd)?;
-    // As if so many views had been planned.
-    let mut recording = reader.recording().clone();
+    let recording = reader.recording();
     let captured = recording.method.asd;
     let asd = asd.unwrap_or(captured);
-    recording.method.asd = asd;
-    let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&recording, &reader.references()?, record) };
+    // As if so many views had been planned.
+    let (_, file) = compute(&reader, &Method { asd, ..recording.method.clone() })?;
     let stored = if asd == captured { compare(reader.folder(), &file)? } else { "not_compared" };
     let well = &recording.specimen.well;
     let line = Measured { recording: path, well, stored, asd, captured, truth: recording.truth.as_ref(), file };
@@ -129,24 +128,21 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The same path as a live run: frames and angles in, numbers out; of `asd` views where fewer are asked for.
-pub fn measure(reader: &RecordingReader, asd: Option<u32>) -> anyhow::Result<SpecimenRecord> {
-    Ok(measure_all(reader, asd)?.0)
+/// The numbers of a recording by its own method, by the same path as a live run: frames and angles in, numbers out.
+pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
+    Ok(compute(reader, &reader.recording().method)?.1.record)
 }
 
-/// The same with what the second camera says, where there was one.
-fn measure_all(reader: &RecordingReader, asd: Option<u32>) -> anyhow::Result<(SpecimenRecord, Option<Fluorescence>)> {
+/// Surface and numbers by a method, of as many views as that asks for: all that were captured, or an even subset.
+pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Result<(Mesh, MeasurementFile)> {
     reader.require_finished()?;
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
-    let mut method = recording.method.clone();
-    let entries = match asd {
-        Some(asd) if asd != method.asd => {
-            let entries = subset(recording.ledger.entries(), method.asd, asd).with_context(|| format!("--asd {asd}"))?;
-            method.asd = asd;
-            entries
-        }
-        _ => recording.ledger.entries().iter().collect(),
+    let captured = recording.method.asd;
+    let entries = if method.asd == captured {
+        recording.ledger.entries().iter().collect()
+    } else {
+        subset(recording.ledger.entries(), captured, method.asd).with_context(|| format!("{} views (asd)", method.asd))?
     };
     let settings = method.pipeline(&recording.rig.camera, sphere)?;
     let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
@@ -170,14 +166,18 @@ fn measure_all(reader: &RecordingReader, asd: Option<u32>) -> anyhow::Result<(Sp
         }
     }
     let (mesh, record) = pipeline.finish().with_context(|| reader.folder().display().to_string())?;
-    let Some(second) = &recording.rig.second else { return Ok((record, None)) };
-    let mut frames = Vec::new();
-    for entry in &entries {
-        frames.extend(reader.second(entry)?.map(|frame| (*entry, frame)));
+    let mut fluorescence = None;
+    if let Some(second) = &recording.rig.second {
+        let mut frames = Vec::new();
+        for entry in &entries {
+            frames.extend(reader.second(entry)?.map(|frame| (*entry, frame)));
+        }
+        let frames = frames.iter().map(|(entry, frame)| (*entry, frame));
+        fluorescence = store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
     }
-    let frames = frames.iter().map(|(entry, frame)| (*entry, frame));
-    let fluorescence = store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
-    Ok((record, fluorescence))
+    let as_if = Recording { method: method.clone(), ..recording.clone() };
+    let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&as_if, &reader.references()?, record) };
+    Ok((mesh, file))
 }
 
 /// Every so manieth view around the turn from view 0, and the closure view.
@@ -207,7 +207,8 @@ fn subset(entries: &[LedgerEntry], captured: u32, asd: u32) -> anyhow::Result<Ve
     Ok(chosen)
 }
 
-fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str> {
+/// Whether these numbers are the ones stored in a folder, to the last bit.
+pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str> {
     let path = folder.join(MEASUREMENT);
     let stored = match std::fs::read(&path) {
         Ok(stored) => stored,

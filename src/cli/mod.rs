@@ -13,6 +13,7 @@ mod notify;
 mod plate;
 mod reconstruct;
 mod reference;
+mod replay;
 mod run;
 mod segment;
 mod serve;
@@ -37,6 +38,8 @@ enum Command {
     Simulate(simulate::Args),
     /// Measure recordings again from their frames.
     Measure(measure::Args),
+    /// Compute a stored run again and say whether it gives what is stored, bit for bit; or by another method.
+    Replay(replay::Args),
     /// Make a recording of a lab's own frames of one turn.
     Import(Box<import::Args>),
     /// Carve silhouettes of any origin and measure the result.
@@ -99,6 +102,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Serve(args) => serve::run(&args),
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Import(args) => import::run(&args),
         Command::Reference(command) => reference::run(&command),
         Command::Camera(command) => camera::run(&command),

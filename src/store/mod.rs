@@ -25,6 +25,7 @@ mod lines;
 mod power_loss;
 mod reader;
 mod recording;
+mod replay;
 mod run;
 mod schema;
 mod sums;
@@ -37,6 +38,7 @@ pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{
     MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, Software, fluorescence,
 };
+pub use replay::ReplayWriter;
 pub use run::RunRecord;
 
 use crate::session::{Event, RunOutcome, SpecimenOutcome};

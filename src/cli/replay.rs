@@ -1,0 +1,125 @@
+//! `carved replay`: a stored run computed again from its frames, by the code of `carved measure`: identical, bit for bit, or not.
+//!
+//! ```text
+//! RUN ── wells ── measure::compute ─┬─ its own method ── measurement.json and mesh.ply beside the stored bytes ── identical | differs
+//!                                   └─ --method ──────── WELL/replays/NAME/, beside; what is stored stays as it is
+//! ```
+
+use super::{measure, told};
+use crate::config::{Config, Method};
+use crate::export;
+use crate::session::{Mode, is_plain_name};
+use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, durable};
+use crate::surface::Mesh;
+use anyhow::{Context, bail, ensure};
+use std::path::{Path, PathBuf};
+
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// A run's folder (`DATA/runs/RUN`).
+    run: PathBuf,
+    /// Wells of it [default: all with numbers, earlier attempts included]
+    wells: Vec<String>,
+    /// Another method: a TOML file with the keys of a [methods.NAME] table, or a NAME of --config.
+    #[arg(long, value_name = "FILE|NAME")]
+    method: Option<String>,
+    /// Configuration that has the method of that name.
+    #[arg(long, value_name = "FILE", requires = "method")]
+    config: Option<PathBuf>,
+}
+
+/// # Errors
+/// At the end, with every specimen that could not be computed or gave other bytes than are stored.
+pub fn run(args: &Args) -> anyhow::Result<()> {
+    ensure!(args.run.join("run.json").is_file(), "{}: no run's folder: it has no run.json", args.run.display());
+    let other = args.method.as_deref().map(|name| method(name, args.config.as_deref())).transpose()?;
+    let folders = if args.wells.is_empty() {
+        measure::expand(std::slice::from_ref(&args.run))?
+    } else {
+        args.wells.iter().map(|well| args.run.join(well)).collect()
+    };
+    let mut wrong = Vec::new();
+    for folder in &folders {
+        let name = folder.file_name().unwrap_or_default().display();
+        let said = match &other {
+            None => again(folder),
+            Some((as_name, method)) => by(folder, as_name, method),
+        };
+        match said {
+            Ok(word) => {
+                println!("{name}: {word}");
+                if word.starts_with(DIFFERS) {
+                    wrong.push(format!("{name}: {word}"));
+                }
+            }
+            Err(error) => {
+                println!("{name}: not computed");
+                wrong.push(format!("{name}: {}", told(&error)));
+            }
+        }
+    }
+    ensure!(wrong.is_empty(), "{} of {} specimen(s):\n{}", wrong.len(), folders.len(), wrong.join("\n"));
+    Ok(())
+}
+
+const DIFFERS: &str = "differs";
+
+/// The method and the name that its results get.
+fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)> {
+    if let Some(config) = config {
+        let methods = Config::load(config)?.methods;
+        let known = methods.keys().cloned().collect::<Vec<_>>().join(", ");
+        let method = methods.get(name).with_context(|| format!("{}: no method {name:?}; it has: {known}", config.display()))?;
+        return Ok((name.to_owned(), method.clone()));
+    }
+    let file = Path::new(name);
+    let text = std::fs::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
+    let method = toml::from_str(&text).with_context(|| format!("{name}: not the keys of a method"))?;
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    ensure!(is_plain_name(&stem), "{name}: its results would be named {stem:?}: use letters, digits, '-', '_' or '.', the first not a '.'");
+    Ok((stem, method))
+}
+
+/// By its own method, beside what is stored.
+fn again(folder: &Path) -> anyhow::Result<String> {
+    let reader = RecordingReader::open(folder)?;
+    let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
+    let numbers = measure::compare(folder, &file)?;
+    let surface = match std::fs::read(folder.join(MESH)) {
+        Ok(stored) => (stored == ply(&mesh, file.mode)?).then_some("identical").unwrap_or(DIFFERS),
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => "none",
+        Err(e) => bail!("{}: cannot read it: {e}", folder.join(MESH).display()),
+    };
+    Ok(match (numbers, surface) {
+        ("none", _) => "no numbers are stored to compare with".into(),
+        ("identical", "identical") => format!("identical, bit for bit ({MEASUREMENT}, {MESH})"),
+        ("identical", "none") => format!("identical, bit for bit ({MEASUREMENT}; no {MESH} is stored)"),
+        ("identical", _) => format!("{DIFFERS}: {MESH} ({MEASUREMENT} is identical)"),
+        _ => format!("{DIFFERS}: {MEASUREMENT}"),
+    })
+}
+
+/// By another method, beside what is stored; computed before, beside that.
+fn by(folder: &Path, name: &str, method: &Method) -> anyhow::Result<String> {
+    let reader = RecordingReader::open(folder)?;
+    let (mesh, file) = measure::compute(&reader, method)?;
+    let writer = ReplayWriter::new(folder, name);
+    let numbers = durable::json_text(Path::new(MEASUREMENT), &file)?;
+    let found = if writer.is_there(method, &numbers)? {
+        "identical, bit for bit, to what is there"
+    } else {
+        writer.write(method, &[(MEASUREMENT, numbers), (MESH, ply(&mesh, file.mode)?)])?;
+        "written"
+    };
+    let m = &file.record.measurement;
+    Ok(format!("{}: {found} (volume {:.4e} um^3, area {:.4e} um^2)", writer.folder().display(), m.volume_um3, m.area_um2))
+}
+
+const MESH: &str = "mesh.ply";
+
+/// As a run writes it.
+fn ply(mesh: &Mesh, mode: Mode) -> anyhow::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    export::write_ply(mesh, if mode == Mode::Simulated { "um (simulated)" } else { "um" }, &mut bytes)?;
+    Ok(bytes)
+}
