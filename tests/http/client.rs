@@ -211,8 +211,8 @@ fn scripted(answers: Vec<Option<String>>) -> (String, std::thread::JoinHandle<Ve
     (url, serving)
 }
 
-fn answer(status: &str, headers: &str, body: &str) -> Option<String> {
-    Some(format!("HTTP/1.1 {status}\r\nConnection: close\r\n{headers}Content-Length: {}\r\n\r\n{body}", body.len()))
+fn answer(status: &str, headers: &str, body: &str) -> String {
+    format!("HTTP/1.1 {status}\r\nConnection: close\r\n{headers}Content-Length: {}\r\n\r\n{body}", body.len())
 }
 
 const PROBLEM: &str = r#"{"type": "urn:carved:problem:x", "title": "t", "status": 503, "detail": "not now", "code": "x", "scheduler_action": "retry", "fault_seq": null}"#;
@@ -220,7 +220,7 @@ const PROBLEM: &str = r#"{"type": "urn:carved:problem:x", "title": "t", "status"
 #[test]
 fn what_can_be_asked_again_is_asked_again_as_it_was() {
     let taken = r#"{"run": "r1", "revision": 1}"#;
-    let script = vec![None, answer("503 Service Unavailable", "Retry-After: 0\r\n", PROBLEM), answer("201 Created", "", taken)];
+    let script = vec![None, Some(answer("503 Service Unavailable", "Retry-After: 0\r\n", PROBLEM)), Some(answer("201 Created", "", taken))];
     let (url, serving) = scripted(script);
     let output = start(&url, &map_file(MAP), &["--method", "standard", "--id", "r1"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -231,7 +231,7 @@ fn what_can_be_asked_again_is_asked_again_as_it_was() {
 
 #[test]
 fn who_says_to_come_back_later_than_patience_lasts_is_not_pestered() {
-    let (url, serving) = scripted(vec![answer("503 Service Unavailable", "Retry-After: 3600\r\n", PROBLEM)]);
+    let (url, serving) = scripted(vec![Some(answer("503 Service Unavailable", "Retry-After: 3600\r\n", PROBLEM))]);
     let output = start(&url, &map_file(MAP), &["--method", "standard"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(text(&output.stderr).contains("not now"), "{}", text(&output.stderr));
@@ -240,7 +240,7 @@ fn who_says_to_come_back_later_than_patience_lasts_is_not_pestered() {
 
 #[test]
 fn another_program_at_the_address_and_none_are_told_apart() {
-    let (url, serving) = scripted(vec![answer("404 Not Found", "", "<html>")]);
+    let (url, serving) = scripted(vec![Some(answer("404 Not Found", "", "<html>"))]);
     let strange = carved(&url, &["run", "status"]);
     assert_eq!(strange.status.code(), Some(1));
     assert!(text(&strange.stderr).contains("another program"), "{}", text(&strange.stderr));

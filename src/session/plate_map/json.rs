@@ -29,7 +29,8 @@ pub fn read(bytes: &[u8], plate: Option<&str>, reading: &mut Reading) {
                 Some(Value::Array(wells)) => self::wells(&wells, "/plate_map", reading),
                 Some(_) => reading.wrong(Mistake::at("/plate_map", "plate_map is a list of wells")),
                 None => {
-                    reading.wrong(Mistake::at("/plate_map", "plate_map is missing, and assay_conditions or AssayConditions of MIHCSME too"))
+                    reading
+                        .wrong(Mistake::at("/plate_map", "plate_map is missing, and assay_conditions or AssayConditions of MIHCSME too"));
                 }
             }
             for key in document.keys() {

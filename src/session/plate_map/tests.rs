@@ -104,6 +104,9 @@ fn every_mistake_is_listed_with_its_line_and_column() {
     found.sort();
     expected.sort();
     assert_eq!(found, expected);
+    for end in ["\n", "\r\n", "\r"] {
+        assert_eq!(places(&["well", "A01", "", "Z9"].join(end)), [of(4, "well")], "{end:?}");
+    }
     let twice = csv("well\nA01\nA1\n").unwrap_err();
     assert_eq!(twice[0].to_string(), "line 3, well: A01 stands in the plate map twice, first at line 2");
 }
