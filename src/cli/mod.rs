@@ -1,5 +1,6 @@
 //! The commands a user meets, one file each.
 
+mod archive;
 mod calibrate;
 mod camera;
 mod check;
@@ -57,6 +58,10 @@ enum Command {
     Segment(segment::Args),
     /// Measure simulated specimens of known size: the paper's tables, and how well it measures.
     Validate(validate::Args),
+    /// Copy runs elsewhere, verify every hash of the copy and leave a receipt.
+    Archive(archive::ArchiveArgs),
+    /// Remove raw frames, or whole runs, of which an archived copy is still good; without --yes only says what it would remove.
+    Prune(archive::PruneArgs),
     /// Work with the index over the run folders.
     #[command(subcommand)]
     Index(index::Command),
@@ -111,6 +116,8 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
         Command::Validate(args) => validate::run(&args),
+        Command::Archive(args) => archive::archive(&args),
+        Command::Prune(args) => archive::prune(&args),
         Command::Index(command) => index::run(&command),
         Command::Doctor(args) => {
             doctor::run(&args);

@@ -29,6 +29,10 @@ pub enum StoreError {
     Newer { path: PathBuf, found: String, known: String, writer: Option<String> },
     #[error("{}: the index could not {what}: {source}", path.display())]
     Index { what: &'static str, path: PathBuf, source: rusqlite::Error },
+    #[error("{}: the run has no outcome yet; wait for its end, or let the daemon end what a crash left open", path.display())]
+    Unended { path: PathBuf },
+    #[error("{}: nothing is removed: {why}", path.display())]
+    Unarchived { path: PathBuf, why: String },
     #[error("{}: exists already; nothing is overwritten", path.display())]
     Exists { path: PathBuf },
 }

@@ -10,6 +10,7 @@
 //! DATA/runs/RUN/A01.attempt-1/    an earlier attempt at it (see `attempts`)
 //! ```
 
+mod archive;
 mod attempts;
 mod budget;
 pub mod calibrations;
@@ -30,6 +31,7 @@ mod run;
 mod schema;
 mod sums;
 
+pub use archive::{Pruned, Receipt, archive, prune, run_names};
 pub use budget::{Budget, bytes_per_specimen};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};

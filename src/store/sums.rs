@@ -38,16 +38,20 @@ pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
     sums.iter().map(|(name, hash)| format!("{hash}  {}\n", name.display())).collect()
 }
 
+/// The names and hashes of a `SHA256SUMS`.
+pub fn read(sums: &Path) -> Result<Vec<(String, String)>, StoreError> {
+    let text = std::fs::read_to_string(sums).map_err(StoreError::io("read", sums))?;
+    Ok(text.lines().filter_map(|l| l.split_once("  ")).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect())
+}
+
 /// What a file of the folder should be; none in an interrupted record, which has no sums.
 pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError> {
     let sums = folder.join(FILE);
-    let text = match std::fs::read_to_string(&sums) {
-        Ok(text) => text,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(StoreError::io("read", &sums)(e)),
-    };
-    match text.lines().find_map(|l| l.split_once("  ").filter(|(_, n)| *n == name)) {
-        Some((hash, _)) => Ok(Some(hash.to_owned())),
+    if !sums.exists() {
+        return Ok(None);
+    }
+    match read(&sums)?.into_iter().find(|(n, _)| n == name) {
+        Some((_, hash)) => Ok(Some(hash)),
         None => {
             Err(StoreError::Format { path: sums, expected: "a line for every file of the recording", found: format!("none for {name}") })
         }

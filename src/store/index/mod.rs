@@ -164,6 +164,28 @@ fn existing(root: &Path) -> Result<(Connection, Found), StoreError> {
     Ok((connection, found))
 }
 
+/// Names of the run folders.
+pub(super) fn run_names(root: &Path) -> Result<Vec<String>, StoreError> {
+    Ok(refresh::folders(root)?.into_keys().collect())
+}
+
+/// A run that another program than the daemon has taken files of, or that is gone: its rows follow, where there is an index.
+pub(super) fn follow_prune(root: &Path, id: &str) -> Result<(), StoreError> {
+    let path = root.join(FILE);
+    if !path.exists() {
+        return Ok(());
+    }
+    let mut connection = connect(&path)?;
+    tables::migrate(&mut connection, &path)?;
+    let file = root.join("runs").join(id).join(super::run::FILE);
+    let record = if file.exists() { Some(RunRecord::read(&file)?) } else { None };
+    let follow = |tx: &Transaction| match &record {
+        Some(record) => rows::put_run(tx, root, record, true),
+        None => rows::remove_run(tx, id),
+    };
+    in_one(&mut connection, follow).map_err(failed("follow what was pruned; carved index rebuild makes it anew", &path))
+}
+
 /// Makes the index from the folders, beside its place, and puts it there whole.
 pub(super) fn rebuild(root: &Path) -> Result<(Connection, Found), StoreError> {
     let path = root.join(FILE);

@@ -26,7 +26,7 @@ pub struct Unreadable {
 }
 
 /// The run folders by name; what begins with a dot is none.
-fn folders(root: &Path) -> Result<BTreeMap<String, PathBuf>, StoreError> {
+pub(super) fn folders(root: &Path) -> Result<BTreeMap<String, PathBuf>, StoreError> {
     let runs = root.join("runs");
     let mut found = BTreeMap::new();
     for entry in std::fs::read_dir(&runs).map_err(StoreError::io("list", &runs))? {
