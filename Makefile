@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test lint bench web deny deps-build deps-web deps-test deps-bench
+.PHONY: help build run test lint bench web deny deps-build deps-web deps-python deps-test deps-bench
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -22,19 +22,20 @@ build: deps-build $(PAGE) ## the daemon, release, with the operator's page insid
 run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes to carved simulate)
 	$(TARGET_DIR)/release/carved simulate $(ARGS)
 
-# The daemon that the page is tested against is the one that `cargo test` has built for the integration tests, so that
-# nothing is compiled twice.
-test: deps-build deps-test $(PAGE) ## unit, integration and doc tests; the page's tests in headless Chromium; the unit file
+# The daemon that the page and the Python client are tested against is the one that `cargo test` has built for the
+# integration tests, so that nothing is compiled twice.
+test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's; the unit file
 	$(CARGO) test --workspace --locked
 	cd web && npm run --silent test
 	cd web && CARVED_BIN="$(abspath $(TARGET_DIR))/debug/carved" npm run --silent test:browser
 	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi
 
-lint: deps-build $(NODE_MODULES) ## formatting, clippy with and without the camera, types and formatting of the page
+lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without the camera, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
 	$(CARGO) clippy --workspace --all-targets --locked --no-default-features -- -D warnings
 	cd web && npm run --silent check
+	clients/python/check lint
 
 bench: deps-build deps-bench ## benchmarks, then other tools beside carved: docs/performance.md
 	$(CARGO) bench --workspace --locked
@@ -51,6 +52,9 @@ deps-build:
 
 deps-web:
 	@scripts/install-deps web
+
+deps-python:
+	@scripts/install-deps python
 
 deps-test:
 	@scripts/install-deps test

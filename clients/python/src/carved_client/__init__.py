@@ -1,0 +1,56 @@
+"""Typed client of carved, an instrument that measures zebrafish larvae in 3D.
+
+>>> from carved_client import CarvedClient, PlannedWell, RunPlan
+>>> carved = CarvedClient("http://127.0.0.1:8420")
+>>> carved.status().state
+'Idle'
+"""
+
+from .client import CarvedClient
+from .errors import CarvedError, LeaseStatus, MalformedAnswer, Mistake, Problem, ProblemError, TimedOut, Unreachable
+from .lease import Lease
+from .models import (
+    Acknowledged,
+    Eta,
+    Event,
+    Fault,
+    Pending,
+    Plate,
+    Resync,
+    RunStatus,
+    SpecimenStatus,
+    Status,
+    WellCounts,
+    WellStatus,
+)
+from .plan import PlannedWell, PlateMap, RunPlan
+from .transport import Retry
+
+__all__ = [
+    "Acknowledged",
+    "CarvedClient",
+    "CarvedError",
+    "Eta",
+    "Event",
+    "Fault",
+    "Lease",
+    "LeaseStatus",
+    "MalformedAnswer",
+    "Mistake",
+    "Pending",
+    "PlannedWell",
+    "Plate",
+    "PlateMap",
+    "Problem",
+    "ProblemError",
+    "Resync",
+    "Retry",
+    "RunPlan",
+    "RunStatus",
+    "SpecimenStatus",
+    "Status",
+    "TimedOut",
+    "Unreachable",
+    "WellCounts",
+    "WellStatus",
+]

@@ -1,0 +1,208 @@
+"""The instrument's commands and what it tells, as Python calls.
+
+Every command moves towards a state and may be sent again: a repeat answers as the first did. So they are all retried,
+the POSTs too; `docs/loader.md` has the contract.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from types import TracebackType
+from typing import Any, Literal
+from urllib.parse import quote
+
+import httpx
+
+from . import polling, sse
+from .decode import decode
+from .errors import MalformedAnswer
+from .lease import Lease
+from .models import Acknowledged, Event, Resync, Status
+from .plan import PlateMap, RunPlan
+from .results import Results
+from .transport import AT_ONCE, Retry, Transport
+
+#: Longest wait that the daemon grants a long poll, s.
+LONGEST_WAIT_S = 30.0
+
+
+class CarvedClient(Results):
+    """One instrument. Safe to use from several threads, as an emergency stop must be."""
+
+    def __init__(
+        self,
+        base_url: str = "http://127.0.0.1:8420",
+        *,
+        token: str | None = None,
+        timeout_s: float = 10.0,
+        retry: Retry | None = None,
+        transport: httpx.BaseTransport | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        super().__init__(
+            Transport(base_url, token=token, timeout_s=timeout_s, retry=retry, transport=transport, sleep=sleep)
+        )
+
+    def __enter__(self) -> CarvedClient:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the connections."""
+        self._transport.close()
+
+    # What the instrument says
+
+    def status(self) -> Status:
+        """The newest snapshot."""
+        return decode(Status, self._json("GET", "/v1/status"))
+
+    def newer_status(self, after: int, wait_s: float = 25.0) -> Status:
+        """The first snapshot with another revision than `after`, or the newest one once `wait_s` have passed."""
+        wait_s = min(wait_s, LONGEST_WAIT_S)
+        params = {"wait": wait_s, "after": after}
+        timeout_s = wait_s + self._transport.timeout_s
+        return decode(Status, self._json("GET", "/v1/status", params=params, timeout_s=timeout_s))
+
+    def status_unless(self, etag: str | None) -> tuple[Status | None, str | None]:
+        """The newest snapshot and its `ETag`; no snapshot where it is the one that `etag` names."""
+        response = self._transport.request("GET", "/v1/status", headers={"if-none-match": etag} if etag else None)
+        status = None if response.status_code == httpx.codes.NOT_MODIFIED else decode(Status, _parsed(response))
+        return status, response.headers.get("etag", etag)
+
+    def poll(self, timeout_s: float | None = None) -> Iterator[Status]:
+        """Every change that polling sees: 0.25 s after one, backing off to 5 s; outlives restarts of the daemon."""
+        return polling.poll(self.status_unless, self._transport.sleep, timeout_s)
+
+    def follow(self, timeout_s: float | None = None) -> Iterator[Status]:
+        """Every change as it happens, by long polls; outlives restarts of the daemon."""
+        return polling.follow(self.newer_status, self._transport.sleep, timeout_s)
+
+    def wait_for(self, done: Callable[[Status], bool], what: str, timeout_s: float | None = None) -> Status:
+        """Follows the status until `done` says so; `what` is for the error where it does not in time."""
+        return polling.first(self.follow(timeout_s), done, what, timeout_s)
+
+    def wait_for_outcome(self, run_id: str, timeout_s: float | None = None) -> Status:
+        """Follows the status until the run has ended; its `outcome` says how. An unknown end is never an outcome."""
+
+        def ended(status: Status) -> bool:
+            run = status.run_named(run_id)
+            return run is not None and run.outcome is not None
+
+        return self.wait_for(ended, f"the outcome of run {run_id}", timeout_s)
+
+    def events(self, last_event_id: int | None = None) -> Iterator[Event | Resync]:
+        """The journal as it is written, from after `last_event_id` on; takes itself up again where it breaks off."""
+        return sse.events(self._transport, last_event_id)
+
+    def methods(self) -> list[dict[str, Any]]:
+        """The methods that a plan may name."""
+        offered = self._object("GET", "/v1/methods")["methods"]
+        return decode(list[dict[str, Any]], offered)
+
+    def fault_codes(self) -> object:
+        """Every fault that there is: its category, what a scheduler does about it, and what the operator does."""
+        return self._json("GET", "/v1/fault-codes")
+
+    # Runs
+
+    def put_run(self, run_id: str, plan: RunPlan | Mapping[str, Any]) -> Acknowledged:
+        """Registers a run under your own name for it, and starts it. The same plan again changes nothing."""
+        body = plan.to_json() if isinstance(plan, RunPlan) else dict(plan)
+        return self._command("PUT", f"/v1/runs/{_name(run_id)}", body)
+
+    def hold(self, run_id: str) -> Acknowledged:
+        """Pauses the run after the specimen under way."""
+        return self._command("POST", f"/v1/runs/{_name(run_id)}/hold")
+
+    def unhold(self, run_id: str) -> Acknowledged:
+        """Lets a held run go on."""
+        return self._command("POST", f"/v1/runs/{_name(run_id)}/unhold")
+
+    def stop(self, run_id: str) -> Acknowledged:
+        """Ends the run after the specimen under way."""
+        return self._command("POST", f"/v1/runs/{_name(run_id)}/stop")
+
+    def abort(self, run_id: str) -> Acknowledged:
+        """Ends the run now; motors stop first."""
+        return self._command("POST", f"/v1/runs/{_name(run_id)}/abort")
+
+    def emergency_stop(self) -> Acknowledged:
+        """Stops the motors, then everything else. Sent again at once, many times, where it does not arrive."""
+        body = self._json("POST", "/v1/emergency-stop", idempotent=True, timeout_s=2.0, retry=AT_ONCE)
+        return decode(Acknowledged, body)
+
+    def acknowledge(self, fault_seq: int) -> Acknowledged:
+        """Says that an operator has seen to this fault."""
+        return self._command("POST", f"/v1/faults/{fault_seq}/acknowledge")
+
+    def check_plate_map(
+        self, text: str, kind: Literal["text/csv", "application/json"] = "text/csv", plate: str | None = None
+    ) -> PlateMap:
+        """Reads a plate map as a lab keeps it; `ProblemError.problem.errors` lists every mistake with its line."""
+        body = self._json(
+            "POST",
+            "/v1/plate-maps/check",
+            content=(text.encode(), kind),
+            params={} if plate is None else {"plate": plate},
+            idempotent=True,
+        )
+        return decode(PlateMap, body)
+
+    def lease(self, holder: str, ttl_s: int = 60) -> Lease:
+        """Commands alone, until the block is left: `with client.lease("loader 1"):`."""
+        return Lease(self._transport, holder, ttl_s)
+
+    # The plate-loader's words
+
+    def loaded(self, run_id: str, well: str) -> Acknowledged:
+        """The specimen of this well is in the capillary."""
+        return self._command("PUT", f"/v1/runs/{_name(run_id)}/wells/{_name(well)}", {"loaded": True})
+
+    def unloaded(self, run_id: str, well: str) -> Acknowledged:
+        """The specimen of this well has been taken out of the capillary."""
+        return self._command("PUT", f"/v1/runs/{_name(run_id)}/wells/{_name(well)}", {"loaded": False})
+
+    def handoff(self, intent: Literal["load", "unload"], barcode: str) -> dict[str, Any]:
+        """Announces that a plate is to be brought or taken; the answer says what is needed first."""
+        return self._object("PUT", "/v1/plate/handoff", {"intent": intent, "barcode": barcode})
+
+    def handoff_completed(self) -> dict[str, Any]:
+        """The announced handoff is done."""
+        return self._object("PUT", "/v1/plate/handoff/completed")
+
+    def handoff_aborted(self) -> dict[str, Any]:
+        """The announced handoff did not come about."""
+        return self._object("PUT", "/v1/plate/handoff/aborted")
+
+    def preflight(self, plan: RunPlan | Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Everything that stands in the way of a run, not the first thing only. Moves nothing."""
+        body = plan.to_json() if isinstance(plan, RunPlan) else plan
+        return self._object("POST", "/v1/preflight", body)
+
+    def _command(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> Acknowledged:
+        return decode(Acknowledged, self._json(method, path, body=body, idempotent=True))
+
+    def _object(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        return decode(dict[str, Any], self._json(method, path, body=body, idempotent=True))
+
+    def _json(self, method: str, path: str, **options: Any) -> object:
+        return _parsed(self._transport.request(method, path, **options))
+
+
+def _name(name: str) -> str:
+    """A name in a path: nothing in it leads to another path."""
+    return quote(name, safe="")
+
+
+def _parsed(response: httpx.Response) -> object:
+    try:
+        parsed: object = response.json()
+    except ValueError as error:
+        raise MalformedAnswer(f"{response.request.url}: not JSON: {response.text[:200]!r}") from error
+    return parsed

@@ -1,0 +1,188 @@
+"""A plate-loader as they are in the field, without its hands: it polls, it retries, it gets things wrong.
+
+    poll ── unreachable ──> next poll            (a daemon that is restarted comes back)
+     ├─ the run is not there ──> PUT run
+     ├─ the instrument needs a specimen out ──> take it out, say so
+     ├─ the instrument needs a specimen ──> take the former out, bring this one, say so
+     └─ the run has an outcome ──> empty the capillary, wait until the plate is removable ──> Report
+
+Every status is held against what a scheduler relies on (`watch`): the loader is never to be misled.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from random import Random
+
+import httpx
+
+from ..client import CarvedClient
+from ..errors import ProblemError, TimedOut, Unreachable
+from ..models import RunStatus, Status
+from ..plan import RunPlan
+from ..transport import RETRIED, Retry
+from ..watch import Misled, StatusWatch
+from .line import BadLine, Mischief
+
+
+@dataclass(frozen=True)
+class Habits:
+    """How this loader works."""
+
+    poll_s: float = 1.0
+    timeout_s: float = 10.0
+    seed: int = 1
+    mischief: Mischief = field(default_factory=Mischief)
+    #: Share of the wells of which it first says a wrong name.
+    wrong_well: float = 0.0
+    #: Hands over another plate's barcode first.
+    wrong_barcode: bool = False
+
+
+@dataclass
+class Report:
+    """What a plate came to, as the loader saw it."""
+
+    run: RunStatus
+    polls: int
+    unreachable: int
+    boots: int
+    #: Wells in the order in which their specimens were brought; one that is measured again stands twice.
+    brought: list[str]
+    #: Wrong words that were refused, as they should be.
+    refused: list[str]
+    mischief: dict[str, int]
+
+
+class PlateLoader:
+    """Brings the specimens of one plate and takes them out again."""
+
+    def __init__(
+        self,
+        base_url: str,
+        habits: Habits | None = None,
+        *,
+        token: str | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+        on_status: Callable[[Status], None] = lambda status: None,
+    ) -> None:
+        self.habits = habits or Habits()
+        self.line = BadLine(httpx.HTTPTransport(), self.habits.mischief, self.habits.seed)
+        self.client = CarvedClient(
+            base_url,
+            token=token,
+            timeout_s=self.habits.timeout_s,
+            # A loader polls again anyway: it need not insist.
+            retry=Retry(attempts=3, first_pause_s=min(0.25, self.habits.poll_s), longest_retry_after_s=5.0),
+            transport=self.line,
+            sleep=sleep,
+        )
+        self.capillary: str | None = None
+        self.watch = StatusWatch(in_capillary=lambda: self.capillary)
+        self.unreachable = 0
+        self.brought: list[str] = []
+        self.refused: list[str] = []
+        self._sleep = sleep
+        self._on_status = on_status
+        self._misnamed: set[str] = set()
+
+    def run_plate(self, run_id: str, plan: RunPlan, timeout_s: float) -> Report:
+        """Has a plate measured; ends when its run has an outcome, the capillary is empty and the plate removable."""
+        until = time.monotonic() + timeout_s
+        while time.monotonic() < until:
+            try:
+                done = self._poll(run_id, plan)
+            except Unreachable:
+                self.unreachable += 1
+                done = None
+            except ProblemError as error:
+                # Refused for now: what the instrument needs then stands in its next status.
+                if error.status not in RETRIED | {409}:
+                    raise
+                done = None
+            if done is not None:
+                return done
+            self._sleep(self.habits.poll_s)
+        raise TimedOut(f"run {run_id} was not done after {timeout_s} s; last seen: {self.watch.last}")
+
+    def _poll(self, run_id: str, plan: RunPlan) -> Report | None:
+        status = self.client.status()
+        run = status.run_named(run_id)
+        if run is not None:
+            self._look(run)
+        self.watch.check(status)
+        self._on_status(status)
+        if run is None:
+            self._start(status, run_id, plan)
+        elif run.outcome is not None:
+            if self.capillary is not None:
+                self._take_out(run_id)
+            elif status.plate.removable:
+                return self._report(run)
+        elif status.plate.needs is not None and status.specimen is not None:
+            if status.specimen.in_capillary:
+                self.capillary = self.capillary or status.specimen.well
+                self._take_out(run_id)
+            elif status.specimen.phase == "load":
+                self._bring(run_id, plan, status.specimen.well)
+        return None
+
+    def _look(self, run: RunStatus) -> None:
+        """The instrument has eyes: where it found the capillary empty, nothing of what was brought is in it."""
+        for result in run.results:
+            if result.well == self.capillary and result.reason == "empty":
+                self.capillary = None
+
+    def _start(self, status: Status, run_id: str, plan: RunPlan) -> None:
+        if not status.ready:
+            return
+        self.client.put_run(run_id, plan)
+
+    def _bring(self, run_id: str, plan: RunPlan, well: str) -> None:
+        if self.capillary is not None and self.capillary != well:
+            self._take_out(run_id)
+        if well not in {planned.well for planned in plan.plate_map}:
+            raise Misled(f"the instrument asks for {well}, which is not in the plate map")
+        roll = Random(f"{self.habits.seed} wrong well {well}").random()
+        if roll < self.habits.wrong_well and well not in self._misnamed:
+            self._misnamed.add(well)
+            self._say_wrongly(run_id, plan, well)
+        if self.capillary != well:
+            self.capillary = well
+            self.brought.append(well)
+        self.client.loaded(run_id, well)
+
+    def _say_wrongly(self, run_id: str, plan: RunPlan, well: str) -> None:
+        other = next((planned.well for planned in plan.plate_map if planned.well != well), "P24")
+        try:
+            self.client.loaded(run_id, other)
+        except ProblemError as error:
+            if error.status != 409:
+                raise
+            self.refused.append(f"{other} for {well}: {error.code}")
+        else:
+            raise Misled(f"the instrument waits for {well} and took the word that {other} is loaded")
+
+    def _take_out(self, run_id: str) -> None:
+        well, self.capillary = self.capillary, None
+        if well is None:
+            return
+        try:
+            self.client.unloaded(run_id, well)
+        except (Unreachable, ProblemError):
+            # Taken out it is; the word is still owed.
+            self.capillary = well
+            raise
+
+    def _report(self, run: RunStatus) -> Report:
+        return Report(
+            run=run,
+            polls=self.watch.seen,
+            unreachable=self.unreachable,
+            boots=self.watch.boots,
+            brought=self.brought,
+            refused=self.refused,
+            mischief=dict(self.line.done),
+        )

@@ -1,0 +1,91 @@
+"""`GET /v1/events`: server-sent events, taken up again after the last one seen.
+
+id: 41, data: {...} ──> Event
+event: resync       ──> Resync: what lay between is gone, read the status anew
+broken off          ──> after the pause that the daemon asked for, again with Last-Event-ID
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import httpx
+
+from .decode import decode
+from .errors import MalformedAnswer, ProblemError
+from .models import Event, Resync
+from .transport import RETRIED, Transport, problem_of
+
+#: The daemon sends a comment every 15 s; silence for longer is a dead connection.
+SILENCE_S = 40.0
+
+
+@dataclass
+class Message:
+    """One message of the stream, as far as it has been read."""
+
+    name: str = ""
+    data: list[str] = field(default_factory=list)
+    id: str | None = None
+    retry_ms: int | None = None
+
+
+def messages(lines: Iterable[str]) -> Iterator[Message]:
+    """Takes the lines of a stream apart (WHATWG HTML, 9.2.6); one that breaks off before its empty line is dropped."""
+    message = Message()
+    for line in lines:
+        if not line:
+            yield message
+            message = Message()
+        elif not line.startswith(":"):
+            name, _, value = line.partition(":")
+            value = value.removeprefix(" ")
+            if name == "event":
+                message.name = value
+            elif name == "data":
+                message.data.append(value)
+            elif name == "id":
+                message.id = value
+            elif name == "retry" and value.isdecimal():
+                message.retry_ms = int(value)
+
+
+def events(transport: Transport, last_event_id: int | None) -> Iterator[Event | Resync]:
+    """The journal from after `last_event_id` on, without end; only a refusal ends it."""
+    seen, pause_s, failures = last_event_id, 2.0, 0
+    while True:
+        headers = {"accept": "text/event-stream", **({} if seen is None else {"last-event-id": str(seen)})}
+        try:
+            with transport.stream("/v1/events", headers=headers, timeout_s=SILENCE_S) as response:
+                if not response.is_success:
+                    response.read()
+                    raise ProblemError(problem_of(response), "GET /v1/events")
+                for message in messages(response.iter_lines()):
+                    failures = 0
+                    if message.retry_ms is not None:
+                        pause_s = message.retry_ms / 1000.0
+                    told = _told(message)
+                    if isinstance(told, Event):
+                        seen = told.id
+                    if told is not None:
+                        yield told
+        except ProblemError as error:
+            if error.status not in RETRIED:
+                raise
+        except httpx.TransportError:
+            # Broken off, as at a restart of the daemon: the journal remembers what comes meanwhile.
+            pass
+        transport.sleep(min(pause_s * 2.0**failures, max(pause_s, 5.0)))
+        failures = min(failures + 1, 4)
+
+
+def _told(message: Message) -> Event | Resync | None:
+    if not message.data:
+        return None
+    try:
+        data = json.loads("\n".join(message.data))
+    except ValueError as error:
+        raise MalformedAnswer(f"event {message.id}: not JSON: {message.data[0][:200]!r}") from error
+    return decode(Resync, data) if message.name == "resync" else decode(Event, data)

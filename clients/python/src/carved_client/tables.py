@@ -1,0 +1,17 @@
+"""Results as pandas tables. Needs the extra `tables`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+
+def frame_of(run: Mapping[str, Any]) -> pd.DataFrame:
+    """A run's results, indexed by well. What is nested gets names with a dot; flags are one word each, with commas."""
+    rows = [dict(row, flags=",".join(row.get("flags") or ())) for row in run["results"]]
+    frame = pd.json_normalize(rows)
+    frame.insert(0, "run", run["id"])
+    indexed: pd.DataFrame = frame.set_index("well")
+    return indexed

@@ -1,0 +1,152 @@
+"""One request, sent as often as it takes and as may be.
+
+GET PUT DELETE, and POST that the caller calls idempotent
+  ├─ connection lost, timed out, 429 500 502 503 504 ──> pause: Retry-After, else 0.25 s doubling to 5 s ──> again
+  └─ anything else, or attempts used up ──> the answer, or Unreachable
+any other POST: once
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import httpx
+
+from .decode import decode
+from .errors import CarvedError, Problem, ProblemError, Unreachable
+
+RETRIED = frozenset({429, 500, 502, 503, 504})
+IDEMPOTENT = frozenset({"GET", "HEAD", "PUT", "DELETE"})
+
+
+@dataclass(frozen=True)
+class Retry:
+    """How often, and with which pauses, a request is sent again."""
+
+    attempts: int = 8
+    first_pause_s: float = 0.25
+    longest_pause_s: float = 5.0
+    #: A daemon that asks for a longer pause than this is given up on: its answer is raised.
+    longest_retry_after_s: float = 60.0
+
+    def pause_s(self, failures: int) -> float:
+        """The pause after so many failures in a row, one at least."""
+        return min(self.first_pause_s * 2.0 ** (failures - 1), self.longest_pause_s)
+
+
+#: An emergency stop is not kept waiting by a lost packet.
+AT_ONCE = Retry(attempts=20, first_pause_s=0.05, longest_pause_s=0.2, longest_retry_after_s=0.0)
+
+
+class Transport:
+    """An HTTP connection to one daemon, with its retries and its errors."""
+
+    def __init__(
+        self,
+        base_url: str,
+        *,
+        token: str | None = None,
+        timeout_s: float = 10.0,
+        retry: Retry | None = None,
+        transport: httpx.BaseTransport | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        headers = {"authorization": f"Bearer {token}"} if token else {}
+        # Proxies of the environment are for the internet, not for an instrument.
+        self._http = httpx.Client(
+            base_url=base_url, headers=headers, timeout=timeout_s, transport=transport, trust_env=False
+        )
+        self.timeout_s = timeout_s
+        self.retry = retry or Retry()
+        self.sleep = sleep
+        #: Goes with every request once a lease is held.
+        self.lease_token: str | None = None
+
+    def close(self) -> None:
+        """Closes the connections."""
+        self._http.close()
+
+    def request(
+        self,
+        method: str,
+        path: str,
+        *,
+        body: object | None = None,
+        content: tuple[bytes, str] | None = None,
+        params: Mapping[str, str | int | float] | None = None,
+        headers: Mapping[str, str] | None = None,
+        idempotent: bool | None = None,
+        timeout_s: float | None = None,
+        retry: Retry | None = None,
+    ) -> httpx.Response:
+        """Sends a request; gives 2xx and 304, raises everything else as `CarvedError`.
+
+        Its body is JSON, or `content` with its media type.
+        """
+        retry = retry or self.retry
+        again = method in IDEMPOTENT if idempotent is None else idempotent
+        name = f"{method} {path}"
+        if body is not None:
+            content = (json.dumps(body).encode(), "application/json")
+        sent = dict(headers or {})
+        if content is not None:
+            sent["content-type"] = content[1]
+        if self.lease_token is not None:
+            sent["carved-lease"] = self.lease_token
+        request = self._http.build_request(
+            method,
+            path,
+            content=None if content is None else content[0],
+            params=params,
+            headers=sent,
+            timeout=self.timeout_s if timeout_s is None else timeout_s,
+        )
+        failures = 0
+        while True:
+            pause_s: float | None
+            failure: CarvedError
+            try:
+                response = self._http.send(request)
+            except httpx.TransportError as error:
+                failure = Unreachable(f"{name}: {type(error).__name__}: {error}")
+                failure.__cause__ = error
+                pause_s = retry.pause_s(failures + 1)
+            else:
+                if response.is_success or response.status_code == httpx.codes.NOT_MODIFIED:
+                    return response
+                failure = ProblemError(problem_of(response), name)
+                pause_s = self._pause_s(response, failures + 1, retry) if response.status_code in RETRIED else None
+            failures += 1
+            if pause_s is None or not again or failures >= retry.attempts:
+                raise failure
+            self.sleep(pause_s)
+
+    @staticmethod
+    def _pause_s(response: httpx.Response, failures: int, retry: Retry) -> float | None:
+        """As long as the daemon asks for, and never shorter than the back-off; nothing where that is too long."""
+        asked = response.headers.get("retry-after", "").strip()
+        if not asked.isdecimal():
+            return retry.pause_s(failures)
+        if float(asked) > retry.longest_retry_after_s > 0.0:
+            return None
+        return max(min(float(asked), retry.longest_retry_after_s), retry.pause_s(failures))
+
+    def stream(self, path: str, *, headers: Mapping[str, str], timeout_s: float) -> Any:
+        """Opens a stream, once; a context manager of the response."""
+        return self._http.stream("GET", path, headers=dict(headers), timeout=timeout_s)
+
+
+def problem_of(response: httpx.Response) -> Problem:
+    """What a refusal says, also where something else than carved refused."""
+    kind = response.headers.get("content-type", "")
+    if kind.split(";")[0].strip() == "application/problem+json":
+        try:
+            return decode(Problem, response.json())
+        except (ValueError, CarvedError):
+            pass
+    detail = f"an answer that is not carved's: {kind or 'no content type'}: {response.text[:200]!r}"
+    return Problem(status=response.status_code, code="foreign_answer", detail=detail)

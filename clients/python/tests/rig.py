@@ -1,0 +1,67 @@
+"""A real daemon on the emulated rig, started as a user starts it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+from carved_client import CarvedClient, PlannedWell, RunPlan
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+BINARY = Path(os.environ.get("CARVED_BIN", REPOSITORY / "target" / "debug" / "carved"))
+#: Longer than anything here takes, even on a loaded machine: a hang becomes a failure, nothing is timed by it.
+PATIENCE_S = 240.0
+
+
+def plan(*wells: str | PlannedWell, barcode: str = "P-1") -> RunPlan:
+    mapped = tuple(PlannedWell(well, "bead") if isinstance(well, str) else well for well in wells)
+    return RunPlan(plate_barcode=barcode, method="standard", operator="kim", plate_map=mapped)
+
+
+class Daemon:
+    """`carved simulate`, which can be killed and started again on the same folder and port."""
+
+    def __init__(self, folder: Path, *arguments: str, time_scale: int) -> None:
+        self.folder = folder
+        self.arguments = ("--time-scale", str(time_scale), *arguments)
+        self.listen = "127.0.0.1:0"
+        self.said = folder / "stdout"
+        self.url = ""
+        self.start()
+
+    def start(self) -> None:
+        command = [str(BINARY), "simulate", "--listen", self.listen, "--data", str(self.folder / "data")]
+        command += self.arguments
+        with self.said.open("wb") as said, (self.folder / "stderr").open("ab") as errors:
+            environment = {**os.environ, "CARVED_LOG": "warn", "RUST_BACKTRACE": "0"}
+            self.process = subprocess.Popen(command, stdout=said, stderr=errors, env=environment)
+        until = time.monotonic() + PATIENCE_S
+        while "http://" not in (text := self.said.read_text()):
+            if self.process.poll() is not None or time.monotonic() > until:
+                raise RuntimeError(f"the daemon did not start: {(self.folder / 'stderr').read_text()}")
+            time.sleep(0.02)
+        self.url = text[text.index("http://") :].split()[0].rstrip("/")
+        self.listen = self.url.removeprefix("http://")
+
+    def kill(self) -> None:
+        """As a power cut: nothing is closed and nobody is told."""
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+    def end(self) -> None:
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(timeout=PATIENCE_S)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+
+    def ready(self) -> CarvedClient:
+        """A client, once the instrument would start a run."""
+        client = CarvedClient(self.url)
+        client.wait_for(lambda status: status.ready, "readiness", PATIENCE_S)
+        return client

@@ -1,0 +1,45 @@
+"""The simulated plate-loader and the emulated instrument: a plate over a bad line, and over power cuts."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from rig import PATIENCE_S, REPOSITORY, Daemon, plan
+
+from carved_client.simulated_loader import Habits, Mischief, PlateLoader
+
+BY_LOADER = ("--sampler", "loader", "--no-demo")
+BAD = Mischief(lost=0.05, cut=0.1, unanswered=0.1, twice=0.25)
+
+
+def test_a_plate_over_a_bad_line(start_daemon: Callable[..., Daemon]) -> None:
+    daemon = start_daemon(*BY_LOADER, "--empty", "A03")
+    habits = Habits(poll_s=0.1, seed=7, mischief=BAD, wrong_well=1.0, timeout_s=5.0)
+    report = PlateLoader(daemon.url, habits).run_plate("r1", plan("A01", "A02", "A03"), PATIENCE_S)
+    assert [(w.well, w.outcome) for w in report.run.results] == [
+        ("A01", "succeeded"),
+        ("A02", "succeeded"),
+        ("A03", "skipped"),
+    ]
+    assert (report.run.outcome, report.boots) == ("succeeded", 1)
+    assert report.brought == ["A01", "A02", "A03"]
+    assert len(report.refused) == 3
+    assert set(report.mischief) == {"lost", "cut", "unanswered", "twice"}
+
+
+def test_the_loader_as_a_program(start_daemon: Callable[..., Daemon], tmp_path: Path) -> None:
+    daemon = start_daemon(*BY_LOADER)
+    file = tmp_path / "plan.json"
+    file.write_text(json.dumps(plan("A01").to_json()))
+    command = [sys.executable, "-m", "carved_client.simulated_loader", str(file), "--url", daemon.url]
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY / "clients/python/src")}
+    told = subprocess.run(
+        [*command, "--poll", "0.1"], env=environment, capture_output=True, text=True, timeout=PATIENCE_S, check=False
+    )
+    assert told.returncode == 0, told.stderr
+    assert "Run plate: succeeded. 1 succeeded" in told.stdout

@@ -1,0 +1,39 @@
+"""What a run has left, read back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+from rig import PATIENCE_S, Daemon, plan
+
+from carved_client import PlannedWell, ProblemError
+
+
+def test_numbers_tables_and_files_of_a_run(start_daemon: Callable[..., Daemon]) -> None:
+    daemon = start_daemon("--no-demo", "--empty", "A02")
+    with daemon.ready() as client:
+        wells = (PlannedWell("A01", "bead", compound="glass"), PlannedWell("A02", dpf=4.0))
+        client.put_run("r1", plan(*wells))
+        client.wait_for_outcome("r1", PATIENCE_S)
+        assert [run["id"] for run in client.runs(plate_barcode="P-1", limit=1)] == ["r1"]
+        assert list(client.runs(plate_barcode="P-2")) == []
+        assert client.run("r1")["outcome"] == "succeeded"
+
+        table = client.results_frame("r1")
+        assert list(table.index) == ["A01", "A02"]
+        assert table.loc["A01", "run"] == "r1"
+        assert table["diameter_um"].tolist() == pytest.approx([500.0, float("nan")], rel=0.01, nan_ok=True)
+        assert table["outcome"].tolist() == ["succeeded", "skipped"]
+        assert {"volume_um3", "volume_sd_um3", "area_um2"} <= set(table.columns)
+
+        specimen = client.specimen("r1", "A01")
+        assert len(specimen["links"]["views"]) == 22
+        assert client.mesh("r1", "A01").startswith(b"ply\nformat binary")
+        assert client.mesh("r1", "A01", "glb").startswith(b"glTF")
+        for picture in (client.view("r1", "A01", 0), client.profile("r1", "A01", 20)):
+            assert picture.startswith(b"\x89PNG")
+        for lost in (lambda: client.mesh("r1", "A02"), lambda: client.run("r2"), lambda: client.view("r1", "A01", 99)):
+            with pytest.raises(ProblemError) as missing:
+                lost()
+            assert missing.value.status == 404
