@@ -38,7 +38,7 @@ pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
 pub use psi::{Psi, PsiLength};
 pub use screen::{Bad, Moved, ViewOff};
 pub use search::{Found, Reach, Stop};
-pub use slices::{Fit, Sight, Slice, directions, fit, harmonics, widest_gap};
+pub use slices::{Fit, HARMONICS_MOST, Sight, Slice, directions, fit, harmonics, widest_gap};
 pub use support::{Support, area_loss};
 pub use tangents::{Pose, Side, Tangent, TurnView};
 pub use turn::{Calibration, CalibrationError, PsiSd, VIEWS_LEAST, ViewState, calibrate};

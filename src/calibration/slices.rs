@@ -131,11 +131,14 @@ pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) -> Option
     }
 }
 
+/// No slice has more harmonics.
+pub const HARMONICS_MOST: usize = 8;
+
 /// Harmonics that so many views of a turn determine with enough left over to tell noise from shape: 3, 4, 5 and 8 for 7, 12, 14 and
 /// 21 views. As many coefficients as there are directions would follow every error of an angle.
 pub fn harmonics(omegas: &[f64]) -> usize {
     let by_directions = (0.36 * directions(omegas) as f64) as usize;
-    (omegas.len().saturating_sub(1) / 2).min(by_directions).clamp(1, 8)
+    (omegas.len().saturating_sub(1) / 2).min(by_directions).clamp(1, HARMONICS_MOST)
 }
 
 /// Directions that views see a slice's edges from: opposite views are mirror images and count once.

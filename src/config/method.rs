@@ -74,3 +74,57 @@ impl Method {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quality::gate::GateSettings;
+    use serde::de::DeserializeOwned;
+
+    const SHIPPED: &str = include_str!("../../config/simulated.toml");
+
+    /// What stands commented out below a table's name.
+    fn shipped<T: DeserializeOwned>(table: &str) -> T {
+        let (_, block) = SHIPPED.split_once(&format!("# [methods.standard.{table}]")).unwrap();
+        let keys: String = block.lines().skip(1).take_while(|l| !l.starts_with("# [")).map(|l| format!("{}\n", &l[2..])).collect();
+        toml::from_str(&keys).unwrap()
+    }
+
+    #[test]
+    fn the_defaults_are_those_that_the_shipped_file_names() {
+        assert_eq!(shipped::<QualitySettings>("quality"), QualitySettings::default());
+        assert_eq!(shipped::<GateSettings>("quality.gate"), GateSettings::default());
+        assert_eq!(shipped::<EarlyStopSettings>("early_stop"), EarlyStopSettings::default());
+        let breaches = [QualitySettings::default().check(), GateSettings::default().check(), EarlyStopSettings::default().check()];
+        assert!(breaches.iter().all(Vec::is_empty), "{breaches:?}");
+    }
+
+    #[test]
+    fn a_version_is_a_word_or_a_number_and_is_recorded() {
+        let method = |line: &str| -> Result<Method, toml::de::Error> {
+            toml::from_str(&format!("{line}\nasd = 21\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = 10.0\n"))
+        };
+        let version = |line: &str| method(line).unwrap().version;
+        assert_eq!((version("version = 3"), version("version = \"b-2\""), version("")), (Some("3".into()), Some("b-2".into()), None));
+        assert!(method("version = [1]").is_err());
+        let recorded = serde_json::to_string(&method("version = 3").unwrap()).unwrap();
+        assert!(recorded.contains("\"version\":\"3\""), "{recorded}");
+        assert_eq!(serde_json::from_str::<Method>(&recorded).unwrap().version.as_deref(), Some("3"));
+    }
+
+    #[test]
+    fn a_sequential_turn_does_not_end_early_and_limits_have_ranges() {
+        let config = |change: &str| {
+            let text = SHIPPED.replacen("[methods.standard]\n", &format!("[methods.standard]\n{change}\n"), 1);
+            crate::config::Config::parse(&text, std::path::Path::new("x.toml")).map(|_| ()).map_err(|e| e.to_string())
+        };
+        assert_eq!(config("quality = { residual_px = 2.0 }"), Ok(()));
+        let refused = config("early_stop = { enabled = true, min_views = 2 }").unwrap_err();
+        assert!(
+            refused.contains("early_stop.enabled = true, with order = \"sequential\"") && refused.contains("min_views = 2"),
+            "{refused}"
+        );
+        let refused = config("quality = { closure_turn_deg = -1.0, gate = { beads_least = 2 } }").unwrap_err();
+        assert!(refused.contains("quality.closure_turn_deg = -1") && refused.contains("quality.gate.beads_least = 2"), "{refused}");
+    }
+}

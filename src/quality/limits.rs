@@ -50,7 +50,7 @@ impl Default for QualitySettings {
             gap_deg: 45.0,
             residual_px: 1.5,
             residual_view_px: 3.0,
-            overlap_percent: 90.0,
+            overlap_percent: 85.0,
             uy_px: 30.0,
             gamma_deg: 3.0,
             alpha_deg: 2.0,

@@ -157,6 +157,7 @@ impl Reconstruction {
             views: self.seen.len(),
             volume_um3: support.volume_um3,
             volume_sd_um3: support.volume_sd_um3.hypot(volume_calibration_um3),
+            harmonics: support.harmonics,
         })
     }
 

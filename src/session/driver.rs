@@ -11,7 +11,7 @@ use super::{
     Accepted, CalibrationStatus, Eta, Fault, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SpecimenOutcome,
     SpecimenStatus, State, Status, WellCounts,
 };
-use super::{fault, sentence};
+use super::{fault, gate, sentence};
 use crate::cancel::CancelToken;
 use crate::config::Config;
 use crate::device::sampler::LoaderGate;
@@ -55,6 +55,8 @@ struct Active {
     cut_short: Option<RunOutcome>,
     waiting_for: Option<String>,
     well_seconds: Vec<f64>,
+    /// Its larvae are measured without a bead gate that stands.
+    lacks_gate: bool,
 }
 
 struct Running {
@@ -397,8 +399,9 @@ impl Running {
         let found = calibrations::newest(&config.calibrations(), &config.rig_name, self.mode).unwrap_or_else(|error| {
             tracing::warn!(%error, "the rig's calibrations are not read");
             None
-        })?;
-        Some(CalibrationStatus::new(found, config.calibration.max_age_days, jiff::Timestamp::now()))
+        });
+        let size = found.map(|found| CalibrationStatus::new(found, config.calibration.max_age_days, jiff::Timestamp::now()));
+        gate::beside(size, gate::newest(config, self.mode))
     }
 
     /// A calibration that has grown too old is a change of state, and told as one.
@@ -437,6 +440,7 @@ impl Running {
             return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
         }
         plan.check(&self.config.methods).map_err(Refusal::InvalidPlan)?;
+        gate::refuses(&self.config, self.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
         if let Some(why) = self.way_out() {
             return Err(Refusal::DeviceLost { why });
         }
@@ -502,6 +506,7 @@ impl Running {
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
         let calibration = self.calibration();
+        let lacks_gate = gate::lacking(calibration.as_ref().and_then(|c| c.gate.as_ref()), &record.method, self.mode).is_some();
         self.go_with(Trigger::Start, |s| {
             s.calibration = calibration;
             s.run = Some(run_status(&record));
@@ -512,7 +517,17 @@ impl Running {
             s.ready = false;
             s.not_ready_reason = Some("a run is under way".into());
         });
-        self.active = Some(Active { record, cancel, stop, worker, progress, cut_short: None, waiting_for: None, well_seconds: Vec::new() });
+        self.active = Some(Active {
+            record,
+            cancel,
+            stop,
+            worker,
+            progress,
+            cut_short: None,
+            waiting_for: None,
+            well_seconds: Vec::new(),
+            lacks_gate,
+        });
         Ok(())
     }
 
@@ -668,8 +683,9 @@ impl Running {
                     }
                 });
             }
-            Progress::WellDone { result, seconds, in_capillary } => {
+            Progress::WellDone { mut result, seconds, in_capillary } => {
                 let Some(active) = &mut self.active else { return Ok(()) };
+                gate::flag(&mut result, active.lacks_gate);
                 if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
                     *slot = result.clone();
                 }
@@ -723,6 +739,7 @@ impl Running {
         }
         active.record.end(outcome);
         let status = run_status(&active.record);
+        gate::keep(&self.config, &self.store.run_folder(&active.record.id));
         let saved = self.store.save_run(&active.record);
         if let Some(error) = &fault {
             let fault = self.raise(error);
@@ -741,9 +758,11 @@ impl Running {
             }
         }
         let lost = self.way_out();
+        let calibration = self.calibration();
         // The end and all that follows from it are one revision.
         let change = |s: &mut Status| {
             s.run = Some(status);
+            s.calibration = calibration;
             // Only who takes a specimen out knows that it is out.
             s.specimen = s.specimen.take().filter(|x| x.in_capillary);
             s.plate.removable = s.specimen.is_none() && stored;

@@ -10,6 +10,7 @@ mod concentration;
 mod driver;
 mod event;
 mod fault;
+mod gate;
 mod handle;
 mod heart;
 mod live;
@@ -31,6 +32,7 @@ pub use worker::Instrument;
 
 pub use event::Event;
 pub use fault::table::{ALL as FAULT_CODES, FaultCode};
+pub use gate::GateStatus;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};
 pub use offer::MethodOffer;
 pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};

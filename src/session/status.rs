@@ -385,7 +385,7 @@ impl HardwareStatus {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct CalibrationStatus {
     pub id: String,
-    /// `beads` or `scale`.
+    /// `beads` or `scale`; `gate` where neither is kept, and only daily beads are.
     pub kind: String,
     /// When its last recording was made, RFC 3339, UTC.
     pub measured: String,
@@ -395,6 +395,9 @@ pub struct CalibrationStatus {
     /// Of the beads' mean diameter against what it should be; `null` of a scale.
     pub bead_bias_percent: Option<f64>,
     pub valid: bool,
+    /// The rig's newest daily beads; `null` where none were kept.
+    #[serde(default)]
+    pub gate: Option<super::gate::GateStatus>,
 }
 
 impl CalibrationStatus {
@@ -410,6 +413,7 @@ impl CalibrationStatus {
             max_age_s,
             bead_bias_percent: found.bead_bias_percent,
             valid: age_s < max_age_s,
+            gate: None,
         }
     }
 

@@ -37,7 +37,7 @@ impl Effort {
         faults: 10,
         ablation: 30,
         orders: 30,
-        early: 100,
+        early: 1000,
         coverage: 1000,
         voxel_um: 6.93,
     };

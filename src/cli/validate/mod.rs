@@ -4,7 +4,7 @@
 //!   theory ─┐        beads, larvae by frames and segmentation ─┐
 //!   paper ──┼─ beside ─ larvae, solids by exact outlines ──────┼─ goals, tables ── validation.md, validation/*.svg
 //!           └────────── calibration, faults, ablation, ────────┘
-//!                       orders, coverage over many seeds
+//!                       orders, coverage, early stop over many seeds
 //! ```
 //! Every number follows from the seed: the same command writes the same document, on any number of threads.
 
@@ -13,6 +13,7 @@ mod beads;
 mod calibration;
 mod coverage;
 mod document;
+mod early;
 mod effort;
 mod faults;
 mod frames;
@@ -58,11 +59,12 @@ enum Part {
     Ablation,
     Orders,
     Coverage,
+    Early,
 }
 
 type Run = fn(&Work) -> anyhow::Result<Section>;
 
-const PARTS: [(Part, Run); 8] = [
+const PARTS: [(Part, Run); 9] = [
     (Part::Beads, beads::run),
     (Part::Larvae, larvae::run),
     (Part::Solids, solids::run),
@@ -71,6 +73,7 @@ const PARTS: [(Part, Run); 8] = [
     (Part::Ablation, ablation::run),
     (Part::Orders, orders::run),
     (Part::Coverage, coverage::run),
+    (Part::Early, early::run),
 ];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {

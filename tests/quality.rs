@@ -1,0 +1,172 @@
+//! Quality control on turns that are known: how a specimen lies at the closure view, views that spoil the model and are taken again, and a
+//! turn that ends early.
+#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
+
+use carved::acquisition::{RevolutionPlan, ViewOrder};
+use carved::calibration::Lie;
+use carved::carver::Leaves;
+use carved::cli::emulated;
+use carved::config::Config;
+use carved::frame::{PixelFormat, RawFrame};
+use carved::geometry::{BoxUm, VoxelGrid};
+use carved::pipeline::{Pipeline, PipelineSettings, Seen, SpecimenRecord};
+use carved::profile::{Mask, Polygon};
+use carved::reconstruction::{Reconstruction, ReconstructionSettings};
+use hardware_sim::analytic::{self, Disturbance, Fault, Phantom, Pose};
+use hardware_sim::scene::{Camera, Exposure, Placement, Scene, SceneSettings, Specimen};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+use std::path::Path;
+
+const ASD: u32 = 21;
+
+fn even() -> Vec<f64> {
+    (0..ASD).map(|i| TAU * f64::from(i) / f64::from(ASD)).collect()
+}
+
+/// How a larva lies at 360 deg that was moved by `by` after the last view, on a rig with a day's drift and noise.
+fn closed(seed: u64, by: Pose) -> Lie {
+    let camera = Camera::default();
+    let (width, height) = (camera.width as usize, camera.height as usize);
+    let mut omegas = even();
+    omegas.push(TAU);
+    let faults = vec![Fault::Moved { from: ASD as usize, by }];
+    let larva = Phantom::larva(4, seed).unwrap().placed(Pose::seeded(seed));
+    let views = larva.views(&camera, &omegas, &Disturbance { faults, ..Disturbance::drift(seed) });
+    let grid = VoxelGrid::new(BoxUm::PAPER, 30.0).unwrap();
+    let mut model = Reconstruction::new(&emulated::camera(&camera), grid, ASD as usize, ReconstructionSettings::default()).unwrap();
+    for (at, view) in views.iter().enumerate() {
+        let covered = analytic::coverage(&view.outline, camera.width, camera.height);
+        let mut mask = Mask::empty(width, height);
+        for (at, _) in covered.data.iter().enumerate().filter(|(_, c)| **c >= 128) {
+            mask.set(at % width, at / width, true);
+        }
+        let outlines: Vec<Polygon> = view.outline.iter().map(|o| Polygon { vertices: o.clone() }).collect();
+        if at < ASD as usize {
+            model.observe(&mask, &outlines, omegas[at], Leaves::default()).unwrap();
+        } else {
+            model.observe_closure(&mask, &outlines, 0);
+        }
+    }
+    let found = model.finish(false).unwrap();
+    assert!(
+        found.seen_again.iter().all(|a| a.is_some_and(|[hull, profile]| (0.93..1.0).contains(&(hull / profile)))),
+        "{:?}",
+        found.seen_again
+    );
+    found.closure.unwrap()
+}
+
+/// Views are shifted by 0.4 px each (standard deviation), angles by half a degree: two views differ by 1.4 times as much, and three
+/// standard deviations are allowed.
+#[test]
+fn the_closure_view_tells_how_far_the_specimen_moved() {
+    let um_per_px = 5.5;
+    let still = Pose::default();
+    let moves = [
+        (still, [0.0, 0.0, 0.0]),
+        (Pose { x_um: 4.0 * um_per_px, ..still }, [4.0, 0.0, 0.0]),
+        (Pose { x_um: -4.0 * um_per_px, ..still }, [-4.0, 0.0, 0.0]),
+        (Pose { y_um: 4.0 * um_per_px, ..still }, [0.0, 4.0, 0.0]),
+        (Pose { roll_rad: 6f64.to_radians(), ..still }, [0.0, 0.0, 6.0]),
+        (Pose { roll_rad: -6f64.to_radians(), ..still }, [0.0, 0.0, -6.0]),
+    ];
+    moves.par_iter().for_each(|(by, [along_px, across_px, turn_deg])| {
+        for seed in [3, 4] {
+            let lie = closed(seed, *by);
+            println!("{by:?}: {lie:?}");
+            assert!((lie.along_px - along_px).abs() < 1.0, "along {along_px} px: {lie:?}");
+            // A larva that is rolled about the axis beside which it lies is carried across as well.
+            let carried = 40.0 * 2f64.sqrt() * turn_deg.to_radians().abs() / um_per_px;
+            assert!((lie.across_px - across_px).abs() < 1.7 + carried, "across {across_px} px: {lie:?}");
+            assert!((lie.turn_rad.to_degrees() - turn_deg).abs() < 2.1, "turned by {turn_deg} deg: {lie:?}");
+        }
+    });
+}
+
+fn settings() -> PipelineSettings {
+    let mut config = Config::parse(include_str!("../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
+    let mut method = config.methods.remove("standard").unwrap();
+    (method.asd, method.voxel_um) = (ASD, 17.1);
+    method.pipeline(&config.optics, false).unwrap()
+}
+
+fn rendered(specimen: Option<Specimen>, omegas: &[f64]) -> Vec<Seen> {
+    let looker = Pipeline::new(settings()).unwrap();
+    let scene = Scene::new(SceneSettings::default());
+    scene.load(specimen).unwrap();
+    let render = |(number, &angle_rad): (usize, &f64)| {
+        let frame = scene.render(&Exposure { angle_rad, number: number as u64 });
+        let frame = RawFrame::new(frame.width, frame.height, PixelFormat::BayerRG8, frame.to_bayer_rg8()).unwrap();
+        looker.look(&frame).unwrap()
+    };
+    omegas.par_iter().enumerate().map(render).collect()
+}
+
+fn larva(seed: u64) -> Option<Specimen> {
+    Some(Specimen::larva(4, seed).unwrap().placed(Placement::default()))
+}
+
+fn finished(mut pipeline: Pipeline, closure: &Seen) -> SpecimenRecord {
+    pipeline.observe_closure(closure);
+    pipeline.finish().unwrap().1
+}
+
+#[test]
+fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
+    let omegas = even();
+    let seen = rendered(larva(5), &omegas);
+    // One frame of an empty capillary, and one of another larva.
+    let wrong = [(4u32, rendered(None, &omegas[4..5]).remove(0)), (11, rendered(larva(77), &omegas[2..3]).remove(0))];
+    let taken = |spoiled: bool| {
+        let mut pipeline = Pipeline::new(settings()).unwrap();
+        for (index, (omega, seen)) in (0..).zip(omegas.iter().zip(&seen)) {
+            let other = wrong.iter().find(|(view, _)| spoiled && *view == index).map(|(_, seen)| seen);
+            pipeline.observe(index, *omega, other.unwrap_or(seen)).unwrap();
+        }
+        pipeline
+    };
+    let whole = taken(false);
+    assert_eq!(whole.spoiled(), []);
+    let whole = finished(whole, &seen[0]);
+    let quality = whole.quality.as_ref().unwrap();
+    println!("{}", serde_json::to_string_pretty(quality).unwrap());
+    assert!(quality.passed && quality.checks.iter().all(|c| c.found.is_some()) && whole.flags.is_empty(), "{:?} {quality:?}", whole.flags);
+
+    let mut pipeline = taken(true);
+    let named = pipeline.spoiled();
+    assert_eq!(named.iter().map(|s| s.view).collect::<Vec<_>>(), [4, 11], "{named:?}");
+    assert!(named[0].reason.contains("no specimen"), "{named:?}");
+    let left_out = finished(taken(true), &seen[0]);
+    assert!(left_out.flags.iter().any(|f| f == "bad_view") && !left_out.views[11].used && left_out.views[11].vrv_area_um2.is_none());
+    for spoiled in named {
+        let at = spoiled.view as usize;
+        pipeline.replace(spoiled.view, omegas[at], &seen[at]).unwrap();
+    }
+    assert_eq!(pipeline.spoiled(), []);
+    let again = finished(pipeline, &seen[0]);
+    assert_eq!(serde_json::to_string(&again).unwrap(), serde_json::to_string(&whole).unwrap());
+}
+
+#[test]
+fn a_turn_that_ends_early_is_measured_as_one_of_so_many_views() {
+    let omegas = even();
+    let seen = rendered(larva(6), &omegas);
+    let plan = RevolutionPlan::new(ASD, carved::units::StepsPerRevolution::new(500, 1).unwrap(), ViewOrder::CoarseToFine).unwrap();
+    let order: Vec<usize> = plan.stops().iter().filter(|s| !s.closure).map(|s| s.view as usize).collect();
+    let mut pipeline = Pipeline::new(settings()).unwrap();
+    let mut estimates = Vec::new();
+    for &at in &order[..14] {
+        pipeline.observe(at as u32, omegas[at], &seen[at]).unwrap();
+        estimates.push(pipeline.estimate());
+    }
+    assert!(estimates[0].is_none(), "one view tells no volume");
+    let last = estimates[13].unwrap();
+    assert_eq!(last.views, 14);
+    pipeline.end_early().unwrap();
+    let record = finished(pipeline, &seen[0]);
+    let m = &record.measurement;
+    assert_eq!((m.views, m.planned_views), (14, 14));
+    assert!((m.estimators.support.as_ref().unwrap().volume_um3 / last.volume_um3 - 1.0).abs() < 1e-9, "the estimate is what is measured");
+    assert!(record.quality.as_ref().unwrap().check("usable_percent").is_some_and(|c| !c.over), "fewer views were planned");
+}
