@@ -10,7 +10,7 @@
 //! made before.
 
 use anyhow::Context;
-use carved::acquisition::{AcquisitionSettings, LedgerEntry, RevolutionPlan, ViewOrder, revolve};
+use carved::acquisition::{AcquisitionSettings, LedgerEntry, Next, RevolutionPlan, ViewOrder, revolve};
 use carved::cancel::CancelToken;
 use carved::config::{CameraDriver, Config, RotationDriver};
 use carved::device::camera::{self, CameraSelect};
@@ -98,7 +98,7 @@ fn turn(make: &str, config: &Config, views: u32) -> anyhow::Result<()> {
         let now = Instant::now();
         steps.push(Step { whole: (now - began).as_secs_f64() * 1e3, given_move, entry });
         began = now;
-        Ok(())
+        Ok(Next::View)
     })?;
     // At the first view nothing moves.
     let steps = &steps[1..];

@@ -4,7 +4,7 @@
 //! [`CancelToken::rest`], which a cancellation ends at once.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
 /// Clones share one flag. Once cancelled, a token stays cancelled.
@@ -14,8 +14,8 @@ pub struct CancelToken(Arc<Shared>);
 #[derive(Debug, Default)]
 struct Shared {
     cancelled: AtomicBool,
-    // Holds no data: it orders the flag against those who are about to rest.
-    gate: Mutex<()>,
+    /// Those that are cancelled with it. The lock also orders the flag against those who are about to rest.
+    gate: Mutex<Vec<Weak<Shared>>>,
     woken: Condvar,
 }
 
@@ -24,10 +24,27 @@ impl CancelToken {
         Self::default()
     }
 
+    /// A token of a part of the work: it is cancelled with this one, and may be cancelled alone.
+    #[must_use]
+    pub fn child(&self) -> Self {
+        let child = Self::new();
+        let mut children = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.is_cancelled() {
+            child.cancel();
+        } else {
+            children.retain(|c| c.strong_count() > 0);
+            children.push(Arc::downgrade(&child.0));
+        }
+        child
+    }
+
     pub fn cancel(&self) {
-        let _gate = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
         self.0.cancelled.store(true, Ordering::Release);
         self.0.woken.notify_all();
+        for child in children.drain(..).filter_map(|c| c.upgrade()) {
+            Self(child).cancel();
+        }
     }
 
     pub fn is_cancelled(&self) -> bool {
@@ -59,6 +76,20 @@ mod tests {
         assert!(!token.rest(Duration::from_millis(1)));
         token.clone().cancel();
         assert!(token.is_cancelled() && token.rest(Duration::from_secs(3600)));
+    }
+
+    #[test]
+    fn a_part_is_cancelled_with_the_whole_and_the_whole_not_with_a_part() {
+        let whole = CancelToken::new();
+        let (alone, part) = (whole.child(), whole.child());
+        alone.cancel();
+        assert!(alone.is_cancelled() && !part.is_cancelled() && !whole.is_cancelled());
+        let resting = std::thread::spawn({
+            let part = part.child();
+            move || part.rest(Duration::from_secs(3600))
+        });
+        whole.cancel();
+        assert!(resting.join().unwrap() && part.is_cancelled() && whole.child().is_cancelled());
     }
 
     #[test]

@@ -12,11 +12,12 @@ use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
+use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
 use crate::quality::{CalibrationOff, ClosureOff, Estimate, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled};
 use crate::reconstruction::{
-    CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
+    Calibrated, CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
 };
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
@@ -119,6 +120,9 @@ pub struct SpecimenRecord {
     /// Of the kept mesh.
     #[serde(default)]
     pub shape: Option<Shape>,
+    /// Which views show a larva's back, belly and sides; nothing of a bead, or where the shape tells no back.
+    #[serde(default)]
+    pub facing: Option<Facing>,
     pub views: Vec<ViewRecord>,
     pub closure: Option<ClosureRecord>,
     /// Of the turn itself; nothing where it is measured with the rig's camera.
@@ -163,6 +167,17 @@ pub struct Pipeline {
     /// The profile of view 0, which the closure view is compared with.
     first: Option<Mask>,
     closure: Option<ClosureRecord>,
+    /// What [`Self::judge`] found, while no view has come in since.
+    calibrated: Option<Calibrated>,
+}
+
+/// What a turn looks like once all its views are in, before anything is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TurnVerdict {
+    /// The specimen is not where it was when the turn began.
+    pub moved: bool,
+    /// The views that spoil the model: those without a profile, and those that do not fit the others.
+    pub spoiled: Vec<Spoiled>,
 }
 
 /// A frame looked at: its colours, and the profile or why there is none.
@@ -184,7 +199,16 @@ impl Pipeline {
         let reconstruction =
             Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
         let segmenters = Segmenters::default();
-        Ok(Self { settings, segmenters, reconstruction, views: Vec::new(), carved: Vec::new(), first: None, closure: None })
+        Ok(Self {
+            settings,
+            segmenters,
+            reconstruction,
+            views: Vec::new(),
+            carved: Vec::new(),
+            first: None,
+            closure: None,
+            calibrated: None,
+        })
     }
 
     pub fn settings(&self) -> &PipelineSettings {
@@ -243,6 +267,7 @@ impl Pipeline {
             Err(e) => record.reason = Some(e.to_string()),
         }
         self.views.push(record);
+        self.calibrated = None;
         Ok(volume_um3)
     }
 
@@ -271,18 +296,27 @@ impl Pipeline {
         self.observe(index, omega, seen)
     }
 
-    /// The views so far that spoil the model, to be taken again: those without a profile, and those that do not fit the others.
-    /// Takes as long as a calibration.
-    pub fn spoiled(&self) -> Vec<Spoiled> {
+    /// Calibrates on all views and says whether the specimen stayed where it was, and which views are to be taken again;
+    /// [`Self::finish`] then need not calibrate anew.
+    pub fn judge(&mut self) -> TurnVerdict {
+        let limits = &self.settings.quality;
+        let calibrated = self.reconstruction.calibrate();
         let mut strip: Vec<ViewStrip> = self.views.iter().map(ViewRecord::strip).collect();
-        for (index, state) in self.carved.iter().zip(self.reconstruction.states()) {
+        for (index, state) in self.carved.iter().zip(calibrated.states()) {
             if let Some(view) = strip.iter_mut().find(|v| v.view == *index) {
                 view.used = state.bad.is_none();
                 view.reason = state.bad.map(|bad| bad.to_string());
                 view.residual_px = state.residual_px;
             }
         }
-        spoiled(&strip, self.settings.quality.residual_view_px)
+        let off = |c: &ClosureRecord| {
+            let [along_px, across_px] = c.shift_px.map(f64::abs);
+            c.iou < limits.closure_overlap || along_px > limits.closure_along_px || across_px > limits.closure_across_px
+        };
+        let moved = self.closure.as_ref().is_some_and(off) || calibrated.has_moved();
+        let spoiled = spoiled(&strip, limits.residual_view_px);
+        self.calibrated = Some(calibrated);
+        TurnVerdict { moved, spoiled }
     }
 
     /// The volume after the views so far with what few views make of it taken off, for `quality::should_stop`. Takes as long as
@@ -297,6 +331,7 @@ impl Pipeline {
     /// None once a view was observed.
     pub fn end_early(&mut self) -> Result<(), PipelineError> {
         self.reconstruction.replan(self.carved.len())?;
+        self.calibrated = None;
         self.settings.planned_views = self.views.len() as u32;
         Ok(())
     }
@@ -333,7 +368,10 @@ impl Pipeline {
             let reason = self.views.iter().find_map(|v| v.reason.clone()).unwrap_or_else(|| "views are missing".into());
             return Err(PipelineError::TooFewViews { used, planned: self.settings.planned_views, needed, reason });
         }
-        let TurnModel { model, hull, calibration, seen_again, closure, .. } = self.reconstruction.finish(self.settings.sphere)?;
+        let TurnModel { model, hull, calibration, seen_again, closure, .. } = {
+            let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
+            self.reconstruction.measure(calibrated, self.settings.sphere)?
+        };
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &seen_again);
         }
@@ -369,9 +407,14 @@ impl Pipeline {
                 flags.push(name.to_owned());
             }
         }
+        let shape = Shape::of(&model.mesh);
+        let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
+        let camera = found.map_or(&self.settings.camera, |c| &c.camera);
+        let facing = if self.settings.sphere { None } else { Facing::of(&shape, camera, &taken) };
         let record = SpecimenRecord {
             measurement: model.measurement,
-            shape: Some(Shape::of(&model.mesh)),
+            shape: Some(shape),
+            facing,
             views: self.views,
             closure: self.closure,
             calibration: calibration.as_ref().ok().map(CalibrationRecord::from),

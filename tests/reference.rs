@@ -152,6 +152,7 @@ impl Recorded {
             let frame = frame(&scene, omega, u64::from(stop.view));
             let entry = LedgerEntry {
                 view: stop.view,
+                retake: 0,
                 commanded_steps: stop.target,
                 achieved_steps: stop.target,
                 epoch: 1,

@@ -43,13 +43,15 @@ struct Rate {
     acceleration: f32,
     asd: u32,
     power_on_steps: i64,
+    /// How often a specimen is tried again.
+    retries: u32,
 }
 
 /// Quick, for what is measured to the end.
-const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, power_on_steps: 137 };
+const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, power_on_steps: 137, retries: 1 };
 /// Three views, 167 steps apart: at 0.25 units/s^2 and 100 steps per unit a move takes 2 sqrt(1.67 / 0.25) = 5 s, so that what
 /// happens in its first tenth of a way has seconds to arrive in its middle. The reference is near.
-const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480 };
+const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480, retries: 1 };
 /// A third of a turn to go to the reference, for several seconds.
 const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
 
@@ -69,7 +71,7 @@ impl Instrument {
             port(&rig),
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
-            ("asd = 21", format!("asd = {}", rate.asd)),
+            ("asd = 21", format!("asd = {}\npolicy = {{ retries = {} }}", rate.asd, rate.retries)),
             // A picture takes its time on a busy machine.
             ("frame_timeout_ms = 500", "frame_timeout_ms = 5000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 20000".into()),
@@ -336,7 +338,7 @@ fn an_idle_daemon_takes_no_processor_time_with_and_without_its_axis() {
 
 #[test]
 fn steps_lost_in_a_revolution_are_measured_but_flagged() {
-    let instrument = Instrument::start(&QUICK);
+    let instrument = Instrument::start(&Rate { retries: 0, ..QUICK });
     instrument.awaited("r1");
     instrument.load("r1", "A01", Specimen::larva(4, 1).unwrap());
     until("the first views", || instrument.rig.exposures().len() >= 6);

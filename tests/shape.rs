@@ -8,12 +8,13 @@
 
 use carved::carver::Leaves;
 use carved::geometry::{BoxUm, Camera, VoxelGrid};
+use carved::measure::facing::Facing;
 use carved::measure::shape::{Body, End, Shape};
 use carved::profile::Mask;
 use carved::reconstruction::{Reconstruction, ReconstructionSettings};
 use carved::surface::Mesh;
 use hardware_sim::scene::{Larva, Placement, Scene, SceneSettings, Specimen};
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Coarse voxels: the field's surface does not need finer ones for what is asked here.
 const SD_UM: f64 = 12.0;
@@ -62,6 +63,18 @@ fn larvae_have_their_length_head_and_back_whichever_way_they_lie() {
         let (sin, cos) = roll_rad.sin_cos();
         let [_, y, z] = body.dorsal.direction.unwrap_or_else(|| panic!("{name}"));
         assert!(-y * cos - z * sin > 5f64.to_radians().cos(), "{name}");
+        // At a quarter of a turn what was nearest to the camera is lowest in the picture, where y is largest.
+        let camera = Camera::published(1024, 1024);
+        let near = if camera.projection(0.0).depth([0.0, 0.0, 100.0]) < camera.projection(0.0).depth([0.0; 3]) { 1.0 } else { -1.0 };
+        let front = cos.atan2(-near * sin);
+        let views: Vec<(u32, f64)> = (0..VIEWS).map(|view| (view, TAU * f64::from(view) / f64::from(VIEWS))).collect();
+        let facing = Facing::of(&shape, &camera, &views).unwrap();
+        let off = |a: f64, b: f64| (a - b - TAU * ((a - b) / TAU).round()).abs().to_degrees();
+        assert!(off(facing.roll_deg.to_radians(), front) < 5.0, "{name}: {facing:?}, the back is in front at {} deg", front.to_degrees());
+        let angle = |view: u32| views[view as usize].1;
+        assert!(off(angle(facing.dorsal_view), front) < 9.0 + 5.0 && off(angle(facing.ventral_view), front + PI) < 9.0 + 5.0, "{facing:?}");
+        let [left, right] = facing.lateral_views.map(angle);
+        assert!(off(left, front - FRAC_PI_2) < 9.0 + 5.0 && off(right, front + FRAC_PI_2) < 9.0 + 5.0, "{facing:?}");
         // It bends by its bow and its waves, not as a snake does.
         assert!(body.bending.total_deg < 60.0 && body.bending.end_to_end_share > 0.99, "{name}: {:?}", body.bending);
         let harmonics = shape.harmonics.as_ref().unwrap_or_else(|| panic!("{name}: {:?}", shape.harmonics_reason));

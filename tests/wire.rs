@@ -3,7 +3,7 @@
 // Helpers of tests fail like tests.
 #![allow(clippy::unwrap_used)]
 
-use carved::acquisition::{AcquisitionError, AcquisitionSettings, Ledger, RevolutionPlan, ViewOrder, revolve};
+use carved::acquisition::{AcquisitionError, AcquisitionSettings, Ledger, Next, RevolutionPlan, ViewOrder, revolve};
 use carved::cancel::CancelToken;
 use carved::device::camera::{self, AravisSettings, CameraSelect};
 use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
@@ -73,7 +73,7 @@ fn turn(emulated: &hardware_sim::Rig, devices: &mut Rig, order: ViewOrder) -> Re
     let mut frames = Vec::new();
     let ledger = revolve(devices, &plan(order), &settings(), &CancelToken::new(), |_, frame| {
         frames.push(frame);
-        Ok(())
+        Ok(Next::View)
     })
     .unwrap();
     Revolution { ledger, frames, zero_rad }
@@ -203,7 +203,7 @@ fn a_controller_that_restarts_in_a_revolution_ends_it_and_no_view_has_a_wrong_an
             emulated.faults().reboot_controller();
         }
         views.push(entry);
-        Ok(())
+        Ok(Next::View)
     })
     .unwrap_err();
     assert!(matches!(refusal, AcquisitionError::Device { view: 6, source: DeviceError::Suspect { .. } }), "{refusal}");

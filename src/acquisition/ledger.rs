@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 pub struct LedgerEntry {
     /// Number of the view around the turn, from 0.
     pub view: u32,
+    /// How often the view had been taken before; the newest take counts.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub retake: u32,
     pub commanded_steps: Steps,
     pub achieved_steps: Steps,
     /// Epoch of the axis' reference. Views of two epochs share no zero.
@@ -41,6 +44,11 @@ pub struct LedgerEntry {
     pub closure: bool,
 }
 
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "what serde asks for")]
+fn is_first(retake: &u32) -> bool {
+    *retake == 0
+}
+
 /// A frame of the second camera, taken after the first's and before the axis moves on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -53,7 +61,7 @@ pub struct SecondEntry {
     pub sha256: String,
 }
 
-/// Entries of one revolution in the order in which they were taken, all of one epoch, no view twice.
+/// Entries of one revolution in the order in which they were taken, all of one epoch, no take of a view twice.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "Vec<LedgerEntry>", into = "Vec<LedgerEntry>")]
 pub struct Ledger {
@@ -64,8 +72,8 @@ pub struct Ledger {
 pub enum LedgerError {
     #[error("view {view} belongs to epoch {found} of the axis' reference, the revolution to epoch {expected}; its angle has another zero")]
     EpochChanged { view: u32, expected: u32, found: u32 },
-    #[error("view {view} stands twice in the ledger")]
-    Repeated { view: u32 },
+    #[error("take {retake} of view {view} stands twice in the ledger")]
+    Repeated { view: u32, retake: u32 },
     #[error("view {view} has the angle {found} rad; it must be a finite number")]
     Angle { view: u32, found: String },
 }
@@ -83,14 +91,19 @@ impl Ledger {
         &self.entries
     }
 
-    /// The views that are carved: all but the closure view.
+    /// The newest take of each view, the closure view's included, in the order in which they were taken.
+    pub fn counted(&self) -> impl Iterator<Item = &LedgerEntry> {
+        self.entries.iter().filter(|e| !self.entries.iter().any(|other| other.view == e.view && other.retake > e.retake))
+    }
+
+    /// The views that are carved: all that count but the closure view.
     pub fn carved(&self) -> impl Iterator<Item = &LedgerEntry> {
-        self.entries.iter().filter(|e| !e.closure)
+        self.counted().filter(|e| !e.closure)
     }
 
     /// The view at 360 degrees, once it has been taken.
     pub fn closure(&self) -> Option<&LedgerEntry> {
-        self.entries.iter().find(|e| e.closure)
+        self.counted().find(|e| e.closure)
     }
 
     fn check(&self, entry: &LedgerEntry) -> Result<(), LedgerError> {
@@ -100,8 +113,8 @@ impl Ledger {
         {
             return Err(LedgerError::EpochChanged { view, expected: first.epoch, found: entry.epoch });
         }
-        if self.entries.iter().any(|e| e.view == view) {
-            return Err(LedgerError::Repeated { view });
+        if self.entries.iter().any(|e| (e.view, e.retake) == (view, entry.retake)) {
+            return Err(LedgerError::Repeated { view, retake: entry.retake });
         }
         if !entry.omega.is_finite() {
             return Err(LedgerError::Angle { view, found: entry.omega.to_string() });
@@ -134,6 +147,7 @@ mod tests {
     fn entry(view: u32, epoch: u32) -> LedgerEntry {
         LedgerEntry {
             view,
+            retake: 0,
             commanded_steps: Steps(24 * i64::from(view)),
             achieved_steps: Steps(24 * i64::from(view)),
             epoch,
@@ -162,12 +176,26 @@ mod tests {
     }
 
     #[test]
+    fn of_a_view_taken_again_both_takes_are_kept_and_the_newest_counts() {
+        let mut ledger = Ledger::default();
+        for view in 0..3 {
+            ledger.push(entry(view, 4)).unwrap();
+        }
+        ledger.push(LedgerEntry { retake: 1, ..entry(1, 4) }).unwrap();
+        assert_eq!(ledger.entries().len(), 4);
+        let carved: Vec<_> = ledger.carved().map(|e| (e.view, e.retake)).collect();
+        assert_eq!(carved, [(0, 0), (2, 0), (1, 1)]);
+        assert_eq!(ledger.push(LedgerEntry { retake: 1, ..entry(1, 4) }), Err(LedgerError::Repeated { view: 1, retake: 1 }));
+        assert!(!serde_json::to_string(&entry(0, 4)).unwrap().contains("retake"), "files of turns without a retake stay as they were");
+    }
+
+    #[test]
     fn views_of_two_epochs_never_share_a_ledger_not_even_in_a_file() {
         let mut ledger = Ledger::default();
         ledger.push(entry(0, 4)).unwrap();
         let refusal = LedgerError::EpochChanged { view: 1, expected: 4, found: 5 };
         assert_eq!(ledger.push(entry(1, 5)), Err(refusal));
-        assert_eq!(ledger.push(entry(0, 4)), Err(LedgerError::Repeated { view: 0 }));
+        assert_eq!(ledger.push(entry(0, 4)), Err(LedgerError::Repeated { view: 0, retake: 0 }));
         let text = serde_json::to_string(&vec![entry(0, 4), entry(1, 5)]).unwrap();
         let said = serde_json::from_str::<Ledger>(&text).unwrap_err().to_string();
         assert!(said.contains("epoch 5") && said.contains("epoch 4"), "{said}");

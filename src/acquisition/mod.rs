@@ -19,4 +19,4 @@ pub use grab::{grab, grab_second};
 pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};
 pub use light::Light;
 pub use plan::{PlanError, RevolutionPlan, Stop, ViewOrder};
-pub use worker::{AcquisitionError, AcquisitionSettings, SinkClosed, revolve};
+pub use worker::{AcquisitionError, AcquisitionSettings, Next, SinkClosed, retake, revolve};

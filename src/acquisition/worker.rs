@@ -35,6 +35,14 @@ pub struct AcquisitionSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SinkClosed;
 
+/// What the receiver of the views wants next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Next {
+    View,
+    /// It has enough: only the closure view is still to be taken.
+    Closure,
+}
+
 #[derive(Debug, thiserror::Error)]
 pub enum AcquisitionError {
     #[error("view {view}: {source}")]
@@ -47,8 +55,9 @@ pub enum AcquisitionError {
     SinkClosed { view: u32 },
 }
 
-/// Takes every view of `plan` on an armed camera and a referenced axis. `sink` receives each view before the next move
-/// begins and must not wait for the science: give it a bounded channel that holds a revolution.
+/// Takes the views of `plan` on an armed camera and a referenced axis, until `sink` has enough; the closure view is always
+/// taken. `sink` receives each view before the next move begins and must not wait for the science: give it a bounded channel
+/// that holds a revolution.
 ///
 /// # Errors
 /// The first device error, change of epoch, cancellation or closed sink ends the revolution; the motor is stopped and
@@ -58,18 +67,43 @@ pub fn revolve(
     plan: &RevolutionPlan,
     settings: &AcquisitionSettings,
     cancel: &CancelToken,
-    mut sink: impl FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>,
+    mut sink: impl FnMut(LedgerEntry, RawFrame) -> Result<Next, SinkClosed>,
 ) -> Result<Ledger, AcquisitionError> {
     let guard = StopUnlessDone(Some(rig.rotation.stop_handle()));
     let mut ledger = Ledger::default();
     rig.rotation.announce(&plan.targets()).map_err(|source| AcquisitionError::Device { view: 0, source })?;
+    let mut next = Next::View;
     for stop in plan.stops() {
-        let (entry, frame) = take_view(rig, plan, settings, cancel, *stop)?;
+        if next == Next::Closure && !stop.closure {
+            continue;
+        }
+        let (entry, frame) = take_view(rig, plan, settings, cancel, *stop, 0)?;
         ledger.push(entry.clone())?;
-        sink(entry, frame).map_err(|SinkClosed| AcquisitionError::SinkClosed { view: stop.view })?;
+        next = sink(entry, frame).map_err(|SinkClosed| AcquisitionError::SinkClosed { view: stop.view })?;
     }
     guard.done();
     Ok(ledger)
+}
+
+/// Goes back to stops of a revolution that is over and takes their views once more, by the same reference.
+///
+/// # Errors
+/// As [`revolve`].
+pub fn retake(
+    rig: &mut Rig,
+    plan: &RevolutionPlan,
+    settings: &AcquisitionSettings,
+    cancel: &CancelToken,
+    views: &[u32],
+    mut sink: impl FnMut(LedgerEntry, RawFrame) -> Result<(), SinkClosed>,
+) -> Result<(), AcquisitionError> {
+    let guard = StopUnlessDone(Some(rig.rotation.stop_handle()));
+    for stop in plan.stops().iter().filter(|stop| views.contains(&stop.view)) {
+        let (entry, frame) = take_view(rig, plan, settings, cancel, *stop, 1)?;
+        sink(entry, frame).map_err(|SinkClosed| AcquisitionError::SinkClosed { view: stop.view })?;
+    }
+    guard.done();
+    Ok(())
 }
 
 fn take_view(
@@ -78,6 +112,7 @@ fn take_view(
     settings: &AcquisitionSettings,
     cancel: &CancelToken,
     stop: Stop,
+    retake: u32,
 ) -> Result<(LedgerEntry, RawFrame), AcquisitionError> {
     let view = stop.view;
     let unless_cancelled = |cancelled: bool| if cancelled { Err(AcquisitionError::Cancelled { view }) } else { Ok(()) };
@@ -97,6 +132,7 @@ fn take_view(
 
     let entry = LedgerEntry {
         view,
+        retake,
         commanded_steps: stop.target,
         achieved_steps: achieved.steps,
         epoch: achieved.epoch,
@@ -252,7 +288,7 @@ mod tests {
             let mut seen = Vec::new();
             let ledger = revolve(&mut rig, &plan(order), &settings(), &CancelToken::new(), |entry, frame| {
                 seen.push((entry, frame));
-                Ok(())
+                Ok(Next::View)
             })
             .unwrap();
             assert_eq!(ledger.carved().count(), 21);
@@ -268,11 +304,35 @@ mod tests {
     }
 
     #[test]
+    fn who_has_enough_gets_the_closure_view_and_a_view_again_comes_from_its_own_stop() {
+        let (mut rig, bench) = rig(NEVER, NEVER);
+        let plan = plan(ViewOrder::CoarseToFine);
+        let cancel = CancelToken::new();
+        let ledger = revolve(&mut rig, &plan, &settings(), &cancel, |entry, _| {
+            Ok(if entry.view == plan.stops()[8].view { Next::Closure } else { Next::View })
+        })
+        .unwrap();
+        assert_eq!((ledger.entries().len(), ledger.closure().unwrap().achieved_steps), (10, Steps(500)));
+        let mut again = Vec::new();
+        let views = [plan.stops()[3].view, plan.stops()[5].view];
+        retake(&mut rig, &plan, &settings(), &cancel, &views, |entry, frame| {
+            again.push((entry, frame));
+            Ok(())
+        })
+        .unwrap();
+        for ((entry, frame), stop) in again.iter().zip([plan.stops()[3], plan.stops()[5]]) {
+            assert_eq!((entry.view, entry.retake, entry.achieved_steps, entry.closure), (stop.view, 1, stop.target, false));
+            assert_eq!(i64::from(frame.bytes()[0]), stop.target.0 % 251);
+        }
+        assert_eq!((again.len(), bench.stops.load(Ordering::SeqCst)), (2, 0));
+    }
+
+    #[test]
     fn the_angle_is_of_the_step_that_was_achieved_not_of_the_one_that_was_asked_for() {
         let (mut rig, bench) = rig(NEVER, NEVER);
         bench.beside.store(1, Ordering::SeqCst);
         let plan = plan(ViewOrder::Sequential);
-        let ledger = revolve(&mut rig, &plan, &settings(), &CancelToken::new(), |_, _| Ok(())).unwrap();
+        let ledger = revolve(&mut rig, &plan, &settings(), &CancelToken::new(), |_, _| Ok(Next::View)).unwrap();
         for (entry, stop) in ledger.entries().iter().zip(plan.stops()) {
             assert_eq!((entry.commanded_steps, entry.achieved_steps), (stop.target, Steps(stop.target.0 + 1)));
             let omega = -std::f64::consts::TAU * (stop.target.0 + 1) as f64 / 500.0;
@@ -292,7 +352,7 @@ mod tests {
         let mut views = 0;
         let refusal = revolve(&mut rig, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| {
             views += 1;
-            Ok(())
+            Ok(Next::View)
         });
         assert!(matches!(refusal, Err(AcquisitionError::Ledger(LedgerError::EpochChanged { view: 7, expected: 1, found: 2 }))));
         assert_eq!((views, bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (7, 8, 1));
@@ -301,7 +361,7 @@ mod tests {
     #[test]
     fn a_lost_frame_ends_the_revolution_at_its_view_and_stops_the_motor() {
         let (mut rig, bench) = rig(NEVER, 3);
-        let refusal = revolve(&mut rig, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| Ok(()));
+        let refusal = revolve(&mut rig, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| Ok(Next::View));
         assert!(matches!(refusal, Err(AcquisitionError::Device { view: 2, source: DeviceError::NoFrame { .. } })));
         assert_eq!((bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (3, 1));
     }
@@ -314,7 +374,7 @@ mod tests {
             if entry.view == 4 {
                 cancel.cancel();
             }
-            Ok(())
+            Ok(Next::View)
         });
         assert!(matches!(refusal, Err(AcquisitionError::Cancelled { view: 5 })));
         assert_eq!((bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (5, 1));
@@ -331,7 +391,7 @@ mod tests {
         let cancel = CancelToken::new();
         let settings = AcquisitionSettings { settle_ms: 3_600_000, ..settings() };
         std::thread::scope(|scope| {
-            let running = scope.spawn(|| revolve(&mut rig, &plan(ViewOrder::Sequential), &settings, &cancel, |_, _| Ok(())));
+            let running = scope.spawn(|| revolve(&mut rig, &plan(ViewOrder::Sequential), &settings, &cancel, |_, _| Ok(Next::View)));
             while bench.moves.load(Ordering::SeqCst) == 0 {
                 std::thread::yield_now();
             }

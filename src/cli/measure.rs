@@ -139,10 +139,11 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
     let recording = reader.recording();
     let sphere = recording.specimen.specimen == SpecimenKind::Bead;
     let captured = recording.method.asd;
+    let counted: Vec<&LedgerEntry> = recording.ledger.counted().collect();
     let entries = if method.asd == captured {
-        recording.ledger.entries().iter().collect()
+        counted
     } else {
-        subset(recording.ledger.entries(), captured, method.asd).with_context(|| format!("{} views (asd)", method.asd))?
+        subset(&counted, captured, method.asd).with_context(|| format!("{} views (asd)", method.asd))?
     };
     let settings = method.pipeline(&recording.rig.camera, sphere)?;
     let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
@@ -165,6 +166,9 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
             pipeline.observe(entry.view, entry.omega, seen)?;
         }
     }
+    if recording.ended_after_views.is_some() {
+        pipeline.end_early()?;
+    }
     let (mesh, record) = pipeline.finish().with_context(|| reader.folder().display().to_string())?;
     let mut fluorescence = None;
     if let Some(second) = &recording.rig.second {
@@ -181,14 +185,14 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
 }
 
 /// Every so manieth view around the turn from view 0, and the closure view.
-fn subset(entries: &[LedgerEntry], captured: u32, asd: u32) -> anyhow::Result<Vec<&LedgerEntry>> {
+fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> anyhow::Result<Vec<&'a LedgerEntry>> {
     let possible: Vec<u32> = (RevolutionPlan::LEAST_ASD..=captured).filter(|n| captured.is_multiple_of(*n)).collect();
     if !possible.contains(&asd) {
         let possible = possible.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
         bail!("{captured} views were captured, of which {asd} do not stand evenly around the turn; possible are {possible}");
     }
     let stride = captured / asd;
-    let chosen: Vec<&LedgerEntry> = entries.iter().filter(|e| e.closure || e.view.is_multiple_of(stride)).collect();
+    let chosen: Vec<&LedgerEntry> = entries.iter().copied().filter(|e| e.closure || e.view.is_multiple_of(stride)).collect();
     let omega = |view: u32| chosen.iter().find(|e| e.view == view && !e.closure).map(|e| e.omega.to_degrees());
     let first = omega(0).context("the ledger has no view 0")?;
     let spacing = 360.0 / f64::from(captured);
@@ -229,6 +233,7 @@ mod tests {
             .zip(angles_deg)
             .map(|(view, deg)| LedgerEntry {
                 view,
+                retake: 0,
                 commanded_steps: Steps(0),
                 achieved_steps: Steps(0),
                 epoch: 1,
@@ -250,7 +255,7 @@ mod tests {
     }
 
     fn views(entries: &[LedgerEntry], captured: u32, asd: u32) -> Result<Vec<u32>, String> {
-        subset(entries, captured, asd).map(|s| s.iter().map(|e| e.view).collect()).map_err(|e| format!("{e:#}"))
+        subset(&entries.iter().collect::<Vec<_>>(), captured, asd).map(|s| s.iter().map(|e| e.view).collect()).map_err(|e| format!("{e:#}"))
     }
 
     #[test]

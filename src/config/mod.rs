@@ -12,5 +12,5 @@ pub mod references;
 
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
 pub use method::Method;
-pub use policy::{BeadGate, Deadlines, Interrupted, Policy, Resume};
+pub use policy::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};

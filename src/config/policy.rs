@@ -16,6 +16,8 @@ pub struct Policy {
     pub interrupted: Interrupted,
     /// Who lets a run go on whose lost device is back.
     pub resume: Resume,
+    /// What a specimen that goes on beyond the picture means, where it cannot be carried into view.
+    pub clipped: Clipped,
     /// What a rig whose beads are off, or too old, means for the numbers.
     pub bead_gate: BeadGate,
 }
@@ -54,6 +56,15 @@ pub enum Resume {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+pub enum Clipped {
+    /// It is measured as far as it is seen, and flagged.
+    #[default]
+    Flag,
+    Skip,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum BeadGate {
     #[default]
     Flag,
@@ -68,6 +79,7 @@ impl Default for Policy {
             retries: 1,
             interrupted: Interrupted::default(),
             resume: Resume::default(),
+            clipped: Clipped::default(),
             bead_gate: BeadGate::default(),
         }
     }
@@ -75,7 +87,7 @@ impl Default for Policy {
 
 impl Default for Deadlines {
     fn default() -> Self {
-        Self { load: 3600.0, detect: 60.0, position: 120.0, revolve: 900.0, reconstruct: 120.0, measure: 120.0, eject: 120.0, wash: 120.0 }
+        Self { load: 3600.0, detect: 60.0, position: 120.0, revolve: 900.0, reconstruct: 600.0, measure: 600.0, eject: 120.0, wash: 120.0 }
     }
 }
 

@@ -34,6 +34,10 @@ pub trait Sampler: Send {
     /// wire that says that it is there.
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError>;
+    /// Washes what the specimen of this well was in; of an outside loader that is its own business.
+    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
 }
 
 /// What a wait for the loader ends with.

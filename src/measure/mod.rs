@@ -14,6 +14,7 @@
 //! The area depends on how the mesh was smoothed by up to a tenth, so [`Measurement`] says which operator, weight and
 //! number of iterations made it.
 
+pub mod facing;
 pub mod fluorescence;
 pub mod references;
 pub mod shape;

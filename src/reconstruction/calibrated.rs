@@ -82,6 +82,19 @@ pub struct Calibrated {
 }
 
 impl Calibrated {
+    /// What became of each view, in the order of observing; nothing where there is no calibration.
+    pub fn states(&self) -> Vec<ViewState> {
+        let Ok(judged) = &self.found else { return Vec::new() };
+        let mut by_view: Vec<(usize, ViewState)> = self.order.iter().copied().zip(judged.calibration.views.iter().copied()).collect();
+        by_view.sort_by_key(|(i, _)| *i);
+        by_view.into_iter().map(|(_, state)| state).collect()
+    }
+
+    /// Whether the specimen lay elsewhere from some view on.
+    pub fn has_moved(&self) -> bool {
+        self.found.as_ref().is_ok_and(|judged| judged.calibration.moved.is_some())
+    }
+
     /// The views that count, each with the projection that it is carved through.
     pub(super) fn used(&self, of: &Reconstruction) -> Vec<(usize, Projection)> {
         let projection = |at: usize, i: usize| match &self.found {
@@ -113,15 +126,6 @@ impl Reconstruction {
         };
         let found = judged();
         Calibrated { order, found }
-    }
-
-    /// What calibrating on the views so far says of each, in the order of observing; nothing where it fails.
-    pub fn states(&self) -> Vec<ViewState> {
-        let Calibrated { order, found } = self.calibrate();
-        let Ok(judged) = found else { return Vec::new() };
-        let mut by_view: Vec<(usize, ViewState)> = order.into_iter().zip(judged.calibration.views).collect();
-        by_view.sort_by_key(|(i, _)| *i);
-        by_view.into_iter().map(|(_, state)| state).collect()
     }
 
     /// Lets a calibration pass that leaves no less than the camera as given.

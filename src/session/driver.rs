@@ -9,7 +9,7 @@ use super::state::{self, STARTABLE, Trigger};
 use super::worker::{self, Instrument, Progress, RunContext, RunEnd};
 use super::{
     Accepted, CalibrationStatus, Eta, Fault, FieldError, Mode, Phase, Plate, RunOutcome, RunPlan, RunStatus, SpecimenOutcome,
-    SpecimenStatus, State, Status, WellCounts,
+    SpecimenStatus, State, Status, WellCounts, WellStatus,
 };
 use super::{fault, gate, sentence};
 use crate::cancel::CancelToken;
@@ -646,9 +646,15 @@ impl Running {
                 });
                 self.event("specimen.phase", Some(&well), serde_json::json!({ "phase": phase }))?;
             }
-            Progress::Detected { live } => {
+            Progress::Detected { well, found, live } => {
                 self.publisher.set_live(|l| *l = live);
                 self.publish(|_| ());
+                self.event("specimen.detected", Some(&well), serde_json::to_value(found).unwrap_or_default())?;
+            }
+            Progress::TriedAgain { well, attempt, why } => {
+                let views_planned = self.active.as_ref().map_or(0, |a| a.record.method.asd);
+                self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, true, views_planned)));
+                self.event("specimen.tried_again", Some(&well), serde_json::json!({"attempt": attempt, "why": why}))?;
             }
             Progress::View { well, index, closure, achieved_steps, volume_um3, light, live } => {
                 self.publisher.set_live(|l| *l = live);
@@ -667,9 +673,13 @@ impl Running {
                     serde_json::json!({"index": index, "closure": closure, "achieved_steps": achieved_steps, "volume_um3": volume_um3});
                 self.event("view.taken", Some(&well), data)?;
             }
-            Progress::Model { glb } => {
-                self.publisher.set_live(|l| l.mesh_glb = Some(glb));
-                self.publish(|_| ());
+            Progress::Model { well, glb } => {
+                // Once the next specimen is looked at, the page shows that one.
+                let shown = |s: &SpecimenStatus| s.well == well || matches!(s.phase, Phase::Load | Phase::Position);
+                if self.publisher.status().specimen.as_ref().is_none_or(shown) {
+                    self.publisher.set_live(|l| l.mesh_glb = Some(glb));
+                    self.publish(|_| ());
+                }
             }
             Progress::Hardware { rotation, translation, counters, second } => {
                 let disk_free_bytes = self.store.free_bytes();
@@ -683,36 +693,43 @@ impl Running {
                     }
                 });
             }
-            Progress::WellDone { mut result, seconds, in_capillary } => {
-                let Some(active) = &mut self.active else { return Ok(()) };
-                gate::flag(&mut result, active.lacks_gate);
-                if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
-                    *slot = result.clone();
-                }
-                if result.outcome == Some(SpecimenOutcome::Succeeded) {
-                    active.well_seconds.push(seconds);
-                }
-                self.store.save_run(&active.record)?;
-                let mut status = run_status(&active.record);
-                status.eta_s = eta(&active.well_seconds, status.wells.pending);
-                // One revision: counters and phase change together, so that no reader sees a gap between two wells.
-                let views_planned = active.record.method.asd;
-                let next = active.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.clone());
-                self.publish(|s| {
-                    s.run = Some(status);
-                    match next {
-                        Some(next) => s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, false, views_planned)),
-                        None => {
-                            if let Some(specimen) = &mut s.specimen {
-                                specimen.in_capillary = in_capillary;
-                            }
-                        }
-                    }
-                });
-                let data = serde_json::to_value(&result).unwrap_or_default();
-                self.event("specimen.done", Some(&result.well), data)?;
-            }
+            Progress::WellDone { result, seconds, times, in_capillary } => self.well_done(result, seconds, &times, in_capillary)?,
         }
+        Ok(())
+    }
+
+    /// All of a well is on disk; the next may be under way.
+    fn well_done(&mut self, mut result: WellStatus, seconds: f64, times: &worker::WellTimes, in_capillary: bool) -> Result<(), StoreError> {
+        let Some(active) = &mut self.active else { return Ok(()) };
+        gate::flag(&mut result, active.lacks_gate);
+        if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
+            *slot = result.clone();
+        }
+        if result.outcome == Some(SpecimenOutcome::Succeeded) {
+            active.well_seconds.push(seconds);
+        }
+        self.store.save_run(&active.record)?;
+        let mut status = run_status(&active.record);
+        status.eta_s = eta(&active.well_seconds, status.wells.pending);
+        // One revision: counters and phase change together, so that no reader sees a gap between two wells.
+        let views_planned = active.record.method.asd;
+        let next = active.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.clone());
+        self.publish(|s| {
+            s.run = Some(status);
+            match next {
+                // The next one is brought already while the numbers of this one were made.
+                _ if s.specimen.as_ref().is_some_and(|x| x.well != result.well) => {}
+                Some(next) => s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, false, views_planned)),
+                None => {
+                    if let Some(specimen) = &mut s.specimen {
+                        specimen.in_capillary = in_capillary;
+                    }
+                }
+            }
+        });
+        let mut data = serde_json::to_value(&result).unwrap_or_default();
+        data["times"] = serde_json::to_value(times).unwrap_or_default();
+        self.event("specimen.done", Some(&result.well), data)?;
         Ok(())
     }
 

@@ -28,7 +28,7 @@ mod worker;
 pub use concentration::ConcentrationUnit;
 pub use driver::{Driver, DriverError};
 pub use heart::Heart;
-pub use worker::Instrument;
+pub use worker::{Instrument, WellTimes};
 
 pub use event::Event;
 pub use fault::table::{ALL as FAULT_CODES, FaultCode};

@@ -45,6 +45,22 @@ pub enum Phase {
     Wash,
 }
 
+impl Phase {
+    /// The word for it in files and events.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Load => "load",
+            Self::Detect => "detect",
+            Self::Position => "position",
+            Self::Revolve => "revolve",
+            Self::Reconstruct => "reconstruct",
+            Self::Measure => "measure",
+            Self::Eject => "eject",
+            Self::Wash => "wash",
+        }
+    }
+}
+
 /// How a run ended. `null` until it has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
@@ -181,6 +197,9 @@ pub struct WellStatus {
     pub field_area_um2: Option<f64>,
     /// Of the fitted sphere, for beads.
     pub diameter_um: Option<f64>,
+    /// Views that count; fewer than planned where some did not belong, or the method ended the turn early.
+    #[serde(default)]
+    pub views: Option<u32>,
     /// Fluorescence in the second camera per volume: grey levels times px per nl.
     #[serde(default)]
     pub signal_per_nl: Option<f64>,
@@ -207,6 +226,7 @@ impl WellStatus {
             field_volume_um3: None,
             field_area_um2: None,
             diameter_um: None,
+            views: None,
             signal_per_nl: None,
             reference: None,
         }

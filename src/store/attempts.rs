@@ -25,6 +25,21 @@ pub(super) fn earlier(run: &Path, well: &str) -> Vec<u32> {
     found
 }
 
+/// Moves what is there of a well of this run aside, durably; gives the number of the attempt that was kept. Nothing where the well
+/// has no folder.
+///
+/// # Errors
+/// A folder that cannot be moved; then nothing was.
+pub fn set_aside(run: &Path, well: &str) -> Result<Option<u32>, StoreError> {
+    let newest = run.join(well);
+    if !newest.is_dir() {
+        return Ok(None);
+    }
+    let number = earlier(run, well).last().map_or(1, |n| n + 1);
+    durable::rename(&newest, &run.join(folder_name(well, number)))?;
+    Ok(Some(number))
+}
+
 impl Store {
     /// Moves what is there of a well aside, durably, so that it can be done again; gives the number of the attempt that was kept. Nothing
     /// where the well has no folder.
@@ -32,16 +47,10 @@ impl Store {
     /// # Errors
     /// A folder that cannot be moved; then nothing was.
     pub fn keep_attempt(&self, run: &str, well: &str) -> Result<Option<u32>, StoreError> {
-        let folder = self.run_folder(run);
-        let newest = folder.join(well);
-        if !newest.is_dir() {
-            return Ok(None);
-        }
-        let number = earlier(&folder, well).last().map_or(1, |n| n + 1);
-        durable::rename(&newest, &folder.join(folder_name(well, number)))?;
-        if let Some(record) = self.run(run)? {
+        let kept = set_aside(&self.run_folder(run), well)?;
+        if let (Some(_), Some(record)) = (kept, self.run(run)?) {
             self.index.run_anew(&record);
         }
-        Ok(Some(number))
+        Ok(kept)
     }
 }

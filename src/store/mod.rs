@@ -32,6 +32,7 @@ mod schema;
 mod sums;
 
 pub use archive::{Pruned, Receipt, archive, prune, run_names};
+pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};

@@ -3,6 +3,7 @@
 //! ```text
 //! runs/RUN/A01/recording.json          rig, method, ledger (rewritten durably after each view)
 //!              frames/view_000.png     the raw frame, lossless; Bayer frames stay mosaics
+//!              frames/view_000.retake-1.png   the same view taken again, where the first take did not belong
 //!              frames/closure.png      the view at 360 deg
 //!              second/view_000.png     the second camera's frame of the same view, where there is one
 //!              frames/empty.png        the empty capillary that the frames are compared with, where there is one
@@ -159,6 +160,9 @@ pub struct Recording {
     /// Of `references.json`, where there are references of a larva.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub references_sha256: Option<String>,
+    /// The turn was ended after so many of its planned views, by the method's rule.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ended_after_views: Option<u32>,
     /// In the order in which the views were taken.
     pub ledger: Ledger,
 }
@@ -177,6 +181,7 @@ impl Recording {
             method,
             truth: None,
             references_sha256: None,
+            ended_after_views: None,
             ledger: Ledger::default(),
         }
     }
@@ -184,11 +189,19 @@ impl Recording {
 
 /// The frame file of a ledger entry, relative to the recording.
 fn frame_file(entry: &LedgerEntry) -> String {
-    if entry.closure { "frames/closure.png".into() } else { format!("frames/view_{:03}.png", entry.view) }
+    picture_file("frames", entry)
 }
 
 fn second_file(entry: &LedgerEntry) -> String {
-    if entry.closure { "second/closure.png".into() } else { format!("second/view_{:03}.png", entry.view) }
+    picture_file("second", entry)
+}
+
+fn picture_file(folder: &str, entry: &LedgerEntry) -> String {
+    let name = if entry.closure { "closure".to_owned() } else { format!("view_{:03}", entry.view) };
+    match entry.retake {
+        0 => format!("{folder}/{name}.png"),
+        again => format!("{folder}/{name}.retake-{again}.png"),
+    }
 }
 
 /// The frame of the empty capillary, relative to the recording.
@@ -257,6 +270,12 @@ impl RecordingWriter {
 
     pub fn recording(&self) -> &Recording {
         &self.recording
+    }
+
+    /// Says that the turn is whole with fewer views than were planned.
+    pub fn end_after(&mut self, views: u32) -> Result<(), StoreError> {
+        self.recording.ended_after_views = Some(views);
+        self.save()
     }
 
     /// Frame first, then the ledger that names it: a ledger never lists a frame that is not there.
@@ -331,7 +350,7 @@ impl RecordingReader {
 
     /// A whole revolution, or the error that says how much of it there is.
     pub fn require_finished(&self) -> Result<(), StoreError> {
-        let expected = self.recording.method.asd;
+        let expected = self.recording.ended_after_views.unwrap_or(self.recording.method.asd);
         let found = self.recording.ledger.carved().count();
         if found != expected as usize {
             return Err(StoreError::Unfinished { path: self.folder.clone(), expected, found });

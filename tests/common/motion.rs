@@ -5,7 +5,7 @@
 mod wait;
 pub use wait::{PATIENCE, until};
 
-use carved::acquisition::{AcquisitionSettings, Ledger, RevolutionPlan, ViewOrder, revolve};
+use carved::acquisition::{AcquisitionSettings, Ledger, Next, RevolutionPlan, ViewOrder, revolve};
 use carved::cancel::CancelToken;
 use carved::device::camera::{self, AravisSettings, CameraSelect};
 use carved::device::{Position, Rig, RotationAxis};
@@ -59,7 +59,7 @@ pub fn turn(emulated: &hardware_sim::Rig, devices: &mut Rig, order: ViewOrder) -
     let mut frames = Vec::new();
     let ledger = revolve(devices, &plan(order), &settings, &CancelToken::new(), |_, frame| {
         frames.push(frame);
-        Ok(())
+        Ok(Next::View)
     })
     .unwrap();
     assert_eq!((ledger.carved().count(), frames.len()), (12, 13));

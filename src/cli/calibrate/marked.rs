@@ -119,7 +119,7 @@ fn find(args: &Args) -> anyhow::Result<Found> {
     let reader = RecordingReader::open(&args.recording)?;
     let recording = reader.recording();
     let camera = &recording.rig.camera;
-    let entries = recording.ledger.entries();
+    let entries: Vec<_> = recording.ledger.counted().collect();
     let first = recording.ledger.carved().next().context("the ledger has 0 views; a turn is expected")?;
     let mut unread = None;
     let pictures = entries.iter().map_while(|entry| {

@@ -49,6 +49,7 @@ pub(super) fn write(out: &Path, recording: Recording, imported: &Imported) -> an
         let frame = looked.frame()?;
         let entry = LedgerEntry {
             view: stop.view,
+            retake: 0,
             commanded_steps: stop.steps,
             achieved_steps: stop.steps,
             epoch: 1,

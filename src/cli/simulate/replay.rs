@@ -24,6 +24,11 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     let reader = RecordingReader::open(path)?;
     reader.require_finished()?;
     let recording = reader.recording();
+    anyhow::ensure!(
+        recording.ended_after_views.is_none(),
+        "{}: its turn was ended early, and a replay needs every view; `carved measure` measures it",
+        reader.folder().display()
+    );
     stands_as_planned(recording).with_context(|| reader.folder().display().to_string())?;
     let stored = reader.folder().join(MEASUREMENT);
     let (recorded, name) = if stored.is_file() {
@@ -48,8 +53,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     let reference = reference(&config.rotation);
     let frames = recording
         .ledger
-        .entries()
-        .iter()
+        .counted()
         .map(|entry| {
             let frame = reader.frame(entry)?;
             let angle_rad = recording.rig.steps_per_revolution.angle(entry.achieved_steps + reference);
@@ -74,7 +78,7 @@ fn reference(rotation: &RotationDriver) -> Steps {
 /// The emulated axis makes an even turn from step 0: only frames of its stops can be shown.
 fn stands_as_planned(recording: &Recording) -> anyhow::Result<()> {
     let plan = RevolutionPlan::new(recording.method.asd, recording.rig.steps_per_revolution, recording.method.order)?;
-    for entry in recording.ledger.entries() {
+    for entry in recording.ledger.counted() {
         let stop = plan.stops().iter().find(|s| s.view == entry.view).context("a view that its method does not have")?;
         anyhow::ensure!(
             stop.target == entry.commanded_steps,

@@ -3,7 +3,7 @@
 pub mod table;
 
 use super::worker::RunError;
-use super::{Fault, SchedulerAction};
+use super::{Fault, Phase, SchedulerAction};
 use crate::acquisition::AcquisitionError;
 use crate::device::DeviceError;
 use table::FaultCode;
@@ -91,6 +91,8 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
     let code = match error {
         RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => code_of_device(e),
         RunError::Acquisition(_) => &table::REVOLUTION_FAILED,
+        RunError::Overrun(e) if matches!(e.phase, Phase::Load | Phase::Eject | Phase::Wash) => &table::SAMPLER_OVERRUN,
+        RunError::Overrun(_) => &table::POSITION_OVERRUN,
         RunError::Second(_) => &table::SECOND_CAMERA_FAILED,
         RunError::Store(e) if e.is_full() => &table::DISK_FULL,
         RunError::Store(_) => &table::STORE_FAILED,

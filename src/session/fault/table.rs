@@ -107,6 +107,12 @@ codes! {
     SAMPLER_FAILED = "sampler_failed", Sampler, PauseInstrument, operator: true, recoverable: true,
         "The sampler did not bring or take away a specimen.",
         "Look whether a specimen is stuck in the tubing or the capillary, and take it out. Then say so to the instrument.";
+    POSITION_OVERRUN = "position_overrun", Motion, PauseInstrument, operator: true, recoverable: true,
+        "The reference, or bringing the specimen into view, took longer than the method's policy allows, more often than it is tried.",
+        "Look what holds the capillary or the axis up. If it is only slow, allow the phase more time in the method's policy.";
+    SAMPLER_OVERRUN = "sampler_overrun", Sampler, PauseInstrument, operator: true, recoverable: true,
+        "Loading, ejecting or washing took longer than the method's policy allows.",
+        "Look whether a specimen is stuck, or who should have brought it. If it is only slow, allow the phase more time in the method's policy.";
     STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
         "Something could not be written to disk. The plate is not called removable.",
         "Check that the data folder is there, belongs to the daemon and can be written. Then start a new run.";

@@ -1,0 +1,83 @@
+//! What keeps a well from its revolution: the frame on which it is judged, before anything turns.
+
+use crate::acquisition::Light;
+use crate::config::{Clipped, Policy};
+use crate::frame::RawFrame;
+use crate::profile::Profile;
+
+/// A frame whose median is below this shows no light; one of a lit capillary has 100 and more of 255.
+const DARK: f64 = 8.0;
+/// From here on the bore is full: a larva of 5 dpf covers a third of it, and no larva this much.
+const BLOCKED_SHARE: f64 = 0.9;
+
+/// Why a well with this frame is not worth a revolution: one of [`crate::profile::Kind`]'s names, `blocked` or `clipped`.
+pub fn skipped(profile: &Profile, policy: &Policy) -> Option<&'static str> {
+    let found = &profile.detection;
+    if filled_share(profile) > BLOCKED_SHARE {
+        return Some("blocked");
+    }
+    let clipped = found.is_clipped_left() || found.is_clipped_right();
+    found.skip_reason().or_else(|| (clipped && policy.clipped == Clipped::Skip).then_some("clipped"))
+}
+
+/// Share of the bore in the picture that does not let light through.
+fn filled_share(profile: &Profile) -> f64 {
+    let width = profile.mask.width() as f64;
+    let bore_px = profile.walls.bore_px(width / 2.0);
+    profile.mask.area_px() as f64 / (bore_px * width).max(1.0)
+}
+
+/// Why a frame shows nothing at all, whatever is in the capillary; it is no skipped well, since nobody looked into it.
+pub fn dark(frame: &RawFrame) -> Option<String> {
+    let background = Light::of(frame).background;
+    (background < DARK).then(|| {
+        format!(
+            "no light: half of the frame is below {background} of 255, a lit one has {DARK} and more. Look at the lamp and the exposure"
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame::PixelFormat;
+    use crate::profile::{Picture, SegmentSettings, segment};
+    use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
+
+    fn profile(x_um: f64) -> Profile {
+        let scene = Scene::new(SceneSettings::default());
+        scene.load(Some(Specimen::larva(4, 1).unwrap().placed(Placement { x_um, ..Placement::default() }))).unwrap();
+        let seen = scene.render(&Exposure { angle_rad: 0.0, number: 0 });
+        let frame = RawFrame::new(seen.width, seen.height, PixelFormat::BayerRG8, seen.to_bayer_rg8()).unwrap();
+        assert_eq!(dark(&frame), None);
+        segment(&Picture::from_frame(&frame), &SegmentSettings::default()).unwrap()
+    }
+
+    #[test]
+    fn a_larva_is_worth_its_turn_and_a_full_bore_is_not() {
+        let mut seen = profile(0.0);
+        let policy = Policy::default();
+        assert_eq!(skipped(&seen, &policy), None);
+        assert!(filled_share(&seen) < 0.5, "{}", filled_share(&seen));
+        for v in 0..seen.mask.height() {
+            for u in 0..seen.mask.width() {
+                let inside = seen.walls.upper.inner.at(u as f64) < v as f64 && (v as f64) < seen.walls.lower.inner.at(u as f64);
+                seen.mask.set(u, v, inside);
+            }
+        }
+        assert_eq!(skipped(&seen, &policy), Some("blocked"));
+    }
+
+    #[test]
+    fn a_larva_that_the_picture_cuts_is_skipped_only_where_the_method_says_so() {
+        let cut = profile(2000.0);
+        assert_eq!(skipped(&cut, &Policy::default()), None);
+        assert_eq!(skipped(&cut, &Policy { clipped: Clipped::Skip, ..Policy::default() }), Some("clipped"));
+    }
+
+    #[test]
+    fn a_frame_without_light_is_told_by_its_level() {
+        let frame = RawFrame::new(64, 64, PixelFormat::Mono8, vec![3; 64 * 64]).unwrap();
+        assert!(dark(&frame).is_some_and(|why| why.contains('3') && why.contains("lamp")));
+    }
+}

@@ -1,0 +1,309 @@
+//! The blocking half of a run: it owns the rig while the run lasts, well by well, and tells the driver what it does.
+//!
+//! ```text
+//!  rig thread     load ─> position ─> detect ─> revolve ──────────> verdict ─> eject ─> wash ─> load ─> position ...
+//!                                                  │ views             ^  │ accepted              │
+//!  specimen thread                                 └─> store, carve ───┘  └─> surface, measures ──┘ done by then
+//! ```
+
+mod clock;
+mod gates;
+mod retry;
+mod science;
+mod specimen;
+mod turn;
+mod watch;
+mod well;
+
+pub use clock::WellTimes;
+pub use watch::Overrun;
+
+use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, TranslationStatus, WellStatus, placing};
+use crate::acquisition::{AcquisitionError, Light, PlanError, RevolutionPlan};
+use crate::cancel::CancelToken;
+use crate::config::{Config, Method};
+use crate::device::sampler::Sampler;
+use crate::device::{Camera, DeviceError, Position, Rig, StreamCounters};
+use crate::pipeline::{Pipeline, PipelineError};
+use crate::profile::{Detection, Profile};
+use crate::store::{Recording, RigRecord, SecondRecord, StoreError};
+use science::Science;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::mpsc::Sender;
+
+/// The devices and who fills the capillary.
+pub struct Instrument {
+    pub rig: Rig,
+    /// A second camera, triggered per view after the rig's.
+    pub second: Option<Box<dyn Camera>>,
+    pub sampler: Box<dyn Sampler>,
+}
+
+/// What the worker tells the driver; the driver alone changes status and journal.
+pub enum Progress {
+    /// The camera is armed, wells follow.
+    Ready,
+    WaitingForLoader {
+        well: String,
+    },
+    Phase {
+        well: String,
+        phase: Phase,
+        in_capillary: bool,
+    },
+    /// The frame on which the well is judged; what was shown before belongs to another specimen.
+    Detected {
+        well: String,
+        /// Nothing where the frame cannot be judged.
+        found: Option<Detection>,
+        live: Live,
+    },
+    /// The specimen is taken from its reference again.
+    TriedAgain {
+        well: String,
+        /// The attempt that failed, from 1.
+        attempt: u32,
+        why: String,
+    },
+    View {
+        well: String,
+        index: u32,
+        closure: bool,
+        achieved_steps: i64,
+        volume_um3: Option<f64>,
+        light: Option<Light>,
+        live: Live,
+    },
+    /// The finished surface, for the page; another specimen may be in the capillary by then.
+    Model {
+        well: String,
+        glb: Arc<Vec<u8>>,
+    },
+    /// Everything of this well is on disk; the next may be under way already.
+    WellDone {
+        result: WellStatus,
+        /// How long the well had the rig.
+        seconds: f64,
+        times: WellTimes,
+        /// Where the loader takes specimens out, only the loader knows when.
+        in_capillary: bool,
+    },
+    Hardware {
+        rotation: RotationStatus,
+        translation: Option<TranslationStatus>,
+        counters: StreamCounters,
+        second: Option<StreamCounters>,
+    },
+}
+
+/// How the worker ended.
+pub enum RunEnd {
+    AllWells,
+    /// It was asked to end after the specimen under way, and wells are left.
+    Paused,
+    Cancelled,
+    Failed(RunError),
+}
+
+/// What ends a whole run: the instrument or the disk, never one specimen.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    #[error(transparent)]
+    Device(#[from] DeviceError),
+    #[error(transparent)]
+    Acquisition(#[from] AcquisitionError),
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Overrun(#[from] Overrun),
+    #[error("second camera: {0}")]
+    Second(DeviceError),
+    #[error("the specimen thread ended without a result; see the log")]
+    SpecimenThread,
+}
+
+/// Everything a run needs besides the instrument.
+#[derive(Clone)]
+pub struct RunContext {
+    pub config: Arc<Config>,
+    pub mode: Mode,
+    pub run: String,
+    /// The wells still to do, in order.
+    pub wells: Vec<PlannedWell>,
+    /// A well whose specimen an earlier life of the daemon may have left in the capillary: it is taken out before anything else.
+    pub eject_first: Option<String>,
+    pub method_name: String,
+    pub method: Method,
+    pub folder: PathBuf,
+    pub cancel: CancelToken,
+    /// Ends the run once the specimen under way is done; the motors are not stopped.
+    pub pause: CancelToken,
+    pub progress: Sender<Progress>,
+}
+
+/// The rig thread.
+struct Worker {
+    context: Arc<RunContext>,
+    instrument: Instrument,
+}
+
+/// Why a well has no number.
+enum WellEnd {
+    Skipped(&'static str),
+    Failed(String),
+}
+
+/// Runs all wells and gives the instrument back.
+pub fn run(instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd) {
+    let mut worker = Worker { context: Arc::new(context.clone()), instrument };
+    let mut numbers = None;
+    let ended = worker.all_wells(&mut numbers);
+    if ended.is_err() || context.cancel.is_cancelled() {
+        worker.instrument.rig.rotation.stop_handle().stop();
+    }
+    // What was accepted before is measured and kept, however the run ends.
+    let settled = context.settle(&mut numbers);
+    let end = match ended.and_then(|flow| settled.map(|()| flow)) {
+        Ok(ControlFlow::Continue(())) => RunEnd::AllWells,
+        Ok(ControlFlow::Break(())) if !context.cancel.is_cancelled() => RunEnd::Paused,
+        // A stop that was asked for shows as a device error on its way out; it is no fault.
+        Ok(ControlFlow::Break(())) => RunEnd::Cancelled,
+        Err(_) if context.cancel.is_cancelled() => RunEnd::Cancelled,
+        Err(e) => RunEnd::Failed(e),
+    };
+    (worker.disarmed(), end)
+}
+
+impl Worker {
+    fn all_wells(&mut self, numbers: &mut Option<Science>) -> Result<ControlFlow<()>, RunError> {
+        self.instrument.rig.camera.arm()?;
+        if let Some(second) = &mut self.instrument.second {
+            second.arm().map_err(RunError::Second)?;
+        }
+        self.context.tell(Progress::Ready);
+        if let Some(well) = self.context.eject_first.clone() {
+            self.eject(&well, true, &mut WellTimes::default())?;
+        }
+        let context = Arc::clone(&self.context);
+        for planned in &context.wells {
+            if context.cancel.is_cancelled() || context.pause.is_cancelled() {
+                return Ok(ControlFlow::Break(()));
+            }
+            if self.well(planned, numbers)?.is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// The instrument as it is handed back.
+    fn disarmed(mut self) -> Instrument {
+        // One that is lost is taken apart when it is opened again.
+        if !self.instrument.rig.camera.is_lost()
+            && let Err(error) = self.instrument.rig.camera.disarm()
+        {
+            tracing::warn!(%error, "the camera did not disarm");
+        }
+        if let Some(second) = self.instrument.second.as_mut().filter(|second| !second.is_lost())
+            && let Err(error) = second.disarm()
+        {
+            tracing::warn!(%error, "the second camera did not disarm");
+        }
+        self.context.hardware(&mut self.instrument);
+        self.instrument
+    }
+}
+
+impl RunContext {
+    fn tell(&self, progress: Progress) {
+        // Without a driver nobody could end this run any more: it ends itself.
+        if self.progress.blocking_send(progress).is_err() {
+            self.cancel.cancel();
+        }
+    }
+
+    fn phase(&self, well: &str, phase: Phase, in_capillary: bool) {
+        self.tell(Progress::Phase { well: well.to_owned(), phase, in_capillary });
+    }
+
+    /// Waits until the numbers of the specimen that was accepted last are on disk, as long as they may take.
+    fn settle(&self, numbers: &mut Option<Science>) -> Result<(), RunError> {
+        numbers.take().map_or(Ok(()), |science| science.settle(self.allowed(Phase::Measure)))
+    }
+
+    /// How long a phase may take.
+    fn allowed(&self, phase: Phase) -> Duration {
+        self.method.policy.deadlines_s.of(phase)
+    }
+
+    fn hardware(&self, instrument: &mut Instrument) {
+        let rig = &mut instrument.rig;
+        let (referenced, position_steps) = match rig.rotation.position() {
+            Position::Referenced { steps, .. } => (true, Some(steps)),
+            Position::Unknown | Position::Suspect { .. } => (false, None),
+        };
+        self.tell(Progress::Hardware {
+            rotation: RotationStatus {
+                identity: Some(rig.rotation.identity().to_owned()),
+                connected: true,
+                referenced,
+                can_stop: Some(rig.rotation.capabilities().can_stop),
+                position_steps: position_steps.map(|s| s.0),
+                position_deg: position_steps.map(|s| self.config.steps_per_revolution.angle(s).to_degrees()),
+            },
+            translation: self.translation(rig),
+            counters: rig.camera.counters(),
+            second: instrument.second.as_ref().map(|second| second.counters()),
+        });
+    }
+
+    /// Of the axis along the capillary, where the rig has one.
+    fn translation(&self, rig: &mut Rig) -> Option<TranslationStatus> {
+        let settings = self.config.translation.as_ref()?;
+        let position = rig.rotation.linear().map(|axis| axis.position());
+        Some(TranslationStatus::new(rig.rotation.identity(), position, |steps| settings.um(steps)))
+    }
+
+    fn plan(&self) -> Result<RevolutionPlan, PlanError> {
+        RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order)
+    }
+
+    fn deadline(&self) -> Duration {
+        Duration::from_millis(self.config.acquisition.grab_deadline_ms.into())
+    }
+
+    /// What looks at this well's frames and measures its specimen.
+    fn pipeline(&self, planned: &PlannedWell) -> Result<Pipeline, PipelineError> {
+        let settings = self.method.pipeline(&self.config.optics, planned.specimen == SpecimenKind::Bead)?;
+        Pipeline::new(settings.compared_with(self.config.empty_capillary.as_deref())?)
+    }
+
+    /// What a well's record begins with.
+    fn recording(&self, planned: &PlannedWell, instrument: &Instrument) -> Recording {
+        let second = instrument.second.as_ref().zip(self.config.second.as_ref());
+        let rig = RigRecord {
+            name: self.config.rig_name.clone(),
+            camera: self.config.optics.clone(),
+            pixel_format: self.config.camera.pixel_format(),
+            steps_per_revolution: self.config.steps_per_revolution,
+            sense: self.config.acquisition.sense,
+            empty_capillary_sha256: None,
+            rotation_identity: instrument.rig.rotation.identity().to_owned(),
+            camera_identity: instrument.rig.camera.identity().to_owned(),
+            second: second
+                .map(|(camera, configured)| SecondRecord { optics: configured.optics.clone(), identity: camera.identity().to_owned() }),
+        };
+        Recording::new(&self.run, planned.clone(), self.mode, rig, &self.method_name, self.method.clone())
+    }
+
+    /// How far the axis is to carry the capillary along for more of the specimen to be seen; nothing where it cannot be.
+    fn out_of_view_um(&self, planned: &PlannedWell, profile: &Profile) -> Option<f64> {
+        let sense = self.config.translation?.sense;
+        let shift_px = placing::shift_px(profile)?;
+        tracing::info!(well = %planned.well, shift_px, "the specimen is not all in view");
+        Some(sense.sign() * shift_px / self.config.optics.kx)
+    }
+}

@@ -1,0 +1,126 @@
+//! The rig thread's end of a specimen thread: what it is handed, what it answers, and how long its end is waited for.
+
+use super::clock::StageClock;
+use super::specimen::{Ended, Specimen, Work};
+use super::{Overrun, Progress, RunContext, RunError, WellTimes};
+use crate::acquisition::SinkClosed;
+use crate::cancel::CancelToken;
+use crate::pipeline::{Pipeline, TurnVerdict};
+use crate::session::{Phase, PlannedWell, SpecimenOutcome, WellStatus};
+use crate::store::RecordingWriter;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// What is sent besides the views of a turn and those that are taken again.
+const WORDS: usize = 8;
+/// How often a wait looks whether the run was cancelled.
+const CANCEL_CHECK: Duration = Duration::from_millis(20);
+
+/// A specimen thread as the rig thread has it.
+pub struct Science {
+    context: Arc<RunContext>,
+    planned: PlannedWell,
+    work: SyncSender<Work>,
+    verdicts: Receiver<TurnVerdict>,
+    /// Closed when the thread has ended.
+    alive: Receiver<()>,
+    thread: JoinHandle<Result<Ended, RunError>>,
+    unwanted: Arc<AtomicBool>,
+    told: Arc<AtomicBool>,
+    enough: Arc<AtomicBool>,
+    stays: bool,
+}
+
+/// Why there is no verdict.
+pub enum NoVerdict {
+    Overrun(Overrun),
+    Cancelled,
+    /// The thread has ended by itself: its end says why.
+    Ended,
+}
+
+impl Science {
+    pub fn start(context: &Arc<RunContext>, planned: &PlannedWell, pipeline: Pipeline, writer: RecordingWriter, stays: bool) -> Self {
+        // Room for every view: the axis never waits for the science.
+        let (work, handed) = sync_channel(2 * context.method.asd as usize + WORDS);
+        let (verdict, verdicts) = channel();
+        let (living, alive) = channel();
+        let [unwanted, told, enough] = std::array::from_fn(|_| Arc::new(AtomicBool::new(false)));
+        let specimen = Specimen {
+            context: Arc::clone(context),
+            planned: planned.clone(),
+            pipeline,
+            writer,
+            seconds: Vec::new(),
+            stages: StageClock::default(),
+            unwanted: Arc::clone(&unwanted),
+            told: Arc::clone(&told),
+            estimates: Vec::new(),
+            enough: Arc::clone(&enough),
+            stays,
+        };
+        let thread = std::thread::spawn(move || {
+            let _living = living;
+            specimen.run(&handed, &verdict)
+        });
+        Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, told, enough, stays }
+    }
+
+    /// # Errors
+    /// The thread has ended: [`Self::close`] says why.
+    pub fn send(&self, work: Work) -> Result<(), SinkClosed> {
+        self.work.send(work).map_err(|_| SinkClosed)
+    }
+
+    /// Whether the views that are there are enough by the method's rule.
+    pub fn has_enough(&self) -> bool {
+        self.enough.load(Ordering::Acquire)
+    }
+
+    /// Asks for the verdict on the turn and waits for it.
+    pub fn verdict(&self, allowed: Duration, cancel: &CancelToken) -> Result<TurnVerdict, NoVerdict> {
+        let began = Instant::now();
+        self.send(Work::Turned).map_err(|SinkClosed| NoVerdict::Ended)?;
+        loop {
+            match self.verdicts.recv_timeout(CANCEL_CHECK) {
+                Ok(verdict) => return Ok(verdict),
+                Err(RecvTimeoutError::Disconnected) => return Err(NoVerdict::Ended),
+                Err(RecvTimeoutError::Timeout) if cancel.is_cancelled() => return Err(NoVerdict::Cancelled),
+                Err(RecvTimeoutError::Timeout) if began.elapsed() >= allowed => {
+                    self.unwanted.store(true, Ordering::Release);
+                    return Err(NoVerdict::Overrun(Overrun::new(Phase::Reconstruct, began.elapsed(), allowed)));
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+        }
+    }
+
+    /// Wants no number any more, lets the thread store what it was handed and close its record, and gives its end.
+    pub fn close(self) -> Result<Ended, RunError> {
+        self.unwanted.store(true, Ordering::Release);
+        drop(self.work);
+        self.thread.join().map_err(|_| RunError::SpecimenThread)?
+    }
+
+    /// Waits for the numbers of a specimen that is out of the way. One that takes longer than `allowed` fails; its thread is left to
+    /// itself and tells nothing any more.
+    pub fn settle(self, allowed: Duration) -> Result<(), RunError> {
+        let began = Instant::now();
+        drop(self.work);
+        if self.alive.recv_timeout(allowed) == Err(RecvTimeoutError::Timeout) && !self.told.swap(true, Ordering::AcqRel) {
+            let overrun = Overrun::new(Phase::Measure, began.elapsed(), allowed);
+            let mut result = WellStatus::pending(&self.planned);
+            result.end(SpecimenOutcome::Failed, Some(&overrun.to_string()));
+            let seconds = began.elapsed().as_secs_f64();
+            self.context.tell(Progress::WellDone { result, seconds, times: WellTimes::default(), in_capillary: self.stays });
+            return Ok(());
+        }
+        match self.thread.join().map_err(|_| RunError::SpecimenThread)?? {
+            Ended::Told => Ok(()),
+            Ended::Failed(_) | Ended::Dropped => Err(RunError::SpecimenThread),
+        }
+    }
+}

@@ -1,0 +1,263 @@
+//! The specimen thread: it stores and carves what the rig thread hands on, judges the turn, and measures while the next specimen
+//! is brought.
+//!
+//! ```text
+//! View ─> store ─> profile ─> carve ─> live picture
+//! Turned ──────> calibrate ─> TurnVerdict            the larva is still in the capillary
+//! Accepted ────> surface ─> measures ─> files    it is taken out meanwhile
+//! Out ─────────> timings, sums ─> WellDone
+//! ```
+
+use super::clock::{StageClock, Timings};
+use super::{Progress, RunContext, RunError, WellTimes};
+use crate::acquisition::LedgerEntry;
+use crate::frame::RawFrame;
+use crate::pipeline::{Pipeline, PipelineError, TurnVerdict};
+use crate::quality::{Estimate, should_stop};
+use crate::session::live;
+use crate::session::{Mode, PlannedWell, ReferenceStatus, SpecimenOutcome, WellStatus};
+use crate::store::{self, MEASUREMENT, MeasurementFile, RecordingWriter, StoreError};
+use crate::{export, session::Phase};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, Sender};
+use std::time::Instant;
+
+/// What the rig thread hands on.
+#[allow(clippy::large_enum_variant, reason = "nearly all of them are views")]
+pub enum Work {
+    View {
+        entry: LedgerEntry,
+        frame: RawFrame,
+        second: Option<RawFrame>,
+    },
+    /// All views are there: a verdict is waited for.
+    Turned,
+    /// No view follows: the specimen is measured.
+    Accepted,
+    /// The specimen is out of the way; what its well took so far, and how long it had the rig, s.
+    Out {
+        times: WellTimes,
+        seconds: f64,
+    },
+}
+
+/// How the thread ended.
+pub enum Ended {
+    /// The well's result is told.
+    Told,
+    /// Why there is no number.
+    Failed(String),
+    /// The rig thread wanted no number.
+    Dropped,
+}
+
+/// One turn of one specimen.
+pub struct Specimen {
+    pub context: Arc<RunContext>,
+    pub planned: PlannedWell,
+    pub pipeline: Pipeline,
+    pub writer: RecordingWriter,
+    /// Of the second camera.
+    pub seconds: Vec<(LedgerEntry, RawFrame)>,
+    pub stages: StageClock,
+    /// Nobody wants a number any more: views are stored, and that is all.
+    pub unwanted: Arc<AtomicBool>,
+    /// Whoever sets it tells the well's result.
+    pub told: Arc<AtomicBool>,
+    /// After each view from which on the method's rule may end the turn.
+    pub estimates: Vec<Estimate>,
+    /// The rule has ended it: the rig thread goes to the closure view.
+    pub enough: Arc<AtomicBool>,
+    /// Only the loader knows when the specimen is out.
+    pub stays: bool,
+}
+
+/// Why no verdict is asked for any more.
+enum Turn {
+    Accepted,
+    Failed(String),
+    Dropped,
+}
+
+impl Specimen {
+    /// Works through what the rig thread hands on; the record is closed on every way out.
+    pub fn run(mut self, work: &Receiver<Work>, verdicts: &Sender<TurnVerdict>) -> Result<Ended, RunError> {
+        let ended = match self.follow(work, verdicts) {
+            Ok(Turn::Accepted) => return self.measured(work),
+            Ok(Turn::Failed(why)) => Ok(Ended::Failed(why)),
+            Ok(Turn::Dropped) => Ok(Ended::Dropped),
+            Err(e) => Err(e),
+        };
+        let closed = self.writer.close();
+        let ended = ended?;
+        closed?;
+        Ok(ended)
+    }
+
+    fn follow(&mut self, work: &Receiver<Work>, verdicts: &Sender<TurnVerdict>) -> Result<Turn, RunError> {
+        let mut next = work.recv().ok();
+        loop {
+            match next.take() {
+                Some(Work::View { entry, frame, second }) => match self.view(entry, &frame, second, || work.try_recv().ok())? {
+                    Ok(waiting) => next = waiting,
+                    Err(e) => return Ok(Turn::Failed(e.to_string())),
+                },
+                Some(Work::Turned) => {
+                    if self.enough.load(Ordering::Acquire)
+                        && let Err(e) = self.ended_early()?
+                    {
+                        return Ok(Turn::Failed(e.to_string()));
+                    }
+                    let pipeline = &mut self.pipeline;
+                    let verdict = self.stages.calibrate.time(|| pipeline.judge());
+                    // Nobody waits for it where the run was cancelled.
+                    let _gone = verdicts.send(verdict);
+                }
+                Some(Work::Accepted) => return Ok(Turn::Accepted),
+                Some(Work::Out { .. }) | None => return Ok(Turn::Dropped),
+            }
+            next = next.or_else(|| work.recv().ok());
+        }
+    }
+
+    /// Stores, looks at and carves one view, refines the live model where nothing is `waiting`, and reports; gives what was waiting.
+    fn view<T>(
+        &mut self,
+        entry: LedgerEntry,
+        frame: &RawFrame,
+        second: Option<RawFrame>,
+        waiting: impl FnOnce() -> Option<T>,
+    ) -> Result<Result<Option<T>, PipelineError>, RunError> {
+        let Self { pipeline, writer, stages, .. } = self;
+        let LedgerEntry { view: index, retake, closure, omega, light, .. } = entry;
+        let achieved_steps = entry.achieved_steps.0;
+        if let Some(second) = second {
+            writer.add_second(&entry, &second)?;
+            self.seconds.retain(|(taken, _)| taken.view != index);
+            self.seconds.push((entry.clone(), second));
+        }
+        stages.store.time(|| writer.add_view(entry, frame))?;
+        if self.unwanted.load(Ordering::Acquire) || self.context.cancel.is_cancelled() {
+            return Ok(Ok(waiting()));
+        }
+        let seen = match stages.profile.time(|| pipeline.look(frame)) {
+            Ok(seen) => seen,
+            Err(e) => return Ok(Err(e)),
+        };
+        if closure {
+            pipeline.observe_closure(&seen);
+        } else {
+            let carved = stages
+                .carve
+                .time(|| if retake > 0 { pipeline.replace(index, omega, &seen) } else { pipeline.observe(index, omega, &seen) });
+            if let Err(e) = carved {
+                return Ok(Err(e));
+            }
+        }
+        if let (Ok(profile), false) = (&seen.profile, closure)
+            && profile.mask.area_px() > 0
+        {
+            stages.store.time(|| writer.add_profile(index, &profile.mask))?;
+        }
+        // While no view waits there is time to calibrate; one that comes meanwhile waits in the queue, and the axis turns on.
+        let waiting = waiting();
+        if waiting.is_none() && !closure && pipeline.is_refinable() {
+            stages.refine.time(|| pipeline.refine());
+        }
+        let rule = &self.context.method.early_stop;
+        if !closure && retake == 0 && rule.asks(pipeline.live().views) {
+            self.estimates.extend(stages.estimate.time(|| pipeline.estimate()));
+            if should_stop(&self.estimates, rule) {
+                self.enough.store(true, Ordering::Release);
+            }
+        }
+        let volume_um3 = (!closure && retake == 0).then(|| pipeline.live().volume_um3);
+        let live = stages.live.time(|| live::of_view(&seen, &pipeline.live_mesh()));
+        self.context.tell(Progress::View { well: self.planned.well.clone(), index, closure, achieved_steps, volume_um3, light, live });
+        Ok(Ok(waiting))
+    }
+
+    /// From now on so many views were planned as there are.
+    fn ended_early(&mut self) -> Result<Result<(), PipelineError>, RunError> {
+        let views = self.writer.recording().ledger.carved().count() as u32;
+        if views >= self.context.method.asd || self.writer.recording().ended_after_views.is_some() {
+            return Ok(Ok(()));
+        }
+        tracing::info!(well = %self.planned.well, views, "the volume is known well enough: the turn ends early");
+        self.writer.end_after(views)?;
+        Ok(self.pipeline.end_early())
+    }
+
+    /// Measures, waits until the specimen is out, closes the record and tells the result.
+    fn measured(self, work: &Receiver<Work>) -> Result<Ended, RunError> {
+        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, stays, .. } = self;
+        let began = Instant::now();
+        let mut result = WellStatus::pending(&planned);
+        let numbers = match stages.surface.time(|| pipeline.finish()) {
+            Ok((mesh, record)) => written(&context, &planned, &mut writer, &mesh, record, &seconds, &mut result),
+            Err(e) => {
+                result.end(SpecimenOutcome::Failed, Some(&e.to_string()));
+                Ok(())
+            }
+        };
+        let took = began.elapsed();
+        let (mut times, seconds) = match work.recv() {
+            Ok(Work::Out { times, seconds }) => (times, seconds),
+            // It could not be taken out: that ends the run, not this well's numbers.
+            _ => (WellTimes::default(), took.as_secs_f64()),
+        };
+        times.phase(Phase::Measure, took);
+        let timed = writer.add_json("timings.json", &Timings { stages: &stages, well: &times });
+        let closed = writer.close();
+        numbers?;
+        timed?;
+        closed?;
+        if !told.swap(true, Ordering::AcqRel) {
+            context.tell(Progress::WellDone { result, seconds, times, in_capillary: stays });
+        }
+        Ok(Ended::Told)
+    }
+}
+
+/// The files of a measured specimen, and its line of the status.
+fn written(
+    context: &RunContext,
+    planned: &PlannedWell,
+    writer: &mut RecordingWriter,
+    mesh: &crate::surface::Mesh,
+    record: crate::pipeline::SpecimenRecord,
+    seconds: &[(LedgerEntry, RawFrame)],
+    result: &mut WellStatus,
+) -> Result<(), RunError> {
+    let mut ply = Vec::new();
+    let unit = if context.mode == Mode::Simulated { "um (simulated)" } else { "um" };
+    export::write_ply(mesh, unit, &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
+    writer.add_file("mesh.ply", &ply)?;
+    if let Some(glb) = live::model(mesh) {
+        writer.add_file("model.glb", &glb)?;
+        context.tell(Progress::Model { well: planned.well.clone(), glb });
+    }
+    let second = context.config.second.as_ref().filter(|_| !seconds.is_empty());
+    let fluorescence =
+        second.and_then(|s| store::fluorescence(mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame))));
+    result.signal_per_nl = fluorescence.as_ref().map(|f| f.signal_per_nl);
+    let file = MeasurementFile { fluorescence, ..MeasurementFile::new(writer.recording(), &context.config.references, record) };
+    writer.add_json(MEASUREMENT, &file)?;
+    let MeasurementFile { record, reference, .. } = file;
+    let m = &record.measurement;
+    result.end(SpecimenOutcome::Succeeded, None);
+    result.flags = record.flags;
+    result.estimator = Some(m.estimator.name().to_owned());
+    result.volume_um3 = Some(m.volume_um3);
+    result.volume_sd_um3 = m.volume_sd_um3;
+    result.area_um2 = Some(m.area_um2);
+    result.area_sd_um2 = m.area_sd_um2;
+    result.field_volume_um3 = Some(m.field_volume_um3);
+    result.field_area_um2 = Some(m.field_area_um2);
+    result.diameter_um = m.diameter_um;
+    result.views = Some(m.views as u32);
+    result.reference = reference.as_ref().and_then(ReferenceStatus::of).map(Box::new);
+    Ok(())
+}

@@ -1,0 +1,184 @@
+//! The turn of one specimen on the rig thread: views, the verdict on them, and those that are taken again.
+//!
+//! ```text
+//! revolve ──> verdict ──┬─ a few views do not belong ─> back to their stops ─> verdict
+//!                       ├─ the specimen has moved ────> again, from the reference
+//!                       └─ else ──────────────────────> accepted: it may go, its numbers are made meanwhile
+//! ```
+
+use super::science::{NoVerdict, Science};
+use super::specimen::{Ended, Work};
+use super::watch::within;
+use super::{RunError, WellEnd, WellTimes, Worker};
+use crate::acquisition::{self, AcquisitionError, LedgerEntry, Next, RevolutionPlan, SinkClosed};
+use crate::frame::RawFrame;
+use crate::pipeline::{Pipeline, TurnVerdict};
+use crate::session::{Instrument, Phase, PlannedWell};
+use crate::store::RecordingWriter;
+use std::time::{Duration, Instant};
+
+/// How an attempt at a specimen ended.
+pub enum Attempt {
+    /// Its numbers are being made.
+    Accepted(Box<Science>),
+    Ended(WellEnd),
+    /// Another attempt may do better.
+    Again(String),
+    Cancelled,
+}
+
+/// Of the views, those that are taken again at most: where more do not belong it is not the views.
+const RETAKEN_SHARE: u32 = 10;
+
+impl Worker {
+    /// Takes a specimen through its turn; on the `last` attempt it is measured as it is.
+    pub fn turn(
+        &mut self,
+        planned: &PlannedWell,
+        pipeline: Pipeline,
+        mut writer: RecordingWriter,
+        times: &mut WellTimes,
+        last: bool,
+    ) -> Result<Attempt, RunError> {
+        let plan = match self.context.plan() {
+            Ok(plan) => plan,
+            Err(e) => {
+                writer.close()?;
+                return Ok(Attempt::Ended(WellEnd::Failed(e.to_string())));
+            }
+        };
+        writer.add_references(&self.context.config.references)?;
+        let science = Science::start(&self.context, planned, pipeline, writer, self.instrument.sampler.waits_for_loader());
+        match self.verdict(planned, &plan, &science, times, last) {
+            Ok(None) => {
+                self.context.phase(&planned.well, Phase::Measure, true);
+                match science.send(Work::Accepted) {
+                    Ok(()) => Ok(Attempt::Accepted(Box::new(science))),
+                    Err(SinkClosed) => ended(science),
+                }
+            }
+            Ok(Some(why)) => {
+                science.close()?;
+                Ok(Attempt::Again(why))
+            }
+            // The thread's own end says why nobody receives its views any more.
+            Err(RunError::Acquisition(AcquisitionError::SinkClosed { .. })) => ended(science),
+            // It is busy with what took too long, and left to itself.
+            Err(RunError::Overrun(e)) if e.phase == Phase::Reconstruct => Err(e.into()),
+            Err(e) => {
+                let closed = science.close();
+                if self.context.cancel.is_cancelled() {
+                    return Ok(Attempt::Cancelled);
+                }
+                if let Err(error) = closed {
+                    tracing::error!(%error, well = %planned.well, "the record of a turn that failed is not closed");
+                }
+                Err(e)
+            }
+        }
+    }
+
+    /// The views and the verdict on them: why the specimen should be taken anew, if it should.
+    fn verdict(
+        &mut self,
+        planned: &PlannedWell,
+        plan: &RevolutionPlan,
+        science: &Science,
+        times: &mut WellTimes,
+        last: bool,
+    ) -> Result<Option<String>, RunError> {
+        self.take(planned, plan, science, times, None)?;
+        let mut verdict = self.judged(planned, science, times)?;
+        if verdict.moved && !last {
+            return Ok(Some("the specimen was not where it began when its turn was over".into()));
+        }
+        let can_go_back = !self.instrument.rig.rotation.capabilities().trigger_only;
+        let few = (1..=plan.asd().div_ceil(RETAKEN_SHARE) as usize).contains(&verdict.spoiled.len());
+        if can_go_back && !verdict.moved && few {
+            tracing::info!(well = %planned.well, views = ?verdict.spoiled, "views that do not belong are taken again");
+            // The view at 360 deg last: it tells whether the specimen was still there.
+            let again: Vec<u32> = verdict.spoiled.iter().map(|spoiled| spoiled.view).chain([plan.asd()]).collect();
+            self.take(planned, plan, science, times, Some(&again))?;
+            verdict = self.judged(planned, science, times)?;
+        }
+        for spoiled in &verdict.spoiled {
+            tracing::warn!(well = %planned.well, view = spoiled.view, why = spoiled.reason, "a view spoils the model");
+        }
+        Ok(None)
+    }
+
+    fn judged(&self, planned: &PlannedWell, science: &Science, times: &mut WellTimes) -> Result<TurnVerdict, RunError> {
+        self.context.phase(&planned.well, Phase::Reconstruct, true);
+        let began = Instant::now();
+        let verdict = science.verdict(self.context.allowed(Phase::Reconstruct), &self.context.cancel);
+        times.phase(Phase::Reconstruct, began.elapsed());
+        verdict.map_err(|none| match none {
+            NoVerdict::Overrun(overrun) => overrun.into(),
+            NoVerdict::Cancelled => AcquisitionError::Cancelled { view: self.context.method.asd }.into(),
+            NoVerdict::Ended => AcquisitionError::SinkClosed { view: self.context.method.asd }.into(),
+        })
+    }
+
+    /// Takes the whole turn, or `again` some of its views, and hands them on.
+    fn take(
+        &mut self,
+        planned: &PlannedWell,
+        plan: &RevolutionPlan,
+        science: &Science,
+        times: &mut WellTimes,
+        again: Option<&[u32]>,
+    ) -> Result<(), RunError> {
+        self.context.phase(&planned.well, Phase::Revolve, true);
+        let Self { context, instrument: Instrument { rig, second, .. } } = self;
+        let settings = &context.config.acquisition;
+        let stop = rig.rotation.stop_handle();
+        let began = Instant::now();
+        // What steps through a list goes to its end.
+        let may_end_early = !rig.rotation.capabilities().trigger_only;
+        let mut second_failed = None;
+        let taken = within(Phase::Revolve, context.allowed(Phase::Revolve), &context.cancel, &stop, |cancel| {
+            let mut hand_on = |mut entry: LedgerEntry, frame: RawFrame| {
+                // The axis stands until this has returned.
+                let second = second.as_deref_mut().map(|camera| acquisition::grab_second(camera, context.deadline(), cancel));
+                let second = second.transpose().map_err(|e| {
+                    second_failed = Some(e);
+                    SinkClosed
+                })?;
+                let second = second.map(|(seen, frame)| {
+                    entry.second = Some(seen);
+                    frame
+                });
+                times.device(device_time(&entry));
+                science.send(Work::View { entry, frame, second })
+            };
+            match again {
+                None => acquisition::revolve(rig, plan, settings, cancel, |entry, frame| {
+                    hand_on(entry, frame)?;
+                    Ok(if may_end_early && science.has_enough() { Next::Closure } else { Next::View })
+                })
+                .map(drop),
+                Some(views) => acquisition::retake(rig, plan, settings, cancel, views, hand_on),
+            }
+            .map_err(RunError::from)
+        });
+        times.phase(Phase::Revolve, began.elapsed());
+        match second_failed {
+            Some(e) => Err(RunError::Second(e)),
+            None => taken,
+        }
+    }
+}
+
+/// What motors, rest and exposures took of a view.
+fn device_time(entry: &LedgerEntry) -> Duration {
+    let second_ms = entry.second.as_ref().map_or(0.0, |second| second.grab_ms);
+    Duration::from_secs_f64((entry.moved_ms + entry.settle_ms + entry.grab_ms + second_ms) / 1e3)
+}
+
+/// A specimen thread that ended by itself says why there is no number.
+fn ended(science: Science) -> Result<Attempt, RunError> {
+    match science.close()? {
+        Ended::Failed(why) => Ok(Attempt::Ended(WellEnd::Failed(why))),
+        Ended::Told | Ended::Dropped => Err(RunError::SpecimenThread),
+    }
+}

@@ -1,0 +1,294 @@
+//! One well from load to wash, on the rig thread.
+//!
+//! ```text
+//! load ─> position ─> detect ─> turn ─────────────────────> eject ─> wash ─> next well
+//!   │        ^           │        │ tried again, by policy    │
+//!   │        └───────────┴────────┘                           └── numbers are made beside
+//!   └── the numbers of the well before are made until here
+//! ```
+
+use super::science::Science;
+use super::specimen::Work;
+use super::turn::Attempt;
+use super::watch::within;
+use super::{Progress, RunError, WellEnd, WellTimes, Worker, gates, retry};
+use crate::acquisition;
+use crate::device::sampler::{Expected, Loaded};
+use crate::frame::RawFrame;
+use crate::pipeline::{Pipeline, PipelineError, Seen};
+use crate::session::{Instrument, Live, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, live, placing};
+use crate::store::{RecordingWriter, set_aside};
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+/// How often a specimen that is not all in view is carried along before it is taken as it lies.
+const PLACINGS: u32 = 2;
+/// Reasons to skip a well that leave nobody in the capillary.
+const NOBODY: [&str; 3] = ["empty", "bubble", "debris"];
+
+/// What the frame on which a well is judged says.
+enum Judged {
+    Worth,
+    Not(WellEnd),
+    Cancelled,
+}
+
+impl Worker {
+    /// One well; a break where the run was cancelled or paused in it. `before` are the numbers of the well before, which are waited
+    /// for once the specimen is loaded; what is left there are this well's.
+    pub fn well(&mut self, planned: &PlannedWell, before: &mut Option<Science>) -> Result<ControlFlow<()>, RunError> {
+        let began = Instant::now();
+        let mut times = WellTimes::default();
+        let Some(Loaded { truth }) = self.load(planned, &mut times)? else { return Ok(ControlFlow::Break(())) };
+        // No more than one specimen's numbers are made beside another specimen.
+        let settled = self.context.settle(before);
+        let end = settled.and_then(|()| self.tries(planned, truth.as_ref(), &mut times));
+        let end = match end {
+            Ok(Attempt::Accepted(science)) => {
+                let out = self.take_out(planned, true, &mut times);
+                if out.is_ok() {
+                    let seconds = began.elapsed().as_secs_f64();
+                    // Where it has ended already, its end is told when it is settled.
+                    let _gone = science.send(Work::Out { times, seconds });
+                }
+                *before = Some(*science);
+                self.context.hardware(&mut self.instrument);
+                return out.map(ControlFlow::Continue);
+            }
+            Ok(Attempt::Ended(end)) => end,
+            // An attempt says so only where another follows.
+            Ok(Attempt::Cancelled | Attempt::Again(_)) => return self.cut_short(planned, &mut times).map(|()| ControlFlow::Break(())),
+            Err(e) => {
+                if let Err(error) = self.cut_short(planned, &mut times) {
+                    tracing::error!(%error, well = %planned.well, "the specimen of a well that failed is not ejected");
+                }
+                return Err(e);
+            }
+        };
+        let mut result = WellStatus::pending(planned);
+        let somebody = match &end {
+            WellEnd::Skipped(reason) => {
+                result.end(SpecimenOutcome::Skipped, Some(reason));
+                !NOBODY.contains(reason)
+            }
+            WellEnd::Failed(reason) => {
+                result.end(SpecimenOutcome::Failed, Some(reason));
+                true
+            }
+        };
+        self.take_out(planned, somebody, &mut times)?;
+        self.context.hardware(&mut self.instrument);
+        let in_capillary = somebody && self.instrument.sampler.waits_for_loader();
+        self.context.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), times, in_capillary });
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// What is known of the specimen, once it is there; nothing where the run was cancelled or paused first.
+    fn load(&mut self, planned: &PlannedWell, times: &mut WellTimes) -> Result<Option<Loaded>, RunError> {
+        let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
+        let well = planned.well.as_str();
+        context.phase(well, Phase::Load, false);
+        if rig.rotation.capabilities().trigger_only
+            && let Ok(plan) = context.plan()
+        {
+            // Its list must be there before it takes the specimen up.
+            rig.rotation.announce(&plan.targets())?;
+        }
+        if sampler.waits_for_loader() {
+            context.tell(Progress::WaitingForLoader { well: well.to_owned() });
+        }
+        let expected = Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf };
+        let stop = rig.rotation.stop_handle();
+        let began = Instant::now();
+        let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.cancel, &stop, |cancel| {
+            sampler.load(rig.rotation.as_mut(), expected, cancel).map_err(RunError::from)
+        });
+        times.phase(Phase::Load, began.elapsed());
+        loaded
+    }
+
+    /// Tries a specimen that is in the capillary until it is done with, as often as the policy allows.
+    fn tries(&mut self, planned: &PlannedWell, truth: Option<&serde_json::Value>, times: &mut WellTimes) -> Result<Attempt, RunError> {
+        // What steps through a list has taken the specimen up once.
+        let once = self.instrument.rig.rotation.capabilities().trigger_only;
+        let retries = if once { 0 } else { self.context.method.policy.retries };
+        loop {
+            times.attempts += 1;
+            let last = times.attempts > retries;
+            let why = match self.attempt(planned, truth, times, last) {
+                Ok(Attempt::Again(why)) => why,
+                Err(e) if !last && !self.context.cancel.is_cancelled() && retry::may_be_tried_again(&e) => e.to_string(),
+                Err(e) if !self.context.cancel.is_cancelled() && retry::costs_its_well_only(&e) => {
+                    return Ok(Attempt::Ended(WellEnd::Failed(e.to_string())));
+                }
+                done => return done,
+            };
+            tracing::warn!(well = %planned.well, attempt = times.attempts, why, "the specimen is tried again");
+            self.context.tell(Progress::TriedAgain { well: planned.well.clone(), attempt: times.attempts, why });
+        }
+    }
+
+    fn attempt(
+        &mut self,
+        planned: &PlannedWell,
+        truth: Option<&serde_json::Value>,
+        times: &mut WellTimes,
+        last: bool,
+    ) -> Result<Attempt, RunError> {
+        self.position(planned, times)?;
+        let pipeline = match self.context.pipeline(planned) {
+            Ok(pipeline) => pipeline,
+            Err(e) => return Ok(Attempt::Ended(WellEnd::Failed(e.to_string()))),
+        };
+        set_aside(&self.context.folder, &planned.well)?;
+        let folder = self.context.folder.join(&planned.well);
+        let recording = self.context.recording(planned, &self.instrument);
+        let mut writer = RecordingWriter::create(&folder, recording, self.context.config.empty_capillary.as_deref())?;
+        let ended = match self.detect(planned, &pipeline, &mut writer, truth, times) {
+            Ok(Judged::Worth) => return self.turn(planned, pipeline, writer, times, last),
+            Ok(Judged::Not(end)) => Ok(Attempt::Ended(end)),
+            Ok(Judged::Cancelled) => Ok(Attempt::Cancelled),
+            Err(e) => Err(e),
+        };
+        // The record is closed on every way out, a fault's included; the fault is what is told then.
+        let closed = writer.close();
+        let ended = ended?;
+        closed?;
+        Ok(ended)
+    }
+
+    fn position(&mut self, planned: &PlannedWell, times: &mut WellTimes) -> Result<(), RunError> {
+        let Self { context, instrument: Instrument { rig, .. } } = self;
+        context.phase(&planned.well, Phase::Position, true);
+        let stop = rig.rotation.stop_handle();
+        let began = Instant::now();
+        let placed = within(Phase::Position, context.allowed(Phase::Position), &context.cancel, &stop, |cancel| {
+            rig.rotation.reference(cancel)?;
+            if let Some(translation) = &context.config.translation {
+                placing::place(rig, translation.position_um, cancel)?;
+            }
+            Ok::<_, RunError>(())
+        });
+        times.device(began.elapsed());
+        times.phase(Phase::Position, began.elapsed());
+        placed?;
+        self.context.hardware(&mut self.instrument);
+        Ok(())
+    }
+
+    /// Looks what is in the capillary, and brings it into view.
+    fn detect(
+        &mut self,
+        planned: &PlannedWell,
+        pipeline: &Pipeline,
+        writer: &mut RecordingWriter,
+        truth: Option<&serde_json::Value>,
+        times: &mut WellTimes,
+    ) -> Result<Judged, RunError> {
+        self.context.phase(&planned.well, Phase::Detect, true);
+        let stop = self.instrument.rig.rotation.stop_handle();
+        let context = self.context.clone();
+        let began = Instant::now();
+        let looked = within(Phase::Detect, context.allowed(Phase::Detect), &context.cancel, &stop, |cancel| {
+            self.look(planned, pipeline, times, cancel)
+        });
+        times.phase(Phase::Detect, began.elapsed());
+        let (frame, seen) = looked?;
+        writer.add_detection(&frame, truth.cloned())?;
+        self.context.hardware(&mut self.instrument);
+        if self.context.cancel.is_cancelled() {
+            return Ok(Judged::Cancelled);
+        }
+        let seen = match seen {
+            Ok(seen) => seen,
+            Err(e) => return Ok(Judged::Not(WellEnd::Failed(e.to_string()))),
+        };
+        let found = seen.profile.as_ref().ok().map(|p| p.detection);
+        let live = Live { frame_jpg: live::jpeg(&seen.picture), ..Live::default() };
+        self.context.tell(Progress::Detected { well: planned.well.clone(), found, live });
+        if let Some(why) = gates::dark(&frame) {
+            return Ok(Judged::Not(WellEnd::Failed(why)));
+        }
+        // A frame that cannot be judged is not taken for an empty well: the revolution decides.
+        let skipped = seen.profile.as_ref().ok().and_then(|p| gates::skipped(p, &self.context.method.policy));
+        Ok(match skipped {
+            Some(reason) => {
+                tracing::info!(well = %planned.well, reason, detection = ?found, "the well is skipped");
+                Judged::Not(WellEnd::Skipped(reason))
+            }
+            None => Judged::Worth,
+        })
+    }
+
+    /// The frame on which the well is judged: taken again where it cannot be, and where the specimen was carried into view.
+    fn look(
+        &mut self,
+        planned: &PlannedWell,
+        pipeline: &Pipeline,
+        times: &mut WellTimes,
+        cancel: &crate::cancel::CancelToken,
+    ) -> Result<(RawFrame, Result<Seen, PipelineError>), RunError> {
+        let Self { context, instrument: Instrument { rig, .. } } = self;
+        let (mut retries, mut placings) = (context.method.policy.retries, PLACINGS);
+        loop {
+            let frame = times.of_device(|| acquisition::grab(rig.camera.as_mut(), context.deadline(), cancel))?.frame;
+            let seen = pipeline.look(&frame);
+            let again = match seen.as_ref().map(|seen| &seen.profile) {
+                Ok(Err(error)) if retries > 0 && !cancel.is_cancelled() => {
+                    tracing::info!(well = %planned.well, %error, "the frame cannot be judged; another is taken");
+                    retries -= 1;
+                    true
+                }
+                Ok(Ok(profile)) if placings > 0 => {
+                    placings -= 1;
+                    match context.out_of_view_um(planned, profile) {
+                        Some(by_um) => times.of_device(|| placing::shift(rig, by_um))?,
+                        None => false,
+                    }
+                }
+                _ => false,
+            };
+            if !again {
+                return Ok((frame, seen));
+            }
+        }
+    }
+
+    /// The capillary is emptied and washed, as far as that is the sampler's work.
+    fn take_out(&mut self, planned: &PlannedWell, somebody: bool, times: &mut WellTimes) -> Result<(), RunError> {
+        let well = planned.well.as_str();
+        if let Err(error) = self.instrument.rig.rotation.let_go(&self.context.cancel) {
+            // The specimen is measured; the next reference finds out whether the axis can go on.
+            tracing::warn!(%error, well, "the rotation axis did not let the specimen go");
+        }
+        self.eject(well, somebody, times)
+    }
+
+    /// A specimen that is done with for another reason than its own is ejected where a sampler is driven.
+    fn cut_short(&mut self, planned: &PlannedWell, times: &mut WellTimes) -> Result<(), RunError> {
+        if self.instrument.sampler.waits_for_loader() { Ok(()) } else { self.eject(&planned.well, true, times) }
+    }
+
+    /// Ejects, then washes what is driven; whoever fills the capillary from outside does both by himself.
+    pub fn eject(&mut self, well: &str, somebody: bool, times: &mut WellTimes) -> Result<(), RunError> {
+        let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
+        let stop = rig.rotation.stop_handle();
+        context.phase(well, Phase::Eject, somebody);
+        let began = Instant::now();
+        let ended = within(Phase::Eject, context.allowed(Phase::Eject), &context.cancel, &stop, |cancel| {
+            sampler.eject(rig.rotation.as_mut(), well, cancel).map_err(RunError::from)
+        });
+        times.phase(Phase::Eject, began.elapsed());
+        ended?;
+        if sampler.waits_for_loader() {
+            return Ok(());
+        }
+        context.phase(well, Phase::Wash, false);
+        let began = Instant::now();
+        let ended = within(Phase::Wash, context.allowed(Phase::Wash), &context.cancel, &stop, |cancel| {
+            sampler.wash(rig.rotation.as_mut(), well, cancel).map_err(RunError::from)
+        });
+        times.phase(Phase::Wash, began.elapsed());
+        ended
+    }
+}

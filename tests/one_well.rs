@@ -1,0 +1,237 @@
+//! What happens to one well when it does not go as it should: a view that does not belong, a specimen that moved, a phase that
+//! takes too long, a specimen that is not all in the picture.
+//!
+//! ```text
+//! test = plate-loader ── HTTP ──► carved serve (child) ── pty, GigE ──► emulated rig whose sight this test bends
+//! ```
+#![cfg(feature = "aravis")]
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+mod common;
+
+use common::{Daemon, configured, json, port, run, stderr};
+use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
+use hardware_sim::{Controller, PixelFormat, Pixels, RigSettings, ShaftSettings, Sight, grbl};
+use serde_json::{Value, json};
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// A scene of which some exposures show what was never there: the specimen turned on.
+struct Bent {
+    scene: Arc<Scene>,
+    /// Numbers of the exposures, from 0, which a run's detection has.
+    exposures: Range<u64>,
+    by_rad: f64,
+}
+
+impl Sight for Bent {
+    fn size(&self) -> (u32, u32) {
+        self.scene.size()
+    }
+
+    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+        let by_rad = if self.exposures.contains(&exposure.number) { self.by_rad } else { 0.0 };
+        self.scene.look(&Exposure { angle_rad: exposure.angle_rad + by_rad, ..*exposure }, format)
+    }
+}
+
+/// An instrument with its daemon. The daemon goes first: it lets the devices go before they end.
+struct Instrument {
+    daemon: Daemon,
+    rig: hardware_sim::Rig,
+    scene: Arc<Scene>,
+    data: PathBuf,
+    _dir: tempfile::TempDir,
+}
+
+/// What an instrument is started with.
+struct Rate {
+    time_scale: f64,
+    acceleration: f32,
+    asd: u32,
+    power_on_steps: i64,
+}
+
+const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 12, power_on_steps: 137 };
+/// Moves of 5 s, and half a turn to the reference.
+const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480 };
+const FAR: Rate = Rate { power_on_steps: 250, ..SLOW };
+
+impl Instrument {
+    fn start(rate: &Rate, policy: &str, bent: (Range<u64>, f64)) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let sight = Arc::new(Bent { scene: scene.clone(), exposures: bent.0, by_rad: bent.1 });
+        let mut firmware = grbl::Settings::default();
+        firmware.set(120, rate.acceleration).unwrap();
+        let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
+        let serial_link = Some(dir.path().join("motor"));
+        let controller = Controller::Grbl(firmware);
+        let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, ..RigSettings::default() };
+        let rig = hardware_sim::Rig::start(settings, sight).unwrap();
+        let changes = [
+            port(&rig),
+            ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
+            ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
+            ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}", rate.asd)),
+            // A picture takes its time on a busy machine.
+            ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
+            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
+        ];
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
+        Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
+    }
+
+    fn put(&self, wells: &[Value]) {
+        let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells});
+        assert_eq!(self.daemon.put_run("r1", &plan), 201);
+    }
+
+    fn load(&self, well: &str, specimen: Specimen) {
+        let asked = |s: &Value| s["state"] == "Suspended" && s["plate"]["needs"].as_str().is_some_and(|n| n.contains(well));
+        self.daemon.wait("the loader to be asked", asked);
+        self.scene.load(Some(specimen)).unwrap();
+        assert_eq!(self.daemon.put_loaded("r1", well), 200);
+    }
+
+    /// A run of one larva, to its end.
+    fn one_larva(&self, specimen: Specimen) -> Value {
+        self.put(&[json!({"well": "A01", "dpf": 4})]);
+        self.load("A01", specimen);
+        self.daemon.wait("the run's end", |s| !s["run"]["outcome"].is_null())
+    }
+
+    fn events(&self) -> Vec<Value> {
+        let text = std::fs::read_to_string(self.data.join("events.jsonl")).unwrap();
+        text.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
+    }
+
+    fn well(&self, name: &str) -> PathBuf {
+        self.data.join("runs/r1").join(name)
+    }
+}
+
+fn larva() -> Specimen {
+    Specimen::larva(4, 1).unwrap()
+}
+
+fn flags(status: &Value) -> Vec<String> {
+    serde_json::from_value(status["run"]["results"][0]["flags"].clone()).unwrap()
+}
+
+/// The numbers are those that their frames give.
+fn is_reproduced(recording: &std::path::Path) {
+    let output = run(&["measure", recording.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let line: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(line["stored"], "identical");
+}
+
+#[test]
+fn a_view_that_does_not_belong_is_taken_again_and_both_takes_are_kept() {
+    // Exposure 0 is the detection's: number 5 is view 4.
+    let instrument = Instrument::start(&QUICK, "retries = 1", (5..6, 1.0));
+    let status = instrument.one_larva(larva());
+    let well = &status["run"]["results"][0];
+    assert_eq!(well["outcome"], "succeeded", "{status}");
+    assert!(!flags(&status).iter().any(|f| f == "bad_view"), "{status}");
+    let recording = json(&instrument.well("A01/recording.json"));
+    let ledger = recording["ledger"].as_array().unwrap();
+    let of_view = |view: u64| ledger.iter().filter(|e| e["view"] == view).collect::<Vec<_>>();
+    assert_eq!((ledger.len(), of_view(4).len(), of_view(12).len()), (15, 2, 2), "view 4 and the view at 360 deg, once more: {ledger:?}");
+    assert_eq!((&of_view(4)[1]["retake"], &of_view(4)[1]["achieved_steps"]), (&json!(1), &of_view(4)[0]["achieved_steps"]));
+    for name in ["frames/view_004.png", "frames/view_004.retake-1.png", "frames/closure.retake-1.png"] {
+        assert!(instrument.well("A01").join(name).is_file(), "{name}");
+    }
+    let used = json(&instrument.well("A01/measurement.json"))["views"][4]["used"].clone();
+    assert_eq!(used, true, "the view counts");
+    is_reproduced(&instrument.well("A01"));
+}
+
+#[test]
+fn a_specimen_that_moved_is_taken_from_the_reference_again_and_the_first_attempt_is_kept_beside() {
+    // From view 6 of the first turn on, its closure view included: exposures 7 to 13. The second attempt sees it at rest.
+    let instrument = Instrument::start(&QUICK, "retries = 1", (7..14, 0.6));
+    let status = instrument.one_larva(larva());
+    assert_eq!(status["run"]["results"][0]["outcome"], "succeeded", "{status}");
+    assert!(!flags(&status).iter().any(|f| f == "moved"), "{status}");
+    let tried: Vec<_> = instrument.events().into_iter().filter(|e| e["kind"] == "specimen.tried_again").collect();
+    assert_eq!((tried.len(), &tried[0]["well"], &tried[0]["data"]["attempt"]), (1, &json!("A01"), &json!(1)), "{tried:?}");
+    let first = instrument.well("A01.attempt-1");
+    assert_eq!(json(&first.join("recording.json"))["ledger"].as_array().unwrap().len(), 13);
+    assert!(first.join("SHA256SUMS").is_file() && !first.join("measurement.json").exists());
+    let timings = json(&instrument.well("A01/timings.json"));
+    assert_eq!(timings["attempts"], 2, "{timings}");
+    for phase in ["load", "position", "detect", "revolve", "reconstruct", "measure", "eject"] {
+        assert!(timings["phases_s"][phase].as_f64().unwrap() >= 0.0, "{phase}: {timings}");
+    }
+    let (own, devices) = (timings["own_s"].as_f64().unwrap(), timings["devices_s"].as_f64().unwrap());
+    let all: f64 = timings["phases_s"].as_object().unwrap().values().map(|s| s.as_f64().unwrap()).sum();
+    assert!(own > 0.0 && devices > 0.0 && (own + devices - all).abs() < 1e-6, "{timings}");
+    let done = instrument.events().into_iter().find(|e| e["kind"] == "specimen.done").unwrap();
+    assert_eq!(done["data"]["times"]["phases_s"], timings["phases_s"]);
+    is_reproduced(&instrument.well("A01"));
+}
+
+#[test]
+fn a_revolution_that_overruns_stops_the_motor_and_costs_its_well_only() {
+    let instrument = Instrument::start(&SLOW, "retries = 0, deadlines_s = { revolve = 4 }", (0..0, 0.0));
+    let status = instrument.one_larva(larva());
+    let well = &status["run"]["results"][0];
+    assert_eq!(well["outcome"], "failed", "{status}");
+    let reason = well["reason"].as_str().unwrap();
+    assert!(reason.contains("revolve") && reason.contains("4 s"), "{reason}");
+    assert_eq!(status["faults"], json!([]), "{status}");
+    let angle = instrument.rig.shaft().angle_rad();
+    assert!(instrument.well("A01/SHA256SUMS").is_file(), "the record is closed");
+    instrument.daemon.status();
+    assert_eq!(instrument.rig.shaft().angle_rad().to_bits(), angle.to_bits(), "the shaft moves");
+}
+
+#[test]
+fn a_reference_that_overruns_is_a_fault_that_names_the_phase_and_both_times() {
+    let instrument = Instrument::start(&FAR, "retries = 0, deadlines_s = { position = 1 }", (0..0, 0.0));
+    instrument.put(&[json!({"well": "A01", "dpf": 4})]);
+    instrument.load("A01", larva());
+    let status = instrument.daemon.wait("the fault", |s| s["faults"].as_array().is_some_and(|f| !f.is_empty()));
+    assert_eq!(status["faults"][0]["code"], "position_overrun", "{status}");
+    let said = status["faults"][0]["message"].as_str().unwrap();
+    assert!(said.contains("position") && said.contains("allows it 1 s"), "{said}");
+}
+
+#[test]
+fn a_specimen_that_is_cut_by_the_picture_is_skipped_where_the_method_says_so() {
+    let instrument = Instrument::start(&QUICK, "clipped = \"skip\"", (0..0, 0.0));
+    let status = instrument.one_larva(larva().placed(Placement { x_um: 2000.0, ..Placement::default() }));
+    let well = &status["run"]["results"][0];
+    assert_eq!((&well["outcome"], &well["reason"]), (&json!("skipped"), &json!("clipped")), "{status}");
+    let found = instrument.events().into_iter().find(|e| e["kind"] == "specimen.detected").unwrap();
+    assert!(found["data"]["head"]["side"].is_string() && found["data"]["kind"] == "larva", "{found}");
+    assert_eq!(instrument.rig.exposures().len(), 1, "nothing but the look that it is judged by");
+}
+
+/// The numbers of a specimen are made beside the next one's load, and are there before the next one is touched.
+#[test]
+fn numbers_are_made_beside_the_next_load_and_no_further() {
+    let instrument = Instrument::start(&QUICK, "retries = 1", (0..0, 0.0));
+    instrument.put(&[json!({"well": "A01", "dpf": 4}), json!({"well": "A02", "specimen": "bead"})]);
+    instrument.load("A01", larva());
+    instrument.load("A02", Specimen::bead(500.0).unwrap());
+    let status = instrument.daemon.wait("the run's end", |s| {
+        assert_eq!(s["plate"]["removable"], false, "{s}");
+        // Until its numbers are there a well is pending, whatever is in the capillary.
+        assert!(s["run"]["results"][0]["outcome"].is_null() == s["run"]["results"][0]["volume_um3"].is_null(), "{s}");
+        !s["run"]["outcome"].is_null()
+    });
+    assert_eq!(status["run"]["wells"]["total"], 2, "{status}");
+    let events = instrument.events();
+    let at = |well: &str, kind: &str, phase: Option<&str>| {
+        let is = |e: &&Value| e["well"] == well && e["kind"] == kind && phase.is_none_or(|p| e["data"]["phase"] == p);
+        events.iter().find(is).unwrap_or_else(|| panic!("no {kind} {phase:?} of {well}"))["id"].as_u64().unwrap()
+    };
+    let phase = |well: &str, name: &str| at(well, "specimen.phase", Some(name));
+    assert!(phase("A01", "reconstruct") < phase("A01", "measure") && phase("A01", "measure") < phase("A01", "eject"));
+    assert!(phase("A01", "eject") < at("A01", "specimen.done", None), "done is what is out and on disk");
+    assert!(at("A01", "specimen.done", None) < phase("A02", "position"), "no more than one specimen's numbers are made at once");
+}
