@@ -133,13 +133,7 @@ impl Config {
             breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
             breaches.extend(method.policy.check().iter().map(|e| format!("  methods.{name}.policy.{e}")));
             breaches.extend(method.surface.check().iter().map(|e| format!("  methods.{name}.surface.{e}")));
-            breaches.extend(method.quality.check().iter().map(|e| format!("  methods.{name}.quality.{e}")));
-            breaches.extend(method.quality.gate.check().iter().map(|e| format!("  methods.{name}.quality.gate.{e}")));
-            breaches.extend(method.early_stop.check().iter().map(|e| format!("  methods.{name}.early_stop.{e}")));
-            if method.early_stop.enabled && method.order == ViewOrder::Sequential {
-                let why = "true, with order = \"sequential\"; expected order = \"coarse_to_fine\": views one after the other leave the rest of the turn unseen";
-                breaches.push(format!("  methods.{name}.early_stop.enabled = {why}"));
-            }
+            breaches.extend(quality(name, method));
         }
         let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {
             let file = path.parent().unwrap_or(Path::new("")).join(named);
@@ -203,6 +197,19 @@ fn wires(raw: &Raw, breaches: &mut Vec<String>) {
         wrong("sampler.driver", "\"trigger\"".into(), "\"loader\": of the drivers of [rotation] only \"grbl\" has the wire");
     }
     breaches.extend(trigger.check().err().map(|e| format!("  {e}")));
+}
+
+/// What of a method's limits and of its early stop cannot be used.
+fn quality(name: &str, method: &Method) -> Vec<String> {
+    let mut breaches = Vec::new();
+    breaches.extend(method.quality.check().iter().map(|e| format!("  methods.{name}.quality.{e}")));
+    breaches.extend(method.quality.gate.check().iter().map(|e| format!("  methods.{name}.quality.gate.{e}")));
+    breaches.extend(method.early_stop.check().iter().map(|e| format!("  methods.{name}.early_stop.{e}")));
+    if method.early_stop.enabled && method.order == ViewOrder::Sequential {
+        let why = "true, with order = \"sequential\"; expected order = \"coarse_to_fine\": views one after the other leave the rest of the turn unseen";
+        breaches.push(format!("  methods.{name}.early_stop.enabled = {why}"));
+    }
+    breaches
 }
 
 /// Both tables of a second camera, or neither.

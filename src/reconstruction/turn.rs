@@ -146,7 +146,7 @@ impl Reconstruction {
         let Judged { calibration, .. } = found.ok()?;
         let given = self.given(&order);
         let used = || order.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none());
-        let open = self.open(used().map(|(&i, _)| i));
+        let open = self.open(&used().map(|(&i, _)| i));
         let sections = Sections::of(&Pose::new(&calibration.camera), &calibration.turn_views(&given), calibration.residual_sd_um, open)?;
         let support = SupportEstimate::of(&sections);
         if support.hollow_share > HOLLOW_MOST || support.volume_bias_um3.abs() > BIAS_MOST * support.volume_um3.abs() {
@@ -162,7 +162,7 @@ impl Reconstruction {
     }
 
     /// Whether the specimen goes on beyond the image on the left and right in any of these views.
-    fn open(&self, views: impl Iterator<Item = usize> + Clone) -> [bool; 2] {
+    fn open(&self, views: &(impl Iterator<Item = usize> + Clone)) -> [bool; 2] {
         let leaves = |side: fn(&Leaves) -> bool| views.clone().any(|i| side(&self.hull.carver().views()[i].leaves));
         [leaves(|l| l.left), leaves(|l| l.right)]
     }
@@ -244,7 +244,7 @@ impl Reconstruction {
         }
         let hull = self.carved_again(&used)?;
         let mut model = hull.finish(sphere)?;
-        let open = self.open(used.iter().map(|&(i, _)| i));
+        let open = self.open(&used.iter().map(|&(i, _)| i));
         let (pose, views, sd_um) = match &found {
             Ok(Judged { calibration: c, .. }) => (Pose::new(&c.camera), c.turn_views(&given), c.residual_sd_um),
             Err(_) => (

@@ -184,8 +184,8 @@ pub fn all(folder: &Path, rig: &str, mode: Mode) -> Result<Vec<GateFile>, StoreE
     let mut gates: Vec<GateFile> = Vec::new();
     for entry in entries {
         let path = entry.map_err(StoreError::io("list", folder))?.path();
-        let is_gate = path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("gate-") && n.ends_with(".json"));
-        if !is_gate {
+        let is_gate = path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("gate-"));
+        if !is_gate || path.extension().is_none_or(|e| e != "json") {
             continue;
         }
         match durable::read_json::<GateFile>(&path, "a bead gate (carved.bead-gate/1)") {
