@@ -73,6 +73,8 @@ pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
     if named {
         ensure!(refused.is_empty(), "{}", refused.join("\n"));
     }
-    refused.iter().for_each(|line| println!("{line}"));
+    for line in refused {
+        println!("{line}");
+    }
     Ok(())
 }

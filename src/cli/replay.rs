@@ -86,7 +86,13 @@ fn again(folder: &Path) -> anyhow::Result<String> {
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
     let numbers = measure::compare(folder, &file)?;
     let surface = match std::fs::read(folder.join(MESH)) {
-        Ok(stored) => (stored == ply(&mesh, file.mode)?).then_some("identical").unwrap_or(DIFFERS),
+        Ok(stored) => {
+            if stored == ply(&mesh, file.mode)? {
+                "identical"
+            } else {
+                DIFFERS
+            }
+        }
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => "none",
         Err(e) => bail!("{}: cannot read it: {e}", folder.join(MESH).display()),
     };

@@ -67,6 +67,16 @@ pub enum ConfigError {
     Breaches { path: PathBuf, breaches: Vec<String> },
 }
 
+/// Single numbers of the calibration's and the store's tables.
+fn check_bounds(raw: &Raw, wrong: &mut impl FnMut(&str, String, &str)) {
+    if !(0.01..=3650.0).contains(&raw.calibration.max_age_days) {
+        wrong("calibration.max_age_days", raw.calibration.max_age_days.to_string(), "0.01 to 3650 days");
+    }
+    if let Some(gb) = raw.store.budget_gb.filter(|gb| !(1.0..=1e6).contains(gb)) {
+        wrong("store.budget_gb", gb.to_string(), "1 to 1000000 GB");
+    }
+}
+
 impl Config {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
         let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
@@ -106,12 +116,7 @@ impl Config {
         if !(10..=60_000).contains(&raw.acquisition.grab_deadline_ms) {
             wrong("acquisition.grab_deadline_ms", raw.acquisition.grab_deadline_ms.to_string(), "10 to 60000 ms");
         }
-        if !(0.01..=3650.0).contains(&raw.calibration.max_age_days) {
-            wrong("calibration.max_age_days", raw.calibration.max_age_days.to_string(), "0.01 to 3650 days");
-        }
-        if let Some(gb) = raw.store.budget_gb.filter(|gb| !(1.0..=1e6).contains(gb)) {
-            wrong("store.budget_gb", gb.to_string(), "1 to 1000000 GB");
-        }
+        check_bounds(&raw, &mut wrong);
         if raw.methods.is_empty() {
             wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
         }
