@@ -148,17 +148,18 @@ fn an_abort_ends_the_triggers_vast_ends_its_step_and_the_next_run_begins_anew() 
 }
 
 #[test]
-fn a_trigger_that_vast_does_not_see_ends_the_run_and_calls_a_person() {
+fn a_trigger_that_vast_does_not_see_holds_the_run_and_calls_a_person() {
     let (rig, vast) = Instrument::on_a_bridge();
     rig.start_run("run", &["A01"]);
     rig.awaits("run", "A01");
     vast.miss_triggers(1);
     vast.take_up_specimen();
     rig.load("run", "A01", Some(bead()));
-    let status = rig.daemon.wait("the fault", |s| s["state"] == "Aborted");
+    let status = rig.daemon.wait("the fault", |s| s["state"] == "Held");
     let fault = &status["faults"][0];
     assert_eq!((&fault["code"], &fault["scheduler_action"]), (&json!("rotation_suspect"), &json!("escalate_operator")), "{status}");
     assert!(fault["message"].as_str().unwrap().contains("not in position"), "{fault}");
+    assert_eq!(rig.daemon.post("/v1/runs/run/unhold"), 409, "not before somebody has looked");
 }
 
 #[test]

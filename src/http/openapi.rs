@@ -1,8 +1,8 @@
 //! The contract: routes and their description come from one list, so neither can miss one of the other's.
 
 use super::{
-    AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate_maps, problem, results, runs,
-    status,
+    AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate, plate_maps, problem, results,
+    runs, safety, status,
 };
 use axum::extract::State;
 use axum::http::header;
@@ -24,9 +24,18 @@ pub(super) fn routes() -> OpenApiRouter<AppState> {
         .routes(routes!(status::get))
         .routes(routes!(methods::get))
         .routes(routes!(runs::put))
+        .routes(routes!(runs::hold))
+        .routes(routes!(runs::unhold))
+        .routes(routes!(runs::stop))
         .routes(routes!(runs::abort))
         .routes(routes!(runs::loaded))
         .routes(routes!(lease::put, lease::get, lease::delete))
+        .routes(routes!(safety::emergency_stop))
+        .routes(routes!(safety::acknowledge))
+        .routes(routes!(plate::handoff))
+        .routes(routes!(plate::completed))
+        .routes(routes!(plate::aborted))
+        .routes(routes!(plate::preflight))
         .routes(routes!(events::get))
         .routes(routes!(fault_codes::get))
         .routes(routes!(plate_maps::check))

@@ -117,6 +117,15 @@ impl Problem {
             }
             Refusal::Store { full: false, .. } => unavailable("store").behind(status),
             Refusal::DeviceLost { .. } => unavailable("device_lost").behind(status),
+            Refusal::FaultStands { seq, .. } => Self { fault_seq: Some(seq), ..conflict("fault_stands") },
+            Refusal::UnknownFault { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_fault", detail),
+            Refusal::OtherBarcode { .. } => conflict("other_barcode").action(SchedulerAction::RejectPlate),
+            Refusal::NoHandoff => conflict("no_handoff"),
+            Refusal::PlateNeeded { .. } => conflict("plate_needed").action(SchedulerAction::Retry),
+            Refusal::WillNotFit { .. } => {
+                Self::new(StatusCode::INSUFFICIENT_STORAGE, "will_not_fit", detail).action(SchedulerAction::PauseInstrument)
+            }
+            Refusal::Busy => conflict("busy").action(SchedulerAction::Retry),
             Refusal::ShuttingDown => unavailable("shutting_down"),
         }
     }

@@ -4,7 +4,7 @@ use super::AppState;
 use super::body::{self, Body};
 use super::problem::Problem;
 use crate::session::plate_map::Mistake;
-use crate::session::{Accepted, Refusal, RunPlan, is_plain_name};
+use crate::session::{Accepted, Refusal, RunPlan, Towards, is_plain_name};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
@@ -28,7 +28,7 @@ pub(super) struct WellLoaded {
     loaded: bool,
 }
 
-fn refused(app: &AppState, refusal: Refusal) -> Problem {
+pub(super) fn refused(app: &AppState, refusal: Refusal) -> Problem {
     Problem::refused(refusal, &app.session.status())
 }
 
@@ -47,7 +47,7 @@ fn acknowledged(app: &AppState, run: String) -> Json<Acknowledged> {
         (status = 200, description = "This very run had been taken before", body = Acknowledged),
         (status = 409, description = "Another plan has this name, or the state does not accept it", body = Problem, content_type = "application/problem+json"),
         (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full, or the plate will not fit on it", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn put(
@@ -69,6 +69,85 @@ pub(super) async fn put(
     })
 }
 
+/// The command is in the path. Its body, if any, is not waited for: an abort is not to hang on a slow client.
+async fn steer(
+    app: &AppState,
+    path: Result<Path<String>, PathRejection>,
+    headers: &HeaderMap,
+    towards: Towards,
+) -> Result<Json<Acknowledged>, Problem> {
+    body::within(headers, body::SMALL)?;
+    let Path(id) = path?;
+    app.session.steer(id.clone(), towards).await.map_err(|refusal| refused(app, refusal))?;
+    Ok(acknowledged(app, id))
+}
+
+/// Holds a run once the specimen under way is done.
+///
+/// Answered at once; the state goes by Holding to Held. A repeat answers 200.
+#[utoipa::path(
+    post, path = "/v1/runs/{run_id}/hold", tag = "commands", params(("run_id" = String, Path)),
+    responses(
+        (status = 200, description = "The run is held, or will be", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
+        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn hold(
+    State(app): State<AppState>,
+    path: Result<Path<String>, PathRejection>,
+    headers: HeaderMap,
+) -> Result<Json<Acknowledged>, Problem> {
+    steer(&app, path, &headers, Towards::Hold).await
+}
+
+/// Lets a held run go on at the well where it is.
+///
+/// Refused while the fault that held it stands. A repeat answers 200.
+#[utoipa::path(
+    post, path = "/v1/runs/{run_id}/unhold", tag = "commands", params(("run_id" = String, Path)),
+    responses(
+        (status = 200, description = "The run goes on, or had gone on", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
+        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn unhold(
+    State(app): State<AppState>,
+    path: Result<Path<String>, PathRejection>,
+    headers: HeaderMap,
+) -> Result<Json<Acknowledged>, Problem> {
+    steer(&app, path, &headers, Towards::Unhold).await
+}
+
+/// Ends a run once the specimen under way is done.
+///
+/// Answered at once; the wells that are left end as aborted. A repeat answers 200.
+#[utoipa::path(
+    post, path = "/v1/runs/{run_id}/stop", tag = "commands", params(("run_id" = String, Path)),
+    responses(
+        (status = 200, description = "The run ends, or had been stopped", body = Acknowledged),
+        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
+        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
+        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
+        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
+    )
+)]
+pub(super) async fn stop(
+    State(app): State<AppState>,
+    path: Result<Path<String>, PathRejection>,
+    headers: HeaderMap,
+) -> Result<Json<Acknowledged>, Problem> {
+    steer(&app, path, &headers, Towards::Stop).await
+}
+
 /// Ends a run; motors stop before anything else happens.
 ///
 /// Acknowledged at once. A repeat answers 200.
@@ -88,11 +167,7 @@ pub(super) async fn abort(
     path: Result<Path<String>, PathRejection>,
     headers: HeaderMap,
 ) -> Result<Json<Acknowledged>, Problem> {
-    // The command is in the path. Its body, if any, is not waited for: an abort is not to hang on a slow client.
-    body::within(&headers, body::SMALL)?;
-    let Path(id) = path?;
-    app.session.abort(id.clone()).await.map_err(|refusal| refused(&app, refusal))?;
-    Ok(acknowledged(&app, id))
+    steer(&app, path, &headers, Towards::Abort).await
 }
 
 /// The loader says that the specimen of this well is in the capillary.

@@ -1,7 +1,8 @@
 //! How the edges reach the session: commands enter a mailbox and are accepted or refused by name; everyone else reads
 //! snapshots. The driver is the only one that changes anything.
 
-use super::{Event, FieldError, MethodOffer, RunOutcome, RunPlan, State, Status};
+use super::halt::Halt;
+use super::{Check, Event, FieldError, Handoff, HandoffEnd, HandoffNeeds, MethodOffer, RunOutcome, RunPlan, State, Status};
 use crate::store::StoreError;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -26,8 +27,22 @@ pub enum Refusal {
     UnknownRun { id: String, newest: Option<String> },
     #[error("run {run} has no well {well} that waits for the loader")]
     UnexpectedWell { run: String, well: String },
-    #[error("no run can start: {why}")]
+    #[error("nothing can run: {why}")]
     DeviceLost { why: String },
+    #[error("fault {seq} ({code}) stands: {message}. Mend its cause, then acknowledge it: POST /v1/faults/{seq}/acknowledge")]
+    FaultStands { seq: u64, code: String, message: String },
+    #[error("there has been no fault {seq}; the newest is {newest}")]
+    UnknownFault { seq: u64, newest: u64 },
+    #[error("plate {expected} is meant, not {found}")]
+    OtherBarcode { expected: String, found: String },
+    #[error("no plate is being handed over; announce it: PUT /v1/plate/handoff {{\"intent\", \"barcode\"}}")]
+    NoHandoff,
+    #[error("the plate cannot be taken yet: {needs}")]
+    PlateNeeded { needs: String },
+    #[error("the plate needs {needed_bytes} bytes and {free_bytes} are free: remove runs that are archived, or split the plate")]
+    WillNotFit { needed_bytes: u64, free_bytes: u64 },
+    #[error("the instrument is being checked; ask again when that is done")]
+    Busy,
     #[error("the store did not take it: {why}")]
     Store { why: String, full: bool },
     #[error("the instrument is shutting down")]
@@ -49,11 +64,58 @@ pub enum Accepted {
     Same,
 }
 
+/// Where a run is to be moved to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Towards {
+    /// To rest after the specimen under way.
+    Hold,
+    /// On from where it was held.
+    Unhold,
+    /// To its end after the specimen under way.
+    Stop,
+    /// To its end at once.
+    Abort,
+}
+
 /// A command with its way to answer.
 pub enum Command {
-    PutRun { id: String, plan: RunPlan, answer: oneshot::Sender<Result<Accepted, Refusal>> },
-    Abort { id: String, answer: oneshot::Sender<Result<(), Refusal>> },
-    Loaded { run: String, well: String, loaded: bool, answer: oneshot::Sender<Result<(), Refusal>> },
+    PutRun {
+        id: String,
+        plan: RunPlan,
+        answer: oneshot::Sender<Result<Accepted, Refusal>>,
+    },
+    /// Moves a run towards a state.
+    Steer {
+        id: String,
+        towards: Towards,
+        answer: oneshot::Sender<Result<(), Refusal>>,
+    },
+    /// The motors have been told already, from the caller's thread.
+    EmergencyStop {
+        answer: oneshot::Sender<Result<(), Refusal>>,
+    },
+    Acknowledge {
+        seq: u64,
+        answer: oneshot::Sender<Result<(), Refusal>>,
+    },
+    Handoff {
+        plate: Handoff,
+        answer: oneshot::Sender<Result<HandoffNeeds, Refusal>>,
+    },
+    EndHandoff {
+        end: HandoffEnd,
+        answer: oneshot::Sender<Result<(), Refusal>>,
+    },
+    Preflight {
+        plan: RunPlan,
+        answer: oneshot::Sender<Result<Vec<Check>, Refusal>>,
+    },
+    Loaded {
+        run: String,
+        well: String,
+        loaded: bool,
+        answer: oneshot::Sender<Result<(), Refusal>>,
+    },
 }
 
 /// The newest frame, its profile and the live model, encoded for the page.
@@ -74,6 +136,7 @@ pub struct SessionHandle {
     status: watch::Receiver<Arc<Status>>,
     live: Arc<Mutex<Live>>,
     events: Arc<EventLog>,
+    halt: Halt,
     booted: Instant,
     methods: Arc<[MethodOffer]>,
 }
@@ -131,9 +194,34 @@ impl SessionHandle {
         self.ask(|answer| Command::PutRun { id, plan, answer }).await
     }
 
-    /// Ends a run: acknowledged at once; motors stop before anything else happens.
-    pub async fn abort(&self, id: String) -> Result<(), Refusal> {
-        self.ask(|answer| Command::Abort { id, answer }).await
+    /// Holds a run, lets it go on, stops or aborts it. Answered once it is journalled, not once it has happened.
+    pub async fn steer(&self, id: String, towards: Towards) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Steer { id, towards, answer }).await
+    }
+
+    /// Stops the motors before it does anything else, from the caller's own thread.
+    pub async fn emergency_stop(&self) -> Result<(), Refusal> {
+        self.halt.stop();
+        self.ask(|answer| Command::EmergencyStop { answer }).await
+    }
+
+    /// The operator has seen to a fault.
+    pub async fn acknowledge(&self, seq: u64) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Acknowledge { seq, answer }).await
+    }
+
+    /// A plate is about to be brought or taken; what has to happen before.
+    pub async fn handoff(&self, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
+        self.ask(|answer| Command::Handoff { plate, answer }).await
+    }
+
+    pub async fn end_handoff(&self, end: HandoffEnd) -> Result<(), Refusal> {
+        self.ask(|answer| Command::EndHandoff { end, answer }).await
+    }
+
+    /// Everything that would keep this plan from running, looked at on the instrument itself.
+    pub async fn preflight(&self, plan: RunPlan) -> Result<Vec<Check>, Refusal> {
+        self.ask(|answer| Command::Preflight { plan, answer }).await
     }
 
     /// The loader says that the specimen of this well is in the capillary, or that it has been taken out.
@@ -147,9 +235,20 @@ pub struct Publisher {
     status: watch::Sender<Arc<Status>>,
     live: Arc<Mutex<Live>>,
     events: Arc<EventLog>,
+    halt: Halt,
 }
 
 impl Publisher {
+    /// What an emergency stop is to reach.
+    pub fn halt(&self) -> &Halt {
+        &self.halt
+    }
+
+    /// The newest events that are kept, oldest first.
+    pub fn tail(&self) -> Vec<Arc<Event>> {
+        self.events.tail.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
+    }
+
     /// Publishes `change` as one new revision.
     pub fn publish(&self, change: impl FnOnce(&mut Status)) {
         self.status.send_modify(|current| {
@@ -229,15 +328,17 @@ pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receive
     let (status, watch) = watch::channel(Arc::new(first));
     let live = Arc::new(Mutex::new(Live::default()));
     let events = Arc::new(EventLog::new(tail));
+    let halt = Halt::default();
     let handle = SessionHandle {
         commands,
         status: watch,
         live: live.clone(),
         events: events.clone(),
+        halt: halt.clone(),
         booted: Instant::now(),
         methods: Arc::default(),
     };
-    (handle, mailbox, Publisher { status, live, events })
+    (handle, mailbox, Publisher { status, live, events, halt })
 }
 
 #[cfg(test)]

@@ -8,16 +8,20 @@
 
 mod concentration;
 mod driver;
+mod eta;
 mod event;
 mod fault;
 mod gate;
+mod halt;
 mod handle;
 mod heart;
 mod live;
 mod offer;
 mod placing;
 mod plan;
+mod plate;
 pub mod plate_map;
+mod preflight;
 mod reference;
 mod search;
 mod sentence;
@@ -33,9 +37,12 @@ pub use worker::{Instrument, WellTimes};
 pub use event::Event;
 pub use fault::table::{ALL as FAULT_CODES, FaultCode};
 pub use gate::GateStatus;
-pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, channel};
+pub use halt::Halt;
+pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Towards, channel};
 pub use offer::MethodOffer;
 pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};
+pub use plate::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
+pub use preflight::Check;
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
     CalibrationStatus, CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus,

@@ -9,7 +9,7 @@
 use super::worker::Instrument;
 use crate::device::DeviceError;
 use std::time::Duration;
-use tokio::task::{JoinError, JoinHandle};
+use tokio::task::JoinHandle;
 
 /// During a run, how often it is looked whether the camera is known to be lost.
 pub const LOOK: Duration = Duration::from_millis(250);
@@ -28,12 +28,4 @@ pub fn begin(mut instrument: Instrument) -> Search {
         let found = Found { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
         (instrument, found)
     })
-}
-
-/// The end of a search; never, where none is under way.
-pub async fn ended(search: &mut Option<Search>) -> Result<(Instrument, Found), JoinError> {
-    let Some(task) = search else { return std::future::pending().await };
-    let result = task.await;
-    *search = None;
-    result
 }

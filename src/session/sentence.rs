@@ -43,10 +43,27 @@ pub fn of(s: &Status) -> String {
             Some(f) => format!("Stopped by a fault: {}", f.message),
             None => "Aborted. The motors stand; a new run may be started.".into(),
         },
-        State::Stopping => format!("Shutting down: {motors} record is being closed."),
-        State::Stopped => "Stopped.".into(),
+        State::Stopping => match &s.specimen {
+            Some(_) if s.not_ready_reason.as_deref() != Some("shutting down") => format!("Stopping after the specimen of well {well}."),
+            _ => format!("Shutting down: {motors} record is being closed."),
+        },
+        State::Stopped => match &s.run {
+            Some(run) if run.outcome.is_some() => {
+                format!("Run {} was stopped. The plate can be taken once its capillary is empty.", run.id)
+            }
+            _ => "Stopped.".into(),
+        },
         State::Clearing | State::Resetting => "Resetting for a new run.".into(),
-        State::Holding | State::Held | State::Unholding => "Held.".into(),
+        State::Holding => match s.faults.last() {
+            Some(f) => format!("Holding the run: {}", f.message),
+            None if well.is_empty() => "Holding the run.".into(),
+            None => format!("Holding the run after the specimen of well {well}."),
+        },
+        State::Held => match s.faults.last() {
+            Some(f) => format!("Held by a fault: {}", f.message),
+            None => "Held. The run goes on where it is, on request.".into(),
+        },
+        State::Unholding => "The run goes on: the camera is being armed.".into(),
         State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
     }
 }

@@ -1,16 +1,18 @@
-//! The instrument's state machine: pure, one table.
+//! The instrument's state machine: pure, one table, PackML's words.
 //!
 //! ```text
-//! Idle ─start─> Starting ─ready─> Execute ─wells done─> Completing ─recorded─> Complete
-//!                  ^                │  ^                                          │
-//!                  │     wait for   v  │ loaded                                   │
-//!                  │      loader  Suspended                                       │
-//!                  ├──── Resetting <─start────────────────────────────────────────┘
-//!                  └──── Clearing, Resetting <─start─ Aborted <─motors stopped─ Aborting <─abort─ any state of a run
-//!     any ─shut down─> Stopping ─everything joined─> Stopped
+//! Idle ─start─> Starting ─ready─> Execute ─wells done─> Completing ─recorded─> Complete ─┐
+//!                  ^              │  ^  ^ │                                              │ start: Resetting,
+//!                  │  Suspending  │  │  │ └ Holding ─specimen done─> Held                │ after Aborted first
+//!                  │  Suspended <─┘  │  └── Unholding <──unhold───────┘                  │ Clearing
+//!                  │  Unsuspending ──┘                                                   │
+//!                  └─────────────────────────────────────────────────────────────────────┤
+//!     any state of a run ─stop──> Stopping ─record closed──> Stopped ────────────────────┤
+//!     any state          ─abort─> Aborting ─motors stopped─> Aborted ────────────────────┘
+//!     any state          ─shut down─> Stopping ─everything joined─> Stopped
 //! ```
-//! A reset for a new run goes on to Starting without PackML's instant of Idle: whoever polls in that instant would read a
-//! run that has been accepted as one that is over.
+//! Held is by the operator or by a fault, Suspended by waiting for the loader. A reset for a new run goes on to Starting without
+//! PackML's instant of Idle: whoever polls in that instant would read a run that has been accepted as one that is over.
 
 use super::State;
 
@@ -18,11 +20,20 @@ use super::State;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Trigger {
     Start,
+    /// A run that an earlier life of the daemon left open is there again.
+    TakeUp,
+    /// The worker has the instrument, and the camera is armed.
     Ready,
     WaitForLoader,
     Loaded,
+    /// An operator's wish, or a fault.
+    Hold,
+    /// The worker has handed the instrument back.
+    Rested,
+    Unhold,
     WellsDone,
     Recorded,
+    Stop,
     Abort,
     MotorsStopped,
     ShutDown,
@@ -30,28 +41,53 @@ pub enum Trigger {
 }
 
 /// States in which a new run is taken.
-pub const STARTABLE: [State; 3] = [State::Idle, State::Complete, State::Aborted];
+pub const STARTABLE: [State; 4] = [State::Idle, State::Complete, State::Stopped, State::Aborted];
 
-/// Whether a run is under way in this state.
-pub fn runs(state: State) -> bool {
-    use State::{Completing, Execute, Starting, Suspended};
-    matches!(state, Starting | Execute | Suspended | Completing)
+/// States in which a run can be held.
+pub const HOLDABLE: [State; 6] =
+    [State::Starting, State::Execute, State::Suspending, State::Suspended, State::Unsuspending, State::Unholding];
+
+/// States in which a run can be stopped.
+pub const STOPPABLE: [State; 8] = [
+    State::Starting,
+    State::Execute,
+    State::Suspending,
+    State::Suspended,
+    State::Unsuspending,
+    State::Unholding,
+    State::Holding,
+    State::Held,
+];
+
+/// Whether a run goes on in this state, or could.
+#[cfg(test)]
+fn runs(state: State) -> bool {
+    STOPPABLE.contains(&state) || state == State::Completing
 }
 
 /// The states that a trigger leads through, in order, each to be published; nothing where the trigger does not apply.
 pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
-    use State::{Aborted, Aborting, Clearing, Complete, Completing, Execute, Idle, Resetting, Starting, Stopped, Stopping, Suspended};
+    use State::{
+        Aborted, Aborting, Clearing, Complete, Completing, Execute, Held, Holding, Idle, Resetting, Starting, Stopped, Stopping, Suspended,
+        Suspending, Unholding, Unsuspending,
+    };
     Some(match (state, trigger) {
         (Idle, Trigger::Start) => &[Starting],
-        (Complete, Trigger::Start) => &[Resetting, Starting],
+        (Complete | Stopped, Trigger::Start) => &[Resetting, Starting],
         (Aborted, Trigger::Start) => &[Clearing, Resetting, Starting],
-        (Starting, Trigger::Ready) | (Suspended, Trigger::Loaded) => &[Execute],
-        (Execute, Trigger::WaitForLoader) => &[Suspended],
-        (Execute, Trigger::WellsDone) => &[Completing],
+        (Idle, Trigger::TakeUp) | (Holding, Trigger::Rested) => &[Held],
+        (Starting | Unholding, Trigger::Ready) => &[Execute],
+        (Execute | Unholding, Trigger::WaitForLoader) => &[Suspending, Suspended],
+        (Suspended, Trigger::Loaded) => &[Unsuspending, Execute],
+        (state, Trigger::Hold) if HOLDABLE.contains(&state) || state == Completing => &[Holding],
+        (Held, Trigger::Unhold) => &[Unholding],
+        (Starting | Execute | Unholding | Holding, Trigger::WellsDone) => &[Completing],
         (Completing, Trigger::Recorded) => &[Complete],
-        (state, Trigger::Abort) if runs(state) => &[Aborting],
+        (state, Trigger::Stop) if STOPPABLE.contains(&state) => &[Stopping],
+        (Aborting | Aborted | Clearing | Resetting, Trigger::Abort) => return None,
+        (_, Trigger::Abort) => &[Aborting],
         (Aborting, Trigger::MotorsStopped) => &[Aborted],
-        (Stopping | Stopped, Trigger::ShutDown) => return None,
+        (Stopping, Trigger::ShutDown) => &[],
         (_, Trigger::ShutDown) => &[Stopping],
         (Stopping, Trigger::Joined) => &[Stopped],
         _ => return None,
@@ -59,67 +95,4 @@ pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    const TRIGGERS: [Trigger; 10] = [
-        Trigger::Start,
-        Trigger::Ready,
-        Trigger::WaitForLoader,
-        Trigger::Loaded,
-        Trigger::WellsDone,
-        Trigger::Recorded,
-        Trigger::Abort,
-        Trigger::MotorsStopped,
-        Trigger::ShutDown,
-        Trigger::Joined,
-    ];
-
-    proptest! {
-        /// Whatever happens in whatever order: an aborted run is never shown as complete, a run's end is reached only
-        /// through its closing state, and nothing but the end follows a shut-down.
-        #[test]
-        fn no_sequence_reads_as_something_it_is_not(sequence in prop::collection::vec(0usize..TRIGGERS.len(), 1..200)) {
-            let mut state = State::Idle;
-            let (mut aborted, mut shut_down) = (false, false);
-            for t in sequence.into_iter().map(|i| TRIGGERS[i]) {
-                let Some(path) = next(state, t) else { continue };
-                for &to in path {
-                    prop_assert!(!shut_down || to == State::Stopped, "after a shut-down came {to:?}");
-                    match to {
-                        State::Starting => aborted = false,
-                        State::Aborting => { prop_assert!(runs(state)); aborted = true; }
-                        State::Aborted => prop_assert_eq!(state, State::Aborting),
-                        State::Complete => { prop_assert_eq!(state, State::Completing); prop_assert!(!aborted); }
-                        State::Stopping => shut_down = true,
-                        State::Stopped => prop_assert_eq!(state, State::Stopping),
-                        _ => {}
-                    }
-                    state = to;
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn a_run_is_taken_in_exactly_the_startable_states() {
-        let all = [
-            State::Stopped,
-            State::Idle,
-            State::Starting,
-            State::Execute,
-            State::Suspended,
-            State::Completing,
-            State::Complete,
-            State::Stopping,
-            State::Aborting,
-            State::Aborted,
-            State::Clearing,
-            State::Resetting,
-        ];
-        for state in all {
-            assert_eq!(next(state, Trigger::Start).is_some(), STARTABLE.contains(&state), "{state:?}");
-        }
-    }
-}
+mod tests;

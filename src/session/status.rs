@@ -83,6 +83,15 @@ impl RunOutcome {
             (true, false) => Self::Failed,
         }
     }
+
+    /// Of a run that was stopped before all its wells: what has a number stands.
+    pub fn of_stopped(wells: &[WellStatus]) -> Self {
+        match wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded)) {
+            _ if wells.iter().all(|w| w.outcome != Some(SpecimenOutcome::Aborted)) => Self::of_wells(wells),
+            true => Self::Partial,
+            false => Self::Aborted,
+        }
+    }
 }
 
 /// How a specimen ended. `null` until it has.
@@ -279,7 +288,7 @@ pub struct SpecimenStatus {
     /// Views taken so far.
     pub view: u32,
     pub views_planned: u32,
-    /// Volume of the live hull after the newest view.
+    /// Volume of the live hull after the newest view; `null` until views from across bound it.
     pub volume_um3: Option<f64>,
     /// Its uncertainty; `null` where none is known yet.
     pub volume_sd_um3: Option<f64>,

@@ -135,20 +135,23 @@ impl Store {
         if file.exists() { RunRecord::read(&file).map(Some) } else { Ok(None) }
     }
 
-    /// Ends what a crash left open, and says which runs those were: the pose of a specimen under way is lost, and a run
-    /// that nobody works on must not look as if somebody did.
-    pub fn close_interrupted(&self) -> Result<Vec<RunRecord>, StoreError> {
-        let mut closed = Vec::new();
+    /// What a crash left open, oldest first.
+    pub fn open_runs(&self) -> Result<Vec<RunRecord>, StoreError> {
+        let mut open = Vec::new();
         for id in &self.open {
-            let Some(mut run) = self.run(id)?.filter(|run| run.outcome.is_none()) else { continue };
-            for well in run.wells.iter_mut().filter(|w| w.outcome.is_none()) {
-                well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
-            }
-            run.end(RunOutcome::Interrupted);
-            self.save_run(&run)?;
-            closed.push(run);
+            open.extend(self.run(id)?.filter(|run| run.outcome.is_none()));
         }
-        Ok(closed)
+        open.sort_by(|a, b| a.started.cmp(&b.started));
+        Ok(open)
+    }
+
+    /// Ends a run that nobody will go on with: it must not look as if somebody did.
+    pub fn close_interrupted(&self, run: &mut RunRecord) -> Result<(), StoreError> {
+        for well in run.wells.iter_mut().filter(|w| w.outcome.is_none()) {
+            well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
+        }
+        run.end(RunOutcome::Interrupted);
+        self.save_run(run)
     }
 
     /// Free space where the data are, bytes.

@@ -134,6 +134,15 @@ impl Daemon {
         agent.put(format!("{}{path}", self.url)).send_json(body).unwrap().status().as_u16()
     }
 
+    /// Sends a body, if any, and gives the answer whatever its status.
+    pub fn send(&self, method: &str, path: &str, body: &Value) -> (u16, Value) {
+        let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
+        let url = format!("{}{path}", self.url);
+        let request = if method == "PUT" { agent.put(url) } else { agent.post(url) };
+        let mut answer = if body.is_null() { request.send_empty() } else { request.send_json(body) }.unwrap();
+        (answer.status().as_u16(), answer.body_mut().read_json().unwrap())
+    }
+
     pub fn post(&self, path: &str) -> u16 {
         let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
         agent.post(format!("{}{path}", self.url)).send_empty().unwrap().status().as_u16()

@@ -2,9 +2,13 @@
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{connect, read_answer};
+use carved::cancel::CancelToken;
+use carved::device::StopHandle;
 use carved::http::HttpSettings;
 use carved::session::{Fault, Refusal, SchedulerAction, State};
 use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 fn pointers(answer: &crate::wire::Answer) -> Vec<String> {
     let mut found: Vec<_> = answer.json()["errors"].as_array().unwrap().iter().map(|e| e["pointer"].as_str().unwrap().to_owned()).collect();
@@ -93,6 +97,82 @@ fn a_run_is_aborted_by_its_name() {
         let aborted = rig.send("POST", "/v1/runs/r/abort", &[], "");
         assert_eq!((aborted.status, &aborted.json()["run"]), (200, &"r".into()));
     }
+}
+
+#[test]
+fn a_run_is_held_let_go_on_and_stopped_by_its_name() {
+    let rig = Rig::start();
+    rig.put("/v1/runs/r", PLAN);
+    for command in ["hold", "unhold", "stop"] {
+        assert_eq!(rig.send("POST", &format!("/v1/runs/r/{command}"), &[], "").status, 200, "{command}");
+        assert_eq!(rig.send("POST", &format!("/v1/runs/x/{command}"), &[], "").problem(), "unknown_run", "{command}");
+    }
+    assert_eq!(*rig.commands.lock().unwrap(), ["put r", "hold r", "hold x", "unhold r", "unhold x", "stop r", "stop x"]);
+    rig.refuse(Refusal::FaultStands { seq: 3, code: "rotation_alarm".into(), message: "limit switch".into() });
+    let stands = rig.send("POST", "/v1/runs/r/unhold", &[], "");
+    assert_eq!((stands.status, stands.problem().as_str()), (409, "fault_stands"));
+    assert_eq!(stands.json()["fault_seq"], 3);
+    assert!(stands.json()["detail"].as_str().unwrap().contains("/v1/faults/3/acknowledge"), "{}", stands.json());
+}
+
+/// The motors come before the mailbox, and before anything that a client may do wrong.
+#[test]
+fn an_emergency_stop_is_on_the_wire_whatever_else_happens() {
+    let rig = Rig::start();
+    let stops = Arc::new(AtomicU32::new(0));
+    let counted = stops.clone();
+    let work = CancelToken::default();
+    rig.driver.halt().aim(
+        StopHandle::new(move || {
+            counted.fetch_add(1, Ordering::SeqCst);
+        }),
+        work.clone(),
+    );
+    assert_eq!(rig.send("POST", "/v1/emergency-stop", &[], "").status, 200);
+    assert!(work.is_cancelled(), "no move follows the stop");
+    rig.refuse(Refusal::Store { why: "no space".into(), full: true });
+    assert_eq!(rig.send("POST", "/v1/emergency-stop", &[], "").status, 507);
+    let large = "x".repeat(1 << 20);
+    assert_eq!(rig.send("POST", "/v1/emergency-stop", &[], &large).status, 413);
+    assert_eq!(stops.load(Ordering::SeqCst), 3);
+}
+
+#[test]
+fn a_fault_is_acknowledged_by_its_number() {
+    let rig = Rig::start();
+    assert_eq!(rig.send("POST", "/v1/faults/17/acknowledge", &[], "").status, 200);
+    assert_eq!(rig.send("POST", "/v1/faults/18/acknowledge", &[], "").problem(), "unknown_fault");
+    assert_eq!(rig.send("POST", "/v1/faults/first/acknowledge", &[], "").problem(), "bad_path");
+}
+
+#[test]
+fn a_plate_is_announced_and_moved() {
+    let rig = Rig::start();
+    let announced = rig.put("/v1/plate/handoff", r#"{"intent": "unload", "barcode": "P-1"}"#);
+    assert_eq!((announced.status, &announced.json()["needs"]), (200, &"the run to end".into()));
+    for (body, pointer) in [(r#"{"intent": "turn", "barcode": "P"}"#, "/intent"), (r#"{"intent": "load"}"#, "/barcode")] {
+        assert_eq!(pointers(&rig.put("/v1/plate/handoff", body)), [pointer], "{body}");
+    }
+    for end in ["completed", "aborted"] {
+        assert_eq!(rig.send("PUT", &format!("/v1/plate/handoff/{end}"), &[], "").status, 200);
+    }
+    assert_eq!(*rig.commands.lock().unwrap(), ["Unload P-1", "Completed", "Aborted"]);
+    rig.refuse(Refusal::OtherBarcode { expected: "P-1".into(), found: "P-2".into() });
+    let other = rig.put("/v1/plate/handoff", r#"{"intent": "load", "barcode": "P-2"}"#);
+    assert_eq!((other.status, other.problem().as_str()), (409, "other_barcode"));
+    assert_eq!(other.json()["scheduler_action"], "reject_plate");
+}
+
+#[test]
+fn a_preflight_says_everything_and_what_only_flags_does_not_fail_it() {
+    let rig = Rig::start();
+    let found = rig.send("POST", "/v1/preflight", &[("Content-Type", "application/json")], PLAN);
+    assert_eq!((found.status, &found.json()["passed"]), (200, &true.into()));
+    assert_eq!(found.json()["checks"].as_array().unwrap().len(), 3);
+    let full = rig.send("POST", "/v1/preflight", &[("Content-Type", "application/json")], &PLAN.replace("kim", "full"));
+    assert_eq!((full.status, &full.json()["passed"]), (200, &false.into()));
+    rig.refuse(Refusal::WillNotFit { needed_bytes: 2, free_bytes: 1 });
+    assert_eq!(rig.put("/v1/runs/r", PLAN).problem(), "will_not_fit");
 }
 
 #[test]

@@ -48,9 +48,18 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
         "get /v1/runs/{run_id}/specimens/{well}/profiles/{view}",
         "get /v1/runs/{run_id}/specimens/{well}/views/{view}",
         "get /v1/status",
+        "post /v1/emergency-stop",
+        "post /v1/faults/{seq}/acknowledge",
         "post /v1/plate-maps/check",
+        "post /v1/preflight",
         "post /v1/runs/{run_id}/abort",
+        "post /v1/runs/{run_id}/hold",
+        "post /v1/runs/{run_id}/stop",
+        "post /v1/runs/{run_id}/unhold",
         "put /v1/lease",
+        "put /v1/plate/handoff",
+        "put /v1/plate/handoff/aborted",
+        "put /v1/plate/handoff/completed",
         "put /v1/runs/{run_id}",
         "put /v1/runs/{run_id}/wells/{well}",
     ];
@@ -80,7 +89,7 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
 #[test]
 fn unknown_routes_and_methods_are_problems() {
     let rig = Rig::start();
-    for path in ["/nowhere", "/v1", "/v1/", "/v1/status/", "/v2/status", "/../Cargo.toml", "/%2e%2e/Cargo.toml", "//", "/v1/runs/r/hold"] {
+    for path in ["/nowhere", "/v1", "/v1/", "/v1/status/", "/v2/status", "/../Cargo.toml", "/%2e%2e/Cargo.toml", "//", "/v1/runs/r/fold"] {
         for method in ["GET", "PUT", "POST", "DELETE"] {
             let answer = rig.send(method, path, &[], "");
             assert_eq!((answer.status, answer.problem().as_str()), (404, "unknown_route"), "{method} {path}");

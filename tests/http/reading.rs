@@ -260,6 +260,7 @@ fn the_calibration_s_age_is_a_clock_and_its_validity_is_not() {
         max_age_s: 1.0,
         bead_bias_percent: Some(-0.22),
         valid: true,
+        gate: None,
     };
     rig.driver.publish(|s| s.calibration = Some(calibration));
     let answer = rig.get("/v1/status");

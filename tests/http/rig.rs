@@ -4,7 +4,8 @@ use crate::wire::{self, Answer};
 use carved::acquisition::ViewOrder;
 use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::{
-    Accepted, Command, Event, HardwareStatus, MethodOffer, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State, Status, channel,
+    Accepted, Check, Command, Event, HandoffNeeds, HardwareStatus, MethodOffer, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State,
+    Status, channel,
 };
 use carved::store::StoreReader;
 use serde_json::Value;
@@ -15,6 +16,8 @@ use tokio::runtime::Runtime;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
+/// Number of the newest fault that the driver has had.
+pub const NEWEST_FAULT: u64 = 17;
 pub const BOOT: &str = "boot-7f";
 pub const PLAN: &str =
     r#"{"plate_barcode": "P-1", "method": "standard", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}, {"well": "A02"}]}"#;
@@ -169,11 +172,42 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                 };
                 answer.send(verdict).unwrap();
             }
-            Command::Abort { id, answer } => {
-                commands.lock().unwrap().push(format!("abort {id}"));
+            Command::Steer { id, towards, answer } => {
+                commands.lock().unwrap().push(format!("{towards:?} {id}").to_lowercase());
                 let known = runs.contains_key(&id);
                 let unknown = Refusal::UnknownRun { id, newest: runs.keys().next_back().cloned() };
                 answer.send(refusal.map_or(if known { Ok(()) } else { Err(unknown) }, Err)).unwrap();
+            }
+            Command::EmergencyStop { answer } => {
+                commands.lock().unwrap().push("emergency stop".into());
+                answer.send(refusal.map_or(Ok(()), Err)).unwrap();
+            }
+            Command::Acknowledge { seq, answer } => {
+                commands.lock().unwrap().push(format!("acknowledge {seq}"));
+                let verdict = if seq <= NEWEST_FAULT { Ok(()) } else { Err(Refusal::UnknownFault { seq, newest: NEWEST_FAULT }) };
+                answer.send(refusal.map_or(verdict, Err)).unwrap();
+            }
+            Command::Handoff { plate, answer } => {
+                commands.lock().unwrap().push(format!("{:?} {}", plate.intent, plate.barcode));
+                let needs = HandoffNeeds { intent: plate.intent, barcode: plate.barcode, needs: Some("the run to end".into()) };
+                answer.send(refusal.map_or(Ok(needs), Err)).unwrap();
+            }
+            Command::EndHandoff { end, answer } => {
+                commands.lock().unwrap().push(format!("{end:?}"));
+                answer.send(refusal.map_or(Ok(()), Err)).unwrap();
+            }
+            Command::Preflight { plan, answer } => {
+                commands.lock().unwrap().push(format!("preflight {}", plan.plate_barcode));
+                let found = |code: &str, passed: bool, blocks: bool| Check {
+                    code: code.into(),
+                    passed,
+                    blocks,
+                    detail: "found".into(),
+                    what_to_do: (!passed).then(|| "mend it".into()),
+                };
+                let checks =
+                    vec![found("camera", true, true), found("references", false, false), found("disk", plan.operator != "full", true)];
+                answer.send(refusal.map_or(Ok(checks), Err)).unwrap();
             }
             Command::Loaded { run, well, loaded, answer } => {
                 commands.lock().unwrap().push(format!("{} {run} {well}", if loaded { "loaded" } else { "unloaded" }));

@@ -19,6 +19,13 @@ pub enum Job {
 
 impl Job {
     pub async fn run(self, handle: SessionHandle, data: &Path) -> anyhow::Result<()> {
+        if let (Self::Demo, Some(open)) = (&self, left_open(&handle).await) {
+            println!("Run {} was left open by an earlier daemon; it goes on before any other.", open.id);
+            let Some(run) = finished(&handle, &open.id).await else { return Ok(()) };
+            print!("{}", table(&run, &data.join("runs").join(&run.id)));
+            println!("Serving on. Ctrl-C ends it.");
+            return Ok(());
+        }
         let (prefix, plan) = match &self {
             Self::Serve => return Ok(()),
             Self::Demo => ("demo", demo_plan()),
@@ -38,6 +45,15 @@ impl Job {
         println!("Serving on. Ctrl-C ends it.");
         Ok(())
     }
+}
+
+/// The run that an earlier daemon left open, once this one has looked.
+async fn left_open(handle: &SessionHandle) -> Option<RunStatus> {
+    let mut status = handle.status();
+    while status.not_ready_reason.as_deref() == Some("starting") {
+        status = handle.status_after(status.revision).await;
+    }
+    status.run.filter(|run| run.outcome.is_none())
 }
 
 /// Waits for the end of a run; nothing where another run has taken its place.

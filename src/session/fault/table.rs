@@ -38,6 +38,7 @@ pub enum Category {
     Sampler,
     Storage,
     Software,
+    Safety,
 }
 
 impl Category {
@@ -48,6 +49,7 @@ impl Category {
             Self::Sampler => "sampler",
             Self::Storage => "storage",
             Self::Software => "software",
+            Self::Safety => "safety",
         }
     }
 }
@@ -85,25 +87,25 @@ codes! {
         "Correct the value that the message names in the configuration, and start the daemon again.";
     SECOND_CAMERA_FAILED = "second_camera_failed", Camera, PauseInstrument, operator: true, recoverable: true,
         "The second camera failed in a run.",
-        "Check the second camera's power and cable. It is opened again with the next run.";
+        "Check the second camera's power and cable. Then acknowledge the fault and let the run go on: it is opened again.";
     ROTATION_LOST = "rotation_lost", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis' controller does not answer any more.",
         "Check the controller's power and cable. It is opened again by itself when it answers.";
     ROTATION_SUSPECT = "rotation_suspect", Motion, Retry, operator: false, recoverable: true,
         "It is not certain any more where the axis stands; it was stopped. A stock VAST that may be out of step asks for a person.",
-        "Nothing: the next run begins with a reference, which finds the axis again. With a stock VAST, end its list first.";
+        "Let the run go on: each specimen begins with a reference, which finds the axis again. With a stock VAST, end its list first.";
     ROTATION_ALARM = "rotation_alarm", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
-        "Look what touched the switch or holds the capillary, and clear it. The next run begins with a reference.";
+        "Look what touched the switch or holds the capillary, and clear it. Then acknowledge the fault and let the run go on: it begins with a reference.";
     ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller's settings are not those of the configuration; the message names each.",
         "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";
     ROTATION_FAILED = "rotation_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis could not do what it was asked to, for another reason than those above.",
-        "Read the message: it says what was asked and why it was refused. Then start the run's other wells in a new run.";
+        "Read the message: it says what was asked and why it was refused. Then acknowledge the fault, and let the run go on or stop it.";
     REVOLUTION_FAILED = "revolution_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "A revolution could not be planned or carried through.",
-        "Read the message. If it names the method, choose another for the next run.";
+        "Read the message. If it names the method, stop the run and choose another for the next; else acknowledge the fault and let the run go on.";
     SAMPLER_FAILED = "sampler_failed", Sampler, PauseInstrument, operator: true, recoverable: true,
         "The sampler did not bring or take away a specimen.",
         "Look whether a specimen is stuck in the tubing or the capillary, and take it out. Then say so to the instrument.";
@@ -115,13 +117,16 @@ codes! {
         "Look whether a specimen is stuck, or who should have brought it. If it is only slow, allow the phase more time in the method's policy.";
     STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
         "Something could not be written to disk. The plate is not called removable.",
-        "Check that the data folder is there, belongs to the daemon and can be written. Then start a new run.";
+        "Check that the data folder is there, belongs to the daemon and can be written. The run goes on by itself once it can.";
     DISK_FULL = "disk_full", Storage, PauseInstrument, operator: true, recoverable: true,
         "The disk that holds the data is full. The plate is not called removable.",
-        "Make room on the data disk. Then start a new run for the wells that were not measured.";
+        "Make room on the data disk. The run goes on by itself once there is some.";
+    EMERGENCY_STOP = "emergency_stop", Safety, EscalateOperator, operator: true, recoverable: true,
+        "Somebody pressed the emergency stop. The motors stand, the run is aborted, and nothing starts.",
+        "Make sure that the instrument is safe. Then acknowledge the fault.";
     INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
         "A part of the program ended that should not have.",
-        "Keep the daemon's log and report it. The next run may start.";
+        "Keep the daemon's log and report it. Then acknowledge the fault; the run may go on.";
 }
 
 #[cfg(test)]

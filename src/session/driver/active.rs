@@ -1,0 +1,98 @@
+//! A run from its acceptance to its outcome, and the work on it.
+
+use super::super::eta::UnderWay;
+use super::super::worker::{Instrument, Progress, RunEnd};
+use crate::cancel::CancelToken;
+use crate::device::StopHandle;
+use crate::store::RunRecord;
+use std::collections::BTreeMap;
+use tokio::sync::mpsc;
+use tokio::task::{JoinError, JoinHandle};
+
+/// What becomes of the run once its worker has ended; the later one wins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Asked {
+    Nothing,
+    Hold,
+    /// By a fault.
+    Halt,
+    Stop,
+    Abort,
+    ShutDown,
+}
+
+/// A run that has no outcome yet.
+pub(super) struct Active {
+    pub record: RunRecord,
+    /// None while it is held, or waits for a specimen to be taken out.
+    pub work: Option<Work>,
+    pub asked: Asked,
+    /// Who held it, for who lets it go on.
+    pub held_by_fault: bool,
+    /// The well whose specimen the loader is asked for.
+    pub waiting_for: Option<String>,
+    /// The well whose specimen the loader has to take out before the run goes on.
+    pub take_out: Option<String>,
+    /// The well whose specimen a driven sampler takes out before the run goes on.
+    pub eject_first: Option<String>,
+    /// The wells whose specimens were begun and have no end, and what they take: one has the rig, another's numbers may be made.
+    pub under_way: BTreeMap<String, UnderWay>,
+    /// How often it has gone on by itself since a well was done.
+    pub resumed_by_itself: u32,
+    /// Its larvae are measured without a bead gate that stands.
+    pub lacks_gate: bool,
+    /// Where its views looked from, deg.
+    pub seen_deg: Vec<f64>,
+}
+
+/// The worker of a run, as the driver holds it.
+pub(super) struct Work {
+    pub cancel: CancelToken,
+    pub pause: CancelToken,
+    pub stop: StopHandle,
+    pub worker: JoinHandle<(Instrument, RunEnd)>,
+    pub progress: mpsc::Receiver<Progress>,
+}
+
+/// However the driver ends, a panic included: motors first, and the worker then ends by itself.
+impl Drop for Work {
+    fn drop(&mut self) {
+        self.cancel.cancel();
+        if !self.worker.is_finished() {
+            self.stop.stop();
+        }
+    }
+}
+
+impl Active {
+    pub fn new(record: RunRecord) -> Self {
+        Self {
+            record,
+            work: None,
+            asked: Asked::Nothing,
+            held_by_fault: false,
+            waiting_for: None,
+            take_out: None,
+            eject_first: None,
+            under_way: BTreeMap::new(),
+            resumed_by_itself: 0,
+            lacks_gate: false,
+            seen_deg: Vec::new(),
+        }
+    }
+}
+
+pub(super) enum Word {
+    Progress(Progress),
+    Ended(Result<(Instrument, RunEnd), JoinError>),
+}
+
+/// The worker's next word; its end only after everything it said before.
+pub(super) async fn word_of(active: &mut Option<Active>) -> Word {
+    let Some(work) = active.as_mut().and_then(|a| a.work.as_mut()) else { return std::future::pending().await };
+    tokio::select! {
+        biased;
+        Some(progress) = work.progress.recv() => Word::Progress(progress),
+        ended = &mut work.worker => Word::Ended(ended),
+    }
+}

@@ -1,0 +1,114 @@
+//! Commands: who may ask for what in which state. What was done by a repeat answers as the first did.
+
+use super::super::handle::{Accepted, Command, Refusal, Towards};
+use super::super::plan::is_plain_name;
+use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
+use super::super::{FieldError, RunOutcome, RunPlan, State, gate, preflight};
+use super::Running;
+
+impl Running {
+    pub(super) fn command(&mut self, command: Command) {
+        // A client that hung up before its answer is no reason to stop: what was decided stands.
+        match command {
+            Command::PutRun { id, plan, answer } => {
+                let result = self.put_run(&id, plan);
+                let _hung_up = answer.send(result);
+            }
+            Command::Steer { id, towards, answer } => {
+                let result = self.steer(&id, towards);
+                let _hung_up = answer.send(result);
+            }
+            Command::EmergencyStop { answer } => {
+                let result = self.emergency_stopped();
+                let _hung_up = answer.send(result);
+            }
+            Command::Acknowledge { seq, answer } => {
+                let result = self.acknowledge(seq);
+                let _hung_up = answer.send(result);
+            }
+            Command::Loaded { run, well, loaded, answer } => {
+                let result = if loaded { self.loaded(run, well) } else { self.unloaded(run, well) };
+                let _hung_up = answer.send(result);
+            }
+            Command::Handoff { plate, answer } => {
+                let result = self.handoff(plate);
+                let _hung_up = answer.send(result);
+            }
+            Command::EndHandoff { end, answer } => {
+                let result = self.end_handoff(end);
+                let _hung_up = answer.send(result);
+            }
+            Command::Preflight { plan, answer } => self.preflight(plan, answer),
+        }
+    }
+
+    fn put_run(&mut self, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
+        if !is_plain_name(id) {
+            let detail = format!("{id:?} is not a run's name: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
+            return Err(Refusal::InvalidPlan(vec![FieldError { pointer: "/run_id".into(), detail }]));
+        }
+        if let Some(known) = self.store.run(id).map_err(Refusal::from)? {
+            return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
+        }
+        plan.check(&self.config.methods).map_err(Refusal::InvalidPlan)?;
+        gate::refuses(&self.config, self.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
+        let status = self.publisher.status();
+        if self.active.is_some() || !STARTABLE.contains(&status.state) {
+            return Err(Refusal::WrongState { state: status.state, accepted_in: STARTABLE.to_vec() });
+        }
+        self.nothing_stands_in_the_way()?;
+        if let Some(left) = status.specimen.as_ref().filter(|s| s.in_capillary) {
+            return Err(Refusal::CapillaryFull { well: left.well.clone() });
+        }
+        if let Some(inside) = self.plate_inside.as_ref().filter(|inside| **inside != plan.plate_barcode) {
+            return Err(Refusal::OtherBarcode { expected: inside.clone(), found: plan.plate_barcode });
+        }
+        // `check` has looked it up; a plan that names no method never comes here.
+        let method = self.config.methods.get(&plan.method).cloned();
+        let method =
+            method.ok_or_else(|| Refusal::InvalidPlan(vec![FieldError { pointer: "/method".into(), detail: plan.method.clone() }]))?;
+        let needed_bytes = preflight::needed_bytes(&self.config, &method, plan.plate_map.len());
+        if let Some(free_bytes) = self.store.free_bytes().filter(|free| *free < needed_bytes) {
+            return Err(Refusal::WillNotFit { needed_bytes, free_bytes });
+        }
+        if self.instrument.is_none() {
+            return Err(Refusal::Busy);
+        }
+        self.start(id, plan, method)?;
+        Ok(Accepted::Created)
+    }
+
+    fn steer(&mut self, id: &str, towards: Towards) -> Result<(), Refusal> {
+        if !self.is(id) {
+            return self.steer_ended(id, towards);
+        }
+        let now = self.publisher.status().state;
+        let wrong = |accepted_in: &[State]| Err(Refusal::WrongState { state: now, accepted_in: accepted_in.to_vec() });
+        match (towards, now) {
+            (Towards::Abort, State::Aborting)
+            | (Towards::Stop, State::Stopping)
+            | (Towards::Hold, State::Holding | State::Held)
+            | (Towards::Unhold, State::Unholding | State::Execute | State::Suspending | State::Suspended | State::Unsuspending) => Ok(()),
+            (Towards::Abort, _) => self.abort(),
+            (Towards::Stop, state) if STOPPABLE.contains(&state) => self.stop(),
+            (Towards::Stop, _) => wrong(&STOPPABLE),
+            (Towards::Hold, state) if HOLDABLE.contains(&state) => self.hold(),
+            (Towards::Hold, _) => wrong(&HOLDABLE),
+            (Towards::Unhold, State::Held) => self.unhold("operator"),
+            (Towards::Unhold, _) => wrong(&[State::Held]),
+        }
+    }
+
+    /// A repeat after the end moves towards a state that is reached already.
+    fn steer_ended(&self, id: &str, towards: Towards) -> Result<(), Refusal> {
+        let status = self.publisher.status();
+        let stopped = || status.state == State::Stopped && status.run.as_ref().is_some_and(|r| r.id == id);
+        match self.store.run(id) {
+            Ok(Some(run)) if towards == Towards::Abort && run.outcome == Some(RunOutcome::Aborted) => Ok(()),
+            Ok(Some(_)) if towards == Towards::Stop && stopped() => Ok(()),
+            Ok(Some(run)) => Err(Refusal::RunEnded { id: run.id, outcome: run.outcome }),
+            Ok(None) => Err(Refusal::UnknownRun { id: id.to_owned(), newest: status.run.as_ref().map(|r| r.id.clone()) }),
+            Err(e) => Err(e.into()),
+        }
+    }
+}

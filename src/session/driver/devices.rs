@@ -1,0 +1,89 @@
+//! Whether the devices are there: looked at while nothing runs, shown while something does.
+
+use super::super::fault::Lost;
+use super::super::{CalibrationStatus, Status, gate};
+use super::super::{search, worker::Instrument};
+use super::Running;
+use super::errands::Errand;
+use crate::device::DeviceError;
+use crate::store::{StoreError, calibrations};
+
+impl Running {
+    /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.
+    pub(super) fn show_camera(&self) {
+        let is_lost = self.camera.is_lost();
+        if self.publisher.status().hardware.camera.connected == is_lost {
+            self.publish(|s| s.hardware.camera.connected = !is_lost);
+        }
+    }
+
+    /// At rest the devices are asked whether they are still there.
+    pub(super) fn look(&mut self) {
+        if self.errand.is_some() || self.instrument.is_none() {
+            return;
+        }
+        if self.camera.is_lost() {
+            let told = self.lose(Lost::Camera, DeviceError::ControlLost);
+            self.keep(told);
+        }
+        self.errand = self.instrument.take().map(|instrument| Errand::Search(search::begin(instrument)));
+    }
+
+    pub(super) fn searched(&mut self, instrument: Instrument, found: search::Found) -> Result<(), StoreError> {
+        let identity = instrument.rig.rotation.identity().to_owned();
+        self.instrument = Some(instrument);
+        let was_lost = !self.lost.is_empty();
+        match found.camera {
+            Ok(()) => self.regain(Lost::Camera, |s| s.hardware.camera.connected = true)?,
+            Err(error) => tracing::debug!(%error, "the camera is not back yet"),
+        }
+        match found.rotation {
+            Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity))?,
+            Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error)?,
+            Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
+        }
+        // A run that was held by it may go on.
+        if was_lost && self.lost.is_empty() {
+            self.resume_by_itself();
+        }
+        Ok(())
+    }
+
+    /// A loss at rest is a fault of its own, raised once.
+    fn lose(&mut self, device: Lost, error: DeviceError) -> Result<(), StoreError> {
+        if self.lost.contains(&device) {
+            return Ok(());
+        }
+        let fault = self.raise(&error.into());
+        self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default())
+    }
+
+    /// What is back is a fault no more.
+    fn regain(&mut self, device: Lost, connected: impl FnOnce(&mut Status)) -> Result<(), StoreError> {
+        if !self.lost.contains(&device) {
+            return Ok(());
+        }
+        self.lost.retain(|lost| *lost != device);
+        self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected)
+    }
+
+    /// The rig's newest calibration, from disk.
+    pub(super) fn calibration(&self) -> Option<CalibrationStatus> {
+        let config = &self.config;
+        let found = calibrations::newest(&config.calibrations(), &config.rig_name, self.mode).unwrap_or_else(|error| {
+            tracing::warn!(%error, "the rig's calibrations are not read");
+            None
+        });
+        let size = found.map(|found| CalibrationStatus::new(found, config.calibration.max_age_days, jiff::Timestamp::now()));
+        gate::beside(size, gate::newest(config, self.mode))
+    }
+
+    /// A calibration that has grown too old is a change of state, and told as one.
+    pub(super) fn calibration_ages(&self) {
+        let now = jiff::Timestamp::now();
+        let too_old = |c: &CalibrationStatus| c.valid && c.age_s(now).is_none_or(|age_s| age_s >= c.max_age_s);
+        if self.publisher.status().calibration.as_ref().is_some_and(too_old) {
+            self.publish(|s| s.calibration.iter_mut().for_each(|c| c.valid = false));
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! What takes the instrument for a moment while no run has it: a look at the devices, or a whole preflight.
+
+use super::super::handle::Refusal;
+use super::super::preflight::{self, Check, Seen};
+use super::super::search::{Found, Search};
+use super::super::state::STARTABLE;
+use super::super::worker::Instrument;
+use super::super::{RunPlan, State};
+use super::Running;
+use tokio::sync::oneshot;
+use tokio::task::{JoinError, JoinHandle};
+
+pub(super) enum Errand {
+    Search(Search),
+    Preflight { look: JoinHandle<(Instrument, Seen)>, plan: Box<RunPlan>, answer: oneshot::Sender<Result<Vec<Check>, Refusal>> },
+}
+
+/// What an errand has brought back.
+pub(super) enum Done {
+    Searched(Instrument, Found),
+    Preflight(Instrument, Seen, Box<RunPlan>, oneshot::Sender<Result<Vec<Check>, Refusal>>),
+}
+
+/// The end of an errand; never, where none is under way.
+pub(super) async fn ended(errand: &mut Option<Errand>) -> Result<Done, JoinError> {
+    // Waited for in place: what is given up half way is still there the next time.
+    enum Brought {
+        Search((Instrument, Found)),
+        Preflight((Instrument, Seen)),
+    }
+    let brought = match errand {
+        None => return std::future::pending().await,
+        Some(Errand::Search(search)) => Brought::Search(search.await?),
+        Some(Errand::Preflight { look, .. }) => Brought::Preflight(look.await?),
+    };
+    match (brought, errand.take()) {
+        (Brought::Search((instrument, found)), _) => Ok(Done::Searched(instrument, found)),
+        (Brought::Preflight((instrument, seen)), Some(Errand::Preflight { plan, answer, .. })) => {
+            Ok(Done::Preflight(instrument, seen, plan, answer))
+        }
+        (Brought::Preflight(_), _) => std::future::pending().await,
+    }
+}
+
+impl Running {
+    /// Whether commands wait: a look takes milliseconds, unless a device is away.
+    pub(super) fn is_looking(&self) -> bool {
+        matches!(self.errand, Some(Errand::Search(_))) && self.lost.is_empty()
+    }
+
+    pub(super) fn errand_done(&mut self, done: Done) {
+        match done {
+            Done::Searched(instrument, found) => {
+                let told = self.searched(instrument, found);
+                self.keep(told);
+            }
+            Done::Preflight(instrument, seen, plan, answer) => {
+                self.instrument = Some(instrument);
+                let status = self.publisher.status();
+                let checks = preflight::checks(&self.config, &plan, &seen, &status, self.store.free_bytes());
+                // A client that hung up does not want to know any more.
+                let _hung_up = answer.send(Ok(checks));
+            }
+        }
+    }
+
+    /// Looks at everything that a run of this plan would need. It needs the instrument, so there can be no run.
+    pub(super) fn preflight(&mut self, plan: RunPlan, answer: oneshot::Sender<Result<Vec<Check>, Refusal>>) {
+        let state = self.publisher.status().state;
+        let refusal = if let Err(mistakes) = plan.check(&self.config.methods) {
+            Refusal::InvalidPlan(mistakes)
+        } else if self.active.is_some() || !STARTABLE.contains(&state) {
+            Refusal::WrongState { state, accepted_in: STARTABLE.iter().copied().collect::<Vec<State>>() }
+        } else if let Some(instrument) = self.instrument.take() {
+            let deadline = std::time::Duration::from_millis(self.config.acquisition.grab_deadline_ms.into());
+            let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline));
+            self.errand = Some(Errand::Preflight { look, plan: Box::new(plan), answer });
+            return;
+        } else {
+            Refusal::Busy
+        };
+        let _hung_up = answer.send(Err(refusal));
+    }
+}

@@ -1,0 +1,378 @@
+//! The life of a run: begun, held and let go on, stopped, aborted, finished.
+//!
+//! ```text
+//! start ──► launch ──► worker ──► worker_ended ─┬─ all wells ──► finish ──► Complete
+//!             ▲                                 ├─ paused, failed ──► rest ──► Held ──┐
+//!             │                                 └─ stop, abort, shut-down ──► end_run │
+//!             └──────────── unhold (operator, or by itself) ◄─────────────────────────┘
+//! ```
+
+use super::super::eta::UnderWay;
+use super::super::state::Trigger;
+use super::super::worker::{self, Instrument, RunContext, RunEnd};
+use super::super::{CalibrationStatus, Plate, Refusal, RunOutcome, RunPlan, SpecimenOutcome, State, Status, gate};
+use super::active::{Active, Asked, Work};
+use super::publish::{left_in_capillary, run_status};
+use super::{Phase, Running};
+use crate::cancel::CancelToken;
+use crate::config::{Interrupted, Method, Resume};
+use crate::store::{RunRecord, StoreError};
+use serde_json::{Value, json};
+use tokio::sync::mpsc;
+
+/// A run that has gone on this often without finishing a well waits for a person: something is wrong that comes back.
+const RESUMED_BY_ITSELF: u32 = 3;
+
+/// Who lets a run go on, in the journal.
+pub(super) const BY_ITSELF: &str = "instrument";
+
+impl Running {
+    /// Journals the run, then lets the worker go.
+    pub(super) fn start(&mut self, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
+        let record = RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref());
+        let accepted = json!({"plate_barcode": record.plan.plate_barcode, "method": record.plan.method});
+        let journalled = self.store.save_run(&record).and_then(|()| self.journal.append("run.accepted", Some(id), None, accepted));
+        match journalled {
+            Ok(event) => self.publisher.announce(event),
+            Err(e) => {
+                // Not accepted: the same request must not read as known when it comes again.
+                if let Err(error) = self.store.forget_run(id) {
+                    tracing::error!(%error, "a run that was refused is still on disk");
+                }
+                return Err(e);
+            }
+        }
+        let calibration = self.calibration();
+        let status = run_status(&record);
+        let barcode = record.plan.plate_barcode.clone();
+        self.active = Some(Active::new(record));
+        self.launch();
+        self.go_with(Trigger::Start, |s| {
+            s.calibration = calibration;
+            s.run = Some(status);
+            s.specimen = None;
+            // What asked to be tried again is.
+            s.faults.retain(|f| f.operator_required);
+            s.plate = Plate { barcode: Some(barcode), present: true, removable: false, needs: None };
+        });
+        Ok(())
+    }
+
+    /// Gives the instrument to a worker for the wells that are left.
+    fn launch(&mut self) {
+        let calibration = self.calibration();
+        let (Some(active), Some(instrument)) = (&mut self.active, self.instrument.take()) else {
+            tracing::error!("there is no run, or no instrument for it");
+            return;
+        };
+        self.gate.clear();
+        let record = &active.record;
+        let wells = record.plan.plate_map.iter().zip(&record.wells).filter(|(_, w)| w.outcome.is_none());
+        let (cancel, pause) = (CancelToken::default(), CancelToken::default());
+        let stop = instrument.rig.rotation.stop_handle();
+        self.publisher.halt().aim(stop.clone(), cancel.clone());
+        let (progress_in, progress) = mpsc::channel(64);
+        let context = RunContext {
+            config: self.config.clone(),
+            mode: self.mode,
+            run: record.id.clone(),
+            wells: wells.map(|(planned, _)| planned.clone()).collect(),
+            eject_first: active.eject_first.take(),
+            method_name: record.plan.method.clone(),
+            method: record.method.clone(),
+            folder: self.store.run_folder(&record.id),
+            cancel: cancel.clone(),
+            pause: pause.clone(),
+            progress: progress_in,
+        };
+        let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
+        active.asked = Asked::Nothing;
+        active.lacks_gate = gate::lacking(calibration.as_ref().and_then(|c| c.gate.as_ref()), &active.record.method, self.mode).is_some();
+        active.work = Some(Work { cancel, pause, stop, worker, progress });
+    }
+
+    /// Notes how the run is to end, and tells the worker: after its specimen, or at once.
+    pub(super) fn ask(&mut self, what: Asked) {
+        let Some(active) = &mut self.active else { return };
+        active.asked = active.asked.max(what);
+        let Some(work) = &active.work else { return };
+        match what {
+            Asked::Nothing => {}
+            Asked::Hold | Asked::Stop => {
+                work.pause.cancel();
+                self.gate.give_up();
+            }
+            // Motors first; the worker then ends by itself.
+            Asked::Halt | Asked::Abort | Asked::ShutDown => {
+                work.cancel.cancel();
+                work.stop.stop();
+            }
+        }
+    }
+
+    pub(super) fn hold(&mut self) -> Result<(), Refusal> {
+        self.event("run.hold_requested", None, Value::Null)?;
+        self.ask(Asked::Hold);
+        self.go(Trigger::Hold);
+        if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
+            self.rest(false);
+        }
+        Ok(())
+    }
+
+    pub(super) fn stop(&mut self) -> Result<(), Refusal> {
+        self.event("run.stop_requested", None, Value::Null)?;
+        self.ask(Asked::Stop);
+        self.go(Trigger::Stop);
+        if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
+            self.end_run();
+        }
+        Ok(())
+    }
+
+    pub(super) fn abort(&mut self) -> Result<(), Refusal> {
+        self.ask(Asked::Abort);
+        self.go(Trigger::Abort);
+        let journalled = self.event("run.abort_requested", None, Value::Null);
+        if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
+            self.end_run();
+        }
+        Ok(journalled?)
+    }
+
+    /// Lets a held run go on, once what held it is over.
+    pub(super) fn unhold(&mut self, by: &str) -> Result<(), Refusal> {
+        self.nothing_stands_in_the_way()?;
+        let Some(active) = &self.active else { return Ok(()) };
+        if self.instrument.is_none() {
+            return Err(Refusal::Busy);
+        }
+        self.store.save_run(&active.record)?;
+        let status = run_status(&active.record);
+        self.event("run.resumed", None, json!({ "by": by }))?;
+        self.go_with(Trigger::Unhold, |s| {
+            s.run = Some(status);
+            s.faults.retain(|f| f.operator_required);
+        });
+        self.proceed();
+        Ok(())
+    }
+
+    /// On from Unholding: to the loader, to the next well, or to the end.
+    pub(super) fn proceed(&mut self) {
+        let Some(active) = &self.active else { return };
+        if active.take_out.is_some() {
+            self.go(Trigger::WaitForLoader);
+        } else if active.record.wells.iter().all(|w| w.outcome.is_some()) {
+            self.finish();
+        } else {
+            self.launch();
+        }
+    }
+
+    /// Lets a run that a fault held go on by itself, where its method says so and its cause is gone.
+    pub(super) fn resume_by_itself(&mut self) {
+        let Some(active) = &mut self.active else { return };
+        let policy = active.record.method.policy.resume;
+        let may = active.held_by_fault && policy == Resume::Automatic && active.resumed_by_itself < RESUMED_BY_ITSELF;
+        if !may || self.publisher.status().state != State::Held {
+            return;
+        }
+        active.resumed_by_itself += 1;
+        if let Err(refusal) = self.unhold(BY_ITSELF) {
+            tracing::warn!(%refusal, "the run stays held");
+        }
+    }
+
+    pub(super) fn worker_ended(&mut self, (instrument, end): (Instrument, RunEnd)) {
+        self.instrument = Some(instrument);
+        let Some(active) = &mut self.active else { return };
+        active.work = None;
+        active.waiting_for = None;
+        let asked = active.asked;
+        match end {
+            // Whoever cut it short was told so, also where the last well was done in the same moment.
+            _ if matches!(asked, Asked::Abort | Asked::ShutDown) => self.end_run(),
+            RunEnd::AllWells if asked == Asked::Stop => self.end_run(),
+            RunEnd::AllWells if asked != Asked::Halt => self.finish(),
+            RunEnd::Failed(error) => {
+                self.fault(&error);
+                self.interrupt_specimen(&error.to_string());
+                self.rest(true);
+            }
+            RunEnd::Paused if asked == Asked::Stop => self.end_run(),
+            RunEnd::Paused if asked == Asked::Hold => {
+                self.set_down();
+                self.rest(false);
+            }
+            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt => {
+                self.interrupt_specimen("the run could not be stored");
+                self.rest(true);
+            }
+            // Nobody asked the driver: the emergency stop has cancelled it, past the mailbox.
+            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled => {
+                let journalled = self.abort();
+                if let Err(refusal) = journalled {
+                    tracing::error!(%refusal, "the abort is not journalled");
+                }
+            }
+        }
+    }
+
+    /// The specimen under way has no end: its pose is lost. By the method's policy it is begun anew, or its well is over.
+    pub(super) fn interrupt_specimen(&mut self, reason: &str) {
+        let Some(active) = &mut self.active else { return };
+        let policy = active.record.method.policy.interrupted;
+        let wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
+        let status = self.publisher.status();
+        for well in wells {
+            if policy == Interrupted::Skip
+                && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
+            {
+                slot.end(SpecimenOutcome::Interrupted, Some(reason));
+            }
+            let inside = status.specimen.as_ref().is_some_and(|s| s.well == well && s.in_capillary);
+            if inside && self.loaded_from_outside {
+                active.take_out = Some(well.clone());
+            } else if inside {
+                active.eject_first = Some(well.clone());
+            }
+            let data = json!({ "reason": reason, "policy": policy });
+            let told = self.journal.append("specimen.interrupted", Some(&active.record.id), Some(&well), data);
+            match told {
+                Ok(event) => self.publisher.announce(event),
+                Err(error) => return self.keep(Err(error)),
+            }
+        }
+    }
+
+    /// Between two wells nothing is under way; what the loader brought in the same moment is asked back.
+    fn set_down(&mut self) {
+        let Some(active) = &mut self.active else { return };
+        let specimen = self.publisher.status().specimen.clone();
+        let left = std::mem::take(&mut active.under_way).into_keys();
+        if let Some(well) = left.into_iter().find(|well| specimen.as_ref().is_some_and(|s| s.well == *well && s.in_capillary)) {
+            active.take_out = Some(well);
+        }
+    }
+
+    /// To Held, from wherever the run was: the worker has handed the instrument back.
+    pub(super) fn rest(&mut self, by_fault: bool) {
+        let state = self.publisher.status().state;
+        if state == State::Stopping {
+            // The end that was asked for comes first.
+            return self.end_run();
+        }
+        if state != State::Holding {
+            self.go(Trigger::Hold);
+        }
+        let Some(active) = &mut self.active else { return };
+        active.held_by_fault = by_fault;
+        let status = run_status(&active.record);
+        let saved = self.store.save_run(&active.record);
+        self.go_with(Trigger::Rested, |s| s.run = Some(status));
+        let told = self.event("run.held", None, json!({ "by": if by_fault { "fault" } else { "operator" } }));
+        self.keep(saved.and(told));
+    }
+
+    /// All wells are done: the run ends once that is on disk, and is held until then.
+    fn finish(&mut self) {
+        self.go(Trigger::WellsDone);
+        let Some(active) = &self.active else { return };
+        let mut record = active.record.clone();
+        record.end(RunOutcome::of_wells(&record.wells));
+        gate::keep(&self.config, &self.store.run_folder(&record.id));
+        let told = self.store.save_run(&record).and_then(|()| self.run_ended(&record));
+        if told.is_err() {
+            self.keep(told);
+            return self.rest(true);
+        }
+        self.active = None;
+        self.go_with(Trigger::Recorded, over(&record, self.calibration()));
+    }
+
+    /// Ends the run as it was asked to: stopped, aborted, or with the daemon.
+    pub(super) fn end_run(&mut self) {
+        let Some(active) = &self.active else { return };
+        let (asked, mut record) = (active.asked, active.record.clone());
+        let (left, reason) = match asked {
+            Asked::Abort => (SpecimenOutcome::Aborted, "the run was aborted"),
+            Asked::Stop => (SpecimenOutcome::Aborted, "the run was stopped before this well"),
+            _ => (SpecimenOutcome::Interrupted, "the daemon was stopped"),
+        };
+        for well in record.wells.iter_mut().filter(|w| w.outcome.is_none()) {
+            well.end(left, Some(reason));
+        }
+        record.end(match asked {
+            Asked::Abort => RunOutcome::Aborted,
+            Asked::Stop => RunOutcome::of_stopped(&record.wells),
+            _ => RunOutcome::Interrupted,
+        });
+        gate::keep(&self.config, &self.store.run_folder(&record.id));
+        let told = self.store.save_run(&record).and_then(|()| self.run_ended(&record));
+        self.active = None;
+        if told.is_err() {
+            self.keep(told);
+            self.unsaved = Some(record.clone());
+        }
+        let change = over(&record, self.calibration());
+        match asked {
+            Asked::Abort => self.go_with(Trigger::MotorsStopped, change),
+            Asked::Stop if !self.stopping => self.go_with(Trigger::Joined, change),
+            // The daemon's own end follows when everything is joined.
+            _ => self.publish(change),
+        }
+    }
+
+    fn run_ended(&mut self, record: &RunRecord) -> Result<(), StoreError> {
+        self.event("run.ended", None, json!({ "outcome": record.outcome, "wells": run_status(record).wells }))
+    }
+
+    /// Takes up a run that an earlier life of the daemon left open.
+    pub(super) fn take_up(&mut self, record: RunRecord, memory: super::recall::RunMemory) {
+        let mut active = Active::new(record);
+        active.held_by_fault = !memory.held_by_operator;
+        active.resumed_by_itself = memory.resumed_by_itself;
+        // A driven sampler may have been about to bring it; a loader says what it has brought.
+        let mut begun = memory.begun;
+        if self.loaded_from_outside {
+            begun.retain(|well| memory.in_capillary.as_ref() == Some(well));
+            active.take_out = memory.in_capillary;
+        } else {
+            active.eject_first = begun.last().cloned();
+        }
+        active.under_way = begun.into_iter().map(|well| (well, UnderWay::default())).collect();
+        let asd = active.record.method.asd;
+        let left = active.take_out.as_ref().or(active.eject_first.as_ref());
+        let left = left.map(|well| super::super::SpecimenStatus::new(well, Phase::Eject, true, asd));
+        let (status, barcode) = (run_status(&active.record), active.record.plan.plate_barcode.clone());
+        self.active = Some(active);
+        let told = self.event("run.interrupted", None, json!({ "found": "at start" }));
+        self.keep(told);
+        self.go_with(Trigger::TakeUp, |s: &mut Status| {
+            s.run = Some(status);
+            s.specimen = left;
+            s.plate.barcode = Some(barcode);
+            s.plate.present = true;
+        });
+        self.interrupt_specimen("the daemon ended before this specimen was done");
+        match memory.asked {
+            Some(end) => {
+                self.ask(end);
+                self.go(if end == Asked::Stop { Trigger::Stop } else { Trigger::Abort });
+                self.end_run();
+            }
+            None => self.resume_by_itself(),
+        }
+    }
+}
+
+/// The end of a run and all that follows from it, for one revision.
+fn over(record: &RunRecord, calibration: Option<CalibrationStatus>) -> impl FnOnce(&mut Status) + use<> {
+    let status = run_status(record);
+    |s| {
+        s.run = Some(status);
+        s.calibration = calibration;
+        s.specimen = left_in_capillary(s.specimen.take());
+    }
+}

@@ -1,0 +1,229 @@
+//! The driver: the one place that changes anything. It takes commands and the worker's progress, journals, then publishes.
+//!
+//! ```text
+//!            commands ─────────┐                    ┌──► journal (synced) ──► status, events
+//!  loader, faults, life, plate │                    │
+//!                              ▼                    │
+//!  worker ──► progress ──► Running (one thread) ────┤
+//!  search, preflight ──────────┘   owns the run     └──► life: worker for the wells that are left
+//! ```
+//! A run is [`Active`] from its acceptance to its outcome. It has a worker, which has the instrument, or none while it is held.
+
+mod active;
+mod commands;
+mod devices;
+mod errands;
+mod faults;
+mod life;
+mod loader;
+mod plates;
+mod progress;
+mod publish;
+mod recall;
+mod start;
+
+use super::eta::{self, Pace};
+use super::fault::Lost;
+use super::handle::{Command, Publisher};
+use super::heart::{self, Heart};
+use super::plate::{Handoff, HandoffEnd};
+use super::state::Trigger;
+use super::worker::Instrument;
+use super::{Mode, Phase, Plate, State, Status, search};
+use crate::cancel::CancelToken;
+use crate::config::Config;
+use crate::device::Link;
+use crate::device::sampler::LoaderGate;
+use crate::store::{Journal, RunRecord, Store, StoreError};
+use active::{Active, Asked, Word, word_of};
+use errands::Errand;
+use std::collections::BTreeMap;
+use std::future::Future;
+use std::sync::Arc;
+use std::time::Instant;
+use tokio::sync::mpsc;
+
+/// What the driver is made of; `run` consumes it.
+pub struct Driver {
+    pub config: Arc<Config>,
+    pub mode: Mode,
+    pub store: Store,
+    pub journal: Journal,
+    pub publisher: Publisher,
+    pub instrument: Instrument,
+    /// Where the loader's word goes, on a rig that is loaded from outside.
+    pub gate: LoaderGate,
+    pub heart: Heart,
+}
+
+/// Why the driver ended.
+#[derive(Debug, thiserror::Error)]
+pub enum DriverError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error("the thread that runs the rig panicked; its motors were stopped as it unwound")]
+    WorkerPanicked,
+}
+
+struct Running {
+    config: Arc<Config>,
+    mode: Mode,
+    store: Store,
+    journal: Journal,
+    publisher: Publisher,
+    gate: LoaderGate,
+    /// Whether the loader fills the capillary.
+    loaded_from_outside: bool,
+    /// At rest while there is no worker and no errand.
+    instrument: Option<Instrument>,
+    active: Option<Active>,
+    fault_seq: u64,
+    /// A write failed: what is shown is not all on disk.
+    store_failed: bool,
+    /// An ended run whose end is not on disk yet.
+    unsaved: Option<RunRecord>,
+    /// Devices that do not answer any more; nothing runs without them.
+    lost: Vec<Lost>,
+    /// Whether the camera is there, wherever the instrument is now.
+    camera: Link,
+    /// A look at the devices without a run, which has the instrument.
+    errand: Option<Errand>,
+    /// A plate on its way in or out, and how the one before ended.
+    handoff: Option<Handoff>,
+    handed_over: Option<HandoffEnd>,
+    /// The plate that was handed over, where the loader hands plates over.
+    plate_inside: Option<String>,
+    /// What each method took so far.
+    paces: BTreeMap<String, Pace>,
+    booted: Instant,
+    /// What an earlier life left is not looked at yet.
+    starting: bool,
+    stopping: bool,
+}
+
+impl Driver {
+    /// The first snapshot of a boot.
+    pub fn first_status(mode: Mode, boot_id: String) -> Status {
+        Status {
+            schema: "carved.status/1".into(),
+            revision: 1,
+            boot_id,
+            server_time: String::new(),
+            uptime_s: 0.0,
+            version: env!("CARGO_PKG_VERSION").into(),
+            mode,
+            ready: false,
+            not_ready_reason: Some("starting".into()),
+            state: State::Idle,
+            doing: "Starting.".into(),
+            pending: super::Pending::default(),
+            plate: Plate::default(),
+            run: None,
+            specimen: None,
+            hardware: super::HardwareStatus::default(),
+            calibration: None,
+            faults: Vec::new(),
+        }
+    }
+
+    /// Serves commands until `shutdown`; then the motors are stopped, the record is closed and everything is joined.
+    pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
+        let heart = self.heart.clone();
+        let mut d = Running::new(self);
+        d.first_words();
+        tokio::pin!(shutdown);
+        let mut beat = tokio::time::interval(heart::BEAT);
+        let mut look = tokio::time::interval(search::LOOK);
+        loop {
+            if d.stopping && d.active.is_none() && d.errand.is_none() {
+                d.go(Trigger::Joined);
+                return Ok(d.event("daemon.stopped", None, serde_json::Value::Null)?);
+            }
+            tokio::select! {
+                biased;
+                () = &mut shutdown, if !d.stopping => d.shut_down(),
+                word = word_of(&mut d.active) => match word {
+                    Word::Progress(progress) => {
+                        let stored = d.progress(progress);
+                        d.keep(stored);
+                    }
+                    Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?),
+                },
+                done = errands::ended(&mut d.errand) => d.errand_done(done.map_err(|_| DriverError::WorkerPanicked)?),
+                _ = beat.tick() => {
+                    heart.beat();
+                    d.calibration_ages();
+                    if !d.stopping {
+                        d.look();
+                        d.try_the_store();
+                    }
+                }
+                _ = look.tick(), if d.active.is_some() => d.show_camera(),
+                // A look at devices that are there takes milliseconds, and a run needs them; without them there is no run.
+                command = mailbox.recv(), if !d.stopping && !d.is_looking() => {
+                    match command {
+                        Some(command) => d.command(command),
+                        // Every handle is gone: nobody can ask for anything any more, not even for an end.
+                        None => d.shut_down(),
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Running {
+    fn new(driver: Driver) -> Self {
+        let Driver { config, mode, store, journal, publisher, instrument, gate, heart: _ } = driver;
+        publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
+        let tail = publisher.tail();
+        let events = || tail.iter().map(AsRef::as_ref);
+        Self {
+            fault_seq: journal.last_fault(),
+            loaded_from_outside: instrument.sampler.waits_for_loader(),
+            camera: instrument.rig.camera.link(),
+            plate_inside: recall::plate_inside(events()),
+            paces: eta::learned(events()),
+            instrument: Some(instrument),
+            config,
+            mode,
+            store,
+            journal,
+            publisher,
+            gate,
+            active: None,
+            store_failed: false,
+            unsaved: None,
+            lost: Vec::new(),
+            errand: None,
+            handoff: None,
+            handed_over: None,
+            booted: Instant::now(),
+            starting: true,
+            stopping: false,
+        }
+    }
+
+    /// Seconds on the clock that no one sets.
+    fn now_s(&self) -> f64 {
+        self.booted.elapsed().as_secs_f64()
+    }
+
+    fn shut_down(&mut self) {
+        self.stopping = true;
+        self.ask(Asked::ShutDown);
+        self.go(Trigger::ShutDown);
+        if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
+            self.end_run();
+        }
+    }
+
+    fn is(&self, run: &str) -> bool {
+        self.active.as_ref().is_some_and(|a| a.record.id == run)
+    }
+
+    /// Whether the specimen that is shown is in this phase.
+    fn shows_phase(&self, phase: Phase) -> bool {
+        self.publisher.status().specimen.as_ref().is_some_and(|s| s.phase == phase)
+    }
+}

@@ -1,0 +1,70 @@
+//! Plates handed over by the loader. The instrument does not see them; it holds the loader to its word.
+
+use super::super::FieldError;
+use super::super::plan::is_plain_name;
+use super::super::plate::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
+use super::super::state::STARTABLE;
+use super::super::{Plate, Refusal, Status};
+use super::Running;
+use serde_json::json;
+
+impl Running {
+    /// Announces that a plate is to be moved, and says what has to happen first.
+    pub(super) fn handoff(&mut self, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
+        if !is_plain_name(&plate.barcode) {
+            let detail = format!("{:?} is not a barcode: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'", plate.barcode);
+            return Err(Refusal::InvalidPlan(vec![FieldError { pointer: "/barcode".into(), detail }]));
+        }
+        let status = self.publisher.status();
+        let inside = status.plate.barcode.clone().filter(|_| status.plate.present);
+        if let Some(inside) = inside.filter(|inside| *inside != plate.barcode) {
+            return Err(Refusal::OtherBarcode { expected: inside, found: plate.barcode });
+        }
+        if plate.intent == HandoffIntent::Load && (self.active.is_some() || !STARTABLE.contains(&status.state)) {
+            return Err(Refusal::WrongState { state: status.state, accepted_in: STARTABLE.to_vec() });
+        }
+        if self.handoff.as_ref() != Some(&plate) {
+            self.event("plate.announced", None, json!({ "intent": plate.intent, "barcode": plate.barcode }))?;
+            self.handoff = Some(plate.clone());
+            self.handed_over = None;
+        }
+        Ok(HandoffNeeds { intent: plate.intent, needs: self.before_the_plate(&status), barcode: plate.barcode })
+    }
+
+    /// What has to happen before a plate is moved.
+    fn before_the_plate(&self, status: &Status) -> Option<String> {
+        if self.active.is_some() {
+            return Some("the run to end".into());
+        }
+        if self.store_failed {
+            return Some("the disk to take what is not written yet".into());
+        }
+        let occupied = status.specimen.as_ref().filter(|s| s.in_capillary);
+        occupied.map(|s| format!("the specimen of well {} to be taken out of the capillary", s.well))
+    }
+
+    pub(super) fn end_handoff(&mut self, end: HandoffEnd) -> Result<(), Refusal> {
+        let Some(plate) = self.handoff.clone() else {
+            return if self.handed_over == Some(end) { Ok(()) } else { Err(Refusal::NoHandoff) };
+        };
+        let status = self.publisher.status();
+        let moved = end == HandoffEnd::Completed;
+        if let Some(needs) = self.before_the_plate(&status).filter(|_| moved) {
+            return Err(Refusal::PlateNeeded { needs });
+        }
+        let kind = match (end, plate.intent) {
+            (HandoffEnd::Aborted, _) => "plate.handoff_aborted",
+            (HandoffEnd::Completed, HandoffIntent::Load) => "plate.loaded",
+            (HandoffEnd::Completed, HandoffIntent::Unload) => "plate.unloaded",
+        };
+        self.event(kind, None, json!({ "barcode": plate.barcode }))?;
+        self.handoff = None;
+        self.handed_over = Some(end);
+        if moved {
+            self.plate_inside = (plate.intent == HandoffIntent::Load).then_some(plate.barcode);
+            let inside = self.plate_inside.clone();
+            self.publish(|s| s.plate = Plate { present: inside.is_some(), barcode: inside, ..Plate::default() });
+        }
+        Ok(())
+    }
+}

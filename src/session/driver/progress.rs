@@ -1,0 +1,187 @@
+//! What the worker tells, as journal and status.
+
+use super::super::eta::UnderWay;
+use super::super::state::Trigger;
+use super::super::worker::{Progress, WellTimes};
+use super::super::{Phase, SpecimenOutcome, SpecimenStatus, State, WellStatus, gate};
+use super::Running;
+use super::publish::run_status;
+use crate::store::StoreError;
+use serde_json::json;
+
+/// Widest wedge, deg, that no view of a turn may leave open before the live hull says something of the specimen's size: what one
+/// view does not bound, one across it does.
+const OPEN_WEDGE_DEG: f64 = 90.0;
+
+/// Whether views from these angles bound a body on all sides. A silhouette bounds it the same from behind.
+fn bounds(seen_deg: &[f64]) -> bool {
+    let mut sides: Vec<f64> = seen_deg.iter().map(|deg| deg.rem_euclid(180.0)).collect();
+    sides.sort_by(f64::total_cmp);
+    let (Some(first), Some(last)) = (sides.first(), sides.last()) else { return false };
+    let around = first + 180.0 - last;
+    sides.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f64::max) <= OPEN_WEDGE_DEG
+}
+
+impl Running {
+    pub(super) fn progress(&mut self, progress: Progress) -> Result<(), StoreError> {
+        match progress {
+            Progress::Ready => self.ready(),
+            Progress::WaitingForLoader { well } => self.waits_for_loader(well),
+            Progress::Phase { well, phase, in_capillary } => self.phase(&well, phase, in_capillary),
+            Progress::Detected { well, found, live } => {
+                self.publisher.set_live(|l| *l = live);
+                self.publish(|_| ());
+                self.event("specimen.detected", Some(&well), serde_json::to_value(found).unwrap_or_default())
+            }
+            Progress::TriedAgain { well, attempt, why } => {
+                let views_planned = self.active.as_mut().map_or(0, |active| {
+                    active.seen_deg.clear();
+                    active.record.method.asd
+                });
+                self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, true, views_planned)));
+                self.event("specimen.tried_again", Some(&well), json!({"attempt": attempt, "why": why}))
+            }
+            Progress::View { well, index, closure, achieved_steps, volume_um3, light, live } => {
+                self.publisher.set_live(|l| *l = live);
+                let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
+                let bounded = self.active.as_mut().is_some_and(|active| {
+                    active.seen_deg.push(position_deg);
+                    bounds(&active.seen_deg)
+                });
+                self.publish(|s| {
+                    s.hardware.rotation.position_steps = Some(achieved_steps);
+                    s.hardware.rotation.position_deg = Some(position_deg);
+                    s.hardware.camera.light = light;
+                    if let (Some(specimen), Some(volume_um3)) = (&mut s.specimen, volume_um3) {
+                        specimen.view += 1;
+                        specimen.volume_um3 = bounded.then_some(volume_um3);
+                        specimen.volumes_um3.push(volume_um3);
+                    }
+                });
+                let data = json!({"index": index, "closure": closure, "achieved_steps": achieved_steps, "volume_um3": volume_um3});
+                self.event("view.taken", Some(&well), data)
+            }
+            Progress::Model { well, glb } => {
+                // Once the next specimen is looked at, the page shows that one.
+                let shown = |s: &SpecimenStatus| s.well == well || matches!(s.phase, Phase::Load | Phase::Position);
+                if self.publisher.status().specimen.as_ref().is_none_or(shown) {
+                    self.publisher.set_live(|l| l.mesh_glb = Some(glb));
+                    self.publish(|_| ());
+                }
+                Ok(())
+            }
+            Progress::Hardware { rotation, translation, counters, second } => {
+                let disk_free_bytes = self.store.free_bytes();
+                self.publish(|s| {
+                    s.hardware.rotation = rotation;
+                    s.hardware.translation = translation;
+                    s.hardware.disk_free_bytes = disk_free_bytes;
+                    s.hardware.camera.count(&counters);
+                    if let (Some(camera), Some(counters)) = (&mut s.hardware.camera_second, second) {
+                        camera.count(&counters);
+                    }
+                });
+                Ok(())
+            }
+            Progress::WellDone { result, seconds, times, in_capillary } => self.well_done(result, seconds, &times, in_capillary),
+        }
+    }
+
+    fn ready(&mut self) -> Result<(), StoreError> {
+        if matches!(self.publisher.status().state, State::Starting | State::Unholding) {
+            self.go_with(Trigger::Ready, |s| {
+                s.hardware.camera.connected = true;
+                s.hardware.rotation.connected = true;
+            });
+        }
+        self.event("run.started", None, serde_json::Value::Null)
+    }
+
+    fn waits_for_loader(&mut self, well: String) -> Result<(), StoreError> {
+        if let Some(active) = &mut self.active {
+            active.waiting_for = Some(well.clone());
+        }
+        if self.publisher.status().state == State::Execute {
+            self.go(Trigger::WaitForLoader);
+        } else {
+            self.publish(|_| ());
+        }
+        self.event("well.awaited", Some(&well), serde_json::Value::Null)
+    }
+
+    fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) -> Result<(), StoreError> {
+        let now_s = self.now_s();
+        let Some(active) = &mut self.active else { return Ok(()) };
+        let planned = active.record.wells.iter().any(|w| w.well == well && w.outcome.is_none());
+        // What is taken out before the first well, of an earlier attempt, is no specimen under way.
+        let taken_out = matches!(phase, Phase::Eject | Phase::Wash);
+        if planned && (!taken_out || active.under_way.contains_key(well)) {
+            if phase == Phase::Load {
+                active.seen_deg.clear();
+            }
+            // One has the rig; the numbers of the others are made beside.
+            active.under_way.iter_mut().filter(|(other, _)| *other != well).for_each(|(_, clock)| clock.leave(now_s));
+            active.under_way.entry(well.to_owned()).or_insert_with(|| UnderWay::at(now_s)).enter(phase, now_s);
+        }
+        let views_planned = active.record.method.asd;
+        self.publish(|s| match &mut s.specimen {
+            Some(specimen) if specimen.well == well => {
+                specimen.phase = phase;
+                specimen.in_capillary = in_capillary;
+            }
+            _ => s.specimen = Some(SpecimenStatus::new(well, phase, in_capillary, views_planned)),
+        });
+        self.event("specimen.phase", Some(well), json!({ "phase": phase, "in_capillary": in_capillary }))
+    }
+
+    /// All of a well is on disk; the next may be under way.
+    fn well_done(&mut self, mut result: WellStatus, seconds: f64, times: &WellTimes, in_capillary: bool) -> Result<(), StoreError> {
+        let now_s = self.now_s();
+        let Some(active) = &mut self.active else { return Ok(()) };
+        gate::flag(&mut result, active.lacks_gate);
+        if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
+            slot.clone_from(&result);
+        }
+        active.resumed_by_itself = 0;
+        if let (Some(clock), true) = (active.under_way.remove(&result.well), result.outcome != Some(SpecimenOutcome::Failed)) {
+            self.paces.entry(active.record.plan.method.clone()).or_default().learn(clock, now_s, seconds);
+        }
+        self.store.save_run(&active.record)?;
+        let status = run_status(&active.record);
+        // One revision: counters and phase change together, so that no reader sees a gap between two wells.
+        let views_planned = active.record.method.asd;
+        let next = active.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.clone());
+        self.publish(|s| {
+            s.run = Some(status);
+            match next {
+                // The next one is brought already while the numbers of this one were made.
+                _ if s.specimen.as_ref().is_some_and(|x| x.well != result.well) => {}
+                Some(next) => s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, false, views_planned)),
+                None => {
+                    if let Some(specimen) = &mut s.specimen {
+                        specimen.in_capillary = in_capillary;
+                    }
+                }
+            }
+        });
+        let mut data = serde_json::to_value(&result).unwrap_or_default();
+        data["times"] = serde_json::to_value(times).unwrap_or_default();
+        data["seconds"] = seconds.into();
+        self.event("specimen.done", Some(&result.well), data)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::bounds;
+
+    #[test]
+    fn a_hull_is_bounded_once_views_stand_across_each_other() {
+        let sequential = |n: u32| (0..n).map(|i| f64::from(i) * 360.0 / 21.0).collect::<Vec<_>>();
+        assert!(!bounds(&[]) && !bounds(&[0.0]) && !bounds(&sequential(6)));
+        assert!(bounds(&sequential(7)), "from 0 to 103 deg");
+        assert!(bounds(&[0.0, 90.0]) && bounds(&[350.0, 80.0]));
+        assert!(!bounds(&[0.0, 180.0]), "from behind it looks the same");
+        assert!(!bounds(&[0.0, 120.0]) && bounds(&[0.0, 120.0, 240.0]));
+    }
+}

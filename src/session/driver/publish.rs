@@ -1,0 +1,122 @@
+//! How a change is told: journalled, then published as one revision whose derived parts are computed anew.
+
+use super::super::state::{self, Trigger};
+use super::super::{Pending, RunStatus, SpecimenStatus, Status, WellCounts, sentence};
+use super::{Asked, Running};
+use crate::store::{RunRecord, StoreError};
+
+impl Running {
+    /// Follows the state table; every state on the way is published as a revision of its own.
+    pub(super) fn go(&self, trigger: Trigger) {
+        self.go_with(trigger, |_| ());
+    }
+
+    /// As `go`, with a change that comes with the first state and in the same revision.
+    pub(super) fn go_with(&self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
+        let mut change = Some(change);
+        let from = self.publisher.status().state;
+        let Some(path) = state::next(from, trigger) else {
+            tracing::error!(?from, ?trigger, "no such transition");
+            return;
+        };
+        for &to in path {
+            let change = change.take();
+            self.publish(|s| {
+                s.state = to;
+                if let Some(change) = change {
+                    change(s);
+                }
+            });
+        }
+        if let Some(change) = change {
+            self.publish(change);
+        }
+    }
+
+    pub(super) fn publish(&self, change: impl FnOnce(&mut Status)) {
+        self.publisher.publish(|s| {
+            change(s);
+            self.derive(s);
+        });
+    }
+
+    /// What follows from the rest.
+    fn derive(&self, s: &mut Status) {
+        let asked = self.active.as_ref().map_or(Asked::Nothing, |a| a.asked);
+        let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
+        s.pending = Pending {
+            hold: works && matches!(asked, Asked::Hold | Asked::Halt),
+            stop: self.stopping || asked == Asked::Stop,
+            abort: asked == Asked::Abort,
+        };
+        s.plate.needs = self.needs(s);
+        // Everything of it is on disk, and only who takes a specimen out knows that it is out.
+        let occupied = s.specimen.as_ref().is_some_and(|x| x.in_capillary);
+        s.plate.removable = s.plate.barcode.is_some() && self.active.is_none() && !occupied && !self.store_failed;
+        s.not_ready_reason = self.not_ready(s);
+        s.ready = s.not_ready_reason.is_none();
+        if let (Some(active), Some(run)) = (&self.active, &mut s.run) {
+            let pace = self.paces.get(&active.record.plan.method);
+            let waiting = run.wells.pending.saturating_sub(active.under_way.len() as u32);
+            let has_the_rig = s.specimen.as_ref().and_then(|x| active.under_way.get(&x.well));
+            run.eta_s = pace.and_then(|pace| pace.remaining(has_the_rig, waiting, self.now_s()));
+        }
+        s.doing = sentence::of(s);
+    }
+
+    /// What the loader is asked for.
+    fn needs(&self, s: &Status) -> Option<String> {
+        let take_out = |well: &str| format!("the specimen of well {well} to be taken out of the capillary");
+        match &self.active {
+            Some(active) => {
+                let awaited = active.waiting_for.as_ref().map(|well| format!("the specimen of well {well} in the capillary"));
+                awaited.or_else(|| active.take_out.as_deref().map(take_out))
+            }
+            None => s.specimen.as_ref().filter(|x| x.in_capillary).map(|x| take_out(&x.well)),
+        }
+    }
+
+    /// Why no run would be taken now.
+    fn not_ready(&self, s: &Status) -> Option<String> {
+        if self.stopping {
+            return Some("shutting down".into());
+        }
+        if self.starting {
+            return Some("starting".into());
+        }
+        let stands = s.faults.iter().find(|f| f.operator_required);
+        let left = s.specimen.as_ref().filter(|x| x.in_capillary && self.active.is_none());
+        let lost = self.lost.first().map(|lost| lost.way_out().to_owned());
+        lost.or_else(|| stands.map(|f| format!("fault {} ({}) stands: {}", f.seq, f.code, f.message)))
+            .or_else(|| self.active.as_ref().map(|_| "a run is under way".into()))
+            .or_else(|| left.map(|x| format!("the specimen of well {} is still in the capillary", x.well)))
+    }
+
+    pub(super) fn event(&mut self, kind: &str, well: Option<&str>, data: serde_json::Value) -> Result<(), StoreError> {
+        let run = self.active.as_ref().map(|a| a.record.id.clone());
+        let event = self.journal.append(kind, run.as_deref(), well, data)?;
+        self.publisher.announce(event);
+        Ok(())
+    }
+}
+
+/// A run as the status shows it.
+pub(super) fn run_status(record: &RunRecord) -> RunStatus {
+    RunStatus {
+        id: record.id.clone(),
+        external_id: record.plan.external_id.clone(),
+        method: record.plan.method.clone(),
+        operator: record.plan.operator.clone(),
+        wells: WellCounts::of(&record.wells),
+        results: record.wells.clone(),
+        started: record.started.clone(),
+        ended: record.ended.clone(),
+        eta_s: None,
+        outcome: record.outcome,
+    }
+}
+
+/// The specimen that stays shown after its run: the one that is still in the capillary.
+pub(super) fn left_in_capillary(specimen: Option<SpecimenStatus>) -> Option<SpecimenStatus> {
+    specimen.filter(|x| x.in_capillary)
+}

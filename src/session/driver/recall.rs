@@ -1,0 +1,174 @@
+//! What the newest events of the journal still mean after a start: faults that wait for somebody, the plate inside, and how far
+//! an open run had come. Pure.
+
+use super::super::{Event, Fault, Phase};
+use super::Asked;
+use super::faults::ends_by_itself;
+use super::life::BY_ITSELF;
+
+/// How far a run had come when the daemon ended.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct RunMemory {
+    /// The operator had held it, and nobody had let it go on.
+    pub held_by_operator: bool,
+    /// How often it had gone on by itself since a well was done.
+    pub resumed_by_itself: u32,
+    /// The end that somebody had asked for.
+    pub asked: Option<Asked>,
+    /// The wells whose specimens were begun and have no end, the one that had the rig last.
+    pub begun: Vec<String>,
+    /// The well whose specimen was last said to be in the capillary.
+    pub in_capillary: Option<String>,
+}
+
+pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> RunMemory {
+    let mut memory = RunMemory::default();
+    for event in events.filter(|e| e.run.as_deref() == Some(run)) {
+        match (event.kind.as_str(), &event.well) {
+            ("run.hold_requested", _) => memory.held_by_operator = true,
+            ("run.resumed", _) => {
+                memory.held_by_operator = false;
+                memory.resumed_by_itself = if event.data["by"] == BY_ITSELF { memory.resumed_by_itself + 1 } else { 0 };
+            }
+            ("run.stop_requested", _) => memory.asked = memory.asked.max(Some(Asked::Stop)),
+            ("run.abort_requested", _) => memory.asked = memory.asked.max(Some(Asked::Abort)),
+            ("well.loaded", Some(well)) => memory.in_capillary = Some(well.clone()),
+            ("well.unloaded", Some(well)) => {
+                memory.in_capillary.take_if(|inside| inside == well);
+            }
+            ("specimen.phase", Some(well)) => {
+                // An attempt that is taken out before a run goes on is none that is under way.
+                let taken_out = [Phase::Eject, Phase::Wash].iter().any(|out| event.data["phase"] == out.name());
+                if !taken_out && !memory.begun.contains(well) {
+                    memory.begun.push(well.clone());
+                }
+                memory.in_capillary = (event.data["in_capillary"] == true).then(|| well.clone());
+            }
+            (end @ ("specimen.done" | "specimen.interrupted"), Some(well)) => {
+                if end == "specimen.done" {
+                    memory.resumed_by_itself = 0;
+                }
+                memory.begun.retain(|begun| begun != well);
+            }
+            _ => {}
+        }
+    }
+    memory
+}
+
+/// Faults that nobody has acknowledged and that do not end by themselves.
+pub(super) fn standing_faults<'a>(events: impl Iterator<Item = &'a Event>) -> Vec<Fault> {
+    let mut standing: Vec<Fault> = Vec::new();
+    for event in events {
+        match event.kind.as_str() {
+            "fault.raised" => standing.extend(serde_json::from_value::<Fault>(event.data.clone())),
+            "fault.acknowledged" => standing.retain(|f| event.data["seq"] != f.seq),
+            "fault.cleared" => standing.retain(|f| !event.data["seq"].as_array().is_some_and(|over| over.iter().any(|seq| *seq == f.seq))),
+            _ => {}
+        }
+    }
+    standing.retain(|f| f.operator_required && !ends_by_itself(f));
+    standing
+}
+
+/// The plate that was handed over and not taken away again.
+pub(super) fn plate_inside<'a>(events: impl Iterator<Item = &'a Event>) -> Option<String> {
+    let mut inside = None;
+    for event in events {
+        match event.kind.as_str() {
+            "plate.loaded" => inside = event.data["barcode"].as_str().map(str::to_owned),
+            "plate.unloaded" => inside = None,
+            _ => {}
+        }
+    }
+    inside
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    fn event(kind: &str, well: Option<&str>, data: Value) -> Event {
+        Event { id: 1, time: "2026-01-01T00:00:00Z".into(), kind: kind.into(), run: Some("r".into()), well: well.map(Into::into), data }
+    }
+
+    fn phase(well: &str, phase: Phase, in_capillary: bool) -> Event {
+        event("specimen.phase", Some(well), json!({ "phase": phase, "in_capillary": in_capillary }))
+    }
+
+    fn of(events: &[Event]) -> RunMemory {
+        run(events.iter(), "r")
+    }
+
+    #[test]
+    fn the_specimen_under_way_is_the_one_that_was_begun_and_not_done() {
+        let a = [phase("A01", Phase::Load, false), phase("A01", Phase::Revolve, true)];
+        let memory = of(&a);
+        assert_eq!((&memory.begun[..], memory.in_capillary.as_deref()), (&["A01".to_owned()][..], Some("A01")));
+        let done = [&a[..], &[event("specimen.done", Some("A01"), Value::Null)]].concat();
+        assert!(of(&done).begun.is_empty());
+        let next = [&done[..], &[phase("A02", Phase::Load, false)]].concat();
+        assert_eq!((of(&next).begun, of(&next).in_capillary), (vec!["A02".to_owned()], None));
+        // The numbers of the first are made while the second is brought.
+        let both = [&a[..], &[phase("A01", Phase::Wash, false), phase("A02", Phase::Load, false)]].concat();
+        assert_eq!(of(&both).begun, ["A01", "A02"]);
+        let loaded = [&next[..], &[event("well.loaded", Some("A02"), Value::Null)]].concat();
+        assert_eq!(of(&loaded).in_capillary.as_deref(), Some("A02"));
+        let out = [&loaded[..], &[event("well.unloaded", Some("A02"), Value::Null)]].concat();
+        assert_eq!(of(&out).in_capillary, None);
+    }
+
+    /// Crashed twice: the second start must not take the specimen that the first one threw out for one that was begun.
+    #[test]
+    fn an_attempt_that_was_thrown_out_is_over() {
+        let events = [
+            phase("A01", Phase::Revolve, true),
+            event("specimen.interrupted", Some("A01"), Value::Null),
+            event("run.resumed", None, Value::Null),
+            phase("A01", Phase::Eject, true),
+            phase("A01", Phase::Eject, false),
+        ];
+        assert_eq!(of(&events), RunMemory::default());
+    }
+
+    #[test]
+    fn an_operators_hold_and_an_end_that_was_asked_for_outlast_a_crash() {
+        let hold = event("run.hold_requested", None, Value::Null);
+        assert!(of(std::slice::from_ref(&hold)).held_by_operator);
+        assert!(!of(&[hold, event("run.resumed", None, Value::Null)]).held_by_operator);
+        let ends = [event("run.abort_requested", None, Value::Null), event("run.stop_requested", None, Value::Null)];
+        assert_eq!(of(&ends).asked, Some(Asked::Abort));
+        assert_eq!(run(ends.iter(), "other"), RunMemory::default());
+    }
+
+    /// A specimen on which the daemon dies each time must not be begun for ever.
+    #[test]
+    fn going_on_by_itself_is_counted_over_crashes_until_a_well_is_done() {
+        let resumed = |by: &str| event("run.resumed", None, json!({ "by": by }));
+        let twice = [resumed(BY_ITSELF), resumed(BY_ITSELF)];
+        assert_eq!(of(&twice).resumed_by_itself, 2);
+        assert_eq!(of(&[&twice[..], &[resumed("operator")]].concat()).resumed_by_itself, 0);
+        assert_eq!(of(&[&twice[..], &[event("specimen.done", Some("A01"), Value::Null)]].concat()).resumed_by_itself, 0);
+    }
+
+    #[test]
+    fn an_emergency_stop_stands_until_it_is_acknowledged_and_a_lost_device_does_not() {
+        let stop = Fault::new(7, &crate::session::fault::table::EMERGENCY_STOP, "pressed".into());
+        let lost = Fault { seq: 8, code: "camera_lost".into(), category: "camera".into(), ..stop.clone() };
+        let raised = [
+            event("fault.raised", None, serde_json::to_value(&stop).unwrap()),
+            event("fault.raised", None, serde_json::to_value(&lost).unwrap()),
+        ];
+        assert_eq!(standing_faults(raised.iter()), [stop]);
+        let seen_to = [&raised[..], &[event("fault.acknowledged", None, json!({"seq": 7}))]].concat();
+        assert_eq!(standing_faults(seen_to.iter()), []);
+    }
+
+    #[test]
+    fn a_plate_is_inside_from_its_handover_until_it_is_taken_away() {
+        let events = [event("plate.loaded", None, json!({"barcode": "P-1"})), event("plate.unloaded", None, json!({"barcode": "P-1"}))];
+        assert_eq!(plate_inside(events[..1].iter()).as_deref(), Some("P-1"));
+        assert_eq!(plate_inside(events.iter()), None);
+    }
+}

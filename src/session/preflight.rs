@@ -1,0 +1,188 @@
+//! What a run would need, looked at before it is asked for: everything that fails is told, each with its way out.
+//!
+//! ```text
+//! blocking thread: look ──► axis asked, one frame taken and judged ──► Seen
+//! driver: checks(plan, Seen, status, disk) ──► [code, passed, blocks, detail, what to do]
+//! ```
+
+use super::worker::Instrument;
+use super::{PlannedWell, RunPlan, SpecimenKind, Status, gate};
+use crate::acquisition::{Light, grab};
+use crate::cancel::CancelToken;
+use crate::config::{BeadGate, Config, Method};
+use crate::device::DeviceError;
+use crate::store::bytes_per_specimen;
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+use utoipa::ToSchema;
+
+/// One precondition of a run.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Check {
+    /// Stable word to branch on.
+    pub code: String,
+    pub passed: bool,
+    /// Whether a run would be refused or fail; else its numbers are flagged or lack something.
+    pub blocks: bool,
+    /// What was found, with its numbers.
+    pub detail: String,
+    /// What to do about it; `null` where it has passed.
+    pub what_to_do: Option<String>,
+}
+
+/// What a look at the instrument has found.
+pub struct Seen {
+    axis: Result<(), DeviceError>,
+    light: Result<Light, DeviceError>,
+}
+
+/// Asks the axis and takes a frame; nothing moves.
+pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Seen) {
+    let rig = &mut instrument.rig;
+    let axis = rig.rotation.check();
+    let camera = rig.camera.as_mut();
+    let light = camera.arm().and_then(|()| grab(camera, deadline, &CancelToken::default())).map(|seen| Light::of(&seen.frame));
+    if !camera.is_lost()
+        && let Err(error) = camera.disarm()
+    {
+        tracing::warn!(%error, "the camera did not disarm");
+    }
+    (instrument, Seen { axis, light })
+}
+
+/// Background below which a profile drowns in the sensor's noise, grey levels of 255.
+const DARK: f64 = 40.0;
+/// Background from which on light is lost at the sensor's top: a specimen's edge is judged by how dark it is against this.
+const BRIGHT: f64 = 250.0;
+/// Largest share of pixels at the sensor's top; glare on the glass takes a few percent.
+const SATURATED: f64 = 0.25;
+
+/// What a plate takes on disk at most, bytes.
+pub fn needed_bytes(config: &Config, method: &Method, wells: usize) -> u64 {
+    let second = config.second.as_ref().map(|second| &second.optics.camera);
+    wells as u64 * bytes_per_specimen(method, &config.optics, config.camera.pixel_format(), second)
+}
+
+fn check(code: &str, blocks: bool, found: Result<String, (String, &str)>) -> Check {
+    let (passed, detail, what_to_do) = match found {
+        Ok(detail) => (true, detail, None),
+        Err((detail, what_to_do)) => (false, detail, Some(what_to_do.to_owned())),
+    };
+    Check { code: code.into(), passed, blocks, detail, what_to_do }
+}
+
+fn light(seen: &Light) -> Result<String, (String, &'static str)> {
+    let found = format!("background at {:.0} of 255, {:.1} % of the pixels at the top", seen.background, 100.0 * seen.saturated);
+    if seen.background < DARK {
+        Err((
+            format!("{found}: too dark, at least {DARK:.0} is needed"),
+            "raise the lamp or the exposure time; look for what stands in the light",
+        ))
+    } else if seen.background > BRIGHT || seen.saturated > SATURATED {
+        Err((format!("{found}: at most {BRIGHT:.0} and {:.0} % are taken", 100.0 * SATURATED), "lower the lamp or the exposure time"))
+    } else {
+        Ok(found)
+    }
+}
+
+/// Every precondition of this plan, passed or not.
+pub fn checks(config: &Config, plan: &RunPlan, seen: &Seen, status: &Status, free_bytes: Option<u64>) -> Vec<Check> {
+    let device = |e: &DeviceError, what_to_do: &'static str| (e.to_string(), what_to_do);
+    let mut checks = vec![
+        check(
+            "rotation",
+            true,
+            match &seen.axis {
+                Ok(()) if status.hardware.rotation.referenced => Ok("the axis answers and is referenced".into()),
+                Ok(()) => Ok("the axis answers; its reference is found with the first specimen".into()),
+                Err(e) => Err(device(e, "check the controller's power and cable, and its alarm")),
+            },
+        ),
+        check(
+            "camera",
+            true,
+            match &seen.light {
+                Ok(_) => Ok("the camera has sent a whole frame".into()),
+                Err(e) => Err(device(e, "check the camera's power and cable, and that no other program has it")),
+            },
+        ),
+    ];
+    checks.extend(seen.light.as_ref().ok().map(|seen| check("light", true, light(seen))));
+    let stands: Vec<String> = status.faults.iter().filter(|f| f.operator_required).map(|f| format!("{} ({})", f.seq, f.code)).collect();
+    checks.push(check(
+        "faults",
+        true,
+        if stands.is_empty() {
+            Ok("no fault stands".into())
+        } else {
+            Err((format!("faults stand: {}", stands.join(", ")), "mend their cause, then acknowledge them"))
+        },
+    ));
+    let inside = status.specimen.as_ref().filter(|s| s.in_capillary);
+    checks.push(check(
+        "capillary",
+        true,
+        match inside {
+            None => Ok("nothing is known to be in the capillary".into()),
+            Some(s) => Err((format!("the specimen of well {} is in the capillary", s.well), "take it out and say so")),
+        },
+    ));
+    if let Some(method) = config.methods.get(&plan.method) {
+        let beads = status.calibration.as_ref().and_then(|c| c.gate.as_ref());
+        let lacking = gate::lacking(beads, method, status.mode);
+        let refuses = method.policy.bead_gate == BeadGate::Refuse;
+        checks.push(check(
+            "calibration",
+            refuses,
+            match lacking {
+                None => Ok("the bead gate that the method asks for stands".into()),
+                Some(why) => Err((why, "run beads before larvae; what is measured without is flagged")),
+            },
+        ));
+        let needed = needed_bytes(config, method, plan.plate_map.len());
+        let found = |free: u64| format!("{} MB are needed at most, {} MB are free", needed >> 20, free >> 20);
+        checks.push(check(
+            "disk",
+            true,
+            match free_bytes {
+                Some(free) if free >= needed => Ok(found(free)),
+                Some(free) => Err((found(free), "archive and remove runs, or split the plate")),
+                None => Err(("the free space of the data folder is not known".into(), "check that the disk is mounted")),
+            },
+        ));
+    }
+    let aged = |w: &&PlannedWell| w.specimen == SpecimenKind::Larva && w.dpf.is_some();
+    if plan.plate_map.iter().any(|w| aged(&w)) {
+        let sets = config.references.len();
+        checks.push(check(
+            "references",
+            false,
+            if sets > 0 {
+                Ok(format!("{sets} sets of reference larvae"))
+            } else {
+                Err((
+                    "larvae of known age are planned, and the configuration names no reference larvae".into(),
+                    "name some under [references]",
+                ))
+            },
+        ));
+    }
+    checks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lit(background: f64, saturated: f64) -> bool {
+        light(&Light { background, saturated, focus: 1.0 }).is_ok()
+    }
+
+    #[test]
+    fn light_is_taken_between_noise_and_the_sensors_top() {
+        assert!(lit(200.0, 0.0) && lit(DARK, 0.0) && lit(BRIGHT, SATURATED));
+        assert!(!lit(DARK - 1.0, 0.0) && !lit(255.0, 0.0) && !lit(200.0, 0.5));
+        let (found, way_out) = light(&Light { background: 12.0, saturated: 0.0, focus: 1.0 }).unwrap_err();
+        assert!(found.contains("12 of 255") && found.contains("40") && way_out.contains("lamp"), "{found}");
+    }
+}
