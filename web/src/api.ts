@@ -1,24 +1,35 @@
-// What the page asks of the daemon, and nothing else: status, the live pictures, abort.
+// What the page asks of the daemon, and nothing else.
 
-import type { Status } from "./status.ts";
+import type { Check, Method, PlateMap, RunPlan, Status } from "./status.ts";
 import { authorization } from "./token.ts";
 
 /** The daemon did not give what was asked for: it answered with a problem, or (code 0) not at all. */
 export class Refused extends Error {
   override name = "Refused";
   readonly code: number;
+  /** Everything that is wrong with what was sent, where the daemon lists it. */
+  readonly mistakes: readonly Mistake[];
 
-  constructor(code: number, message: string) {
+  constructor(code: number, message: string, mistakes: readonly Mistake[] = []) {
     super(message);
     this.code = code;
+    this.mistakes = mistakes;
   }
+}
+
+/** One thing wrong with a plan or a plate map: where, and what. */
+export interface Mistake {
+  pointer?: string;
+  line?: number | null;
+  column?: string | null;
+  detail: string;
 }
 
 /** In the words of the problem+json body, or by the code alone. */
 async function refusal(response: Response): Promise<Refused> {
   const code = `${response.status} ${response.statusText}`.trim();
-  const body = (await response.json().catch(() => ({}))) as { title?: string; detail?: string };
-  return new Refused(response.status, body.detail ?? body.title ?? code);
+  const body = (await response.json().catch(() => ({}))) as { title?: string; detail?: string; errors?: Mistake[] };
+  return new Refused(response.status, body.detail ?? body.title ?? code, body.errors ?? []);
 }
 
 /** What the browser throws where the network fails, also in the middle of a body; a wait cut short stays what it is. */
@@ -39,9 +50,50 @@ export async function fetchStatus(after: number | null, waitS: number, signal: A
   return (await response.json().catch(away)) as Status;
 }
 
-export async function abortRun(id: string): Promise<void> {
-  const response = await ask(`/v1/runs/${encodeURIComponent(id)}/abort`, { method: "POST" });
+/** A command; its answer is that it was taken. */
+export async function post(path: string): Promise<void> {
+  const response = await ask(path, { method: "POST" });
   if (!response.ok) throw await refusal(response);
+  await response.body?.cancel();
+}
+
+async function sendJson(method: string, path: string, body: unknown): Promise<Response> {
+  const response = await ask(path, {
+    method,
+    headers: { "Content-Type": "application/json" },
+    body: JSON.stringify(body),
+  });
+  if (!response.ok) throw await refusal(response);
+  return response;
+}
+
+export async function startRun(id: string, plan: RunPlan): Promise<void> {
+  const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(id)}`, plan);
+  await response.body?.cancel();
+}
+
+/** The wells of a plate map's file, as the daemon reads it; it refuses with every mistake. */
+export async function checkPlateMap(file: File): Promise<PlateMap> {
+  const type = /\.json$/i.test(file.name) ? "application/json" : "text/csv";
+  const response = await ask("/v1/plate-maps/check", {
+    method: "POST",
+    headers: { "Content-Type": type },
+    body: await file.arrayBuffer(),
+  });
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as PlateMap;
+}
+
+/** Every precondition of a plan, whether it is met or not. */
+export async function preflight(plan: RunPlan): Promise<Check[]> {
+  const response = await sendJson("POST", "/v1/preflight", plan);
+  return ((await response.json().catch(away)) as { checks: Check[] }).checks;
+}
+
+export async function fetchMethods(): Promise<Method[]> {
+  const response = await ask("/v1/methods");
+  if (!response.ok) throw await refusal(response);
+  return ((await response.json().catch(away)) as { methods: Method[] }).methods;
 }
 
 /** A live picture or mesh: `same` as the one known by its tag, `none` there yet, or new. */

@@ -1,8 +1,8 @@
 // The list of faults: what happened, since when, what to do.
 
-import { element, show } from "./dom.ts";
+import { post, Refused } from "./api.ts";
+import { element, setText, show } from "./dom.ts";
 import { clockTime, words } from "./format.ts";
-import { advice } from "./plain.ts";
 import type { Fault } from "./status.ts";
 
 export class FaultsView {
@@ -25,6 +25,11 @@ export class FaultsView {
 }
 
 function item(fault: Fault): HTMLElement {
+  const answer = element("span", "fault-answer");
+  answer.role = "status";
+  const button = element("button", "button button-small", "Acknowledge");
+  button.type = "button";
+  button.addEventListener("click", () => void acknowledge(fault, button, answer));
   const head = element("p", "fault-head", element("strong", "", fault.message));
   if (fault.operator_required) head.append(element("span", "tag tag-alarm", "Needs you"));
   const small = `Fault ${fault.seq}, ${words(fault.code)} (${words(fault.category)}), since ${clockTime(fault.since)}`;
@@ -32,9 +37,21 @@ function item(fault: Fault): HTMLElement {
     "li",
     "fault",
     head,
-    element("p", "fault-advice", element("b", "", "What to do: "), advice(fault)),
+    element("p", "fault-advice", element("b", "", "What to do: "), fault.what_to_do),
     element("p", "fault-code", small),
+    element("p", "fault-actions", button, answer),
   );
   made.dataset["code"] = fault.code;
   return made;
+}
+
+/** The operator has seen to it; the next status has it no more. */
+async function acknowledge(fault: Fault, button: HTMLButtonElement, answer: HTMLElement): Promise<void> {
+  button.disabled = true;
+  try {
+    await post(`/v1/faults/${fault.seq}/acknowledge`);
+  } catch (error) {
+    button.disabled = false;
+    setText(answer, `Not acknowledged: ${error instanceof Refused ? error.message : String(error)}`);
+  }
 }

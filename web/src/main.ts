@@ -3,8 +3,8 @@
 //   keepLive ── Status ──> header, sentence, faults, plate, well, chart, rig      (numbers, at once)
 //                     └──> frame, model                                           (fetched when the revision changed)
 
-import { AbortControl } from "./abort.ts";
 import { VolumeChart } from "./chart.ts";
+import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
 import { byId, setText } from "./dom.ts";
 import { FaultsView } from "./faults.ts";
@@ -13,6 +13,7 @@ import { FrameView } from "./frame.ts";
 import { HeaderView } from "./header.ts";
 import { VolumeHistory } from "./history.ts";
 import { ModelView, type Look } from "./model.ts";
+import { NewRun } from "./newrun.ts";
 import { PlateView } from "./plate.ts";
 import { progress, progressLine, sentence, toneOf } from "./plain.ts";
 import { RigView } from "./rig.ts";
@@ -31,7 +32,8 @@ const plate = new PlateView(byId("plate"), byId("legend"), choose);
 const card = new WellCard(byId("well-heading"), byId("well-body"));
 const chart = new VolumeChart(byId("chart"), byId("chart-caption"));
 const rig = new RigView(byId("rig"));
-const abort = new AbortControl(byId("abort"), byId("abort-dialog"), byId("abort-question"), byId("abort-answer"));
+const commands = new CommandRow(byId);
+const newRun = new NewRun(byId);
 const token = new TokenForm(byId("token-form"), byId("token"));
 const history = new VolumeHistory();
 const frame = new FrameView({
@@ -104,7 +106,8 @@ function numbers(status: Status): void {
   bar.value = progress(status);
   setText(byId("plate-name"), plateName(status));
   faults.update(status.faults);
-  abort.update(status);
+  commands.update(status);
+  newRun.update(status);
   rig.update(status);
 
   const wells = status.run?.results ?? [];

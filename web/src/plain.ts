@@ -1,7 +1,7 @@
 // What the status means, in an operator's words. Pure.
 
 import { aboutDuration, capitalised, grouped } from "./format.ts";
-import type { Fault, Phase, RunOutcome, RunStatus, SchedulerAction, State, Status } from "./status.ts";
+import type { Phase, RunOutcome, RunStatus, State, Status } from "./status.ts";
 
 /** How much attention a state asks for. */
 export type Tone = "calm" | "busy" | "good" | "attention" | "alarm";
@@ -43,20 +43,6 @@ export const PHASES: Record<Phase, string> = {
   eject: "ejecting",
   wash: "washing",
 };
-
-const ADVICE: Record<SchedulerAction, string> = {
-  retry: "The instrument tries again by itself; look at it if this comes back.",
-  skip_well: "The well is skipped and the run goes on; look at the well afterwards.",
-  reject_plate: "Take the plate out and check it before it is loaded again.",
-  abort_plate: "Abort the run of this plate; wells that are finished are kept.",
-  pause_instrument: "Put the cause right before the instrument goes on.",
-  escalate_operator: "Go to the instrument and put the cause right before it goes on.",
-};
-
-/** What to do about a fault. */
-export function advice(fault: Fault): string {
-  return ADVICE[fault.scheduler_action];
-}
 
 const OUTCOMES: Record<RunOutcome, string> = {
   succeeded: "finished",
@@ -111,9 +97,34 @@ export function progressLine(status: Status): string {
   return `${parts.join(" · ")}.`;
 }
 
+/** Whether a run is under way, held ones included. */
+export function runsNow(status: Status): boolean {
+  return status.run !== null && status.run.outcome === null;
+}
+
 /** Whether a run is there that an abort would end. */
 export function canAbort(status: Status): boolean {
-  return status.run !== null && status.run.outcome === null && !status.pending.abort && status.state !== "Aborting";
+  return runsNow(status) && !status.pending.abort && status.state !== "Aborting";
+}
+
+/** Whether a run is there that goes on after the well under way. */
+export function canStop(status: Status): boolean {
+  return canAbort(status) && !status.pending.stop && status.state !== "Stopping";
+}
+
+const HOLDABLE: ReadonlySet<State> = new Set(["Starting", "Execute", "Suspended", "Suspending", "Unsuspending"]);
+
+export function canHold(status: Status): boolean {
+  return canStop(status) && !status.pending.hold && HOLDABLE.has(status.state);
+}
+
+export function canGoOn(status: Status): boolean {
+  return canAbort(status) && status.state === "Held";
+}
+
+/** Whether a new run could be asked for. */
+export function canStart(status: Status): boolean {
+  return !runsNow(status) && ["Idle", "Complete", "Aborted"].includes(status.state);
 }
 
 export function sentence(status: Status): string {

@@ -37,6 +37,7 @@ export interface Fault {
   scheduler_action: SchedulerAction;
   operator_required: boolean;
   since: string;
+  what_to_do: string;
 }
 
 /** One number among the reference larvae of its age; null throughout where there are none. */
@@ -179,4 +180,50 @@ export interface Status {
   };
   calibration: CalibrationStatus | null;
   faults: Fault[];
+}
+
+/** A well of a plan. */
+export interface PlannedWell {
+  well: string;
+  specimen?: "larva" | "bead";
+  dpf?: number | null;
+  compound?: string | null;
+  concentration?: number | null;
+  concentration_unit?: string | null;
+}
+
+/** A plate map as the daemon has read it. */
+export interface PlateMap {
+  plate_map: PlannedWell[];
+  metadata: Record<string, unknown>;
+  /** What was read otherwise than it stands in the file. */
+  notes: string[];
+}
+
+/** Body of `PUT /v1/runs/{run_id}`, as far as the page writes it. */
+export interface RunPlan {
+  plate_barcode: string;
+  method: string;
+  operator: string;
+  plate_map: PlannedWell[];
+  metadata?: Record<string, unknown>;
+}
+
+/** A method of the instrument's configuration. */
+export interface Method {
+  name: string;
+  asd: number;
+  order: string;
+  voxel_um: number;
+  epsilon: number;
+}
+
+/** One precondition of a run. */
+export interface Check {
+  code: string;
+  passed: boolean;
+  /** Whether a run would be refused or fail; else its numbers are flagged or lack something. */
+  blocks: boolean;
+  detail: string;
+  what_to_do: string | null;
 }

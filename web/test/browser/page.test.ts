@@ -60,6 +60,9 @@ after(async () => {
 
 beforeEach(async () => {
   server = new FixtureServer(status());
+  server.answers["/v1/methods"] = {
+    methods: [{ name: "standard", asd: 21, order: "coarse_to_fine", voxel_um: 6.93, epsilon: 0.05 }],
+  };
   server.live["/v1/live/frame.jpg"] = { body: frame, type: "image/png" };
   server.live["/v1/live/profile.png"] = { body: profile, type: "image/png" };
   server.live["/v1/live/mesh.glb"] = { body: ellipsoidGlb([1900, 260, 240]), type: "model/gltf-binary" };
@@ -73,6 +76,7 @@ afterEach(async () => {
 });
 
 const text = async (id: string) => (await page.locator(`#${id}`).innerText()).trim();
+const commands = () => server.taken.map((t) => t.command);
 const until = (id: string, wanted: RegExp) => page.locator(`#${id}`).filter({ hasText: wanted }).waitFor();
 
 test("an idle instrument with nothing to show says so", async () => {
@@ -230,15 +234,21 @@ test("faults say what happened and what to do", async () => {
     doing: "held: the camera does not answer; views taken so far are kept",
     faults: [
       fault({ scheduler_action: "escalate_operator", operator_required: true }),
-      fault({ seq: 8, code: "disk_low", category: "disk", message: "4.1 GB of disk are free; a plate needs 6.0 GB" }),
+      fault({
+        seq: 8,
+        code: "disk_low",
+        category: "disk",
+        message: "4.1 GB of disk are free; a plate needs 6.0 GB",
+        what_to_do: "Free some of the disk.",
+      }),
     ],
   });
   await page.goto(server.url);
   await until("faults", /camera has sent no frame/);
   const words = await text("faults");
   assert.match(words, /Needs you/);
-  assert.match(words, /What to do: Go to the instrument/);
-  assert.match(words, /What to do: The instrument tries again by itself/);
+  assert.match(words, /What to do: Look at the camera's cable/);
+  assert.match(words, /What to do: Free some of the disk/);
   assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
   await shoot(page, "faults");
   server.publish(running(10));
@@ -249,21 +259,21 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
   server.publish(running(9));
   await page.goto(server.url);
   await page.getByRole("button", { name: "Abort run" }).click();
-  await until("abort-question", /^Abort run demo-1\?$/);
+  await until("ask-title", /^Abort run demo-1\?$/);
   await shoot(page, "abort-question");
   await page.getByRole("button", { name: "Keep running" }).click();
-  assert.deepEqual(server.aborted, []);
+  assert.deepEqual(server.taken, []);
 
-  server.refusal = "the run has ended";
+  server.refusal = { detail: "the run has ended" };
   await page.getByRole("button", { name: "Abort run" }).click();
   await page.locator("dialog").getByRole("button", { name: "Abort run" }).click();
-  await until("abort-answer", /did not get through: the run has ended/);
+  await until("answer", /did not get through: the run has ended/);
 
   server.refusal = null;
   await page.getByRole("button", { name: "Abort run" }).click();
   await page.locator("dialog").getByRole("button", { name: "Abort run" }).click();
-  await until("abort-answer", /was accepted/);
-  assert.deepEqual(server.aborted, ["demo-1"]);
+  await until("answer", /accepted for run demo-1/);
+  assert.deepEqual(commands(), ["POST /v1/runs/demo-1/abort"]);
 
   const wells = [
     measured,
@@ -281,14 +291,115 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
   await shoot(page, "aborted");
 });
 
+test("hold, go on, and stop after the well, each offered where it applies", async () => {
+  const button = (name: string) => page.getByRole("button", { name, exact: true });
+  server.publish(running(9));
+  await page.goto(server.url);
+  await button("Hold").click();
+  await until("answer", /Hold: accepted for run demo-1/);
+  server.publish({ ...running(10), state: "Holding", pending: { hold: true, stop: false, abort: false } });
+  await button("Holding…").waitFor();
+  assert.equal(await button("Holding…").isDisabled(), true);
+  server.publish({ ...running(0), state: "Held", specimen: null });
+  await button("Go on").click();
+  await until("answer", /Go on: accepted/);
+  assert.equal(await page.locator("#hold").isVisible(), false);
+  server.publish(running(1));
+  await button("Stop after this well").click();
+  await until("ask-title", /^Stop run demo-1 after this well\?$/);
+  await page.locator("dialog").getByRole("button", { name: "Stop after this well" }).click();
+  await until("answer", /Stop after this well: accepted/);
+  const run = "POST /v1/runs/demo-1";
+  assert.deepEqual(commands(), [`${run}/hold`, `${run}/unhold`, `${run}/stop`]);
+});
+
+test("the emergency stop asks nothing, and its fault is acknowledged", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  await page.getByRole("button", { name: "Emergency stop" }).click();
+  await until("answer", /the motors were stopped/);
+  const stopped = fault({ seq: 12, code: "emergency_stop", operator_required: true, message: "Emergency stop" });
+  server.publish({ ...running(9), state: "Aborted", faults: [stopped] });
+  await page.getByRole("button", { name: "Acknowledge" }).click();
+  server.publish({ ...running(9), state: "Aborted", faults: [] });
+  await page.locator("#faults").waitFor({ state: "hidden" });
+  assert.deepEqual(commands(), ["POST /v1/emergency-stop", "POST /v1/faults/12/acknowledge"]);
+
+  server.refusal = { detail: "the daemon is busy" };
+  await page.getByRole("button", { name: "Emergency stop" }).click();
+  await until("answer", /did not get through: the daemon is busy\. Use the instrument's own emergency stop/);
+});
+
+test("a new run: every mistake of its map, the preflight, the start", async () => {
+  await page.goto(server.url);
+  await until("method-words", /^21 views, coarse to fine, voxels of 6.93/);
+  assert.equal(await page.locator("#start").isDisabled(), true);
+  const map = { name: "map.csv", mimeType: "text/csv", buffer: Buffer.from("well,dpf\nA1,3\nZ9,x\n") };
+  server.refusal = {
+    detail: "the plate map has 2 mistakes",
+    errors: [
+      { line: 3, column: "well", detail: '"Z9" is not a well' },
+      { line: 3, column: "dpf", detail: '"x" is not a number' },
+    ],
+  };
+  await page.getByLabel("Plate map").setInputFiles(map);
+  await until("new-run-words", /map\.csv cannot be used: the plate map has 2 mistakes/);
+  assert.deepEqual(await page.locator("#new-run-list li").allInnerTexts(), [
+    'Line 3, well: "Z9" is not a well',
+    'Line 3, dpf: "x" is not a number',
+  ]);
+  await shoot(page, "plate-map-mistakes");
+
+  server.refusal = null;
+  const wells = [
+    { well: "A01", specimen: "larva", dpf: 3, compound: "DMSO" },
+    { well: "A02", specimen: "bead" },
+  ];
+  const metadata = { StudyInformation: {} };
+  server.answers["/v1/plate-maps/check"] = { plate_map: wells, metadata, notes: ["A1 is read as A01"] };
+  server.answers["/v1/preflight"] = {
+    checks: [
+      { code: "camera", passed: true, blocks: true, detail: "the camera sends frames", what_to_do: null },
+      {
+        code: "disk",
+        passed: false,
+        blocks: true,
+        detail: "this plate needs 12 GB, 3 GB are free",
+        what_to_do: "Free 9 GB.",
+      },
+    ],
+  };
+  await page.getByLabel("Plate map").setInputFiles({ ...map, buffer: Buffer.from("well,dpf\nA1,3\n") });
+  await until("plate-holds", /^2 wells: 1 larva of 3 dpf, 1 bead\.$/);
+  assert.equal(await page.locator("#new-run-list").innerText(), "A1 is read as A01");
+  assert.equal(await page.locator("#start").isDisabled(), true, "barcode and operator are missing");
+  await page.getByLabel("Plate barcode").fill("P-7");
+  await page.getByLabel("Operator").fill("Kim");
+  await page.getByRole("button", { name: "Preflight" }).click();
+  await until("new-run-words", /1 of 2 checks failed, 1 of which stop a run/);
+  assert.match(await page.locator("#new-run-list li").first().innerText(), /this plate needs 12 GB.*Free 9 GB/s);
+  await shoot(page, "preflight");
+
+  await page.getByLabel("Run name").fill("monday-1");
+  await page.getByRole("button", { name: "Start", exact: true }).click();
+  await page.waitForFunction(() => document.querySelector<HTMLInputElement>("#barcode")?.value === "");
+  server.publish(running(1));
+  await page.locator("#new-run").waitFor({ state: "hidden" });
+  const plan = { plate_barcode: "P-7", method: "standard", operator: "Kim", plate_map: wells, metadata };
+  assert.deepEqual(commands(), ["POST /v1/plate-maps/check", "POST /v1/preflight", "PUT /v1/runs/monday-1"]);
+  assert.deepEqual(JSON.parse(server.taken[1]!.body), plan);
+  assert.deepEqual(JSON.parse(server.taken[2]!.body), plan);
+});
+
 test("a question about a run that ended meanwhile goes away", async () => {
   server.publish(running(9));
   await page.goto(server.url);
   await page.getByRole("button", { name: "Abort run" }).click();
-  await until("abort-question", /demo-1/);
+  await until("ask-title", /demo-1/);
   server.publish({ ...running(22), run: run([measured], { outcome: "succeeded" }), specimen: null, state: "Complete" });
   await page.locator("dialog").waitFor({ state: "hidden" });
-  assert.deepEqual(server.aborted, []);
+  assert.deepEqual(server.taken, []);
 });
 
 test("a lost connection is said with its age, and heals by itself", async () => {

@@ -1,4 +1,4 @@
-// A daemon's outside for the page's tests: status with long poll, live pictures, abort; nothing behind them.
+// A daemon's outside for the page's tests: status with long poll, live pictures, commands; nothing behind them.
 
 import { createServer, type IncomingMessage, type Server, type ServerResponse } from "node:http";
 import type { AddressInfo, Socket } from "node:net";
@@ -15,11 +15,14 @@ const PAGE: Record<string, [string, string]> = {
 };
 
 export class FixtureServer {
-  readonly aborted: string[] = [];
+  /** Commands that were taken: `POST /v1/runs/demo-1/abort`, with what came with them. */
+  readonly taken: { command: string; body: string }[] = [];
   /** Queries of the status requests, oldest first. */
   readonly asked: string[] = [];
-  /** Answer to an abort: 200, or a problem in words. */
-  refusal: string | null = null;
+  /** Answer to a command in place of 200: a problem in words, with what is wrong. */
+  refusal: { detail: string; errors?: object[] } | null = null;
+  /** Bodies of what is read, and of what commands answer, by path. */
+  readonly answers: Record<string, unknown> = {};
   /** Wanted of everything under /v1, where set. */
   token: string | null = null;
   readonly live: Record<string, { body: Buffer; type: string } | undefined> = {};
@@ -80,13 +83,20 @@ export class FixtureServer {
       this.asked.push(url.search);
       await this.#settled(url);
       this.#json(response, 200, this.#status);
-    } else if (request.method === "POST" && /^\/v1\/runs\/[^/]+\/abort$/.test(url.pathname)) {
+    } else if (request.method === "POST" || request.method === "PUT") {
+      const chunks: Buffer[] = [];
+      for await (const chunk of request) chunks.push(chunk as Buffer);
       if (this.refusal !== null) {
-        this.#json(response, 409, { title: "Conflict", detail: this.refusal });
+        this.#json(response, 409, { title: "Conflict", ...this.refusal });
         return;
       }
-      this.aborted.push(decodeURIComponent(url.pathname.split("/")[3]!));
-      this.#json(response, 200, {});
+      this.taken.push({
+        command: `${request.method} ${decodeURIComponent(url.pathname)}`,
+        body: Buffer.concat(chunks).toString(),
+      });
+      this.#json(response, 200, this.answers[url.pathname] ?? {});
+    } else if (url.pathname in this.answers) {
+      this.#json(response, 200, this.answers[url.pathname]);
     } else {
       this.#live(url.pathname, request, response);
     }

@@ -95,6 +95,7 @@ export function fault(change: Partial<Fault> = {}): Fault {
     scheduler_action: "retry",
     operator_required: false,
     since: "2026-03-05T09:31:12Z",
+    what_to_do: "Look at the camera's cable.",
     ...change,
   };
 }

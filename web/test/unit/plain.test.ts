@@ -2,7 +2,18 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { VolumeHistory } from "../../src/history.ts";
 import { Latest } from "../../src/latest.ts";
-import { canAbort, progress, progressLine, tally, toneOf } from "../../src/plain.ts";
+import { contents } from "../../src/newrun.ts";
+import {
+  canAbort,
+  canGoOn,
+  canHold,
+  canStart,
+  canStop,
+  progress,
+  progressLine,
+  tally,
+  toneOf,
+} from "../../src/plain.ts";
 import { logTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
 import { fault, run, specimen, status, well } from "../support/statuses.ts";
 
@@ -49,6 +60,24 @@ test("only a run under way can be aborted, and once", () => {
   assert.equal(canAbort(half), true);
   assert.equal(canAbort({ ...half, pending: { hold: false, stop: false, abort: true } }), false);
   assert.equal(canAbort({ ...half, run: run([], { outcome: "failed" }) }), false);
+});
+
+test("each command is offered where it applies", () => {
+  const held = { ...half, state: "Held" as const };
+  const stopping = { ...half, pending: { hold: false, stop: true, abort: false } };
+  assert.deepEqual([half, held, stopping, status()].map(canHold), [true, false, false, false]);
+  assert.deepEqual([half, held, stopping, status()].map(canGoOn), [false, true, false, false]);
+  assert.deepEqual([half, held, stopping, status()].map(canStop), [true, true, false, false]);
+  assert.deepEqual([half, held, stopping, status()].map(canStart), [false, false, false, true]);
+  assert.equal(canStart({ ...status({ state: "Stopping" }) }), false);
+});
+
+test("a plate map in one line", () => {
+  const larva = (dpf?: number) => ({ well: "A01", ...(dpf === undefined ? {} : { dpf }) });
+  assert.equal(
+    contents([larva(5), larva(3), larva(3), larva(), { well: "A05", specimen: "bead" }]),
+    "5 wells: 2 larvae of 3 dpf, 1 larva of 5 dpf, 1 larva of unknown age, 1 bead.",
+  );
 });
 
 test("volumes are kept per well until another run starts", () => {

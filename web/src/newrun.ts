@@ -1,0 +1,219 @@
+// A new run: plate map, method, barcode, operator; everything that is wrong with them before anything moves.
+//
+//   file ──check──> mistakes by line, or what the plate holds ──preflight──> what the instrument lacks ──start──> the run
+
+import { checkPlateMap, fetchMethods, preflight, Refused, startRun, type Mistake } from "./api.ts";
+import { element, setText, show } from "./dom.ts";
+import { counted } from "./format.ts";
+import { canStart } from "./plain.ts";
+import type { Check, Method, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
+
+const OPERATOR = "carved.operator";
+
+export class NewRun {
+  readonly #panel: HTMLElement;
+  readonly #form: HTMLFormElement;
+  readonly #file: HTMLInputElement;
+  readonly #method: HTMLSelectElement;
+  readonly #methodWords: HTMLElement;
+  readonly #barcode: HTMLInputElement;
+  readonly #operator: HTMLInputElement;
+  readonly #id: HTMLInputElement;
+  readonly #holds: HTMLElement;
+  readonly #words: HTMLElement;
+  readonly #list: HTMLElement;
+  readonly #preflight: HTMLButtonElement;
+  readonly #start: HTMLButtonElement;
+  #methods: readonly Method[] = [];
+  #methodsOf: string | null = null;
+  #map: PlateMap | null = null;
+  #startable = false;
+  #busy = false;
+
+  constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
+    this.#panel = find("new-run");
+    this.#form = find("new-run-form");
+    this.#file = find("plate-map");
+    this.#method = find("method");
+    this.#methodWords = find("method-words");
+    this.#barcode = find("barcode");
+    this.#operator = find("operator");
+    this.#id = find("run-id");
+    this.#holds = find("plate-holds");
+    this.#words = find("new-run-words");
+    this.#list = find("new-run-list");
+    this.#preflight = find("preflight");
+    this.#start = find("start");
+    this.#operator.value = localStorage.getItem(OPERATOR) ?? "";
+    this.#file.addEventListener("change", () => void this.#check());
+    this.#method.addEventListener("change", () => this.#explain());
+    this.#form.addEventListener("input", () => this.#enable());
+    this.#preflight.addEventListener("click", () => void this.#look());
+    this.#form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      void this.#begin();
+    });
+  }
+
+  update(status: Status): void {
+    this.#startable = canStart(status);
+    show(this.#panel, this.#startable);
+    if (this.#startable && this.#methodsOf !== status.boot_id) void this.#loadMethods(status.boot_id);
+    this.#enable();
+  }
+
+  async #loadMethods(boot: string): Promise<void> {
+    this.#methodsOf = boot;
+    try {
+      this.#methods = await fetchMethods();
+    } catch (error) {
+      // The next status tries again.
+      this.#methodsOf = null;
+      this.#say(`The methods could not be read: ${reason(error)}.`);
+      return;
+    }
+    const chosen = this.#method.value;
+    this.#method.replaceChildren(
+      ...this.#methods.map((m) => {
+        const option = element("option", "", m.name);
+        option.value = m.name;
+        option.selected = m.name === chosen;
+        return option;
+      }),
+    );
+    this.#explain();
+  }
+
+  #explain(): void {
+    const m = this.#methods.find((m) => m.name === this.#method.value);
+    setText(this.#methodWords, m ? `${m.asd} views, ${m.order.replaceAll("_", " ")}, voxels of ${m.voxel_um} µm.` : "");
+  }
+
+  #enable(): void {
+    const ready = this.#startable && !this.#busy && this.#map !== null && this.#form.checkValidity();
+    this.#start.disabled = !ready;
+    this.#preflight.disabled = !ready;
+  }
+
+  async #check(): Promise<void> {
+    const file = this.#file.files?.[0];
+    this.#map = null;
+    show(this.#holds, false);
+    this.#clear();
+    if (!file) return this.#enable();
+    await this.#work(async () => {
+      const map = await checkPlateMap(file);
+      // Another file was chosen while this one was read.
+      if (this.#file.files?.[0] !== file) return;
+      this.#map = map;
+      setText(this.#holds, contents(map.plate_map));
+      show(this.#holds, true);
+      this.#list.replaceChildren(...map.notes.map((note) => element("li", "quiet", note)));
+    }, `${file.name} cannot be used`);
+  }
+
+  async #look(): Promise<void> {
+    const plan = this.#plan();
+    if (!plan) return;
+    this.#clear();
+    await this.#work(async () => {
+      const checks = await preflight(plan);
+      const failed = checks.filter((c) => !c.passed);
+      const blocking = failed.filter((c) => c.blocks).length;
+      this.#say(
+        failed.length === 0
+          ? `Preflight passed: ${counted(checks.length, "check")}.`
+          : `Preflight: ${failed.length} of ${counted(checks.length, "check")} failed, ${blocking === 0 ? "none of which stops" : `${blocking} of which stop`} a run.`,
+      );
+      this.#list.replaceChildren(...[...failed, ...checks.filter((c) => c.passed)].map(checked));
+    }, "The preflight was not done");
+  }
+
+  async #begin(): Promise<void> {
+    const plan = this.#plan();
+    if (!plan) return;
+    localStorage.setItem(OPERATOR, plan.operator);
+    const id = this.#id.value.trim() || freshName(plan.plate_barcode);
+    this.#clear();
+    await this.#work(async () => {
+      await startRun(id, plan);
+      this.#file.value = "";
+      this.#barcode.value = "";
+      this.#id.value = "";
+      this.#map = null;
+      show(this.#holds, false);
+    }, "The run was not started");
+  }
+
+  #plan(): RunPlan | null {
+    if (this.#map === null || !this.#form.reportValidity()) return null;
+    return {
+      plate_barcode: this.#barcode.value.trim(),
+      method: this.#method.value,
+      operator: this.#operator.value.trim(),
+      plate_map: this.#map.plate_map,
+      metadata: this.#map.metadata,
+    };
+  }
+
+  /** One thing at a time; where it is refused, every mistake is listed. */
+  async #work(job: () => Promise<void>, refused: string): Promise<void> {
+    this.#busy = true;
+    this.#enable();
+    try {
+      await job();
+    } catch (error) {
+      this.#say(`${refused}: ${reason(error)}.`);
+      if (error instanceof Refused) this.#list.replaceChildren(...error.mistakes.map(mistake));
+    } finally {
+      this.#busy = false;
+      this.#enable();
+    }
+  }
+
+  #clear(): void {
+    show(this.#words, false);
+    this.#list.replaceChildren();
+  }
+
+  #say(words: string): void {
+    setText(this.#words, words);
+    show(this.#words, true);
+  }
+}
+
+function reason(error: unknown): string {
+  return (error instanceof Refused ? error.message : String(error)).replace(/\.$/, "");
+}
+
+function mistake(m: Mistake): HTMLElement {
+  const place = m.line ? `Line ${m.line}${m.column ? `, ${m.column}` : ""}` : (m.pointer ?? "");
+  return element("li", "mistake", element("b", "", place ? `${place}: ` : ""), m.detail);
+}
+
+function checked(check: Check): HTMLElement {
+  const item = element("li", check.passed ? "check" : "check check-failed");
+  item.dataset["code"] = check.code;
+  item.append(element("b", "", check.passed ? "✓ " : check.blocks ? "✕ " : "! "), check.detail);
+  if (!check.passed && check.what_to_do) item.append(element("span", "check-advice", check.what_to_do));
+  return item;
+}
+
+/** `96 wells: 40 larvae of 3 dpf, 50 of 5 dpf, 6 beads`. Pure. */
+export function contents(wells: readonly PlannedWell[]): string {
+  const beads = wells.filter((w) => w.specimen === "bead").length;
+  const ages = new Map<number | null, number>();
+  for (const w of wells) if (w.specimen !== "bead") ages.set(w.dpf ?? null, (ages.get(w.dpf ?? null) ?? 0) + 1);
+  const sorted = [...ages].sort(([a], [b]) => (a ?? Infinity) - (b ?? Infinity));
+  const parts = sorted.map(
+    ([age, n]) => `${n} ${n === 1 ? "larva" : "larvae"} ${age === null ? "of unknown age" : `of ${age} dpf`}`,
+  );
+  if (beads > 0) parts.push(counted(beads, "bead"));
+  return `${counted(wells.length, "well")}: ${parts.join(", ")}.`;
+}
+
+/** A run's name from the plate's and the time, UTC: `P-001-20260305T093000`. */
+function freshName(barcode: string): string {
+  const time = new Date().toISOString().replace(/[-:]|\.\d+Z/g, "");
+  return `${barcode.slice(0, 40)}-${time}`;
+}
