@@ -6,6 +6,7 @@
 //! ```
 
 mod controller;
+mod holds;
 mod job;
 mod replay;
 mod sampler;
@@ -19,13 +20,17 @@ use crate::device::camera::CameraSelect;
 use crate::device::sampler::{LoaderGate, Sampler};
 use crate::session::{Instrument, Mode, is_well};
 use anyhow::Context;
+use hardware_sim::gige::CameraFaults;
 use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight, SlideSettings};
+use holds::Holds;
 use job::Job;
 use sampler::{Outside, Who};
 use scenery::{SceneSampler, Scenery};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
 
 /// What the emulated rig is configured with; its doors are filled in when they are open.
 const CONFIG: &str = include_str!("../../../config/simulated.toml");
@@ -48,6 +53,12 @@ pub struct Args {
     /// Wells of every simulated plate that hold nothing.
     #[arg(long, value_delimiter = ',', default_value = "A04", value_parser = well)]
     empty: Vec<String>,
+    /// Wells that hold something else than planned, as in B02=two: two, bubble, debris, clipped, dead.
+    #[arg(long, value_delimiter = ',', conflicts_with = "replay")]
+    holds: Vec<Holds>,
+    /// The camera's cable is out once: so many seconds after the start, for so many seconds, as in 60,30.
+    #[arg(long, value_name = "AFTER,FOR", value_parser = out_for, conflicts_with = "replay")]
+    camera_out: Option<[Duration; 2]>,
     /// The controller that turns the emulated capillary.
     #[arg(long, value_enum, default_value_t = controller::Make::Grbl)]
     controller: controller::Make,
@@ -63,6 +74,13 @@ pub struct Args {
     /// Play a recording back through both device doors instead of the scene, and compare the numbers.
     #[arg(long, value_name = "RECORDING")]
     replay: Option<PathBuf>,
+}
+
+fn out_for(text: &str) -> Result<[Duration; 2], String> {
+    let seconds = |s: &str| s.trim().parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    text.split_once(',')
+        .and_then(|(after, lasting)| Some([seconds(after)?, seconds(lasting)?]))
+        .ok_or("give two numbers of seconds, as in 60,30".into())
 }
 
 fn well(name: &str) -> Result<String, String> {
@@ -113,16 +131,36 @@ pub fn run(args: Args) -> anyhow::Result<()> {
 
     let config = Arc::new(config);
     let folder = args.data;
-    Daemon {
+    let daemon = Daemon {
         config,
         mode: Mode::Simulated,
         instrument: Instrument { rig: devices, second, sampler },
         gate,
         listener,
         greeting: "carved simulates an instrument. Page:".into(),
+    };
+    // `rig` is dropped after the daemon has let its devices go.
+    std::thread::scope(|scope| {
+        let (running, ended) = std::sync::mpsc::channel::<()>();
+        if let Some(times) = args.camera_out {
+            let camera = rig.faults().camera();
+            scope.spawn(move || take_cable_out(camera, times, &ended));
+        }
+        let served = daemon.run(move |handle| async move { job.run(handle, &folder).await });
+        drop(running);
+        served
+    })
+}
+
+/// Once, or not at all where the daemon ends before.
+fn take_cable_out(camera: &CameraFaults, [after, lasting]: [Duration; 2], ended: &Receiver<()>) {
+    for (pause, out) in [(after, true), (lasting, false)] {
+        if ended.recv_timeout(pause) != Err(RecvTimeoutError::Timeout) {
+            return;
+        }
+        tracing::warn!(out, "the emulated camera's cable");
+        camera.pull_cable(out);
     }
-    .run(move |handle| async move { job.run(handle, &folder).await })
-    // `rig` is dropped here, after the daemon has let its devices go.
 }
 
 /// What stands before the emulated camera, who changes it, and what is done with it.

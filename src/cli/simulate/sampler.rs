@@ -12,6 +12,7 @@ use crate::config::{Config, SamplerDriver};
 use crate::device::sampler::{Expected, Loaded, Sampler, TriggerSettings};
 use crate::device::{DeviceError, RotationAxis};
 use hardware_sim::sampler::Next;
+use hardware_sim::scene::Contents;
 use hardware_sim::{SamplerSettings, VendorSampler};
 use std::sync::Arc;
 
@@ -57,25 +58,26 @@ impl Sampler for Outside {
     }
 
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
-        let (specimen, truth) = self.scenery.specimen(expected)?;
+        let (contents, truth) = self.scenery.contents(expected)?;
         if let Some(machine) = &self.machine {
             let (brought, taken) = (self.scenery.scene().clone(), self.scenery.scene().clone());
             let well = expected.well.to_owned();
             let bring =
-                move || brought.load(specimen).unwrap_or_else(|error| tracing::error!(%error, well, "the scene refuses a specimen"));
-            let take_away = move || taken.load(None).unwrap_or_else(|error| tracing::error!(%error, "the scene stays as it is"));
+                move || brought.load(contents).unwrap_or_else(|error| tracing::error!(%error, well, "the scene refuses a specimen"));
+            let take_away =
+                move || taken.load(Contents::default()).unwrap_or_else(|error| tracing::error!(%error, "the scene stays as it is"));
             machine.give(Next { bring: Box::new(bring), take_away: Box::new(take_away) });
             return Ok(self.daemons.load(axis, expected, cancel)?.map(|_| truth));
         }
         let loaded = self.daemons.load(axis, expected, cancel)?;
         if loaded.is_some() {
-            self.scenery.fill(expected.well, specimen)?;
+            self.scenery.fill(expected.well, contents)?;
         }
         Ok(loaded.map(|_| truth))
     }
 
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
         self.daemons.eject(axis, well, cancel)?;
-        if self.machine.is_some() { Ok(()) } else { self.scenery.fill(well, None) }
+        if self.machine.is_some() { Ok(()) } else { self.scenery.fill(well, Contents::default()) }
     }
 }

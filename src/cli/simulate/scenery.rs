@@ -1,19 +1,21 @@
 //! Phantoms in the emulated capillary, well by well.
 
+use super::holds::Surprise;
 use super::{Args, Before, Content, Job};
 use crate::cancel::CancelToken;
 use crate::cli::emulated;
 use crate::config::Config;
 use crate::device::sampler::{Expected, Loaded, Sampler};
 use crate::device::{DeviceError, RotationAxis};
-use hardware_sim::scene::{Scene, SceneSettings, Specimen};
-use std::collections::BTreeSet;
+use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 /// A scene that is filled by the plate map.
 pub fn of_phantoms(args: &Args, config: &Config) -> Before {
     let scene = Arc::new(Scene::new(scene_settings(config)));
-    let scenery = Scenery { scene: scene.clone(), empty: args.empty.iter().cloned().collect() };
+    let holds = args.holds.iter().map(|h| (h.well.clone(), h.what)).collect();
+    let scenery = Scenery { scene: scene.clone(), empty: args.empty.iter().cloned().collect(), holds };
     Before { sight: scene, content: Content::Scene(scenery), job: if args.no_demo { Job::Serve } else { Job::Demo } }
 }
 
@@ -28,6 +30,7 @@ fn scene_settings(config: &Config) -> SceneSettings {
 pub struct Scenery {
     scene: Arc<Scene>,
     empty: BTreeSet<String>,
+    holds: BTreeMap<String, Surprise>,
 }
 
 /// Fills the emulated capillary by the plate map.
@@ -47,23 +50,30 @@ impl Scenery {
     }
 
     /// What a well holds, and its truth.
-    pub fn specimen(&self, expected: Expected<'_>) -> Result<(Option<Specimen>, Loaded), DeviceError> {
+    pub fn contents(&self, expected: Expected<'_>) -> Result<(Contents, Loaded), DeviceError> {
         let refused = |e: &dyn std::fmt::Display| DeviceError::Sampler { well: expected.well.to_owned(), why: e.to_string() };
-        let specimen = if self.empty.contains(expected.well) {
-            None
+        // There are phantoms of 3, 4 and 5 dpf: the nearest stands for any other age.
+        let dpf = expected.dpf.unwrap_or(4.0).round().clamp(3.0, 5.0) as u8;
+        let seed = seed_of(expected.well);
+        let contents: Contents = if self.empty.contains(expected.well) {
+            Contents::default()
+        } else if let Some(surprise) = self.holds.get(expected.well) {
+            surprise.contents(dpf, seed).map_err(|e| refused(&e))?
         } else if expected.bead {
-            Some(Specimen::bead(BEAD_UM).map_err(|e| refused(&e))?)
+            Specimen::bead(BEAD_UM).map_err(|e| refused(&e))?.into()
         } else {
-            // There are phantoms of 3, 4 and 5 dpf: the nearest stands for any other age.
-            let dpf = expected.dpf.unwrap_or(4.0).round().clamp(3.0, 5.0) as u8;
-            Some(Specimen::larva(dpf, seed_of(expected.well)).map_err(|e| refused(&e))?)
+            Specimen::larva(dpf, seed).map_err(|e| refused(&e))?.into()
         };
-        let truth = specimen.as_ref().map(|s| serde_json::to_value(s.truth())).transpose().map_err(|e| refused(&e))?;
-        Ok((specimen, Loaded { truth }))
+        // Of one specimen alone; of two nothing could be compared.
+        let truth = match contents.specimens.as_slice() {
+            [one] => Some(serde_json::to_value(one.truth()).map_err(|e| refused(&e))?),
+            _ => None,
+        };
+        Ok((contents, Loaded { truth }))
     }
 
-    pub fn fill(&self, well: &str, specimen: Option<Specimen>) -> Result<(), DeviceError> {
-        self.scene.load(specimen).map_err(|e| DeviceError::Sampler { well: well.to_owned(), why: e.to_string() })
+    pub fn fill(&self, well: &str, contents: Contents) -> Result<(), DeviceError> {
+        self.scene.load(contents).map_err(|e| DeviceError::Sampler { well: well.to_owned(), why: e.to_string() })
     }
 }
 
@@ -73,12 +83,12 @@ impl Sampler for SceneSampler {
     }
 
     fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, _cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
-        let (specimen, loaded) = self.0.specimen(expected)?;
-        self.0.fill(expected.well, specimen)?;
+        let (contents, loaded) = self.0.contents(expected)?;
+        self.0.fill(expected.well, contents)?;
         Ok(Some(loaded))
     }
 
     fn eject(&mut self, _axis: &mut dyn RotationAxis, well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
-        self.0.fill(well, None)
+        self.0.fill(well, Contents::default())
     }
 }
