@@ -28,6 +28,7 @@ test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc test
 	$(CARGO) test --workspace --locked
 	cd web && npm run --silent test
 	cd web && CARVED_BIN="$(abspath $(TARGET_DIR))/debug/carved" npm run --silent test:browser
+	CARVED_BIN="$(abspath $(TARGET_DIR))/debug/carved" clients/python/check test
 	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi
 
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without the camera, types and formatting of page and Python client

@@ -52,7 +52,7 @@ fn host(allowed: &BTreeSet<String>, request: &Request) -> Result<Authority, Prob
 }
 
 pub(super) fn changes_something(method: &Method) -> bool {
-    !matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS)
+    !matches!(*method, Method::GET | Method::HEAD | Method::OPTIONS | Method::TRACE)
 }
 
 fn origin(request: &Request, asked: &Authority) -> Result<(), Problem> {

@@ -34,8 +34,10 @@ const NAME_LIMIT: usize = 64;
 #[serde(deny_unknown_fields)]
 pub(super) struct LeaseRequest {
     /// Who commands, for others to read: 1 to 64 characters.
+    #[schema(max_length = 64, pattern = r"^[^\x00-\x1F\x7F-\x9F]*[^\s\x00-\x1F\x7F-\x9F][^\x00-\x1F\x7F-\x9F]*$")]
     holder: String,
     /// Seconds until it ends by itself, 1 to 3600; asking again begins them anew.
+    #[schema(minimum = 1, maximum = 3600)]
     ttl_s: u32,
 }
 

@@ -21,6 +21,7 @@ pub(super) struct Wait {
     /// Seconds to wait for a revision above `after`, at most 30.
     wait: Option<f64>,
     /// Revision that the client has seen.
+    #[param(format = "uint64")]
     after: Option<u64>,
 }
 

@@ -19,16 +19,19 @@ pub enum SpecimenKind {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RunPlan {
+    #[schema(pattern = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,63}$")]
     pub plate_barcode: String,
     /// Name of a method of the configuration.
     pub method: String,
     /// The version that the method must have there; any where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method_version: Option<String>,
+    #[schema(pattern = r"\S")]
     pub operator: String,
     #[serde(default)]
     pub external_id: Option<String>,
     /// The wells in the order in which they are visited.
+    #[schema(min_items = 1)]
     pub plate_map: Vec<PlannedWell>,
     /// What the lab keeps with the plate, as MIHCSME has it; stored with the run and not read.
     #[serde(default, skip_serializing_if = "Metadata::is_empty")]
@@ -50,27 +53,34 @@ pub enum Control {
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
     /// `A01` to `P24`.
+    #[schema(pattern = "^[A-P](0[1-9]|1[0-9]|2[0-4])$")]
     pub well: String,
     #[serde(default = "larva")]
     pub specimen: SpecimenKind,
     /// Days post fertilisation.
     #[serde(default)]
+    #[schema(minimum = 0, maximum = 30)]
     pub dpf: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 200, pattern = r"\S")]
     pub compound: Option<String>,
     /// In `concentration_unit`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 0)]
     pub concentration: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub concentration_unit: Option<ConcentrationUnit>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 200, pattern = r"\S")]
     pub strain: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 200, pattern = r"\S")]
     pub treatment: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
     /// Number of the repetition of the same condition, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1)]
     pub replicate: Option<u32>,
 }
 

@@ -28,7 +28,7 @@ def test_numbers_tables_and_files_of_a_run(start_daemon: Callable[..., Daemon]) 
         assert {"volume_um3", "volume_sd_um3", "area_um2"} <= set(table.columns)
 
         specimen = client.specimen("r1", "A01")
-        assert len(specimen["links"]["views"]) == 22
+        assert len(specimen["links"]["views"]) == 21
         assert client.mesh("r1", "A01").startswith(b"ply\nformat binary")
         assert client.mesh("r1", "A01", "glb").startswith(b"glTF")
         for picture in (client.view("r1", "A01", 0), client.profile("r1", "A01", 20)):

@@ -50,9 +50,9 @@ impl Running {
             abort: asked == Asked::Abort,
         };
         s.plate.needs = self.needs(s);
-        // Everything of it is on disk, and only who takes a specimen out knows that it is out.
+        // Everything of it is on disk, and only who takes a specimen out knows that it is out. A start may yet take a run up.
         let occupied = s.specimen.as_ref().is_some_and(|x| x.in_capillary);
-        s.plate.removable = s.plate.barcode.is_some() && self.active.is_none() && !occupied && !self.store_failed;
+        s.plate.removable = !self.starting && s.plate.barcode.is_some() && self.active.is_none() && !occupied && !self.store_failed;
         s.not_ready_reason = self.not_ready(s);
         s.ready = s.not_ready_reason.is_none();
         if let (Some(active), Some(run)) = (&self.active, &mut s.run) {

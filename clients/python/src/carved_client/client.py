@@ -18,7 +18,7 @@ from . import polling, sse
 from .decode import decode
 from .errors import MalformedAnswer
 from .lease import Lease
-from .models import Acknowledged, Event, Resync, Status
+from .models import Acknowledged, Event, HandoffIntent, HandoffNeeds, Preflight, Resync, Status
 from .plan import PlateMap, RunPlan
 from .results import Results
 from .transport import AT_ONCE, Retry, Transport
@@ -168,22 +168,22 @@ class CarvedClient(Results):
         """The specimen of this well has been taken out of the capillary."""
         return self._command("PUT", f"/v1/runs/{_name(run_id)}/wells/{_name(well)}", {"loaded": False})
 
-    def handoff(self, intent: Literal["load", "unload"], barcode: str) -> dict[str, Any]:
-        """Announces that a plate is to be brought or taken; the answer says what is needed first."""
-        return self._object("PUT", "/v1/plate/handoff", {"intent": intent, "barcode": barcode})
+    def handoff(self, intent: HandoffIntent, barcode: str) -> HandoffNeeds:
+        """Announces that a plate is to be put in or taken away; ask until it needs nothing, then move the plate."""
+        body = {"intent": intent, "barcode": barcode}
+        return decode(HandoffNeeds, self._json("PUT", "/v1/plate/handoff", body=body))
 
-    def handoff_completed(self) -> dict[str, Any]:
-        """The announced handoff is done."""
-        return self._object("PUT", "/v1/plate/handoff/completed")
+    def handoff_completed(self) -> Acknowledged:
+        """The announced plate has been moved."""
+        return self._command("PUT", "/v1/plate/handoff/completed")
 
-    def handoff_aborted(self) -> dict[str, Any]:
-        """The announced handoff did not come about."""
-        return self._object("PUT", "/v1/plate/handoff/aborted")
+    def handoff_aborted(self) -> Acknowledged:
+        """The announced plate is not moved after all."""
+        return self._command("PUT", "/v1/plate/handoff/aborted")
 
-    def preflight(self, plan: RunPlan | Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Everything that stands in the way of a run, not the first thing only. Moves nothing."""
-        body = plan.to_json() if isinstance(plan, RunPlan) else plan
-        return self._object("POST", "/v1/preflight", body)
+    def preflight(self, plan: RunPlan) -> Preflight:
+        """Everything that a run of this plan would meet now, not the first thing only. Moves nothing."""
+        return decode(Preflight, self._json("POST", "/v1/preflight", body=plan.to_json(), idempotent=True))
 
     def _command(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> Acknowledged:
         return decode(Acknowledged, self._json(method, path, body=body, idempotent=True))

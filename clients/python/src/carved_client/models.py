@@ -21,6 +21,7 @@ SchedulerAction = Literal[
 ]  # fmt: skip
 Mode = Literal["hardware", "simulated", "imported"]
 SpecimenKind = Literal["larva", "bead"]
+HandoffIntent = Literal["load", "unload"]
 Control = Literal["positive", "negative"]
 
 
@@ -162,6 +163,36 @@ class Acknowledged:
 
     revision: int
     run: str | None = None
+
+
+@dataclass(frozen=True)
+class HandoffNeeds:
+    """What an announced handover of a plate waits for; with `needs` null the plate may be moved now."""
+
+    intent: HandoffIntent
+    barcode: str
+    needs: str | None
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that a run needs."""
+
+    code: str
+    passed: bool
+    #: Whether a run would be refused or fail; else its numbers are flagged or lack something.
+    blocks: bool
+    detail: str
+    what_to_do: str | None = None
+
+
+@dataclass(frozen=True)
+class Preflight:
+    """Everything that a run of a plan would meet now."""
+
+    #: Nothing that blocks has failed.
+    passed: bool
+    checks: tuple[Check, ...]
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """A plate-loader as they are in the field, without its hands: it polls, it retries, it gets things wrong.
 
     poll ── unreachable ──> next poll            (a daemon that is restarted comes back)
-     ├─ the run is not there ──> PUT run
+     ├─ the run is not there ──> hand the plate over, preflight, PUT run
      ├─ the instrument needs a specimen out ──> take it out, say so
      ├─ the instrument needs a specimen ──> take the former out, bring this one, say so
-     └─ the run has an outcome ──> empty the capillary, wait until the plate is removable ──> Report
+     └─ the run has an outcome ──> empty the capillary, wait until the plate is removable, take it away ──> Report
 
 Every status is held against what a scheduler relies on (`watch`): the loader is never to be misled.
 """
@@ -25,6 +25,9 @@ from ..plan import RunPlan
 from ..transport import RETRIED, Retry
 from ..watch import Misled, StatusWatch
 from .line import BadLine, Mischief
+
+#: Of a plate that nobody has planned.
+OTHER_BARCODE = "OTHER"
 
 
 @dataclass(frozen=True)
@@ -119,8 +122,10 @@ class PlateLoader:
         elif run.outcome is not None:
             if self.capillary is not None:
                 self._take_out(run_id)
-            elif status.plate.removable:
+            elif not status.plate.present:
                 return self._report(run)
+            elif status.plate.removable:
+                self._take_away(plan.plate_barcode)
         elif status.plate.needs is not None and status.specimen is not None:
             if status.specimen.in_capillary:
                 self.capillary = self.capillary or status.specimen.well
@@ -136,9 +141,42 @@ class PlateLoader:
                 self.capillary = None
 
     def _start(self, status: Status, run_id: str, plan: RunPlan) -> None:
+        plate = status.plate
         if not status.ready:
             return
-        self.client.put_run(run_id, plan)
+        if not plate.present:
+            first = OTHER_BARCODE if self.habits.wrong_barcode and not self.refused else plan.plate_barcode
+            if self.client.handoff("load", first).needs is None:
+                self.client.handoff_completed()
+        elif plate.barcode != plan.plate_barcode and plate.barcode is not None:
+            self._refused(lambda: self.client.put_run(run_id, plan), f"{plan.plate_barcode} for {plate.barcode}")
+            self._take_away(plate.barcode)
+        else:
+            looked = self.client.preflight(plan)
+            failed = [check for check in looked.checks if check.blocks and not check.passed]
+            if looked.passed == bool(failed):
+                raise Misled(f"the preflight says passed {looked.passed}, and of its checks {failed} failed")
+            if looked.passed:
+                self.client.put_run(run_id, plan)
+
+    def _take_away(self, barcode: str) -> None:
+        """The plate, once nothing stands in the way; first, where that is a habit, another one."""
+        if self.habits.wrong_barcode:
+            other = f"{barcode}-{OTHER_BARCODE}"
+            self._refused(lambda: self.client.handoff("unload", other), f"{other} for {barcode}")
+        if self.client.handoff("unload", barcode).needs is None:
+            self.client.handoff_completed()
+
+    def _refused(self, say: Callable[[], object], wrong: str) -> None:
+        """Says something wrong, which must be refused as a conflict."""
+        try:
+            say()
+        except ProblemError as error:
+            if error.status != 409:
+                raise
+            self.refused.append(f"{wrong}: {error.code}")
+        else:
+            raise Misled(f"the instrument took a wrong word: {wrong}")
 
     def _bring(self, run_id: str, plan: RunPlan, well: str) -> None:
         if self.capillary is not None and self.capillary != well:
@@ -156,14 +194,7 @@ class PlateLoader:
 
     def _say_wrongly(self, run_id: str, plan: RunPlan, well: str) -> None:
         other = next((planned.well for planned in plan.plate_map if planned.well != well), "P24")
-        try:
-            self.client.loaded(run_id, other)
-        except ProblemError as error:
-            if error.status != 409:
-                raise
-            self.refused.append(f"{other} for {well}: {error.code}")
-        else:
-            raise Misled(f"the instrument waits for {well} and took the word that {other} is loaded")
+        self._refused(lambda: self.client.loaded(run_id, other), f"{other} for {well}")
 
     def _take_out(self, run_id: str) -> None:
         well, self.capillary = self.capillary, None
