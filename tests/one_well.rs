@@ -13,6 +13,7 @@ use common::{Daemon, configured, json, port, run, stderr};
 use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
 use hardware_sim::{Controller, PixelFormat, Pixels, RigSettings, ShaftSettings, Sight, grbl};
 use serde_json::{Value, json};
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
@@ -200,7 +201,8 @@ fn a_revolution_that_overruns_stops_the_motor_and_costs_its_well_only() {
     let reason = well["reason"].as_str().unwrap();
     assert!(reason.contains("revolve") && reason.contains("4 s"), "{reason}");
     assert_eq!(status["faults"], json!([]), "{status}");
-    let angle = instrument.rig.shaft().angle_rad();
+    let (angle, from) = (instrument.rig.shaft().angle_rad(), instrument.rig.exposures()[1].angle_rad);
+    assert!(angle < from + 0.99 * TAU / f64::from(SLOW.asd), "it stands at {angle} rad, where it was sent from {from} rad");
     assert!(instrument.well("A01/SHA256SUMS").is_file(), "the record is closed");
     instrument.daemon.status();
     assert_eq!(instrument.rig.shaft().angle_rad().to_bits(), angle.to_bits(), "the shaft moves");
@@ -215,6 +217,8 @@ fn a_reference_that_overruns_is_a_fault_that_names_the_phase_and_both_times() {
     assert_eq!(status["faults"][0]["code"], "position_overrun", "{status}");
     let said = status["faults"][0]["message"].as_str().unwrap();
     assert!(said.contains("position") && said.contains("allows it 1 s"), "{said}");
+    let angle = instrument.rig.shaft().angle_rad();
+    assert!(angle.abs() > 10.0 * TAU / 500.0, "it stands at {angle} rad: the reference was found");
 }
 
 #[test]

@@ -76,7 +76,7 @@ impl Instrument {
             port(&rig),
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
-            ("asd = 21", format!("asd = {}\npolicy = {{ retries = {}{policy} }}", rate.asd, rate.retries)),
+            ("asd = 21", format!("asd = {}\npolicy = {{ retries = {}, bead_gate = \"off\"{policy} }}", rate.asd, rate.retries)),
             // A picture takes its time on a busy machine.
             ("frame_timeout_ms = 500", "frame_timeout_ms = 5000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 20000".into()),
