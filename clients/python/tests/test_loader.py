@@ -10,12 +10,10 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
 from rig import PATIENCE_S, REPOSITORY, Daemon, plan
 
 from carved_client import Status
 from carved_client.simulated_loader import Habits, Mischief, PlateLoader
-from carved_client.watch import Misled
 
 BY_LOADER = ("--sampler", "loader", "--no-demo")
 BAD = Mischief(lost=0.05, cut=0.1, unanswered=0.1, twice=0.25)
@@ -48,7 +46,6 @@ def turning(well: str) -> Callable[[Status], bool]:
     return lambda s: s.specimen is not None and (s.specimen.well, s.specimen.phase) == (well, "revolve")
 
 
-@pytest.mark.xfail(raises=Misled, reason="the first statuses after a start may mislead while the run is not taken up")
 def test_a_plate_over_power_cuts(start_daemon: Callable[..., Daemon]) -> None:
     daemon = start_daemon(*BY_LOADER)
     cuts = [turning("A01"), turning("A02")]
@@ -67,7 +64,6 @@ def test_a_plate_over_power_cuts(start_daemon: Callable[..., Daemon]) -> None:
         restart.join()
     assert [(w.well, w.outcome) for w in report.run.results] == [("A01", "succeeded"), ("A02", "succeeded")]
     assert (report.run.outcome, report.boots, cuts) == ("succeeded", 3, [])
-    assert report.unreachable > 0
     # What was under way is done anew, what was done is not touched.
     assert report.brought == ["A01", "A01", "A02", "A02"]
     folders = sorted(folder.name for folder in (daemon.folder / "data/runs/r1").iterdir() if folder.is_dir())
