@@ -54,7 +54,17 @@ class Rig:
     """`carved simulate` under a supervisor: it is started again when it dies, as systemd would."""
 
     def __init__(self, carved: str, data: Path, time_scale: float, listen: str) -> None:
-        self.command = [carved, "simulate", "--no-demo", "--sampler", "loader", "--listen", listen, "--data", str(data / "data")]
+        self.command = [
+            carved,
+            "simulate",
+            "--no-demo",
+            "--sampler",
+            "loader",
+            "--listen",
+            listen,
+            "--data",
+            str(data / "data"),
+        ]
         self.command += ["--time-scale", str(time_scale), "--empty", ",".join(EMPTY)]
         self.command += ["--holds", ",".join(f"{well}={what}" for well, what in SURPRISES.items())]
         self.log = (data / "daemon.log").open("ab")
@@ -101,9 +111,15 @@ def account(report: Report, run: Path, carved: str) -> list[str]:
     for result in report.run.results:
         expected = ("skipped", SKIPPED[result.well]) if result.well in SKIPPED else ("succeeded", None)
         if (result.outcome, result.reason) != expected and result.well != "G04":
-            wrong.append(f"{result.well} ended {result.outcome} ({result.reason}), not {expected}; flags {result.flags}")
-        if result.well == "G04" and not (result.outcome == "skipped" or any("clip" in f or "edge" in f for f in result.flags)):
-            wrong.append(f"G04 is cut by the picture and nothing says so: {result.outcome}, {result.reason}, {result.flags}")
+            wrong.append(
+                f"{result.well} ended {result.outcome} ({result.reason}), not {expected}; flags {result.flags}"
+            )
+        if result.well == "G04" and not (
+            result.outcome == "skipped" or any("clip" in f or "edge" in f for f in result.flags)
+        ):
+            wrong.append(
+                f"G04 is cut by the picture and nothing says so: {result.outcome}, {result.reason}, {result.flags}"
+            )
     folders = sorted(f for f in run.iterdir() if (f / "SHA256SUMS").exists())
     for folder in folders:
         sums = subprocess.run(["sha256sum", "--quiet", "-c", "SHA256SUMS"], cwd=folder, capture_output=True, text=True)
@@ -113,7 +129,9 @@ def account(report: Report, run: Path, carved: str) -> list[str]:
     offline = subprocess.run([carved, "measure", *map(str, measured)], capture_output=True, text=True)
     same = offline.stdout.count("identical") + offline.stderr.count("identical")
     if offline.returncode != 0 or same < len(measured):
-        wrong.append(f"offline: {same} of {len(measured)} identical, exit code {offline.returncode}: {offline.stderr[-400:]}")
+        wrong.append(
+            f"offline: {same} of {len(measured)} identical, exit code {offline.returncode}: {offline.stderr[-400:]}"
+        )
     return wrong
 
 
@@ -175,7 +193,9 @@ def main() -> int:
     threading.Thread(target=killer, args=(rig, progress, moments, said), daemon=True).start()
     mischief = Mischief(0.01, 0.01, 0.01, 0.01)
     loader = PlateLoader(
-        f"http://{given.listen}", Habits(seed=given.seed, mischief=mischief, wrong_well=0.05, wrong_barcode=True), on_status=follow
+        f"http://{given.listen}",
+        Habits(seed=given.seed, mischief=mischief, wrong_well=0.05, wrong_barcode=True),
+        on_status=follow,
     )
     began = time.monotonic()
     try:
@@ -185,16 +205,24 @@ def main() -> int:
         rig.end()
     run = given.data / "data" / "runs" / RUN
     counts = report.run.wells
-    print(f"Simulated. {given.wells} wells in {took / 60:.1f} min, time scale {given.time_scale:g}; outcome {report.run.outcome}: {counts}")
+    print(
+        f"Simulated. {given.wells} wells in {took / 60:.1f} min, time scale {given.time_scale:g}; outcome {report.run.outcome}: {counts}"
+    )
     print(f"{report.boots} lives of the daemon; " + "; ".join(said) + f"; faults seen: {sorted(seen_faults)}")
-    print(f"{report.polls} polls, {report.unreachable} without an answer; mischief {report.mischief}; refused {len(report.refused)}")
+    print(
+        f"{report.polls} polls, {report.unreachable} without an answer; mischief {report.mischief}; refused {len(report.refused)}"
+    )
     again = [w for w in sorted(set(report.brought)) if report.brought.count(w) > 1]
     print(f"brought again: {again}")
     for phase, seconds in sorted(times(report, run).items()):
         ordered = sorted(seconds)
-        print(f"  {phase:12} median {statistics.median(ordered):6.2f} s, p95 {ordered[int(0.95 * (len(ordered) - 1))]:6.2f} s")
+        print(
+            f"  {phase:12} median {statistics.median(ordered):6.2f} s, p95 {ordered[int(0.95 * (len(ordered) - 1))]:6.2f} s"
+        )
     for kind, errors in sorted(against_truth(report, run).items()):
-        print(f"  volume of {kind}: {statistics.mean(errors):+.2f} % of the ideal hull, sd {statistics.pstdev(errors):.2f}, n {len(errors)}")
+        print(
+            f"  volume of {kind}: {statistics.mean(errors):+.2f} % of the ideal hull, sd {statistics.pstdev(errors):.2f}, n {len(errors)}"
+        )
     wrong = account(report, run, given.carved)
     print("\n".join(wrong) if wrong else "every well is accounted for")
     return 1 if wrong or counts.pending or len(said) != 2 else 0
