@@ -63,7 +63,21 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ),
     (
         "session",
-        &["units", "frame", "cancel", "profile", "surface", "measure", "pipeline", "export", "device", "acquisition", "config", "store"],
+        &[
+            "units",
+            "frame",
+            "cancel",
+            "profile",
+            "surface",
+            "measure",
+            "pipeline",
+            "quality",
+            "export",
+            "device",
+            "acquisition",
+            "config",
+            "store",
+        ],
     ),
     // `store` to read what runs have left; what the instrument does now comes from `session` alone.
     ("http", &["range", "session", "store"]),

@@ -30,12 +30,13 @@ pub fn of(s: &Status) -> String {
         State::Complete => s.run.as_ref().map_or_else(String::new, |r| {
             let c = r.wells;
             format!(
-                "Run {} is complete: {} measured, {} flagged, {} skipped, {} failed. The plate can be taken.",
+                "Run {} is complete: {} measured, {} flagged, {} skipped, {} failed. {}",
                 r.id,
                 c.succeeded,
                 c.flagged,
                 c.skipped,
-                c.failed + c.interrupted
+                c.failed + c.interrupted,
+                s.plate.needs.as_ref().map_or_else(|| "The plate can be taken.".into(), |needs| format!("Waiting for {needs}."))
             )
         }),
         State::Aborting => format!("Aborting: {motors} record is being closed."),

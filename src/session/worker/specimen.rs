@@ -11,13 +11,13 @@
 use super::clock::{StageClock, Timings};
 use super::{Progress, RunContext, RunError, WellTimes};
 use crate::acquisition::LedgerEntry;
+use crate::export;
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, PipelineError, TurnVerdict};
 use crate::quality::{Estimate, should_stop};
 use crate::session::live;
-use crate::session::{Mode, PlannedWell, ReferenceStatus, SpecimenOutcome, WellStatus};
+use crate::session::{Mode, Phase, PlannedWell, ReferenceStatus, SpecimenOutcome, WellStatus};
 use crate::store::{self, MEASUREMENT, MeasurementFile, RecordingWriter, StoreError};
-use crate::{export, session::Phase};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
