@@ -190,7 +190,8 @@ fn a_loader_brings_two_wells_and_both_are_measured() {
     assert_eq!(status["run"]["outcome"], "succeeded", "{status}");
     assert_eq!(status["mode"], "hardware");
     let flags = |well: usize| &status["run"]["results"][well]["flags"];
-    assert_eq!((flags(0), flags(1)), (&json!([]), &json!(["bead_gate"])), "no beads were measured before the larva: {status}");
+    assert_eq!(flags(0), &json!([]), "{status}");
+    assert!(flags(1).as_array().unwrap().contains(&json!("bead_gate")), "no beads were measured before the larva: {status}");
     let diameter = status["run"]["results"][0]["diameter_um"].as_f64().unwrap();
     assert!((diameter / BEAD_UM - 1.0).abs() < 0.01, "bead: {diameter} um, truth {BEAD_UM} um");
     assert!(status["run"]["results"][1]["volume_um3"].as_f64().is_some(), "{status}");

@@ -1,11 +1,11 @@
 //! What takes the instrument for a moment while no run has it: a look at the devices, or a whole preflight.
 
+use super::super::RunPlan;
 use super::super::handle::Refusal;
 use super::super::preflight::{self, Check, Seen};
 use super::super::search::{Found, Search};
 use super::super::state::STARTABLE;
 use super::super::worker::Instrument;
-use super::super::{RunPlan, State};
 use super::Running;
 use tokio::sync::oneshot;
 use tokio::task::{JoinError, JoinHandle};
@@ -70,7 +70,7 @@ impl Running {
         let refusal = if let Err(mistakes) = plan.check(&self.config.methods) {
             Refusal::InvalidPlan(mistakes)
         } else if self.active.is_some() || !STARTABLE.contains(&state) {
-            Refusal::WrongState { state, accepted_in: STARTABLE.iter().copied().collect::<Vec<State>>() }
+            Refusal::WrongState { state, accepted_in: STARTABLE.to_vec() }
         } else if let Some(instrument) = self.instrument.take() {
             let deadline = std::time::Duration::from_millis(self.config.acquisition.grab_deadline_ms.into());
             let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline));

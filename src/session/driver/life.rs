@@ -190,17 +190,17 @@ impl Running {
         active.work = None;
         active.waiting_for = None;
         let asked = active.asked;
+        // Whoever cut it short was told so, also where the last well was done in the same moment.
+        let at_once = matches!(asked, Asked::Abort | Asked::ShutDown);
+        let over = at_once || asked == Asked::Stop && matches!(end, RunEnd::AllWells | RunEnd::Paused);
         match end {
-            // Whoever cut it short was told so, also where the last well was done in the same moment.
-            _ if matches!(asked, Asked::Abort | Asked::ShutDown) => self.end_run(),
-            RunEnd::AllWells if asked == Asked::Stop => self.end_run(),
+            _ if over => self.end_run(),
             RunEnd::AllWells if asked != Asked::Halt => self.finish(),
             RunEnd::Failed(error) => {
                 self.fault(&error);
                 self.interrupt_specimen(&error.to_string());
                 self.rest(true);
             }
-            RunEnd::Paused if asked == Asked::Stop => self.end_run(),
             RunEnd::Paused if asked == Asked::Hold => {
                 self.set_down();
                 self.rest(false);

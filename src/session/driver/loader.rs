@@ -36,9 +36,9 @@ impl Running {
         };
         // From the loader's word on, not from when the worker takes it up: an abort may come before.
         if held {
-            self.publish(change)
+            self.publish(change);
         } else {
-            self.go_with(Trigger::Loaded, change)
+            self.go_with(Trigger::Loaded, change);
         }
         Ok(())
     }

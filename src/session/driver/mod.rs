@@ -65,6 +65,7 @@ pub enum DriverError {
     WorkerPanicked,
 }
 
+#[allow(clippy::struct_excessive_bools, reason = "four facts that do not exclude one another")]
 struct Running {
     config: Arc<Config>,
     mode: Mode,

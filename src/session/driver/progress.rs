@@ -26,7 +26,7 @@ impl Running {
     pub(super) fn progress(&mut self, progress: Progress) -> Result<(), StoreError> {
         match progress {
             Progress::Ready => self.ready(),
-            Progress::WaitingForLoader { well } => self.waits_for_loader(well),
+            Progress::WaitingForLoader { well } => self.waits_for_loader(&well),
             Progress::Phase { well, phase, in_capillary } => self.phase(&well, phase, in_capillary),
             Progress::Detected { well, found, live } => {
                 self.publisher.set_live(|l| *l = live);
@@ -97,16 +97,16 @@ impl Running {
         self.event("run.started", None, serde_json::Value::Null)
     }
 
-    fn waits_for_loader(&mut self, well: String) -> Result<(), StoreError> {
+    fn waits_for_loader(&mut self, well: &str) -> Result<(), StoreError> {
         if let Some(active) = &mut self.active {
-            active.waiting_for = Some(well.clone());
+            active.waiting_for = Some(well.to_owned());
         }
         if self.publisher.status().state == State::Execute {
             self.go(Trigger::WaitForLoader);
         } else {
             self.publish(|_| ());
         }
-        self.event("well.awaited", Some(&well), serde_json::Value::Null)
+        self.event("well.awaited", Some(well), serde_json::Value::Null)
     }
 
     fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) -> Result<(), StoreError> {
