@@ -13,7 +13,7 @@ use carved::pipeline::{Pipeline, PipelineSettings, Seen, SpecimenRecord};
 use carved::profile::{Mask, Polygon};
 use carved::reconstruction::{Reconstruction, ReconstructionSettings};
 use hardware_sim::analytic::{self, Disturbance, Fault, Phantom, Pose};
-use hardware_sim::scene::{Camera, Exposure, Placement, Scene, SceneSettings, Specimen};
+use hardware_sim::scene::{Camera, Contents, Exposure, Placement, Scene, SceneSettings, Specimen};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -91,10 +91,10 @@ fn settings() -> PipelineSettings {
     method.pipeline(&config.optics, false).unwrap()
 }
 
-fn rendered(specimen: Option<Specimen>, omegas: &[f64]) -> Vec<Seen> {
+fn rendered(contents: Contents, omegas: &[f64]) -> Vec<Seen> {
     let looker = Pipeline::new(settings()).unwrap();
     let scene = Scene::new(SceneSettings::default());
-    scene.load(specimen).unwrap();
+    scene.load(contents).unwrap();
     let render = |(number, &angle_rad): (usize, &f64)| {
         let frame = scene.render(&Exposure { angle_rad, number: number as u64 });
         let frame = RawFrame::new(frame.width, frame.height, PixelFormat::BayerRG8, frame.to_bayer_rg8()).unwrap();
@@ -103,8 +103,8 @@ fn rendered(specimen: Option<Specimen>, omegas: &[f64]) -> Vec<Seen> {
     omegas.par_iter().enumerate().map(render).collect()
 }
 
-fn larva(seed: u64) -> Option<Specimen> {
-    Some(Specimen::larva(4, seed).unwrap().placed(Placement::default()))
+fn larva(seed: u64) -> Contents {
+    Specimen::larva(4, seed).unwrap().placed(Placement::default()).into()
 }
 
 fn finished(mut pipeline: Pipeline, closure: &Seen) -> SpecimenRecord {
@@ -117,7 +117,7 @@ fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
     let omegas = even();
     let seen = rendered(larva(5), &omegas);
     // One frame of an empty capillary, and one of another larva.
-    let wrong = [(4u32, rendered(None, &omegas[4..5]).remove(0)), (11, rendered(larva(77), &omegas[2..3]).remove(0))];
+    let wrong = [(4u32, rendered(Contents::default(), &omegas[4..5]).remove(0)), (11, rendered(larva(77), &omegas[2..3]).remove(0))];
     let taken = |spoiled: bool| {
         let mut pipeline = Pipeline::new(settings()).unwrap();
         for (index, (omega, seen)) in (0..).zip(omegas.iter().zip(&seen)) {
@@ -126,15 +126,15 @@ fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
         }
         pipeline
     };
-    let whole = taken(false);
-    assert_eq!(whole.spoiled(), []);
+    let mut whole = taken(false);
+    assert_eq!(whole.judge().spoiled, []);
     let whole = finished(whole, &seen[0]);
     let quality = whole.quality.as_ref().unwrap();
     println!("{}", serde_json::to_string_pretty(quality).unwrap());
     assert!(quality.passed && quality.checks.iter().all(|c| c.found.is_some()) && whole.flags.is_empty(), "{:?} {quality:?}", whole.flags);
 
     let mut pipeline = taken(true);
-    let named = pipeline.spoiled();
+    let named = pipeline.judge().spoiled;
     assert_eq!(named.iter().map(|s| s.view).collect::<Vec<_>>(), [4, 11], "{named:?}");
     assert!(named[0].reason.contains("no specimen"), "{named:?}");
     let left_out = finished(taken(true), &seen[0]);
@@ -143,7 +143,7 @@ fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
         let at = spoiled.view as usize;
         pipeline.replace(spoiled.view, omegas[at], &seen[at]).unwrap();
     }
-    assert_eq!(pipeline.spoiled(), []);
+    assert_eq!(pipeline.judge().spoiled, []);
     let again = finished(pipeline, &seen[0]);
     assert_eq!(serde_json::to_string(&again).unwrap(), serde_json::to_string(&whole).unwrap());
 }

@@ -11,7 +11,7 @@ pub struct Settings {
     pub version: i32,
     /// One pair of wires for both directions (RS485): what comes while the module has an answer to give is not heard.
     pub half_duplex: bool,
-    parameters: BTreeMap<u8, i32>,
+    pub(super) parameters: BTreeMap<u8, i32>,
 }
 
 impl Default for Settings {

@@ -138,7 +138,9 @@ mod tests {
     #[test]
     fn an_axis_that_jumped_within_all_limits_is_seen_in_the_history() {
         let mut turns = beads(3, 20);
-        turns.iter_mut().for_each(|b| b.uy_px = Some(514.0));
+        for bead in &mut turns {
+            bead.uy_px = Some(514.0);
+        }
         assert_eq!(gate(&turns, 0).verdict, GateVerdict::NoHistory);
         let found = gate(&turns, 8);
         let out: Vec<&str> = found.charts.iter().filter(|c| c.jumped || c.drifted).map(|c| c.name.as_str()).collect();

@@ -190,7 +190,9 @@ fn a_run_that_cannot_be_read_is_told_and_left_alone() {
         assert!(store.run("newer").unwrap_err().to_string().contains("carved.run/77"));
         let mut open = store.open_runs().unwrap();
         assert_eq!(open.iter().map(|r| r.id.as_str()).collect::<Vec<_>>(), store_open(&store));
-        open.iter_mut().for_each(|run| store.close_interrupted(run).unwrap());
+        for run in &mut open {
+            store.close_interrupted(run).unwrap();
+        }
         drop((store, journal));
         assert_eq!(count(dir.path(), "runs"), 2);
     }
