@@ -311,7 +311,8 @@ impl Pipeline {
         }
         let off = |c: &ClosureRecord| {
             let [along_px, across_px] = c.shift_px.map(f64::abs);
-            c.iou < limits.closure_overlap || along_px > limits.closure_along_px || across_px > limits.closure_across_px
+            // Of the centroids, which a fin that one of the two lacks carries by as much as a limit; the model tells it better, in the end.
+            c.iou < limits.closure_overlap || along_px > 2.0 * limits.closure_along_px || across_px > 2.0 * limits.closure_across_px
         };
         let moved = self.closure.as_ref().is_some_and(off) || calibrated.has_moved();
         let spoiled = spoiled(&strip, limits.residual_view_px);

@@ -122,7 +122,7 @@ impl Problem {
             Refusal::OtherBarcode { .. } => conflict("other_barcode").action(SchedulerAction::RejectPlate),
             Refusal::NoHandoff => conflict("no_handoff"),
             Refusal::PlateNeeded { .. } => conflict("plate_needed").action(SchedulerAction::Retry),
-            Refusal::WillNotFit { .. } => {
+            Refusal::WillNotFit { .. } | Refusal::OverBudget { .. } => {
                 Self::new(StatusCode::INSUFFICIENT_STORAGE, "will_not_fit", detail).action(SchedulerAction::PauseInstrument)
             }
             Refusal::Busy => conflict("busy").action(SchedulerAction::Retry),

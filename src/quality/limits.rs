@@ -44,7 +44,7 @@ impl Default for QualitySettings {
             closure_overlap: 0.95,
             closure_along_px: 3.0,
             closure_across_px: 3.0,
-            closure_turn_deg: 3.0,
+            closure_turn_deg: 5.0,
             views_least: 7,
             usable_percent: 80.0,
             gap_deg: 45.0,

@@ -132,7 +132,7 @@ mod tests {
             closure(ClosureOff { overlap: 0.94, ..GOOD }),
             closure(ClosureOff { along_px: -3.1, ..GOOD }),
             closure(ClosureOff { across_px: 3.1, ..GOOD }),
-            closure(ClosureOff { turn_deg: Some(-3.1), ..GOOD }),
+            closure(ClosureOff { turn_deg: Some(-5.1), ..GOOD }),
         ] {
             assert_eq!((moved.flags(), moved.passed), (vec!["moved"], false));
         }

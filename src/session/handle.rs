@@ -41,6 +41,8 @@ pub enum Refusal {
     PlateNeeded { needs: String },
     #[error("the plate needs {needed_bytes} bytes and {free_bytes} are free: remove runs that are archived, or split the plate")]
     WillNotFit { needed_bytes: u64, free_bytes: u64 },
+    #[error("no run can start: {why}")]
+    OverBudget { why: String },
     #[error("the instrument is being checked; ask again when that is done")]
     Busy,
     #[error("the store did not take it: {why}")]

@@ -11,7 +11,7 @@ use crate::acquisition::{Light, grab};
 use crate::cancel::CancelToken;
 use crate::config::{BeadGate, Config, Method};
 use crate::device::DeviceError;
-use crate::store::bytes_per_specimen;
+use crate::store::{Budget, bytes_per_specimen};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use utoipa::ToSchema;
@@ -86,7 +86,14 @@ fn light(seen: &Light) -> Result<String, (String, &'static str)> {
 }
 
 /// Every precondition of this plan, passed or not.
-pub fn checks(config: &Config, plan: &RunPlan, seen: &Seen, status: &Status, free_bytes: Option<u64>) -> Vec<Check> {
+pub fn checks(
+    config: &Config,
+    plan: &RunPlan,
+    seen: &Seen,
+    status: &Status,
+    free_bytes: Option<u64>,
+    budget: Option<Budget>,
+) -> Vec<Check> {
     let device = |e: &DeviceError, what_to_do: &'static str| (e.to_string(), what_to_do);
     let mut checks = vec![
         check(
@@ -150,6 +157,10 @@ pub fn checks(config: &Config, plan: &RunPlan, seen: &Seen, status: &Status, fre
                 None => Err(("the free space of the data folder is not known".into(), "check that the disk is mounted")),
             },
         ));
+        checks.extend(budget.map(|budget| {
+            let refused = budget.refuses(needed).map_or_else(|| Ok("the plate fits the disk budget".into()), Err);
+            check("disk_budget", true, refused.map_err(|why| (why, "archive runs and prune them, or raise [store] budget_gb")))
+        }));
     }
     let aged = |w: &&PlannedWell| w.specimen == SpecimenKind::Larva && w.dpf.is_some();
     if plan.plate_map.iter().any(|w| aged(&w)) {

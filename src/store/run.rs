@@ -4,7 +4,7 @@ use super::{Software, StoreError, schema};
 use crate::config::Method;
 use crate::frame::RawFrame;
 use crate::hash::sha256_hex;
-use crate::session::{Mode, RunOutcome, RunPlan, WellStatus};
+use crate::session::{CalibrationStatus, Mode, RunOutcome, RunPlan, WellStatus};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -24,6 +24,9 @@ pub struct RunRecord {
     /// Of the empty capillary's picture that the frames are compared with, as in every `recording.json`.
     #[serde(default)]
     pub empty_capillary_sha256: Option<String>,
+    /// The rig's calibration that was the newest when the run started.
+    #[serde(default)]
+    pub calibration: Option<CalibrationStatus>,
     /// RFC 3339, UTC.
     pub started: String,
     pub ended: Option<String>,
@@ -42,6 +45,7 @@ impl RunRecord {
             plan,
             method,
             empty_capillary_sha256: empty.map(|frame| sha256_hex(frame.bytes())),
+            calibration: None,
             started: jiff::Timestamp::now().to_string(),
             ended: None,
             outcome: None,

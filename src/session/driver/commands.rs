@@ -5,6 +5,7 @@ use super::super::plan::is_plain_name;
 use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
 use super::super::{FieldError, RunOutcome, RunPlan, State, gate, preflight};
 use super::Running;
+use crate::store::Budget;
 
 impl Running {
     pub(super) fn command(&mut self, command: Command) {
@@ -71,11 +72,21 @@ impl Running {
         if let Some(free_bytes) = self.store.free_bytes().filter(|free| *free < needed_bytes) {
             return Err(Refusal::WillNotFit { needed_bytes, free_bytes });
         }
+        if let Some(why) = self.disk_budget().and_then(|budget| budget.refuses(needed_bytes)) {
+            return Err(Refusal::OverBudget { why });
+        }
         if self.instrument.is_none() {
             return Err(Refusal::Busy);
         }
         self.start(id, plan, method)?;
         Ok(Accepted::Created)
+    }
+
+    /// What runs have taken and may take; a budget that cannot be counted refuses nothing.
+    pub(super) fn disk_budget(&self) -> Option<Budget> {
+        let budget_gb = self.config.store.budget_gb?;
+        let counted = self.store.budget(Some(budget_gb));
+        counted.inspect_err(|error| tracing::warn!(%error, "the disk's budget is not counted")).ok()
     }
 
     fn steer(&mut self, id: &str, towards: Towards) -> Result<(), Refusal> {

@@ -57,7 +57,7 @@ impl Running {
             Done::Preflight(instrument, seen, plan, answer) => {
                 self.instrument = Some(instrument);
                 let status = self.publisher.status();
-                let checks = preflight::checks(&self.config, &plan, &seen, &status, self.store.free_bytes());
+                let checks = preflight::checks(&self.config, &plan, &seen, &status, self.store.free_bytes(), self.disk_budget());
                 // A client that hung up does not want to know any more.
                 let _hung_up = answer.send(Ok(checks));
             }

@@ -29,7 +29,11 @@ pub(super) const BY_ITSELF: &str = "instrument";
 impl Running {
     /// Journals the run, then lets the worker go.
     pub(super) fn start(&mut self, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
-        let record = RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref());
+        let calibration = self.calibration();
+        let record = RunRecord {
+            calibration: calibration.clone(),
+            ..RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref())
+        };
         let accepted = json!({"plate_barcode": record.plan.plate_barcode, "method": record.plan.method});
         let journalled = self.store.save_run(&record).and_then(|()| self.journal.append("run.accepted", Some(id), None, accepted));
         match journalled {
@@ -42,7 +46,6 @@ impl Running {
                 return Err(e);
             }
         }
-        let calibration = self.calibration();
         let status = run_status(&record);
         let barcode = record.plan.plate_barcode.clone();
         self.active = Some(Active::new(record));
