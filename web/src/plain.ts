@@ -124,7 +124,7 @@ export function canGoOn(status: Status): boolean {
 
 /** Whether a new run could be asked for. */
 export function canStart(status: Status): boolean {
-  return !runsNow(status) && ["Idle", "Complete", "Aborted"].includes(status.state);
+  return !runsNow(status) && ["Idle", "Complete", "Stopped", "Aborted"].includes(status.state);
 }
 
 export function sentence(status: Status): string {

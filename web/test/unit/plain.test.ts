@@ -69,7 +69,8 @@ test("each command is offered where it applies", () => {
   assert.deepEqual([half, held, stopping, status()].map(canGoOn), [false, true, false, false]);
   assert.deepEqual([half, held, stopping, status()].map(canStop), [true, true, false, false]);
   assert.deepEqual([half, held, stopping, status()].map(canStart), [false, false, false, true]);
-  assert.equal(canStart({ ...status({ state: "Stopping" }) }), false);
+  assert.equal(canStart(status({ state: "Stopping" })), false);
+  assert.equal(canStart(status({ state: "Stopped" })), true);
 });
 
 test("a plate map in one line", () => {
