@@ -15,7 +15,9 @@ use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
-use crate::quality::{CalibrationOff, ClosureOff, Estimate, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled};
+use crate::quality::{
+    CalibrationOff, ClosureOff, Estimate, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled,
+};
 use crate::reconstruction::{
     Calibrated, CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
 };
@@ -484,6 +486,7 @@ impl SpecimenRecord {
     /// Holds volume and area against reference larvae of its age: standard deviations from their mean, and how many are allowed.
     pub fn held_against(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
         let quality = self.quality.take().unwrap_or_default().among_references(volume_z, area_z, limit);
+        self.flags.retain(|f| !OFF_REFERENCES.contains(&f.as_str()));
         for name in quality.flags() {
             if !self.flags.iter().any(|f| f == name) {
                 self.flags.push(name.to_owned());

@@ -49,6 +49,10 @@ pub struct Quality {
     pub checks: Vec<Check>,
 }
 
+const REFERENCE_Z: &str = "reference_z";
+/// Flags of a volume and of an area that are far from those of reference larvae.
+pub const OFF_REFERENCES: [&str; 2] = ["volume_off_references", "area_off_references"];
+
 impl Quality {
     pub(super) fn new(checks: Vec<Check>) -> Self {
         let passed = checks.iter().all(|c| !c.over);
@@ -58,8 +62,10 @@ impl Quality {
     /// The same with a larva's place among reference larvae, in standard deviations from their mean: volume and area.
     #[must_use]
     pub fn among_references(mut self, volume_z: Option<f64>, area_z: Option<f64>, limit: f64) -> Self {
-        let of = |flag: &str, z| Check::at_most("reference_z", "standard deviations", flag, z, limit);
-        self.checks.extend([of("volume_off_references", volume_z), of("area_off_references", area_z)]);
+        // Of other references, where it was held against some before.
+        self.checks.retain(|c| c.name != REFERENCE_Z);
+        let of = |flag: &str, z| Check::at_most(REFERENCE_Z, "standard deviations", flag, z, limit);
+        self.checks.extend([of(OFF_REFERENCES[0], volume_z), of(OFF_REFERENCES[1], area_z)]);
         Self::new(self.checks)
     }
 

@@ -16,7 +16,7 @@ mod limits;
 mod strip;
 mod turn;
 
-pub use checks::{Check, Quality};
+pub use checks::{Check, OFF_REFERENCES, Quality};
 pub use early_stop::{EarlyStopSettings, Estimate, should_stop};
 pub use limits::QualitySettings;
 pub use strip::{Spoiled, ViewStrip, spoiled};

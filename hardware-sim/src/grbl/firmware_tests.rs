@@ -102,7 +102,7 @@ fn a_dwell_is_rounded_up_to_50_ms_and_none_is_none() {
     assert_eq!(b.say("G4 P0.01\n"), "");
     assert_eq!(b.after(0.049), "");
     assert_eq!(b.after(0.002), "ok\r\n");
-    assert_eq!(b.say("G4 P0\n"), "ok\r\n");
+    assert_eq!(b.say("G4 P0\n") + &b.after(0.001), "ok\r\n");
 }
 
 #[test]
