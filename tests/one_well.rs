@@ -9,9 +9,9 @@
 
 mod common;
 
-use common::{Daemon, configured, json, port, run, stderr};
-use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
-use hardware_sim::{Controller, PixelFormat, Pixels, RigSettings, ShaftSettings, Sight, grbl};
+use common::{Instrument, Rate, SLOW, SLOW_REFERENCE, json, run, stderr};
+use hardware_sim::scene::{Exposure, Placement, Scene, Specimen};
+use hardware_sim::{PixelFormat, Pixels, Sight};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -54,53 +54,14 @@ impl Sight for Bent {
 /// As it is.
 const STRAIGHT: (Range<f64>, f64) = (0.0..0.0, 0.0);
 
-/// An instrument with its daemon. The daemon goes first: it lets the devices go before they end.
-struct Instrument {
-    daemon: Daemon,
-    rig: hardware_sim::Rig,
-    scene: Arc<Scene>,
-    data: PathBuf,
-    _dir: tempfile::TempDir,
-}
+/// A method of 12 views.
+const QUICK: Rate = Rate { asd: 12, ..common::QUICK };
 
-/// What an instrument is started with.
-struct Rate {
-    time_scale: f64,
-    acceleration: f32,
-    asd: u32,
-    power_on_steps: i64,
+fn start(rate: &Rate, policy: &str, (at_rad, by_rad): (Range<f64>, f64)) -> Instrument {
+    Instrument::start(rate, policy, |scene| Arc::new(Bent { scene, at_rad, by_rad, turn: Mutex::default() }))
 }
-
-const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 12, power_on_steps: 137 };
-/// Moves of 5 s, and half a turn to the reference.
-const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480 };
-const FAR: Rate = Rate { power_on_steps: 250, ..SLOW };
 
 impl Instrument {
-    fn start(rate: &Rate, policy: &str, bent: (Range<f64>, f64)) -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        let scene = Arc::new(Scene::new(SceneSettings::default()));
-        let sight = Arc::new(Bent { scene: scene.clone(), at_rad: bent.0, by_rad: bent.1, turn: Mutex::default() });
-        let mut firmware = grbl::Settings::default();
-        firmware.set(120, rate.acceleration).unwrap();
-        let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
-        let serial_link = Some(dir.path().join("motor"));
-        let controller = Controller::Grbl(firmware);
-        let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, ..RigSettings::default() };
-        let rig = hardware_sim::Rig::start(settings, sight).unwrap();
-        let changes = [
-            port(&rig),
-            ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
-            ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
-            ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}", rate.asd)),
-            // A picture takes its time on a busy machine.
-            ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
-            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
-        ];
-        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
-        Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
-    }
-
     fn put(&self, wells: &[Value]) {
         let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells});
         assert_eq!(self.daemon.put_run("r1", &plan), 201);
@@ -149,7 +110,7 @@ fn is_reproduced(recording: &std::path::Path) {
 #[test]
 fn a_view_that_does_not_belong_is_taken_again_and_both_takes_are_kept() {
     // View 4 stands at 120 deg.
-    let instrument = Instrument::start(&QUICK, "retries = 1", (2.0..2.2, 1.0));
+    let instrument = start(&QUICK, "retries = 1", (2.0..2.2, 1.0));
     let status = instrument.one_larva(larva());
     let well = &status["run"]["results"][0];
     assert_eq!(well["outcome"], "succeeded", "{status}");
@@ -170,7 +131,7 @@ fn a_view_that_does_not_belong_is_taken_again_and_both_takes_are_kept() {
 #[test]
 fn a_specimen_that_moved_is_taken_from_the_reference_again_and_the_first_attempt_is_kept_beside() {
     // From view 6 of the first turn on, its closure view included. The second attempt sees it at rest.
-    let instrument = Instrument::start(&QUICK, "retries = 1", (3.0..7.0, 0.6));
+    let instrument = start(&QUICK, "retries = 1", (3.0..7.0, 0.6));
     let status = instrument.one_larva(larva());
     assert_eq!(status["run"]["results"][0]["outcome"], "succeeded", "{status}");
     assert!(!flags(&status).iter().any(|f| f == "moved"), "{status}");
@@ -194,7 +155,7 @@ fn a_specimen_that_moved_is_taken_from_the_reference_again_and_the_first_attempt
 
 #[test]
 fn a_revolution_that_overruns_stops_the_motor_and_costs_its_well_only() {
-    let instrument = Instrument::start(&SLOW, "retries = 0, deadlines_s = { revolve = 4 }", STRAIGHT);
+    let instrument = start(&SLOW, "retries = 0, deadlines_s = { revolve = 4 }", STRAIGHT);
     let status = instrument.one_larva(larva());
     let well = &status["run"]["results"][0];
     assert_eq!(well["outcome"], "failed", "{status}");
@@ -210,7 +171,7 @@ fn a_revolution_that_overruns_stops_the_motor_and_costs_its_well_only() {
 
 #[test]
 fn a_reference_that_overruns_is_a_fault_that_names_the_phase_and_both_times() {
-    let instrument = Instrument::start(&FAR, "retries = 0, deadlines_s = { position = 1 }", STRAIGHT);
+    let instrument = start(&SLOW_REFERENCE, "retries = 0, deadlines_s = { position = 1 }", STRAIGHT);
     instrument.put(&[json!({"well": "A01", "dpf": 4})]);
     instrument.load("A01", larva());
     let status = instrument.daemon.wait("the fault", |s| s["faults"].as_array().is_some_and(|f| !f.is_empty()));
@@ -223,7 +184,7 @@ fn a_reference_that_overruns_is_a_fault_that_names_the_phase_and_both_times() {
 
 #[test]
 fn a_specimen_that_is_cut_by_the_picture_is_skipped_where_the_method_says_so() {
-    let instrument = Instrument::start(&QUICK, "clipped = \"skip\"", STRAIGHT);
+    let instrument = start(&QUICK, "clipped = \"skip\"", STRAIGHT);
     let status = instrument.one_larva(larva().placed(Placement { x_um: 2000.0, ..Placement::default() }));
     let well = &status["run"]["results"][0];
     assert_eq!((&well["outcome"], &well["reason"]), (&json!("skipped"), &json!("clipped")), "{status}");
@@ -235,7 +196,7 @@ fn a_specimen_that_is_cut_by_the_picture_is_skipped_where_the_method_says_so() {
 /// The numbers of a specimen are made beside the next one's load, and are there before the next one is touched.
 #[test]
 fn numbers_are_made_beside_the_next_load_and_no_further() {
-    let instrument = Instrument::start(&QUICK, "retries = 1", STRAIGHT);
+    let instrument = start(&QUICK, "retries = 1", STRAIGHT);
     instrument.put(&[json!({"well": "A01", "dpf": 4}), json!({"well": "A02", "specimen": "bead"})]);
     instrument.load("A01", larva());
     instrument.load("A02", Specimen::bead(500.0).unwrap());

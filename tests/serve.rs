@@ -10,81 +10,27 @@
 
 mod common;
 
-use common::{Daemon, configured, json, port, until};
-use hardware_sim::grbl::Settings;
-use hardware_sim::scene::{Scene, SceneSettings, Specimen};
-use hardware_sim::{Controller, RigSettings, ShaftSettings};
+use common::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json, until};
+use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
-use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::Duration;
 
 /// Steps per revolution of the rig and of the configuration.
 const STEPS: f64 = 500.0;
 /// Diameter of the bead, um.
 const BEAD_UM: f64 = 500.0;
-/// Views per revolution of the slow instrument.
-const SLOW_ASD: f64 = 3.0;
 
-/// An instrument with its specimens and its daemon. The daemon goes first: it lets the devices go before they end.
-struct Instrument {
-    daemon: Daemon,
-    rig: hardware_sim::Rig,
-    scene: Arc<Scene>,
-    data: PathBuf,
-    _dir: tempfile::TempDir,
+/// What every method here says besides its retries.
+const POLICY: &str = "retries = 1, bead_gate = \"off\"";
+/// A specimen is not tried again.
+const ONCE: &str = "retries = 0, bead_gate = \"off\"";
+
+fn start(rate: &Rate, policy: &str) -> Instrument {
+    Instrument::start(rate, policy, |scene| scene)
 }
-
-/// What an instrument is started with.
-struct Rate {
-    time_scale: f64,
-    /// Of the axis, units/s^2.
-    acceleration: f32,
-    asd: u32,
-    power_on_steps: i64,
-    /// How often a specimen is tried again.
-    retries: u32,
-}
-
-/// Quick, for what is measured to the end.
-const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, power_on_steps: 137, retries: 1 };
-/// Three views, 167 steps apart: at 0.25 units/s^2 and 100 steps per unit a move takes 2 sqrt(1.67 / 0.25) = 5 s, so that what
-/// happens in its first tenth of a way has seconds to arrive in its middle. The reference is near.
-const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480, retries: 1 };
-/// A third of a turn to go to the reference, for several seconds.
-const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
 
 impl Instrument {
-    fn start(rate: &Rate) -> Self {
-        Self::with(rate, "")
-    }
-
-    /// With more keys in the method's policy.
-    fn with(rate: &Rate, policy: &str) -> Self {
-        let dir = tempfile::tempdir().unwrap();
-        let scene = Arc::new(Scene::new(SceneSettings::default()));
-        let mut firmware = Settings::default();
-        firmware.set(120, rate.acceleration).unwrap();
-        let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
-        let serial_link = Some(dir.path().join("motor"));
-        let controller = Controller::Grbl(firmware);
-        let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, ..RigSettings::default() };
-        let rig = hardware_sim::Rig::start(settings, scene.clone()).unwrap();
-
-        let changes = [
-            port(&rig),
-            ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
-            ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
-            ("asd = 21", format!("asd = {}\npolicy = {{ retries = {}, bead_gate = \"off\"{policy} }}", rate.asd, rate.retries)),
-            // A picture takes its time on a busy machine.
-            ("frame_timeout_ms = 500", "frame_timeout_ms = 5000".into()),
-            ("grab_deadline_ms = 3000", "grab_deadline_ms = 20000".into()),
-        ];
-        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
-        Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
-    }
-
     fn angle(&self) -> f64 {
         self.rig.shaft().angle_rad()
     }
@@ -109,7 +55,7 @@ impl Instrument {
         // The frame on which the well is judged, and the first view.
         until("the first view", || self.rig.exposures().len() == 2);
         let from = self.rig.exposures()[1].angle_rad;
-        let to = from + (STEPS / SLOW_ASD).round() * TAU / STEPS;
+        let to = from + (STEPS / f64::from(SLOW.asd)).round() * TAU / STEPS;
         until("the move to the second view", || self.angle() > from + 0.1 * (to - from));
         (from, to)
     }
@@ -161,7 +107,7 @@ fn plan(wells: &[Value]) -> Value {
 
 #[test]
 fn a_loader_brings_two_wells_and_both_are_measured() {
-    let instrument = Instrument::start(&QUICK);
+    let instrument = start(&QUICK, POLICY);
     let daemon = &instrument.daemon;
     let kinds = ["bead", "larva"];
     let wells = [json!({"well": "A01", "specimen": kinds[0]}), json!({"well": "A02", "specimen": kinds[1], "dpf": 4})];
@@ -206,7 +152,7 @@ fn a_loader_brings_two_wells_and_both_are_measured() {
 
 #[test]
 fn an_abort_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_target() {
-    let instrument = Instrument::start(&SLOW);
+    let instrument = start(&SLOW, POLICY);
     let way = instrument.in_mid_move("r1");
     let status = instrument.aborted("r1");
     instrument.short_of(way);
@@ -217,7 +163,7 @@ fn an_abort_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
 
 #[test]
 fn nothing_moves_after_an_abort_that_comes_before_the_first_view() {
-    let instrument = Instrument::start(&SLOW_REFERENCE);
+    let instrument = start(&SLOW_REFERENCE, POLICY);
     let daemon = &instrument.daemon;
     let at_start = instrument.angle();
 
@@ -257,7 +203,7 @@ fn nothing_moves_after_an_abort_that_comes_before_the_first_view() {
 
 #[test]
 fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_target() {
-    let instrument = Instrument::start(&SLOW);
+    let instrument = start(&SLOW, POLICY);
     let way = instrument.in_mid_move("r1");
     instrument.daemon.signal("TERM");
     let Instrument { daemon, rig, scene, data, _dir } = instrument;
@@ -272,7 +218,7 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
 
 #[test]
 fn a_serial_cable_pulled_in_a_revolution_holds_the_run_and_names_the_axis() {
-    let instrument = Instrument::start(&SLOW);
+    let instrument = start(&SLOW, POLICY);
     instrument.in_mid_move("r1");
     instrument.rig.faults().unplug_serial();
     let status = instrument.daemon.wait("the fault", |s| s["state"] == "Held");
@@ -306,7 +252,7 @@ fn events(data: &std::path::Path) -> Vec<Value> {
 /// The specimen under way is given up by policy; the plate goes on with the next well once the axis is back.
 #[test]
 fn an_interrupted_specimen_is_skipped_where_the_method_says_so() {
-    let instrument = Instrument::with(&Rate { retries: 0, ..QUICK }, ", interrupted = \"skip\"");
+    let instrument = start(&QUICK, &format!("{ONCE}, interrupted = \"skip\""));
     let daemon = &instrument.daemon;
     let wells = [json!({"well": "A01", "specimen": "bead"}), json!({"well": "A02", "specimen": "bead"})];
     assert_eq!(daemon.put_run("r1", &plan(&wells)), 201);
@@ -331,7 +277,7 @@ fn an_interrupted_specimen_is_skipped_where_the_method_says_so() {
 /// A preflight says all that fails, not the first thing; and a plate that will not fit on the disk is not begun.
 #[test]
 fn a_preflight_names_everything_that_fails() {
-    let instrument = Instrument::start(&Rate { asd: 500, ..QUICK });
+    let instrument = start(&Rate { asd: 500, ..QUICK }, POLICY);
     let daemon = &instrument.daemon;
     daemon.wait("readiness", |s| s["ready"] == true);
     let one = plan(&[json!({"well": "A01", "specimen": "larva", "dpf": 4})]);
@@ -371,7 +317,7 @@ fn a_preflight_names_everything_that_fails() {
 /// The emulated rig's cable, pulled and plugged in again under the name that the configuration has.
 #[test]
 fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() {
-    let instrument = Instrument::start(&QUICK);
+    let instrument = start(&QUICK, POLICY);
     let daemon = &instrument.daemon;
     daemon.wait("readiness", |s| s["ready"] == true);
     instrument.rig.faults().unplug_serial();
@@ -412,7 +358,7 @@ fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() 
 #[test]
 fn an_idle_daemon_takes_no_processor_time_with_and_without_its_axis() {
     const SECONDS: f64 = 10.0;
-    let instrument = Instrument::start(&QUICK);
+    let instrument = start(&QUICK, POLICY);
     let daemon = &instrument.daemon;
     let share = || {
         let before = daemon.cpu_s();
@@ -430,7 +376,7 @@ fn an_idle_daemon_takes_no_processor_time_with_and_without_its_axis() {
 
 #[test]
 fn steps_lost_in_a_revolution_are_measured_but_flagged() {
-    let instrument = Instrument::start(&Rate { retries: 0, ..QUICK });
+    let instrument = start(&QUICK, ONCE);
     instrument.awaited("r1");
     instrument.load("r1", "A01", Specimen::larva(4, 1).unwrap());
     until("the first views", || instrument.rig.exposures().len() >= 6);

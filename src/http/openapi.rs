@@ -63,7 +63,8 @@ pub(super) async fn get(State(app): State<AppState>) -> Response {
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], app.contract.clone()).into_response()
 }
 
-/// Adds what the layers in front of the routes and the body reader answer, once for all operations.
+/// Adds what the layers in front of the routes, the body reader, the driver and the store answer, once for all operations; what a
+/// handler says itself stands.
 pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
     let mut contract = serde_json::to_value(contract).unwrap_or_default();
     contract["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
@@ -93,12 +94,38 @@ pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
                     ("422", "Fields of the body are wrong: `errors` lists every one"),
                 ]);
             }
+            refusals.extend(by_kind(path, operation));
             for (status, description) in refusals {
-                operation["responses"][status] = refusal(description);
+                if operation["responses"].get(status).is_none() {
+                    operation["responses"][status] = refusal(description);
+                }
             }
         }
     }
     contract
+}
+
+/// What those behind the handlers answer: a command is journalled, a result is read from the disk.
+fn by_kind(path: &str, operation: &Value) -> Vec<(&'static str, &'static str)> {
+    let mut refusals = Vec::new();
+    if operation["tags"][0] == "commands" && path != "/v1/lease" {
+        refusals.extend([
+            ("409", "The state does not accept it"),
+            ("413", "A body larger than the command can need"),
+            ("503", "The store, a device or the daemon cannot take it now"),
+            ("507", "The disk is full"),
+        ]);
+        if path.starts_with("/v1/runs/{run_id}/") {
+            refusals.push(("404", "No such run"));
+        }
+    } else if operation["tags"][0] == "results" && path.contains('{') {
+        refusals.extend([
+            ("400", "The path or the query is malformed"),
+            ("404", "There is none"),
+            ("500", "It is not what was recorded, or cannot be read"),
+        ]);
+    }
+    refusals
 }
 
 fn refusal(description: &str) -> Value {

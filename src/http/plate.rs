@@ -20,8 +20,6 @@ use utoipa::ToSchema;
     responses(
         (status = 200, description = "What the handover waits for", body = HandoffNeeds),
         (status = 409, description = "Another plate is inside, or a run is under way", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn handoff(
@@ -43,9 +41,6 @@ async fn end(app: &AppState, headers: &HeaderMap, end: HandoffEnd) -> Result<Jso
     responses(
         (status = 200, description = "The plate is in, or out; or that was known", body = Noted),
         (status = 409, description = "No handover was announced, or it still waits for something", body = Problem, content_type = "application/problem+json"),
-        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn completed(State(app): State<AppState>, headers: HeaderMap) -> Result<Json<Noted>, Problem> {
@@ -58,9 +53,6 @@ pub(super) async fn completed(State(app): State<AppState>, headers: HeaderMap) -
     responses(
         (status = 200, description = "The handover is called off, or that was known", body = Noted),
         (status = 409, description = "No handover was announced", body = Problem, content_type = "application/problem+json"),
-        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn aborted(State(app): State<AppState>, headers: HeaderMap) -> Result<Json<Noted>, Problem> {
@@ -83,8 +75,6 @@ pub(super) struct Preflight {
     responses(
         (status = 200, description = "Every check, passed or not", body = Preflight),
         (status = 409, description = "A run or another check is under way", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn preflight(

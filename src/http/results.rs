@@ -198,9 +198,6 @@ pub(super) async fn list(
 #[utoipa::path(get, path = "/v1/runs/{run_id}", tag = "results", params(("run_id" = String, Path)), responses(
     (status = 200, description = "The run", body = RunDetail),
     (status = 304, description = "The client has it"),
-    (status = 400, description = "The path is malformed", body = Problem, content_type = "application/problem+json"),
-    (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
-    (status = 500, description = "It is there and cannot be read", body = Problem, content_type = "application/problem+json"),
 ))]
 pub(super) async fn run(
     State(app): State<AppState>,
@@ -246,9 +243,6 @@ fn unknown_specimen(run: &str, well: &str) -> Problem {
     responses(
         (status = 200, description = "What is recorded of it", body = SpecimenDetail),
         (status = 304, description = "The client has it"),
-        (status = 400, description = "The path or the query is malformed", body = Problem, content_type = "application/problem+json"),
-        (status = 404, description = "Nothing is recorded of such a specimen", body = Problem, content_type = "application/problem+json"),
-        (status = 500, description = "It is there and cannot be read", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn specimen(

@@ -89,11 +89,6 @@ async fn steer(
     post, path = "/v1/runs/{run_id}/hold", tag = "commands", params(("run_id" = String, Path)),
     responses(
         (status = 200, description = "The run is held, or will be", body = Acknowledged),
-        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
-        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
-        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn hold(
@@ -111,11 +106,6 @@ pub(super) async fn hold(
     post, path = "/v1/runs/{run_id}/unhold", tag = "commands", params(("run_id" = String, Path)),
     responses(
         (status = 200, description = "The run goes on, or had gone on", body = Acknowledged),
-        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
-        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
-        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn unhold(
@@ -133,11 +123,6 @@ pub(super) async fn unhold(
     post, path = "/v1/runs/{run_id}/stop", tag = "commands", params(("run_id" = String, Path)),
     responses(
         (status = 200, description = "The run ends, or had been stopped", body = Acknowledged),
-        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
-        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
-        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn stop(
@@ -155,11 +140,6 @@ pub(super) async fn stop(
     post, path = "/v1/runs/{run_id}/abort", tag = "commands", params(("run_id" = String, Path)),
     responses(
         (status = 200, description = "The run ends, or had ended", body = Acknowledged),
-        (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
-        (status = 409, description = "The state does not accept it", body = Problem, content_type = "application/problem+json"),
-        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn abort(
@@ -178,8 +158,6 @@ pub(super) async fn abort(
         (status = 200, description = "The run goes on with this well, or had done so", body = Acknowledged),
         (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
         (status = 409, description = "The run does not wait for this well", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store, a device or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn loaded(

@@ -51,9 +51,6 @@ pub(super) async fn emergency_stop(State(app): State<AppState>, headers: HeaderM
         (status = 200, description = "The fault is acknowledged, or was over", body = Noted),
         (status = 400, description = "That is no number", body = Problem, content_type = "application/problem+json"),
         (status = 404, description = "There has been no such fault", body = Problem, content_type = "application/problem+json"),
-        (status = 413, description = "A body larger than the command can need", body = Problem, content_type = "application/problem+json"),
-        (status = 503, description = "The store or the daemon cannot take it now", body = Problem, content_type = "application/problem+json"),
-        (status = 507, description = "The disk is full", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn acknowledge(

@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+mod instrument;
 mod shared;
 mod wait;
 
+pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE};
 pub use shared::shared;
 pub use wait::{PATIENCE, until};
 

@@ -52,9 +52,6 @@ type Which = Result<Query<Attempt>, QueryRejection>;
     responses(
         (status = 200, description = "PLY", body = Vec<u8>, content_type = "application/octet-stream"),
         (status = 304, description = "The client has it"),
-        (status = 400, description = "The path or the query is malformed", body = Problem, content_type = "application/problem+json"),
-        (status = 404, description = "There is none", body = Problem, content_type = "application/problem+json"),
-        (status = 500, description = "It is not what was recorded, or cannot be read", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(in crate::http) async fn mesh(State(app): State<AppState>, path: Named, which: Which, headers: HeaderMap) -> Result<Response, Problem> {
@@ -69,9 +66,6 @@ pub(in crate::http) async fn mesh(State(app): State<AppState>, path: Named, whic
     responses(
         (status = 200, description = "Binary glTF", body = Vec<u8>, content_type = "model/gltf-binary"),
         (status = 304, description = "The client has it"),
-        (status = 400, description = "The path or the query is malformed", body = Problem, content_type = "application/problem+json"),
-        (status = 404, description = "There is none", body = Problem, content_type = "application/problem+json"),
-        (status = 500, description = "It is not what was recorded, or cannot be read", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(in crate::http) async fn model(
@@ -94,9 +88,6 @@ pub(in crate::http) async fn model(
     responses(
         (status = 200, description = "PNG", body = Vec<u8>, content_type = "image/png"),
         (status = 304, description = "The client has it"),
-        (status = 400, description = "The path or the query is malformed", body = Problem, content_type = "application/problem+json"),
-        (status = 404, description = "There is none", body = Problem, content_type = "application/problem+json"),
-        (status = 500, description = "It is not what was recorded, or cannot be read", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(in crate::http) async fn view(
@@ -119,9 +110,6 @@ pub(in crate::http) async fn view(
     responses(
         (status = 200, description = "PNG", body = Vec<u8>, content_type = "image/png"),
         (status = 304, description = "The client has it"),
-        (status = 400, description = "The path or the query is malformed", body = Problem, content_type = "application/problem+json"),
-        (status = 404, description = "There is none", body = Problem, content_type = "application/problem+json"),
-        (status = 500, description = "It is not what was recorded, or cannot be read", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(in crate::http) async fn profile(

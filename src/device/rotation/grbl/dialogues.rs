@@ -229,6 +229,22 @@ fn a_restart_in_the_middle_of_a_move_makes_the_position_suspect() {
 }
 
 #[test]
+fn a_reset_that_is_answered_late_greets_again_and_that_is_no_restart() {
+    // The answer to the question was lost in that reset, or follows upon the greeting.
+    for rest in ["", SETTINGS] {
+        let mut script =
+            vec![step(RESET, GREETING), step("$I", GREETING), step("$I", VERSION), step("$$", SETTINGS), step(RESET, GREETING)];
+        script.push(("$$", format!("{GREETING}{rest}")));
+        script.push(step("$$", SETTINGS));
+        script.extend((0..3).map(|_| ("?", idle("0.000"))));
+        let controller = Scripted::play(script);
+        let mut grbl = controller.open().unwrap();
+        assert_eq!(grbl.reference(&CancelToken::new()).unwrap().epoch, 1);
+        controller.followed(grbl);
+    }
+}
+
+#[test]
 fn a_restart_between_moves_is_noticed_by_its_greeting_or_by_its_place() {
     let mut at_24 = referenced("0.000");
     at_24.extend(move_begins());

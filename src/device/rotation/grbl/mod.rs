@@ -110,10 +110,13 @@ impl Grbl {
         };
         let greeting = grbl.wake()?;
         let mut version = Vec::new();
-        grbl.command("$I", grbl.settings.answer_timeout(), |line| {
-            if let Line::Message(text) = line {
-                version.push(text);
-            }
+        grbl.first(|grbl| {
+            version.clear();
+            grbl.command("$I", grbl.settings.answer_timeout(), |line| {
+                if let Line::Message(text) = line {
+                    version.push(text);
+                }
+            })
         })?;
         grbl.zero_at_home =
             version.iter().any(|v| v.strip_prefix("[OPT:").is_some_and(|o| o.split(',').next().is_some_and(|o| o.contains('Z'))));
@@ -168,7 +171,7 @@ impl Grbl {
             self.travel(&self.rotation(), self.origin + at.0, 0, self.origin)?;
         }
         self.wake()?;
-        self.compare_settings()?;
+        self.first(Self::compare_settings)?;
         let axis = self.rotation();
         if self.settings.reference == Reference::Home {
             self.in_flight = true;

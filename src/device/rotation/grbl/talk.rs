@@ -45,6 +45,18 @@ impl Grbl {
         Err(DeviceError::Silent { device: DEVICE, request: "soft reset".into(), waited_ms })
     }
 
+    /// The first question after [`Self::wake`]. A reset that was answered late has one more greeting under way; nothing has been
+    /// asked of the axis yet, so that is no restart to fear, and the question is put again.
+    pub(super) fn first(&mut self, mut ask: impl FnMut(&mut Self) -> Result<(), DeviceError>) -> Result<(), DeviceError> {
+        for _ in 1..WAKE_ATTEMPTS {
+            match ask(self) {
+                Err(DeviceError::Suspect { .. }) => self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?,
+                answered => return answered,
+            }
+        }
+        ask(self)
+    }
+
     /// Sends one line and awaits its `ok`; everything else that is said meanwhile goes to `heard`.
     pub(super) fn command(&mut self, line: &str, wait: Duration, mut heard: impl FnMut(Line)) -> Result<(), DeviceError> {
         self.link.send(format!("{line}\n").as_bytes())?;

@@ -1,0 +1,60 @@
+//! An emulated rig on Grbl's firmware, filled by hand, and the daemon on it as on an instrument.
+
+use super::{Daemon, configured, port};
+use hardware_sim::grbl::Settings;
+use hardware_sim::scene::{Scene, SceneSettings};
+use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, Sight};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// An instrument with its specimens and its daemon. The daemon goes first: it lets the devices go before they end.
+pub struct Instrument {
+    pub daemon: Daemon,
+    pub rig: Rig,
+    pub scene: Arc<Scene>,
+    pub data: PathBuf,
+    pub _dir: tempfile::TempDir,
+}
+
+/// What an instrument is started with.
+pub struct Rate {
+    pub time_scale: f64,
+    /// Of the axis, units/s^2.
+    pub acceleration: f32,
+    pub asd: u32,
+    pub power_on_steps: i64,
+}
+
+/// Quick, for what is measured to the end.
+pub const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, power_on_steps: 137 };
+/// Three views, 167 steps apart: at 0.25 units/s^2 and 100 steps per unit a move takes 2 sqrt(1.67 / 0.25) = 5 s, so that what
+/// happens in its first tenth of a way has seconds to arrive in its middle. The reference is near.
+pub const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480 };
+/// A third of a turn to go to the reference, for several seconds.
+pub const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
+
+impl Instrument {
+    /// `policy` are keys of the method's; `seen` is what the camera looks at, the scene or something before it.
+    pub fn start(rate: &Rate, policy: &str, seen: impl FnOnce(Arc<Scene>) -> Arc<dyn Sight>) -> Self {
+        let dir = tempfile::tempdir().unwrap();
+        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let mut firmware = Settings::default();
+        firmware.set(120, rate.acceleration).unwrap();
+        let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
+        let serial_link = Some(dir.path().join("motor"));
+        let controller = Controller::Grbl(firmware);
+        let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, ..RigSettings::default() };
+        let rig = Rig::start(settings, seen(scene.clone())).unwrap();
+        let changes = [
+            port(&rig),
+            ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
+            ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
+            ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}", rate.asd)),
+            // A picture takes its time on a busy machine.
+            ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
+            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
+        ];
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
+        Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
+    }
+}
