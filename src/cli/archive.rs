@@ -64,6 +64,10 @@ pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
                 let what = if args.yes { "removed" } else { "would remove" };
                 let gb = pruned.bytes as f64 / 1e9;
                 println!("{}: {what} {} files, {gb:.3} GB; they are in {}", pruned.run, pruned.files, pruned.archived.display());
+                // The files are gone all the same, and the next start of the daemon brings its index up to them.
+                if let Some(error) = pruned.index {
+                    println!("{}: {}", pruned.run, told(&error.into()));
+                }
             }
             Err(error) => refused.push(format!("{run}: left alone: {}", told(&error.into()))),
         }

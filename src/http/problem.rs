@@ -105,6 +105,7 @@ impl Problem {
         match refusal {
             Refusal::InvalidPlan(errors) => Self::unprocessable("invalid_plan", errors),
             Refusal::OtherPlan { .. } => conflict("other_plan"),
+            Refusal::Pruned { .. } => conflict("pruned"),
             Refusal::WrongState { accepted_in, .. } => {
                 Self { accepted_in, ..conflict("wrong_state").action(SchedulerAction::Retry) }.behind(status)
             }

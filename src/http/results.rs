@@ -12,7 +12,7 @@ pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, m
 use super::conditional;
 use super::problem::Problem;
 use super::{App, AppState};
-use crate::session::{RunOutcome, WellCounts, WellStatus};
+use crate::session::{RunOutcome, RunPlan, WellCounts, WellStatus};
 use crate::store::{Cursor, RunRow, RunsQuery, SpecimenFile, StoreError, StoreReader};
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
@@ -79,6 +79,9 @@ pub(super) struct RunDetail {
     ended: Option<String>,
     outcome: Option<RunOutcome>,
     wells: WellCounts,
+    /// What was asked for, the plate map with its conditions and the lab's metadata in it.
+    plan: RunPlan,
+    /// In the order of the plan's plate map.
     results: Vec<WellStatus>,
     /// Of the wells in the order of `results`, whether or not anything was recorded of them.
     specimens: Vec<String>,
@@ -214,11 +217,12 @@ pub(super) async fn run(
         method_settings: serde_json::to_value(&record.method).unwrap_or_default(),
         wells: WellCounts::of(&record.wells),
         id,
-        external_id: record.plan.external_id,
+        external_id: record.plan.external_id.clone(),
         software_version: record.software.version,
-        plate_barcode: record.plan.plate_barcode,
-        method: record.plan.method,
-        operator: record.plan.operator,
+        plate_barcode: record.plan.plate_barcode.clone(),
+        method: record.plan.method.clone(),
+        operator: record.plan.operator.clone(),
+        plan: record.plan,
         started: record.started,
         ended: record.ended,
         outcome: record.outcome,

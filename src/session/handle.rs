@@ -15,6 +15,8 @@ pub enum Refusal {
     InvalidPlan(Vec<FieldError>),
     #[error("run {id} exists with another plan; name the new run otherwise")]
     OtherPlan { id: String },
+    #[error("run {id} was measured before and is in the data folder no more; name the new run otherwise")]
+    Pruned { id: String },
     #[error("the instrument is in state {state:?}; this command is accepted in {accepted_in:?}")]
     WrongState { state: State, accepted_in: Vec<State> },
     #[error("run {id} has ended{}; nothing can be done to it any more", outcome.map(|o| format!(" as {}", format!("{o:?}").to_lowercase())).unwrap_or_default())]

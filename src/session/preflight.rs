@@ -125,6 +125,18 @@ pub fn checks(
             Err((format!("faults stand: {}", stands.join(", ")), "mend their cause, then acknowledge them"))
         },
     ));
+    let plate = status.plate.barcode.as_ref().filter(|inside| status.plate.present && **inside != plan.plate_barcode);
+    checks.push(check(
+        "plate",
+        true,
+        match plate {
+            None => Ok("no other plate is known to be inside".into()),
+            Some(inside) => Err((
+                format!("the plate {inside} is inside, and the plan is for {}", plan.plate_barcode),
+                "hand the plate inside over, or mend the plan's barcode",
+            )),
+        },
+    ));
     let inside = status.specimen.as_ref().filter(|s| s.in_capillary);
     checks.push(check(
         "capillary",
@@ -135,14 +147,17 @@ pub fn checks(
         },
     ));
     if let Some(method) = config.methods.get(&plan.method) {
+        let larvae = plan.plate_map.iter().any(|w| w.specimen == SpecimenKind::Larva);
         let beads = status.calibration.as_ref().and_then(|c| c.gate.as_ref());
-        let lacking = gate::lacking(beads, method, status.mode);
+        // Beads are what makes one.
+        let lacking = larvae.then(|| gate::lacking(beads, method, status.mode)).flatten();
         let refuses = method.policy.bead_gate == BeadGate::Refuse;
         checks.push(check(
             "calibration",
             refuses,
             match lacking {
-                None => Ok("the bead gate that the method asks for stands".into()),
+                None if larvae => Ok("the bead gate that the method asks for stands".into()),
+                None => Ok("the plan has no larvae: it needs no bead gate".into()),
                 Some(why) => Err((why, "run beads before larvae; what is measured without is flagged")),
             },
         ));
@@ -184,6 +199,23 @@ pub fn checks(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A plate of beads is what a refused plate of larvae needs first.
+    #[test]
+    fn beads_need_no_gate_of_beads() {
+        let mut config = Config::parse(include_str!("../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
+        config.methods.get_mut("standard").unwrap().policy.bead_gate = BeadGate::Refuse;
+        let status = crate::session::driver::Driver::first_status(crate::session::Mode::Hardware, "b".into());
+        let calibration = |specimen| {
+            let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
+            let seen = Seen { axis: Ok(()), light: Ok(Light { background: 200.0, saturated: 0.0, focus: 1.0 }) };
+            let checks = checks(&config, &plan, &seen, &status, Some(u64::MAX), None);
+            checks.into_iter().find(|c| c.code == "calibration").unwrap()
+        };
+        let (larva, bead) = (calibration(SpecimenKind::Larva), calibration(SpecimenKind::Bead));
+        assert!(!larva.passed && larva.blocks && larva.detail.contains("no bead gate"), "{larva:?}");
+        assert!(bead.passed && bead.detail.contains("no larvae"), "{bead:?}");
+    }
 
     fn lit(background: f64, saturated: f64) -> bool {
         light(&Light { background, saturated, focus: 1.0 }).is_ok()

@@ -44,6 +44,8 @@ pub struct Pruned {
     pub bytes: u64,
     /// Where it can be had.
     pub archived: PathBuf,
+    /// Why the index does not know of it yet, where it does not.
+    pub index: Option<StoreError>,
 }
 
 /// A run that has ended: nobody writes in its folder any more.
@@ -204,9 +206,9 @@ pub fn prune(root: &Path, id: &str, all: bool, really: bool) -> Result<Pruned, S
                 disk::remove(&path).map_err(StoreError::io("remove", &path))?;
             }
         }
-        index::follow_prune(root, id)?;
     }
-    Ok(Pruned { run: id.to_owned(), files: taken.len(), bytes, archived: receipt.destination })
+    let index = if really { index::follow_prune(root, id).err() } else { None };
+    Ok(Pruned { run: id.to_owned(), files: taken.len(), bytes, archived: receipt.destination, index })
 }
 
 /// Runs of a data folder, by name.

@@ -6,7 +6,7 @@
 //! runs/RUN/A01.attempt-2    the second, when that was too
 //! ```
 
-use super::{Store, StoreError, durable};
+use super::{StoreError, durable};
 use std::path::Path;
 
 const MARK: &str = ".attempt-";
@@ -38,19 +38,4 @@ pub fn set_aside(run: &Path, well: &str) -> Result<Option<u32>, StoreError> {
     let number = earlier(run, well).last().map_or(1, |n| n + 1);
     durable::rename(&newest, &run.join(folder_name(well, number)))?;
     Ok(Some(number))
-}
-
-impl Store {
-    /// Moves what is there of a well aside, durably, so that it can be done again; gives the number of the attempt that was kept. Nothing
-    /// where the well has no folder.
-    ///
-    /// # Errors
-    /// A folder that cannot be moved; then nothing was.
-    pub fn keep_attempt(&self, run: &str, well: &str) -> Result<Option<u32>, StoreError> {
-        let kept = set_aside(&self.run_folder(run), well)?;
-        if let (Some(_), Some(record)) = (kept, self.run(run)?) {
-            self.index.run_anew(&record);
-        }
-        Ok(kept)
-    }
 }

@@ -131,8 +131,7 @@ impl Store {
 
     /// The run of this name, if there is one.
     pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
-        let file = self.run_folder(id).join(run::FILE);
-        if file.exists() { RunRecord::read(&file).map(Some) } else { Ok(None) }
+        self.reader().run(id)
     }
 
     /// What a crash left open, oldest first.

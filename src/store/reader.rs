@@ -6,7 +6,7 @@
 //! ```
 
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
-use super::recording::{MEASUREMENT, RECORDING};
+use super::recording::{MEASUREMENT, RECORDING, frame_name};
 use super::{RunRecord, StoreError, attempts, durable, run, sums};
 use crate::hash::sha256_hex;
 use crate::session::{WellStatus, is_plain_name, is_well};
@@ -37,18 +37,21 @@ pub struct StoredSpecimen {
 pub enum SpecimenFile {
     Mesh,
     Model,
-    /// By the ledger's number; the closure view has none.
+    /// By the ledger's number, as it was carved with: the newest take. The closure view has none.
     View(u32),
     Profile(u32),
 }
 
 impl SpecimenFile {
     /// Within the recording.
-    fn name(self) -> String {
+    fn name(self, recording: &Path) -> String {
         match self {
             Self::Mesh => "mesh.ply".into(),
             Self::Model => "model.glb".into(),
-            Self::View(i) => format!("frames/view_{i:03}.png"),
+            Self::View(i) => {
+                let takes = (0..).map(|take| frame_name(i, take)).take_while(|name| recording.join(name).is_file());
+                takes.last().unwrap_or_else(|| frame_name(i, 0))
+            }
             Self::Profile(i) => format!("profiles/view_{i:03}.png"),
         }
     }
@@ -103,6 +106,14 @@ impl StoreReader {
         index::events_after(&self.root, id, most)
     }
 
+    /// Whether the journal knows a run of this name, also one whose folder is gone.
+    ///
+    /// # Errors
+    /// An index that cannot be read.
+    pub fn was_accepted(&self, run: &str) -> Result<bool, StoreError> {
+        index::was_accepted(&self.root, run)
+    }
+
     pub(super) fn used_bytes(&self) -> Result<u64, StoreError> {
         index::used_bytes(&self.root)
     }
@@ -142,8 +153,10 @@ impl StoreReader {
         let views: Vec<u32> = ledger.filter_map(|e| e["view"].as_u64().map(|v| v as u32)).collect();
         let mut files = vec![SpecimenFile::Mesh, SpecimenFile::Model];
         files.extend(views.iter().flat_map(|&v| [SpecimenFile::View(v), SpecimenFile::Profile(v)]));
-        files.retain(|file| folder.join(file.name()).is_file());
         files.sort_unstable();
+        // A view that was taken again stands in the ledger with every take.
+        files.dedup();
+        files.retain(|file| folder.join(file.name(&folder)).is_file());
         let earlier = folder.parent().map(|run| attempts::earlier(run, well)).unwrap_or_default();
         Ok(Some(StoredSpecimen { status, earlier, recording, measurement: json(MEASUREMENT)?, files }))
     }
@@ -154,7 +167,7 @@ impl StoreReader {
     /// Sums that cannot be read, or that do not know it.
     pub fn file(&self, run: &str, well: &str, attempt: u32, file: SpecimenFile) -> Result<Option<StoredFile>, StoreError> {
         let Some(folder) = self.specimen_folder(run, well, attempt) else { return Ok(None) };
-        let name = file.name();
+        let name = file.name(&folder);
         let path = folder.join(&name);
         if !path.is_file() {
             return Ok(None);

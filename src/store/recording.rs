@@ -197,8 +197,21 @@ fn second_file(entry: &LedgerEntry) -> String {
 }
 
 fn picture_file(folder: &str, entry: &LedgerEntry) -> String {
-    let name = if entry.closure { "closure".to_owned() } else { format!("view_{:03}", entry.view) };
-    match entry.retake {
+    let name = if entry.closure { "closure".to_owned() } else { view_name(entry.view) };
+    take_name(folder, &name, entry.retake)
+}
+
+/// The frame file of a take of a view, 0 being the first, relative to the recording.
+pub(super) fn frame_name(view: u32, retake: u32) -> String {
+    take_name("frames", &view_name(view), retake)
+}
+
+fn view_name(view: u32) -> String {
+    format!("view_{view:03}")
+}
+
+fn take_name(folder: &str, name: &str, retake: u32) -> String {
+    match retake {
         0 => format!("{folder}/{name}.png"),
         again => format!("{folder}/{name}.retake-{again}.png"),
     }

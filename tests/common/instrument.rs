@@ -50,6 +50,8 @@ impl Instrument {
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
             ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}", rate.asd)),
+            // Room for a few wells, not for a plate of 500 views each.
+            ("[store]", "[store]\nbudget_gb = 10".into()),
             // A picture takes its time on a busy machine.
             ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),

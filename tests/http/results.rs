@@ -3,13 +3,12 @@
 use crate::rig::Rig;
 use carved::frame::{PixelFormat, RawFrame};
 use carved::session::{Mode, RunOutcome, SpecimenOutcome};
-use carved::store::{MEASUREMENT, Recording, RecordingWriter, RunRecord, Store};
+use carved::store::{MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 fn record(id: &str, started: &str, barcode: &str) -> RunRecord {
-    let plan =
-        json!({"plate_barcode": barcode, "method": "m", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}, {"well": "A02"}]});
+    let plan = json!({"plate_barcode": barcode, "method": "m", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3, "compound": "DMSO"}, {"well": "A02"}]});
     let method = json!({"asd": 3, "order": "sequential", "epsilon": 0.05, "voxel_um": 20.0});
     let (plan, method) = (serde_json::from_value(plan).unwrap(), serde_json::from_value(method).unwrap());
     let mut record = RunRecord::new(id, plan, method, Mode::Simulated, None);
@@ -17,8 +16,8 @@ fn record(id: &str, started: &str, barcode: &str) -> RunRecord {
     record
 }
 
-/// A recording with two views, a mesh and numbers; what was written as the mesh and the first frame's file.
-fn recorded(store: &Store, run: &RunRecord, well: usize) -> (Vec<u8>, Vec<u8>) {
+/// A recording with two views, the second taken twice, a mesh and numbers; what was written as the mesh and as the views' frames.
+fn recorded(store: &Store, run: &RunRecord, well: usize) -> (Vec<u8>, [Vec<u8>; 2]) {
     let planned = run.plan.plate_map[well].clone();
     let folder = store.run_folder(&run.id).join(&planned.well);
     let rig = json!({
@@ -28,18 +27,18 @@ fn recorded(store: &Store, run: &RunRecord, well: usize) -> (Vec<u8>, Vec<u8>) {
     });
     let recording = Recording::new(&run.id, planned, Mode::Simulated, serde_json::from_value(rig).unwrap(), "m", run.method.clone());
     let mut writer = RecordingWriter::create(&folder, recording, None).unwrap();
-    for view in 0..2u32 {
-        let frame = RawFrame::new(16, 16, PixelFormat::Mono8, vec![view as u8 + 7; 256]).unwrap();
+    for (view, retake) in [(0u32, 0), (1, 0), (1, 1)] {
+        let frame = RawFrame::new(16, 16, PixelFormat::Mono8, vec![(view + retake) as u8 + 7; 256]).unwrap();
         let sha256: String = Sha256::digest(frame.bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
         let entry = json!({"view": view, "commanded_steps": 0, "achieved_steps": 0, "epoch": 1, "omega": f64::from(view), "moved_ms": 0.0,
-            "settle_ms": 0.0, "grab_ms": 0.0, "frame_id": view, "attempts": 1, "sha256": sha256, "closure": false});
+            "settle_ms": 0.0, "grab_ms": 0.0, "frame_id": view, "attempts": 1, "sha256": sha256, "closure": false, "retake": retake});
         writer.add_view(serde_json::from_value(entry).unwrap(), &frame).unwrap();
     }
     let mesh = format!("ply\n{} {well}\n", run.id).into_bytes();
     writer.add_file("mesh.ply", &mesh).unwrap();
     writer.add_json(MEASUREMENT, &json!({"mode": "simulated", "measurement": {"volume_um3": 2.5e8}, "flags": ["moved"]})).unwrap();
     writer.close().unwrap();
-    (mesh, std::fs::read(folder.join("frames/view_000.png")).unwrap())
+    (mesh, ["view_000.png", "view_001.retake-1.png"].map(|name| std::fs::read(folder.join("frames").join(name)).unwrap()))
 }
 
 fn ids(page: &Value) -> Vec<&str> {
@@ -99,9 +98,9 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
     let (earlier, _) = recorded(&store, &run, 0);
     store.save_run(&run).unwrap();
-    store.keep_attempt("r1", "A01").unwrap();
+    set_aside(&store.run_folder("r1"), "A01").unwrap();
     std::fs::write(store.run_folder("r1").join("A01.attempt-1/mesh.ply.txt"), "no file of ours").unwrap();
-    let (mesh, frame) = recorded(&store, &run, 0);
+    let (mesh, [first, retaken]) = recorded(&store, &run, 0);
     run.wells[0].end(SpecimenOutcome::Succeeded, None);
     run.end(RunOutcome::Partial);
     store.save_run(&run).unwrap();
@@ -110,6 +109,7 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     let detail = answer.json();
     assert_eq!((&detail["outcome"], &detail["results"][0]["outcome"]), (&json!("partial"), &json!("succeeded")));
     assert_eq!(detail["method_settings"]["asd"], 3);
+    assert_eq!(detail["plan"]["plate_map"][0], json!({"well": "A01", "specimen": "larva", "dpf": 3.0, "compound": "DMSO"}));
     let tag = answer.header("etag").unwrap().to_owned();
     assert_eq!(rig.send("GET", "/v1/runs/r1", &[("If-None-Match", &tag)], "").status, 304);
 
@@ -122,7 +122,8 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     let link = |name: &str| specimen["links"][name].as_str().unwrap().to_owned();
     for (path, content_type, bytes) in [
         (link("mesh_ply"), "application/octet-stream", &mesh),
-        (specimen["links"]["views"][0].as_str().unwrap().to_owned(), "image/png", &frame),
+        (specimen["links"]["views"][0].as_str().unwrap().to_owned(), "image/png", &first),
+        (specimen["links"]["views"][1].as_str().unwrap().to_owned(), "image/png", &retaken),
     ] {
         let answer = rig.get(&path);
         assert_eq!((answer.status, answer.header("content-type"), &answer.body), (200, Some(content_type), bytes), "{path}");

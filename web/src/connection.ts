@@ -28,7 +28,8 @@ const pause = (ms: number) => new Promise<void>((resolve) => setTimeout(resolve,
 function reason(error: unknown): string {
   if (error instanceof Refused) return error.code === 0 ? error.message : `the daemon answered: ${error.message}`;
   if (error instanceof DOMException) return "the daemon does not answer";
-  throw error;
+  console.error(error);
+  return `the page cannot show the daemon's answer: ${String(error)}`;
 }
 
 export async function keepLive(listener: Listener): Promise<never> {

@@ -120,6 +120,12 @@ def account(report: Report, run: Path, carved: str) -> list[str]:
             wrong.append(
                 f"G04 is cut by the picture and nothing says so: {result.outcome}, {result.reason}, {result.flags}"
             )
+    unfinished = ("interrupted", "aborted")
+    wrong += [
+        f"{result.well} ended {result.outcome} and has no SHA256SUMS"
+        for result in report.run.results
+        if result.outcome not in unfinished and not (run / result.well / "SHA256SUMS").exists()
+    ]
     folders = sorted(f for f in run.iterdir() if (f / "SHA256SUMS").exists())
     for folder in folders:
         sums = subprocess.run(["sha256sum", "--quiet", "-c", "SHA256SUMS"], cwd=folder, capture_output=True, text=True)

@@ -26,7 +26,7 @@ pub struct Args {
     /// Who starts it.
     #[arg(long)]
     operator: String,
-    /// Name of the run; its barcode and the time where none is given. The same name with the same plan starts nothing twice.
+    /// Name of the run; the barcode, 40 characters of it at most, and the time where none is given. The same name with the same plan starts nothing twice.
     #[arg(long)]
     id: Option<String>,
     /// The lab's own name for the run, kept with it.
@@ -50,7 +50,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         println!("{}: {note}", args.plate_map.display());
     }
     let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
-    let id = args.id.clone().unwrap_or_else(|| format!("{}-{now}", args.barcode));
+    // A run's name has 64 characters at most.
+    let named: String = args.barcode.chars().take(40).collect();
+    let id = args.id.clone().unwrap_or_else(|| format!("{named}-{now}"));
     let wells = map.plate_map.len();
     let plan = RunPlan {
         method_version: args.method_version.clone(),

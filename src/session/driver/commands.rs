@@ -51,6 +51,9 @@ impl Running {
         if let Some(known) = self.store.run(id).map_err(Refusal::from)? {
             return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
         }
+        if self.store.reader().was_accepted(id).unwrap_or(false) {
+            return Err(Refusal::Pruned { id: id.to_owned() });
+        }
         plan.check(&self.config.methods).map_err(Refusal::InvalidPlan)?;
         gate::refuses(&self.config, self.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
         let status = self.publisher.status();

@@ -20,7 +20,7 @@ mod tables;
 mod tests;
 
 pub use query::{Cursor, EventsAfter, RunRow, RunsQuery};
-pub(super) use query::{events_after, runs, used_bytes};
+pub(super) use query::{events_after, runs, used_bytes, was_accepted};
 pub use refresh::{Found, Unreadable};
 
 use super::{RunRecord, StoreError, durable};
@@ -97,11 +97,6 @@ impl Index {
     /// A run that is on disk: what of its wells changed is read from their folders.
     pub fn run(&self, record: &RunRecord) {
         self.follow(|tx, root| rows::put_run(tx, root, record, false));
-    }
-
-    /// A run whose folders were changed behind its `run.json`: all of it is read anew.
-    pub fn run_anew(&self, record: &RunRecord) {
-        self.follow(|tx, root| rows::put_run(tx, root, record, true));
     }
 
     pub fn run_gone(&self, id: &str) {

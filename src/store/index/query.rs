@@ -136,6 +136,11 @@ pub fn events_after(root: &Path, id: u64, most: usize) -> Result<EventsAfter, St
     })
 }
 
+pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
+    let known = "SELECT EXISTS (SELECT 1 FROM events WHERE run = ? AND kind = 'run.accepted')";
+    ask(root, |c| c.query_row(known, [run], |row| row.get(0)))
+}
+
 pub fn used_bytes(root: &Path) -> Result<u64, StoreError> {
     ask(root, |c| c.query_row("SELECT COALESCE(SUM(bytes), 0) FROM specimens", [], |row| row.get(0)))
 }

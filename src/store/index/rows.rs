@@ -59,10 +59,11 @@ pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: boo
             .prepare_cached("SELECT status FROM specimens WHERE run = ? AND well = ? AND attempt = 0")?
             .query_row(params![record.id, status.well], |row| row.get(0))
             .optional()?;
-        if known.as_ref() != Some(&text) {
-            put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &folder)?;
+        if known.as_ref() == Some(&text) {
+            continue;
         }
-        for attempt in if anew { attempts::earlier(&folder, &status.well) } else { Vec::new() } {
+        put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &folder)?;
+        for attempt in attempts::earlier(&folder, &status.well) {
             put_specimen(c, &record.id, &status.well, attempt, None, &folder)?;
         }
     }
@@ -95,7 +96,7 @@ fn put_specimen(
         status.and_then(|(s, _)| s.reason.as_deref()),
         status.map(|(s, _)| serde_json::to_string(&s.flags).unwrap_or_default()),
         recording["started"].as_str(),
-        recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true).count()),
+        recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true && e["retake"].is_null()).count()),
         bytes_of(&folder),
         status.map(|(_, text)| text),
     ])?;

@@ -1,7 +1,7 @@
 use super::*;
 use crate::session::{RunOutcome, SpecimenOutcome};
 use crate::store::power_loss::{entry, frame, record, recording};
-use crate::store::{Journal, MEASUREMENT, RecordingWriter, Store, rebuild_index};
+use crate::store::{Journal, MEASUREMENT, RecordingWriter, Store, rebuild_index, set_aside};
 use serde_json::json;
 
 /// Every row of every table, as text.
@@ -240,10 +240,10 @@ fn an_earlier_attempt_is_kept_beside_the_newest_and_known() {
     let (store, journal) = live(dir.path());
     let run = store.run("r1").unwrap().unwrap();
     let first = std::fs::read(store.run_folder("r1").join("A02/measurement.json")).unwrap();
-    assert_eq!(store.keep_attempt("r1", "A02").unwrap(), Some(1));
-    assert_eq!(store.keep_attempt("r1", "A02").unwrap(), None, "there is nothing more to keep");
+    assert_eq!(set_aside(&store.run_folder("r1"), "A02").unwrap(), Some(1));
+    assert_eq!(set_aside(&store.run_folder("r1"), "A02").unwrap(), None, "there is nothing more to keep");
     measured(&store, &run, 1, Some(501.0));
-    assert_eq!(store.keep_attempt("r1", "A02").unwrap(), Some(2));
+    assert_eq!(set_aside(&store.run_folder("r1"), "A02").unwrap(), Some(2));
     measured(&store, &run, 1, Some(502.0));
     let mut again = run;
     again.wells[1].diameter_um = Some(502.0);

@@ -9,8 +9,12 @@ import pandas as pd
 
 
 def frame_of(run: Mapping[str, Any]) -> pd.DataFrame:
-    """A run's results, indexed by well. What is nested gets names with a dot; flags are one word each, with commas."""
-    rows = [dict(row, flags=",".join(row.get("flags") or ())) for row in run["results"]]
+    """A run's results, indexed by well, with what the plate map says of each (compound, concentration, control ...).
+
+    What is nested gets names with a dot; flags are one word each, with commas.
+    """
+    planned = {well["well"]: well for well in run["plan"]["plate_map"]}
+    rows = [{**planned[row["well"]], **row, "flags": ",".join(row.get("flags") or ())} for row in run["results"]]
     frame = pd.json_normalize(rows)
     frame.insert(0, "run", run["id"])
     indexed: pd.DataFrame = frame.set_index("well")
