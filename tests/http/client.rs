@@ -10,18 +10,18 @@ use std::process::{Command, Output};
 
 const MAP: &str = "well,dpf\nA1,3\nA02,4\n";
 
-fn carved(url: &str, args: &[&str]) -> Output {
+pub fn carved(url: &str, args: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_carved"));
     // Whoever runs the tests may be behind a proxy; the client is not to care.
     command.env("http_proxy", "http://127.0.0.1:1").env("HTTP_PROXY", "http://127.0.0.1:1").env("ALL_PROXY", "http://127.0.0.1:1");
     command.args(args).args(["--url", url]).output().unwrap()
 }
 
-fn text(bytes: &[u8]) -> String {
+pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-fn url(rig: &Rig) -> String {
+pub fn url(rig: &Rig) -> String {
     format!("http://{}", rig.address)
 }
 

@@ -1,5 +1,6 @@
 //! What runs have left, as clients get it.
 
+use crate::client::{carved, text, url};
 use crate::rig::Rig;
 use carved::frame::{PixelFormat, RawFrame};
 use carved::session::{Mode, RunOutcome, SpecimenOutcome};
@@ -178,4 +179,28 @@ fn no_name_leads_out_of_the_run_folders() {
     }
     assert_eq!(rig.get("/v1/runs/r1/specimens/A01/views/0.png").status, 200);
     assert_eq!(rig.get("/v1/runs/r1/specimens/A01?attempt=x").status, 400);
+}
+
+/// A run that ended while nobody looked, behind another one or over a restart, is told from the store.
+#[test]
+fn a_watcher_is_told_of_a_run_that_the_status_has_no_more() {
+    let rig = Rig::start();
+    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
+    store.save_run(&run).unwrap();
+    let watch = |run| carved(&url(&rig), &["run", "watch", run]);
+    let open = watch("r1");
+    assert_eq!(open.status.code(), Some(1));
+    assert!(text(&open.stderr).contains("no outcome"), "{}", text(&open.stderr));
+    run.wells[0].end(SpecimenOutcome::Skipped, Some("empty"));
+    run.wells[1].end(SpecimenOutcome::Failed, Some("no light"));
+    run.end(RunOutcome::Partial);
+    store.save_run(&run).unwrap();
+    let ended = watch("r1");
+    let said = text(&ended.stdout);
+    assert_eq!(ended.status.code(), Some(4), "{said} {}", text(&ended.stderr));
+    assert!(said.contains("A01  larva of 3 dpf: skipped, empty\n") && said.contains("run r1 has ended: partial"), "{said}");
+    let unknown = watch("r9");
+    assert_eq!(unknown.status.code(), Some(1));
+    assert!(text(&unknown.stderr).contains("unknown_run"), "{}", text(&unknown.stderr));
 }

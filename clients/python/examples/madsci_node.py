@@ -87,13 +87,20 @@ class CarvedNode:
     def result(self, action_id: str) -> dict[str, Any]:
         status = self.client.status()
         run = status.run_named(action_id)
-        if run is None:
-            return self._result(action_id, "not_started" if action_id in self.created else "unknown")
-        if run.outcome is None:
+        if run is not None and run.outcome is None:
             return self._result(action_id, "paused" if status.state in PAUSED else "running")
-        wells = {w.well: {"outcome": w.outcome, "reason": w.reason, "volume_um3": w.volume_um3} for w in run.results}
-        end = ENDS.get(run.outcome, "failed")
-        return self._result(action_id, end, _why(status, run.outcome, end), {"outcome": run.outcome, "wells": wells})
+        try:
+            # Ended: the store knows it, also where the status has another run by now.
+            stored = self.client.run(action_id)
+        except ProblemError as error:
+            if error.problem.code != "unknown_run":
+                raise
+            return self._result(action_id, "not_started" if action_id in self.created else "unknown")
+        outcome = stored["outcome"]
+        kept = ("outcome", "reason", "volume_um3")
+        wells = {well["well"]: {key: well[key] for key in kept} for well in stored["results"]}
+        end = ENDS.get(outcome, "failed") if outcome else "paused"
+        return self._result(action_id, end, _why(status, outcome, end), {"outcome": outcome, "wells": wells})
 
     @staticmethod
     def _result(action_id: str, status: str, errors: list[str] | None = None, data: object = None) -> dict[str, Any]:
@@ -114,8 +121,8 @@ class CarvedNode:
         return {"success": True, "errors": []}
 
 
-def _why(status: Status, outcome: str, end: str) -> list[str]:
-    if end == "succeeded":
+def _why(status: Status, outcome: str | None, end: str) -> list[str]:
+    if outcome is None or end == "succeeded":
         return []
     return [f"the run ended as {outcome}", *(fault.message for fault in status.faults)]
 

@@ -73,12 +73,14 @@ def test_a_madsci_workcell(start_daemon: Callable[..., Daemon]) -> None:
         result = ended(http, action)
         assert (result["status"], result["json_result"]["outcome"], result["errors"]) == ("succeeded", "succeeded", [])
         assert result["json_result"]["wells"]["A02"]["reason"] == "empty"
+        first = action
 
         action = http.post("/action/measure_plate", json=arguments).json()["action_id"]
         http.post(f"/action/measure_plate/{action}/start")
         assert http.post("/admin/cancel").json()["success"] is True
         result = ended(http, action)
         assert (result["status"], result["errors"][0]["message"]) == ("cancelled", "the run ended as aborted")
+        assert http.get(f"/action/{first}/result").json()["json_result"]["outcome"] == "succeeded", "behind another run"
 
         wrong = http.post("/action/measure_plate", json={"args": {"plan": plan().to_json()}}).json()["action_id"]
         refused = http.post(f"/action/measure_plate/{wrong}/start").json()

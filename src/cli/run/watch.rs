@@ -1,9 +1,9 @@
 //! `carved run watch`: each well as it ends, each fault as it comes, and a bar between them, until the run has ended.
 
-use super::client::Client;
+use super::client::{Client, segment};
 use super::{code_of, show};
-use crate::session::Status;
-use anyhow::bail;
+use crate::session::{Fault, RunStatus};
+use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::process::ExitCode;
@@ -16,15 +16,15 @@ struct Told {
 }
 
 impl Told {
-    /// Lines for what is new in a status.
-    fn news(&mut self, status: &Status) -> Vec<String> {
+    /// Lines for what is new of a run and of the faults.
+    fn news(&mut self, run: &RunStatus, faults: &[Fault]) -> Vec<String> {
         let mut lines = Vec::new();
-        for well in status.run.iter().flat_map(|run| &run.results) {
+        for well in &run.results {
             if well.outcome.is_some() && self.wells.insert(well.well.clone()) {
                 lines.push(show::well(well));
             }
         }
-        for fault in &status.faults {
+        for fault in faults {
             if self.faults.insert(fault.seq) {
                 lines.push(show::fault(fault));
             }
@@ -44,12 +44,9 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
     loop {
         let Some(shown) = status.run.as_ref().filter(|shown| shown.id == run) else {
             bar.finish_and_clear();
-            match &status.run {
-                Some(other) => bail!("the status has run {} now, not {run}: look at GET /v1/runs/{run}", other.id),
-                None => bail!("the instrument knows of no run {run}"),
-            }
+            return ended(client, run, &mut told);
         };
-        let lines = told.news(&status);
+        let lines = told.news(shown, &status.faults);
         // The bar makes room for lines; where it is not drawn they are printed all the same.
         bar.suspend(|| lines.iter().for_each(|line| println!("{line}")));
         bar.set_length(shown.wells.total.into());
@@ -62,4 +59,14 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
         }
         status = client.status_after(status.revision)?;
     }
+}
+
+/// The end of a run that the status has no more, from the store.
+fn ended(client: &Client, run: &str, told: &mut Told) -> anyhow::Result<ExitCode> {
+    let stored = client.send("GET", &format!("/v1/runs/{}", segment(run)), None)?;
+    let stored: RunStatus = serde_json::from_value(stored).context("the stored run is of another version of carved than this program's")?;
+    told.news(&stored, &[]).iter().for_each(|line| println!("{line}"));
+    let Some(outcome) = stored.outcome else { bail!("run {run} has no outcome, and the instrument does not work on it: ask again") };
+    println!("{}", show::end(&stored));
+    Ok(ExitCode::from(code_of(outcome)))
 }
