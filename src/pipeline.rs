@@ -41,7 +41,7 @@ pub struct PipelineSettings {
 }
 
 /// What one view gave.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ViewRecord {
     pub index: u32,
     /// Angle of the capillary from the ledger's achieved steps, rad.
@@ -239,20 +239,10 @@ impl Pipeline {
         let mut record = ViewRecord {
             index,
             omega,
-            used: false,
-            reason: None,
-            area_px: None,
-            area_ratio: None,
-            quality: None,
-            detection: None,
-            walls: None,
-            dy_px: None,
-            residual_px: None,
-            vrv_area_um2: None,
-            overlap_percent: None,
+            detection: seen.profile.as_ref().ok().map(|p| p.detection),
+            walls: seen.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera)),
+            ..ViewRecord::default()
         };
-        record.detection = seen.profile.as_ref().ok().map(|p| p.detection);
-        record.walls = seen.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera));
         match &seen.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
@@ -535,21 +525,7 @@ mod tests {
 
     #[test]
     fn an_areas_neighbours_are_those_around_the_turn_that_have_one() {
-        let view = |index: u32, area_px: Option<usize>| ViewRecord {
-            index,
-            omega: 0.0,
-            used: area_px.is_some(),
-            reason: None,
-            area_px,
-            area_ratio: None,
-            quality: None,
-            detection: None,
-            walls: None,
-            dy_px: None,
-            residual_px: None,
-            vrv_area_um2: None,
-            overlap_percent: None,
-        };
+        let view = |index: u32, area_px: Option<usize>| ViewRecord { index, used: area_px.is_some(), area_px, ..ViewRecord::default() };
         let mut views: Vec<_> =
             [Some(100), Some(100), None, Some(150), Some(100), Some(80)].into_iter().zip(0..).map(|(a, i)| view(i, a)).collect();
         compare_areas(&mut views);

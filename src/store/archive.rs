@@ -69,8 +69,7 @@ fn unaltered(folder: &Path, files: &BTreeMap<PathBuf, String>) -> Result<(), Sto
             let name = at.join(name);
             let path = folder.join(&name);
             match files.get(&name) {
-                Some(found) if *found == expected => {}
-                Some(found) => return Err(StoreError::Altered { path, expected, found: found.clone() }),
+                Some(found) => sums::same(&path, &expected, found)?,
                 None => return Err(StoreError::Vanished { path }),
             }
         }
@@ -96,10 +95,7 @@ impl Receipt {
     pub fn verify(&self) -> Result<(), StoreError> {
         for (name, expected) in &self.files {
             let path = self.destination.join(name);
-            let found = hash_on_disk(&path)?;
-            if found != *expected {
-                return Err(StoreError::Altered { path, expected: expected.clone(), found });
-            }
+            sums::same(&path, expected, &hash_on_disk(&path)?)?;
         }
         Ok(())
     }
@@ -125,10 +121,7 @@ pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
     for (name, expected) in &files {
         let (path, copy) = (from.join(name), destination.join(name));
         let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
-        let found = sha256_hex(&bytes);
-        if found != *expected {
-            return Err(StoreError::Altered { path, expected: expected.clone(), found });
-        }
+        sums::same(&path, expected, &sha256_hex(&bytes))?;
         total += bytes.len() as u64;
         if !copy.exists() {
             durable::create_folder(durable::folder_of(&copy))?;

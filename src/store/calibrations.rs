@@ -59,16 +59,8 @@ pub struct RigCalibration {
 /// # Errors
 /// A folder that is there and cannot be listed.
 pub fn newest(folder: &Path, rig: &str, mode: Mode) -> Result<Option<RigCalibration>, StoreError> {
-    let entries = match std::fs::read_dir(folder) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        entries => entries.map_err(StoreError::io("list", folder))?,
-    };
     let mut newest: Option<RigCalibration> = None;
-    for entry in entries {
-        let path = entry.map_err(StoreError::io("list", folder))?.path();
-        if path.extension().is_none_or(|e| e != "json") {
-            continue;
-        }
+    for path in durable::json_files(folder)? {
         match of_rig(&path, rig, mode) {
             // Of two of one moment always the same: a folder has no order.
             Ok(Some(c)) if newest.as_ref().is_none_or(|n| (c.measured, &c.id) > (n.measured, &n.id)) => newest = Some(c),

@@ -2,7 +2,7 @@
 
 use super::{StoreError, disk};
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Replaces `path` by `bytes`, so that a reader and a crash see the old file or the new one, never a mixture.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
@@ -56,6 +56,16 @@ pub fn create_folder(folder: &Path) -> Result<(), StoreError> {
 }
 
 /// A value as indented JSON; `path` names it in errors only.
+/// The JSON files of a folder; none where there is no folder.
+pub fn json_files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let entries = match fs::read_dir(folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(StoreError::io("list", folder))?,
+    };
+    let paths: Vec<PathBuf> = entries.map(|entry| Ok(entry.map_err(StoreError::io("list", folder))?.path())).collect::<Result<_, _>>()?;
+    Ok(paths.into_iter().filter(|path| path.extension().is_some_and(|e| e == "json")).collect())
+}
+
 pub fn json_text<T: serde::Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, StoreError> {
     let mut text = serde_json::to_vec_pretty(value).map_err(|e| StoreError::Format {
         path: path.to_owned(),

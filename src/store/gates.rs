@@ -177,17 +177,9 @@ pub fn after_run(run: &Path, folder: &Path) -> Result<Option<GateFile>, StoreErr
 /// # Errors
 /// A folder that is there and cannot be listed.
 pub fn all(folder: &Path, rig: &str, mode: Mode) -> Result<Vec<GateFile>, StoreError> {
-    let entries = match std::fs::read_dir(folder) {
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(StoreError::io("list", folder))?,
-    };
     let mut gates: Vec<GateFile> = Vec::new();
-    for entry in entries {
-        let path = entry.map_err(StoreError::io("list", folder))?.path();
-        let is_gate = path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("gate-"));
-        if !is_gate || path.extension().is_none_or(|e| e != "json") {
-            continue;
-        }
+    let is_gate = |path: &PathBuf| path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("gate-"));
+    for path in durable::json_files(folder)?.into_iter().filter(is_gate) {
         match durable::read_json::<GateFile>(&path, "a bead gate (carved.bead-gate/1)") {
             Ok(file) if file.schema == SCHEMA && file.found.rig == rig && file.found.mode == mode => gates.push(file),
             Ok(_) => {}

@@ -11,6 +11,8 @@ use super::index::Index;
 use super::lines::Lines;
 use super::{StoreError, durable};
 use crate::session::Event;
+use std::fs::File;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -127,8 +129,8 @@ fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {
 
 /// Where the index cannot say it: the newest fault of the whole journal.
 fn last_fault(path: &Path) -> Result<u64, StoreError> {
-    let text = std::fs::read(path).map_err(StoreError::io("read", path))?;
-    let events = text.split(|&b| b == b'\n').filter_map(|line| serde_json::from_slice::<Event>(line).ok());
+    let lines = BufReader::new(File::open(path).map_err(StoreError::io("read", path))?).split(b'\n');
+    let events = lines.map_while(Result::ok).filter_map(|line| serde_json::from_slice::<Event>(&line).ok());
     Ok(events.filter(|e| e.kind == "fault.raised").filter_map(|e| e.data["seq"].as_u64()).max().unwrap_or(0))
 }
 

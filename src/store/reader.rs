@@ -75,13 +75,10 @@ impl StoredFile {
     /// A file that cannot be read, or is not what was recorded.
     pub fn read(self) -> Result<Vec<u8>, StoreError> {
         let bytes = std::fs::read(&self.path).map_err(StoreError::io("read", &self.path))?;
-        match self.sha256 {
-            Some(expected) => {
-                let found = sha256_hex(&bytes);
-                if found == expected { Ok(bytes) } else { Err(StoreError::Altered { path: self.path, expected, found }) }
-            }
-            None => Ok(bytes),
+        if let Some(expected) = &self.sha256 {
+            sums::same(&self.path, expected, &sha256_hex(&bytes))?;
         }
+        Ok(bytes)
     }
 }
 

@@ -16,7 +16,7 @@
 //!              SHA256SUMS              of all of the above, when the record is closed
 //! ```
 
-use super::{StoreError, durable, frames, schema};
+use super::{StoreError, durable, frames, schema, sums};
 use crate::acquisition::{Ledger, LedgerEntry};
 use crate::config::Method;
 use crate::frame::{PixelFormat, RawFrame};
@@ -324,12 +324,11 @@ impl RecordingWriter {
     /// Hashes everything and closes the record; also for a revolution that was cut short. A file that is not any more what
     /// was written is an error, not a line in the sums.
     pub fn close(self) -> Result<(), StoreError> {
-        let sums = super::sums::of_folder(&self.folder)?;
+        let sums = sums::of_folder(&self.folder)?;
         for (name, expected) in self.written {
             let path = self.folder.join(&name);
             match sums.get(Path::new(&name)) {
-                Some(found) if *found == expected => {}
-                Some(found) => return Err(StoreError::Altered { path, expected, found: found.clone() }),
+                Some(found) => sums::same(&path, &expected, found)?,
                 None => return Err(StoreError::Vanished { path }),
             }
         }
@@ -406,19 +405,13 @@ impl RecordingReader {
     pub fn references(&self) -> Result<Vec<References>, StoreError> {
         let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };
         let path = self.folder.join(REFERENCES);
-        let found = sha256_hex(&std::fs::read(&path).map_err(StoreError::io("read", &path))?);
-        if found != *expected {
-            return Err(StoreError::Altered { path, expected: expected.clone(), found });
-        }
+        sums::same(&path, expected, &sha256_hex(&std::fs::read(&path).map_err(StoreError::io("read", &path))?))?;
         durable::read_json(&path, "references (carved.references/1)")
     }
 }
 
 fn unaltered(path: PathBuf, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
     let frame = frames::decode(&path, format)?;
-    let found = sha256_hex(frame.bytes());
-    if found != expected {
-        return Err(StoreError::Altered { path, expected: expected.to_owned(), found });
-    }
+    sums::same(&path, expected, &sha256_hex(frame.bytes()))?;
     Ok(frame)
 }

@@ -63,9 +63,13 @@ pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
     let Some(expected) = expected(folder, name)? else { return Ok(()) };
     let path = folder.join(name);
     let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
-    let found = sha256_hex(&bytes);
-    if found != expected {
-        return Err(StoreError::Altered { path, expected, found });
+    same(&path, &expected, &sha256_hex(&bytes))
+}
+
+/// Whether a file is what was recorded, by its hash.
+pub fn same(path: &Path, expected: &str, found: &str) -> Result<(), StoreError> {
+    if found == expected {
+        return Ok(());
     }
-    Ok(())
+    Err(StoreError::Altered { path: path.to_owned(), expected: expected.to_owned(), found: found.to_owned() })
 }
