@@ -7,7 +7,7 @@
 //! ```
 //! Medians add up. What lies above them does not: long specimens are not all long at once, so the spreads add in squares.
 
-use super::{Eta, Event, Phase};
+use super::{Eta, Event, Phase, kind};
 use std::collections::BTreeMap;
 use std::collections::VecDeque;
 
@@ -110,11 +110,11 @@ pub fn learned<'a>(events: impl IntoIterator<Item = &'a Event>) -> BTreeMap<Stri
         let (Some(run), Ok(time)) = (event.run.as_deref(), event.time.parse::<jiff::Timestamp>()) else { continue };
         let now_s = time.as_millisecond() as f64 / 1e3;
         match (event.kind.as_str(), event.well.as_deref()) {
-            ("run.accepted", _) => {
+            (kind::RUN_ACCEPTED, _) => {
                 methods.extend(event.data["method"].as_str().map(|method| (run, method)));
                 under_way.clear();
             }
-            ("specimen.phase", Some(well)) => {
+            (kind::SPECIMEN_PHASE, Some(well)) => {
                 let Ok(phase) = serde_json::from_value::<Phase>(event.data["phase"].clone()) else { continue };
                 under_way.iter_mut().filter(|(other, _)| **other != well).for_each(|(_, specimen)| specimen.leave(now_s));
                 if phase == Phase::Load {
@@ -124,7 +124,7 @@ pub fn learned<'a>(events: impl IntoIterator<Item = &'a Event>) -> BTreeMap<Stri
                     specimen.enter(phase, now_s);
                 }
             }
-            ("specimen.done", Some(well)) => {
+            (kind::SPECIMEN_DONE, Some(well)) => {
                 if let (Some(specimen), Some(method)) = (under_way.remove(well), methods.get(run)) {
                     let rig_s = event.data["seconds"].as_f64().unwrap_or(now_s - specimen.began_s);
                     paces.entry((*method).to_owned()).or_default().learn(specimen, now_s, rig_s);

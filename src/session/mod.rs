@@ -34,7 +34,7 @@ pub use driver::{Driver, DriverError};
 pub use heart::Heart;
 pub use worker::{Instrument, WellTimes};
 
-pub use event::Event;
+pub use event::{Event, kind};
 pub use fault::table::{ALL as FAULT_CODES, FaultCode};
 pub use gate::GateStatus;
 pub use halt::Halt;

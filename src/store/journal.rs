@@ -10,7 +10,8 @@
 use super::index::Index;
 use super::lines::Lines;
 use super::{StoreError, durable};
-use crate::session::Event;
+use crate::session::{Event, kind};
+use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -18,8 +19,29 @@ use std::sync::Arc;
 
 pub(super) const FILE: &str = "events.jsonl";
 
+/// What still means something however long ago it was.
+const LASTING: [&str; 6] =
+    [kind::FAULT_RAISED, kind::FAULT_ACKNOWLEDGED, kind::FAULT_CLEARED, kind::PLATE_LOADED, kind::PLATE_UNLOADED, kind::RUN_ACCEPTED];
+
 /// Events that are read at a start, for readers that come back.
 const TAIL: usize = 2000;
+
+/// What happened, as it is to be written; at its own time, not at the one when the disk took it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Happening {
+    time: String,
+    kind: String,
+    run: Option<String>,
+    well: Option<String>,
+    data: serde_json::Value,
+}
+
+impl Happening {
+    pub fn now(kind: &str, run: Option<&str>, well: Option<&str>, data: serde_json::Value) -> Self {
+        let time = jiff::Timestamp::now().to_string();
+        Self { time, kind: kind.to_owned(), run: run.map(str::to_owned), well: well.map(str::to_owned), data }
+    }
+}
 
 pub struct Journal {
     all: Lines,
@@ -59,7 +81,7 @@ impl Journal {
         let Some(run) = last.run.as_deref() else { return Ok(()) };
         let folder = self.runs.join(run);
         // Runs of before the files of runs have none; one that was taken away is not to come back.
-        if !folder.is_dir() || !folder.join(FILE).exists() && last.kind != "run.accepted" {
+        if !folder.is_dir() || !folder.join(FILE).exists() && last.kind != kind::RUN_ACCEPTED {
             return Ok(());
         }
         let newest = self.of_run(run)?.tail(1)?.first().and_then(|line| serde_json::from_slice::<Event>(line).ok());
@@ -86,16 +108,16 @@ impl Journal {
         Ok(())
     }
 
-    /// Writes an event and syncs it; the id it got comes back with it.
+    /// Writes what happens now, as [`Self::write`] does.
     pub fn append(&mut self, kind: &str, run: Option<&str>, well: Option<&str>, data: serde_json::Value) -> Result<Event, StoreError> {
-        let event = Event {
-            id: self.next_id,
-            time: jiff::Timestamp::now().to_string(),
-            kind: kind.to_owned(),
-            run: run.map(str::to_owned),
-            well: well.map(str::to_owned),
-            data,
-        };
+        self.write(&Happening::now(kind, run, well, data))
+    }
+
+    /// Writes an event and syncs it; the id it got comes back with it.
+    pub fn write(&mut self, happening: &Happening) -> Result<Event, StoreError> {
+        let Happening { time, kind, run, well, data } = happening.clone();
+        let event = Event { id: self.next_id, time, kind, run, well, data };
+        let run = event.run.as_deref();
         let line = line_of(&event)?;
         self.all.append(&line).and_then(|()| run.map_or(Ok(()), |run| self.append_of_run(run, &line))).inspect_err(|_| {
             // Not acknowledged, so it is better gone; where that fails too the next line takes its place.
@@ -127,11 +149,38 @@ fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {
     Ok(line)
 }
 
+/// The events of a journal one by one, those that are whole; it may be longer than memory.
+pub(super) fn each(path: &Path, mut take: impl FnMut(Event)) -> Result<(), StoreError> {
+    let io = |what| StoreError::io(what, path);
+    for line in BufReader::new(File::open(path).map_err(io("open"))?).split(b'\n') {
+        if let Ok(event) = serde_json::from_slice(&line.map_err(io("read"))?) {
+            take(event);
+        }
+    }
+    Ok(())
+}
+
 /// Where the index cannot say it: the newest fault of the whole journal.
 fn last_fault(path: &Path) -> Result<u64, StoreError> {
-    let lines = BufReader::new(File::open(path).map_err(StoreError::io("read", path))?).split(b'\n');
-    let events = lines.map_while(Result::ok).filter_map(|line| serde_json::from_slice::<Event>(&line).ok());
-    Ok(events.filter(|e| e.kind == "fault.raised").filter_map(|e| e.data["seq"].as_u64()).max().unwrap_or(0))
+    let mut newest = 0;
+    each(path, |e| newest = newest.max(if e.kind == kind::FAULT_RAISED { e.data["seq"].as_u64().unwrap_or(0) } else { 0 }))?;
+    Ok(newest)
+}
+
+/// Where the index cannot say it: the newest `most` events without the views, and of before all on faults, plates and runs' beginnings.
+pub(super) fn remembered(path: &Path, most: usize) -> Result<Vec<Event>, StoreError> {
+    let (mut lasting, mut newest) = (Vec::new(), VecDeque::new());
+    each(path, |event| {
+        if event.kind == kind::VIEW_TAKEN {
+            return;
+        }
+        if newest.len() == most {
+            lasting.extend(newest.pop_front().filter(|e: &Event| LASTING.contains(&e.kind.as_str())));
+        }
+        newest.push_back(event);
+    })?;
+    lasting.extend(newest);
+    Ok(lasting)
 }
 
 #[cfg(test)]

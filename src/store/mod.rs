@@ -36,7 +36,9 @@ pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
-pub use journal::Journal;
+pub use journal::{Happening, Journal};
+#[cfg(test)]
+pub(crate) use power_loss::trace as disk_trace;
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{
     MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, Software, fluorescence,
@@ -44,13 +46,16 @@ pub use recording::{
 pub use replay::ReplayWriter;
 pub use run::RunRecord;
 
-use crate::session::{Event, RunOutcome, SpecimenOutcome};
+use crate::session::{Event, kind};
 use index::Index;
 use lines::Lines;
 use recording::RECORDING;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Events that are remembered at a start, without the views: those of some three plates of 96 wells.
+const REMEMBERED: usize = 4000;
 
 /// The data folder, held by one daemon at a time.
 pub struct Store {
@@ -89,9 +94,28 @@ impl Store {
         let (mut journal, mut events) = Journal::open(root, lines, index.clone())?;
         for Unreadable { run, why } in found.unreadable {
             tracing::error!(run, why, "a run cannot be read; it is left alone");
-            events.push(journal.append("run.unreadable", None, None, serde_json::json!({ "run": run, "why": why }))?);
+            events.push(journal.append(kind::RUN_UNREADABLE, None, None, serde_json::json!({ "run": run, "why": why }))?);
         }
         Ok((Self { root: root.to_owned(), index, open: found.open, _lock: lock }, journal, events))
+    }
+
+    /// What of the journal a start has to know, oldest first: of the newest events all but the views, of before what still means
+    /// something.
+    pub fn remembered(&self) -> Result<Vec<Event>, StoreError> {
+        let indexed = self.index.remembered(REMEMBERED);
+        indexed.map_or_else(|| journal::remembered(&self.root.join(journal::FILE), REMEMBERED), Ok)
+    }
+
+    /// All that happened in a run but its views.
+    pub fn events_of(&self, run: &str) -> Result<Vec<Event>, StoreError> {
+        let own = self.run_folder(run).join(journal::FILE);
+        let mut events = Vec::new();
+        // Runs of before the files of runs have none.
+        let path = if own.exists() { own } else { self.root.join(journal::FILE) };
+        journal::each(&path, |event| {
+            events.extend(Some(event).filter(|e| e.run.as_deref() == Some(run) && e.kind != kind::VIEW_TAKEN));
+        })?;
+        Ok(events)
     }
 
     /// Why the index does not hold all that is on disk, where it does not. Runs go on all the same.
@@ -142,15 +166,6 @@ impl Store {
         }
         open.sort_by(|a, b| a.started.cmp(&b.started));
         Ok(open)
-    }
-
-    /// Ends a run that nobody will go on with: it must not look as if somebody did.
-    pub fn close_interrupted(&self, run: &mut RunRecord) -> Result<(), StoreError> {
-        for well in run.wells.iter_mut().filter(|w| w.outcome.is_none()) {
-            well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
-        }
-        run.end(RunOutcome::Interrupted);
-        self.save_run(run)
     }
 
     /// Free space where the data are, bytes.

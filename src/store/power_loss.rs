@@ -9,11 +9,11 @@
 use super::*;
 use crate::acquisition::LedgerEntry;
 use crate::frame::{PixelFormat, RawFrame};
-use crate::session::{Mode, PlannedWell, RunPlan};
+use crate::session::{Mode, PlannedWell, RunOutcome, RunPlan};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Records the operations of this thread's store.
-pub(super) mod trace {
+pub(crate) mod trace {
     use std::cell::RefCell;
     use std::io;
     use std::path::PathBuf;
@@ -35,6 +35,10 @@ pub(super) mod trace {
         pub ops: Vec<Op>,
         /// The operation of this number is not done.
         pub fails: Option<usize>,
+        /// Nor is any that follows, until there is room.
+        pub stays_full: bool,
+        /// Looks on before each operation.
+        pub witness: Option<Box<dyn Fn()>>,
     }
 
     thread_local!(pub static TRACE: RefCell<Option<Trace>> = const { RefCell::new(None) });
@@ -42,8 +46,13 @@ pub(super) mod trace {
     pub fn step(op: Op) -> io::Result<()> {
         TRACE.with_borrow_mut(|trace| {
             let Some(trace) = trace else { return Ok(()) };
-            if trace.fails == Some(trace.ops.len()) {
-                trace.fails = None;
+            if let Some(witness) = &trace.witness {
+                witness();
+            }
+            // Room is made on a full disk as well.
+            let frees = trace.stays_full && matches!(op, Op::Cut(..) | Op::Remove(..));
+            if trace.fails.is_some_and(|at| trace.ops.len() >= at) && !frees {
+                trace.fails = trace.fails.filter(|_| trace.stays_full);
                 return Err(io::ErrorKind::StorageFull.into());
             }
             trace.ops.push(op);
@@ -52,7 +61,16 @@ pub(super) mod trace {
     }
 
     pub fn begin(fails: Option<usize>) {
-        TRACE.set(Some(Trace { ops: Vec::new(), fails }));
+        TRACE.set(Some(Trace { fails, ..Trace::default() }));
+    }
+
+    /// From the operation of this number on the disk is full, until [`make_room`]; `witness` looks on before each.
+    pub fn fill(at: usize, witness: impl Fn() + 'static) {
+        TRACE.set(Some(Trace { fails: Some(at), stays_full: true, witness: Some(Box::new(witness)), ..Trace::default() }));
+    }
+
+    pub fn make_room() {
+        TRACE.with_borrow_mut(|trace| trace.iter_mut().for_each(|trace| trace.fails = None));
     }
 
     pub fn end() -> Vec<Op> {

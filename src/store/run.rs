@@ -4,7 +4,7 @@ use super::{Software, StoreError, schema};
 use crate::config::Method;
 use crate::frame::RawFrame;
 use crate::hash::sha256_hex;
-use crate::session::{CalibrationStatus, Mode, RunOutcome, RunPlan, WellStatus};
+use crate::session::{CalibrationStatus, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -56,6 +56,14 @@ impl RunRecord {
     pub fn end(&mut self, outcome: RunOutcome) {
         self.ended = Some(jiff::Timestamp::now().to_string());
         self.outcome = Some(outcome);
+    }
+
+    /// Ends a run that nobody will go on with: it must not look as if somebody did.
+    pub fn end_interrupted(&mut self) {
+        for well in self.wells.iter_mut().filter(|w| w.outcome.is_none()) {
+            well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
+        }
+        self.end(RunOutcome::Interrupted);
     }
 
     /// Reads a `run.json`, of the folder that has the run's name.

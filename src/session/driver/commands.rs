@@ -6,39 +6,24 @@ use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
 use super::super::{FieldError, RunOutcome, RunPlan, State, gate, preflight};
 use super::Running;
 use crate::store::Budget;
+use tokio::sync::oneshot;
+
+/// A client that hung up before its answer is no reason to stop: what was decided stands.
+fn reply<T>(answer: oneshot::Sender<Result<T, Refusal>>, result: Result<T, Refusal>) {
+    let _hung_up = answer.send(result);
+}
 
 impl Running {
     pub(super) fn command(&mut self, command: Command) {
-        // A client that hung up before its answer is no reason to stop: what was decided stands.
         match command {
-            Command::PutRun { id, plan, answer } => {
-                let result = self.put_run(&id, plan);
-                let _hung_up = answer.send(result);
-            }
-            Command::Steer { id, towards, answer } => {
-                let result = self.steer(&id, towards);
-                let _hung_up = answer.send(result);
-            }
-            Command::EmergencyStop { answer } => {
-                let result = self.emergency_stopped();
-                let _hung_up = answer.send(result);
-            }
-            Command::Acknowledge { seq, answer } => {
-                let result = self.acknowledge(seq);
-                let _hung_up = answer.send(result);
-            }
-            Command::Loaded { run, well, loaded, answer } => {
-                let result = if loaded { self.loaded(run, well) } else { self.unloaded(run, well) };
-                let _hung_up = answer.send(result);
-            }
-            Command::Handoff { plate, answer } => {
-                let result = self.handoff(plate);
-                let _hung_up = answer.send(result);
-            }
-            Command::EndHandoff { end, answer } => {
-                let result = self.end_handoff(end);
-                let _hung_up = answer.send(result);
-            }
+            Command::PutRun { id, plan, answer } => reply(answer, self.put_run(&id, plan)),
+            Command::Steer { id, towards, answer } => reply(answer, self.steer(&id, towards)),
+            Command::EmergencyStop { answer } => reply(answer, self.emergency_stopped()),
+            Command::Acknowledge { seq, answer } => reply(answer, self.acknowledge(seq)),
+            Command::Loaded { run, well, loaded: true, answer } => reply(answer, self.loaded(run, well)),
+            Command::Loaded { run, well, loaded: false, answer } => reply(answer, self.unloaded(run, well)),
+            Command::Handoff { plate, answer } => reply(answer, self.handoff(plate)),
+            Command::EndHandoff { end, answer } => reply(answer, self.end_handoff(end)),
             Command::Preflight { plan, answer } => self.preflight(plan, answer),
         }
     }
@@ -103,7 +88,10 @@ impl Running {
             | (Towards::Stop, State::Stopping)
             | (Towards::Hold, State::Holding | State::Held)
             | (Towards::Unhold, State::Unholding | State::Execute | State::Suspending | State::Suspended | State::Unsuspending) => Ok(()),
-            (Towards::Abort, _) => self.abort(),
+            (Towards::Abort, _) => {
+                self.abort();
+                self.on_disk()
+            }
             (Towards::Stop, state) if STOPPABLE.contains(&state) => self.stop(),
             (Towards::Stop, _) => wrong(&STOPPABLE),
             (Towards::Hold, state) if HOLDABLE.contains(&state) => self.hold(),

@@ -6,7 +6,7 @@ use super::super::{search, worker::Instrument};
 use super::Running;
 use super::errands::Errand;
 use crate::device::DeviceError;
-use crate::store::{StoreError, calibrations};
+use crate::store::calibrations;
 
 impl Running {
     /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.
@@ -23,48 +23,43 @@ impl Running {
             return;
         }
         if self.camera.is_lost() {
-            let told = self.lose(Lost::Camera, DeviceError::ControlLost);
-            self.keep(told);
+            self.lose(Lost::Camera, DeviceError::ControlLost);
         }
         self.errand = self.instrument.take().map(|instrument| Errand::Search(search::begin(instrument)));
     }
 
-    pub(super) fn searched(&mut self, instrument: Instrument, found: search::Found) -> Result<(), StoreError> {
+    pub(super) fn searched(&mut self, instrument: Instrument, found: search::Found) {
         let identity = instrument.rig.rotation.identity().to_owned();
         self.instrument = Some(instrument);
         let was_lost = !self.lost.is_empty();
         match found.camera {
-            Ok(()) => self.regain(Lost::Camera, |s| s.hardware.camera.connected = true)?,
+            Ok(()) => self.regain(Lost::Camera, |s| s.hardware.camera.connected = true),
             Err(error) => tracing::debug!(%error, "the camera is not back yet"),
         }
         match found.rotation {
-            Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity))?,
-            Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error)?,
+            Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity)),
+            Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error),
             Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
         }
         // A run that was held by it may go on.
         if was_lost && self.lost.is_empty() {
             self.resume_by_itself();
         }
-        Ok(())
     }
 
     /// A loss at rest is a fault of its own, raised once.
-    fn lose(&mut self, device: Lost, error: DeviceError) -> Result<(), StoreError> {
-        if self.lost.contains(&device) {
-            return Ok(());
+    fn lose(&mut self, device: Lost, error: DeviceError) {
+        if !self.lost.contains(&device) {
+            self.raise(&error.into());
         }
-        let fault = self.raise(&error.into());
-        self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default())
     }
 
     /// What is back is a fault no more.
-    fn regain(&mut self, device: Lost, connected: impl FnOnce(&mut Status)) -> Result<(), StoreError> {
-        if !self.lost.contains(&device) {
-            return Ok(());
+    fn regain(&mut self, device: Lost, connected: impl FnOnce(&mut Status)) {
+        if self.lost.contains(&device) {
+            self.lost.retain(|lost| *lost != device);
+            self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
         }
-        self.lost.retain(|lost| *lost != device);
-        self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected)
     }
 
     /// The rig's newest calibration, from disk.

@@ -50,10 +50,7 @@ impl Running {
 
     pub(super) fn errand_done(&mut self, done: Done) {
         match done {
-            Done::Searched(instrument, found) => {
-                let told = self.searched(instrument, found);
-                self.keep(told);
-            }
+            Done::Searched(instrument, found) => self.searched(instrument, found),
             Done::Preflight(instrument, seen, plan, answer) => {
                 self.instrument = Some(instrument);
                 let status = self.publisher.status();

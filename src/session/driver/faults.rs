@@ -3,13 +3,13 @@
 use super::super::fault::{self, Lost, table};
 use super::super::state::{HOLDABLE, Trigger};
 use super::super::worker::RunError;
-use super::super::{Fault, Refusal, State, Status};
+use super::super::{Fault, Refusal, State, Status, kind};
 use super::{Asked, Running};
 use crate::store::StoreError;
 use serde_json::json;
 
 /// Category of what a disk did, which is over once the disk takes writes again.
-const STORAGE: &str = "storage";
+pub(super) const STORAGE: &str = "storage";
 
 /// Free space below which a disk that was full is not tried again, bytes: a few frames and their record.
 const ROOM_BYTES: u64 = 64 << 20;
@@ -29,6 +29,7 @@ impl Running {
         if works {
             self.ask(Asked::Halt);
         }
+        // What is raised is written behind what failed; a second failure adds nothing.
         if !std::mem::replace(&mut self.store_failed, true) {
             self.raise(&error.into());
         }
@@ -37,17 +38,15 @@ impl Running {
         }
     }
 
-    /// A fault of the run under way, journalled.
+    /// A fault of the run under way.
     pub(super) fn fault(&mut self, error: &RunError) {
-        let fault = self.raise(error);
         if matches!(error, RunError::Store(_)) {
             self.store_failed = true;
         }
-        let told = self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default());
-        self.keep(told);
+        self.raise(error);
     }
 
-    pub(super) fn raise(&mut self, error: &RunError) -> Fault {
+    pub(super) fn raise(&mut self, error: &RunError) {
         self.fault_seq += 1;
         let raised = fault::of(self.fault_seq, error);
         let lost = fault::lost_device(error);
@@ -63,23 +62,17 @@ impl Running {
             }
             s.faults.push(shown);
         });
-        raised
+        self.event(kind::FAULT_RAISED, None, serde_json::to_value(&raised).unwrap_or_default());
     }
 
     /// Takes out of the list what is over, in one revision with what shows that it is.
-    pub(super) fn fault_over(
-        &mut self,
-        is_over: impl Fn(&Fault) -> bool,
-        why: &str,
-        change: impl FnOnce(&mut Status),
-    ) -> Result<(), StoreError> {
+    pub(super) fn fault_over(&mut self, is_over: impl Fn(&Fault) -> bool, why: &str, change: impl FnOnce(&mut Status)) {
         let over: Vec<u64> = self.publisher.status().faults.iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
-        let told = self.event("fault.cleared", None, json!({ "seq": over, "why": why }));
+        self.event(kind::FAULT_CLEARED, None, json!({ "seq": over, "why": why }));
         self.publish(|s| {
             change(s);
             s.faults.retain(|f| !over.contains(&f.seq));
         });
-        told
     }
 
     /// A disk that failed is tried until it takes writes; what is not on it yet goes first.
@@ -88,20 +81,16 @@ impl Running {
         if !self.store_failed || works || self.store.free_bytes().is_some_and(|free| free < ROOM_BYTES) {
             return;
         }
-        let unsaved = self.unsaved.take();
-        let written = unsaved
-            .as_ref()
-            .map_or(Ok(()), |record| self.store.save_run(record))
+        let written = self
+            .flush()
             .and_then(|()| self.active.as_ref().map_or(Ok(()), |active| self.store.save_run(&active.record)))
-            .and_then(|()| self.event("store.regained", None, serde_json::Value::Null));
+            .and_then(|()| self.promise(kind::STORE_REGAINED, None, serde_json::Value::Null));
         if let Err(error) = written {
             tracing::warn!(%error, "the disk does not take writes yet");
-            self.unsaved = unsaved;
             return;
         }
         self.store_failed = false;
-        let told = self.fault_over(|fault| fault.category == STORAGE, "the disk takes writes again", |_| ());
-        self.keep(told);
+        self.fault_over(|fault| fault.category == STORAGE, "the disk takes writes again", |_| ());
         self.resume_by_itself();
     }
 
@@ -112,7 +101,7 @@ impl Running {
         }
         let status = self.publisher.status();
         match status.faults.iter().find(|f| f.operator_required) {
-            Some(f) if f.category == STORAGE => Err(Refusal::Store { why: f.message.clone(), full: false }),
+            Some(f) if f.category == STORAGE => self.disk_fault().map_or(Ok(()), Err),
             Some(f) => Err(Refusal::FaultStands { seq: f.seq, code: f.code.clone(), message: f.message.clone() }),
             None => Ok(()),
         }
@@ -124,7 +113,7 @@ impl Running {
             // Over already, by itself or by somebody's word.
             return if (1..=self.fault_seq).contains(&seq) { Ok(()) } else { Err(Refusal::UnknownFault { seq, newest: self.fault_seq }) };
         };
-        self.event("fault.acknowledged", None, json!({ "seq": seq, "code": fault.code }))?;
+        self.promise(kind::FAULT_ACKNOWLEDGED, None, json!({ "seq": seq, "code": fault.code }))?;
         // Somebody knows; but it goes with its cause.
         if !ends_by_itself(fault) {
             self.publish(|s| s.faults.retain(|f| f.seq != seq));
@@ -134,22 +123,29 @@ impl Running {
 
     /// The motors have been told already. What runs is aborted, and nothing runs again before somebody has acknowledged it.
     pub(super) fn emergency_stopped(&mut self) -> Result<(), Refusal> {
+        self.emergency_pressed();
+        self.on_disk()
+    }
+
+    /// Once for all who pressed it until now.
+    pub(super) fn emergency_pressed(&mut self) {
+        if !self.publisher.halt().take() {
+            return;
+        }
         let latched = self.publisher.status().faults.iter().any(|f| f.code == table::EMERGENCY_STOP.code);
-        let mut told = Ok(());
         if !latched {
             self.fault_seq += 1;
             let fault = Fault::new(self.fault_seq, &table::EMERGENCY_STOP, table::EMERGENCY_STOP.meaning.into());
             let shown = fault.clone();
             self.publish(|s| s.faults.push(shown));
-            told = self.event("fault.raised", None, serde_json::to_value(&fault).unwrap_or_default());
+            self.event(kind::FAULT_RAISED, None, serde_json::to_value(&fault).unwrap_or_default());
         }
         let state = self.publisher.status().state;
         if self.active.is_some() && state != State::Aborting {
-            self.abort()?;
+            self.abort();
         } else if self.active.is_none() && state != State::Aborted {
             self.go(Trigger::Abort);
             self.go(Trigger::MotorsStopped);
         }
-        Ok(told?)
     }
 }

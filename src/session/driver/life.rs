@@ -10,7 +10,7 @@
 use super::super::eta::UnderWay;
 use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd};
-use super::super::{CalibrationStatus, Plate, Refusal, RunOutcome, RunPlan, SpecimenOutcome, State, Status, gate};
+use super::super::{CalibrationStatus, Plate, Refusal, RunOutcome, RunPlan, SpecimenOutcome, State, Status, gate, kind};
 use super::active::{Active, Asked, Work};
 use super::publish::{left_in_capillary, run_status};
 use super::{Phase, Running};
@@ -35,7 +35,9 @@ impl Running {
             ..RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref())
         };
         let accepted = json!({"plate_barcode": record.plan.plate_barcode, "method": record.plan.method});
-        let journalled = self.store.save_run(&record).and_then(|()| self.journal.append("run.accepted", Some(id), None, accepted));
+        // What waits for the disk comes first.
+        self.flush()?;
+        let journalled = self.store.save_run(&record).and_then(|()| self.journal.append(kind::RUN_ACCEPTED, Some(id), None, accepted));
         match journalled {
             Ok(event) => self.publisher.announce(event),
             Err(e) => {
@@ -114,7 +116,7 @@ impl Running {
     }
 
     pub(super) fn hold(&mut self) -> Result<(), Refusal> {
-        self.event("run.hold_requested", None, Value::Null)?;
+        self.promise(kind::RUN_HOLD_REQUESTED, None, Value::Null)?;
         self.ask(Asked::Hold);
         self.go(Trigger::Hold);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
@@ -124,7 +126,7 @@ impl Running {
     }
 
     pub(super) fn stop(&mut self) -> Result<(), Refusal> {
-        self.event("run.stop_requested", None, Value::Null)?;
+        self.promise(kind::RUN_STOP_REQUESTED, None, Value::Null)?;
         self.ask(Asked::Stop);
         self.go(Trigger::Stop);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
@@ -133,14 +135,14 @@ impl Running {
         Ok(())
     }
 
-    pub(super) fn abort(&mut self) -> Result<(), Refusal> {
+    /// Whatever the disk says: it is told as soon as it can be.
+    pub(super) fn abort(&mut self) {
         self.ask(Asked::Abort);
         self.go(Trigger::Abort);
-        let journalled = self.event("run.abort_requested", None, Value::Null);
+        self.event(kind::RUN_ABORT_REQUESTED, None, Value::Null);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
             self.end_run();
         }
-        Ok(journalled?)
     }
 
     /// Lets a held run go on, once what held it is over.
@@ -150,9 +152,11 @@ impl Running {
         if self.instrument.is_none() {
             return Err(Refusal::Busy);
         }
-        self.store.save_run(&active.record)?;
-        let status = run_status(&active.record);
-        self.event("run.resumed", None, json!({ "by": by }))?;
+        let record = active.record.clone();
+        self.flush()?;
+        self.store.save_run(&record)?;
+        self.promise(kind::RUN_RESUMED, None, json!({ "by": by }))?;
+        let status = run_status(&record);
         self.go_with(Trigger::Unhold, |s| {
             s.run = Some(status);
             s.faults.retain(|f| f.operator_required);
@@ -166,7 +170,10 @@ impl Running {
         let Some(active) = &self.active else { return };
         if active.take_out.is_some() {
             self.go(Trigger::WaitForLoader);
-        } else if active.record.wells.iter().all(|w| w.outcome.is_some()) {
+        } else if self.instrument.is_none() {
+            // A device went away while the loader was waited for; who finds it again lets the run go on.
+            self.rest(true);
+        } else if active.eject_first.is_none() && active.record.wells.iter().all(|w| w.outcome.is_some()) {
             self.finish();
         } else {
             self.launch();
@@ -181,9 +188,12 @@ impl Running {
         if !may || self.publisher.status().state != State::Held {
             return;
         }
+        let before = active.resumed_by_itself;
         active.resumed_by_itself += 1;
         if let Err(refusal) = self.unhold(BY_ITSELF) {
             tracing::warn!(%refusal, "the run stays held");
+            // It has not gone on.
+            self.active.iter_mut().for_each(|active| active.resumed_by_itself = before);
         }
     }
 
@@ -197,7 +207,12 @@ impl Running {
         let at_once = matches!(asked, Asked::Abort | Asked::ShutDown);
         let over = at_once || asked == Asked::Stop && matches!(end, RunEnd::AllWells | RunEnd::Paused);
         match end {
-            _ if over => self.end_run(),
+            _ if over => {
+                if let RunEnd::Failed(error) = end {
+                    tracing::error!(%error, ?asked, "the run failed while it was being ended");
+                }
+                self.end_run();
+            }
             RunEnd::AllWells if asked != Asked::Halt => self.finish(),
             RunEnd::Failed(error) => {
                 self.fault(&error);
@@ -213,12 +228,7 @@ impl Running {
                 self.rest(true);
             }
             // Nobody asked the driver: the emergency stop has cancelled it, past the mailbox.
-            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled => {
-                let journalled = self.abort();
-                if let Err(refusal) = journalled {
-                    tracing::error!(%refusal, "the abort is not journalled");
-                }
-            }
+            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled => self.abort(),
         }
     }
 
@@ -229,6 +239,7 @@ impl Running {
         let wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
         let status = self.publisher.status();
         for well in wells {
+            let Some(active) = &mut self.active else { return };
             if policy == Interrupted::Skip
                 && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
             {
@@ -241,11 +252,12 @@ impl Running {
                 active.eject_first = Some(well.clone());
             }
             let data = json!({ "reason": reason, "policy": policy });
-            let told = self.journal.append("specimen.interrupted", Some(&active.record.id), Some(&well), data);
-            match told {
-                Ok(event) => self.publisher.announce(event),
-                Err(error) => return self.keep(Err(error)),
-            }
+            self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
+        }
+        // One whose well is done is still there where it could not be taken out.
+        let stuck = status.specimen.as_ref().filter(|s| s.in_capillary && !self.loaded_from_outside);
+        if let (Some(active), Some(stuck)) = (&mut self.active, stuck) {
+            active.eject_first.get_or_insert_with(|| stuck.well.clone());
         }
     }
 
@@ -271,11 +283,11 @@ impl Running {
         }
         let Some(active) = &mut self.active else { return };
         active.held_by_fault = by_fault;
-        let status = run_status(&active.record);
-        let saved = self.store.save_run(&active.record);
+        let record = active.record.clone();
+        let status = run_status(&record);
+        self.save(record);
         self.go_with(Trigger::Rested, |s| s.run = Some(status));
-        let told = self.event("run.held", None, json!({ "by": if by_fault { "fault" } else { "operator" } }));
-        self.keep(saved.and(told));
+        self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" } }));
     }
 
     /// All wells are done: the run ends once that is on disk, and is held until then.
@@ -285,7 +297,8 @@ impl Running {
         let mut record = active.record.clone();
         record.end(RunOutcome::of_wells(&record.wells));
         gate::keep(&self.config, &self.store.run_folder(&record.id));
-        let told = self.store.save_run(&record).and_then(|()| self.run_ended(&record));
+        let told = self.flush().and_then(|()| self.store.save_run(&record));
+        let told = told.and_then(|()| self.promise(kind::RUN_ENDED, None, ended(&record)));
         if told.is_err() {
             self.keep(told);
             return self.rest(true);
@@ -312,12 +325,9 @@ impl Running {
             _ => RunOutcome::Interrupted,
         });
         gate::keep(&self.config, &self.store.run_folder(&record.id));
-        let told = self.store.save_run(&record).and_then(|()| self.run_ended(&record));
+        self.save(record.clone());
+        self.event(kind::RUN_ENDED, None, ended(&record));
         self.active = None;
-        if told.is_err() {
-            self.keep(told);
-            self.unsaved = Some(record.clone());
-        }
         let change = over(&record, self.calibration());
         match asked {
             Asked::Abort => self.go_with(Trigger::MotorsStopped, change),
@@ -325,10 +335,6 @@ impl Running {
             // The daemon's own end follows when everything is joined.
             _ => self.publish(change),
         }
-    }
-
-    fn run_ended(&mut self, record: &RunRecord) -> Result<(), StoreError> {
-        self.event("run.ended", None, json!({ "outcome": record.outcome, "wells": run_status(record).wells }))
     }
 
     /// Takes up a run that an earlier life of the daemon left open.
@@ -350,8 +356,7 @@ impl Running {
         let left = left.map(|well| super::super::SpecimenStatus::new(well, Phase::Eject, true, asd));
         let (status, barcode) = (run_status(&active.record), active.record.plan.plate_barcode.clone());
         self.active = Some(active);
-        let told = self.event("run.interrupted", None, json!({ "found": "at start" }));
-        self.keep(told);
+        self.event(kind::RUN_INTERRUPTED, None, json!({ "found": "at start" }));
         self.go_with(Trigger::TakeUp, |s: &mut Status| {
             s.run = Some(status);
             s.specimen = left;
@@ -368,6 +373,11 @@ impl Running {
             None => self.resume_by_itself(),
         }
     }
+}
+
+/// What the journal says of a run's end.
+fn ended(record: &RunRecord) -> Value {
+    json!({ "outcome": record.outcome, "wells": run_status(record).wells })
 }
 
 /// The end of a run and all that follows from it, for one revision.

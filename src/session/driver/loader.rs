@@ -1,7 +1,7 @@
 //! The loader's word on specimens: one is in the capillary, or has been taken out.
 
 use super::super::state::Trigger;
-use super::super::{Phase, Refusal, State};
+use super::super::{Phase, Refusal, State, kind};
 use super::Running;
 use serde_json::Value;
 
@@ -20,7 +20,7 @@ impl Running {
             let current = status.specimen.as_ref().is_some_and(|s| s.well == well && s.in_capillary);
             return if current { Ok(()) } else { Err(Refusal::UnexpectedWell { run, well }) };
         }
-        self.event("well.loaded", Some(&well), Value::Null)?;
+        self.promise(kind::WELL_LOADED, Some(&well), Value::Null)?;
         if let Some(active) = &mut self.active {
             active.waiting_for = None;
         }
@@ -58,8 +58,11 @@ impl Running {
             Some(_) if works && !self.shows_phase(Phase::Eject) => return Err(Refusal::UnexpectedWell { run, well }),
             Some(_) => {}
         }
-        self.event("well.unloaded", Some(&well), Value::Null)?;
-        let waited = self.active.as_mut().is_some_and(|a| a.take_out.take_if(|x| *x == well).is_some());
+        self.promise(kind::WELL_UNLOADED, Some(&well), Value::Null)?;
+        let waited = self.active.as_mut().is_some_and(|a| {
+            a.eject_first.take_if(|x| *x == well);
+            a.take_out.take_if(|x| *x == well).is_some()
+        });
         let at_rest = self.active.is_none();
         let change = |s: &mut super::Status| match &mut s.specimen {
             Some(specimen) if !at_rest => specimen.in_capillary = false,

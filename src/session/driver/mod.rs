@@ -21,6 +21,9 @@ mod progress;
 mod publish;
 mod recall;
 mod start;
+#[cfg(test)]
+mod tests;
+mod unwritten;
 
 use super::eta::{self, Pace};
 use super::fault::Lost;
@@ -29,19 +32,20 @@ use super::heart::{self, Heart};
 use super::plate::{Handoff, HandoffEnd};
 use super::state::Trigger;
 use super::worker::Instrument;
-use super::{Mode, Phase, Plate, State, Status, search};
+use super::{Event, Fault, Mode, Phase, Plate, State, Status, kind, search};
 use crate::cancel::CancelToken;
 use crate::config::Config;
 use crate::device::Link;
 use crate::device::sampler::LoaderGate;
-use crate::store::{Journal, RunRecord, Store, StoreError};
+use crate::store::{Journal, Store, StoreError};
 use active::{Active, Asked, Word, word_of};
 use errands::Errand;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::future::Future;
 use std::sync::Arc;
 use std::time::Instant;
 use tokio::sync::mpsc;
+use unwritten::Unwritten;
 
 /// What the driver is made of; `run` consumes it.
 pub struct Driver {
@@ -81,8 +85,8 @@ struct Running {
     fault_seq: u64,
     /// A write failed: what is shown is not all on disk.
     store_failed: bool,
-    /// An ended run whose end is not on disk yet.
-    unsaved: Option<RunRecord>,
+    /// What is not on disk yet, oldest first.
+    unwritten: VecDeque<Unwritten>,
     /// Devices that do not answer any more; nothing runs without them.
     lost: Vec<Lost>,
     /// Whether the camera is there, wherever the instrument is now.
@@ -94,6 +98,8 @@ struct Running {
     handed_over: Option<HandoffEnd>,
     /// The plate that was handed over, where the loader hands plates over.
     plate_inside: Option<String>,
+    /// Faults of an earlier life that wait for somebody, until the first word has told them.
+    standing: Vec<Fault>,
     /// What each method took so far.
     paces: BTreeMap<String, Pace>,
     booted: Instant,
@@ -129,7 +135,7 @@ impl Driver {
 
     /// Serves commands until `shutdown`; then the motors are stopped, the record is closed and everything is joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
-        let heart = self.heart.clone();
+        let (heart, halt) = (self.heart.clone(), self.publisher.halt().clone());
         let mut d = Running::new(self);
         d.first_words();
         tokio::pin!(shutdown);
@@ -138,16 +144,15 @@ impl Driver {
         loop {
             if d.stopping && d.active.is_none() && d.errand.is_none() {
                 d.go(Trigger::Joined);
-                return Ok(d.event("daemon.stopped", None, serde_json::Value::Null)?);
+                return Ok(d.last_word()?);
             }
             tokio::select! {
                 biased;
                 () = &mut shutdown, if !d.stopping => d.shut_down(),
+                // Not only by the mailbox: who pressed it may have hung up before its word was in.
+                () = halt.pressed(), if !d.stopping => d.emergency_pressed(),
                 word = word_of(&mut d.active) => match word {
-                    Word::Progress(progress) => {
-                        let stored = d.progress(progress);
-                        d.keep(stored);
-                    }
+                    Word::Progress(progress) => d.progress(progress),
                     Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?),
                 },
                 done = errands::ended(&mut d.errand) => d.errand_done(done.map_err(|_| DriverError::WorkerPanicked)?),
@@ -155,8 +160,9 @@ impl Driver {
                     heart.beat();
                     d.calibration_ages();
                     if !d.stopping {
-                        d.look();
+                        // First, since a look has the instrument for a moment, and a run that goes on needs it.
                         d.try_the_store();
+                        d.look();
                     }
                 }
                 _ = look.tick(), if d.active.is_some() => d.show_camera(),
@@ -177,14 +183,18 @@ impl Running {
     fn new(driver: Driver) -> Self {
         let Driver { config, mode, store, journal, publisher, instrument, gate, heart: _ } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
-        let tail = publisher.tail();
-        let events = || tail.iter().map(AsRef::as_ref);
+        // The journal's tail alone would forget a plate within some dozen wells: most of it are views.
+        let remembered = store.remembered().unwrap_or_else(|error| {
+            tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
+            publisher.tail().iter().map(|event| Event::clone(event)).collect()
+        });
         Self {
             fault_seq: journal.last_fault(),
             loaded_from_outside: instrument.sampler.waits_for_loader(),
             camera: instrument.rig.camera.link(),
-            plate_inside: recall::plate_inside(events()),
-            paces: eta::learned(events()),
+            plate_inside: recall::plate_inside(remembered.iter()),
+            paces: eta::learned(&remembered),
+            standing: recall::standing_faults(remembered.iter()),
             instrument: Some(instrument),
             config,
             mode,
@@ -194,7 +204,7 @@ impl Running {
             gate,
             active: None,
             store_failed: false,
-            unsaved: None,
+            unwritten: VecDeque::new(),
             lost: Vec::new(),
             errand: None,
             handoff: None,

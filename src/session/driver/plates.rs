@@ -4,7 +4,7 @@ use super::super::FieldError;
 use super::super::plan::is_plain_name;
 use super::super::plate::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
 use super::super::state::STARTABLE;
-use super::super::{Plate, Refusal, Status};
+use super::super::{Plate, Refusal, Status, kind};
 use super::Running;
 use serde_json::json;
 
@@ -24,7 +24,7 @@ impl Running {
             return Err(Refusal::WrongState { state: status.state, accepted_in: STARTABLE.to_vec() });
         }
         if self.handoff.as_ref() != Some(&plate) {
-            self.event("plate.announced", None, json!({ "intent": plate.intent, "barcode": plate.barcode }))?;
+            self.promise(kind::PLATE_ANNOUNCED, None, json!({ "intent": plate.intent, "barcode": plate.barcode }))?;
             self.handoff = Some(plate.clone());
             self.handed_over = None;
         }
@@ -53,11 +53,11 @@ impl Running {
             return Err(Refusal::PlateNeeded { needs });
         }
         let kind = match (end, plate.intent) {
-            (HandoffEnd::Aborted, _) => "plate.handoff_aborted",
-            (HandoffEnd::Completed, HandoffIntent::Load) => "plate.loaded",
-            (HandoffEnd::Completed, HandoffIntent::Unload) => "plate.unloaded",
+            (HandoffEnd::Aborted, _) => kind::PLATE_HANDOFF_ABORTED,
+            (HandoffEnd::Completed, HandoffIntent::Load) => kind::PLATE_LOADED,
+            (HandoffEnd::Completed, HandoffIntent::Unload) => kind::PLATE_UNLOADED,
         };
-        self.event(kind, None, json!({ "barcode": plate.barcode }))?;
+        self.promise(kind, None, json!({ "barcode": plate.barcode }))?;
         self.handoff = None;
         self.handed_over = Some(end);
         if moved {

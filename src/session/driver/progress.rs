@@ -3,10 +3,9 @@
 use super::super::eta::UnderWay;
 use super::super::state::Trigger;
 use super::super::worker::{Progress, WellTimes};
-use super::super::{Phase, SpecimenOutcome, SpecimenStatus, State, WellStatus, gate};
+use super::super::{Phase, SpecimenOutcome, SpecimenStatus, State, WellStatus, gate, kind};
 use super::Running;
 use super::publish::run_status;
-use crate::store::StoreError;
 use serde_json::json;
 
 /// Widest wedge, deg, that no view of a turn may leave open before the live hull says something of the specimen's size: what one
@@ -23,7 +22,7 @@ fn bounds(seen_deg: &[f64]) -> bool {
 }
 
 impl Running {
-    pub(super) fn progress(&mut self, progress: Progress) -> Result<(), StoreError> {
+    pub(super) fn progress(&mut self, progress: Progress) {
         match progress {
             Progress::Ready => self.ready(),
             Progress::WaitingForLoader { well } => self.waits_for_loader(&well),
@@ -31,7 +30,7 @@ impl Running {
             Progress::Detected { well, found, live } => {
                 self.publisher.set_live(|l| *l = live);
                 self.publish(|_| ());
-                self.event("specimen.detected", Some(&well), serde_json::to_value(found).unwrap_or_default())
+                self.event(kind::SPECIMEN_DETECTED, Some(&well), serde_json::to_value(found).unwrap_or_default());
             }
             Progress::TriedAgain { well, attempt, why } => {
                 let views_planned = self.active.as_mut().map_or(0, |active| {
@@ -39,7 +38,7 @@ impl Running {
                     active.record.method.asd
                 });
                 self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, true, views_planned)));
-                self.event("specimen.tried_again", Some(&well), json!({"attempt": attempt, "why": why}))
+                self.event(kind::SPECIMEN_TRIED_AGAIN, Some(&well), json!({"attempt": attempt, "why": why}));
             }
             Progress::View { well, index, closure, achieved_steps, volume_um3, light, live } => {
                 self.publisher.set_live(|l| *l = live);
@@ -59,7 +58,7 @@ impl Running {
                     }
                 });
                 let data = json!({"index": index, "closure": closure, "achieved_steps": achieved_steps, "volume_um3": volume_um3});
-                self.event("view.taken", Some(&well), data)
+                self.event(kind::VIEW_TAKEN, Some(&well), data);
             }
             Progress::Model { well, glb } => {
                 // Once the next specimen is looked at, the page shows that one.
@@ -68,7 +67,6 @@ impl Running {
                     self.publisher.set_live(|l| l.mesh_glb = Some(glb));
                     self.publish(|_| ());
                 }
-                Ok(())
             }
             Progress::Hardware { rotation, translation, counters, second } => {
                 let disk_free_bytes = self.store.free_bytes();
@@ -81,23 +79,22 @@ impl Running {
                         camera.count(&counters);
                     }
                 });
-                Ok(())
             }
-            Progress::WellDone { result, seconds, times, in_capillary } => self.well_done(result, seconds, &times, in_capillary),
+            Progress::WellDone { result, seconds, times } => self.well_done(result, seconds, &times),
         }
     }
 
-    fn ready(&mut self) -> Result<(), StoreError> {
+    fn ready(&mut self) {
         if matches!(self.publisher.status().state, State::Starting | State::Unholding) {
             self.go_with(Trigger::Ready, |s| {
                 s.hardware.camera.connected = true;
                 s.hardware.rotation.connected = true;
             });
         }
-        self.event("run.started", None, serde_json::Value::Null)
+        self.event(kind::RUN_STARTED, None, serde_json::Value::Null);
     }
 
-    fn waits_for_loader(&mut self, well: &str) -> Result<(), StoreError> {
+    fn waits_for_loader(&mut self, well: &str) {
         if let Some(active) = &mut self.active {
             active.waiting_for = Some(well.to_owned());
         }
@@ -106,12 +103,12 @@ impl Running {
         } else {
             self.publish(|_| ());
         }
-        self.event("well.awaited", Some(well), serde_json::Value::Null)
+        self.event(kind::WELL_AWAITED, Some(well), serde_json::Value::Null);
     }
 
-    fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) -> Result<(), StoreError> {
+    fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) {
         let now_s = self.now_s();
-        let Some(active) = &mut self.active else { return Ok(()) };
+        let Some(active) = &mut self.active else { return };
         let planned = active.record.wells.iter().any(|w| w.well == well && w.outcome.is_none());
         // What is taken out before the first well, of an earlier attempt, is no specimen under way.
         let taken_out = matches!(phase, Phase::Eject | Phase::Wash);
@@ -131,13 +128,13 @@ impl Running {
             }
             _ => s.specimen = Some(SpecimenStatus::new(well, phase, in_capillary, views_planned)),
         });
-        self.event("specimen.phase", Some(well), json!({ "phase": phase, "in_capillary": in_capillary }))
+        self.event(kind::SPECIMEN_PHASE, Some(well), json!({ "phase": phase, "in_capillary": in_capillary }));
     }
 
     /// All of a well is on disk; the next may be under way.
-    fn well_done(&mut self, mut result: WellStatus, seconds: f64, times: &WellTimes, in_capillary: bool) -> Result<(), StoreError> {
+    fn well_done(&mut self, mut result: WellStatus, seconds: f64, times: &WellTimes) {
         let now_s = self.now_s();
-        let Some(active) = &mut self.active else { return Ok(()) };
+        let Some(active) = &mut self.active else { return };
         gate::flag(&mut result, active.lacks_gate);
         if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
             slot.clone_from(&result);
@@ -146,28 +143,29 @@ impl Running {
         if let (Some(clock), true) = (active.under_way.remove(&result.well), result.outcome != Some(SpecimenOutcome::Failed)) {
             self.paces.entry(active.record.plan.method.clone()).or_default().learn(clock, now_s, seconds);
         }
-        self.store.save_run(&active.record)?;
-        let status = run_status(&active.record);
+        let record = active.record.clone();
+        let status = run_status(&record);
         // One revision: counters and phase change together, so that no reader sees a gap between two wells.
         let views_planned = active.record.method.asd;
+        let loaded_from_outside = self.loaded_from_outside;
         let next = active.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.clone());
+        self.save(record);
         self.publish(|s| {
             s.run = Some(status);
+            // Its last phase has said whether it is out. A loader takes it out before it brings the next; where that is a sampler's
+            // work, one that is still there could not be taken out.
+            let stuck = |x: &SpecimenStatus| x.in_capillary && !loaded_from_outside;
             match next {
                 // The next one is brought already while the numbers of this one were made.
-                _ if s.specimen.as_ref().is_some_and(|x| x.well != result.well) => {}
+                _ if s.specimen.as_ref().is_some_and(|x| x.well != result.well || stuck(x)) => {}
                 Some(next) => s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, false, views_planned)),
-                None => {
-                    if let Some(specimen) = &mut s.specimen {
-                        specimen.in_capillary = in_capillary;
-                    }
-                }
+                None => {}
             }
         });
         let mut data = serde_json::to_value(&result).unwrap_or_default();
         data["times"] = serde_json::to_value(times).unwrap_or_default();
         data["seconds"] = seconds.into();
-        self.event("specimen.done", Some(&result.well), data)
+        self.event(kind::SPECIMEN_DONE, Some(&result.well), data);
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::state::{self, Trigger};
 use super::super::{Pending, RunStatus, SpecimenStatus, Status, WellCounts, sentence};
 use super::{Asked, Running};
-use crate::store::{RunRecord, StoreError};
+use crate::store::RunRecord;
 
 impl Running {
     /// Follows the state table; every state on the way is published as a revision of its own.
@@ -13,12 +13,12 @@ impl Running {
 
     /// As `go`, with a change that comes with the first state and in the same revision.
     pub(super) fn go_with(&self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
-        let mut change = Some(change);
         let from = self.publisher.status().state;
         let Some(path) = state::next(from, trigger) else {
             tracing::error!(?from, ?trigger, "no such transition");
-            return;
+            return self.publish(change);
         };
+        let mut change = Some(change);
         for &to in path {
             let change = change.take();
             self.publish(|s| {
@@ -90,13 +90,6 @@ impl Running {
         lost.or_else(|| stands.map(|f| format!("fault {} ({}) stands: {}", f.seq, f.code, f.message)))
             .or_else(|| self.active.as_ref().map(|_| "a run is under way".into()))
             .or_else(|| left.map(|x| format!("the specimen of well {} is still in the capillary", x.well)))
-    }
-
-    pub(super) fn event(&mut self, kind: &str, well: Option<&str>, data: serde_json::Value) -> Result<(), StoreError> {
-        let run = self.active.as_ref().map(|a| a.record.id.clone());
-        let event = self.journal.append(kind, run.as_deref(), well, data)?;
-        self.publisher.announce(event);
-        Ok(())
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the newest events of the journal still mean after a start: faults that wait for somebody, the plate inside, and how far
 //! an open run had come. Pure.
 
-use super::super::{Event, Fault, Phase};
+use super::super::{Event, Fault, Phase, kind};
 use super::Asked;
 use super::faults::ends_by_itself;
 use super::life::BY_ITSELF;
@@ -25,18 +25,18 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
     let mut memory = RunMemory::default();
     for event in events.filter(|e| e.run.as_deref() == Some(run)) {
         match (event.kind.as_str(), &event.well) {
-            ("run.hold_requested", _) => memory.held_by_operator = true,
-            ("run.resumed", _) => {
+            (kind::RUN_HOLD_REQUESTED, _) => memory.held_by_operator = true,
+            (kind::RUN_RESUMED, _) => {
                 memory.held_by_operator = false;
                 memory.resumed_by_itself = if event.data["by"] == BY_ITSELF { memory.resumed_by_itself + 1 } else { 0 };
             }
-            ("run.stop_requested", _) => memory.asked = memory.asked.max(Some(Asked::Stop)),
-            ("run.abort_requested", _) => memory.asked = memory.asked.max(Some(Asked::Abort)),
-            ("well.loaded", Some(well)) => memory.in_capillary = Some(well.clone()),
-            ("well.unloaded", Some(well)) => {
+            (kind::RUN_STOP_REQUESTED, _) => memory.asked = memory.asked.max(Some(Asked::Stop)),
+            (kind::RUN_ABORT_REQUESTED, _) => memory.asked = memory.asked.max(Some(Asked::Abort)),
+            (kind::WELL_LOADED, Some(well)) => memory.in_capillary = Some(well.clone()),
+            (kind::WELL_UNLOADED, Some(well)) => {
                 memory.in_capillary.take_if(|inside| inside == well);
             }
-            ("specimen.phase", Some(well)) => {
+            (kind::SPECIMEN_PHASE, Some(well)) => {
                 // An attempt that is taken out before a run goes on is none that is under way.
                 let taken_out = [Phase::Eject, Phase::Wash].iter().any(|out| event.data["phase"] == out.name());
                 if !taken_out && !memory.begun.contains(well) {
@@ -44,8 +44,8 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                 }
                 memory.in_capillary = (event.data["in_capillary"] == true).then(|| well.clone());
             }
-            (end @ ("specimen.done" | "specimen.interrupted"), Some(well)) => {
-                if end == "specimen.done" {
+            (end @ (kind::SPECIMEN_DONE | kind::SPECIMEN_INTERRUPTED), Some(well)) => {
+                if end == kind::SPECIMEN_DONE {
                     memory.resumed_by_itself = 0;
                 }
                 memory.begun.retain(|begun| begun != well);
@@ -61,9 +61,11 @@ pub(super) fn standing_faults<'a>(events: impl Iterator<Item = &'a Event>) -> Ve
     let mut standing: Vec<Fault> = Vec::new();
     for event in events {
         match event.kind.as_str() {
-            "fault.raised" => standing.extend(serde_json::from_value::<Fault>(event.data.clone())),
-            "fault.acknowledged" => standing.retain(|f| event.data["seq"] != f.seq),
-            "fault.cleared" => standing.retain(|f| !event.data["seq"].as_array().is_some_and(|over| over.iter().any(|seq| *seq == f.seq))),
+            kind::FAULT_RAISED => standing.extend(serde_json::from_value::<Fault>(event.data.clone())),
+            kind::FAULT_ACKNOWLEDGED => standing.retain(|f| event.data["seq"] != f.seq),
+            kind::FAULT_CLEARED => {
+                standing.retain(|f| !event.data["seq"].as_array().is_some_and(|over| over.iter().any(|seq| *seq == f.seq)))
+            }
             _ => {}
         }
     }
@@ -76,8 +78,8 @@ pub(super) fn plate_inside<'a>(events: impl Iterator<Item = &'a Event>) -> Optio
     let mut inside = None;
     for event in events {
         match event.kind.as_str() {
-            "plate.loaded" => inside = event.data["barcode"].as_str().map(str::to_owned),
-            "plate.unloaded" => inside = None,
+            kind::PLATE_LOADED => inside = event.data["barcode"].as_str().map(str::to_owned),
+            kind::PLATE_UNLOADED => inside = None,
             _ => {}
         }
     }

@@ -1,7 +1,7 @@
 //! A start: the devices' first word, and what an earlier life of the daemon left.
 
 use super::super::status::{CameraStatus, TranslationStatus};
-use super::{Running, recall};
+use super::{Event, Running, kind, recall};
 
 impl Running {
     /// Puts the first word into the status. A disk that takes nothing is a fault, not the end of the daemon.
@@ -11,9 +11,7 @@ impl Running {
         let has_translation = self.config.translation.is_some();
         let disk_free_bytes = self.store.free_bytes();
         let calibration = self.calibration();
-        let tail = self.publisher.tail();
-        let events = || tail.iter().map(AsRef::as_ref);
-        let standing = recall::standing_faults(events());
+        let standing = std::mem::take(&mut self.standing);
         let inside = self.plate_inside.clone();
         let open = self.open_runs();
         self.publish(|s| {
@@ -32,11 +30,14 @@ impl Running {
             s.plate.barcode = inside;
         });
         let started = serde_json::json!({"version": env!("CARGO_PKG_VERSION"), "mode": self.mode});
-        let told = self.event("daemon.started", None, started);
-        self.keep(told);
+        self.event(kind::DAEMON_STARTED, None, started);
         self.starting = false;
         if let Some(record) = open {
-            let memory = recall::run(events(), &record.id);
+            let events = self.store.events_of(&record.id).unwrap_or_else(|error| {
+                tracing::error!(%error, run = record.id, "what happened in the run cannot be read");
+                self.publisher.tail().iter().map(|event| Event::clone(event)).collect()
+            });
+            let memory = recall::run(events.iter(), &record.id);
             self.take_up(record, memory);
         } else {
             self.publish(|_| ());
@@ -53,13 +54,11 @@ impl Running {
             }
         };
         let newest = open.pop_if(|run| run.mode == self.mode);
-        for run in &mut open {
-            let told = self.store.close_interrupted(run).and_then(|()| {
-                let event = self.journal.append("run.interrupted", Some(&run.id), None, serde_json::json!({"found": "at start"}))?;
-                self.publisher.announce(event);
-                Ok(())
-            });
-            self.keep(told);
+        for mut run in open {
+            run.end_interrupted();
+            let id = run.id.clone();
+            self.save(run);
+            self.event_of(Some(&id), kind::RUN_INTERRUPTED, None, serde_json::json!({"found": "at start"}));
         }
         newest
     }

@@ -88,8 +88,6 @@ pub enum Progress {
         /// How long the well had the rig.
         seconds: f64,
         times: WellTimes,
-        /// Where the loader takes specimens out, only the loader knows when.
-        in_capillary: bool,
     },
     Hardware {
         rotation: RotationStatus,
@@ -166,12 +164,24 @@ pub fn run(instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd)
     }
     // What was accepted before is measured and kept, however the run ends.
     let settled = context.settle(&mut numbers);
-    let end = match ended.and_then(|flow| settled.map(|()| flow)) {
+    let ended = match (ended, settled) {
+        (Ok(flow), settled) => settled.map(|()| flow),
+        (Err(first), settled) => {
+            if let Err(error) = settled {
+                tracing::error!(%error, "the numbers of the specimen before are not all on disk either");
+            }
+            Err(first)
+        }
+    };
+    let end = match ended {
         Ok(ControlFlow::Continue(())) => RunEnd::AllWells,
         Ok(ControlFlow::Break(())) if !context.cancel.is_cancelled() => RunEnd::Paused,
         // A stop that was asked for shows as a device error on its way out; it is no fault.
         Ok(ControlFlow::Break(())) => RunEnd::Cancelled,
-        Err(_) if context.cancel.is_cancelled() => RunEnd::Cancelled,
+        Err(error) if context.cancel.is_cancelled() => {
+            tracing::warn!(%error, "the last word of a run that was cancelled");
+            RunEnd::Cancelled
+        }
         Err(e) => RunEnd::Failed(e),
     };
     (worker.disarmed(), end)

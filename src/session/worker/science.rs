@@ -7,7 +7,7 @@ use crate::acquisition::SinkClosed;
 use crate::cancel::CancelToken;
 use crate::pipeline::{Pipeline, TurnVerdict};
 use crate::session::{Phase, PlannedWell, SpecimenOutcome, WellStatus};
-use crate::store::RecordingWriter;
+use crate::store::{RecordingWriter, StoreError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
@@ -18,6 +18,9 @@ use std::time::{Duration, Instant};
 const WORDS: usize = 8;
 /// How often a wait looks whether the run was cancelled.
 const CANCEL_CHECK: Duration = Duration::from_millis(20);
+/// Longest that a record may take to be closed whose numbers nobody wants: the step that is under way, and the views that are handed on.
+/// The daemon's own end waits for it.
+const CLOSING: Duration = Duration::from_secs(60);
 
 /// A specimen thread as the rig thread has it.
 pub struct Science {
@@ -31,7 +34,6 @@ pub struct Science {
     unwanted: Arc<AtomicBool>,
     told: Arc<AtomicBool>,
     enough: Arc<AtomicBool>,
-    stays: bool,
 }
 
 /// Why there is no verdict.
@@ -43,7 +45,7 @@ pub enum NoVerdict {
 }
 
 impl Science {
-    pub fn start(context: &Arc<RunContext>, planned: &PlannedWell, pipeline: Pipeline, writer: RecordingWriter, stays: bool) -> Self {
+    pub fn start(context: &Arc<RunContext>, planned: &PlannedWell, pipeline: Pipeline, writer: RecordingWriter) -> Self {
         // Room for every view: the axis never waits for the science.
         let (work, handed) = sync_channel(2 * context.method.asd as usize + WORDS);
         let (verdict, verdicts) = channel();
@@ -60,13 +62,12 @@ impl Science {
             told: Arc::clone(&told),
             estimates: Vec::new(),
             enough: Arc::clone(&enough),
-            stays,
         };
         let thread = std::thread::spawn(move || {
             let _living = living;
             specimen.run(&handed, &verdict)
         });
-        Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, told, enough, stays }
+        Self { context: Arc::clone(context), planned: planned.clone(), work, verdicts, alive, thread, unwanted, told, enough }
     }
 
     /// # Errors
@@ -98,10 +99,21 @@ impl Science {
         }
     }
 
-    /// Wants no number any more, lets the thread store what it was handed and close its record, and gives its end.
+    /// Wants no number any more, lets the thread store what it was handed and close its record, and gives its end. A thread that a
+    /// hanging disk keeps is left to itself.
     pub fn close(self) -> Result<Ended, RunError> {
+        self.close_within(CLOSING)
+    }
+
+    fn close_within(self, allowed: Duration) -> Result<Ended, RunError> {
         self.unwanted.store(true, Ordering::Release);
         drop(self.work);
+        if self.alive.recv_timeout(allowed) == Err(RecvTimeoutError::Timeout) {
+            // Whatever it comes to in the end, nobody hears of it.
+            self.told.store(true, Ordering::Release);
+            let path = self.context.folder.join(&self.planned.well);
+            return Err(StoreError::Unclosed { path, waited_s: allowed.as_secs_f64() }.into());
+        }
         self.thread.join().map_err(|_| RunError::SpecimenThread)?
     }
 
@@ -115,12 +127,53 @@ impl Science {
             let mut result = WellStatus::pending(&self.planned);
             result.end(SpecimenOutcome::Failed, Some(&overrun.to_string()));
             let seconds = began.elapsed().as_secs_f64();
-            self.context.tell(Progress::WellDone { result, seconds, times: WellTimes::default(), in_capillary: self.stays });
+            self.context.tell(Progress::WellDone { result, seconds, times: WellTimes::default() });
             return Ok(());
         }
         match self.thread.join().map_err(|_| RunError::SpecimenThread)?? {
             Ended::Told => Ok(()),
             Ended::Failed(_) | Ended::Dropped => Err(RunError::SpecimenThread),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::session::Mode;
+    use std::path::Path;
+
+    #[test]
+    fn a_record_that_a_hanging_disk_keeps_open_is_not_waited_for_for_ever() {
+        let config = Config::parse(include_str!("../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
+        let context = RunContext {
+            mode: Mode::Simulated,
+            run: "r1".into(),
+            wells: Vec::new(),
+            eject_first: None,
+            method_name: "standard".into(),
+            method: config.methods["standard"].clone(),
+            config: Arc::new(config),
+            folder: "/data/runs/r1".into(),
+            cancel: CancelToken::new(),
+            pause: CancelToken::new(),
+            progress: tokio::sync::mpsc::channel(1).0,
+        };
+        let ((work, _handed), (_verdict, verdicts), (living, alive)) = (sync_channel(1), channel(), channel());
+        let (hang, hung) = channel::<()>();
+        let [unwanted, told, enough] = std::array::from_fn(|_| Arc::new(AtomicBool::new(false)));
+        let thread = std::thread::spawn(move || {
+            let _living = living;
+            let _until_the_test_ends = hung.recv();
+            Ok(Ended::Dropped)
+        });
+        let planned = serde_json::from_str(r#"{"well": "A01"}"#).unwrap();
+        let science =
+            Science { context: Arc::new(context), planned, work, verdicts, alive, thread, unwanted, told: Arc::clone(&told), enough };
+        let error = science.close_within(Duration::from_millis(10)).err().unwrap();
+        assert!(matches!(&error, RunError::Store(StoreError::Unclosed { path, .. }) if path.ends_with("r1/A01")), "{error}");
+        assert!(told.load(Ordering::Acquire), "its thread may still tell the well's result");
+        drop(hang);
     }
 }

@@ -70,8 +70,6 @@ pub struct Specimen {
     pub estimates: Vec<Estimate>,
     /// The rule has ended it: the rig thread goes to the closure view.
     pub enough: Arc<AtomicBool>,
-    /// Only the loader knows when the specimen is out.
-    pub stays: bool,
 }
 
 /// Why no verdict is asked for any more.
@@ -192,7 +190,7 @@ impl Specimen {
 
     /// Measures, waits until the specimen is out, closes the record and tells the result.
     fn measured(self, work: &Receiver<Work>) -> Result<Ended, RunError> {
-        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, stays, .. } = self;
+        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, .. } = self;
         let began = Instant::now();
         let mut result = WellStatus::pending(&planned);
         let numbers = match stages.surface.time(|| pipeline.finish()) {
@@ -215,7 +213,7 @@ impl Specimen {
         timed?;
         closed?;
         if !told.swap(true, Ordering::AcqRel) {
-            context.tell(Progress::WellDone { result, seconds, times, in_capillary: stays });
+            context.tell(Progress::WellDone { result, seconds, times });
         }
         Ok(Ended::Told)
     }

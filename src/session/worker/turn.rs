@@ -14,7 +14,7 @@ use crate::acquisition::{self, AcquisitionError, LedgerEntry, Next, RevolutionPl
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, TurnVerdict};
 use crate::session::{Instrument, Phase, PlannedWell};
-use crate::store::RecordingWriter;
+use crate::store::{RecordingWriter, StoreError};
 use std::time::{Duration, Instant};
 
 /// How an attempt at a specimen ended.
@@ -48,7 +48,7 @@ impl Worker {
             }
         };
         writer.add_references(&self.context.config.references)?;
-        let science = Science::start(&self.context, planned, pipeline, writer, self.instrument.sampler.waits_for_loader());
+        let science = Science::start(&self.context, planned, pipeline, writer);
         match self.verdict(planned, &plan, &science, times, last) {
             Ok(None) => {
                 self.context.phase(&planned.well, Phase::Measure, true);
@@ -67,6 +67,10 @@ impl Worker {
             Err(RunError::Overrun(e)) if e.phase == Phase::Reconstruct => Err(e.into()),
             Err(e) => {
                 let closed = science.close();
+                // Its thread may still write: no other attempt at the well may come beside it.
+                if let Err(hangs @ RunError::Store(StoreError::Unclosed { .. })) = closed {
+                    return Err(hangs);
+                }
                 if self.context.cancel.is_cancelled() {
                     return Ok(Attempt::Cancelled);
                 }

@@ -78,8 +78,7 @@ impl Worker {
         };
         self.take_out(planned, somebody, &mut times)?;
         self.context.hardware(&mut self.instrument);
-        let in_capillary = somebody && self.instrument.sampler.waits_for_loader();
-        self.context.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), times, in_capillary });
+        self.context.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), times });
         Ok(ControlFlow::Continue(()))
     }
 

@@ -10,7 +10,7 @@
 //!   readers (`reader`), each with a connection of its own
 //! ```
 //! It is an index: a write to it that fails is told in the log and stops nothing. From then on it is *behind*, says so
-//! ([`Index::trouble`]), and every further write tries to bring it up to the folders first.
+//! ([`Index::trouble`]), and further writes try to bring it up to the folders first, each [`AGAIN`] at most.
 
 mod query;
 mod refresh;
@@ -28,12 +28,15 @@ use crate::session::Event;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 const FILE: &str = "index.sqlite";
 
 /// How long another program (`carved prune`) may hold the index before it is told to be behind.
 const BUSY: Duration = Duration::from_millis(500);
+
+/// How often it is tried to bring up an index that is behind: all run folders are looked at for it, and a run waits.
+const AGAIN: Duration = Duration::from_secs(60);
 
 /// The writing end; one per daemon.
 pub struct Index {
@@ -45,6 +48,8 @@ struct State {
     connection: Option<Connection>,
     /// Why what is on disk is not all in it, if so.
     behind: Option<String>,
+    /// When it is brought up the next time; the first try comes at once.
+    again: Instant,
 }
 
 impl Index {
@@ -74,7 +79,7 @@ impl Index {
                 (None, refresh::look(root)?, Some(error.to_string()))
             }
         };
-        Ok((Self { root: root.to_owned(), state: Mutex::new(State { connection, behind }) }, found))
+        Ok((Self { root: root.to_owned(), state: Mutex::new(State { connection, behind, again: Instant::now() }) }, found))
     }
 
     /// Why it does not hold all that is on disk, where it does not.
@@ -87,6 +92,13 @@ impl Index {
         let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let connection = state.connection.as_ref().filter(|_| state.behind.is_none())?;
         connection.query_row("SELECT COALESCE(MAX(seq), 0) FROM faults", [], |row| row.get(0)).ok()
+    }
+
+    /// What of the journal a start has to know, its newest `most` events among it; nothing where the index cannot say.
+    pub fn remembered(&self, most: usize) -> Option<Vec<Event>> {
+        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        let connection = state.connection.as_ref().filter(|_| state.behind.is_none())?;
+        query::remembered(connection, most).inspect_err(|error| tracing::warn!(%error, "the index remembers nothing")).ok()
     }
 
     /// An event that is on disk; the journal is so long with it.
@@ -105,9 +117,12 @@ impl Index {
 
     fn follow(&self, work: impl FnOnce(&Transaction, &Path) -> rusqlite::Result<()>) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
-        let State { connection, behind } = &mut *state;
+        let State { connection, behind, again } = &mut *state;
         let Some(connection) = connection else { return };
         let was_behind = behind.is_some();
+        if was_behind && Instant::now() < *again {
+            return;
+        }
         let done = in_one(connection, |tx| {
             // What is to be written is on disk already, so that the refresh has it too.
             if was_behind { refresh::all(tx, &self.root).map(|_| ()) } else { work(tx, &self.root) }
@@ -118,7 +133,10 @@ impl Index {
                 *behind = None;
             }
             Ok(()) => {}
-            Err(error) if was_behind => tracing::debug!(%error, "the index is still behind"),
+            Err(error) if was_behind => {
+                tracing::debug!(%error, "the index is still behind");
+                *again = Instant::now() + AGAIN;
+            }
             Err(error) => {
                 tracing::error!(%error, "the index is behind; runs go on, and the next write or start brings it up again");
                 *behind = Some(error.to_string());

@@ -1,7 +1,7 @@
 //! What is asked of the index. Every question has a connection of its own, which cannot write.
 
 use super::{BUSY, FILE, failed};
-use crate::session::{Event, WellCounts, WellStatus};
+use crate::session::{Event, WellCounts, WellStatus, kind};
 use crate::store::StoreError;
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, params};
 use serde::{Deserialize, Serialize};
@@ -125,20 +125,37 @@ pub fn events_after(root: &Path, id: u64, most: usize) -> Result<EventsAfter, St
             return Ok(EventsAfter::Unknown);
         }
         let mut select = c.prepare("SELECT id, time, kind, run, well, data FROM events WHERE id > ? ORDER BY id LIMIT ?")?;
-        let found = select.query_map(params![id, most], |row| {
-            let data: String = row.get(5)?;
-            let data = serde_json::from_str(&data).unwrap_or_default();
-            Ok(Event { id: row.get(0)?, time: row.get(1)?, kind: row.get(2)?, run: row.get(3)?, well: row.get(4)?, data })
-        })?;
-        let events: Vec<Event> = found.collect::<Result<_, _>>()?;
+        let events: Vec<Event> = select.query_map(params![id, most], event_row)?.collect::<Result<_, _>>()?;
         let whole = events.iter().zip(id + 1..).all(|(event, expected)| event.id == expected);
         Ok(if whole { EventsAfter::Events(events) } else { EventsAfter::Unknown })
     })
 }
 
 pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
-    let known = "SELECT EXISTS (SELECT 1 FROM events WHERE run = ? AND kind = 'run.accepted')";
-    ask(root, |c| c.query_row(known, [run], |row| row.get(0)))
+    let known = "SELECT EXISTS (SELECT 1 FROM events WHERE run = ? AND kind = ?)";
+    ask(root, |c| c.query_row(known, [run, kind::RUN_ACCEPTED], |row| row.get(0)))
+}
+
+fn event_row(row: &Row) -> rusqlite::Result<Event> {
+    let data: String = row.get(5)?;
+    let data = serde_json::from_str(&data).unwrap_or_default();
+    Ok(Event { id: row.get(0)?, time: row.get(1)?, kind: row.get(2)?, run: row.get(3)?, well: row.get(4)?, data })
+}
+
+/// The newest `most` events without the views, and those of before that still mean something: faults that nothing has ended, the newest
+/// word on a plate, and which methods the runs among them have.
+pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Event>> {
+    let mut select = c.prepare(
+        "WITH newest AS (SELECT id, run FROM events WHERE kind <> ?2 ORDER BY id DESC LIMIT ?1)
+         SELECT id, time, kind, run, well, data FROM events
+         WHERE id IN (SELECT id FROM newest)
+            OR id IN (SELECT event FROM faults WHERE cleared IS NULL AND acknowledged IS NULL)
+            OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4))
+            OR kind = ?5 AND run IN (SELECT run FROM newest WHERE run IS NOT NULL)
+         ORDER BY id",
+    )?;
+    let kinds = params![most, kind::VIEW_TAKEN, kind::PLATE_LOADED, kind::PLATE_UNLOADED, kind::RUN_ACCEPTED];
+    select.query_map(kinds, event_row)?.collect()
 }
 
 pub fn used_bytes(root: &Path) -> Result<u64, StoreError> {

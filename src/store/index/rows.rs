@@ -1,7 +1,7 @@
 //! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
 
 use crate::hash::sha256_hex;
-use crate::session::{Event, WellStatus};
+use crate::session::{Event, WellStatus, kind};
 use crate::store::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
@@ -160,7 +160,7 @@ pub(super) fn put_event(c: &Connection, event: &Event, journal_bytes: u64) -> ru
     // One number, or a list of them.
     let seqs = || d["seq"].as_array().map_or_else(|| vec![d["seq"].as_u64()], |all| all.iter().map(Value::as_u64).collect());
     match event.kind.as_str() {
-        "fault.raised" => {
+        kind::FAULT_RAISED => {
             if let Some(seq) = d["seq"].as_u64() {
                 c.prepare_cached("INSERT OR REPLACE INTO faults VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, NULL)")?.execute(params![
                     seq,
@@ -174,7 +174,7 @@ pub(super) fn put_event(c: &Connection, event: &Event, journal_bytes: u64) -> ru
                 ])?;
             }
         }
-        "fault.cleared" | "fault.acknowledged" => {
+        kind::FAULT_CLEARED | kind::FAULT_ACKNOWLEDGED => {
             let column = &event.kind["fault.".len()..];
             for seq in seqs().into_iter().flatten() {
                 c.execute(&format!("UPDATE faults SET {column} = ? WHERE seq = ?"), params![event.time, seq])?;

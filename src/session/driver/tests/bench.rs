@@ -1,0 +1,209 @@
+//! A driver whose devices do nothing. Its worker ends at once, since the camera does not arm; that end is withheld, and the test tells
+//! what a worker would have told.
+
+use super::super::*;
+use crate::device::sampler::{Expected, Loaded, Sampler};
+use crate::device::{
+    Achieved, Camera, Capabilities, DeviceError, Grabbed, Link as CameraLink, Position, Rig, RotationAxis, StopHandle, StreamCounters,
+};
+use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
+use crate::session::worker::{Progress, RunEnd, WellTimes};
+use crate::session::{Event, RunPlan, SpecimenOutcome, channel};
+use crate::store::EventsAfter;
+use crate::units::Steps;
+use std::path::Path;
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+struct Idle;
+
+impl RotationAxis for Idle {
+    fn identity(&self) -> &'static str {
+        "idle axis"
+    }
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
+    }
+    fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        Ok(Achieved { steps: Steps(0), epoch: 1 })
+    }
+    fn move_to(&mut self, steps: Steps) -> Result<Achieved, DeviceError> {
+        Ok(Achieved { steps, epoch: 1 })
+    }
+    fn position(&self) -> Position {
+        Position::Unknown
+    }
+    fn stop_handle(&self) -> StopHandle {
+        StopHandle::new(|| ())
+    }
+}
+
+impl Camera for Idle {
+    fn identity(&self) -> &'static str {
+        "idle camera"
+    }
+    fn arm(&mut self) -> Result<(), DeviceError> {
+        Err(DeviceError::NotArmed)
+    }
+    fn grab(&mut self, _deadline: Duration) -> Result<Grabbed, DeviceError> {
+        Err(DeviceError::NotArmed)
+    }
+    fn link(&self) -> CameraLink {
+        CameraLink::new(|| false)
+    }
+    fn reopen(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn counters(&self) -> StreamCounters {
+        StreamCounters::default()
+    }
+    fn disarm(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+/// Of a loader, or driven.
+struct Arm {
+    waits: bool,
+}
+
+impl Sampler for Arm {
+    fn waits_for_loader(&self) -> bool {
+        self.waits
+    }
+    fn load(
+        &mut self,
+        _axis: &mut dyn RotationAxis,
+        _expected: Expected<'_>,
+        _cancel: &CancelToken,
+    ) -> Result<Option<Loaded>, DeviceError> {
+        Ok(None)
+    }
+    fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+pub const RUN: &str = "r1";
+
+pub struct Bench {
+    pub d: Running,
+    pub handle: SessionHandle,
+    _mailbox: mpsc::Receiver<Command>,
+    /// The well whose specimen is in the capillary, whatever anybody says.
+    pub inside: Option<String>,
+}
+
+/// A folder whose files need no real disk.
+pub fn scratch() -> tempfile::TempDir {
+    tempfile::tempdir_in("/dev/shm").or_else(|_| tempfile::tempdir()).unwrap()
+}
+
+pub fn plan(wells: &[&str]) -> RunPlan {
+    let wells: Vec<_> = wells.iter().map(|well| serde_json::json!({ "well": well })).collect();
+    serde_json::from_value(serde_json::json!({"plate_barcode": "P-1", "method": "standard", "operator": "kim", "plate_map": wells}))
+        .unwrap()
+}
+
+/// A driver that has said its first words in this folder.
+pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
+    let mut config = Config::parse(include_str!("../../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
+    config.store.data_dir = root.to_owned();
+    let (store, journal, events) = Store::open(root).unwrap();
+    let (handle, mailbox, publisher) = channel(Driver::first_status(Mode::Simulated, "boot".into()), events);
+    let instrument = Instrument {
+        rig: Rig { rotation: Box::new(Idle), camera: Box::new(Idle) },
+        second: None,
+        sampler: Box::new(Arm { waits: loaded_from_outside }),
+    };
+    let mut d = Running::new(Driver {
+        config: Arc::new(config),
+        mode: Mode::Simulated,
+        store,
+        journal,
+        publisher,
+        instrument,
+        gate: LoaderGate::default(),
+        heart: Heart::default(),
+    });
+    d.first_words();
+    Bench { d, handle, _mailbox: mailbox, inside: None }
+}
+
+impl Bench {
+    pub fn status(&self) -> Status {
+        self.handle.status()
+    }
+
+    fn ask<T>(&mut self, make: impl FnOnce(oneshot::Sender<Result<T, Refusal>>) -> Command) -> Result<T, Refusal> {
+        let (answer, mut answered) = oneshot::channel();
+        self.d.command(make(answer));
+        answered.try_recv().unwrap()
+    }
+
+    pub fn put_run(&mut self, plan: &RunPlan) -> Result<Accepted, Refusal> {
+        self.ask(|answer| Command::PutRun { id: RUN.into(), plan: plan.clone(), answer })
+    }
+
+    pub fn steer(&mut self, towards: Towards) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Steer { id: RUN.into(), towards, answer })
+    }
+
+    pub fn loaded(&mut self, well: &str, loaded: bool) -> Result<(), Refusal> {
+        self.ask(|answer| Command::Loaded { run: RUN.into(), well: well.into(), loaded, answer })
+    }
+
+    pub fn works(&self) -> bool {
+        self.d.active.as_ref().is_some_and(|a| a.work.is_some())
+    }
+
+    /// Tells the driver what a worker tells; false where the run is cancelled by then.
+    pub fn tell(&mut self, progress: Progress) -> bool {
+        self.d.progress(progress);
+        self.d.active.as_ref().and_then(|a| a.work.as_ref()).is_some_and(|work| !work.cancel.is_cancelled())
+    }
+
+    pub fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) -> bool {
+        self.inside = in_capillary.then(|| well.to_owned());
+        self.tell(Progress::Phase { well: well.into(), phase, in_capillary })
+    }
+
+    /// The numbers of a well are on disk.
+    pub fn done(&mut self, well: &str) -> bool {
+        let record = &self.d.active.as_ref().unwrap().record;
+        let mut result = record.wells.iter().find(|w| w.well == well).unwrap().clone();
+        result.end(SpecimenOutcome::Succeeded, None);
+        self.tell(Progress::WellDone { result, seconds: 1.0, times: WellTimes::default() })
+    }
+
+    /// The worker hands the instrument back and ends so.
+    pub async fn ends(&mut self, end: RunEnd) {
+        let work = self.d.active.as_mut().unwrap().work.as_mut().unwrap();
+        let (instrument, _not_armed) = (&mut work.worker).await.unwrap();
+        self.d.worker_ended((instrument, end));
+    }
+}
+
+/// The events of a folder, as its journal has them; a line that is just being written is none.
+pub fn journalled(root: &Path) -> Vec<Event> {
+    let text = std::fs::read_to_string(root.join("events.jsonl")).unwrap();
+    let whole = text.rfind('\n').map_or("", |end| &text[..end]);
+    whole.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// The same, as the index has them.
+pub fn indexed(bench: &Bench) -> Vec<Event> {
+    match bench.d.store.reader().events_after(0, 100_000).unwrap() {
+        EventsAfter::Events(events) => events,
+        EventsAfter::Unknown => panic!("the index has a gap"),
+    }
+}
+
+pub fn count(events: &[Event], kind: &str) -> usize {
+    events.iter().filter(|e| e.kind == kind).count()
+}
+
+/// Runs a test that waits for a worker, on the thread whose disk is watched.
+pub fn on_this_thread(test: impl Future<Output = ()>) {
+    tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap().block_on(test);
+}

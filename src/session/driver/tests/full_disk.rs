@@ -1,0 +1,182 @@
+//! A disk that is full from its k-th operation on, for every k of a short run, until somebody makes room.
+//!
+//! ```text
+//! run of two wells ── operation k: full ──► halted ──► held ──► room ──► store.regained ──► goes on ──► Complete
+//!                                             └─ aborted, still full ──► room, or the daemon's end ──► on disk all the same
+//! ```
+
+use super::bench::{Bench, RUN, bench, count, indexed, journalled, on_this_thread, plan, scratch};
+use crate::session::handle::{SessionHandle, Towards};
+use crate::session::worker::{Progress, RunEnd};
+use crate::session::{Phase, RunOutcome, State, Status};
+use crate::store::disk_trace;
+use std::path::Path;
+
+const WELLS: [&str; 2] = ["A01", "A02"];
+
+/// Nobody is told that all is done before all of it is on disk.
+fn is_true(root: &Path, status: &Status) {
+    if status.state == State::Complete || status.plate.removable {
+        let kinds: Vec<String> = journalled(root).into_iter().map(|e| e.kind).collect();
+        assert!(kinds.iter().any(|kind| kind == "run.ended"), "{:?}, removable: {}: {kinds:?}", status.state, status.plate.removable);
+        let run = std::fs::read(root.join("runs").join(RUN).join("run.json")).unwrap();
+        let run: serde_json::Value = serde_json::from_slice(&run).unwrap();
+        assert!(!run["outcome"].is_null(), "{:?}, removable: {}: {run}", status.state, status.plate.removable);
+    }
+}
+
+fn witness(root: &Path, handle: &SessionHandle) -> impl Fn() + 'static {
+    let (root, handle) = (root.to_owned(), handle.clone());
+    move || is_true(&root, &handle.status())
+}
+
+/// What a worker tells of the wells that are left; false where it is cancelled by then.
+fn work(b: &mut Bench) -> bool {
+    if !b.tell(Progress::Ready) {
+        return false;
+    }
+    if let Some(well) = b.inside.clone()
+        && !(b.phase(&well, Phase::Eject, true) && b.phase(&well, Phase::Wash, false))
+    {
+        return false;
+    }
+    let record = b.d.active.as_ref().unwrap().record.clone();
+    let mut before = None;
+    for well in record.wells.iter().filter(|w| w.outcome.is_none()).map(|w| w.well.as_str()) {
+        let measured = b.phase(well, Phase::Load, false)
+            && b.phase(well, Phase::Position, true)
+            // Its numbers were made beside.
+            && before.replace(well).is_none_or(|before| b.done(before))
+            && b.phase(well, Phase::Eject, true)
+            && b.phase(well, Phase::Wash, false);
+        if !measured {
+            return false;
+        }
+    }
+    before.is_none_or(|last| b.done(last))
+}
+
+/// Held with a specimen in the capillary, the driver knows that it is there, and has it taken out before anything else.
+fn is_remembered(b: &Bench, when: &str) {
+    let active = b.d.active.as_ref().unwrap();
+    let shown = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
+    assert_eq!(shown, b.inside, "{when}: shown");
+    assert_eq!(active.eject_first, b.inside, "{when}: taken out first");
+    assert!(!b.status().plate.removable, "{when}");
+}
+
+/// Journal, the run's own file, index and `run.json` say the same, each thing once.
+fn is_whole(b: &Bench, root: &Path, outcome: RunOutcome, when: &str) {
+    let events = journalled(root);
+    let kinds: Vec<&str> = events.iter().map(|e| e.kind.as_str()).collect();
+    assert!(events.iter().map(|e| e.id).eq(1..=events.len() as u64), "{when}");
+    assert_eq!(indexed(b), events, "{when}");
+    let of_run: Vec<_> = events.iter().filter(|e| e.run.as_deref() == Some(RUN)).cloned().collect();
+    assert_eq!(journalled(&root.join("runs").join(RUN)), of_run, "{when}");
+    for once in ["run.accepted", "run.ended"] {
+        assert_eq!(count(&events, once), 1, "{when}: {once}: {kinds:?}");
+    }
+    let seqs = |kind: &str| -> Vec<u64> {
+        let of = events.iter().filter(|e| e.kind == kind);
+        of.flat_map(|e| e.data["seq"].as_array().cloned().unwrap_or_else(|| vec![e.data["seq"].clone()]))
+            .map(|s| s.as_u64().unwrap())
+            .collect()
+    };
+    assert_eq!(seqs("fault.raised"), seqs("fault.cleared"), "{when}: {kinds:?}");
+    let run = b.d.store.run(RUN).unwrap().unwrap();
+    assert_eq!((run.outcome, b.status().run.unwrap().outcome), (Some(outcome), Some(outcome)), "{when}");
+    for well in &run.wells {
+        let done = events.iter().filter(|e| e.kind == "specimen.done" && e.well.as_ref() == Some(&well.well)).count();
+        assert_eq!(done, usize::from(well.outcome == Some(crate::session::SpecimenOutcome::Succeeded)), "{when}: {kinds:?}");
+    }
+    assert!(b.d.unwritten.is_empty() && b.status().faults.is_empty(), "{when}: {:?}", b.status().faults);
+}
+
+/// Accepts the run, with room made where it was refused; false where the disk took all of it.
+fn accepted(b: &mut Bench, when: &str) -> bool {
+    let Err(refusal) = b.put_run(&plan(&WELLS)) else { return false };
+    assert!(format!("{refusal:?}").contains("full: true"), "{when}: {refusal:?}");
+    disk_trace::make_room();
+    assert_eq!(b.put_run(&plan(&WELLS)), Ok(crate::session::Accepted::Created), "{when}");
+    true
+}
+
+#[test]
+fn a_run_outlasts_a_disk_that_is_full_from_any_operation_on() {
+    for at in 0.. {
+        let (dir, when) = (scratch(), format!("full from operation {at} on"));
+        let mut was_full = false;
+        on_this_thread(async {
+            let mut b = bench(dir.path(), false);
+            disk_trace::fill(at, witness(dir.path(), &b.handle));
+            was_full = accepted(&mut b, &when);
+            while b.d.active.is_some() {
+                let end = if work(&mut b) { RunEnd::AllWells } else { RunEnd::Cancelled };
+                b.ends(end).await;
+                if b.d.active.is_none() {
+                    break;
+                }
+                was_full = true;
+                assert_eq!(b.status().state, State::Held, "{when}");
+                is_remembered(&b, &when);
+                let refused = b.steer(Towards::Unhold).unwrap_err();
+                assert!(format!("{refused:?}").contains("full: true"), "{when}: {refused:?}");
+                disk_trace::make_room();
+                b.d.try_the_store();
+            }
+            disk_trace::end();
+            assert_eq!(b.status().state, State::Complete, "{when}");
+            assert!(b.status().plate.removable, "{when}");
+            is_whole(&b, dir.path(), RunOutcome::Succeeded, &when);
+        });
+        if !was_full {
+            assert!(at > 80, "the disk was asked only {at} times");
+            return;
+        }
+    }
+}
+
+/// An end that was asked for is not forgotten, and no start takes the run up again.
+#[test]
+fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends() {
+    for at in (0..).step_by(3) {
+        let mut was_full = false;
+        for daemon_ends in [false, true] {
+            let (dir, when) = (scratch(), format!("full from operation {at} on, the daemon ends: {daemon_ends}"));
+            on_this_thread(async {
+                let mut b = bench(dir.path(), false);
+                disk_trace::fill(at, witness(dir.path(), &b.handle));
+                was_full = accepted(&mut b, &when);
+                if !work(&mut b) {
+                    was_full = true;
+                    let answer = b.steer(Towards::Abort);
+                    assert!(format!("{answer:?}").contains("full: true"), "{when}: {answer:?}");
+                    b.ends(RunEnd::Cancelled).await;
+                    assert_eq!((b.status().state, b.status().plate.removable), (State::Aborted, false), "{when}");
+                    disk_trace::make_room();
+                    if !daemon_ends {
+                        b.d.try_the_store();
+                        is_whole(&b, dir.path(), RunOutcome::Aborted, &when);
+                    }
+                    b.d.shut_down();
+                    b.d.last_word().unwrap();
+                    disk_trace::end();
+                    drop(b);
+                    let b = bench(dir.path(), false);
+                    assert!(b.d.active.is_none(), "{when}: the aborted run is taken up again");
+                    assert_eq!(b.d.store.run(RUN).unwrap().unwrap().outcome, Some(RunOutcome::Aborted), "{when}");
+                    assert_eq!(indexed(&b), journalled(dir.path()), "{when}");
+                    for once in ["run.abort_requested", "run.ended"] {
+                        assert_eq!(count(&journalled(dir.path()), once), 1, "{when}: {once}");
+                    }
+                } else {
+                    b.ends(RunEnd::AllWells).await;
+                    disk_trace::end();
+                }
+            });
+        }
+        if !was_full {
+            return;
+        }
+    }
+}

@@ -1,0 +1,150 @@
+//! Turns of a run's life that no rig brings about when it is wanted.
+
+use super::super::*;
+use super::bench::{RUN, bench, count, journalled, on_this_thread, plan, scratch};
+use crate::device::DeviceError;
+use crate::session::fault::table;
+use crate::session::handle::{Accepted, Refusal, Towards};
+use crate::session::plate::HandoffIntent;
+use crate::session::search::Found;
+use crate::session::worker::{Progress, RunEnd, RunError};
+
+fn gone() -> DeviceError {
+    DeviceError::Gone { device: "rotation axis", why: "the cable".into() }
+}
+
+fn sampler_failed() -> RunError {
+    RunError::Device(DeviceError::Sampler { well: "A01".into(), why: "it is stuck".into() })
+}
+
+/// Accepted, it is not taken out: its numbers come all the same, and the next well must not be brought on top of it.
+#[test]
+fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
+    for wells in [&["A01"][..], &["A01", "A02"]] {
+        on_this_thread(async {
+            let dir = scratch();
+            let mut b = bench(dir.path(), false);
+            assert_eq!(b.put_run(&plan(wells)), Ok(Accepted::Created));
+            b.tell(Progress::Ready);
+            for (phase, inside) in [(Phase::Load, false), (Phase::Measure, true), (Phase::Eject, true)] {
+                b.phase("A01", phase, inside);
+            }
+            b.done("A01");
+            b.ends(RunEnd::Failed(sampler_failed())).await;
+            let status = b.status();
+            assert!(status.specimen.is_some_and(|s| s.well == "A01" && s.in_capillary), "{wells:?}");
+            assert!(!status.plate.removable && status.state == State::Held, "{:?}", status.state);
+            let active = b.d.active.as_ref().unwrap();
+            assert_eq!(active.eject_first.as_deref(), Some("A01"));
+            // It is taken out before the run ends, too.
+            let seq = status.faults[0].seq;
+            b.d.acknowledge(seq).unwrap();
+            b.d.unhold("operator").unwrap();
+            assert!(b.works(), "the run has ended with a specimen in the capillary");
+        });
+    }
+}
+
+/// The loader says that it has taken a specimen out while the axis is away: nobody can run the next well now, and somebody must later.
+#[test]
+fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01", "A02"])).unwrap();
+        b.tell(Progress::Ready);
+        b.tell(Progress::WaitingForLoader { well: "A01".into() });
+        b.loaded("A01", true).unwrap();
+        b.phase("A01", Phase::Position, true);
+        b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
+        let mut instrument = b.d.instrument.take().unwrap();
+        b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+        assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
+        instrument = b.d.instrument.take().unwrap();
+        b.d.searched(instrument, Found { rotation: Err(gone()), camera: Ok(()) });
+        instrument = b.d.instrument.take().unwrap();
+        b.loaded("A01", false).unwrap();
+        assert_eq!((b.status().state, b.works()), (State::Held, false));
+        b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+        assert!(b.works(), "{:?}", b.status().state);
+    });
+}
+
+#[test]
+fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        // Whoever pressed it hung up before its word was in the mailbox.
+        b.d.publisher.halt().stop();
+        b.put_run(&plan(&["A01"])).unwrap();
+        assert!(!b.tell(Progress::Ready), "a worker that was launched under the stop is not cancelled");
+        b.d.publisher.halt().pressed().await;
+        b.d.emergency_pressed();
+        b.ends(RunEnd::Cancelled).await;
+        let status = b.status();
+        assert_eq!((status.state, status.faults[0].code.as_str()), (State::Aborted, table::EMERGENCY_STOP.code));
+        assert_eq!(b.d.emergency_stopped(), Ok(()), "the word in the mailbox comes after all");
+        assert_eq!(count(&journalled(dir.path()), "fault.raised"), 1);
+        let seq = status.faults[0].seq;
+        b.d.acknowledge(seq).unwrap();
+        assert!(b.d.emergency_stopped().is_ok() && b.status().faults.is_empty(), "it was seen to");
+    });
+}
+
+/// Most of a journal are views: of what a start must know nothing may be looked for in its newest lines alone.
+#[test]
+fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+        b.d.end_handoff(HandoffEnd::Completed).unwrap();
+        b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
+        b.tell(Progress::Ready);
+        b.tell(Progress::WaitingForLoader { well: "A01".into() });
+        b.loaded("A01", true).unwrap();
+        b.phase("A01", Phase::Load, false);
+        b.phase("A01", Phase::Measure, true);
+        b.done("A01");
+        b.phase("A02", Phase::Position, true);
+        b.d.raise(&RunError::SpecimenThread);
+        b.steer(Towards::Hold).unwrap();
+        for view in 0..2100 {
+            b.d.event(kind::VIEW_TAKEN, Some("A02"), serde_json::json!({ "index": view }));
+        }
+        drop(b);
+        let b = bench(dir.path(), true);
+        let status = b.status();
+        assert_eq!((status.plate.present, b.d.plate_inside.as_deref()), (true, Some("P-1")));
+        assert_eq!(status.faults.iter().map(|f| f.code.as_str()).collect::<Vec<_>>(), [table::INTERNAL_ERROR.code]);
+        let active = b.d.active.as_ref().unwrap();
+        assert!(!active.held_by_fault && active.take_out.as_deref() == Some("A02"), "{:?}", active.take_out);
+        assert!(status.run.unwrap().eta_s.is_some(), "what A01 took is forgotten");
+    });
+}
+
+#[test]
+fn what_comes_with_a_step_that_the_table_lacks_is_told_all_the_same() {
+    on_this_thread(async {
+        let dir = scratch();
+        let b = bench(dir.path(), false);
+        b.d.go_with(Trigger::Recorded, |s| s.plate.barcode = Some("P-7".into()));
+        assert_eq!((b.status().state, b.status().plate.barcode.as_deref()), (State::Idle, Some("P-7")));
+    });
+}
+
+#[test]
+fn a_full_disk_is_told_from_one_that_fails() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        for (kind, full) in [(std::io::ErrorKind::StorageFull, true), (std::io::ErrorKind::PermissionDenied, false)] {
+            b.d.store_failed = false;
+            b.d.publish(|s| s.faults.clear());
+            b.d.keep(Err(StoreError::Io { what: "write", path: "/data".into(), source: kind.into() }));
+            let refused = b.put_run(&plan(&["A01"])).unwrap_err();
+            assert!(matches!(refused, Refusal::Store { full: found, .. } if found == full), "{RUN}: {refused:?}");
+        }
+    });
+}
