@@ -1,6 +1,7 @@
 //! Has cargo look again for the operator's page, which may be built before or after the daemon.
 
 use std::path::Path;
+use std::time::SystemTime;
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -11,4 +12,19 @@ fn main() {
     if let Some(watched) = [built, sources].into_iter().find(|path| path.exists()) {
         println!("cargo::rerun-if-changed={}", watched.display());
     }
+    // A page of another day than its sources would be served without a word.
+    if built.exists() {
+        println!("cargo::rerun-if-changed=web/src");
+        if newest(&sources.join("src")) > newest(built) {
+            println!(
+                "cargo::warning=web/dist is older than web/src: the page of an earlier day goes into the program; `make web` builds it"
+            );
+        }
+    }
+}
+
+/// When the newest file of a folder was written; nothing of one that cannot be read.
+fn newest(folder: &Path) -> Option<SystemTime> {
+    let files = std::fs::read_dir(folder).ok()?.flatten();
+    files.filter_map(|file| file.metadata().ok()?.modified().ok()).max()
 }

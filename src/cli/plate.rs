@@ -38,7 +38,7 @@ pub fn print(file: &Path, mistakes: &[Mistake]) {
     for mistake in mistakes {
         eprintln!("{}: {mistake}", file.display());
     }
-    eprintln!("{} mistake(s); nothing was started", mistakes.len());
+    eprintln!("{} mistake(s)", mistakes.len());
 }
 
 pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
@@ -57,6 +57,6 @@ pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
     for note in &map.notes {
         println!("{}: {note}", args.file.display());
     }
-    println!("{}: sound, {} wells", args.file.display(), map.plate_map.len());
+    println!("{}: sound, {} well(s)", args.file.display(), map.plate_map.len());
     Ok(ExitCode::SUCCESS)
 }

@@ -67,7 +67,7 @@ fn a_plate_map_becomes_a_run_and_the_same_again_starts_nothing() {
         let output = start(&url(&rig), &map, &["--method", "standard", "--id", "r1"]);
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
         let said = text(&output.stdout);
-        assert!(said.contains("line 2: A1 is read as A01") && said.contains("run r1 of 2 wells"), "{said}");
+        assert!(said.contains("line 2: A1 is read as A01") && said.contains("run r1 of 2 well(s)"), "{said}");
     }
     assert_eq!(*rig.commands.lock().unwrap(), ["put r1", "put r1"]);
     let named = start(&url(&rig), &map, &["--method", "standard"]);
@@ -150,9 +150,9 @@ fn a_watcher_tells_each_well_and_fault_and_ends_as_the_run_does() {
         let said = text(&output.stdout);
         assert_eq!(output.status.code(), Some(code), "{said} {}", text(&output.stderr));
         assert_eq!(said.matches("A01  larva of 3 dpf: skipped, empty\n").count(), 1, "{said}");
-        assert_eq!(said.matches("A02  larva of 3 dpf: succeeded, 250.00 nl ± 1.00 nl\n").count(), 1, "{said}");
+        assert_eq!(said.matches("A02  larva of 3 dpf: succeeded, 250.00 ± 1.00 (1 SD) nl (simulated)\n").count(), 1, "{said}");
         assert_eq!(said.matches("fault 17 camera_lost: no answer. What to do: Check the cable.\n").count(), 1, "{said}");
-        assert!(said.contains("run r1 has ended: "), "{said}");
+        assert!(said.contains("run r1 (simulated) has ended: "), "{said}");
     }
 }
 

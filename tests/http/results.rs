@@ -199,7 +199,7 @@ fn a_watcher_is_told_of_a_run_that_the_status_has_no_more() {
     let ended = watch("r1");
     let said = text(&ended.stdout);
     assert_eq!(ended.status.code(), Some(4), "{said} {}", text(&ended.stderr));
-    assert!(said.contains("A01  larva of 3 dpf: skipped, empty\n") && said.contains("run r1 has ended: partial"), "{said}");
+    assert!(said.contains("A01  larva of 3 dpf: skipped, empty\n") && said.contains("run r1 (simulated) has ended: partial"), "{said}");
     let unknown = watch("r9");
     assert_eq!(unknown.status.code(), Some(1));
     assert!(text(&unknown.stderr).contains("unknown_run"), "{}", text(&unknown.stderr));

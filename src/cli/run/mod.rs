@@ -83,8 +83,11 @@ fn steer(args: &SteerArgs, verb: &str) -> anyhow::Result<()> {
         Some(run) => run.clone(),
         None => newest(&client.status()?)?,
     };
+    let before = client.status()?.revision;
     client.send("POST", &format!("/v1/runs/{}/{verb}", client::segment(&run)), None)?;
-    println!("{verb} of run {run} is accepted. {}", client.status()?.doing);
+    let status = client.status()?;
+    let taken = if status.revision == before { "changes nothing" } else { "is accepted" };
+    println!("{verb} of run {run} {taken}. {}", status.doing);
     Ok(())
 }
 

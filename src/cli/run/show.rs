@@ -1,6 +1,6 @@
 //! The status in words and lines.
 
-use crate::session::{Fault, RunStatus, SpecimenKind, Status, WellStatus};
+use crate::session::{Fault, Mode, RunStatus, SpecimenKind, Status, WellStatus};
 use serde::Serialize;
 
 /// The word that a value has in the API.
@@ -8,8 +8,13 @@ fn word(value: impl Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
+/// What lines that are copied elsewhere say of their numbers.
+fn made(mode: Mode) -> &'static str {
+    if mode == Mode::Hardware { "" } else { " (simulated)" }
+}
+
 /// One well that has ended.
-pub fn well(well: &WellStatus) -> String {
+pub fn well(well: &WellStatus, mode: Mode) -> String {
     let kind = match (well.specimen, well.dpf) {
         (SpecimenKind::Bead, _) => "bead".to_owned(),
         (SpecimenKind::Larva, Some(dpf)) => format!("larva of {dpf} dpf"),
@@ -20,8 +25,8 @@ pub fn well(well: &WellStatus) -> String {
         line += &format!(", {reason}");
     }
     if let Some(volume) = well.volume_um3 {
-        let sd = well.volume_sd_um3.map_or_else(String::new, |sd| format!(" ± {:.2} nl", sd / 1e6));
-        line += &format!(", {:.2} nl{sd}", volume / 1e6);
+        let sd = well.volume_sd_um3.map_or_else(String::new, |sd| format!(" ± {:.2} (1 SD)", sd / 1e6));
+        line += &format!(", {:.2}{sd} nl{}", volume / 1e6, made(mode));
     }
     if !well.flags.is_empty() {
         line += &format!(" ({})", well.flags.join(", "));
@@ -48,17 +53,17 @@ pub fn counts(run: &RunStatus) -> String {
 }
 
 /// How a run ended.
-pub fn end(run: &RunStatus) -> String {
-    format!("run {} has ended: {}; {}", run.id, run.outcome.map(word).unwrap_or_default(), counts(run))
+pub fn end(run: &RunStatus, mode: Mode) -> String {
+    format!("run {}{} has ended: {}; {}", run.id, made(mode), run.outcome.map(word).unwrap_or_default(), counts(run))
 }
 
 pub fn status(status: &Status) -> String {
-    let mut text = format!("{} ({})\n", status.doing, word(status.state));
+    let mut text = format!("{} ({}){}\n", status.doing, word(status.state), made(status.mode));
     if let (false, Some(why)) = (status.ready, &status.not_ready_reason) {
         text += &format!("not ready: {why}\n");
     }
     match &status.run {
-        Some(run) if run.outcome.is_some() => text += &format!("{}\n", end(run)),
+        Some(run) if run.outcome.is_some() => text += &format!("{}\n", end(run, status.mode)),
         Some(run) => {
             let left = run.eta_s.map_or_else(String::new, |eta| format!(", some {:.0} min to go", (eta.p50 / 60.0).ceil()));
             text += &format!("run {} by {}, method {}: {}{left}\n", run.id, run.operator, run.method, counts(run));

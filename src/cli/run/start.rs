@@ -46,9 +46,6 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
             return Ok(ExitCode::from(plate::MISTAKES));
         }
     };
-    for note in &map.notes {
-        println!("{}: {note}", args.plate_map.display());
-    }
     let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
     // A run's name has 64 characters at most.
     let named: String = args.barcode.chars().take(40).collect();
@@ -61,6 +58,9 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         ..RunPlan::new(&args.barcode, &args.method, &args.operator, map.plate_map)
     };
     client.send("PUT", &format!("/v1/runs/{}", segment(&id)), Some(&serde_json::to_value(plan)?))?;
-    println!("run {id} of {wells} wells is on the instrument's disk and starts");
+    for note in &map.notes {
+        println!("{}: {note}", args.plate_map.display());
+    }
+    println!("run {id} of {wells} well(s) is on the instrument's disk; `carved run watch` follows it");
     if args.watch { watch::follow(&client, &id) } else { Ok(ExitCode::SUCCESS) }
 }

@@ -2,7 +2,7 @@
 
 use super::client::{Client, segment};
 use super::{code_of, show};
-use crate::session::{Fault, RunStatus};
+use crate::session::{Fault, Mode, RunStatus};
 use anyhow::{Context, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
@@ -17,11 +17,11 @@ struct Told {
 
 impl Told {
     /// Lines for what is new of a run and of the faults.
-    fn news(&mut self, run: &RunStatus, faults: &[Fault]) -> Vec<String> {
+    fn news(&mut self, run: &RunStatus, mode: Mode, faults: &[Fault]) -> Vec<String> {
         let mut lines = Vec::new();
         for well in &run.results {
             if well.outcome.is_some() && self.wells.insert(well.well.clone()) {
-                lines.push(show::well(well));
+                lines.push(show::well(well, mode));
             }
         }
         for fault in faults {
@@ -46,7 +46,7 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
             bar.finish_and_clear();
             return ended(client, run, &mut told);
         };
-        let lines = told.news(shown, &status.faults);
+        let lines = told.news(shown, status.mode, &status.faults);
         // The bar makes room for lines; where it is not drawn they are printed all the same.
         bar.suspend(|| lines.iter().for_each(|line| println!("{line}")));
         bar.set_length(shown.wells.total.into());
@@ -54,7 +54,7 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
         bar.set_message(status.doing.clone());
         if let Some(outcome) = shown.outcome {
             bar.finish_and_clear();
-            println!("{}", show::end(shown));
+            println!("{}", show::end(shown, status.mode));
             return Ok(ExitCode::from(code_of(outcome)));
         }
         status = client.status_after(status.revision)?;
@@ -64,9 +64,11 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
 /// The end of a run that the status has no more, from the store.
 fn ended(client: &Client, run: &str, told: &mut Told) -> anyhow::Result<ExitCode> {
     let stored = client.send("GET", &format!("/v1/runs/{}", segment(run)), None)?;
-    let stored: RunStatus = serde_json::from_value(stored).context("the stored run is of another version of carved than this program's")?;
-    told.news(&stored, &[]).iter().for_each(|line| println!("{line}"));
+    let other = "the stored run is of another version of carved than this program's";
+    let mode: Mode = serde_json::from_value(stored["mode"].clone()).context(other)?;
+    let stored: RunStatus = serde_json::from_value(stored).context(other)?;
+    told.news(&stored, mode, &[]).iter().for_each(|line| println!("{line}"));
     let Some(outcome) = stored.outcome else { bail!("run {run} has no outcome, and the instrument does not work on it: ask again") };
-    println!("{}", show::end(&stored));
+    println!("{}", show::end(&stored, mode));
     Ok(ExitCode::from(code_of(outcome)))
 }

@@ -164,7 +164,8 @@ impl Parse<'_> {
         self.read(column, |written| {
             let found = words.iter().find(|(word, _)| word.eq_ignore_ascii_case(written)).map(|&(_, value)| value);
             let known = words.iter().map(|(word, _)| *word).collect::<Vec<_>>().join(", ");
-            found.ok_or_else(|| format!("{written:?} is none of {known}, or nothing"))
+            let empty = if column == Column::Specimen { "; the row of an empty well is left out" } else { "" };
+            found.ok_or_else(|| format!("{written:?} is none of {known}, or nothing{empty}"))
         })
     }
 }

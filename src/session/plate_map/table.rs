@@ -29,7 +29,7 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
     for (line, record) in rows {
         if record.len() != headings.len() {
             let detail = format!(
-                "{} cells, the heading has {} columns: a delimiter or a quote is missing or too many",
+                "{} cells, the heading has {} columns: a delimiter (a decimal comma is one) or a quote is missing or too many",
                 record.len(),
                 headings.len()
             );
@@ -72,6 +72,11 @@ fn likely_delimiter(text: &str) -> u8 {
 
 /// The column of each heading; nothing of one without a name.
 fn columns(line: u64, headings: &StringRecord, reading: &mut Reading) -> Vec<Option<(Column, String)>> {
+    if headings.iter().all(|heading| Column::of_heading(heading).is_none()) {
+        let detail = format!("this line must name the columns, and names none of them: {}", Column::known());
+        reading.wrong(Mistake::in_line(line, "", detail));
+        return Vec::new();
+    }
     let mut found: Vec<Option<(Column, String)>> = Vec::new();
     for heading in headings {
         let column = Column::of_heading(heading);
