@@ -158,12 +158,7 @@ impl Driver {
                 done = errands::ended(&mut d.errand) => d.errand_done(done.map_err(|_| DriverError::WorkerPanicked)?),
                 _ = beat.tick() => {
                     heart.beat();
-                    d.calibration_ages();
-                    if !d.stopping {
-                        // First, since a look has the instrument for a moment, and a run that goes on needs it.
-                        d.try_the_store();
-                        d.look();
-                    }
+                    d.beat();
                 }
                 _ = look.tick(), if d.active.is_some() => d.show_camera(),
                 // A look at devices that are there takes milliseconds, and a run needs them; without them there is no run.
@@ -218,6 +213,15 @@ impl Running {
     /// Seconds on the clock that no one sets.
     fn now_s(&self) -> f64 {
         self.booted.elapsed().as_secs_f64()
+    }
+
+    fn beat(&mut self) {
+        self.calibration_ages();
+        if !self.stopping {
+            // Before the look: that has the instrument for a moment, and a run that goes on needs it.
+            self.try_the_store();
+            self.look();
+        }
     }
 
     fn shut_down(&mut self) {

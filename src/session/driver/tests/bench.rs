@@ -105,8 +105,8 @@ pub fn plan(wells: &[&str]) -> RunPlan {
         .unwrap()
 }
 
-/// A driver that has said its first words in this folder.
-pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
+/// A driver that works in this folder, what speaks to it, and what hears that.
+pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
     let mut config = Config::parse(include_str!("../../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
     config.store.data_dir = root.to_owned();
     let (store, journal, events) = Store::open(root).unwrap();
@@ -116,7 +116,7 @@ pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
         second: None,
         sampler: Box::new(Arm { waits: loaded_from_outside }),
     };
-    let mut d = Running::new(Driver {
+    let driver = Driver {
         config: Arc::new(config),
         mode: Mode::Simulated,
         store,
@@ -125,7 +125,14 @@ pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
         instrument,
         gate: LoaderGate::default(),
         heart: Heart::default(),
-    });
+    };
+    (driver, handle, mailbox)
+}
+
+/// One that has said its first words.
+pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
+    let (driver, handle, mailbox) = driver(root, loaded_from_outside);
+    let mut d = Running::new(driver);
     d.first_words();
     Bench { d, handle, _mailbox: mailbox, inside: None }
 }

@@ -122,7 +122,7 @@ fn a_run_outlasts_a_disk_that_is_full_from_any_operation_on() {
                 let refused = b.steer(Towards::Unhold).unwrap_err();
                 assert!(format!("{refused:?}").contains("full: true"), "{when}: {refused:?}");
                 disk_trace::make_room();
-                b.d.try_the_store();
+                b.d.beat();
             }
             disk_trace::end();
             assert_eq!(b.status().state, State::Complete, "{when}");

@@ -1,13 +1,17 @@
 //! Turns of a run's life that no rig brings about when it is wanted.
 
 use super::super::*;
-use super::bench::{RUN, bench, count, journalled, on_this_thread, plan, scratch};
+use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch};
 use crate::device::DeviceError;
 use crate::session::fault::table;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::plate::HandoffIntent;
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd, RunError};
+use futures::FutureExt;
+
+/// For what takes milliseconds.
+const PATIENCE: std::time::Duration = std::time::Duration::from_secs(60);
 
 fn gone() -> DeviceError {
     DeviceError::Gone { device: "rotation axis", why: "the cable".into() }
@@ -89,6 +93,29 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
         let seq = status.faults[0].seq;
         b.d.acknowledge(seq).unwrap();
         assert!(b.d.emergency_stopped().is_ok() && b.status().faults.is_empty(), "it was seen to");
+    });
+}
+
+/// Nobody else's words may be in the way of it, nor does it need anybody who waits for its answer.
+#[test]
+fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
+    on_this_thread(async {
+        let dir = scratch();
+        let (driver, handle, mailbox) = driver(dir.path(), false);
+        while handle.acknowledge(99).now_or_never().is_none() && mailbox.len() < mailbox.max_capacity() {}
+        assert_eq!(handle.emergency_stop().now_or_never(), None, "it found room in the mailbox");
+        let latched = async {
+            let mut status = handle.status();
+            while status.faults.is_empty() {
+                status = handle.status_after(status.revision).await;
+            }
+            status
+        };
+        let status = tokio::select! {
+            ended = driver.run(mailbox, std::future::pending()) => panic!("{ended:?}"),
+            status = tokio::time::timeout(PATIENCE, latched) => status.unwrap(),
+        };
+        assert_eq!(status.faults[0].code, table::EMERGENCY_STOP.code);
     });
 }
 
