@@ -1,8 +1,8 @@
 //! A lease: while it lasts one client alone commands the instrument, so that two schedulers do not drive one plate.
 //!
 //! ```text
-//! PUT /v1/lease ─> token ─> every command carries it as `Carved-Lease` ─> PUT again before ttl_s is over, or DELETE
-//!                             without it: 423, who holds it, for how long │ with one that is over: 412
+//! PUT /v1/lease {token} ─> every command carries it as `Carved-Lease` ─> PUT again before ttl_s is over, or DELETE
+//!                          without it: 423, who holds it, for how long │ with one that is over: 412
 //! ```
 //! Aborts and the emergency stop pass: whoever sees that something is wrong must be able to end it. A lease is an agreement
 //! between clients that may command, not a right: that is the bearer token. It lives in memory, by the monotonic clock, and
@@ -39,6 +39,16 @@ pub(super) struct LeaseRequest {
     /// Seconds until it ends by itself, 1 to 3600; asking again begins them anew.
     #[schema(minimum = 1, maximum = 3600)]
     ttl_s: u32,
+    /// The caller's own word for the lease, which nobody else can guess: 16 to 64 letters, digits, `-` and `_`. A request that is sent again
+    /// because its answer was lost is then the holder's. Without it the token is made up.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schema(pattern = "^[A-Za-z0-9_-]{16,64}$")]
+    token: Option<String>,
+}
+
+/// Whether nobody guesses it and every header takes it.
+fn is_token(token: &str) -> bool {
+    (16..=64).contains(&token.len()) && token.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
 }
 
 /// A lease as its holder gets it.
@@ -99,12 +109,13 @@ impl Desk {
         })
     }
 
-    /// A new lease with this token, or the shown one with its time begun anew (`true`).
-    fn grant(&self, now: Instant, asked: LeaseRequest, shown: Option<&str>, token: String) -> Result<(Lease, bool), Refused> {
+    /// A new lease, with the caller's token or this fresh one; or the shown or named one with its time begun anew (`true`).
+    fn grant(&self, now: Instant, asked: LeaseRequest, shown: Option<&str>, fresh: String) -> Result<(Lease, bool), Refused> {
         self.at(now, |held| {
+            let named = asked.token.as_deref();
             let token = match held {
-                None => token,
-                Some(held) if shown == Some(&held.token) => held.token.clone(),
+                None => asked.token.clone().unwrap_or(fresh),
+                Some(held) if [shown, named].contains(&Some(&held.token)) => held.token.clone(),
                 Some(held) => return Err(Self::locked(held, now)),
             };
             let ttl = Duration::from_secs(asked.ttl_s.into());
@@ -184,7 +195,8 @@ pub(super) async fn check(State(app): State<AppState>, request: Request, next: N
 
 /// Takes the lease, or begins its time anew.
 ///
-/// The holder renews by sending its token as `Carved-Lease`.
+/// The holder renews by sending its token, as `Carved-Lease` or in the body. With a token of your own in the body the same request may be
+/// sent any number of times.
 #[utoipa::path(
     put, path = "/v1/lease", tag = "commands", request_body = LeaseRequest,
     params(("Carved-Lease" = Option<String>, Header, description = "Token of the lease that is renewed")),
@@ -205,6 +217,9 @@ pub(super) async fn put(
     }
     if !(1..=LONGEST_S).contains(&asked.ttl_s) {
         wrong.push(body::wrong("/ttl_s", format!("{} is out of range: 1 to {LONGEST_S} s", asked.ttl_s)));
+    }
+    if asked.token.as_deref().is_some_and(|token| !is_token(token)) {
+        wrong.push(body::wrong("/token", "use 16 to 64 letters, digits, '-' and '_', or leave it out".into()));
     }
     if !wrong.is_empty() {
         return Err(Problem::unprocessable("invalid_lease", wrong));
@@ -246,7 +261,24 @@ mod tests {
     use super::*;
 
     fn ask(holder: &str, ttl_s: u32) -> LeaseRequest {
-        LeaseRequest { holder: holder.into(), ttl_s }
+        LeaseRequest { holder: holder.into(), ttl_s, token: None }
+    }
+
+    #[test]
+    fn a_lease_whose_answer_was_lost_is_had_by_asking_again() {
+        let (desk, start) = (Desk::default(), Instant::now());
+        let after = |s| start + Duration::from_secs(s);
+        let named = |holder: &str, token: &str| LeaseRequest { token: Some(token.into()), ..ask(holder, 10) };
+        let (lease, renewed) = desk.grant(start, named("loader", "mine"), None, "t1".into()).unwrap();
+        assert_eq!((lease.token.as_str(), renewed), ("mine", false));
+        let (again, renewed) = desk.grant(after(4), named("loader", "mine"), None, "t2".into()).unwrap();
+        assert_eq!((again.token.as_str(), renewed), ("mine", true));
+        assert!(desk.grant(after(5), named("other", "theirs"), None, "t3".into()).is_err());
+        assert_eq!(desk.admit(after(13), Some("mine")), Ok(()), "its time began anew at 4 s");
+        // Over, it is no way around who has it now.
+        desk.grant(after(15), named("other", "theirs"), None, "t4".into()).unwrap();
+        assert!(desk.grant(after(16), named("loader", "mine"), None, "t5".into()).is_err());
+        assert!(is_token("0123456789abcdef") && !is_token("0123456789abcde") && !is_token("0123456789abcde\n"));
     }
 
     #[test]

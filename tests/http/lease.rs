@@ -44,6 +44,19 @@ fn who_has_the_lease_commands_and_the_others_are_told_who_it_is() {
 }
 
 #[test]
+fn a_lease_may_be_asked_for_again_under_a_token_of_ones_own() {
+    let rig = Rig::start();
+    let asked = r#"{"holder": "loader", "ttl_s": 600, "token": "a-word-of-my-own_1"}"#;
+    assert_eq!(rig.put("/v1/lease", asked).status, 201);
+    let again = rig.put("/v1/lease", asked);
+    assert_eq!((again.status, &again.json()["token"]), (200, &"a-word-of-my-own_1".into()), "its answer may have been lost");
+    assert_eq!(rig.put("/v1/lease", &asked.replace("my-own", "another")).status, 423);
+    let mine = [JSON, ("Carved-Lease", "a-word-of-my-own_1")];
+    assert_eq!(rig.send("PUT", "/v1/runs/r", &mine, PLAN).status, 201);
+    assert_eq!(rig.send("DELETE", "/v1/lease", &mine, "").status, 204);
+}
+
+#[test]
 fn no_lease_keeps_anyone_from_an_abort() {
     let rig = Rig::start();
     rig.put("/v1/runs/r", PLAN);
@@ -62,6 +75,7 @@ fn a_lease_has_a_holder_and_an_end() {
     };
     assert_eq!(pointers(r#"{"holder": " ", "ttl_s": 0}"#), ["/holder", "/ttl_s"]);
     assert_eq!(pointers(r#"{"holder": "x", "ttl_s": 3601}"#), ["/ttl_s"]);
+    assert_eq!(pointers(r#"{"holder": "x", "ttl_s": 60, "token": "easily guessed"}"#), ["/token"]);
     assert_eq!(rig.get("/v1/lease").json()["holder"], serde_json::Value::Null);
 }
 

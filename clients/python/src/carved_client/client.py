@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from types import TracebackType
 from typing import Any, Literal
 from urllib.parse import quote
@@ -16,12 +17,12 @@ import httpx
 
 from . import polling, sse
 from .decode import decode
-from .errors import MalformedAnswer
+from .errors import MalformedAnswer, ProblemError, Unreachable
 from .lease import Lease
-from .models import Acknowledged, Event, HandoffIntent, HandoffNeeds, Preflight, Resync, Status
+from .models import Acknowledged, Event, HandoffIntent, HandoffNeeds, Preflight, Resync, RunStatus, Status
 from .plan import PlateMap, RunPlan
 from .results import Results
-from .transport import AT_ONCE, Retry, Transport
+from .transport import AT_ONCE, RETRIED, Retry, Transport
 
 #: Longest wait that the daemon grants a long poll, s.
 LONGEST_WAIT_S = 30.0
@@ -88,13 +89,32 @@ class CarvedClient(Results):
         return polling.first(self.follow(timeout_s), done, what, timeout_s)
 
     def wait_for_outcome(self, run_id: str, timeout_s: float | None = None) -> Status:
-        """Follows the status until the run has ended; its `outcome` says how. An unknown end is never an outcome."""
+        """Follows the status until the run has ended; its `outcome` says how. An unknown end is never an outcome.
+
+        Where the status shows another run, or none, the run is read from what is kept of it: it may have ended while
+        nobody could ask, in a restart of the daemon. The status that is given shows it in either case.
+        """
+        with_run = (self._with_kept(status, run_id) for status in self.follow(timeout_s))
 
         def ended(status: Status) -> bool:
             run = status.run_named(run_id)
             return run is not None and run.outcome is not None
 
-        return self.wait_for(ended, f"the outcome of run {run_id}", timeout_s)
+        return polling.first(with_run, ended, f"the outcome of run {run_id}", timeout_s)
+
+    def _with_kept(self, status: Status, run_id: str) -> Status:
+        """The status with the run as it is kept, where it shows another one and that one is known."""
+        if status.run_named(run_id) is not None:
+            return status
+        try:
+            kept = self.run(run_id)
+        except Unreachable:
+            return status
+        except ProblemError as error:
+            if error.status in RETRIED or error.status == httpx.codes.NOT_FOUND:
+                return status
+            raise
+        return replace(status, run=decode(RunStatus, kept))
 
     def events(self, last_event_id: int | None = None) -> Iterator[Event | Resync]:
         """The journal as it is written, from after `last_event_id` on; takes itself up again where it breaks off."""
