@@ -7,9 +7,10 @@ pub fn of(s: &Status) -> String {
         Some(false) => "no further turn is asked for; the one under way ends by itself. The",
         _ => "the motors are stopped, the",
     };
+    let not_yet = s.not_ready_reason.as_deref().map(|why| format!("No run can start yet: {}.", why.trim_end_matches('.')));
     let well = s.specimen.as_ref().map_or("", |x| x.well.as_str());
     match s.state {
-        State::Idle => "Idle. Ready for a plate.".into(),
+        State::Idle => format!("Idle. {}", not_yet.as_deref().unwrap_or("Ready for a plate.")),
         State::Starting => "Starting the run: the camera is being armed.".into(),
         State::Suspended => format!("Waiting for the loader: {}.", s.plate.needs.as_deref().unwrap_or("a specimen")),
         State::Execute if !s.hardware.camera.connected => "The camera is lost: it is opened again if it answers within ten seconds.".into(),
@@ -26,6 +27,9 @@ pub fn of(s: &Status) -> String {
                 Phase::Wash => format!("Well {well}: washing."),
             },
         },
+        State::Completing if s.run.as_ref().is_some_and(|r| r.wells.pending > 0) => {
+            "No specimen is left; the last numbers are made from stored frames.".into()
+        }
         State::Completing => "All wells are done; closing the record.".into(),
         State::Complete => s.run.as_ref().map_or_else(String::new, |r| {
             let c = r.wells;
@@ -42,7 +46,7 @@ pub fn of(s: &Status) -> String {
         State::Aborting => format!("Aborting: {motors} record is being closed."),
         State::Aborted => match s.faults.last() {
             Some(f) => format!("Stopped by a fault: {}", f.message),
-            None => "Aborted. The motors stand; a new run may be started.".into(),
+            None => format!("Aborted. The motors stand. {}", not_yet.as_deref().unwrap_or("A new run may be started.")),
         },
         State::Stopping => match &s.specimen {
             Some(_) if s.not_ready_reason.as_deref() != Some("shutting down") => format!("Stopping after the specimen of well {well}."),
@@ -66,5 +70,57 @@ pub fn of(s: &Status) -> String {
         },
         State::Unholding => "The run goes on: the camera is being armed.".into(),
         State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::{Driver, Fault, Mode, SpecimenStatus};
+
+    const STATES: [State; 17] = [
+        State::Stopped,
+        State::Idle,
+        State::Starting,
+        State::Execute,
+        State::Holding,
+        State::Held,
+        State::Unholding,
+        State::Suspending,
+        State::Suspended,
+        State::Unsuspending,
+        State::Completing,
+        State::Complete,
+        State::Stopping,
+        State::Aborting,
+        State::Aborted,
+        State::Clearing,
+        State::Resetting,
+    ];
+
+    /// Whoever reads the sentence and not `ready` is not misled by it.
+    #[test]
+    fn only_an_instrument_that_is_ready_is_called_so_and_one_that_is_not_says_why() {
+        let fault = Fault::new(1, &crate::session::fault::table::DISK_FULL, "no room".into());
+        let specimen = SpecimenStatus::new("A01", Phase::Eject, true, 21);
+        let reasons =
+            [None, Some("starting"), Some("fault 1 (disk_full) stands: no room."), Some("the specimen of well A01 is still in it")];
+        for state in STATES {
+            for reason in reasons {
+                for (faults, specimen) in [(vec![], None), (vec![fault.clone()], None), (vec![], Some(specimen.clone()))] {
+                    let mut s = Driver::first_status(Mode::Simulated, "b".into());
+                    s.state = state;
+                    s.ready = reason.is_none();
+                    s.not_ready_reason = reason.map(str::to_owned);
+                    (s.faults, s.specimen) = (faults, specimen);
+                    let said = of(&s);
+                    let words: Vec<String> = said.split(|c: char| !c.is_alphabetic()).map(str::to_lowercase).collect();
+                    let may_start = words.iter().any(|word| word == "ready") || said.contains("may be started");
+                    assert!(s.ready || !may_start, "{state:?}: {said}");
+                    let says_why = reason.is_none_or(|why| said.contains(why.trim_end_matches('.')));
+                    assert!(state != State::Idle || says_why, "{said}");
+                }
+            }
+        }
     }
 }
