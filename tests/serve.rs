@@ -10,7 +10,7 @@
 
 mod common;
 
-use common::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json, until};
+use common::{Daemon, Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json, until};
 use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -205,7 +205,7 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
     let instrument = start(&SLOW, POLICY);
     let way = instrument.in_mid_move("r1");
     instrument.daemon.signal("TERM");
-    let Instrument { daemon, rig, scene, data, _dir } = instrument;
+    let Instrument { daemon, rig, scene, data, .. } = instrument;
     assert_eq!(daemon.ended(), Some(0));
     let angle = rig.shaft().angle_rad();
     until("the shaft to stand", || rig.shaft().angle_rad().to_bits() == angle.to_bits());
@@ -271,6 +271,36 @@ fn an_interrupted_specimen_is_skipped_where_the_method_says_so() {
     assert_eq!((&status["run"]["outcome"], &status["faults"]), (&json!("partial"), &json!([])), "{status}");
     assert_eq!((&status["run"]["wells"]["interrupted"], &status["run"]["wells"]["succeeded"]), (&json!(1), &json!(1)), "{status}");
     assert!(!instrument.data.join("runs/r1/A01.attempt-1").exists(), "what is skipped is not begun anew");
+}
+
+/// What the policy gives up stays so, also where the run is held and the daemon dies once more.
+#[test]
+fn a_specimen_that_a_crash_has_cost_is_not_asked_for_again_where_the_method_says_so() {
+    let mut instrument = start(&QUICK, &format!("{ONCE}, interrupted = \"skip\""));
+    let wells = [json!({"well": "A01", "specimen": "bead"}), json!({"well": "A02", "specimen": "bead"})];
+    assert_eq!(instrument.daemon.put_run("r1", &plan(&wells)), 201);
+    instrument.daemon.wait("the loader to be asked", |s| s["state"] == "Suspended");
+    instrument.load("r1", "A01", Specimen::bead(BEAD_UM).unwrap());
+    instrument.daemon.wait("the first views", |s| s["specimen"]["view"].as_u64() >= Some(2));
+    assert_eq!(instrument.daemon.post("/v1/runs/r1/hold"), 200);
+    for _life in 0..2 {
+        instrument.daemon.kill();
+        instrument.daemon = Daemon::serve(&instrument.config, &instrument.data);
+        let status = instrument.daemon.wait("the held run", |s| s["run"]["id"] == "r1" && s["state"] == "Held");
+        assert_eq!(status["run"]["results"][0]["outcome"], "interrupted", "{status}");
+    }
+    let daemon = &instrument.daemon;
+    assert_eq!(daemon.post("/v1/runs/r1/unhold"), 200);
+    let needs = |s: &Value, what: &str| s["state"] == "Suspended" && s["plate"]["needs"].as_str().is_some_and(|n| n.contains(what));
+    daemon.wait("the loader to be asked to take it out", |s| needs(s, "A01 to be taken out"));
+    assert_eq!(daemon.put_unloaded("r1", "A01"), 200);
+    daemon.wait("the next well", |s| {
+        assert!(!needs(s, "A01 in the capillary"), "it was given up: {s}");
+        needs(s, "A02 in the capillary")
+    });
+    assert_eq!(daemon.post("/v1/runs/r1/abort"), 200);
+    let status = daemon.wait_for_outcome();
+    assert_eq!(status["run"]["results"][0]["outcome"], "interrupted", "{status}");
 }
 
 /// A preflight says all that fails, not the first thing; and a plate that will not fit on the disk is not begun.

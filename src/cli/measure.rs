@@ -8,13 +8,12 @@
 use super::told;
 use crate::acquisition::{LedgerEntry, RevolutionPlan};
 use crate::config::Method;
-use crate::pipeline::{Pipeline, SpecimenRecord};
-use crate::session::SpecimenKind;
-use crate::store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, StoreError, durable};
+use crate::pipeline::SpecimenRecord;
+use crate::session::numbers::{self, NumbersError};
+use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
 use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use rayon::prelude::*;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -137,7 +136,6 @@ pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
 pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Result<(Mesh, MeasurementFile)> {
     reader.require_finished()?;
     let recording = reader.recording();
-    let sphere = recording.specimen.specimen == SpecimenKind::Bead;
     let captured = recording.method.asd;
     let counted: Vec<&LedgerEntry> = recording.ledger.counted().collect();
     let entries = if method.asd == captured {
@@ -145,43 +143,15 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
     } else {
         subset(&counted, captured, method.asd).with_context(|| format!("{} views (asd)", method.asd))?
     };
-    let settings = method.pipeline(&recording.rig.camera, sphere)?;
-    let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
     let bar = ProgressBar::new(entries.len() as u64)
         .with_style(ProgressStyle::with_template("{msg} {bar:30} {pos}/{len} views")?)
         .with_message(reader.folder().display().to_string());
-    let seen: anyhow::Result<Vec<_>> = entries
-        .par_iter()
-        .map(|entry| {
-            let seen = pipeline.look(&reader.frame(entry)?)?;
-            bar.inc(1);
-            anyhow::Ok((*entry, seen))
-        })
-        .collect();
+    let found = numbers::of_recording(reader, method, &entries, || bar.inc(1));
     bar.finish_and_clear();
-    for (entry, seen) in &seen? {
-        if entry.closure {
-            pipeline.observe_closure(seen);
-        } else {
-            pipeline.observe(entry.view, entry.omega, seen)?;
-        }
-    }
-    if recording.ended_after_views.is_some() {
-        pipeline.end_early()?;
-    }
-    let (mesh, record) = pipeline.finish().with_context(|| reader.folder().display().to_string())?;
-    let mut fluorescence = None;
-    if let Some(second) = &recording.rig.second {
-        let mut frames = Vec::new();
-        for entry in &entries {
-            frames.extend(reader.second(entry)?.map(|frame| (*entry, frame)));
-        }
-        let frames = frames.iter().map(|(entry, frame)| (*entry, frame));
-        fluorescence = store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
-    }
-    let as_if = Recording { method: method.clone(), ..recording.clone() };
-    let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&as_if, &reader.references()?, record) };
-    Ok((mesh, file))
+    found.map_err(|error| match error {
+        NumbersError::Store(error) => error.into(),
+        NumbersError::Pipeline(error) => anyhow::Error::new(error).context(reader.folder().display().to_string()),
+    })
 }
 
 /// Every so manieth view around the turn from view 0, and the closure view.

@@ -124,6 +124,8 @@ pub fn learned<'a>(events: impl IntoIterator<Item = &'a Event>) -> BTreeMap<Stri
                     specimen.enter(phase, now_s);
                 }
             }
+            // Its numbers were made from its frames, whenever that was.
+            (kind::SPECIMEN_RECOVERED, Some(well)) => drop(under_way.remove(well)),
             (kind::SPECIMEN_DONE, Some(well)) => {
                 if let (Some(specimen), Some(method)) = (under_way.remove(well), methods.get(run)) {
                     let rig_s = event.data["seconds"].as_f64().unwrap_or(now_s - specimen.began_s);
@@ -199,6 +201,9 @@ mod tests {
             event("specimen.done", 30, Some("A01"), serde_json::Value::Null),
             event("specimen.phase", 40, Some("A02"), phase("revolve")),
             event("specimen.done", 50, Some("A02"), serde_json::Value::Null),
+            event("specimen.phase", 51, Some("A03"), phase("load")),
+            event("specimen.recovered", 58, Some("A03"), serde_json::Value::Null),
+            event("specimen.done", 58, Some("A03"), serde_json::Value::Null),
         ];
         let paces = learned(&events);
         assert_eq!(paces.keys().collect::<Vec<_>>(), ["fast"]);

@@ -16,6 +16,7 @@ mod halt;
 mod handle;
 mod heart;
 mod live;
+pub mod numbers;
 mod offer;
 mod placing;
 mod plan;

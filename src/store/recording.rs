@@ -163,6 +163,9 @@ pub struct Recording {
     /// The turn was ended after so many of its planned views, by the method's rule.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ended_after_views: Option<u32>,
+    /// The turn was taken for good before the specimen was let go: its numbers are to be had from these frames, and from nowhere else.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub accepted: bool,
     /// In the order in which the views were taken.
     pub ledger: Ledger,
 }
@@ -182,6 +185,7 @@ impl Recording {
             truth: None,
             references_sha256: None,
             ended_after_views: None,
+            accepted: false,
             ledger: Ledger::default(),
         }
     }
@@ -252,6 +256,11 @@ impl RecordingWriter {
         Ok(writer)
     }
 
+    /// Goes on with a recording of an earlier life, to add the results that it lacks and to close it.
+    pub fn resume(reader: &RecordingReader) -> Self {
+        Self { folder: reader.folder.clone(), recording: reader.recording.clone(), written: BTreeMap::new() }
+    }
+
     fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
         durable::write(&self.folder.join(name), bytes)?;
         self.written.insert(name.to_owned(), sha256_hex(bytes));
@@ -291,6 +300,12 @@ impl RecordingWriter {
         self.save()
     }
 
+    /// Says that the turn is taken for good: what it is worth outlasts a crash from now on, and the specimen may go.
+    pub fn accept(&mut self) -> Result<(), StoreError> {
+        self.recording.accepted = true;
+        self.save()
+    }
+
     /// Frame first, then the ledger that names it: a ledger never lists a frame that is not there.
     pub fn add_view(&mut self, entry: LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
         self.put(&frame_file(&entry), &frames::encode(frame)?)?;
@@ -309,6 +324,11 @@ impl RecordingWriter {
 
     pub fn add_profile(&mut self, index: u32, mask: &Mask) -> Result<(), StoreError> {
         self.put(&format!("profiles/view_{index:03}.png"), &frames::encode_mask(mask)?)
+    }
+
+    /// Whether a file of this name is there.
+    pub fn has(&self, name: &str) -> bool {
+        self.folder.join(name).is_file()
     }
 
     /// A result beside the frames.
@@ -368,6 +388,17 @@ impl RecordingReader {
             return Err(StoreError::Unfinished { path: self.folder.clone(), expected, found });
         }
         Ok(())
+    }
+
+    /// Whether the specimen was let go on the strength of these frames, and all of them are there.
+    pub fn is_accepted(&self) -> bool {
+        self.recording.accepted && self.require_finished().is_ok()
+    }
+
+    /// The numbers of a record that was closed with them; nothing where they are still to be made.
+    pub fn closed_numbers(&self) -> Option<MeasurementFile> {
+        let closed = [super::sums::FILE, MEASUREMENT].iter().all(|name| self.folder.join(name).is_file());
+        self.measurement().ok().filter(|_| closed)
     }
 
     /// The frame of a ledger entry, checked against the hash that the ledger has.

@@ -12,6 +12,7 @@ pub struct Instrument {
     pub daemon: Daemon,
     pub rig: Rig,
     pub scene: Arc<Scene>,
+    pub config: PathBuf,
     pub data: PathBuf,
     pub _dir: tempfile::TempDir,
 }
@@ -57,6 +58,6 @@ impl Instrument {
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
         let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
-        Self { daemon: Daemon::serve(&config, &data), rig, scene, data, _dir: dir }
+        Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, _dir: dir }
     }
 }

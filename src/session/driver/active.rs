@@ -2,9 +2,10 @@
 
 use super::super::eta::UnderWay;
 use super::super::worker::{Instrument, Progress, RunEnd};
+use super::recovery::{Recovered, Recovery, Then};
 use crate::cancel::CancelToken;
 use crate::device::StopHandle;
-use crate::store::RunRecord;
+use crate::store::{RunRecord, StoreError};
 use std::collections::BTreeMap;
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinHandle};
@@ -26,6 +27,10 @@ pub(super) struct Active {
     pub record: RunRecord,
     /// None while it is held, or waits for a specimen to be taken out.
     pub work: Option<Work>,
+    /// Numbers that are made from the frames of specimens that are gone.
+    pub recovery: Option<Recovery>,
+    /// What waits for these numbers.
+    pub then: Option<Then>,
     pub asked: Asked,
     /// Who held it, for who lets it go on.
     pub held_by_fault: bool,
@@ -69,6 +74,8 @@ impl Active {
         Self {
             record,
             work: None,
+            recovery: None,
+            then: None,
             asked: Asked::Nothing,
             held_by_fault: false,
             waiting_for: None,
@@ -85,14 +92,28 @@ impl Active {
 pub(super) enum Word {
     Progress(Progress),
     Ended(Result<(Instrument, RunEnd), JoinError>),
+    Recovered(Result<Result<Recovered, StoreError>, JoinError>),
 }
 
-/// The worker's next word; its end only after everything it said before.
+/// The worker's next word, its end only after everything it said before; or numbers that were made from frames.
 pub(super) async fn word_of(active: &mut Option<Active>) -> Word {
-    let Some(work) = active.as_mut().and_then(|a| a.work.as_mut()) else { return std::future::pending().await };
+    let Some(Active { work, recovery, .. }) = active else { return std::future::pending().await };
+    let worker = async {
+        let Some(work) = work else { return std::future::pending().await };
+        tokio::select! {
+            biased;
+            Some(progress) = work.progress.recv() => Word::Progress(progress),
+            ended = &mut work.worker => Word::Ended(ended),
+        }
+    };
+    let numbers = async {
+        match recovery {
+            Some(recovery) => Word::Recovered((&mut recovery.task).await),
+            None => std::future::pending().await,
+        }
+    };
     tokio::select! {
-        biased;
-        Some(progress) = work.progress.recv() => Word::Progress(progress),
-        ended = &mut work.worker => Word::Ended(ended),
+        word = worker => word,
+        word = numbers => word,
     }
 }

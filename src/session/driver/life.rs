@@ -6,6 +6,7 @@
 //!             │                                 └─ stop, abort, shut-down ──► end_run │
 //!             └──────────── unhold (operator, or by itself) ◄─────────────────────────┘
 //! ```
+//! `finish` and `end_run` wait for the numbers of specimens that are gone (see `recovery`).
 
 use super::super::eta::UnderWay;
 use super::super::state::Trigger;
@@ -13,6 +14,7 @@ use super::super::worker::{self, Instrument, RunContext, RunEnd};
 use super::super::{CalibrationStatus, Plate, Refusal, RunOutcome, RunPlan, SpecimenOutcome, State, Status, gate, kind};
 use super::active::{Active, Asked, Work};
 use super::publish::{left_in_capillary, run_status};
+use super::recovery::Then;
 use super::{Phase, Running};
 use crate::cancel::CancelToken;
 use crate::config::{Interrupted, Method, Resume};
@@ -65,14 +67,16 @@ impl Running {
 
     /// Gives the instrument to a worker for the wells that are left.
     fn launch(&mut self) {
-        let calibration = self.calibration();
+        let lacks_gate = self.lacks_gate();
+        let accepted = self.accepted();
         let (Some(active), Some(instrument)) = (&mut self.active, self.instrument.take()) else {
             tracing::error!("there is no run, or no instrument for it");
             return;
         };
         self.gate.clear();
         let record = &active.record;
-        let wells = record.plan.plate_map.iter().zip(&record.wells).filter(|(_, w)| w.outcome.is_none());
+        let is_left = |well: &str| accepted.iter().all(|accepted| accepted.well != well);
+        let wells = record.plan.plate_map.iter().zip(&record.wells).filter(|(_, w)| w.outcome.is_none() && is_left(&w.well));
         let (cancel, pause) = (CancelToken::default(), CancelToken::default());
         let stop = instrument.rig.rotation.stop_handle();
         self.publisher.halt().aim(stop.clone(), cancel.clone());
@@ -92,8 +96,14 @@ impl Running {
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
         active.asked = Asked::Nothing;
-        active.lacks_gate = gate::lacking(calibration.as_ref().and_then(|c| c.gate.as_ref()), &active.record.method, self.mode).is_some();
+        active.lacks_gate = lacks_gate;
         active.work = Some(Work { cancel, pause, stop, worker, progress });
+    }
+
+    /// Whether the run's larvae are measured without a bead gate that stands.
+    pub(super) fn lacks_gate(&self) -> bool {
+        let newest = self.calibration().and_then(|c| c.gate);
+        self.active.as_ref().is_some_and(|active| gate::lacking(newest.as_ref(), &active.record.method, self.mode).is_some())
     }
 
     /// Notes how the run is to end, and tells the worker: after its specimen, or at once.
@@ -167,13 +177,17 @@ impl Running {
 
     /// On from Unholding: to the loader, to the next well, or to the end.
     pub(super) fn proceed(&mut self) {
+        self.recover();
+        let accepted = self.accepted();
         let Some(active) = &self.active else { return };
+        let has_its_frames = |well: &str| accepted.iter().any(|accepted| accepted.well == well);
+        let nothing_to_do = active.record.wells.iter().all(|w| w.outcome.is_some() || has_its_frames(&w.well));
         if active.take_out.is_some() {
             self.go(Trigger::WaitForLoader);
         } else if self.instrument.is_none() {
             // A device went away while the loader was waited for; who finds it again lets the run go on.
             self.rest(true);
-        } else if active.eject_first.is_none() && active.record.wells.iter().all(|w| w.outcome.is_some()) {
+        } else if nothing_to_do && active.eject_first.is_none() {
             self.finish();
         } else {
             self.launch();
@@ -232,24 +246,29 @@ impl Running {
         }
     }
 
-    /// The specimen under way has no end: its pose is lost. By the method's policy it is begun anew, or its well is over.
+    /// The specimen under way has no end: its pose is lost. By the method's policy it is begun anew, or its well is over; unless it was
+    /// accepted, which only lacks its numbers.
     pub(super) fn interrupt_specimen(&mut self, reason: &str) {
+        let accepted = self.accepted();
         let Some(active) = &mut self.active else { return };
         let policy = active.record.method.policy.interrupted;
         let wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
         let status = self.publisher.status();
         for well in wells {
             let Some(active) = &mut self.active else { return };
-            if policy == Interrupted::Skip
-                && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
-            {
-                slot.end(SpecimenOutcome::Interrupted, Some(reason));
-            }
             let inside = status.specimen.as_ref().is_some_and(|s| s.well == well && s.in_capillary);
             if inside && self.loaded_from_outside {
                 active.take_out = Some(well.clone());
             } else if inside {
                 active.eject_first = Some(well.clone());
+            }
+            if accepted.iter().any(|accepted| accepted.well == well) {
+                continue;
+            }
+            if policy == Interrupted::Skip
+                && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
+            {
+                slot.end(SpecimenOutcome::Interrupted, Some(reason));
             }
             let data = json!({ "reason": reason, "policy": policy });
             self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
@@ -282,6 +301,7 @@ impl Running {
             self.go(Trigger::Hold);
         }
         let Some(active) = &mut self.active else { return };
+        active.then = None;
         active.held_by_fault = by_fault;
         let record = active.record.clone();
         let status = run_status(&record);
@@ -290,9 +310,17 @@ impl Running {
         self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" } }));
     }
 
-    /// All wells are done: the run ends once that is on disk, and is held until then.
+    /// All wells are done, but for numbers that are still made from frames.
     fn finish(&mut self) {
         self.go(Trigger::WellsDone);
+        self.recover();
+        if !self.waits_for_numbers(Then::Finish) {
+            self.close();
+        }
+    }
+
+    /// The run ends once that is on disk, and is held until then.
+    pub(super) fn close(&mut self) {
         let Some(active) = &self.active else { return };
         let mut record = active.record.clone();
         record.end(RunOutcome::of_wells(&record.wells));
@@ -307,8 +335,16 @@ impl Running {
         self.go_with(Trigger::Recorded, over(&record, self.calibration()));
     }
 
-    /// Ends the run as it was asked to: stopped, aborted, or with the daemon.
+    /// Ends the run as it was asked to, once specimens that are gone have their numbers.
     pub(super) fn end_run(&mut self) {
+        self.recover();
+        if !self.waits_for_numbers(Then::End) {
+            self.end_now();
+        }
+    }
+
+    /// Stopped, aborted, or with the daemon.
+    pub(super) fn end_now(&mut self) {
         let Some(active) = &self.active else { return };
         let (asked, mut record) = (active.asked, active.record.clone());
         let (left, reason) = match asked {
@@ -345,7 +381,7 @@ impl Running {
         // A driven sampler may have been about to bring it; a loader says what it has brought.
         let mut begun = memory.begun;
         if self.loaded_from_outside {
-            begun.retain(|well| memory.in_capillary.as_ref() == Some(well));
+            begun.retain(|well| memory.looked_at.contains(well) || memory.in_capillary.as_ref() == Some(well));
             active.take_out = memory.in_capillary;
         } else {
             active.eject_first = begun.last().cloned();
@@ -364,6 +400,13 @@ impl Running {
             s.plate.present = true;
         });
         self.interrupt_specimen("the daemon ended before this specimen was done");
+        if let Some(active) = &self.active {
+            // What is given up stays so, whatever comes before the run goes on.
+            let (record, status) = (active.record.clone(), run_status(&active.record));
+            self.save(record);
+            self.publish(|s| s.run = Some(status));
+        }
+        self.recover();
         match memory.asked {
             Some(end) => {
                 self.ask(end);

@@ -5,6 +5,7 @@
 //!  loader, faults, life, plate │                    │
 //!                              ▼                    │
 //!  worker ──► progress ──► Running (one thread) ────┤
+//!  recovery ───────────────────┤                    │
 //!  search, preflight ──────────┘   owns the run     └──► life: worker for the wells that are left
 //! ```
 //! A run is [`Active`] from its acceptance to its outcome. It has a worker, which has the instrument, or none while it is held.
@@ -20,6 +21,7 @@ mod plates;
 mod progress;
 mod publish;
 mod recall;
+mod recovery;
 mod start;
 #[cfg(test)]
 mod tests;
@@ -153,6 +155,7 @@ impl Driver {
                 () = halt.pressed(), if !d.stopping => d.emergency_pressed(),
                 word = word_of(&mut d.active) => match word {
                     Word::Progress(progress) => d.progress(progress),
+                    Word::Recovered(ended) => d.recovered(ended),
                     Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?),
                 },
                 done = errands::ended(&mut d.errand) => d.errand_done(done.map_err(|_| DriverError::WorkerPanicked)?),

@@ -2,6 +2,7 @@
 
 use super::super::state::{self, Trigger};
 use super::super::{Pending, RunStatus, SpecimenStatus, Status, WellCounts, sentence};
+use super::recovery::Recovery;
 use super::{Asked, Running};
 use crate::store::RunRecord;
 
@@ -57,7 +58,8 @@ impl Running {
         s.ready = s.not_ready_reason.is_none();
         if let (Some(active), Some(run)) = (&self.active, &mut s.run) {
             let pace = self.paces.get(&active.record.plan.method);
-            let waiting = run.wells.pending.saturating_sub(active.under_way.len() as u32);
+            let begun = active.under_way.len() + active.recovery.as_ref().map_or(0, Recovery::wells_left);
+            let waiting = run.wells.pending.saturating_sub(begun as u32);
             let has_the_rig = s.specimen.as_ref().and_then(|x| active.under_way.get(&x.well));
             run.eta_s = pace.and_then(|pace| pace.remaining(has_the_rig, waiting, self.now_s()));
         }

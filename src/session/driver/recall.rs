@@ -5,6 +5,7 @@ use super::super::{Event, Fault, Phase, kind};
 use super::Asked;
 use super::faults::ends_by_itself;
 use super::life::BY_ITSELF;
+use std::collections::BTreeSet;
 
 /// How far a run had come when the daemon ended.
 #[derive(Debug, Default, PartialEq)]
@@ -17,6 +18,8 @@ pub(super) struct RunMemory {
     pub asked: Option<Asked>,
     /// The wells whose specimens were begun and have no end, the one that had the rig last.
     pub begun: Vec<String>,
+    /// Of those, the ones that were more than waited for: they were in the capillary, wherever they are now.
+    pub looked_at: BTreeSet<String>,
     /// The well whose specimen was last said to be in the capillary.
     pub in_capillary: Option<String>,
 }
@@ -42,6 +45,9 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                 if !taken_out && !memory.begun.contains(well) {
                     memory.begun.push(well.clone());
                 }
+                if event.data["phase"] != Phase::Load.name() && !taken_out {
+                    memory.looked_at.insert(well.clone());
+                }
                 memory.in_capillary = (event.data["in_capillary"] == true).then(|| well.clone());
             }
             (end @ (kind::SPECIMEN_DONE | kind::SPECIMEN_INTERRUPTED), Some(well)) => {
@@ -49,6 +55,7 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                     memory.resumed_by_itself = 0;
                 }
                 memory.begun.retain(|begun| begun != well);
+                memory.looked_at.remove(well);
             }
             _ => {}
         }
@@ -119,6 +126,23 @@ mod tests {
         assert_eq!(of(&loaded).in_capillary.as_deref(), Some("A02"));
         let out = [&loaded[..], &[event("well.unloaded", Some("A02"), Value::Null)]].concat();
         assert_eq!(of(&out).in_capillary, None);
+    }
+
+    /// A loader is asked again for what it was only waited for, never for what was looked at and taken out since.
+    #[test]
+    fn a_specimen_that_was_looked_at_is_told_from_one_that_is_waited_for() {
+        let awaited = [phase("A01", Phase::Load, false), event("well.loaded", Some("A01"), Value::Null)];
+        assert!(of(&awaited).looked_at.is_empty());
+        let unloaded = event("well.unloaded", Some("A01"), Value::Null);
+        let gone = [&awaited[..], &[phase("A01", Phase::Measure, true), phase("A01", Phase::Eject, true), unloaded]].concat();
+        let next = [&gone[..], &[phase("A02", Phase::Load, false)]].concat();
+        for events in [&gone, &next] {
+            let memory = of(events);
+            assert_eq!((memory.looked_at, memory.in_capillary), (BTreeSet::from(["A01".to_owned()]), None));
+            assert!(memory.begun.contains(&"A01".to_owned()));
+        }
+        let done = [&next[..], &[event("specimen.done", Some("A01"), Value::Null)]].concat();
+        assert!(of(&done).looked_at.is_empty());
     }
 
     /// Crashed twice: the second start must not take the specimen that the first one threw out for one that was begun.

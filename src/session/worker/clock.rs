@@ -7,6 +7,7 @@
 //! ```
 
 use crate::session::Phase;
+use crate::store::{RecordingWriter, StoreError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -73,6 +74,9 @@ pub struct StageClock {
     pub surface: Times,
 }
 
+/// Beside a specimen's numbers.
+pub const TIMINGS: &str = "timings.json";
+
 /// `timings.json`.
 #[derive(Debug, Serialize)]
 pub struct Timings<'a> {
@@ -80,6 +84,14 @@ pub struct Timings<'a> {
     pub stages: &'a StageClock,
     #[serde(flatten)]
     pub well: &'a WellTimes,
+}
+
+/// Writes the `timings.json` of a specimen whose numbers were made by another life than its views, where none is there.
+pub fn add_timings(writer: &mut RecordingWriter, well: &WellTimes) -> Result<(), StoreError> {
+    if writer.has(TIMINGS) {
+        return Ok(());
+    }
+    writer.add_json(TIMINGS, &Timings { stages: &StageClock::default(), well })
 }
 
 #[derive(Debug, Default, Serialize)]

@@ -15,7 +15,7 @@ mod turn;
 mod watch;
 mod well;
 
-pub use clock::WellTimes;
+pub use clock::{WellTimes, add_timings};
 pub use watch::Overrun;
 
 use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, TranslationStatus, WellStatus, placing};

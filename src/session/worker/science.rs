@@ -76,6 +76,16 @@ impl Science {
         self.work.send(work).map_err(|_| SinkClosed)
     }
 
+    /// Has the specimen measured. Returns once its turn would outlast a crash: it may be let go from then on.
+    ///
+    /// # Errors
+    /// The thread has ended: [`Self::close`] says why.
+    pub fn accept(&self) -> Result<(), SinkClosed> {
+        let (kept, is_kept) = channel();
+        self.send(Work::Accepted { kept })?;
+        is_kept.recv().map_err(|_| SinkClosed)
+    }
+
     /// Whether the views that are there are enough by the method's rule.
     pub fn has_enough(&self) -> bool {
         self.enough.load(Ordering::Acquire)

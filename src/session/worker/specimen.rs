@@ -4,21 +4,20 @@
 //! ```text
 //! View ─> store ─> profile ─> carve ─> live picture
 //! Turned ──────> calibrate ─> TurnVerdict            the larva is still in the capillary
-//! Accepted ────> surface ─> measures ─> files    it is taken out meanwhile
+//! Accepted ────> on disk ─> surface ─> measures ─> files    it is taken out meanwhile
 //! Out ─────────> timings, sums ─> WellDone
 //! ```
 
-use super::clock::{StageClock, Timings};
+use super::clock::{StageClock, TIMINGS, Timings};
 use super::{Progress, RunContext, RunError, WellTimes};
 use crate::acquisition::LedgerEntry;
-use crate::export;
 use crate::frame::RawFrame;
-use crate::pipeline::{Pipeline, PipelineError, TurnVerdict};
+use crate::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
 use crate::quality::{Estimate, should_stop};
-use crate::session::live;
-use crate::session::{Mode, Phase, PlannedWell, ReferenceStatus, SpecimenOutcome, WellStatus};
-use crate::store::{self, MEASUREMENT, MeasurementFile, RecordingWriter, StoreError};
-use std::path::Path;
+use crate::session::{Phase, PlannedWell, SpecimenOutcome, WellStatus};
+use crate::session::{live, numbers};
+use crate::store::{self, MeasurementFile, RecordingWriter};
+use crate::surface::Mesh;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
@@ -34,8 +33,10 @@ pub enum Work {
     },
     /// All views are there: a verdict is waited for.
     Turned,
-    /// No view follows: the specimen is measured.
-    Accepted,
+    /// No view follows: the specimen is measured. Answered once that would outlast a crash.
+    Accepted {
+        kept: Sender<()>,
+    },
     /// The specimen is out of the way; what its well took so far, and how long it had the rig, s.
     Out {
         times: WellTimes,
@@ -113,7 +114,12 @@ impl Specimen {
                     // Nobody waits for it where the run was cancelled.
                     let _gone = verdicts.send(verdict);
                 }
-                Some(Work::Accepted) => return Ok(Turn::Accepted),
+                Some(Work::Accepted { kept }) => {
+                    self.writer.accept()?;
+                    // Nobody waits for it where the rig thread has ended.
+                    let _gone = kept.send(());
+                    return Ok(Turn::Accepted);
+                }
                 Some(Work::Out { .. }) | None => return Ok(Turn::Dropped),
             }
             next = next.or_else(|| work.recv().ok());
@@ -207,7 +213,7 @@ impl Specimen {
             _ => (WellTimes::default(), took.as_secs_f64()),
         };
         times.phase(Phase::Measure, took);
-        let timed = writer.add_json("timings.json", &Timings { stages: &stages, well: &times });
+        let timed = writer.add_json(TIMINGS, &Timings { stages: &stages, well: &times });
         let closed = writer.close();
         numbers?;
         timed?;
@@ -219,43 +225,23 @@ impl Specimen {
     }
 }
 
-/// The files of a measured specimen, and its line of the status.
+/// The numbers of a measured specimen with those of the second camera, its files, and its line of the status.
 fn written(
     context: &RunContext,
     planned: &PlannedWell,
     writer: &mut RecordingWriter,
-    mesh: &crate::surface::Mesh,
-    record: crate::pipeline::SpecimenRecord,
+    mesh: &Mesh,
+    record: SpecimenRecord,
     seconds: &[(LedgerEntry, RawFrame)],
     result: &mut WellStatus,
 ) -> Result<(), RunError> {
-    let mut ply = Vec::new();
-    let unit = if context.mode == Mode::Simulated { "um (simulated)" } else { "um" };
-    export::write_ply(mesh, unit, &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
-    writer.add_file("mesh.ply", &ply)?;
-    if let Some(glb) = live::model(mesh) {
-        writer.add_file("model.glb", &glb)?;
-        context.tell(Progress::Model { well: planned.well.clone(), glb });
-    }
     let second = context.config.second.as_ref().filter(|_| !seconds.is_empty());
     let fluorescence =
         second.and_then(|s| store::fluorescence(mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame))));
-    result.signal_per_nl = fluorescence.as_ref().map(|f| f.signal_per_nl);
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(writer.recording(), &context.config.references, record) };
-    writer.add_json(MEASUREMENT, &file)?;
-    let MeasurementFile { record, reference, .. } = file;
-    let m = &record.measurement;
-    result.end(SpecimenOutcome::Succeeded, None);
-    result.flags = record.flags;
-    result.estimator = Some(m.estimator.name().to_owned());
-    result.volume_um3 = Some(m.volume_um3);
-    result.volume_sd_um3 = m.volume_sd_um3;
-    result.area_um2 = Some(m.area_um2);
-    result.area_sd_um2 = m.area_sd_um2;
-    result.field_volume_um3 = Some(m.field_volume_um3);
-    result.field_area_um2 = Some(m.field_area_um2);
-    result.diameter_um = m.diameter_um;
-    result.views = Some(m.views as u32);
-    result.reference = reference.as_ref().and_then(ReferenceStatus::of).map(Box::new);
+    if let Some(glb) = numbers::keep(writer, mesh, &file)? {
+        context.tell(Progress::Model { well: planned.well.clone(), glb });
+    }
+    numbers::tell(result, &file);
     Ok(())
 }

@@ -52,7 +52,7 @@ impl Worker {
         match self.verdict(planned, &plan, &science, times, last) {
             Ok(None) => {
                 self.context.phase(&planned.well, Phase::Measure, true);
-                match science.send(Work::Accepted) {
+                match science.accept() {
                     Ok(()) => Ok(Attempt::Accepted(Box::new(science))),
                     Err(SinkClosed) => ended(science),
                 }

@@ -1,0 +1,106 @@
+//! The numbers of a recorded specimen, from its frames; and what is kept of a specimen's numbers, whoever made them.
+//!
+//! ```text
+//! ledger ─ frames ─ look (all at once) ─ observe, in their order ─ finish ─> surface, numbers ─┬─> mesh.ply, model.glb, measurement.json
+//!   live run: the same pipeline, frame by frame as they are taken ───────────────────────────┘    └─> the well's line of the status
+//! ```
+
+use super::{Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus, live};
+use crate::acquisition::LedgerEntry;
+use crate::config::Method;
+use crate::export;
+use crate::pipeline::{Pipeline, PipelineError};
+use crate::store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
+use crate::surface::Mesh;
+use rayon::prelude::*;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Why a recording has no numbers.
+#[derive(Debug, thiserror::Error)]
+pub enum NumbersError {
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    #[error(transparent)]
+    Pipeline(#[from] PipelineError),
+}
+
+/// Surface and numbers of these views of a recording by this method, to the last bit those of a live run; `looked` hears of each view.
+///
+/// # Errors
+/// Frames that are not there or not what was recorded, and what the pipeline makes no number of.
+pub fn of_recording(
+    reader: &RecordingReader,
+    method: &Method,
+    entries: &[&LedgerEntry],
+    looked: impl Fn() + Sync,
+) -> Result<(Mesh, MeasurementFile), NumbersError> {
+    let recording = reader.recording();
+    let sphere = recording.specimen.specimen == SpecimenKind::Bead;
+    let settings = method.pipeline(&recording.rig.camera, sphere).map_err(PipelineError::from)?;
+    let mut pipeline = Pipeline::new(settings.compared_with(reader.empty_capillary()?.as_ref())?)?;
+    let look = |entry: &LedgerEntry| {
+        let seen = pipeline.look(&reader.frame(entry)?)?;
+        looked();
+        Ok::<_, NumbersError>(seen)
+    };
+    let seen = entries.par_iter().map(|entry| look(entry)).collect::<Result<Vec<_>, _>>()?;
+    for (entry, seen) in entries.iter().zip(&seen) {
+        if entry.closure {
+            pipeline.observe_closure(seen);
+        } else {
+            pipeline.observe(entry.view, entry.omega, seen)?;
+        }
+    }
+    if recording.ended_after_views.is_some() {
+        pipeline.end_early()?;
+    }
+    let (mesh, record) = pipeline.finish()?;
+    let mut fluorescence = None;
+    if let Some(second) = &recording.rig.second {
+        let mut frames = Vec::new();
+        for entry in entries {
+            frames.extend(reader.second(entry)?.map(|frame| (*entry, frame)));
+        }
+        let frames = frames.iter().map(|(entry, frame)| (*entry, frame));
+        fluorescence = store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
+    }
+    let as_if = Recording { method: method.clone(), ..recording.clone() };
+    let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&as_if, &reader.references()?, record) };
+    Ok((mesh, file))
+}
+
+/// Writes what is kept of a specimen's numbers; gives the model for the page.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn keep(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) -> Result<Option<Arc<Vec<u8>>>, StoreError> {
+    let mut ply = Vec::new();
+    let unit = if file.mode == Mode::Simulated { "um (simulated)" } else { "um" };
+    export::write_ply(mesh, unit, &mut ply).map_err(StoreError::io("encode", Path::new("mesh.ply")))?;
+    writer.add_file("mesh.ply", &ply)?;
+    let model = live::model(mesh);
+    if let Some(glb) = &model {
+        writer.add_file("model.glb", glb)?;
+    }
+    writer.add_json(MEASUREMENT, file)?;
+    Ok(model)
+}
+
+/// Ends a well with its numbers.
+pub fn tell(result: &mut WellStatus, file: &MeasurementFile) {
+    let m = &file.record.measurement;
+    result.end(SpecimenOutcome::Succeeded, None);
+    result.flags.clone_from(&file.record.flags);
+    result.estimator = Some(m.estimator.name().to_owned());
+    result.volume_um3 = Some(m.volume_um3);
+    result.volume_sd_um3 = m.volume_sd_um3;
+    result.area_um2 = Some(m.area_um2);
+    result.area_sd_um2 = m.area_sd_um2;
+    result.field_volume_um3 = Some(m.field_volume_um3);
+    result.field_area_um2 = Some(m.field_area_um2);
+    result.diameter_um = m.diameter_um;
+    result.views = Some(m.views as u32);
+    result.signal_per_nl = file.fluorescence.as_ref().map(|f| f.signal_per_nl);
+    result.reference = file.reference.as_ref().and_then(ReferenceStatus::of).map(Box::new);
+}

@@ -1,0 +1,47 @@
+//! The state on disk that a crash leaves, made from a run that ended: the same at every try, and no kill has to come in time.
+
+use super::json;
+use carved::session::WellStatus;
+use carved::store::RunRecord;
+use serde_json::Value;
+use std::path::Path;
+
+/// What is made of a specimen's frames, all of it while the next specimen is brought.
+pub const RESULTS: [&str; 5] = ["mesh.ply", "model.glb", "measurement.json", "timings.json", "SHA256SUMS"];
+
+/// Takes an ended run back to the moment before its first well was done: accepted, its specimen let go, its numbers not yet told. The
+/// wells after it are as if none of them had been brought; `asked` is what somebody had asked for, as in `run.abort_requested`.
+pub fn before_the_first_well_was_done(data: &Path, run: &str, asked: Option<&str>) {
+    let folder = data.join("runs").join(run);
+    let mut record: RunRecord = serde_json::from_value(json(&folder.join("run.json"))).unwrap();
+    let first = record.plan.plate_map[0].well.clone();
+    for later in &record.plan.plate_map[1..] {
+        std::fs::remove_dir_all(folder.join(&later.well)).unwrap();
+    }
+    record.wells = record.plan.plate_map.iter().map(WellStatus::pending).collect();
+    (record.ended, record.outcome) = (None, None);
+    std::fs::write(folder.join("run.json"), serde_json::to_vec_pretty(&record).unwrap()).unwrap();
+
+    let text = std::fs::read_to_string(data.join("events.jsonl")).unwrap();
+    let is_done = |event: &Value| event["kind"] == "specimen.done" && event["well"] == first.as_str();
+    let events = text.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());
+    let mut kept: Vec<Value> = events.take_while(|event| !is_done(event)).collect();
+    if let Some(kind) = asked {
+        let last = kept.last().unwrap();
+        let id = last["id"].as_u64().unwrap() + 1;
+        kept.push(serde_json::json!({"id": id, "time": last["time"], "kind": kind, "run": run, "well": null, "data": null}));
+    }
+    let lines = |kept: &mut dyn Iterator<Item = &Value>| kept.map(|event| format!("{event}\n")).collect::<String>();
+    std::fs::write(folder.join("events.jsonl"), lines(&mut kept.iter().filter(|e| e["run"] == run))).unwrap();
+    std::fs::write(data.join("events.jsonl"), lines(&mut kept.iter())).unwrap();
+    for index in ["index.sqlite", "index.sqlite-wal", "index.sqlite-shm"] {
+        let _ = std::fs::remove_file(data.join(index));
+    }
+}
+
+/// Of a well: everything that is made of its frames.
+pub fn without_results(well: &Path) {
+    for name in RESULTS {
+        std::fs::remove_file(well.join(name)).unwrap();
+    }
+}
