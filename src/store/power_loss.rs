@@ -37,6 +37,8 @@ pub(crate) mod trace {
         pub fails: Option<usize>,
         /// Nor is any that follows, until there is room.
         pub stays_full: bool,
+        /// How many were not done.
+        pub refused: usize,
         /// Looks on before each operation.
         pub witness: Option<Box<dyn Fn()>>,
     }
@@ -53,6 +55,7 @@ pub(crate) mod trace {
             let frees = trace.stays_full && matches!(op, Op::Cut(..) | Op::Remove(..));
             if trace.fails.is_some_and(|at| trace.ops.len() >= at) && !frees {
                 trace.fails = trace.fails.filter(|_| trace.stays_full);
+                trace.refused += 1;
                 return Err(io::ErrorKind::StorageFull.into());
             }
             trace.ops.push(op);
@@ -67,6 +70,10 @@ pub(crate) mod trace {
     /// From the operation of this number on the disk is full, until [`make_room`]; `witness` looks on before each.
     pub fn fill(at: usize, witness: impl Fn() + 'static) {
         TRACE.set(Some(Trace { fails: Some(at), stays_full: true, witness: Some(Box::new(witness)), ..Trace::default() }));
+    }
+
+    pub fn was_full() -> bool {
+        TRACE.with_borrow(|trace| trace.as_ref().is_some_and(|t| t.refused > 0))
     }
 
     pub fn make_room() {

@@ -183,6 +183,15 @@ impl Bench {
         self.tell(Progress::WellDone { result, seconds: 1.0, times: WellTimes::default() })
     }
 
+    /// A beat, and the look at the devices that it begins; commands wait for that.
+    pub async fn beat(&mut self) {
+        self.d.beat();
+        if self.d.errand.is_some() {
+            let done = errands::ended(&mut self.d.errand).await.unwrap();
+            self.d.errand_done(done);
+        }
+    }
+
     /// The worker hands the instrument back and ends so.
     pub async fn ends(&mut self, end: RunEnd) {
         let work = self.d.active.as_mut().unwrap().work.as_mut().unwrap();
