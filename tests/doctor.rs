@@ -3,6 +3,7 @@
 
 mod common;
 
+use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
 use common::{run, stderr};
 use hardware_sim::grbl::Settings;
 use hardware_sim::{Controller, Rig, RigSettings, TestCard};
@@ -122,10 +123,22 @@ fn cameras_are_listed_with_who_has_them_and_what_to_configure() {
 fn a_port_that_somebody_holds_is_left_alone() {
     let rig = rig(Controller::default());
     let path = rig.serial_path();
-    let held = serialport::new(path.to_str().unwrap(), 115_200).exclusive(true).open_native().unwrap();
+    // By the driver itself, which leaves it to nobody else.
+    let _held = Grbl::open(GrblSettings {
+        port: path.to_str().unwrap().into(),
+        baud: 115_200,
+        axis: AxisLetter::X,
+        steps_per_unit: [100, 1],
+        max_rate_units_per_min: 500.0,
+        acceleration_units_per_s2: 20.0,
+        reference: Reference::Here,
+        dialect: Dialect::Auto,
+        answer_timeout_ms: 2000,
+        homing_timeout_ms: 60_000,
+    })
+    .unwrap();
     let said = doctor(path.to_str().unwrap());
     assert!(said.contains("Close the other program"), "{said}");
-    drop(held);
 }
 
 #[test]

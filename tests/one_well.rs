@@ -9,47 +9,14 @@
 
 mod common;
 
+use common::spoiled::Spoiled;
 use common::{Instrument, Rate, SLOW, SLOW_REFERENCE, json, run, stderr};
-use hardware_sim::scene::{Exposure, Placement, Scene, Specimen};
-use hardware_sim::{PixelFormat, Pixels, Sight};
+use hardware_sim::scene::{Placement, Specimen};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::ops::Range;
 use std::path::PathBuf;
-use std::sync::{Arc, Mutex};
-
-/// A scene that shows, at some angles of the first turn, what was never there: the specimen turned on. Frames that are lost and
-/// triggered again make no difference.
-struct Bent {
-    scene: Arc<Scene>,
-    /// Angles from the first exposure, rad.
-    at_rad: Range<f64>,
-    by_rad: f64,
-    turn: Mutex<Turn>,
-}
-
-#[derive(Default)]
-struct Turn {
-    first_rad: Option<f64>,
-    furthest_rad: f64,
-    /// The shaft has gone back.
-    is_over: bool,
-}
-
-impl Sight for Bent {
-    fn size(&self) -> (u32, u32) {
-        self.scene.size()
-    }
-
-    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
-        let mut turn = self.turn.lock().unwrap();
-        let from_first = exposure.angle_rad - *turn.first_rad.get_or_insert(exposure.angle_rad);
-        turn.is_over |= from_first < turn.furthest_rad - 0.01;
-        turn.furthest_rad = turn.furthest_rad.max(from_first);
-        let by_rad = if self.at_rad.contains(&from_first) && !turn.is_over { self.by_rad } else { 0.0 };
-        self.scene.look(&Exposure { angle_rad: exposure.angle_rad + by_rad, ..*exposure }, format)
-    }
-}
+use std::sync::Arc;
 
 /// As it is.
 const STRAIGHT: (Range<f64>, f64) = (0.0..0.0, 0.0);
@@ -58,7 +25,7 @@ const STRAIGHT: (Range<f64>, f64) = (0.0..0.0, 0.0);
 const QUICK: Rate = Rate { asd: 12, ..common::QUICK };
 
 fn start(rate: &Rate, policy: &str, (at_rad, by_rad): (Range<f64>, f64)) -> Instrument {
-    Instrument::start(rate, policy, |scene| Arc::new(Bent { scene, at_rad, by_rad, turn: Mutex::default() }))
+    Instrument::start(rate, policy, |scene| Arc::new(Spoiled::bent(&scene, at_rad, by_rad)))
 }
 
 impl Instrument {

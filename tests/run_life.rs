@@ -55,9 +55,13 @@ fn turning(well: &str) -> impl Fn(&Value) -> bool {
     move |s| s["specimen"]["well"] == well && s["specimen"]["view"].as_u64() >= Some(2)
 }
 
-fn kinds(data: &Path, kind: &str) -> usize {
+fn of_kind(data: &Path, kind: &str) -> Vec<Value> {
     let text = std::fs::read_to_string(data.join("events.jsonl")).unwrap();
-    text.lines().filter(|l| serde_json::from_str::<Value>(l).unwrap()["kind"] == kind).count()
+    text.lines().map(|l| serde_json::from_str::<Value>(l).unwrap()).filter(|e| e["kind"] == kind).collect()
+}
+
+fn kinds(data: &Path, kind: &str) -> usize {
+    of_kind(data, kind).len()
 }
 
 #[test]
@@ -92,6 +96,7 @@ fn a_held_run_rests_between_two_wells_outlasts_a_crash_and_goes_on_where_it_was(
     assert_eq!(std::fs::read(data.join("runs/r1/A01/SHA256SUMS")).unwrap(), sums);
     assert!(!data.join("runs/r1/A02.attempt-1").exists(), "nothing was begun twice");
     assert_eq!((kinds(&data, "run.ended"), kinds(&data, "specimen.done"), kinds(&data, "run.resumed")), (1, 3, 1));
+    assert_eq!(of_kind(&data, "run.resumed")[0]["data"]["by"], "operator", "it did not go on by itself before");
 }
 
 #[test]

@@ -4,9 +4,11 @@
 
 mod common;
 
+use common::bench::{Bench, larva};
+use common::spoiled::Spoiled;
 use common::{Daemon, configured, json, port, run, stderr};
-use hardware_sim::RigSettings;
 use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene, SceneSettings, Specimen};
+use hardware_sim::{Pixels, RigSettings, Sight};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -96,6 +98,48 @@ fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording(
     std::fs::copy(folder.join("view_001.png"), folder.join("view_002.png")).unwrap();
     let said = stderr(&run(&["measure", data.join("runs/r1/A01").to_str().unwrap()]));
     assert!(said.contains("view_002.png") && said.contains("SHA-256"), "{said}");
+}
+
+/// View 4 of 12 does not belong, and there the specimen does not glow; when it is taken again, it does.
+#[test]
+fn a_view_that_is_taken_again_is_taken_again_by_both_cameras() {
+    let at_rad = 2.0..2.2;
+    let mut bench = Bench::seen_by(|scene| Arc::new(Spoiled::bent(scene, at_rad.clone(), 1.0)));
+    let settings = FluorescentSettings::default();
+    let background = settings.background as u8;
+    let glow = Arc::new(Fluorescent::new(bench.scene.clone(), settings.clone()));
+    let (width, height) = glow.size();
+    let dark = Spoiled::new(glow.clone(), at_rad, move |_, format| Pixels::filled(width, height, format, background));
+    let second = bench.rig.add_camera(Arc::new(dark)).unwrap();
+    let changes = [("asd = 21", "asd = 12".to_owned()), ("voxel_um = 6.93", "voxel_um = 17.1".to_owned())];
+    let daemon = bench.serve(&changes, &tables(second, &settings));
+    let specimen = larva("A01");
+    let body_nl = specimen.2.truth().volume_um3 * 1e-6;
+    let status = bench.measured(&daemon, "r1", "standard", &[specimen]);
+    assert_eq!(status["run"]["results"][0]["outcome"], "succeeded", "{status}");
+
+    let a01 = bench.data().join("runs/r1/A01");
+    let recording = json(&a01.join("recording.json"));
+    let takes: Vec<&Value> = recording["ledger"].as_array().unwrap().iter().filter(|e| e["view"] == 4).collect();
+    assert_eq!((takes.len(), &takes[1]["retake"]), (2, &json!(1)), "{takes:?}");
+    assert!(takes[0]["second"]["sha256"] != takes[1]["second"]["sha256"] && takes[1]["second"]["sha256"].is_string(), "{takes:?}");
+    for name in ["second/view_004.png", "second/view_004.retake-1.png", "second/closure.retake-1.png"] {
+        assert!(a01.join(name).is_file(), "{name}");
+    }
+    let found = json(&a01.join("measurement.json"))["fluorescence"].clone();
+    let signals: Vec<(u64, f64)> =
+        found["views"].as_array().unwrap().iter().map(|v| (v["view"].as_u64().unwrap(), v["signal"].as_f64().unwrap())).collect();
+    let mut views: Vec<u64> = signals.iter().map(|(view, _)| *view).collect();
+    views.sort_unstable();
+    assert_eq!(views, (0..12).collect::<Vec<u64>>(), "each view once");
+    // As above: perspective, facets and noise.
+    for (view, signal) in signals {
+        let off = signal / (body_nl * glow.signal_per_nl()) - 1.0;
+        assert!(off.abs() < 0.03, "view {view}: {off}");
+    }
+    let output = run(&["measure", a01.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(serde_json::from_slice::<Value>(&output.stdout).unwrap()["stored"], "identical");
 }
 
 #[test]

@@ -17,7 +17,7 @@ pub struct GateStatus {
     pub measured: String,
     /// From this age on it does not stand.
     pub max_age_s: f64,
-    /// It passed, and was fresh when it was looked up.
+    /// It passed, and is not too old yet.
     pub stands: bool,
     /// What was found and what to do.
     pub words: Vec<String>,

@@ -87,8 +87,8 @@ pub fn keep(writer: &mut RecordingWriter, mesh: &Mesh, file: &MeasurementFile) -
     Ok(model)
 }
 
-/// Ends a well with its numbers.
-pub fn tell(result: &mut WellStatus, file: &MeasurementFile) {
+/// Ends a well with its numbers, of so many planned views.
+pub fn tell(result: &mut WellStatus, file: &MeasurementFile, views_planned: u32) {
     let m = &file.record.measurement;
     result.end(SpecimenOutcome::Succeeded, None);
     result.flags.clone_from(&file.record.flags);
@@ -101,6 +101,7 @@ pub fn tell(result: &mut WellStatus, file: &MeasurementFile) {
     result.field_area_um2 = Some(m.field_area_um2);
     result.diameter_um = m.diameter_um;
     result.views = Some(m.views as u32);
+    result.views_planned = Some(views_planned);
     result.signal_per_nl = file.fluorescence.as_ref().map(|f| f.signal_per_nl);
     result.reference = file.reference.as_ref().and_then(ReferenceStatus::of).map(Box::new);
 }

@@ -209,6 +209,9 @@ pub struct WellStatus {
     /// Views that count; fewer than planned where some did not belong, or the method ended the turn early.
     #[serde(default)]
     pub views: Option<u32>,
+    /// By the method: `views` of so many.
+    #[serde(default)]
+    pub views_planned: Option<u32>,
     /// Fluorescence in the second camera per volume: grey levels times px per nl.
     #[serde(default)]
     pub signal_per_nl: Option<f64>,
@@ -236,6 +239,7 @@ impl WellStatus {
             field_area_um2: None,
             diameter_um: None,
             views: None,
+            views_planned: None,
             signal_per_nl: None,
             reference: None,
         }
@@ -448,8 +452,26 @@ impl CalibrationStatus {
 
     /// Its age at a moment.
     pub fn age_s(&self, now: jiff::Timestamp) -> Option<f64> {
-        Some(now.duration_since(self.measured.parse().ok()?).as_secs_f64())
+        age_s(&self.measured, now)
     }
+
+    /// Notes what is too old from this moment on; whether anything is that was not before.
+    pub fn grows_too_old(&mut self, now: jiff::Timestamp) -> bool {
+        let passes = |good: &mut bool, measured: &str, max_age_s: f64| {
+            *good && {
+                *good = age_s(measured, now).is_some_and(|age_s| age_s < max_age_s);
+                !*good
+            }
+        };
+        let size = passes(&mut self.valid, &self.measured, self.max_age_s);
+        let gate = self.gate.as_mut().is_some_and(|gate| passes(&mut gate.stands, &gate.measured, gate.max_age_s));
+        size || gate
+    }
+}
+
+/// Seconds from a moment as it is told to another.
+fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
+    Some(now.duration_since(measured.parse().ok()?).as_secs_f64())
 }
 
 /// `GET /v1/status`.

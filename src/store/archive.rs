@@ -156,6 +156,20 @@ fn receipts(folder: &Path) -> Result<Vec<Receipt>, StoreError> {
     Ok(found)
 }
 
+/// Why a raw frame, `name` in a recording's folder, is not there: it was pruned, where a receipt of its run has it.
+pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
+    let path = recording.join(name);
+    let copied = || {
+        let whole = recording.canonicalize().ok()?;
+        let well = Path::new(whole.file_name()?);
+        // Receipts that cannot be read tell nothing.
+        let receipt = receipts(whole.parent()?).ok()?.into_iter().find(|receipt| receipt.files.contains_key(&well.join(name)))?;
+        let copy = receipt.destination.join(well);
+        Some(StoreError::ArchivedFrame { path: path.clone(), is_there: copy.join(name).is_file(), copy, archived: receipt.archived })
+    };
+    copied().unwrap_or(StoreError::MissingFrame { path })
+}
+
 /// Whether a prune without `all` takes it: raw frames, of which nothing is looked up.
 fn is_raw(name: &Path) -> bool {
     let mut parts = name.components().skip(1).map(std::path::Component::as_os_str);

@@ -10,8 +10,25 @@ pub enum StoreError {
     Format { path: PathBuf, expected: &'static str, found: String },
     #[error("{}: its SHA-256 is {found}, the recording says {expected}: the file was altered after it was recorded", path.display())]
     Altered { path: PathBuf, expected: String, found: String },
-    #[error("{}: the frame of view {view} is missing; the recording lists it", path.display())]
-    MissingFrame { path: PathBuf, view: u32 },
+    #[error("{}: the frame is missing; the recording lists it", path.display())]
+    MissingFrame { path: PathBuf },
+    #[error(
+        "{}: the frame is not here any more; it was archived to {} on {archived}{}",
+        path.display(), copy.display(),
+        if *is_there {
+            format!(" and is there: carved measure {}", copy.display())
+        } else {
+            ", and is not there now: mount that disk or bring the copy back, and measure that".into()
+        }
+    )]
+    ArchivedFrame {
+        path: PathBuf,
+        /// The recording's folder in the archive.
+        copy: PathBuf,
+        /// RFC 3339, UTC.
+        archived: String,
+        is_there: bool,
+    },
     #[error(
         "{}: {found} views are recorded, {expected} were planned: {}, so it cannot be measured",
         path.display(),

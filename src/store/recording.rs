@@ -16,7 +16,7 @@
 //!              SHA256SUMS              of all of the above, when the record is closed
 //! ```
 
-use super::{StoreError, durable, frames, schema, sums};
+use super::{StoreError, archive, durable, frames, schema, sums};
 use crate::acquisition::{Ledger, LedgerEntry};
 use crate::config::Method;
 use crate::frame::{PixelFormat, RawFrame};
@@ -403,27 +403,30 @@ impl RecordingReader {
 
     /// The frame of a ledger entry, checked against the hash that the ledger has.
     pub fn frame(&self, entry: &LedgerEntry) -> Result<RawFrame, StoreError> {
-        let path = self.folder.join(frame_file(entry));
-        if !path.exists() {
-            return Err(StoreError::MissingFrame { path, view: entry.view });
-        }
-        unaltered(path, self.recording.rig.pixel_format, &entry.sha256)
+        self.raw(&frame_file(entry), self.recording.rig.pixel_format, &entry.sha256)
     }
 
     /// The second camera's frame of a ledger entry; none where there was no second camera.
     pub fn second(&self, entry: &LedgerEntry) -> Result<Option<RawFrame>, StoreError> {
         let Some(second) = &entry.second else { return Ok(None) };
-        let path = self.folder.join(second_file(entry));
-        if !path.exists() {
-            return Err(StoreError::MissingFrame { path, view: entry.view });
-        }
-        unaltered(path, PixelFormat::Mono8, &second.sha256).map(Some)
+        self.raw(&second_file(entry), PixelFormat::Mono8, &second.sha256).map(Some)
     }
 
     /// The empty capillary that the frames were compared with, if they were.
     pub fn empty_capillary(&self) -> Result<Option<RawFrame>, StoreError> {
         let expected = self.recording.rig.empty_capillary_sha256.as_deref();
-        expected.map(|expected| unaltered(self.folder.join(EMPTY), self.recording.rig.pixel_format, expected)).transpose()
+        expected.map(|expected| self.raw(EMPTY, self.recording.rig.pixel_format, expected)).transpose()
+    }
+
+    /// A raw frame; one that was pruned is told with the place where it can be had.
+    fn raw(&self, name: &str, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
+        let path = self.folder.join(name);
+        if !path.exists() {
+            return Err(archive::gone(&self.folder, name));
+        }
+        let frame = frames::decode(&path, format)?;
+        sums::same(&path, expected, &sha256_hex(frame.bytes()))?;
+        Ok(frame)
     }
 
     /// The numbers that are stored beside the frames.
@@ -439,10 +442,4 @@ impl RecordingReader {
         sums::same(&path, expected, &sha256_hex(&std::fs::read(&path).map_err(StoreError::io("read", &path))?))?;
         durable::read_json(&path, "references (carved.references/1)")
     }
-}
-
-fn unaltered(path: PathBuf, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
-    let frame = frames::decode(&path, format)?;
-    sums::same(&path, expected, &sha256_hex(frame.bytes()))?;
-    Ok(frame)
 }

@@ -7,9 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+pub mod bench;
 pub mod crash;
 mod instrument;
 mod shared;
+pub mod spoiled;
 mod wait;
 
 pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE};

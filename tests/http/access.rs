@@ -1,7 +1,7 @@
 //! Who may ask. Routes come from the served contract, so that none is forgotten.
 
 use crate::rig::{PLAN, Rig, settings};
-use crate::wire::exchange;
+use crate::wire::{PATIENCE, exchange};
 use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::channel;
 use carved::store::StoreReader;
@@ -136,6 +136,7 @@ fn refuses_to_serve_other_machines_without_a_token() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let open = std::net::TcpListener::bind(SocketAddr::from(([0, 0, 0, 0], 0))).unwrap();
     let (session, _mailbox, _driver) = channel(crate::rig::status(), Vec::new());
-    let refused = runtime.block_on(serve(open, session, StoreReader::new("nowhere".as_ref()), settings(), std::future::pending()));
+    let serving = serve(open, session, StoreReader::new("nowhere".as_ref()), settings(), std::future::pending());
+    let refused = runtime.block_on(async { tokio::time::timeout(PATIENCE, serving).await }).expect("it serves");
     assert!(matches!(refused, Err(HttpError::TokenMandatory { .. })), "{refused:?}");
 }

@@ -1,12 +1,14 @@
 //! `carved run` against a server: what it sends, what it prints, how it ends.
 
 use crate::rig::Rig;
+use crate::wire::PATIENCE;
 use carved::session::{
     Fault, PlannedWell, RunOutcome, RunStatus, SchedulerAction, SpecimenKind, SpecimenOutcome, State, WellCounts, WellStatus,
 };
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::process::{Command, Output};
+use std::time::Instant;
 
 const MAP: &str = "well,dpf\nA1,3\nA02,4\n";
 
@@ -109,6 +111,16 @@ fn a_run_is_aborted_by_its_name_or_as_the_one_under_way() {
     assert!(text(&unknown.stderr).contains("unknown_run"), "{}", text(&unknown.stderr));
 }
 
+/// Waits until the status was asked for so often, by answers that were given.
+fn answered(rig: &Rig, times: u32) {
+    let began = Instant::now();
+    let counted = "carved_http_requests_total{method=\"GET\",route=\"/v1/status\",status=\"200\"} ";
+    let count = || rig.get("/metrics").text().lines().find_map(|line| line.strip_prefix(counted)?.parse().ok()).unwrap_or(0);
+    while count() < times {
+        assert!(began.elapsed() < PATIENCE, "the status was not asked for {times} times");
+    }
+}
+
 #[test]
 fn a_watcher_tells_each_well_and_fault_and_ends_as_the_run_does() {
     let ended = [
@@ -126,6 +138,8 @@ fn a_watcher_tells_each_well_and_fault_and_ends_as_the_run_does() {
         });
         let address = url(&rig);
         let watching = std::thread::spawn(move || carved(&address, &["run", "watch"]));
+        // It has looked which run there is, and at that run; then at the fault.
+        answered(&rig, 2);
         rig.driver.publish(|s| {
             s.faults.push(Fault {
                 seq: 17,
@@ -139,6 +153,7 @@ fn a_watcher_tells_each_well_and_fault_and_ends_as_the_run_does() {
                 since: "2026-01-01T00:00:00Z".into(),
             });
         });
+        answered(&rig, 3);
         rig.driver.publish(|s| {
             let results = vec![
                 well("A01", Some(SpecimenOutcome::Skipped), Some("empty")),

@@ -83,6 +83,14 @@ fn bodies_that_are_no_json_are_refused() {
             assert_eq!((answer.status, answer.problem().as_str()), (415, "not_json"), "{path} {kind:?}");
         }
     }
+    // What follows a body that is right is not passed over.
+    for (path, body) in [("/v1/runs/r", PLAN), ("/v1/runs/r/wells/A01", r#"{"loaded": true}"#)] {
+        for tail in ["{}", "x"] {
+            let answer = rig.put(path, &format!("{body} {tail}"));
+            assert_eq!((answer.status, answer.problem().as_str()), (400, "malformed_json"), "{path} {tail:?}");
+        }
+    }
+    assert!(rig.commands.lock().unwrap().is_empty());
     let charset = [("Content-Type", "application/json; charset=utf-8")];
     assert_eq!(rig.send("PUT", "/v1/runs/r", &charset, PLAN).status, 201);
 }
@@ -193,6 +201,7 @@ fn the_loader_says_what_is_in_the_capillary() {
     rig.put("/v1/runs/r", PLAN);
     assert_eq!(say("/v1/runs/r/wells/A01", loaded).status, 200);
     assert_eq!(say("/v1/runs/r/wells/A01", r#"{"loaded": false}"#).status, 200);
+    assert_eq!(rig.commands.lock().unwrap()[1..], ["put r", "loaded r A01", "unloaded r A01"]);
     let unexpected = say("/v1/runs/r/wells/H12", loaded);
     assert_eq!((unexpected.status, unexpected.problem().as_str()), (409, "unexpected_well"));
     for (body, pointer) in [(r#"{"loaded": 1}"#, "/loaded"), ("{}", "/loaded"), (r#"{"loaded": true, "x": 1}"#, "/x")] {

@@ -8,7 +8,7 @@ use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[test]
 fn the_status_is_the_snapshot_and_its_tag_changes_with_the_state_alone() {
@@ -104,7 +104,10 @@ fn live_pictures_come_when_there_are_any() {
 
 /// The fields of the next event on a stream, comments and chunk sizes left out.
 fn next_event(stream: &mut TcpStream) -> Vec<String> {
+    let began = Instant::now();
     loop {
+        // Comments keep a quiet stream open for ever.
+        assert!(began.elapsed() < PATIENCE, "no event comes");
         let block = String::from_utf8(read_until(stream, b"\n\n")).unwrap();
         let fields: Vec<String> = ["event: ", "id: ", "data: "]
             .iter()

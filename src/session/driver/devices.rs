@@ -73,12 +73,11 @@ impl Running {
         gate::beside(size, gate::newest(config, self.mode))
     }
 
-    /// A calibration that has grown too old is a change of state, and told as one.
+    /// A calibration, or a gate, that has grown too old is a change of state, and told as one.
     pub(super) fn calibration_ages(&self) {
-        let now = jiff::Timestamp::now();
-        let too_old = |c: &CalibrationStatus| c.valid && c.age_s(now).is_none_or(|age_s| age_s >= c.max_age_s);
-        if self.publisher.status().calibration.as_ref().is_some_and(too_old) {
-            self.publish(|s| s.calibration.iter_mut().for_each(|c| c.valid = false));
+        let mut calibration = self.publisher.status().calibration.clone();
+        if calibration.as_mut().is_some_and(|c| c.grows_too_old(jiff::Timestamp::now())) {
+            self.publish(|s| s.calibration = calibration);
         }
     }
 }

@@ -61,7 +61,7 @@ fn from_frames(folder: &Path, planned: &PlannedWell) -> Result<Recovered, StoreE
     let reader = RecordingReader::open(folder)?;
     // The run's record alone lacks them.
     if let Some(file) = reader.closed_numbers() {
-        numbers::tell(&mut result, &file);
+        numbers::tell(&mut result, &file, reader.recording().method.asd);
         return Ok(Recovered { result, times });
     }
     let entries: Vec<&LedgerEntry> = reader.recording().ledger.counted().collect();
@@ -69,7 +69,7 @@ fn from_frames(folder: &Path, planned: &PlannedWell) -> Result<Recovered, StoreE
     match numbers::of_recording(&reader, &reader.recording().method, &entries, || ()) {
         Ok((mesh, file)) => {
             numbers::keep(&mut writer, &mesh, &file)?;
-            numbers::tell(&mut result, &file);
+            numbers::tell(&mut result, &file, reader.recording().method.asd);
         }
         Err(error) => result.end(SpecimenOutcome::Failed, Some(&error.to_string())),
     }

@@ -242,6 +242,6 @@ fn written(
     if let Some(glb) = numbers::keep(writer, mesh, &file)? {
         context.tell(Progress::Model { well: planned.well.clone(), glb });
     }
-    numbers::tell(result, &file);
+    numbers::tell(result, &file, context.method.asd);
     Ok(())
 }

@@ -1,0 +1,89 @@
+//! `carved serve` on an emulated rig in the test's own process, and the test as its plate-loader.
+//!
+//! ```text
+//! test = plate-loader ── HTTP ──► carved serve (child) ── pty, GigE ──► emulated rig
+//! ```
+
+use super::{Daemon, configured, port};
+use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
+use hardware_sim::{Rig, RigSettings, Sight};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+const TIME_SCALE: f64 = 10.0;
+
+/// The emulated rig on which daemons are started one after the other.
+pub struct Bench {
+    pub rig: Rig,
+    pub scene: Arc<Scene>,
+    dir: tempfile::TempDir,
+}
+
+impl Bench {
+    /// What the camera sees is made of the scene.
+    pub fn seen_by<S: Sight + 'static>(sight: impl FnOnce(&Arc<Scene>) -> Arc<S>) -> Self {
+        let scene = Arc::new(Scene::new(SceneSettings::default()));
+        let settings = RigSettings { time_scale: TIME_SCALE, ..RigSettings::default() };
+        let rig = Rig::start(settings, sight(&scene)).unwrap();
+        Self { rig, scene, dir: tempfile::tempdir().unwrap() }
+    }
+
+    pub fn new() -> Self {
+        Self::seen_by(Arc::clone)
+    }
+
+    /// Where the daemons keep their runs.
+    pub fn data(&self) -> PathBuf {
+        self.dir.path().join("data")
+    }
+
+    pub fn folder(&self) -> &Path {
+        self.dir.path()
+    }
+
+    /// A daemon by the shipped configuration with `changes`, and `more` at its end.
+    pub fn serve(&self, changes: &[(&str, String)], more: &str) -> Daemon {
+        let usual = [
+            port(&self.rig),
+            ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / TIME_SCALE)),
+            // A picture takes its time on a busy machine.
+            ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
+            ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
+        ];
+        let (config, data) = configured("vast-grbl.toml", self.folder(), &self.rig, &[&usual[..], changes].concat());
+        std::fs::write(&config, std::fs::read_to_string(&config).unwrap() + more).unwrap();
+        Daemon::serve(&config, &data)
+    }
+
+    /// A plate of these specimens, brought well by well, to the run's end; the last one is taken out.
+    pub fn measured(&self, daemon: &Daemon, run: &str, method: &str, specimens: &[(&str, Value, Specimen)]) -> Value {
+        let wells: Vec<&Value> = specimens.iter().map(|(_, planned, _)| planned).collect();
+        let (code, said) = daemon.send("PUT", &format!("/v1/runs/{run}"), &plan(method, &json!(wells)));
+        assert_eq!(code, 201, "{said}");
+        for (well, _, specimen) in specimens {
+            let asked = |s: &Value| s["state"] == "Suspended" && s["plate"]["needs"].as_str().is_some_and(|n| n.contains(well));
+            daemon.wait("the loader to be asked", asked);
+            self.scene.load(Contents::from(specimen.clone())).unwrap();
+            assert_eq!(daemon.put_loaded(run, well), 200);
+        }
+        let over = |s: &Value| s["run"]["id"] == run && !s["run"]["outcome"].is_null();
+        let status = daemon.wait("the run's end", over);
+        assert_eq!(daemon.put_unloaded(run, specimens.last().unwrap().0), 200);
+        status
+    }
+}
+
+pub fn plan(method: &str, wells: &Value) -> Value {
+    json!({"plate_barcode": "P-1", "method": method, "operator": "test", "plate_map": wells})
+}
+
+/// A bead of a well.
+pub fn bead(well: &str, diameter_um: f64) -> (&str, Value, Specimen) {
+    (well, json!({"well": well, "specimen": "bead"}), Specimen::bead(diameter_um).unwrap())
+}
+
+/// A larva of 4 dpf, of which nothing but its age is known.
+pub fn larva(well: &str) -> (&str, Value, Specimen) {
+    (well, json!({"well": well, "specimen": "larva", "dpf": 4}), Specimen::larva(4, 1).unwrap())
+}

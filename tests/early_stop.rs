@@ -1,0 +1,110 @@
+//! A turn that ends early, from the axis to the numbers: the rig stands still, the closure view is taken, the outcome says how many
+//! views there are of how many planned, and the numbers are those that the recording gives again.
+#![cfg(feature = "aravis")]
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+mod common;
+
+use common::bench::{Bench, larva};
+use common::{PATIENCE, json, run, stderr};
+use hardware_sim::scene::{Exposure, Scene};
+use hardware_sim::{PixelFormat, Pixels, Sight};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::sync::{Arc, Condvar, Mutex};
+use std::time::Instant;
+
+/// Odd, so that no two views are mirror images of one another.
+const PLANNED: usize = 45;
+/// With 17 views a slice has its eight harmonics.
+const LEAST: usize = 17;
+
+/// The scene, whose pictures wait for the science: no view is shown before the one before the last was carved. However slow the
+/// computer is, the rule's word comes in time.
+struct Paced {
+    scene: Arc<Scene>,
+    pace: Mutex<Pace>,
+    carved: Condvar,
+}
+
+#[derive(Default)]
+struct Pace {
+    /// A frame that is lost is shown again, and is no other view.
+    angles: BTreeSet<i64>,
+    carved: usize,
+    is_over: bool,
+}
+
+impl Sight for Paced {
+    fn size(&self) -> (u32, u32) {
+        self.scene.size()
+    }
+
+    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+        let mut pace = self.pace.lock().unwrap();
+        pace.angles.insert((exposure.angle_rad * 1e6).round() as i64);
+        let shown = pace.angles.len();
+        // The first is the look on which the well is judged.
+        let waits = |pace: &mut Pace| !pace.is_over && pace.carved + 2 < shown;
+        drop(self.carved.wait_timeout_while(pace, PATIENCE, waits).unwrap());
+        self.scene.look(exposure, format)
+    }
+}
+
+#[test]
+fn a_turn_ends_as_soon_as_its_volume_is_known_and_says_so() {
+    let mut sight = None;
+    let bench = Bench::seen_by(|scene| {
+        let paced = Arc::new(Paced { scene: scene.clone(), pace: Mutex::default(), carved: Condvar::new() });
+        sight = Some(paced.clone());
+        paced
+    });
+    let sight = sight.unwrap();
+    // Loose limits: the rule's own numbers are checked elsewhere; here it is to fire as soon as it may.
+    let early = "asd = 45\nearly_stop = { enabled = true, min_views = 17, last = 2, spread_percent = 10.0, promised_error_percent = 10.0 }";
+    let changes = [
+        ("asd = 21", early.to_owned()),
+        ("order = \"sequential\"", "order = \"coarse_to_fine\"".to_owned()),
+        ("voxel_um = 6.93", "voxel_um = 17.1".to_owned()),
+    ];
+    let daemon = bench.serve(&changes, "");
+    let status = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let (began, mut revision) = (Instant::now(), 0);
+            while began.elapsed() < PATIENCE {
+                let status = daemon.get(&format!("/v1/status?wait=25&after={revision}"));
+                revision = status["revision"].as_u64().unwrap();
+                let mut pace = sight.pace.lock().unwrap();
+                pace.carved = status["specimen"]["view"].as_u64().unwrap_or(0) as usize;
+                pace.is_over = !status["run"]["outcome"].is_null();
+                sight.carved.notify_all();
+                if pace.is_over {
+                    break;
+                }
+            }
+        });
+        bench.measured(&daemon, "r1", "standard", &[larva("A01")])
+    });
+    let well = &status["run"]["results"][0];
+    assert_eq!(well["outcome"], "succeeded", "{status}");
+    let a01 = bench.data().join("runs/r1/A01");
+    let recording = json(&a01.join("recording.json"));
+    let ledger = recording["ledger"].as_array().unwrap();
+    let views = ledger.iter().filter(|e| e["closure"] == false).count();
+    // One more is under way when the rule has its numbers.
+    assert!((LEAST..=LEAST + 3).contains(&views), "{views} views");
+    assert_eq!((&recording["ended_after_views"], &recording["method"]["asd"]), (&json!(views), &json!(PLANNED)));
+    assert_eq!((&well["views"], &well["views_planned"]), (&json!(views), &json!(PLANNED)), "{well}");
+
+    // The axis made no stop but these, and the closure view is the first's stop a turn on.
+    let [first, last] = [&ledger[0], ledger.last().unwrap()];
+    assert_eq!((&last["closure"], ledger.len()), (&json!(true), views + 1));
+    assert_eq!(last["achieved_steps"].as_i64().unwrap() - first["achieved_steps"].as_i64().unwrap(), 500);
+    assert_eq!(sight.pace.lock().unwrap().angles.len(), views + 1, "where pictures were taken; the look is one of the first view's place");
+
+    let stored = json(&a01.join("measurement.json"));
+    assert_eq!((&stored["measurement"]["planned_views"], stored["closure"].is_null()), (&json!(views), false), "{}", stored["closure"]);
+    let output = run(&["measure", a01.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(serde_json::from_slice::<Value>(&output.stdout).unwrap()["stored"], "identical");
+}
