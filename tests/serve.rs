@@ -286,8 +286,8 @@ fn a_specimen_that_a_crash_has_cost_is_not_asked_for_again_where_the_method_says
     for _life in 0..2 {
         instrument.daemon.kill();
         instrument.daemon = Daemon::serve(&instrument.config, &instrument.data);
-        let status = instrument.daemon.wait("the held run", |s| s["run"]["id"] == "r1" && s["state"] == "Held");
-        assert_eq!(status["run"]["results"][0]["outcome"], "interrupted", "{status}");
+        let given_up = |s: &Value| s["state"] == "Held" && s["run"]["results"][0]["outcome"] == "interrupted";
+        instrument.daemon.wait("the held run, its first well given up", given_up);
     }
     let daemon = &instrument.daemon;
     assert_eq!(daemon.post("/v1/runs/r1/unhold"), 200);
