@@ -312,8 +312,7 @@ impl Pipeline {
         TurnVerdict { moved, spoiled }
     }
 
-    /// The volume after the views so far with what few views make of it taken off, for `quality::should_stop`. Takes as long as
-    /// [`Self::refine`].
+    /// The volume after the views so far with what few views make of it taken off. Takes as long as [`Self::refine`].
     pub fn estimate(&self) -> Option<Estimate> {
         self.reconstruction.estimate()
     }
@@ -340,9 +339,14 @@ impl Pipeline {
     }
 
     /// Calibrates the live model on the views so far, which takes as long as a view or two. For whoever has the time: what
-    /// [`Self::finish`] gives does not depend on it.
-    pub fn refine(&mut self) {
-        self.reconstruction.refine();
+    /// [`Self::finish`] gives does not depend on it. The estimate is that of [`Self::estimate`].
+    pub fn refine(&mut self) -> Option<Estimate> {
+        self.reconstruction.refine()
+    }
+
+    /// Whether the live hull says that the end will not trust such an estimate.
+    pub fn is_hollow(&self, estimate: &Estimate) -> bool {
+        self.reconstruction.is_hollow(estimate)
     }
 
     /// The live hull as a mesh for looking at.

@@ -3,7 +3,8 @@
 //! ```text
 //!  (Mask, outlines, omega) per view ── observe ── LiveVolume           after each view
 //!                                         │ ├──── live_mesh            coarse, for the page
-//!                                         │ └──── refine               now and then: the live model's own calibration
+//!                                         │ ├──── refine               now and then: the live model's own calibration
+//!                                         │ └──── estimate             the volume so far
 //!                                       finish ── calibrate ── carve again ── Model       mesh and measurement
 //!                                                     └── support functions ──┘
 //! ```
@@ -20,10 +21,12 @@ use crate::surface::{self, Contour, ContourError, Distance, Fairing, FairingErro
 use serde::{Deserialize, Serialize};
 
 mod calibrated;
+mod estimated;
 mod refined;
 mod turn;
 
 pub use calibrated::{Calibrated, CalibrationRecord, CalibrationSettings, Judged, NotCalibrated};
+pub use refined::is_seen_around;
 pub use turn::{Reconstruction, TurnModel};
 
 /// How the surface is made of the voxels.

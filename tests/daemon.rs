@@ -126,7 +126,7 @@ fn events_tell_the_run(daemon: &Daemon, journal: &Path) {
     let volumes: Vec<f64> = events
         .iter()
         .filter(|e| e["kind"] == "view.taken" && e["well"] == "A02")
-        .filter_map(|e| e["data"]["volume_um3"].as_f64())
+        .filter_map(|e| e["data"]["hull_volume_um3"].as_f64())
         .collect();
     assert_eq!(volumes.len(), 21);
     // From view to view the live hull only shrinks; where it is calibrated anew what views had taken off by mistake comes back.

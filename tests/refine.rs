@@ -6,6 +6,7 @@ use carved::acquisition::{RevolutionPlan, ViewOrder};
 use carved::config::Config;
 use carved::frame::{PixelFormat, RawFrame};
 use carved::pipeline::{Pipeline, PipelineSettings, Seen};
+use carved::quality::Estimate;
 use carved::surface::Mesh;
 use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
 use rayon::prelude::*;
@@ -39,28 +40,33 @@ fn frames(omegas: &[f64]) -> Vec<RawFrame> {
 struct Taken {
     live_um3: Vec<f64>,
     refined_at: Vec<usize>,
+    /// Of the volume, with each of these.
+    estimates: Vec<Estimate>,
     mesh: Mesh,
     record: String,
     end_um3: f64,
+    measured_um3: f64,
 }
 
 fn take(order: &[u32], omegas: &[f64], seen: &[Seen], refining: bool) -> Taken {
     let mut pipeline = Pipeline::new(settings().0).unwrap();
-    let (mut live_um3, mut refined_at) = (Vec::new(), Vec::new());
+    let (mut live_um3, mut refined_at, mut estimates) = (Vec::new(), Vec::new(), Vec::new());
     for (views, &index) in (1..).zip(order) {
         let at = index as usize;
         pipeline.observe(index, omegas[at], &seen[at]).unwrap();
         if refining && pipeline.is_refinable() {
-            pipeline.refine();
+            estimates.extend(pipeline.refine());
             refined_at.push(views);
+        } else if refining && refined_at.is_empty() {
+            assert_eq!(pipeline.estimate(), None, "{views} views tell no axis");
         }
         live_um3.push(pipeline.live().volume_um3);
         assert_eq!(pipeline.live().views, views);
     }
     pipeline.observe_closure(&seen[0]);
     let (mesh, record) = pipeline.finish().unwrap();
-    let end_um3 = record.measurement.estimators.voxel.volume_um3;
-    Taken { live_um3, refined_at, mesh, record: serde_json::to_string(&record).unwrap(), end_um3 }
+    let (end_um3, measured_um3) = (record.measurement.estimators.voxel.volume_um3, record.measurement.volume_um3);
+    Taken { live_um3, refined_at, estimates, mesh, record: serde_json::to_string(&record).unwrap(), end_um3, measured_um3 }
 }
 
 #[test]
@@ -87,7 +93,22 @@ fn the_live_model_comes_to_the_end_while_the_capillary_turns_and_the_end_knows_n
         assert!(share(&plain.live_um3, order.len()) < 0.9, "the camera as given eats the body away: {told:?}");
         assert_eq!(refined.record, plain.record, "the same numbers, whether or not the live model was refined");
         assert_eq!(refined.mesh, plain.mesh);
+        the_estimates_are_honest(&refined);
         ends.push(refined.record);
     }
     assert_eq!(ends[0], ends[1], "and whatever the order");
+}
+
+/// One with each refinement, within three standard deviations of the end; the last tells more than the first.
+fn the_estimates_are_honest(Taken { refined_at, estimates, measured_um3, .. }: &Taken) {
+    assert_eq!(&estimates.iter().map(|e| e.views).collect::<Vec<_>>(), refined_at, "{estimates:?}");
+    for e in estimates {
+        assert!((e.volume_um3 - measured_um3).abs() < 3.0 * e.volume_sd_um3, "{e:?}, in the end {measured_um3}");
+        assert!(e.stated_sd_um3 > e.volume_sd_um3, "the rig's edges are in it: {e:?}");
+    }
+    let [first, last] = [&estimates[0], &estimates[estimates.len() - 1]];
+    assert!(last.volume_sd_um3 < first.volume_sd_um3, "{first:?} and {last:?}");
+    if last.views == ASD as usize {
+        assert_eq!(last.volume_um3.to_bits(), measured_um3.to_bits(), "of all views it is what is measured");
+    }
 }

@@ -90,7 +90,7 @@ fn describe_run(registry: &mut Registry, status: &Status) {
         gauge(registry, "specimen_views_planned", "Views that its revolution has", i64::from(specimen.views_planned));
         if let Some(volume) = specimen.volume_um3 {
             let unit = Unit::Other("um3".into());
-            registry.register_with_unit("specimen_volume", "Volume of the live hull", unit, ConstGauge::new(volume));
+            registry.register_with_unit("specimen_volume", "Best estimate of the volume so far", unit, ConstGauge::new(volume));
         }
     }
 }

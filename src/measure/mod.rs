@@ -128,7 +128,7 @@ pub struct VoxelEstimate {
 }
 
 /// Standard deviations by cause. Bias is none of them: what is known of it is stated with the estimators.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Spread {
     /// Another turn of the same specimen (jackknife over the views).
     pub volume_views_um3: f64,

@@ -14,6 +14,7 @@ use crate::calibration::Calibration;
 use crate::carver::{CarveError, Carver, Leaves};
 use crate::geometry::Camera;
 use crate::profile::Mask;
+use crate::quality::Estimate;
 use std::f64::consts::{PI, TAU};
 
 /// Fewer views tell less of the axis than the rig's camera does.
@@ -42,21 +43,27 @@ impl Refined {
 impl Reconstruction {
     /// Whether enough views have come in since the last refinement, from enough sides, for another to be worth its time.
     pub fn is_refinable(&self) -> bool {
-        let views = self.seen.len();
         let due = self.refined_at + self.hull.carver().planned_views().div_ceil(SHARE);
-        self.settings.calibration.enabled && views >= VIEWS_LEAST.max(due) && self.widest_gap() <= GAP_MOST
+        self.settings.calibration.enabled && self.seen.len() >= due && self.is_seen_around()
+    }
+
+    /// Whether the views so far tell axis and slices.
+    pub(super) fn is_seen_around(&self) -> bool {
+        is_seen_around(self.seen.iter().map(|s| s.omega))
     }
 
     /// Calibrates on the views so far and carves them again for the live model; as given where they tell no camera. A view that
-    /// does not belong is left out. What [`Self::finish`] gives does not depend on it.
-    pub fn refine(&mut self) {
+    /// does not belong is left out. What [`Self::finish`] gives does not depend on it. The estimate is that of [`Self::estimate`].
+    pub fn refine(&mut self) -> Option<Estimate> {
         self.refined_at = self.seen.len();
         let calibrated = self.calibrate();
+        let estimate = self.estimated(&calibrated);
         let views = calibrated.used(self);
         self.refined = match calibrated.found {
             Ok(Judged { calibration, .. }) => Some(Refined { calibration, carver: self.hull.carver().through(&views) }),
             Err(_) => None,
         };
+        estimate
     }
 
     /// The live model's camera, where the views have told one.
@@ -74,13 +81,14 @@ impl Reconstruction {
         let carver = self.live_carver();
         LiveVolume { views: self.seen.len(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
     }
+}
 
-    /// Between two neighbouring angles of the views so far, around the turn.
-    fn widest_gap(&self) -> f64 {
-        let mut angles: Vec<f64> = self.seen.iter().map(|s| s.omega.rem_euclid(TAU)).collect();
-        angles.sort_by(f64::total_cmp);
-        let around = angles.first().map_or(TAU, |first| first + TAU);
-        let next = angles.iter().copied().skip(1).chain(std::iter::once(around));
-        angles.iter().zip(next).map(|(a, b)| b - a).fold(0.0, f64::max)
-    }
+/// Whether views from these angles (rad) are enough, and see the specimen from enough sides, to tell axis and slices.
+pub fn is_seen_around(omegas: impl Iterator<Item = f64>) -> bool {
+    let mut angles: Vec<f64> = omegas.map(|omega| omega.rem_euclid(TAU)).collect();
+    angles.sort_by(f64::total_cmp);
+    let around = angles.first().map_or(TAU, |first| first + TAU);
+    let next = angles.iter().copied().skip(1).chain(std::iter::once(around));
+    let gap = angles.iter().zip(next).map(|(a, b)| b - a).fold(0.0, f64::max);
+    angles.len() >= VIEWS_LEAST && gap <= GAP_MOST
 }

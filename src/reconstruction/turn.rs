@@ -9,7 +9,6 @@ use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
-use crate::quality::Estimate;
 use crate::surface::{self, Coarse, Mesh};
 
 /// A view as it was observed; its mask is in the carver.
@@ -45,12 +44,8 @@ struct ClosureView {
     first: usize,
 }
 
-/// Share of the volume in hollow slices from which slices are no longer nearly convex.
-const HOLLOW_MOST: f64 = 0.05;
-/// What is taken off as the profiles' errors is a small correction, or none.
-const BIAS_MOST: f64 = 0.03;
 /// A hull that allows misses holds its specimen: one that is smaller by this shows slices that are hollow in no single view.
-const HULL_LEAST: f64 = 0.95;
+pub(super) const HULL_LEAST: f64 = 0.95;
 
 /// A model of the views of one camera at known angles.
 ///
@@ -139,30 +134,8 @@ impl Reconstruction {
         Ok(())
     }
 
-    /// The volume by support functions after the views so far, calibrated on just these: what few views make of a hull is not in it.
-    /// Takes as long as [`Self::refine`] without its carving. Nothing where the views do not tell it, or it is not to be trusted.
-    pub fn estimate(&self) -> Option<Estimate> {
-        let Calibrated { order, found } = self.calibrate();
-        let Judged { calibration, .. } = found.ok()?;
-        let given = self.given(&order);
-        let used = || order.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none());
-        let open = self.open(&used().map(|(&i, _)| i));
-        let sections = Sections::of(&Pose::new(&calibration.camera), &calibration.turn_views(&given), calibration.residual_sd_um, open)?;
-        let support = SupportEstimate::of(&sections);
-        if support.hollow_share > HOLLOW_MOST || support.volume_bias_um3.abs() > BIAS_MOST * support.volume_um3.abs() {
-            return None;
-        }
-        let [volume_calibration_um3, _] = calibration_sd(&calibration, &given).unwrap_or_default();
-        Some(Estimate {
-            views: self.seen.len(),
-            volume_um3: support.volume_um3,
-            volume_sd_um3: support.volume_sd_um3.hypot(volume_calibration_um3),
-            harmonics: support.harmonics,
-        })
-    }
-
     /// Whether the specimen goes on beyond the image on the left and right in any of these views.
-    fn open(&self, views: &(impl Iterator<Item = usize> + Clone)) -> [bool; 2] {
+    pub(super) fn open(&self, views: &(impl Iterator<Item = usize> + Clone)) -> [bool; 2] {
         let leaves = |side: fn(&Leaves) -> bool| views.clone().any(|i| side(&self.hull.carver().views()[i].leaves));
         [leaves(|l| l.left), leaves(|l| l.right)]
     }
@@ -299,12 +272,11 @@ impl Reconstruction {
 
     /// Puts the support functions' numbers beside the voxels', and those to trust on top.
     fn trust(&self, m: &mut Measurement, support: SupportEstimate, calibration: Option<[f64; 2]>, sphere: Option<SphereFit>) {
-        let settings = &self.settings.calibration;
         let voxel = m.estimators.voxel.volume_um3;
-        m.fallback = if support.hollow_share > HOLLOW_MOST {
+        m.fallback = if support.is_hollow() {
             let percent = 100.0 * support.hollow_share;
             Some(format!("{percent:.0} % of the volume lies in slices that a view shows to be hollow, or two bodies: {NOT_CONVEX}"))
-        } else if support.volume_bias_um3.abs() > BIAS_MOST * support.volume_um3.abs() {
+        } else if support.is_all_error() {
             let percent = 100.0 * support.volume_bias_um3 / support.volume_um3;
             Some(format!(
                 "the views agree too badly for slices' outlines: their errors alone make {percent:.0} % of the volume. The turn has a gap, or the camera is off"
@@ -323,23 +295,30 @@ impl Reconstruction {
                 m.aspect_ratio = Some(support.length_um / (2.0 * (support.mean_radius_um)));
             }
         }
+        let spread = self.spread(&support, [m.volume_um3, m.area_um2], calibration.unwrap_or_default());
+        (m.volume_sd_um3, m.area_sd_um2) = (Some(spread.volume_um3()), Some(spread.area_um2()));
+        m.spread = Some(spread);
+        m.estimators.support = Some(support);
+    }
+
+    /// What volume and area are uncertain by: views and calibration, which another turn has other errors of, and the rig's scale and
+    /// edges, which it has not.
+    pub(super) fn spread(&self, support: &SupportEstimate, [volume_um3, area_um2]: [f64; 2], calibration: [f64; 2]) -> Spread {
+        let settings = &self.settings.calibration;
         let scale = settings.scale_sd_percent / 100.0;
         let edge_um = settings.edge_sd_px / self.camera.ky;
-        let [volume_calibration_um3, area_calibration_um2] = calibration.unwrap_or_default();
-        let spread = Spread {
+        let [volume_calibration_um3, area_calibration_um2] = calibration;
+        Spread {
             volume_views_um3: support.volume_sd_um3,
             area_views_um2: support.area_sd_um2,
             volume_calibration_um3,
             area_calibration_um2,
-            volume_scale_um3: 3.0 * scale * m.volume_um3,
-            area_scale_um2: 2.0 * scale * m.area_um2,
-            volume_edge_um3: edge_um * m.area_um2,
+            volume_scale_um3: 3.0 * scale * volume_um3,
+            area_scale_um2: 2.0 * scale * area_um2,
+            volume_edge_um3: edge_um * area_um2,
             // Each slice's outline grows by 2 pi times the shift.
             area_edge_um2: edge_um * std::f64::consts::TAU * support.length_um,
-        };
-        (m.volume_sd_um3, m.area_sd_um2) = (Some(spread.volume_um3()), Some(spread.area_um2()));
-        m.spread = Some(spread);
-        m.estimators.support = Some(support);
+        }
     }
 }
 

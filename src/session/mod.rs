@@ -47,5 +47,5 @@ pub use preflight::Check;
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
     CalibrationStatus, CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus,
-    SchedulerAction, SpecimenOutcome, SpecimenStatus, State, Status, TranslationStatus, WellCounts, WellStatus,
+    SchedulerAction, SpecimenOutcome, SpecimenStatus, State, Status, TranslationStatus, VolumeSoFar, WellCounts, WellStatus,
 };

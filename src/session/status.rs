@@ -292,13 +292,29 @@ pub struct SpecimenStatus {
     /// Views taken so far.
     pub view: u32,
     pub views_planned: u32,
-    /// Volume of the live hull after the newest view; `null` until views from across bound it.
+    /// The best estimate so far: by support functions of the slices, what few views make of a hull taken off. Told some twelve times a turn,
+    /// where no view waits; `null` until seven views look from all around (no gap wider than 150 deg, so 210 deg of a turn in sequence),
+    /// and where slices do not tell it. Once the specimen is measured, the measurement's.
     pub volume_um3: Option<f64>,
-    /// Its uncertainty; `null` where none is known yet.
+    /// Standard deviation of `volume_um3`: `null` where that is.
     pub volume_sd_um3: Option<f64>,
+    /// The views that `volume_um3` is of.
+    #[serde(default)]
+    pub volume_views: Option<u32>,
+    /// Whether `volume_um3` has settled and is known as well as the method's `early_stop` promises (its defaults where the method has
+    /// none), whether or not a turn may end by that; `null` where `volume_um3` is. Never `true` before `min_views` (28) views.
     pub converged: Option<bool>,
-    /// Live hull volume after each view, oldest first.
-    pub volumes_um3: Vec<f64>,
+    /// Volume of the live hull after each view, oldest first: of few views too large, and no estimate.
+    pub hull_volumes_um3: Vec<f64>,
+}
+
+/// The volume of a specimen as far as it is known.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct VolumeSoFar {
+    pub volume_um3: Option<f64>,
+    pub volume_sd_um3: Option<f64>,
+    pub volume_views: Option<u32>,
+    pub converged: Option<bool>,
 }
 
 impl SpecimenStatus {
@@ -312,9 +328,15 @@ impl SpecimenStatus {
             views_planned,
             volume_um3: None,
             volume_sd_um3: None,
+            volume_views: None,
             converged: None,
-            volumes_um3: Vec::new(),
+            hull_volumes_um3: Vec::new(),
         }
+    }
+
+    pub fn tell(&mut self, known: VolumeSoFar) {
+        let VolumeSoFar { volume_um3, volume_sd_um3, volume_views, converged } = known;
+        (self.volume_um3, self.volume_sd_um3, self.volume_views, self.converged) = (volume_um3, volume_sd_um3, volume_views, converged);
     }
 }
 

@@ -23,14 +23,17 @@ pub struct Rate {
     /// Of the axis, units/s^2.
     pub acceleration: f32,
     pub asd: u32,
+    pub order: &'static str,
+    /// The method's rule for an early end.
+    pub early_stop: &'static str,
     pub power_on_steps: i64,
 }
 
 /// Quick, for what is measured to the end.
-pub const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, power_on_steps: 137 };
+pub const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, order: "sequential", early_stop: "", power_on_steps: 137 };
 /// Three views, 167 steps apart: at 0.25 units/s^2 and 100 steps per unit a move takes 2 sqrt(1.67 / 0.25) = 5 s, so that what
 /// happens in its first tenth of a way has seconds to arrive in its middle. The reference is near.
-pub const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480 };
+pub const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480, ..QUICK };
 /// A third of a turn to go to the reference, for several seconds.
 pub const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
 
@@ -50,7 +53,8 @@ impl Instrument {
             port(&rig),
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / rate.time_scale)),
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
-            ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}", rate.asd)),
+            ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}\nearly_stop = {{ {} }}", rate.asd, rate.early_stop)),
+            ("order = \"sequential\"", format!("order = {:?}", rate.order)),
             // Room for a few wells, not for a plate of 500 views each.
             ("[store]", "[store]\nbudget_gb = 10".into()),
             // A picture takes its time on a busy machine.

@@ -1,4 +1,4 @@
-// Volumes after each view, kept per well while the page is open: the status carries only the specimen under way.
+// Hull volumes after each view, kept per well while the page is open: the status carries only the specimen under way.
 
 import type { Status } from "./status.ts";
 
@@ -13,7 +13,7 @@ export class VolumeHistory {
       this.#wells.clear();
     }
     const specimen = status.specimen;
-    if (specimen && specimen.volumes_um3.length > 0) this.#wells.set(specimen.well, specimen.volumes_um3);
+    if (specimen && specimen.hull_volumes_um3.length > 0) this.#wells.set(specimen.well, specimen.hull_volumes_um3);
   }
 
   of(well: string): readonly number[] {

@@ -140,7 +140,7 @@ function pictures(status: Status): void {
   revisionShown = revision;
   void frame.update();
   const specimen = status.specimen;
-  if (specimen) void model?.update(`${specimen.well} after ${counted(specimen.volumes_um3.length, "view")}`);
+  if (specimen) void model?.update(`${specimen.well} after ${counted(specimen.hull_volumes_um3.length, "view")}`);
   else void model?.update("Last specimen");
 }
 

@@ -105,8 +105,9 @@ export interface SpecimenStatus {
   views_planned: number;
   volume_um3: number | null;
   volume_sd_um3: number | null;
+  volume_views: number | null;
   converged: boolean | null;
-  volumes_um3: number[];
+  hull_volumes_um3: number[];
 }
 
 export interface AxisStatus {

@@ -3,6 +3,7 @@
 import { element, fact } from "./dom.ts";
 import {
   capitalised,
+  counted,
   cubicMicrometres,
   micrometres,
   nanolitres,
@@ -27,7 +28,16 @@ export class WellCard {
 
   update(well: WellStatus | null, specimen: SpecimenStatus | null): void {
     const own = specimen?.well === well?.well ? specimen : null;
-    const now = JSON.stringify([well, own?.phase, own?.view, own?.views_planned, own?.volume_um3, own?.volume_sd_um3]);
+    const now = JSON.stringify([
+      well,
+      own?.phase,
+      own?.view,
+      own?.views_planned,
+      own?.volume_um3,
+      own?.volume_sd_um3,
+      own?.volume_views,
+      own?.converged,
+    ]);
     if (now === this.#shown) return;
     this.#shown = now;
     if (!well) {
@@ -54,15 +64,8 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
   if (volume !== null) {
     const spread = well.volume_sd_um3 === null ? "" : ` ± ${nanolitres(well.volume_sd_um3)}`;
     rows.push(...fact("Volume", number("volume", nanolitres(volume) + spread, cubicMicrometres(volume))));
-  } else if (well.outcome === null && specimen?.volume_um3 != null) {
-    const sd = specimen.volume_sd_um3;
-    const spread = sd === null ? "" : ` ± ${nanolitres(sd)}`;
-    rows.push(
-      ...fact(
-        "Volume so far",
-        number("volume-live", nanolitres(specimen.volume_um3) + spread, cubicMicrometres(specimen.volume_um3)),
-      ),
-    );
+  } else if (well.outcome === null && specimen && specimen.view > 0) {
+    rows.push(...fact("Volume so far", volumeSoFar(specimen)));
   }
   if (well.area_um2 !== null) {
     const spread = well.area_sd_um2 === null ? "" : ` ± ${squareMillimetres(well.area_sd_um2)}`;
@@ -90,6 +93,15 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
   const among = places(well);
   if (among.length > 0) rows.push(...fact("Among its age", ...among.map(place)));
   return rows;
+}
+
+// The estimate, not the hull that the chart shows: that one is too large while views are few.
+function volumeSoFar({ volume_um3, volume_sd_um3, volume_views, converged }: SpecimenStatus): HTMLElement {
+  if (volume_um3 === null) return element("span", "quiet", "not told yet: more views from all around are needed");
+  const spread = volume_sd_um3 === null ? "" : ` ± ${nanolitres(volume_sd_um3)}`;
+  const views = volume_views === null ? "" : `, of ${counted(volume_views, "view")}`;
+  const settled = converged === true ? ", settled" : "";
+  return number("volume-live", nanolitres(volume_um3) + spread, cubicMicrometres(volume_um3) + views + settled);
 }
 
 function place({ text, doubts }: { text: string; doubts: string }): HTMLElement {

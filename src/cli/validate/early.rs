@@ -3,7 +3,7 @@
 use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within};
-use super::turn::{CAPTURED, Turn, even_plan, off, support};
+use super::turn::{CAPTURED, Turn, estimate, even_plan, off};
 use crate::acquisition::{RevolutionPlan, ViewOrder};
 use crate::calibration::HARMONICS_MOST;
 use crate::quality::{EarlyStopSettings, Estimate, should_stop};
@@ -33,19 +33,6 @@ fn stopped(turn: &Turn, order: &[usize]) -> [Option<(usize, f64)>; RULES.len()] 
         }
     }
     found
-}
-
-/// As the pipeline has it in mid-turn.
-fn estimate(turn: &Turn, stops: &[usize]) -> Option<Estimate> {
-    let mut stops = stops.to_vec();
-    stops.sort_unstable();
-    let found = support(turn, &stops, &turn.calibrated(&stops).ok()?)?;
-    Some(Estimate {
-        views: stops.len(),
-        volume_um3: found.estimate.volume_um3,
-        volume_sd_um3: found.volume_sd_um3,
-        harmonics: found.estimate.harmonics,
-    })
 }
 
 /// Every other larva has fins, which few views see edge-on.

@@ -21,6 +21,7 @@ pub struct Effort {
     pub ablation: usize,
     pub orders: usize,
     pub early: usize,
+    pub live: usize,
     pub coverage: usize,
     /// Edge of a voxel where larvae are carved.
     pub voxel_um: f64,
@@ -38,6 +39,7 @@ impl Effort {
         ablation: 30,
         orders: 30,
         early: 1000,
+        live: 60,
         coverage: 1000,
         voxel_um: 6.93,
     };
@@ -57,6 +59,7 @@ impl Effort {
             ablation: seeds,
             orders: seeds,
             early: seeds,
+            live: seeds,
             coverage: seeds,
             ..self
         }

@@ -4,7 +4,7 @@
 //!   theory ─┐        beads, larvae by frames and segmentation ─┐
 //!   paper ──┼─ beside ─ larvae, solids by exact outlines ──────┼─ goals, tables ── validation.md, validation/*.svg
 //!           └────────── calibration, faults, ablation, ────────┘
-//!                       orders, coverage, early stop over many seeds
+//!                       orders, coverage, early stop, live estimates over many seeds
 //! ```
 //! Every number follows from the seed: the same command writes the same document, on any number of threads.
 
@@ -18,6 +18,7 @@ mod effort;
 mod faults;
 mod frames;
 mod larvae;
+mod live;
 mod orders;
 mod plot;
 mod published;
@@ -60,11 +61,12 @@ enum Part {
     Orders,
     Coverage,
     Early,
+    Live,
 }
 
 type Run = fn(&Work) -> anyhow::Result<Section>;
 
-const PARTS: [(Part, Run); 9] = [
+const PARTS: [(Part, Run); 10] = [
     (Part::Beads, beads::run),
     (Part::Larvae, larvae::run),
     (Part::Solids, solids::run),
@@ -74,6 +76,7 @@ const PARTS: [(Part, Run); 9] = [
     (Part::Orders, orders::run),
     (Part::Coverage, coverage::run),
     (Part::Early, early::run),
+    (Part::Live, live::run),
 ];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {

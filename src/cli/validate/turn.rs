@@ -10,9 +10,10 @@ use crate::carver::{Carver, Leaves};
 use crate::cli::emulated::camera;
 use crate::geometry::{BoxUm, Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
-use crate::measure::{self, fit_sphere};
+use crate::measure::{self, Spread, fit_sphere};
 use crate::profile::{Columns, Mask, Polygon};
-use crate::reconstruction::SurfaceSettings;
+use crate::quality::Estimate;
+use crate::reconstruction::{SurfaceSettings, is_seen_around};
 use crate::surface::{self, Fairing, Occupancy};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
 use hardware_sim::scene::{self, Truth};
@@ -146,6 +147,22 @@ pub fn support(turn: &Turn, stops: &[usize], found: &Calibration) -> Option<Supp
     let [volume, area] = calibration_sd(found, &given).unwrap_or_default();
     let (volume_sd_um3, area_sd_um2) = (estimate.volume_sd_um3.hypot(volume), estimate.area_sd_um2.hypot(area));
     Some(Support { estimate, volume_sd_um3, area_sd_um2 })
+}
+
+/// As the pipeline has it in mid-turn, of the stops so far.
+pub fn estimate(turn: &Turn, stops: &[usize]) -> Option<Estimate> {
+    let mut stops = stops.to_vec();
+    stops.sort_unstable();
+    if !is_seen_around(stops.iter().map(|&i| turn.ledger[i])) {
+        return None;
+    }
+    let found = turn.calibrated(&stops).ok()?;
+    let given = turn.given(&stops);
+    let sections = Sections::of(&Pose::new(&found.camera), &found.turn_views(&given), found.residual_sd_um, [false; 2])?;
+    let support = SupportEstimate::of(&sections);
+    let [volume_calibration_um3, _] = calibration_sd(&found, &given).unwrap_or_default();
+    let spread = Spread { volume_views_um3: support.volume_sd_um3, volume_calibration_um3, ..Spread::default() };
+    Estimate::of(stops.len(), &sections, &support, &spread)
 }
 
 pub fn sections(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<SupportEstimate> {

@@ -13,6 +13,10 @@ const DISCS: [f64; 2] = [0.06, 0.03];
 
 /// A slice is hollow when a view shows more than this of its extent to be uncovered.
 const HOLLOW: f64 = 0.03;
+/// Share of the volume in hollow slices from which slices are no longer nearly convex.
+const HOLLOW_MOST: f64 = 0.05;
+/// What is taken off as the profiles' errors is a small correction, or none.
+const BIAS_MOST: f64 = 0.03;
 
 /// Numbers by support functions.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -58,6 +62,16 @@ impl SupportEstimate {
             residual_um: sections.residual_sd_um,
             hollow_share: hollow / areas.iter().sum::<f64>(),
         }
+    }
+
+    /// Whether so much lies in hollow slices that what they fill is no small part.
+    pub fn is_hollow(&self) -> bool {
+        self.hollow_share > HOLLOW_MOST
+    }
+
+    /// Whether the profiles' errors make more of the volume than can be taken off.
+    pub fn is_all_error(&self) -> bool {
+        self.volume_bias_um3.abs() > BIAS_MOST * self.volume_um3.abs()
     }
 }
 

@@ -46,8 +46,6 @@ pub(super) struct Active {
     pub resumed_by_itself: u32,
     /// Its larvae are measured without a bead gate that stands.
     pub lacks_gate: bool,
-    /// Where its views looked from, deg.
-    pub seen_deg: Vec<f64>,
 }
 
 /// The worker of a run, as the driver holds it.
@@ -84,7 +82,6 @@ impl Active {
             under_way: BTreeMap::new(),
             resumed_by_itself: 0,
             lacks_gate: false,
-            seen_deg: Vec::new(),
         }
     }
 }

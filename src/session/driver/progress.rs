@@ -3,22 +3,21 @@
 use super::super::eta::UnderWay;
 use super::super::state::Trigger;
 use super::super::worker::{Progress, WellTimes};
-use super::super::{Phase, SpecimenOutcome, SpecimenStatus, State, WellStatus, gate, kind};
+use super::super::{Phase, SpecimenOutcome, SpecimenStatus, State, VolumeSoFar, WellStatus, gate, kind};
 use super::Running;
 use super::publish::run_status;
+use serde::Serialize;
 use serde_json::json;
 
-/// Widest wedge, deg, that no view of a turn may leave open before the live hull says something of the specimen's size: what one
-/// view does not bound, one across it does.
-const OPEN_WEDGE_DEG: f64 = 90.0;
-
-/// Whether views from these angles bound a body on all sides. A silhouette bounds it the same from behind.
-fn bounds(seen_deg: &[f64]) -> bool {
-    let mut sides: Vec<f64> = seen_deg.iter().map(|deg| deg.rem_euclid(180.0)).collect();
-    sides.sort_by(f64::total_cmp);
-    let (Some(first), Some(last)) = (sides.first(), sides.last()) else { return false };
-    let around = first + 180.0 - last;
-    sides.windows(2).map(|pair| pair[1] - pair[0]).fold(around, f64::max) <= OPEN_WEDGE_DEG
+/// The data of `view.taken`.
+#[derive(Serialize)]
+struct ViewTaken {
+    index: u32,
+    closure: bool,
+    achieved_steps: i64,
+    hull_volume_um3: Option<f64>,
+    #[serde(flatten)]
+    so_far: VolumeSoFar,
 }
 
 impl Running {
@@ -33,40 +32,38 @@ impl Running {
                 self.event(kind::SPECIMEN_DETECTED, Some(&well), serde_json::to_value(found).unwrap_or_default());
             }
             Progress::TriedAgain { well, attempt, why } => {
-                let views_planned = self.active.as_mut().map_or(0, |active| {
-                    active.seen_deg.clear();
-                    active.record.method.asd
-                });
+                let views_planned = self.active.as_ref().map_or(0, |active| active.record.method.asd);
                 self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, true, views_planned)));
                 self.event(kind::SPECIMEN_TRIED_AGAIN, Some(&well), json!({"attempt": attempt, "why": why}));
             }
-            Progress::View { well, index, closure, achieved_steps, volume_um3, light, live } => {
+            Progress::View { well, index, closure, achieved_steps, hull_volume_um3, so_far, light, live } => {
                 self.publisher.set_live(|l| *l = live);
                 let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
-                let bounded = self.active.as_mut().is_some_and(|active| {
-                    active.seen_deg.push(position_deg);
-                    bounds(&active.seen_deg)
-                });
                 self.publish(|s| {
                     s.hardware.rotation.position_steps = Some(achieved_steps);
                     s.hardware.rotation.position_deg = Some(position_deg);
                     s.hardware.camera.light = light;
-                    if let (Some(specimen), Some(volume_um3)) = (&mut s.specimen, volume_um3) {
+                    let Some(specimen) = &mut s.specimen else { return };
+                    specimen.tell(so_far);
+                    if let Some(hull_volume_um3) = hull_volume_um3 {
                         specimen.view += 1;
-                        specimen.volume_um3 = bounded.then_some(volume_um3);
-                        specimen.volumes_um3.push(volume_um3);
+                        specimen.hull_volumes_um3.push(hull_volume_um3);
                     }
                 });
-                let data = json!({"index": index, "closure": closure, "achieved_steps": achieved_steps, "volume_um3": volume_um3});
-                self.event(kind::VIEW_TAKEN, Some(&well), data);
+                let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, so_far };
+                self.event(kind::VIEW_TAKEN, Some(&well), serde_json::to_value(view).unwrap_or_default());
             }
-            Progress::Model { well, glb } => {
+            Progress::Measured { well, glb, end } => {
                 // Once the next specimen is looked at, the page shows that one.
                 let shown = |s: &SpecimenStatus| s.well == well || matches!(s.phase, Phase::Load | Phase::Position);
-                if self.publisher.status().specimen.as_ref().is_none_or(shown) {
+                if let Some(glb) = glb.filter(|_| self.publisher.status().specimen.as_ref().is_none_or(shown)) {
                     self.publisher.set_live(|l| l.mesh_glb = Some(glb));
-                    self.publish(|_| ());
                 }
+                self.publish(|s| {
+                    if let Some(specimen) = s.specimen.as_mut().filter(|s| s.well == well) {
+                        specimen.tell(end);
+                    }
+                });
             }
             Progress::Hardware { rotation, translation, counters, second } => {
                 let disk_free_bytes = self.store.free_bytes();
@@ -113,9 +110,6 @@ impl Running {
         // What is taken out before the first well, of an earlier attempt, is no specimen under way.
         let taken_out = matches!(phase, Phase::Eject | Phase::Wash);
         if planned && (!taken_out || active.under_way.contains_key(well)) {
-            if phase == Phase::Load {
-                active.seen_deg.clear();
-            }
             // One has the rig; the numbers of the others are made beside.
             active.under_way.iter_mut().filter(|(other, _)| *other != well).for_each(|(_, clock)| clock.leave(now_s));
             active.under_way.entry(well.to_owned()).or_insert_with(|| UnderWay::at(now_s)).enter(phase, now_s);
@@ -166,20 +160,5 @@ impl Running {
         data["times"] = serde_json::to_value(times).unwrap_or_default();
         data["seconds"] = seconds.into();
         self.event(kind::SPECIMEN_DONE, Some(&result.well), data);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::bounds;
-
-    #[test]
-    fn a_hull_is_bounded_once_views_stand_across_each_other() {
-        let sequential = |n: u32| (0..n).map(|i| f64::from(i) * 360.0 / 21.0).collect::<Vec<_>>();
-        assert!(!bounds(&[]) && !bounds(&[0.0]) && !bounds(&sequential(6)));
-        assert!(bounds(&sequential(7)), "from 0 to 103 deg");
-        assert!(bounds(&[0.0, 90.0]) && bounds(&[350.0, 80.0]));
-        assert!(!bounds(&[0.0, 180.0]), "from behind it looks the same");
-        assert!(!bounds(&[0.0, 120.0]) && bounds(&[0.0, 120.0, 240.0]));
     }
 }

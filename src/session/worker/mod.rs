@@ -10,6 +10,7 @@ mod clock;
 mod gates;
 mod retry;
 mod science;
+mod so_far;
 mod specimen;
 mod turn;
 mod watch;
@@ -18,7 +19,7 @@ mod well;
 pub use clock::{WellTimes, add_timings};
 pub use watch::Overrun;
 
-use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, TranslationStatus, WellStatus, placing};
+use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, TranslationStatus, VolumeSoFar, WellStatus, placing};
 use crate::acquisition::{AcquisitionError, Light, PlanError, RevolutionPlan};
 use crate::cancel::CancelToken;
 use crate::config::{Config, Method};
@@ -73,14 +74,16 @@ pub enum Progress {
         index: u32,
         closure: bool,
         achieved_steps: i64,
-        volume_um3: Option<f64>,
+        hull_volume_um3: Option<f64>,
+        so_far: VolumeSoFar,
         light: Option<Light>,
         live: Live,
     },
-    /// The finished surface, for the page; another specimen may be in the capillary by then.
-    Model {
+    /// The finished surface, for the page, and the numbers; another specimen may be in the capillary by then.
+    Measured {
         well: String,
-        glb: Arc<Vec<u8>>,
+        glb: Option<Arc<Vec<u8>>>,
+        end: VolumeSoFar,
     },
     /// Everything of this well is on disk; the next may be under way already.
     WellDone {

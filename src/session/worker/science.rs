@@ -1,6 +1,7 @@
 //! The rig thread's end of a specimen thread: what it is handed, what it answers, and how long its end is waited for.
 
 use super::clock::StageClock;
+use super::so_far::SoFar;
 use super::specimen::{Ended, Specimen, Work};
 use super::{Overrun, Progress, RunContext, RunError, WellTimes};
 use crate::acquisition::SinkClosed;
@@ -60,7 +61,7 @@ impl Science {
             stages: StageClock::default(),
             unwanted: Arc::clone(&unwanted),
             told: Arc::clone(&told),
-            estimates: Vec::new(),
+            so_far: SoFar::new(context.method.early_stop),
             enough: Arc::clone(&enough),
         };
         let thread = std::thread::spawn(move || {

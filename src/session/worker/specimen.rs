@@ -9,11 +9,11 @@
 //! ```
 
 use super::clock::{StageClock, TIMINGS, Timings};
+use super::so_far::SoFar;
 use super::{Progress, RunContext, RunError, WellTimes};
 use crate::acquisition::LedgerEntry;
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
-use crate::quality::{Estimate, should_stop};
 use crate::session::{Phase, PlannedWell, SpecimenOutcome, WellStatus};
 use crate::session::{live, numbers};
 use crate::store::{self, MeasurementFile, RecordingWriter};
@@ -67,8 +67,8 @@ pub struct Specimen {
     pub unwanted: Arc<AtomicBool>,
     /// Whoever sets it tells the well's result.
     pub told: Arc<AtomicBool>,
-    /// After each view from which on the method's rule may end the turn.
-    pub estimates: Vec<Estimate>,
+    /// Of the volume, while views come in.
+    pub so_far: SoFar,
     /// The rule has ended it: the rig thread goes to the closure view.
     pub enough: Arc<AtomicBool>,
 }
@@ -134,7 +134,7 @@ impl Specimen {
         second: Option<RawFrame>,
         waiting: impl FnOnce() -> Option<T>,
     ) -> Result<Result<Option<T>, PipelineError>, RunError> {
-        let Self { pipeline, writer, stages, .. } = self;
+        let Self { pipeline, writer, stages, so_far, .. } = self;
         let LedgerEntry { view: index, retake, closure, omega, light, .. } = entry;
         let achieved_steps = entry.achieved_steps.0;
         if let Some(second) = second {
@@ -167,19 +167,22 @@ impl Specimen {
         }
         // While no view waits there is time to calibrate; one that comes meanwhile waits in the queue, and the axis turns on.
         let waiting = waiting();
-        if waiting.is_none() && !closure && pipeline.is_refinable() {
-            stages.refine.time(|| pipeline.refine());
-        }
         let rule = &self.context.method.early_stop;
-        if !closure && retake == 0 && rule.asks(pipeline.live().views) {
-            self.estimates.extend(stages.estimate.time(|| pipeline.estimate()));
-            if should_stop(&self.estimates, rule) {
+        let has_time = waiting.is_none() && !closure;
+        let refines = has_time && pipeline.is_refinable();
+        // A turn that its rule may end has every estimate that the rule asks for, whether or not a view waits.
+        let asked = !closure && retake == 0 && rule.asks(pipeline.live().views) && (rule.enabled || has_time);
+        if refines || asked {
+            let found = if refines { stages.refine.time(|| pipeline.refine()) } else { stages.estimate.time(|| pipeline.estimate()) };
+            so_far.take(found, found.is_some_and(|e| !pipeline.is_hollow(&e)));
+            if asked && so_far.is_enough() {
                 self.enough.store(true, Ordering::Release);
             }
         }
-        let volume_um3 = (!closure && retake == 0).then(|| pipeline.live().volume_um3);
+        let hull_volume_um3 = (!closure && retake == 0).then(|| pipeline.live().volume_um3);
+        let (well, so_far) = (self.planned.well.clone(), so_far.known());
         let live = stages.live.time(|| live::of_view(&seen, &pipeline.live_mesh()));
-        self.context.tell(Progress::View { well: self.planned.well.clone(), index, closure, achieved_steps, volume_um3, light, live });
+        self.context.tell(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, so_far, light, live });
         Ok(Ok(waiting))
     }
 
@@ -196,11 +199,13 @@ impl Specimen {
 
     /// Measures, waits until the specimen is out, closes the record and tells the result.
     fn measured(self, work: &Receiver<Work>) -> Result<Ended, RunError> {
-        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, .. } = self;
+        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, so_far, .. } = self;
         let began = Instant::now();
         let mut result = WellStatus::pending(&planned);
         let numbers = match stages.surface.time(|| pipeline.finish()) {
-            Ok((mesh, record)) => written(&context, &planned, &mut writer, &mesh, record, &seconds, &mut result),
+            Ok((mesh, record)) => written(&context, &mut writer, &mesh, record, &seconds, &mut result).map(|glb| {
+                context.tell(Progress::Measured { well: planned.well, glb, end: so_far.end(&result) });
+            }),
             Err(e) => {
                 result.end(SpecimenOutcome::Failed, Some(&e.to_string()));
                 Ok(())
@@ -225,23 +230,20 @@ impl Specimen {
     }
 }
 
-/// The numbers of a measured specimen with those of the second camera, its files, and its line of the status.
+/// The numbers of a measured specimen with those of the second camera, its files, its line of the status, and its model for the page.
 fn written(
     context: &RunContext,
-    planned: &PlannedWell,
     writer: &mut RecordingWriter,
     mesh: &Mesh,
     record: SpecimenRecord,
     seconds: &[(LedgerEntry, RawFrame)],
     result: &mut WellStatus,
-) -> Result<(), RunError> {
+) -> Result<Option<Arc<Vec<u8>>>, RunError> {
     let second = context.config.second.as_ref().filter(|_| !seconds.is_empty());
     let fluorescence =
         second.and_then(|s| store::fluorescence(mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame))));
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(writer.recording(), &context.config.references, record) };
-    if let Some(glb) = numbers::keep(writer, mesh, &file)? {
-        context.tell(Progress::Model { well: planned.well.clone(), glb });
-    }
+    let glb = numbers::keep(writer, mesh, &file)?;
     numbers::tell(result, &file, context.method.asd);
-    Ok(())
+    Ok(glb)
 }

@@ -101,6 +101,22 @@ test("a rig that is not simulated bears no stamp", async () => {
   assert.equal(await page.locator("#stamp").isVisible(), false);
 });
 
+test("the volume so far: not told at first, then with its spread, its views and whether it has settled", async () => {
+  const turning = running(9);
+  server.publish(turning);
+  await page.goto(server.url);
+  await until("well-body", /Volume so far\s*not told yet/);
+  const told = { volume_um3: 251_000_000, volume_sd_um3: 1_300_000, volume_views: 8, converged: false };
+  server.publish({ ...turning, revision: 2, specimen: specimen("A02", carved(262_000_000, 9), told) });
+  await until("well-body", /251\.0.nL ± 1\.3\d*.nL\s*251,000,000.µm³, of 8 views$/);
+  server.publish({
+    ...turning,
+    revision: 3,
+    specimen: specimen("A02", carved(262_000_000, 9), { ...told, converged: true }),
+  });
+  await until("well-body", /of 8 views, settled/);
+});
+
 test("a run under way: sentence, plate, numbers, frame, model and chart", async () => {
   server.publish(running(9));
   await page.goto(server.url);

@@ -77,10 +77,11 @@ export function specimen(name: string, volumes: number[], change: Partial<Specim
     phase: "revolve",
     view: volumes.length,
     views_planned: 22,
-    volume_um3: volumes.at(-1) ?? null,
+    volume_um3: null,
     volume_sd_um3: null,
+    volume_views: null,
     converged: null,
-    volumes_um3: volumes,
+    hull_volumes_um3: volumes,
     ...change,
   };
 }

@@ -126,6 +126,7 @@ class SpecimenStatus:
     views_planned: int
     volume_um3: float | None = None
     volume_sd_um3: float | None = None
+    volume_views: int | None = None
     converged: bool | None = None
 
 

@@ -1,0 +1,111 @@
+//! What is known of a specimen's volume while its views come in.
+//!
+//! ```text
+//!   every twelfth of the turn, where no view waits: refine ──┐
+//!   from the rule's first views on, each view: estimate ─────┴─ newest ── volume, sd     rule ── converged, enough
+//! ```
+
+use crate::measure::Estimator;
+use crate::quality::{EarlyStopSettings, Estimate, has_converged, should_stop};
+use crate::session::{VolumeSoFar, WellStatus};
+
+pub struct SoFar {
+    rule: EarlyStopSettings,
+    /// In the order of their views.
+    estimates: Vec<Estimate>,
+    newest: Option<Estimate>,
+}
+
+impl SoFar {
+    pub fn new(rule: EarlyStopSettings) -> Self {
+        Self { rule, estimates: Vec::new(), newest: None }
+    }
+
+    /// Takes what the views so far were found to tell; one that is not trusted is not shown. The end of a turn does not depend on
+    /// which estimates there was time for: those that its rule asks for are all made.
+    pub fn take(&mut self, found: Option<Estimate>, is_trusted: bool) {
+        self.newest = found.filter(|_| is_trusted);
+        if let Some(estimate) = found {
+            // Of a view taken again there are as many views as before.
+            self.estimates.retain(|e| e.views < estimate.views);
+            self.estimates.push(estimate);
+        }
+    }
+
+    /// Whether the method's rule ends the turn.
+    pub fn is_enough(&self) -> bool {
+        should_stop(&self.estimates, &self.rule)
+    }
+
+    pub fn known(&self) -> VolumeSoFar {
+        VolumeSoFar {
+            volume_um3: self.newest.map(|e| e.volume_um3),
+            volume_sd_um3: self.newest.map(|e| e.stated_sd_um3),
+            volume_views: self.newest.map(|e| e.views as u32),
+            converged: self.newest.map(|_| has_converged(&self.estimates, &self.rule)),
+        }
+    }
+
+    /// Once the specimen is measured.
+    pub fn end(&self, measured: &WellStatus) -> VolumeSoFar {
+        let of_slices = measured.estimator.as_deref() == Some(Estimator::Support.name());
+        VolumeSoFar {
+            volume_um3: measured.volume_um3,
+            volume_sd_um3: measured.volume_sd_um3,
+            volume_views: measured.views,
+            converged: Some(of_slices && has_converged(&self.estimates, &self.rule)),
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
+mod tests {
+    use super::*;
+
+    const RULE: EarlyStopSettings = EarlyStopSettings { min_views: 9, ..EarlyStopSettings::DEFAULT };
+
+    fn estimate(views: usize, volume_um3: f64) -> Option<Estimate> {
+        Some(Estimate { views, volume_um3, volume_sd_um3: 0.1, stated_sd_um3: 0.3, harmonics: 8 })
+    }
+
+    #[test]
+    fn nothing_is_known_until_something_is_told_and_trusted() {
+        let mut so_far = SoFar::new(RULE);
+        let nothing = VolumeSoFar { volume_um3: None, volume_sd_um3: None, volume_views: None, converged: None };
+        assert_eq!(so_far.known(), nothing);
+        so_far.take(None, true);
+        assert_eq!(so_far.known(), nothing);
+        so_far.take(estimate(7, 100.0), true);
+        let told = VolumeSoFar { volume_um3: Some(100.0), volume_sd_um3: Some(0.3), volume_views: Some(7), converged: Some(false) };
+        assert_eq!(so_far.known(), told, "with the rig's share of the spread");
+        so_far.take(estimate(8, 100.0), false);
+        assert_eq!(so_far.known(), nothing, "the hull says that the end will trust the voxels");
+        so_far.take(estimate(9, 100.1), true);
+        so_far.take(None, true);
+        assert_eq!(so_far.known(), nothing, "what was told no longer holds");
+    }
+
+    #[test]
+    fn it_has_converged_by_the_rule_whether_or_not_that_ends_the_turn() {
+        let of = |rule: EarlyStopSettings, volumes: [f64; 3]| {
+            let mut so_far = SoFar::new(rule);
+            (7..).zip(volumes).for_each(|(views, volume)| so_far.take(estimate(views, volume), true));
+            (so_far.known().converged, so_far.is_enough())
+        };
+        assert_eq!(of(RULE, [100.0, 100.1, 100.2]), (Some(true), false), "not enabled");
+        assert_eq!(of(EarlyStopSettings { enabled: true, ..RULE }, [100.0, 100.1, 100.2]), (Some(true), true));
+        assert_eq!(of(RULE, [100.0, 100.1, 100.9]), (Some(false), false), "0.9 % apart");
+        assert_eq!(of(EarlyStopSettings { min_views: 10, ..RULE }, [100.0, 100.1, 100.2]), (Some(false), false), "too few views");
+    }
+
+    #[test]
+    fn a_view_taken_again_replaces_what_it_told() {
+        let mut so_far = SoFar::new(RULE);
+        for (views, volume) in [(7, 100.0), (8, 100.0), (9, 103.0), (9, 100.1)] {
+            so_far.take(estimate(views, volume), true);
+        }
+        let known = so_far.known();
+        assert_eq!((known.volume_um3, known.converged), (Some(100.1), Some(true)));
+    }
+}
