@@ -110,7 +110,7 @@ impl Problem {
                 let run = status.run.as_ref().filter(|run| run.outcome.is_none());
                 let whose = run.map_or_else(String::new, |run| format!(" Run {} of {} is under way.", run.id, run.operator));
                 let detail = format!("{detail}.{whose} {}", status.doing);
-                Self { accepted_in, detail, ..conflict("wrong_state").action(SchedulerAction::Retry) }.behind(status)
+                Self { detail, accepted_in, ..conflict("wrong_state").action(SchedulerAction::Retry) }.behind(status)
             }
             Refusal::UnknownRun { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_run", detail),
             Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),

@@ -71,7 +71,7 @@ pub(super) fn standing_faults<'a>(events: impl Iterator<Item = &'a Event>) -> Ve
             kind::FAULT_RAISED => standing.extend(serde_json::from_value::<Fault>(event.data.clone())),
             kind::FAULT_ACKNOWLEDGED => standing.retain(|f| event.data["seq"] != f.seq),
             kind::FAULT_CLEARED => {
-                standing.retain(|f| !event.data["seq"].as_array().is_some_and(|over| over.iter().any(|seq| *seq == f.seq)))
+                standing.retain(|f| !event.data["seq"].as_array().is_some_and(|over| over.iter().any(|seq| *seq == f.seq)));
             }
             _ => {}
         }
