@@ -62,7 +62,8 @@ impl Drop for SmallDisk {
 const SIMULATED: [&str; 3] = ["--time-scale", "10", "--no-demo"];
 
 fn held_by_the_disk(daemon: &Daemon) -> Value {
-    let status = daemon.wait("the fault", |s| s["state"] == "Held");
+    // A run that is taken up is held before anything of it is written.
+    let status = daemon.wait("the fault", |s| s["state"] == "Held" && s["faults"] != json!([]));
     // A frame and an event may both have met the end of it.
     assert!(status["faults"].as_array().unwrap().iter().all(|f| f["code"] == "disk_full"), "{status}");
     assert_eq!((&status["faults"][0]["category"], &status["run"]["outcome"]), (&json!("storage"), &Value::Null), "{status}");
