@@ -184,6 +184,45 @@ fn a_fault_of_the_axis_keeps_no_specimen_in() {
     }
 }
 
+/// A stop keeps the sampler from ejecting; no loader is there to take the specimen out, but the next run is.
+#[cfg(feature = "aravis")]
+#[test]
+fn what_a_run_that_was_cut_short_left_inside_is_ejected_by_the_next() {
+    use serde_json::{Value, json};
+    let dir = tempfile::tempdir().unwrap();
+    let start = || common::Daemon::start(dir.path(), &["--no-demo", "--time-scale", "20", "--sampler", "trigger"]);
+    let plan = |well: &str| json!({"plate_barcode": "P-1", "method": "standard", "operator": "t", "plate_map": [{"well": well, "specimen": "bead"}]});
+    let turning = |daemon: &common::Daemon, well: &str| {
+        daemon.wait("the turn", |s| s["specimen"]["well"] == well && s["specimen"]["view"].as_u64() >= Some(2));
+    };
+    let left = |status: &Value, well: &str| {
+        assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!(well), &json!(true)), "{status}");
+        assert_eq!((&status["plate"]["removable"], &status["plate"]["needs"]), (&json!(false), &Value::Null), "{status}");
+    };
+    let daemon = start();
+    assert_eq!(daemon.put_run("r1", &plan("A01")), 201);
+    turning(&daemon, "A01");
+    assert_eq!(daemon.post("/v1/runs/r1/abort"), 200);
+    left(&daemon.wait("the abort", |s| s["state"] == "Aborted" && s["ready"] == true), "A01");
+
+    assert_eq!(daemon.put_run("r2", &plan("B01")), 201);
+    turning(&daemon, "B01");
+    daemon.signal("TERM");
+    assert_eq!(daemon.ended(), Some(0));
+    let daemon = start();
+    left(&daemon.wait("the run of before", |s| s["state"] == "Stopped" && s["ready"] == true), "B01");
+    assert_eq!(daemon.put_run("r3", &plan("C01")), 201);
+    let status = daemon.wait("the run's end", |s| s["run"]["id"] == "r3" && !s["run"]["outcome"].is_null());
+    assert_eq!(status["plate"]["removable"], true, "{status}");
+
+    let events = std::fs::read_to_string(dir.path().join("events.jsonl")).unwrap();
+    let events: Vec<Value> = events.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    for (run, well) in [("r2", "A01"), ("r3", "B01")] {
+        let first = events.iter().find(|e| e["run"] == run && e["kind"] == "specimen.phase").unwrap();
+        assert_eq!((&first["well"], &first["data"]["phase"]), (&json!(well), &json!("eject")), "{run}");
+    }
+}
+
 /// Everything that the emulated rig has beside its axis and camera, in one run.
 #[cfg(feature = "aravis")]
 #[test]

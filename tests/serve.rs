@@ -119,6 +119,8 @@ fn a_loader_brings_two_wells_and_both_are_measured() {
             s["plate"]["needs"].as_str().is_some_and(|n| n.contains(well)) && s["state"] == "Suspended"
         });
         assert_eq!(status["specimen"]["in_capillary"], false, "{status}");
+        let former = well == "A02";
+        assert_eq!(status["plate"]["needs"].as_str().unwrap().starts_with("the specimen of well A01 to be taken out"), former, "{status}");
         let exposures = instrument.rig.exposures().len();
         assert_eq!(daemon.put_loaded("r1", "B07"), 409, "another well than the one that is waited for");
         assert_eq!(instrument.rig.exposures().len(), exposures, "a look before the specimen is there");
@@ -205,14 +207,67 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
     let instrument = start(&SLOW, POLICY);
     let way = instrument.in_mid_move("r1");
     instrument.daemon.signal("TERM");
-    let Instrument { daemon, rig, scene, data, .. } = instrument;
+    let Instrument { daemon, rig, scene, config, data, _dir } = instrument;
     assert_eq!(daemon.ended(), Some(0));
     let angle = rig.shaft().angle_rad();
     until("the shaft to stand", || rig.shaft().angle_rad().to_bits() == angle.to_bits());
-    drop(scene);
     assert!(angle > way.0 && angle < way.1 - 0.1 * (way.1 - way.0), "stands at {angle} rad on the way {way:?}");
     assert_eq!(json(&data.join("runs/r1/run.json"))["outcome"], "interrupted");
     assert!(data.join("runs/r1/A01/SHA256SUMS").is_file(), "the recording is closed");
+
+    // The next start knows the run and what it has left in the capillary.
+    let daemon = Daemon::serve(&config, &data);
+    let instrument = Instrument { daemon, rig, scene, config, data, _dir };
+    let status = started(&instrument.daemon);
+    assert_eq!((&status["state"], &status["run"]["outcome"]), (&json!("Stopped"), &json!("interrupted")), "{status}");
+    assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!("A01"), &json!(true)), "{status}");
+    assert_eq!((&status["ready"], &status["plate"]["removable"]), (&json!(false), &json!(false)), "{status}");
+    assert_eq!(status["plate"]["needs"], "the specimen of well A01 to be taken out of the capillary", "{status}");
+    assert_eq!(instrument.daemon.put_run("r2", &plan(&[json!({"well": "A01"})])), 409, "where would the next specimen go?");
+    assert_eq!((instrument.daemon.put_unloaded("r1", "A01"), instrument.daemon.put_unloaded("r1", "A01")), (200, 200));
+    let instrument = instrument.restarted("KILL");
+    let status = started(&instrument.daemon);
+    assert_eq!((&status["run"]["id"], &status["specimen"]), (&json!("r1"), &Value::Null), "{status}");
+    assert_eq!((&status["ready"], &status["plate"]["removable"]), (&json!(true), &json!(true)), "{status}");
+}
+
+/// The first status of a daemon that has looked at what was left.
+fn started(daemon: &Daemon) -> Value {
+    daemon.wait("the first word", |s| s["not_ready_reason"] != "starting")
+}
+
+/// An operator's hold stands, whatever else holds the run before or after it and is over by itself.
+#[test]
+fn what_an_operator_holds_does_not_go_on_by_itself() {
+    let instrument = start(&QUICK, ONCE);
+    let daemon = &instrument.daemon;
+    assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "A01", "specimen": "bead"})])), 201);
+    let hold = || assert_eq!((daemon.post("/v1/runs/r1/hold"), daemon.post("/v1/runs/r1/hold")), (200, 200));
+    for hold_comes_first in [true, false] {
+        daemon.wait("the loader to be asked", |s| s["plate"]["needs"] == "the specimen of well A01 in the capillary");
+        instrument.load("r1", "A01", Specimen::bead(BEAD_UM).unwrap());
+        daemon.wait("the first views", |s| s["specimen"]["view"].as_u64() >= Some(2));
+        if hold_comes_first {
+            hold();
+        }
+        instrument.rig.faults().unplug_serial();
+        let status = daemon.wait("the fault", |s| s["state"] == "Held");
+        assert_eq!(status["run"]["held_by_operator"], hold_comes_first, "{status}");
+        hold();
+        instrument.rig.faults().replug_serial().unwrap();
+        daemon.wait("the axis", |s| s["faults"] == json!([]));
+        // Answered after whatever the axis' return has brought about.
+        hold();
+        let status = daemon.status();
+        assert_eq!((&status["state"], &status["run"]["held_by_operator"]), (&json!("Held"), &json!(true)), "{status}");
+        assert_eq!(daemon.post("/v1/runs/r1/unhold"), 200);
+        daemon.wait("the loader to be asked to take it out", |s| s["state"] == "Suspended" && s["run"]["held_by_operator"] == false);
+        assert_eq!(daemon.put_unloaded("r1", "A01"), 200);
+    }
+    let events = events(&instrument.data);
+    let of = |kind: &str| events.iter().filter(|e| e["kind"] == kind).collect::<Vec<_>>();
+    assert_eq!(of("run.hold_requested").len(), 2, "a repeat is the same hold");
+    assert!(of("run.resumed").iter().all(|e| e["data"]["by"] == "operator") && of("run.resumed").len() == 2, "{events:?}");
 }
 
 #[test]

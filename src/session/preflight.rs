@@ -137,13 +137,12 @@ pub fn checks(
             )),
         },
     ));
-    let inside = status.specimen.as_ref().filter(|s| s.in_capillary);
     checks.push(check(
         "capillary",
         true,
-        match inside {
-            None => Ok("nothing is known to be in the capillary".into()),
-            Some(s) => Err((format!("the specimen of well {} is in the capillary", s.well), "take it out and say so")),
+        match &status.plate.needs {
+            None => Ok("nothing has to be taken out of the capillary".into()),
+            Some(needs) => Err((format!("the instrument waits for {needs}"), "take it out and say so")),
         },
     ));
     if let Some(method) = config.methods.get(&plan.method) {

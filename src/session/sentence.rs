@@ -65,6 +65,7 @@ pub fn of(s: &Status) -> String {
             None => format!("Holding the run after the specimen of well {well}."),
         },
         State::Held => match s.faults.last() {
+            Some(f) if s.run.as_ref().is_some_and(|r| r.held_by_operator) => format!("Held by a fault, and on request: {}", f.message),
             Some(f) => format!("Held by a fault: {}", f.message),
             None => "Held. The run goes on where it is, on request.".into(),
         },
@@ -102,7 +103,7 @@ mod tests {
     #[test]
     fn only_an_instrument_that_is_ready_is_called_so_and_one_that_is_not_says_why() {
         let fault = Fault::new(1, &crate::session::fault::table::DISK_FULL, "no room".into());
-        let specimen = SpecimenStatus::new("A01", Phase::Eject, true, 21);
+        let specimen = SpecimenStatus::new("A01", Phase::Eject, 21);
         let reasons =
             [None, Some("starting"), Some("fault 1 (disk_full) stands: no room."), Some("the specimen of well A01 is still in it")];
         for state in STATES {

@@ -282,6 +282,9 @@ pub struct RunStatus {
     pub ended: Option<String>,
     pub eta_s: Option<Eta>,
     pub outcome: Option<RunOutcome>,
+    /// An operator has held it: it does not go on by itself, whatever else held it.
+    #[serde(default)]
+    pub held_by_operator: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -318,11 +321,11 @@ pub struct VolumeSoFar {
 }
 
 impl SpecimenStatus {
-    /// A specimen of which nothing is known yet.
-    pub fn new(well: &str, phase: Phase, in_capillary: bool, views_planned: u32) -> Self {
+    /// A specimen of which nothing is known yet; the driver knows what is in the capillary.
+    pub fn new(well: &str, phase: Phase, views_planned: u32) -> Self {
         Self {
             well: well.to_owned(),
-            in_capillary,
+            in_capillary: false,
             phase,
             view: 0,
             views_planned,

@@ -46,7 +46,7 @@ pub use recording::{
 pub use replay::ReplayWriter;
 pub use run::RunRecord;
 
-use crate::session::{Event, kind};
+use crate::session::{Event, Mode, kind};
 use index::Index;
 use lines::Lines;
 use recording::RECORDING;
@@ -166,6 +166,12 @@ impl Store {
         }
         open.sort_by(|a, b| a.started.cmp(&b.started));
         Ok(open)
+    }
+
+    /// The run of instruments, or of simulations, that was started last.
+    pub fn newest_run(&self, mode: Mode) -> Result<Option<RunRecord>, StoreError> {
+        let newest = self.reader().runs(&RunsQuery { limit: 1, mode: index::word(&mode), ..RunsQuery::default() })?;
+        newest.first().map_or(Ok(None), |row| self.run(&row.id))
     }
 
     /// Free space where the data are, bytes.

@@ -64,4 +64,12 @@ impl Instrument {
         let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
         Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, _dir: dir }
     }
+
+    /// Ends the daemon by a signal and starts it again on the same rig.
+    pub fn restarted(self, signal: &str) -> Self {
+        let Self { daemon, rig, scene, config, data, _dir } = self;
+        daemon.signal(signal);
+        daemon.ended();
+        Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, _dir }
+    }
 }

@@ -58,6 +58,7 @@ fn run_of(results: Vec<WellStatus>, outcome: Option<RunOutcome>) -> RunStatus {
         started: "2026-01-01T00:00:00Z".into(),
         ended: None,
         eta_s: None,
+        held_by_operator: false,
         outcome,
     }
 }

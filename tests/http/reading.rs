@@ -227,6 +227,7 @@ fn metrics_are_the_snapshots_numbers() {
             started: "2026-01-01T00:00:00Z".into(),
             ended: None,
             eta_s: None,
+            held_by_operator: false,
             outcome: None::<RunOutcome>,
         });
     });

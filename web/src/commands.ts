@@ -2,7 +2,7 @@
 
 import { post, Refused } from "./api.ts";
 import { setText, show } from "./dom.ts";
-import { canAbort, canGoOn, canHold, canStop, runsNow } from "./plain.ts";
+import { canAbort, canGoOn, canHold, canStop, isHeldByFaultAlone, runsNow } from "./plain.ts";
 import type { Status } from "./status.ts";
 
 interface Question {
@@ -31,7 +31,7 @@ const COMMANDS: readonly Command[] = [
     label: "Hold",
     underWay: "Holding…",
     isUnderWay: (s) => s.pending.hold || s.state === "Holding",
-    isShown: (s) => runsNow(s) && s.state !== "Held" && s.state !== "Unholding",
+    isShown: (s) => runsNow(s) && (isHeldByFaultAlone(s) || (s.state !== "Held" && s.state !== "Unholding")),
     isEnabled: canHold,
     question: null,
     otherwise: "The run goes on.",

@@ -114,8 +114,13 @@ export function canStop(status: Status): boolean {
 
 const HOLDABLE: ReadonlySet<State> = new Set(["Starting", "Execute", "Suspended", "Suspending", "Unsuspending"]);
 
+/** Whether a fault holds the run and it may go on by itself: an operator who does not want that holds it too. */
+export function isHeldByFaultAlone(status: Status): boolean {
+  return status.state === "Held" && status.run?.held_by_operator === false;
+}
+
 export function canHold(status: Status): boolean {
-  return canStop(status) && !status.pending.hold && HOLDABLE.has(status.state);
+  return canStop(status) && !status.pending.hold && (HOLDABLE.has(status.state) || isHeldByFaultAlone(status));
 }
 
 export function canGoOn(status: Status): boolean {

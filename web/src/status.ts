@@ -95,6 +95,8 @@ export interface RunStatus {
   ended: string | null;
   eta_s: { p50: number; p90: number } | null;
   outcome: RunOutcome | null;
+  /** An operator has held it: it does not go on by itself. */
+  held_by_operator: boolean;
 }
 
 export interface SpecimenStatus {

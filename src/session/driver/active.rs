@@ -32,8 +32,10 @@ pub(super) struct Active {
     /// What waits for these numbers.
     pub then: Option<Then>,
     pub asked: Asked,
-    /// Who held it, for who lets it go on.
-    pub held_by_fault: bool,
+    /// An operator has held it, and nobody but an operator lets it go on, whatever else held it too.
+    pub held_by_operator: bool,
+    /// What else held it is over by itself: it goes on once an errand has brought the instrument back.
+    pub may_go_on: bool,
     /// The well whose specimen the loader is asked for.
     pub waiting_for: Option<String>,
     /// The well whose specimen the loader has to take out before the run goes on.
@@ -75,7 +77,8 @@ impl Active {
             recovery: None,
             then: None,
             asked: Asked::Nothing,
-            held_by_fault: false,
+            held_by_operator: false,
+            may_go_on: false,
             waiting_for: None,
             take_out: None,
             eject_first: None,

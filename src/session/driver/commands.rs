@@ -5,6 +5,7 @@ use super::super::plan::is_plain_name;
 use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
 use super::super::{FieldError, RunOutcome, RunPlan, State, gate, preflight};
 use super::Running;
+use super::life::BY_OPERATOR;
 use crate::store::Budget;
 use tokio::sync::oneshot;
 
@@ -46,8 +47,8 @@ impl Running {
             return Err(Refusal::WrongState { state: status.state, accepted_in: STARTABLE.to_vec() });
         }
         self.nothing_stands_in_the_way()?;
-        if let Some(left) = status.specimen.as_ref().filter(|s| s.in_capillary) {
-            return Err(Refusal::CapillaryFull { well: left.well.clone() });
+        if let Some(left) = self.left_for_the_loader() {
+            return Err(Refusal::CapillaryFull { well: left.to_owned() });
         }
         if let Some(inside) = self.plate_inside.as_ref().filter(|inside| **inside != plan.plate_barcode) {
             return Err(Refusal::OtherBarcode { expected: inside.clone(), found: plan.plate_barcode });
@@ -56,18 +57,36 @@ impl Running {
         let method = self.config.methods.get(&plan.method).cloned();
         let method =
             method.ok_or_else(|| Refusal::InvalidPlan(vec![FieldError { pointer: "/method".into(), detail: plan.method.clone() }]))?;
-        let needed_bytes = preflight::needed_bytes(&self.config, &method, plan.plate_map.len());
-        if let Some(free_bytes) = self.store.free_bytes().filter(|free| *free < needed_bytes) {
-            return Err(Refusal::WillNotFit { needed_bytes, free_bytes });
-        }
-        if let Some(why) = self.disk_budget().and_then(|budget| budget.refuses(needed_bytes)) {
-            return Err(Refusal::OverBudget { why });
-        }
         if self.instrument.is_none() {
             return Err(Refusal::Busy);
         }
+        self.has_room_for(preflight::needed_bytes(&self.config, &method, plan.plate_map.len()))?;
         self.start(id, plan, method)?;
         Ok(Accepted::Created)
+    }
+
+    /// Refuses what would not fit on the disk, or into its budget.
+    fn has_room_for(&self, needed_bytes: u64) -> Result<(), Refusal> {
+        if let Some(free_bytes) = self.store.free_bytes().filter(|free| *free < needed_bytes) {
+            return Err(Refusal::WillNotFit { needed_bytes, free_bytes });
+        }
+        self.disk_budget().and_then(|budget| budget.refuses(needed_bytes)).map_or(Ok(()), |why| Err(Refusal::OverBudget { why }))
+    }
+
+    /// Why not even the smallest run would be taken: one well of the method that takes least.
+    pub(super) fn lacks_room(&self) -> Option<String> {
+        let least_bytes = self.config.methods.values().map(|method| preflight::needed_bytes(&self.config, method, 1)).min();
+        self.has_room_for(least_bytes?).err().map(|refusal| format!("one well: {refusal}"))
+    }
+
+    /// At rest others may fill the disk, or make room on it.
+    pub(super) fn look_for_room(&mut self) {
+        let no_room = if self.active.is_none() { self.lacks_room() } else { None };
+        // Its numbers change all the time; whether there is room does not.
+        if no_room.is_some() != self.no_room.is_some() {
+            self.no_room = no_room;
+            self.publish(|_| ());
+        }
     }
 
     /// What runs have taken and may take; a budget that cannot be counted refuses nothing.
@@ -86,7 +105,6 @@ impl Running {
         match (towards, now) {
             (Towards::Abort, State::Aborting)
             | (Towards::Stop, State::Stopping)
-            | (Towards::Hold, State::Holding | State::Held)
             | (Towards::Unhold, State::Unholding | State::Execute | State::Suspending | State::Suspended | State::Unsuspending) => Ok(()),
             (Towards::Abort, _) => {
                 self.abort();
@@ -94,9 +112,10 @@ impl Running {
             }
             (Towards::Stop, state) if STOPPABLE.contains(&state) => self.stop(),
             (Towards::Stop, _) => wrong(&STOPPABLE),
-            (Towards::Hold, state) if HOLDABLE.contains(&state) => self.hold(),
+            // What a fault holds an operator may hold as well: it then does not go on by itself.
+            (Towards::Hold, state) if HOLDABLE.contains(&state) || matches!(state, State::Holding | State::Held) => self.hold(state),
             (Towards::Hold, _) => wrong(&HOLDABLE),
-            (Towards::Unhold, State::Held) => self.unhold("operator"),
+            (Towards::Unhold, State::Held) => self.unhold(BY_OPERATOR),
             (Towards::Unhold, _) => wrong(&[State::Held]),
         }
     }

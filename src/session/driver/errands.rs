@@ -55,10 +55,13 @@ impl Running {
                 self.instrument = Some(instrument);
                 let status = self.publisher.status();
                 let checks = preflight::checks(&self.config, &plan, &seen, &status, self.store.free_bytes(), self.disk_budget());
+                // A run would be taken again, before the client can ask for one.
+                self.publish(|_| ());
                 // A client that hung up does not want to know any more.
                 let _hung_up = answer.send(Ok(checks));
             }
         }
+        self.go_on_if_it_may();
     }
 
     /// Looks at everything that a run of this plan would need. It needs the instrument, so there can be no run.
@@ -72,6 +75,8 @@ impl Running {
             let deadline = std::time::Duration::from_millis(self.config.acquisition.grab_deadline_ms.into());
             let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline));
             self.errand = Some(Errand::Preflight { look, plan: Box::new(plan), answer });
+            // No run would be taken meanwhile.
+            self.publish(|_| ());
             return;
         } else {
             Refusal::Busy

@@ -11,11 +11,11 @@
 use super::super::eta::UnderWay;
 use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd};
-use super::super::{CalibrationStatus, Plate, Refusal, RunOutcome, RunPlan, SpecimenOutcome, State, Status, gate, kind};
+use super::super::{Plate, Refusal, RunOutcome, RunPlan, SpecimenOutcome, State, Status, gate, kind};
+use super::Running;
 use super::active::{Active, Asked, Work};
-use super::publish::{left_in_capillary, run_status};
+use super::publish::run_status;
 use super::recovery::Then;
-use super::{Phase, Running};
 use crate::cancel::CancelToken;
 use crate::config::{Interrupted, Method, Resume};
 use crate::store::{RunRecord, StoreError};
@@ -27,6 +27,7 @@ const RESUMED_BY_ITSELF: u32 = 3;
 
 /// Who lets a run go on, in the journal.
 pub(super) const BY_ITSELF: &str = "instrument";
+pub(super) const BY_OPERATOR: &str = "operator";
 
 impl Running {
     /// Journals the run, then lets the worker go.
@@ -36,7 +37,9 @@ impl Running {
             calibration: calibration.clone(),
             ..RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref())
         };
-        let accepted = json!({"plate_barcode": record.plan.plate_barcode, "method": record.plan.method});
+        // What is left in the capillary here is taken out by a driven sampler before the first well.
+        let accepted =
+            json!({"plate_barcode": record.plan.plate_barcode, "method": record.plan.method, "left_in_capillary": self.occupant});
         // What waits for the disk comes first.
         self.flush()?;
         let journalled = self.store.save_run(&record).and_then(|()| self.journal.append(kind::RUN_ACCEPTED, Some(id), None, accepted));
@@ -52,7 +55,8 @@ impl Running {
         }
         let status = run_status(&record);
         let barcode = record.plan.plate_barcode.clone();
-        self.active = Some(Active::new(record));
+        let eject_first = self.occupant.clone();
+        self.active = Some(Active { eject_first, ..Active::new(record) });
         self.launch();
         self.go_with(Trigger::Start, |s| {
             s.calibration = calibration;
@@ -125,8 +129,19 @@ impl Running {
         }
     }
 
-    pub(super) fn hold(&mut self) -> Result<(), Refusal> {
+    /// An operator's hold, which outlasts what else holds the run.
+    pub(super) fn hold(&mut self, state: State) -> Result<(), Refusal> {
+        if self.active.as_ref().is_some_and(|a| a.held_by_operator) {
+            return Ok(());
+        }
         self.promise(kind::RUN_HOLD_REQUESTED, None, Value::Null)?;
+        if let Some(active) = &mut self.active {
+            active.held_by_operator = true;
+        }
+        if matches!(state, State::Holding | State::Held) {
+            self.publish(|_| ());
+            return Ok(());
+        }
         self.ask(Asked::Hold);
         self.go(Trigger::Hold);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
@@ -167,6 +182,11 @@ impl Running {
         self.store.save_run(&record)?;
         self.promise(kind::RUN_RESUMED, None, json!({ "by": by }))?;
         let status = run_status(&record);
+        if let Some(active) = &mut self.active {
+            active.held_by_operator = false;
+            active.may_go_on = false;
+            active.resumed_by_itself = if by == BY_ITSELF { active.resumed_by_itself + 1 } else { 0 };
+        }
         self.go_with(Trigger::Unhold, |s| {
             s.run = Some(status);
             s.faults.retain(|f| f.operator_required);
@@ -194,20 +214,27 @@ impl Running {
         }
     }
 
-    /// Lets a run that a fault held go on by itself, where its method says so and its cause is gone.
+    /// What held the run is over: it goes on by itself where its method says so and no operator holds it.
     pub(super) fn resume_by_itself(&mut self) {
-        let Some(active) = &mut self.active else { return };
-        let policy = active.record.method.policy.resume;
-        let may = active.held_by_fault && policy == Resume::Automatic && active.resumed_by_itself < RESUMED_BY_ITSELF;
+        if let Some(active) = &mut self.active {
+            active.may_go_on = active.record.method.policy.resume == Resume::Automatic && active.resumed_by_itself < RESUMED_BY_ITSELF;
+        }
+        self.go_on_if_it_may();
+    }
+
+    /// At once, or when the errand that has the instrument is done.
+    pub(super) fn go_on_if_it_may(&mut self) {
+        let may = self.active.as_ref().is_some_and(|a| a.may_go_on && !a.held_by_operator);
         if !may || self.publisher.status().state != State::Held {
             return;
         }
-        let before = active.resumed_by_itself;
-        active.resumed_by_itself += 1;
-        if let Err(refusal) = self.unhold(BY_ITSELF) {
-            tracing::warn!(%refusal, "the run stays held");
-            // It has not gone on.
-            self.active.iter_mut().for_each(|active| active.resumed_by_itself = before);
+        match self.unhold(BY_ITSELF) {
+            // Who has the instrument gives it back; a disk that did not take it is asked again.
+            Ok(()) | Err(Refusal::Busy | Refusal::Store { .. }) => {}
+            Err(refusal) => {
+                tracing::warn!(%refusal, "the run stays held");
+                self.active.iter_mut().for_each(|active| active.may_go_on = false);
+            }
         }
     }
 
@@ -253,10 +280,9 @@ impl Running {
         let Some(active) = &mut self.active else { return };
         let policy = active.record.method.policy.interrupted;
         let wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
-        let status = self.publisher.status();
         for well in wells {
             let Some(active) = &mut self.active else { return };
-            let inside = status.specimen.as_ref().is_some_and(|s| s.well == well && s.in_capillary);
+            let inside = self.occupant.as_ref() == Some(&well);
             if inside && self.loaded_from_outside {
                 active.take_out = Some(well.clone());
             } else if inside {
@@ -274,20 +300,17 @@ impl Running {
             self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
         }
         // One whose well is done is still there where it could not be taken out.
-        let stuck = status.specimen.as_ref().filter(|s| s.in_capillary && !self.loaded_from_outside);
+        let stuck = self.occupant.clone().filter(|_| !self.loaded_from_outside);
         if let (Some(active), Some(stuck)) = (&mut self.active, stuck) {
-            active.eject_first.get_or_insert_with(|| stuck.well.clone());
+            active.eject_first.get_or_insert(stuck);
         }
     }
 
     /// Between two wells nothing is under way; what the loader brought in the same moment is asked back.
     fn set_down(&mut self) {
         let Some(active) = &mut self.active else { return };
-        let specimen = self.publisher.status().specimen.clone();
-        let left = std::mem::take(&mut active.under_way).into_keys();
-        if let Some(well) = left.into_iter().find(|well| specimen.as_ref().is_some_and(|s| s.well == *well && s.in_capillary)) {
-            active.take_out = Some(well);
-        }
+        let begun = std::mem::take(&mut active.under_way);
+        active.take_out = self.occupant.clone().filter(|well| begun.contains_key(well));
     }
 
     /// To Held, from wherever the run was: the worker has handed the instrument back.
@@ -302,7 +325,7 @@ impl Running {
         }
         let Some(active) = &mut self.active else { return };
         active.then = None;
-        active.held_by_fault = by_fault;
+        active.may_go_on = false;
         let record = active.record.clone();
         let status = run_status(&record);
         self.save(record);
@@ -332,7 +355,8 @@ impl Running {
             return self.rest(true);
         }
         self.active = None;
-        self.go_with(Trigger::Recorded, over(&record, self.calibration()));
+        self.no_room = self.lacks_room();
+        self.go_with(Trigger::Recorded, self.over(&record));
     }
 
     /// Ends the run as it was asked to, once specimens that are gone have their numbers.
@@ -364,7 +388,8 @@ impl Running {
         self.save(record.clone());
         self.event(kind::RUN_ENDED, None, ended(&record));
         self.active = None;
-        let change = over(&record, self.calibration());
+        self.no_room = self.lacks_room();
+        let change = self.over(&record);
         match asked {
             Asked::Abort => self.go_with(Trigger::MotorsStopped, change),
             Asked::Stop if !self.stopping => self.go_with(Trigger::Joined, change),
@@ -373,10 +398,20 @@ impl Running {
         }
     }
 
+    /// The end of a run and all that follows from it, for one revision.
+    pub(super) fn over(&self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
+        let (status, calibration, left) = (run_status(record), self.calibration(), self.left_specimen(record.method.asd));
+        |s| {
+            s.run = Some(status);
+            s.calibration = calibration;
+            s.specimen = left;
+        }
+    }
+
     /// Takes up a run that an earlier life of the daemon left open.
     pub(super) fn take_up(&mut self, record: RunRecord, memory: super::recall::RunMemory) {
         let mut active = Active::new(record);
-        active.held_by_fault = !memory.held_by_operator;
+        active.held_by_operator = memory.held_by_operator;
         active.resumed_by_itself = memory.resumed_by_itself;
         // A driven sampler may have been about to bring it; a loader says what it has brought.
         let mut begun = memory.begun;
@@ -384,12 +419,12 @@ impl Running {
             begun.retain(|well| memory.looked_at.contains(well) || memory.in_capillary.as_ref() == Some(well));
             active.take_out = memory.in_capillary;
         } else {
-            active.eject_first = begun.last().cloned();
+            active.eject_first = begun.last().cloned().or(memory.in_capillary);
         }
+        self.occupant = active.take_out.clone().or_else(|| active.eject_first.clone());
         active.under_way = begun.into_iter().map(|well| (well, UnderWay::default())).collect();
         let asd = active.record.method.asd;
-        let left = active.take_out.as_ref().or(active.eject_first.as_ref());
-        let left = left.map(|well| super::super::SpecimenStatus::new(well, Phase::Eject, true, asd));
+        let left = self.left_specimen(asd);
         let (status, barcode) = (run_status(&active.record), active.record.plan.plate_barcode.clone());
         self.active = Some(active);
         self.event(kind::RUN_INTERRUPTED, None, json!({ "found": "at start" }));
@@ -421,14 +456,4 @@ impl Running {
 /// What the journal says of a run's end.
 fn ended(record: &RunRecord) -> Value {
     json!({ "outcome": record.outcome, "wells": run_status(record).wells })
-}
-
-/// The end of a run and all that follows from it, for one revision.
-fn over(record: &RunRecord, calibration: Option<CalibrationStatus>) -> impl FnOnce(&mut Status) + use<> {
-    let status = run_status(record);
-    |s| {
-        s.run = Some(status);
-        s.calibration = calibration;
-        s.specimen = left_in_capillary(s.specimen.take());
-    }
 }

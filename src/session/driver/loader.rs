@@ -3,7 +3,7 @@
 use super::super::state::Trigger;
 use super::super::{Phase, Refusal, State, kind};
 use super::Running;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 impl Running {
     pub(super) fn loaded(&mut self, run: String, well: String) -> Result<(), Refusal> {
@@ -17,10 +17,12 @@ impl Running {
         let awaited = self.active.as_ref().is_some_and(|a| a.waiting_for.as_deref() == Some(well.as_str()));
         if !awaited {
             // Said again after it was taken there is nothing more to do; said before it was asked for it would be lost.
-            let current = status.specimen.as_ref().is_some_and(|s| s.well == well && s.in_capillary);
-            return if current { Ok(()) } else { Err(Refusal::UnexpectedWell { run, well }) };
+            return if self.occupant.as_ref() == Some(&well) { Ok(()) } else { Err(Refusal::UnexpectedWell { run, well }) };
         }
-        self.promise(kind::WELL_LOADED, Some(&well), Value::Null)?;
+        // A loader that exchanges specimens in one go says only what it has brought: the former is out.
+        self.promise(kind::WELL_LOADED, Some(&well), json!({ "in_place_of": self.occupant }))?;
+        // From the loader's word on, not from when the worker takes it up: an abort may come before.
+        self.occupant = Some(well.clone());
         if let Some(active) = &mut self.active {
             active.waiting_for = None;
         }
@@ -29,45 +31,39 @@ impl Running {
         if !held {
             self.gate.say_loaded(&well);
         }
-        let change = |s: &mut super::Status| {
-            if let Some(specimen) = s.specimen.as_mut().filter(|x| x.well == well) {
-                specimen.in_capillary = true;
-            }
-        };
-        // From the loader's word on, not from when the worker takes it up: an abort may come before.
         if held {
-            self.publish(change);
+            self.publish(|_| ());
         } else {
-            self.go_with(Trigger::Loaded, change);
+            self.go(Trigger::Loaded);
         }
         Ok(())
     }
 
-    /// The specimen has been taken out: after its well is done, before a run goes on, or after a run that was cut short.
+    /// The specimen has been taken out: after its well is done, before a run goes on, or after its run.
     pub(super) fn unloaded(&mut self, run: String, well: String) -> Result<(), Refusal> {
         let status = self.publisher.status();
         let newest = status.run.as_ref().map(|r| r.id.clone());
         if newest.as_ref() != Some(&run) {
             return Err(Refusal::UnknownRun { id: run, newest });
         }
-        let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
-        match &status.specimen {
-            // Said again, or said of a specimen that another has taken the place of.
-            None => return Ok(()),
-            Some(s) if s.well != well => return Ok(()),
-            Some(_) if works && !self.shows_phase(Phase::Eject) => return Err(Refusal::UnexpectedWell { run, well }),
-            Some(_) => {}
+        // Said again, or said of a specimen that another has taken the place of.
+        if self.occupant.as_ref() != Some(&well) {
+            return Ok(());
         }
-        self.promise(kind::WELL_UNLOADED, Some(&well), Value::Null)?;
+        let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
+        if works && status.specimen.as_ref().is_some_and(|s| s.well == well && s.phase != Phase::Eject) {
+            return Err(Refusal::UnexpectedWell { run, well });
+        }
+        // One that was pruned is not to come back.
+        let told_in = Some(run.as_str()).filter(|run| self.store.run_folder(run).is_dir());
+        self.promise_of(told_in, kind::WELL_UNLOADED, Some(&well), Value::Null)?;
+        self.occupant = None;
         let waited = self.active.as_mut().is_some_and(|a| {
             a.eject_first.take_if(|x| *x == well);
             a.take_out.take_if(|x| *x == well).is_some()
         });
         let at_rest = self.active.is_none();
-        let change = |s: &mut super::Status| match &mut s.specimen {
-            Some(specimen) if !at_rest => specimen.in_capillary = false,
-            specimen => *specimen = None,
-        };
+        let change = |s: &mut super::Status| drop(s.specimen.take_if(|_| at_rest));
         if waited && status.state == State::Suspended {
             self.go_with(Trigger::Loaded, change);
             self.proceed();

@@ -34,7 +34,7 @@ use super::heart::{self, Heart};
 use super::plate::{Handoff, HandoffEnd};
 use super::state::Trigger;
 use super::worker::Instrument;
-use super::{Event, Fault, Mode, Phase, Plate, State, Status, kind, search};
+use super::{Event, Fault, Mode, Plate, State, Status, kind, search};
 use crate::cancel::CancelToken;
 use crate::config::Config;
 use crate::device::Link;
@@ -84,7 +84,11 @@ struct Running {
     /// At rest while there is no worker and no errand.
     instrument: Option<Instrument>,
     active: Option<Active>,
+    /// The well whose specimen is in the capillary, as far as is known: of the run under way, or of the newest one.
+    occupant: Option<String>,
     fault_seq: u64,
+    /// Why not even one well would fit on the disk.
+    no_room: Option<String>,
     /// A write failed: what is shown is not all on disk.
     store_failed: bool,
     /// What is not on disk yet, oldest first.
@@ -201,6 +205,8 @@ impl Running {
             publisher,
             gate,
             active: None,
+            occupant: None,
+            no_room: None,
             store_failed: false,
             unwritten: VecDeque::new(),
             lost: Vec::new(),
@@ -224,6 +230,7 @@ impl Running {
             // Before the look: that has the instrument for a moment, and a run that goes on needs it.
             self.try_the_store();
             self.look();
+            self.look_for_room();
         }
     }
 
@@ -238,10 +245,5 @@ impl Running {
 
     fn is(&self, run: &str) -> bool {
         self.active.as_ref().is_some_and(|a| a.record.id == run)
-    }
-
-    /// Whether the specimen that is shown is in this phase.
-    fn shows_phase(&self, phase: Phase) -> bool {
-        self.publisher.status().specimen.as_ref().is_some_and(|s| s.phase == phase)
     }
 }

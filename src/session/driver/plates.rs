@@ -4,8 +4,9 @@ use super::super::FieldError;
 use super::super::plan::is_plain_name;
 use super::super::plate::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
 use super::super::state::STARTABLE;
-use super::super::{Plate, Refusal, Status, kind};
+use super::super::{Plate, Refusal, kind};
 use super::Running;
+use super::publish::to_be_taken_out;
 use serde_json::json;
 
 impl Running {
@@ -28,28 +29,26 @@ impl Running {
             self.handoff = Some(plate.clone());
             self.handed_over = None;
         }
-        Ok(HandoffNeeds { intent: plate.intent, needs: self.before_the_plate(&status), barcode: plate.barcode })
+        Ok(HandoffNeeds { intent: plate.intent, needs: self.before_the_plate(), barcode: plate.barcode })
     }
 
     /// What has to happen before a plate is moved.
-    fn before_the_plate(&self, status: &Status) -> Option<String> {
+    fn before_the_plate(&self) -> Option<String> {
         if self.active.is_some() {
             return Some("the run to end".into());
         }
         if self.store_failed {
             return Some("the disk to take what is not written yet".into());
         }
-        let occupied = status.specimen.as_ref().filter(|s| s.in_capillary);
-        occupied.map(|s| format!("the specimen of well {} to be taken out of the capillary", s.well))
+        self.occupant.as_deref().map(to_be_taken_out)
     }
 
     pub(super) fn end_handoff(&mut self, end: HandoffEnd) -> Result<(), Refusal> {
         let Some(plate) = self.handoff.clone() else {
             return if self.handed_over == Some(end) { Ok(()) } else { Err(Refusal::NoHandoff) };
         };
-        let status = self.publisher.status();
         let moved = end == HandoffEnd::Completed;
-        if let Some(needs) = self.before_the_plate(&status).filter(|_| moved) {
+        if let Some(needs) = self.before_the_plate().filter(|_| moved) {
             return Err(Refusal::PlateNeeded { needs });
         }
         let kind = match (end, plate.intent) {

@@ -33,7 +33,7 @@ impl Running {
             }
             Progress::TriedAgain { well, attempt, why } => {
                 let views_planned = self.active.as_ref().map_or(0, |active| active.record.method.asd);
-                self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, true, views_planned)));
+                self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, views_planned)));
                 self.event(kind::SPECIMEN_TRIED_AGAIN, Some(&well), json!({"attempt": attempt, "why": why}));
             }
             Progress::View { well, index, closure, achieved_steps, hull_volume_um3, so_far, light, live } => {
@@ -105,6 +105,12 @@ impl Running {
 
     fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) {
         let now_s = self.now_s();
+        // Another's specimen stays inside while this one is awaited: what a loader brings tells that the former is out.
+        if in_capillary {
+            self.occupant = Some(well.to_owned());
+        } else {
+            self.occupant.take_if(|inside| inside == well);
+        }
         let Some(active) = &mut self.active else { return };
         let planned = active.record.wells.iter().any(|w| w.well == well && w.outcome.is_none());
         // What is taken out before the first well, of an earlier attempt, is no specimen under way.
@@ -116,11 +122,8 @@ impl Running {
         }
         let views_planned = active.record.method.asd;
         self.publish(|s| match &mut s.specimen {
-            Some(specimen) if specimen.well == well => {
-                specimen.phase = phase;
-                specimen.in_capillary = in_capillary;
-            }
-            _ => s.specimen = Some(SpecimenStatus::new(well, phase, in_capillary, views_planned)),
+            Some(specimen) if specimen.well == well => specimen.phase = phase,
+            _ => s.specimen = Some(SpecimenStatus::new(well, phase, views_planned)),
         });
         self.event(kind::SPECIMEN_PHASE, Some(well), json!({ "phase": phase, "in_capillary": in_capillary }));
     }
@@ -141,19 +144,15 @@ impl Running {
         let status = run_status(&record);
         // One revision: counters and phase change together, so that no reader sees a gap between two wells.
         let views_planned = active.record.method.asd;
-        let loaded_from_outside = self.loaded_from_outside;
+        // A loader takes it out before it brings the next; where that is a sampler's work, one that is still there could not be taken out.
+        let stuck = self.occupant.as_ref() == Some(&result.well) && !self.loaded_from_outside;
         let next = active.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.clone());
         self.save(record);
         self.publish(|s| {
             s.run = Some(status);
-            // Its last phase has said whether it is out. A loader takes it out before it brings the next; where that is a sampler's
-            // work, one that is still there could not be taken out.
-            let stuck = |x: &SpecimenStatus| x.in_capillary && !loaded_from_outside;
-            match next {
-                // The next one is brought already while the numbers of this one were made.
-                _ if s.specimen.as_ref().is_some_and(|x| x.well != result.well || stuck(x)) => {}
-                Some(next) => s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, false, views_planned)),
-                None => {}
+            // Where another is shown, it is brought already while the numbers of this one were made.
+            if let Some(next) = next.filter(|_| !stuck && s.specimen.as_ref().is_none_or(|x| x.well == result.well)) {
+                s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, views_planned));
             }
         });
         let mut data = serde_json::to_value(&result).unwrap_or_default();

@@ -1,9 +1,9 @@
 //! How a change is told: journalled, then published as one revision whose derived parts are computed anew.
 
 use super::super::state::{self, Trigger};
-use super::super::{Pending, RunStatus, SpecimenStatus, Status, WellCounts, sentence};
+use super::super::{Pending, Phase, Refusal, RunStatus, SpecimenStatus, Status, WellCounts, sentence};
 use super::recovery::Recovery;
-use super::{Asked, Running};
+use super::{Active, Asked, Errand, Running};
 use crate::store::RunRecord;
 
 impl Running {
@@ -50,10 +50,16 @@ impl Running {
             stop: self.stopping || asked == Asked::Stop,
             abort: asked == Asked::Abort,
         };
-        s.plate.needs = self.needs(s);
+        if let Some(specimen) = &mut s.specimen {
+            specimen.in_capillary = self.occupant.as_ref() == Some(&specimen.well);
+        }
+        if let Some(run) = &mut s.run {
+            run.held_by_operator = self.active.as_ref().is_some_and(|a| a.held_by_operator);
+        }
+        s.plate.needs = self.needs();
         // Everything of it is on disk, and only who takes a specimen out knows that it is out. A start may yet take a run up.
-        let occupied = s.specimen.as_ref().is_some_and(|x| x.in_capillary);
-        s.plate.removable = !self.starting && s.plate.barcode.is_some() && self.active.is_none() && !occupied && !self.store_failed;
+        let over = !self.starting && self.active.is_none() && self.occupant.is_none();
+        s.plate.removable = over && s.plate.barcode.is_some() && !self.store_failed;
         s.not_ready_reason = self.not_ready(s);
         s.ready = s.not_ready_reason.is_none();
         if let (Some(active), Some(run)) = (&self.active, &mut s.run) {
@@ -67,15 +73,28 @@ impl Running {
     }
 
     /// What the loader is asked for.
-    fn needs(&self, s: &Status) -> Option<String> {
-        let take_out = |well: &str| format!("the specimen of well {well} to be taken out of the capillary");
-        match &self.active {
-            Some(active) => {
-                let awaited = active.waiting_for.as_ref().map(|well| format!("the specimen of well {well} in the capillary"));
-                awaited.or_else(|| active.take_out.as_deref().map(take_out))
+    fn needs(&self) -> Option<String> {
+        let bring = |well: &String| format!("the specimen of well {well} in the capillary");
+        match (&self.active, self.left_for_the_loader()) {
+            (Some(Active { waiting_for: Some(next), .. }), Some(former)) => {
+                Some(format!("{}, then {}", to_be_taken_out(former), bring(next)))
             }
-            None => s.specimen.as_ref().filter(|x| x.in_capillary).map(|x| take_out(&x.well)),
+            (Some(active), _) => active.waiting_for.as_ref().map(bring).or_else(|| active.take_out.as_deref().map(to_be_taken_out)),
+            (None, left) => left.map(to_be_taken_out),
         }
+    }
+
+    /// The well whose specimen is in the capillary and that nobody but the loader takes out: a driven sampler does so itself, before
+    /// the next one.
+    pub(super) fn left_for_the_loader(&self) -> Option<&str> {
+        self.occupant.as_deref().filter(|_| self.loaded_from_outside)
+    }
+
+    /// The specimen that stays shown at rest: the one that is still in the capillary.
+    pub(super) fn left_specimen(&self, views_planned: u32) -> Option<SpecimenStatus> {
+        let well = self.occupant.as_ref()?;
+        let shown = self.publisher.status().specimen.clone().filter(|shown| shown.well == *well);
+        Some(shown.unwrap_or_else(|| SpecimenStatus::new(well, Phase::Eject, views_planned)))
     }
 
     /// Why no run would be taken now.
@@ -87,11 +106,12 @@ impl Running {
             return Some("starting".into());
         }
         let stands = s.faults.iter().find(|f| f.operator_required);
-        let left = s.specimen.as_ref().filter(|x| x.in_capillary && self.active.is_none());
         let lost = self.lost.first().map(|lost| lost.way_out().to_owned());
         lost.or_else(|| stands.map(|f| format!("fault {} ({}) stands: {}", f.seq, f.code, f.message)))
             .or_else(|| self.active.as_ref().map(|_| "a run is under way".into()))
-            .or_else(|| left.map(|x| format!("the specimen of well {} is still in the capillary", x.well)))
+            .or_else(|| self.left_for_the_loader().map(|well| format!("the specimen of well {well} is still in the capillary")))
+            .or_else(|| matches!(self.errand, Some(Errand::Preflight { .. })).then(|| Refusal::Busy.to_string()))
+            .or_else(|| self.no_room.clone())
     }
 }
 
@@ -107,11 +127,11 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
         started: record.started.clone(),
         ended: record.ended.clone(),
         eta_s: None,
+        held_by_operator: false,
         outcome: record.outcome,
     }
 }
 
-/// The specimen that stays shown after its run: the one that is still in the capillary.
-pub(super) fn left_in_capillary(specimen: Option<SpecimenStatus>) -> Option<SpecimenStatus> {
-    specimen.filter(|x| x.in_capillary)
+pub(super) fn to_be_taken_out(well: &str) -> String {
+    format!("the specimen of well {well} to be taken out of the capillary")
 }

@@ -1,7 +1,7 @@
 //! What the newest events of the journal still mean after a start: faults that wait for somebody, the plate inside, and how far
 //! an open run had come. Pure.
 
-use super::super::{Event, Fault, Phase, kind};
+use super::super::{Event, Fault, Phase, RunOutcome, State, kind};
 use super::Asked;
 use super::faults::ends_by_itself;
 use super::life::BY_ITSELF;
@@ -24,10 +24,22 @@ pub(super) struct RunMemory {
     pub in_capillary: Option<String>,
 }
 
+impl RunMemory {
+    /// The state in which the run ended.
+    pub fn rests_in(&self, outcome: Option<RunOutcome>) -> State {
+        match (outcome, self.asked) {
+            (Some(RunOutcome::Interrupted), _) | (_, Some(Asked::Stop)) => State::Stopped,
+            (Some(RunOutcome::Aborted), _) => State::Aborted,
+            _ => State::Complete,
+        }
+    }
+}
+
 pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> RunMemory {
     let mut memory = RunMemory::default();
     for event in events.filter(|e| e.run.as_deref() == Some(run)) {
         match (event.kind.as_str(), &event.well) {
+            (kind::RUN_ACCEPTED, _) => memory.in_capillary = event.data["left_in_capillary"].as_str().map(str::to_owned),
             (kind::RUN_HOLD_REQUESTED, _) => memory.held_by_operator = true,
             (kind::RUN_RESUMED, _) => {
                 memory.held_by_operator = false;
@@ -48,7 +60,12 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                 if event.data["phase"] != Phase::Load.name() && !taken_out {
                     memory.looked_at.insert(well.clone());
                 }
-                memory.in_capillary = (event.data["in_capillary"] == true).then(|| well.clone());
+                // While one is awaited the former may still be inside.
+                if event.data["in_capillary"] == true {
+                    memory.in_capillary = Some(well.clone());
+                } else {
+                    memory.in_capillary.take_if(|inside| inside == well);
+                }
             }
             (end @ (kind::SPECIMEN_DONE | kind::SPECIMEN_INTERRUPTED), Some(well)) => {
                 if end == kind::SPECIMEN_DONE {
@@ -118,7 +135,7 @@ mod tests {
         let done = [&a[..], &[event("specimen.done", Some("A01"), Value::Null)]].concat();
         assert!(of(&done).begun.is_empty());
         let next = [&done[..], &[phase("A02", Phase::Load, false)]].concat();
-        assert_eq!((of(&next).begun, of(&next).in_capillary), (vec!["A02".to_owned()], None));
+        assert_eq!((of(&next).begun, of(&next).in_capillary.as_deref()), (vec!["A02".to_owned()], Some("A01")));
         // The numbers of the first are made while the second is brought.
         let both = [&a[..], &[phase("A01", Phase::Wash, false), phase("A02", Phase::Load, false)]].concat();
         assert_eq!(of(&both).begun, ["A01", "A02"]);
@@ -143,6 +160,33 @@ mod tests {
         }
         let done = [&next[..], &[event("specimen.done", Some("A01"), Value::Null)]].concat();
         assert!(of(&done).looked_at.is_empty());
+    }
+
+    #[test]
+    fn a_specimen_stays_inside_while_the_next_is_awaited_until_either_word_on_it() {
+        let awaited =
+            [phase("A01", Phase::Eject, true), event("specimen.done", Some("A01"), Value::Null), phase("A02", Phase::Load, false)];
+        assert_eq!(of(&awaited).in_capillary.as_deref(), Some("A01"));
+        assert_eq!(of(&awaited).begun, ["A02"], "the one inside is measured");
+        let then = |last: Event| of(&[&awaited[..], &[last]].concat()).in_capillary;
+        assert_eq!(then(event("well.unloaded", Some("A01"), Value::Null)), None);
+        assert_eq!(then(event("well.loaded", Some("A02"), Value::Null)).as_deref(), Some("A02"));
+        assert_eq!(then(phase("A01", Phase::Eject, false)), None, "the frame shows that nobody was there");
+        let left = [event("run.accepted", None, json!({ "left_in_capillary": "H12" }))];
+        assert_eq!(of(&left).in_capillary.as_deref(), Some("H12"));
+    }
+
+    #[test]
+    fn an_ended_run_is_shown_in_the_state_in_which_it_ended() {
+        let stop = event("run.stop_requested", None, Value::Null);
+        let abort = event("run.abort_requested", None, Value::Null);
+        let rests = |events: &[Event], outcome| of(events).rests_in(Some(outcome));
+        assert_eq!(rests(&[], RunOutcome::Partial), State::Complete);
+        assert_eq!(rests(std::slice::from_ref(&stop), RunOutcome::Partial), State::Stopped);
+        assert_eq!(rests(std::slice::from_ref(&stop), RunOutcome::Aborted), State::Stopped, "stopped before its first number");
+        assert_eq!(rests(&[stop, abort.clone()], RunOutcome::Aborted), State::Aborted);
+        assert_eq!(rests(&[abort], RunOutcome::Interrupted), State::Stopped, "a signal came before");
+        assert_eq!(rests(&[], RunOutcome::Interrupted), State::Stopped);
     }
 
     /// Crashed twice: the second start must not take the specimen that the first one threw out for one that was begun.

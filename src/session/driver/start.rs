@@ -2,6 +2,7 @@
 
 use super::super::status::{CameraStatus, TranslationStatus};
 use super::{Event, Running, kind, recall};
+use crate::store::RunRecord;
 
 impl Running {
     /// Puts the first word into the status. A disk that takes nothing is a fault, not the end of the daemon.
@@ -33,19 +34,54 @@ impl Running {
         self.event(kind::DAEMON_STARTED, None, started);
         self.starting = false;
         if let Some(record) = open {
-            let events = self.store.events_of(&record.id).unwrap_or_else(|error| {
-                tracing::error!(%error, run = record.id, "what happened in the run cannot be read");
-                self.publisher.tail().iter().map(|event| Event::clone(event)).collect()
-            });
-            let memory = recall::run(events.iter(), &record.id);
+            let memory = recall::run(self.events_of(&record.id).iter(), &record.id);
             self.take_up(record, memory);
+        } else if let Some(record) = self.ended_run() {
+            self.show_again(&record);
         } else {
             self.publish(|_| ());
         }
     }
 
+    fn events_of(&self, run: &str) -> Vec<Event> {
+        self.store.events_of(run).unwrap_or_else(|error| {
+            tracing::error!(%error, run, "what happened in the run cannot be read");
+            self.publisher.tail().iter().map(|event| Event::clone(event)).collect()
+        })
+    }
+
+    /// The newest run, where it is over: what it has left in the capillary is there still.
+    fn ended_run(&self) -> Option<RunRecord> {
+        let newest = self.store.newest_run(self.mode).unwrap_or_else(|error| {
+            tracing::warn!(%error, "the newest run is not shown");
+            None
+        });
+        newest.filter(|run| run.outcome.is_some())
+    }
+
+    /// An ended run as it was shown before the daemon ended: until the next one starts.
+    fn show_again(&mut self, record: &RunRecord) {
+        let events = self.events_of(&record.id);
+        let memory = recall::run(events.iter(), &record.id);
+        let last = events.last().map_or(0, |event| event.id);
+        let tail = self.publisher.tail();
+        let plate_is_away = tail.iter().any(|event| event.kind == kind::PLATE_UNLOADED && event.id > last);
+        let state = memory.rests_in(record.outcome);
+        self.occupant = memory.in_capillary;
+        let barcode = record.plan.plate_barcode.clone();
+        let change = self.over(record);
+        self.publish(|s| {
+            change(s);
+            s.state = state;
+            if !s.plate.present && !plate_is_away {
+                s.plate.present = true;
+                s.plate.barcode = Some(barcode);
+            }
+        });
+    }
+
     /// The newest run that was left open; an older one, or one of another kind of rig, is ended: it cannot go on here.
-    fn open_runs(&mut self) -> Option<crate::store::RunRecord> {
+    fn open_runs(&mut self) -> Option<RunRecord> {
         let mut open = match self.store.open_runs() {
             Ok(open) => open,
             Err(error) => {

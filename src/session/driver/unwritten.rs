@@ -44,9 +44,19 @@ impl Running {
 
     /// Tells what somebody asks for, which has not happened where it cannot be written.
     pub(super) fn promise(&mut self, kind: &str, well: Option<&str>, data: serde_json::Value) -> Result<(), StoreError> {
-        self.flush()?;
         let run = self.active.as_ref().map(|a| a.record.id.clone());
-        let event = self.journal.append(kind, run.as_deref(), well, data)?;
+        self.promise_of(run.as_deref(), kind, well, data)
+    }
+
+    pub(super) fn promise_of(
+        &mut self,
+        run: Option<&str>,
+        kind: &str,
+        well: Option<&str>,
+        data: serde_json::Value,
+    ) -> Result<(), StoreError> {
+        self.flush()?;
+        let event = self.journal.append(kind, run, well, data)?;
         self.publisher.announce(event);
         Ok(())
     }

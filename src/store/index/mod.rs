@@ -22,6 +22,7 @@ mod tests;
 pub use query::{Cursor, EventsAfter, RunRow, RunsQuery};
 pub(super) use query::{events_after, runs, used_bytes, was_accepted};
 pub use refresh::{Found, Unreadable};
+pub(super) use rows::word;
 
 use super::{RunRecord, StoreError, durable};
 use crate::session::Event;

@@ -9,7 +9,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// A word as serde writes it: `succeeded`, `simulated`.
-fn word<T: serde::Serialize>(value: &T) -> Option<String> {
+pub(in crate::store) fn word<T: serde::Serialize>(value: &T) -> Option<String> {
     serde_json::to_value(value).ok()?.as_str().map(str::to_owned)
 }
 

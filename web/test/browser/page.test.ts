@@ -316,17 +316,22 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
   server.publish({ ...running(10), state: "Holding", pending: { hold: true, stop: false, abort: false } });
   await button("Holding…").waitFor();
   assert.equal(await button("Holding…").isDisabled(), true);
-  server.publish({ ...running(0), state: "Held", specimen: null });
+  const held = { ...running(0), state: "Held" as const, specimen: null };
+  server.publish({ ...held, run: run([well("A01")], { held_by_operator: true }) });
   await button("Go on").click();
   await until("answer", /Go on: accepted/);
   assert.equal(await page.locator("#hold").isVisible(), false);
+  // A fault holds it: it would go on by itself.
+  server.publish(held);
+  await button("Hold").click();
+  await until("answer", /Hold: accepted/);
   server.publish(running(1));
   await button("Stop after this well").click();
   await until("ask-title", /^Stop run demo-1 after this well\?$/);
   await page.locator("dialog").getByRole("button", { name: "Stop after this well" }).click();
   await until("answer", /Stop after this well: accepted/);
-  const run = "POST /v1/runs/demo-1";
-  assert.deepEqual(commands(), [`${run}/hold`, `${run}/unhold`, `${run}/stop`]);
+  const path = "POST /v1/runs/demo-1";
+  assert.deepEqual(commands(), [`${path}/hold`, `${path}/unhold`, `${path}/hold`, `${path}/stop`]);
 });
 
 test("the emergency stop asks nothing, and its fault is acknowledged", async () => {

@@ -66,6 +66,7 @@ export function run(results: WellStatus[], change: Partial<RunStatus> = {}): Run
     ended: null,
     eta_s: { p50: 130, p90: 170 },
     outcome: null,
+    held_by_operator: false,
     ...change,
   };
 }

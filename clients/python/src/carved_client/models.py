@@ -113,6 +113,7 @@ class RunStatus:
     ended: str | None = None
     eta_s: Eta | None = None
     outcome: RunOutcome | None = None
+    held_by_operator: bool = False
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ use crate::device::{
 };
 use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd, WellTimes};
-use crate::session::{Event, RunPlan, SpecimenOutcome, channel};
+use crate::session::{Event, Phase, RunPlan, SpecimenOutcome, channel};
 use crate::store::EventsAfter;
 use crate::units::Steps;
 use std::path::Path;
@@ -142,7 +142,7 @@ impl Bench {
         self.handle.status()
     }
 
-    fn ask<T>(&mut self, make: impl FnOnce(oneshot::Sender<Result<T, Refusal>>) -> Command) -> Result<T, Refusal> {
+    pub fn ask<T>(&mut self, make: impl FnOnce(oneshot::Sender<Result<T, Refusal>>) -> Command) -> Result<T, Refusal> {
         let (answer, mut answered) = oneshot::channel();
         self.d.command(make(answer));
         answered.try_recv().unwrap()

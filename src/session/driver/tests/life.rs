@@ -3,6 +3,7 @@
 use super::super::*;
 use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch};
 use crate::device::DeviceError;
+use crate::session::Phase;
 use crate::session::fault::table;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::plate::HandoffIntent;
@@ -146,7 +147,7 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
         assert_eq!((status.plate.present, b.d.plate_inside.as_deref()), (true, Some("P-1")));
         assert_eq!(status.faults.iter().map(|f| f.code.as_str()).collect::<Vec<_>>(), [table::INTERNAL_ERROR.code]);
         let active = b.d.active.as_ref().unwrap();
-        assert!(!active.held_by_fault && active.take_out.as_deref() == Some("A02"), "{:?}", active.take_out);
+        assert!(active.held_by_operator && active.take_out.as_deref() == Some("A02"), "{:?}", active.take_out);
         assert!(status.run.unwrap().eta_s.is_some(), "what A01 took is forgotten");
     });
 }

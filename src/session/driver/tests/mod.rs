@@ -3,3 +3,4 @@
 mod bench;
 mod full_disk;
 mod life;
+mod loader;

@@ -1,0 +1,216 @@
+//! What is in the capillary and who is asked for it, who holds a run, and when a run would be taken: as loader and operator see it.
+
+use super::super::*;
+use super::bench::{Bench, bench, journalled, on_this_thread, plan, scratch};
+use crate::device::DeviceError;
+use crate::session::handle::{Accepted, Refusal, Towards};
+use crate::session::search::Found;
+use crate::session::worker::{Progress, RunEnd, RunError};
+use crate::session::{Phase, RunOutcome};
+use crate::store::StoreError;
+use std::path::PathBuf;
+use tokio::sync::oneshot;
+
+const IN: [&str; 3] =
+    ["the specimen of well A01 in the capillary", "the specimen of well A02 in the capillary", "the specimen of well A03 in the capillary"];
+
+fn out(well: &str) -> String {
+    format!("the specimen of well {well} to be taken out of the capillary")
+}
+
+impl Bench {
+    fn needs(&self) -> String {
+        self.status().plate.needs.unwrap_or_default()
+    }
+
+    fn asks_for(&mut self, well: &str) {
+        self.phase(well, Phase::Load, false);
+        self.tell(Progress::WaitingForLoader { well: well.into() });
+    }
+
+    fn measures(&mut self, well: &str) {
+        self.loaded(well, true).unwrap();
+        self.phase(well, Phase::Eject, true);
+        self.done(well);
+    }
+
+    fn put(&mut self, run: &str) -> Result<Accepted, Refusal> {
+        self.ask(|answer| Command::PutRun { id: run.into(), plan: plan(&["A01"]), answer })
+    }
+
+    fn inside_by_status(&self) -> Option<String> {
+        self.status().specimen.filter(|s| s.in_capillary).map(|s| s.well)
+    }
+
+    async fn errand_ends(&mut self) {
+        let done = errands::ended(&mut self.d.errand).await.unwrap();
+        self.d.errand_done(done);
+    }
+}
+
+/// Only the loader knows when a specimen is out: while the next is awaited the one before may still be inside.
+#[test]
+fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
+        b.tell(Progress::Ready);
+        b.asks_for("A01");
+        assert_eq!(b.needs(), IN[0]);
+        b.measures("A01");
+        b.asks_for("A02");
+        assert_eq!(b.needs(), format!("{}, then {}", out("A01"), IN[1]));
+        drop(b);
+
+        let mut b = bench(dir.path(), true);
+        assert_eq!((b.status().state, b.needs()), (State::Suspended, out("A01")), "a crash does not take it out");
+        b.loaded("A01", false).unwrap();
+        b.tell(Progress::Ready);
+        b.asks_for("A02");
+        assert_eq!(b.needs(), IN[1]);
+        b.measures("A02");
+        b.asks_for("A03");
+        // Exchanged in one go.
+        b.loaded("A03", true).unwrap();
+        let loaded = journalled(dir.path()).into_iter().rfind(|e| e.kind == kind::WELL_LOADED).unwrap();
+        assert_eq!(loaded.data["in_place_of"], "A02");
+        assert_eq!(b.loaded("A02", false), Ok(()), "it is out already");
+        assert_eq!(b.inside_by_status().as_deref(), Some("A03"));
+
+        b.steer(Towards::Abort).unwrap();
+        b.ends(RunEnd::Cancelled).await;
+        let left = |b: &Bench| {
+            let status = b.status();
+            assert_eq!((status.state, status.run.unwrap().outcome), (State::Aborted, Some(RunOutcome::Aborted)));
+            assert_eq!((b.inside_by_status().as_deref(), b.needs()), (Some("A03"), out("A03")));
+            assert!(!status.ready && !status.plate.removable);
+        };
+        left(&b);
+        drop(b);
+        let mut b = bench(dir.path(), true);
+        left(&b);
+        assert_eq!(b.put("r2"), Err(Refusal::CapillaryFull { well: "A03".into() }));
+        assert_eq!((b.loaded("A03", false), b.loaded("A03", false)), (Ok(()), Ok(())));
+        drop(b);
+        let status = bench(dir.path(), true).status();
+        assert!(status.ready && status.plate.removable && status.run.is_some_and(|r| r.outcome.is_some()), "{:?}", status.not_ready_reason);
+    });
+}
+
+/// While the next is awaited the run is ended: the specimen before it is the one inside.
+#[test]
+fn a_run_that_ends_while_the_next_is_awaited_leaves_the_one_before() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01", "A02"])).unwrap();
+        b.tell(Progress::Ready);
+        b.asks_for("A01");
+        b.measures("A01");
+        b.asks_for("A02");
+        b.steer(Towards::Stop).unwrap();
+        b.ends(RunEnd::Paused).await;
+        assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Stopped, Some("A01"), out("A01")));
+        assert!(!b.status().plate.removable);
+        drop(b);
+        assert_eq!(bench(dir.path(), true).status().state, State::Stopped);
+    });
+}
+
+/// No loader is there to take it out: the next run begins with that, over restarts too.
+#[test]
+fn what_an_aborted_run_left_is_ejected_by_the_next_where_a_sampler_is_driven() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        b.put_run(&plan(&["A01"])).unwrap();
+        b.tell(Progress::Ready);
+        b.phase("A01", Phase::Eject, true);
+        b.steer(Towards::Abort).unwrap();
+        b.ends(RunEnd::Cancelled).await;
+        for restarted in [false, true] {
+            let status = b.status();
+            assert!(status.ready && !status.plate.removable && status.plate.needs.is_none(), "{restarted}: {:?}", status.not_ready_reason);
+            assert_eq!(b.inside_by_status().as_deref(), Some("A01"));
+            drop(b);
+            b = bench(dir.path(), false);
+        }
+        assert_eq!(b.put("r2"), Ok(Accepted::Created));
+        drop(b);
+        let mut b = bench(dir.path(), false);
+        assert_eq!((b.d.occupant.as_deref(), b.works()), (Some("A01"), true), "a crash before it was ejected");
+        b.phase("A01", Phase::Wash, false);
+        assert_eq!(b.d.occupant, None);
+    });
+}
+
+/// Whichever comes first, an operator's hold or a fault that is over by itself.
+#[test]
+fn what_an_operator_holds_does_not_go_on_by_itself() {
+    on_this_thread(async {
+        for (before, after, held) in [(false, false, false), (true, false, true), (false, true, true)] {
+            let dir = scratch();
+            let mut b = bench(dir.path(), true);
+            b.put_run(&plan(&["A01"])).unwrap();
+            b.tell(Progress::Ready);
+            b.asks_for("A01");
+            b.loaded("A01", true).unwrap();
+            if before {
+                b.steer(Towards::Hold).unwrap();
+            }
+            b.ends(RunEnd::Failed(DeviceError::Gone { device: "rotation axis", why: "the cable".into() }.into())).await;
+            if after {
+                assert_eq!((b.steer(Towards::Hold), b.steer(Towards::Hold)), (Ok(()), Ok(())));
+            }
+            assert_eq!((b.status().state, b.status().run.unwrap().held_by_operator), (State::Held, held));
+            let instrument = b.d.instrument.take().unwrap();
+            b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+            let expected = if held { State::Held } else { State::Suspended };
+            assert_eq!((b.status().state, b.status().faults.len()), (expected, 0), "before {before}, after {after}");
+            if held {
+                b.steer(Towards::Unhold).unwrap();
+                assert_eq!((b.status().state, b.status().run.unwrap().held_by_operator), (State::Suspended, false));
+            }
+        }
+    });
+}
+
+/// The look at the devices has the instrument in the moment in which the disk is back.
+#[test]
+fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        b.put_run(&plan(&["A01"])).unwrap();
+        b.tell(Progress::Ready);
+        b.ends(RunEnd::Failed(RunError::Store(StoreError::Vanished { path: PathBuf::from("a disk") }))).await;
+        b.d.look();
+        b.d.try_the_store();
+        let status = b.status();
+        assert_eq!((status.state, status.faults.len(), b.d.active.as_ref().unwrap().resumed_by_itself), (State::Held, 0, 0));
+        b.errand_ends().await;
+        assert!(b.works() && b.status().state == State::Unholding, "{:?}", b.status().state);
+        assert_eq!(b.d.active.as_ref().unwrap().resumed_by_itself, 1);
+    });
+}
+
+/// `ready` says what a run would be answered.
+#[test]
+fn what_is_ready_takes_a_run() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        assert!(b.status().ready);
+        let (answer, _answered) = oneshot::channel();
+        b.d.preflight(plan(&["A01"]), answer);
+        assert!(b.status().not_ready_reason.is_some_and(|why| why.contains("being checked")));
+        assert_eq!(b.put("r1"), Err(Refusal::Busy));
+        b.errand_ends().await;
+        assert!(b.status().ready);
+        Arc::get_mut(&mut b.d.config).unwrap().store.budget_gb = Some(1e-3);
+        b.d.look_for_room();
+        assert!(b.status().not_ready_reason.is_some_and(|why| why.contains("budget_gb")));
+        assert!(matches!(b.put("r1"), Err(Refusal::OverBudget { .. })));
+    });
+}
