@@ -207,7 +207,7 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
     let instrument = start(&SLOW, POLICY);
     let way = instrument.in_mid_move("r1");
     instrument.daemon.signal("TERM");
-    let Instrument { daemon, rig, scene, config, data, _dir } = instrument;
+    let Instrument { daemon, rig, scene, config, data, dir } = instrument;
     assert_eq!(daemon.ended(), Some(0));
     let angle = rig.shaft().angle_rad();
     until("the shaft to stand", || rig.shaft().angle_rad().to_bits() == angle.to_bits());
@@ -217,7 +217,7 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
 
     // The next start knows the run and what it has left in the capillary.
     let daemon = Daemon::serve(&config, &data);
-    let instrument = Instrument { daemon, rig, scene, config, data, _dir };
+    let instrument = Instrument { daemon, rig, scene, config, data, dir };
     let status = started(&instrument.daemon);
     assert_eq!((&status["state"], &status["run"]["outcome"]), (&json!("Stopped"), &json!("interrupted")), "{status}");
     assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!("A01"), &json!(true)), "{status}");

@@ -91,6 +91,7 @@ pub fn checks(
     plan: &RunPlan,
     seen: &Seen,
     status: &Status,
+    plate_inside: Option<&str>,
     free_bytes: Option<u64>,
     budget: Option<Budget>,
 ) -> Vec<Check> {
@@ -125,14 +126,14 @@ pub fn checks(
             Err((format!("faults stand: {}", stands.join(", ")), "mend their cause, then acknowledge them"))
         },
     ));
-    let plate = status.plate.barcode.as_ref().filter(|inside| status.plate.present && **inside != plan.plate_barcode);
+    let plate = plate_inside.filter(|inside| *inside != plan.plate_barcode);
     checks.push(check(
         "plate",
         true,
         match plate {
-            None => Ok("no other plate is known to be inside".into()),
+            None => Ok("no other plate was handed over".into()),
             Some(inside) => Err((
-                format!("the plate {inside} is inside, and the plan is for {}", plan.plate_barcode),
+                format!("the plate {inside} was handed over, and the plan is for {}", plan.plate_barcode),
                 "hand the plate inside over, or mend the plan's barcode",
             )),
         },
@@ -208,7 +209,7 @@ mod tests {
         let calibration = |specimen| {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
             let seen = Seen { axis: Ok(()), light: Ok(Light { background: 200.0, saturated: 0.0, focus: 1.0 }) };
-            let checks = checks(&config, &plan, &seen, &status, Some(u64::MAX), None);
+            let checks = checks(&config, &plan, &seen, &status, None, Some(u64::MAX), None);
             checks.into_iter().find(|c| c.code == "calibration").unwrap()
         };
         let (larva, bead) = (calibration(SpecimenKind::Larva), calibration(SpecimenKind::Bead));

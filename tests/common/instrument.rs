@@ -14,7 +14,7 @@ pub struct Instrument {
     pub scene: Arc<Scene>,
     pub config: PathBuf,
     pub data: PathBuf,
-    pub _dir: tempfile::TempDir,
+    pub dir: tempfile::TempDir,
 }
 
 /// What an instrument is started with.
@@ -62,14 +62,14 @@ impl Instrument {
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
         let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
-        Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, _dir: dir }
+        Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, dir }
     }
 
     /// Ends the daemon by a signal and starts it again on the same rig.
     pub fn restarted(self, signal: &str) -> Self {
-        let Self { daemon, rig, scene, config, data, _dir } = self;
+        let Self { daemon, rig, scene, config, data, dir } = self;
         daemon.signal(signal);
         daemon.ended();
-        Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, _dir }
+        Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, dir }
     }
 }

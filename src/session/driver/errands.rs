@@ -54,7 +54,8 @@ impl Running {
             Done::Preflight(instrument, seen, plan, answer) => {
                 self.instrument = Some(instrument);
                 let status = self.publisher.status();
-                let checks = preflight::checks(&self.config, &plan, &seen, &status, self.store.free_bytes(), self.disk_budget());
+                let inside = self.plate_inside.as_deref();
+                let checks = preflight::checks(&self.config, &plan, &seen, &status, inside, self.store.free_bytes(), self.disk_budget());
                 // A run would be taken again, before the client can ask for one.
                 self.publish(|_| ());
                 // A client that hung up does not want to know any more.

@@ -65,8 +65,8 @@ mod tests {
 
     const RULE: EarlyStopSettings = EarlyStopSettings { min_views: 9, ..EarlyStopSettings::DEFAULT };
 
-    fn estimate(views: usize, volume_um3: f64) -> Option<Estimate> {
-        Some(Estimate { views, volume_um3, volume_sd_um3: 0.1, stated_sd_um3: 0.3, harmonics: 8 })
+    fn estimate(views: usize, volume_um3: f64) -> Estimate {
+        Estimate { views, volume_um3, volume_sd_um3: 0.1, stated_sd_um3: 0.3, harmonics: 8 }
     }
 
     #[test]
@@ -76,12 +76,12 @@ mod tests {
         assert_eq!(so_far.known(), nothing);
         so_far.take(None, true);
         assert_eq!(so_far.known(), nothing);
-        so_far.take(estimate(7, 100.0), true);
+        so_far.take(Some(estimate(7, 100.0)), true);
         let told = VolumeSoFar { volume_um3: Some(100.0), volume_sd_um3: Some(0.3), volume_views: Some(7), converged: Some(false) };
         assert_eq!(so_far.known(), told, "with the rig's share of the spread");
-        so_far.take(estimate(8, 100.0), false);
+        so_far.take(Some(estimate(8, 100.0)), false);
         assert_eq!(so_far.known(), nothing, "the hull says that the end will trust the voxels");
-        so_far.take(estimate(9, 100.1), true);
+        so_far.take(Some(estimate(9, 100.1)), true);
         so_far.take(None, true);
         assert_eq!(so_far.known(), nothing, "what was told no longer holds");
     }
@@ -90,7 +90,7 @@ mod tests {
     fn it_has_converged_by_the_rule_whether_or_not_that_ends_the_turn() {
         let of = |rule: EarlyStopSettings, volumes: [f64; 3]| {
             let mut so_far = SoFar::new(rule);
-            (7..).zip(volumes).for_each(|(views, volume)| so_far.take(estimate(views, volume), true));
+            (7..).zip(volumes).for_each(|(views, volume)| so_far.take(Some(estimate(views, volume)), true));
             (so_far.known().converged, so_far.is_enough())
         };
         assert_eq!(of(RULE, [100.0, 100.1, 100.2]), (Some(true), false), "not enabled");
@@ -103,7 +103,7 @@ mod tests {
     fn a_view_taken_again_replaces_what_it_told() {
         let mut so_far = SoFar::new(RULE);
         for (views, volume) in [(7, 100.0), (8, 100.0), (9, 103.0), (9, 100.1)] {
-            so_far.take(estimate(views, volume), true);
+            so_far.take(Some(estimate(views, volume)), true);
         }
         let known = so_far.known();
         assert_eq!((known.volume_um3, known.converged), (Some(100.1), Some(true)));
