@@ -34,7 +34,7 @@ struct Turned {
 }
 
 fn turned(early_stop: &'static str) -> Turned {
-    let Instrument { daemon, rig: _rig, scene, data, dir, .. } =
+    let Instrument { daemon, rig: _rig, scene, data, dir: _dir, .. } =
         Instrument::start(&Rate { early_stop, ..RATE }, "retries = 1", |scene| scene);
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": [{"well": "A01", "dpf": 4}]});
     assert_eq!(daemon.put_run("r1", &plan), 201);
