@@ -1,4 +1,4 @@
-//! The life of a run: begun, held and let go on, stopped, aborted, finished.
+//! The life of a run: begun, held and let go on, stopped, aborted; how it comes to rest and ends is in `ends`.
 //!
 //! ```text
 //! start ──► launch ──► worker ──► worker_ended ─┬─ all wells ──► finish ──► Complete
@@ -6,18 +6,16 @@
 //!             │                                 └─ stop, abort, shut-down ──► end_run │
 //!             └──────────── unhold (operator, or by itself) ◄─────────────────────────┘
 //! ```
-//! `finish` and `end_run` wait for the numbers of specimens that are gone (see `recovery`).
 
 use super::super::eta::UnderWay;
 use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd};
-use super::super::{Plate, Refusal, RunOutcome, RunPlan, SpecimenOutcome, State, Status, gate, kind};
+use super::super::{Plate, Refusal, RunPlan, State, Status, gate, kind};
 use super::Running;
 use super::active::{Active, Asked, Work};
 use super::publish::run_status;
-use super::recovery::Then;
 use crate::cancel::CancelToken;
-use crate::config::{Interrupted, Method, Resume};
+use crate::config::{Method, Resume};
 use crate::store::{RunRecord, StoreError};
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
@@ -273,141 +271,6 @@ impl Running {
         }
     }
 
-    /// The specimen under way has no end: its pose is lost. By the method's policy it is begun anew, or its well is over; unless it was
-    /// accepted, which only lacks its numbers.
-    pub(super) fn interrupt_specimen(&mut self, reason: &str) {
-        let accepted = self.accepted();
-        let Some(active) = &mut self.active else { return };
-        let policy = active.record.method.policy.interrupted;
-        let wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
-        for well in wells {
-            let Some(active) = &mut self.active else { return };
-            let inside = self.occupant.as_ref() == Some(&well);
-            if inside && self.loaded_from_outside {
-                active.take_out = Some(well.clone());
-            } else if inside {
-                active.eject_first = Some(well.clone());
-            }
-            if accepted.iter().any(|accepted| accepted.well == well) {
-                continue;
-            }
-            if policy == Interrupted::Skip
-                && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
-            {
-                slot.end(SpecimenOutcome::Interrupted, Some(reason));
-            }
-            let data = json!({ "reason": reason, "policy": policy });
-            self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
-        }
-        // One whose well is done is still there where it could not be taken out.
-        let stuck = self.occupant.clone().filter(|_| !self.loaded_from_outside);
-        if let (Some(active), Some(stuck)) = (&mut self.active, stuck) {
-            active.eject_first.get_or_insert(stuck);
-        }
-    }
-
-    /// Between two wells nothing is under way; what the loader brought in the same moment is asked back.
-    fn set_down(&mut self) {
-        let Some(active) = &mut self.active else { return };
-        let begun = std::mem::take(&mut active.under_way);
-        active.take_out = self.occupant.clone().filter(|well| begun.contains_key(well));
-    }
-
-    /// To Held, from wherever the run was: the worker has handed the instrument back.
-    pub(super) fn rest(&mut self, by_fault: bool) {
-        let state = self.publisher.status().state;
-        if state == State::Stopping {
-            // The end that was asked for comes first.
-            return self.end_run();
-        }
-        if state != State::Holding {
-            self.go(Trigger::Hold);
-        }
-        let Some(active) = &mut self.active else { return };
-        active.then = None;
-        active.may_go_on = false;
-        let record = active.record.clone();
-        let status = run_status(&record);
-        self.save(record);
-        self.go_with(Trigger::Rested, |s| s.run = Some(status));
-        self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" } }));
-    }
-
-    /// All wells are done, but for numbers that are still made from frames.
-    fn finish(&mut self) {
-        self.go(Trigger::WellsDone);
-        self.recover();
-        if !self.waits_for_numbers(Then::Finish) {
-            self.close();
-        }
-    }
-
-    /// The run ends once that is on disk, and is held until then.
-    pub(super) fn close(&mut self) {
-        let Some(active) = &self.active else { return };
-        let mut record = active.record.clone();
-        record.end(RunOutcome::of_wells(&record.wells));
-        gate::keep(&self.config, &self.store.run_folder(&record.id));
-        let told = self.flush().and_then(|()| self.store.save_run(&record));
-        let told = told.and_then(|()| self.promise(kind::RUN_ENDED, None, ended(&record)));
-        if told.is_err() {
-            self.keep(told);
-            return self.rest(true);
-        }
-        self.active = None;
-        self.no_room = self.lacks_room();
-        self.go_with(Trigger::Recorded, self.over(&record));
-    }
-
-    /// Ends the run as it was asked to, once specimens that are gone have their numbers.
-    pub(super) fn end_run(&mut self) {
-        self.recover();
-        if !self.waits_for_numbers(Then::End) {
-            self.end_now();
-        }
-    }
-
-    /// Stopped, aborted, or with the daemon.
-    pub(super) fn end_now(&mut self) {
-        let Some(active) = &self.active else { return };
-        let (asked, mut record) = (active.asked, active.record.clone());
-        let (left, reason) = match asked {
-            Asked::Abort => (SpecimenOutcome::Aborted, "the run was aborted"),
-            Asked::Stop => (SpecimenOutcome::Aborted, "the run was stopped before this well"),
-            _ => (SpecimenOutcome::Interrupted, "the daemon was stopped"),
-        };
-        for well in record.wells.iter_mut().filter(|w| w.outcome.is_none()) {
-            well.end(left, Some(reason));
-        }
-        record.end(match asked {
-            Asked::Abort => RunOutcome::Aborted,
-            Asked::Stop => RunOutcome::of_stopped(&record.wells),
-            _ => RunOutcome::Interrupted,
-        });
-        gate::keep(&self.config, &self.store.run_folder(&record.id));
-        self.save(record.clone());
-        self.event(kind::RUN_ENDED, None, ended(&record));
-        self.active = None;
-        self.no_room = self.lacks_room();
-        let change = self.over(&record);
-        match asked {
-            Asked::Abort => self.go_with(Trigger::MotorsStopped, change),
-            Asked::Stop if !self.stopping => self.go_with(Trigger::Joined, change),
-            // The daemon's own end follows when everything is joined.
-            _ => self.publish(change),
-        }
-    }
-
-    /// The end of a run and all that follows from it, for one revision.
-    pub(super) fn over(&self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
-        let (status, calibration, left) = (run_status(record), self.calibration(), self.left_specimen(record.method.asd));
-        |s| {
-            s.run = Some(status);
-            s.calibration = calibration;
-            s.specimen = left;
-        }
-    }
-
     /// Takes up a run that an earlier life of the daemon left open.
     pub(super) fn take_up(&mut self, record: RunRecord, memory: super::recall::RunMemory) {
         let mut active = Active::new(record);
@@ -451,9 +314,4 @@ impl Running {
             None => self.resume_by_itself(),
         }
     }
-}
-
-/// What the journal says of a run's end.
-fn ended(record: &RunRecord) -> Value {
-    json!({ "outcome": record.outcome, "wells": run_status(record).wells })
 }

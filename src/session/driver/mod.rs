@@ -13,6 +13,7 @@
 mod active;
 mod commands;
 mod devices;
+mod ends;
 mod errands;
 mod faults;
 mod life;
