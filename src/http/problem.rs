@@ -124,6 +124,7 @@ impl Problem {
             Refusal::FaultStands { seq, .. } => Self { fault_seq: Some(seq), ..conflict("fault_stands") },
             Refusal::UnknownFault { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_fault", detail),
             Refusal::OtherBarcode { .. } => conflict("other_barcode").action(SchedulerAction::RejectPlate),
+            Refusal::HandoffOpen { .. } => conflict("handoff_open").action(SchedulerAction::Retry),
             Refusal::NoHandoff => conflict("no_handoff"),
             Refusal::PlateNeeded { .. } => conflict("plate_needed").action(SchedulerAction::Retry),
             Refusal::WillNotFit { .. } | Refusal::OverBudget { .. } => {

@@ -39,6 +39,8 @@ pub enum Refusal {
     OtherBarcode { expected: String, found: String },
     #[error("no plate is being handed over; announce it: PUT /v1/plate/handoff {{\"intent\", \"barcode\"}}")]
     NoHandoff,
+    #[error("plate {barcode} is being handed over; say how that ended first: PUT /v1/plate/handoff/completed or /aborted")]
+    HandoffOpen { barcode: String },
     #[error("the plate cannot be taken yet: {needs}")]
     PlateNeeded { needs: String },
     #[error("the plate needs {needed_bytes} bytes and {free_bytes} are free: remove runs that are archived, or split the plate")]

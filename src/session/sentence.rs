@@ -54,7 +54,9 @@ pub fn of(s: &Status) -> String {
         },
         State::Stopped => match &s.run {
             Some(run) if run.outcome.is_some() => {
-                format!("Run {} was stopped. The plate can be taken once its capillary is empty.", run.id)
+                let plate =
+                    s.plate.needs.as_ref().map_or_else(|| "The plate can be taken.".into(), |needs| format!("Waiting for {needs}."));
+                format!("Run {} was stopped. {plate}", run.id)
             }
             _ => "Stopped.".into(),
         },

@@ -63,7 +63,12 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
   const volume = well.volume_um3;
   if (volume !== null) {
     const spread = well.volume_sd_um3 === null ? "" : ` ± ${nanolitres(well.volume_sd_um3)}`;
-    rows.push(...fact("Volume", number("volume", nanolitres(volume) + spread, cubicMicrometres(volume))));
+    rows.push(
+      ...fact(
+        spread ? "Volume ± 1 SD" : "Volume",
+        number("volume", nanolitres(volume) + spread, cubicMicrometres(volume)),
+      ),
+    );
   } else if (well.outcome === null && specimen && specimen.view > 0) {
     rows.push(...fact("Volume so far", volumeSoFar(specimen)));
   }
@@ -71,7 +76,7 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
     const spread = well.area_sd_um2 === null ? "" : ` ± ${squareMillimetres(well.area_sd_um2)}`;
     rows.push(
       ...fact(
-        "Surface area",
+        spread ? "Surface area ± 1 SD" : "Surface area",
         number("area", squareMillimetres(well.area_um2) + spread, squareMicrometres(well.area_um2)),
       ),
     );

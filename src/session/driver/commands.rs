@@ -50,6 +50,9 @@ impl Running {
         if let Some(left) = self.left_for_the_loader() {
             return Err(Refusal::CapillaryFull { well: left.to_owned() });
         }
+        if let Some(open) = &self.handoff {
+            return Err(Refusal::HandoffOpen { barcode: open.barcode.clone() });
+        }
         if let Some(inside) = self.plate_inside.as_ref().filter(|inside| **inside != plan.plate_barcode) {
             return Err(Refusal::OtherBarcode { expected: inside.clone(), found: plan.plate_barcode });
         }

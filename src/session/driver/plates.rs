@@ -28,6 +28,7 @@ impl Running {
             self.promise(kind::PLATE_ANNOUNCED, None, json!({ "intent": plate.intent, "barcode": plate.barcode }))?;
             self.handoff = Some(plate.clone());
             self.handed_over = None;
+            self.publish(|_| ());
         }
         Ok(HandoffNeeds { intent: plate.intent, needs: self.before_the_plate(), barcode: plate.barcode })
     }
@@ -63,6 +64,8 @@ impl Running {
             self.plate_inside = (plate.intent == HandoffIntent::Load).then_some(plate.barcode);
             let inside = self.plate_inside.clone();
             self.publish(|s| s.plate = Plate { present: inside.is_some(), barcode: inside, ..Plate::default() });
+        } else {
+            self.publish(|_| ());
         }
         Ok(())
     }

@@ -127,6 +127,9 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
         let dir = scratch();
         let mut b = bench(dir.path(), true);
         b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+        assert!(!b.status().ready && b.status().not_ready_reason.unwrap().contains("handed over"), "a gripper may hold the plate");
+        let overtaken = b.put_run(&plan(&["A01"])).unwrap_err();
+        assert!(matches!(overtaken, Refusal::HandoffOpen { .. }), "{overtaken}");
         b.d.end_handoff(HandoffEnd::Completed).unwrap();
         b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
         b.tell(Progress::Ready);
