@@ -79,27 +79,8 @@ pub fn of(s: &Status) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::state::tests::ALL;
     use crate::session::{Driver, Fault, Mode, SpecimenStatus};
-
-    const STATES: [State; 17] = [
-        State::Stopped,
-        State::Idle,
-        State::Starting,
-        State::Execute,
-        State::Holding,
-        State::Held,
-        State::Unholding,
-        State::Suspending,
-        State::Suspended,
-        State::Unsuspending,
-        State::Completing,
-        State::Complete,
-        State::Stopping,
-        State::Aborting,
-        State::Aborted,
-        State::Clearing,
-        State::Resetting,
-    ];
 
     /// Whoever reads the sentence and not `ready` is not misled by it.
     #[test]
@@ -108,7 +89,7 @@ mod tests {
         let specimen = SpecimenStatus::new("A01", Phase::Eject, 21);
         let reasons =
             [None, Some("starting"), Some("fault 1 (disk_full) stands: no room."), Some("the specimen of well A01 is still in it")];
-        for state in STATES {
+        for state in ALL {
             for reason in reasons {
                 for (faults, specimen) in [(vec![], None), (vec![fault.clone()], None), (vec![], Some(specimen.clone()))] {
                     let mut s = Driver::first_status(Mode::Simulated, "b".into());

@@ -95,4 +95,4 @@ pub fn next(state: State, trigger: Trigger) -> Option<&'static [State]> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -21,7 +21,7 @@ const TRIGGERS: [Trigger; 15] = [
     Trigger::Joined,
 ];
 
-const ALL: [State; 17] = [
+pub(in crate::session) const ALL: [State; 17] = [
     State::Stopped,
     State::Idle,
     State::Starting,
