@@ -44,7 +44,8 @@ pub fn of_recording(
         looked();
         Ok::<_, NumbersError>(seen)
     };
-    let seen = entries.par_iter().map(|entry| look(entry)).collect::<Result<Vec<_>, _>>()?;
+    // All are looked at before any is judged: the first of the turn that fails is the one told, on any number of threads.
+    let seen = entries.par_iter().map(|entry| look(entry)).collect::<Vec<_>>().into_iter().collect::<Result<Vec<_>, _>>()?;
     for (entry, seen) in entries.iter().zip(&seen) {
         if entry.closure {
             pipeline.observe_closure(seen);

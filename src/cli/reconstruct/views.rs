@@ -45,7 +45,8 @@ pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
     if paths.is_empty() {
         bail!("--views {}: found no .png or .pgm file, expected one per view", folder.display());
     }
-    let views: Vec<View> = paths.into_par_iter().map(view).collect::<anyhow::Result<_>>()?;
+    // All are read before any is judged: the first that fails is the one told, on any number of threads.
+    let views: Vec<View> = paths.into_par_iter().map(view).collect::<Vec<_>>().into_iter().collect::<anyhow::Result<_>>()?;
     let size = |view: &View| (view.mask.width(), view.mask.height());
     if let Some(other) = views.iter().find(|v| size(v) != size(&views[0])) {
         let ((w, h), (w0, h0)) = (size(other), size(&views[0]));

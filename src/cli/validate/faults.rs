@@ -90,6 +90,8 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
                 work.step();
                 outcome
             })
+            .collect::<Vec<_>>()
+            .into_iter()
             .collect::<anyhow::Result<Vec<Outcome>>>()?;
         let mut said: BTreeMap<String, usize> = BTreeMap::new();
         for outcome in &outcomes {
