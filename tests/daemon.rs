@@ -275,9 +275,19 @@ fn bad_starts_are_refused_by_name() {
     let config = dir.path().join("rig.toml");
     let sample = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("config/vast-grbl.toml")).unwrap();
     let sample = sample.replace("/dev/carved-rotation", "/dev/no-such-port").replace("127.0.0.1:8420", "127.0.0.1:0");
+    let sample = sample.replace("/var/lib/carved", data.to_str().unwrap());
     assert!(sample.contains("127.0.0.1:0"), "a port that another test or daemon may hold");
     std::fs::write(&config, sample).unwrap();
     let output = run(&["serve", "--config", config.to_str().unwrap()]);
     assert!(!output.status.success());
     assert!(stderr(&output).contains("/dev/no-such-port"), "{}", stderr(&output));
+
+    // Who has the data folder has the instrument: no port is opened beside it.
+    let _another = carved::store::Claim::on(&data).unwrap();
+    for args in [["serve", "--config", config.to_str().unwrap()], ["simulate", "--data", data.to_str().unwrap()]] {
+        let output = run(&[&args[..], if args[0] == "serve" { &[] } else { &["--listen", "127.0.0.1:0"] }].concat());
+        assert!(!output.status.success());
+        let said = stderr(&output);
+        assert!(said.contains("another carved uses this folder") && !said.contains("no-such-port"), "{said}");
+    }
 }

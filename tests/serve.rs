@@ -10,7 +10,7 @@
 
 mod common;
 
-use common::{Daemon, Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json, until};
+use common::{Daemon, Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE, json, run, stderr, until};
 use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -326,6 +326,22 @@ fn an_interrupted_specimen_is_skipped_where_the_method_says_so() {
     assert_eq!((&status["run"]["outcome"], &status["faults"]), (&json!("partial"), &json!([])), "{status}");
     assert_eq!((&status["run"]["wells"]["interrupted"], &status["run"]["wells"]["succeeded"]), (&json!(1), &json!(1)), "{status}");
     assert!(!instrument.data.join("runs/r1/A01.attempt-1").exists(), "what is skipped is not begun anew");
+}
+
+/// Opening a controller's port may reset it in mid-move: who comes second is turned away before it touches anything.
+#[test]
+fn a_second_daemon_on_the_same_data_leaves_the_run_of_the_first_alone() {
+    let instrument = start(&SLOW, ONCE);
+    let (_, to) = instrument.in_mid_move("r1");
+    let second = run(&["serve", "--config", instrument.config.to_str().unwrap()]);
+    assert!(!second.status.success());
+    assert!(stderr(&second).contains("another carved uses this folder"), "{}", stderr(&second));
+    until("the second view", || instrument.rig.exposures().len() > 2);
+    // Half a step: the view is taken where it was to be taken.
+    let at = instrument.rig.exposures()[2].angle_rad;
+    assert!((at - to).abs() < 0.5 * TAU / STEPS, "{at} rad instead of {to}");
+    let status = instrument.daemon.status();
+    assert_eq!((&status["faults"], &status["state"]), (&json!([]), &json!("Execute")), "{status}");
 }
 
 /// What the policy gives up stays so, also where the run is held and the daemon dies once more.

@@ -6,7 +6,7 @@ mod common;
 
 use carved::frame::{PixelFormat, RawFrame};
 use carved::session::{Mode, RunOutcome, SpecimenOutcome};
-use carved::store::{Recording, RecordingWriter, RunRecord, Store};
+use carved::store::{Claim, Recording, RecordingWriter, RunRecord, Store};
 use common::{carved, run, stderr};
 use serde_json::json;
 use sha2::{Digest, Sha256};
@@ -15,7 +15,7 @@ use std::process::Output;
 
 /// A run with one specimen, ended or not.
 fn stored(data: &Path, id: &str, outcome: Option<RunOutcome>) {
-    let (store, _journal, _) = Store::open(data).unwrap();
+    let (store, _journal, _) = Claim::on(data).and_then(Store::open).unwrap();
     let plan = json!({"plate_barcode": "P-1", "method": "m", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}]});
     let method = json!({"asd": 3, "order": "sequential", "epsilon": 0.05, "voxel_um": 20.0});
     let (plan, method) = (serde_json::from_value(plan).unwrap(), serde_json::from_value(method).unwrap());
@@ -93,7 +93,7 @@ fn a_run_is_archived_with_a_receipt_and_pruned_only_while_the_copy_is_good() {
     let output = at(&["prune", "data", "r1", "--all", "--yes"]);
     assert!(output.status.success(), "{}", text(&output));
     assert!(!here.exists() && copy.join("A01/frames/view_001.png").is_file());
-    let store = Store::open(&data).unwrap().0;
+    let store = Claim::on(&data).and_then(Store::open).unwrap().0;
     assert_eq!(store.budget(None).unwrap().used_bytes, 0);
 }
 
@@ -130,6 +130,6 @@ fn the_index_is_rebuilt_by_hand_and_not_under_a_daemon() {
     std::fs::write(dir.path().join("runs/r2/run.json"), r#"{"schema": "carved.run/9", "software": {"version": "7.0"}}"#).unwrap();
     let output = run(&["index", "rebuild", data]);
     assert!(!output.status.success() && text(&output).contains("carved.run/9"), "{}", text(&output));
-    let _daemon = Store::open(dir.path()).unwrap();
+    let _daemon = Claim::on(dir.path()).and_then(Store::open).unwrap();
     assert!(text(&run(&["index", "rebuild", data])).contains("another carved uses this folder"));
 }

@@ -4,15 +4,16 @@ use super::notify;
 use crate::config::Config;
 use crate::device::sampler::LoaderGate;
 use crate::session::{self, Driver, Heart, Instrument, MethodOffer, Mode, SessionHandle};
-use crate::store::Store;
+use crate::store::{Claim, Store};
 use anyhow::Context;
 use std::net::TcpListener;
 use std::sync::Arc;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 
-/// A daemon under construction: its door is open, its devices answer, nothing runs yet.
+/// A daemon under construction: its data folder is its own, its door is open, its devices answer, nothing runs yet.
 pub struct Daemon {
+    pub claim: Claim,
     pub config: Arc<Config>,
     pub mode: Mode,
     pub instrument: Instrument,
@@ -30,9 +31,9 @@ impl Daemon {
     {
         let runtime =
             tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("carved").build().context("cannot start the runtime")?;
-        let Self { config, mode, instrument, gate, listener, greeting } = self;
+        let Self { claim, config, mode, instrument, gate, listener, greeting } = self;
         let listen = listener.local_addr().context("the address that is served")?;
-        let (store, journal, events) = Store::open(&config.store.data_dir)?;
+        let (store, journal, events) = Store::open(claim)?;
         let reader = store.reader();
         let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
         let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));

@@ -5,6 +5,7 @@ use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler, TriggerSampler};
 use crate::device::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
 use crate::session::{Instrument, Mode};
+use crate::store::Claim;
 use anyhow::Context;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -19,11 +20,13 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
     let listener = config.http.bind()?;
+    // Before any device is opened: who has the folder may be in the middle of a turn.
+    let claim = Claim::on(&config.store.data_dir)?;
     let gate = LoaderGate::default();
     let (rig, sampler) = with_sampler(open_rig(&config)?, config.sampler, &gate)?;
     let second = open_second(&config)?;
     let greeting = format!("carved serves the instrument {:?}:", config.rig_name);
-    Daemon { config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, gate, listener, greeting }
+    Daemon { claim, config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, gate, listener, greeting }
         .run(|_| async { Ok(()) })
 }
 

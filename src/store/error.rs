@@ -39,7 +39,7 @@ pub enum StoreError {
     Vanished { path: PathBuf },
     #[error("{}: it was not closed within {waited_s:.0} s: the disk hangs. Look after it; what is there of the record is kept", path.display())]
     Unclosed { path: PathBuf, waited_s: f64 },
-    #[error("{}: another carved uses this folder; stop it or give another --data", path.display())]
+    #[error("{}: another carved uses this folder; stop that one first, or name another folder (--data, or data_dir of [store])", path.display())]
     Locked { path: PathBuf },
     #[error(
         "{}: it is of format {found}, this carved ({}) reads up to {known}: a newer carved{} wrote it. Use that one; nothing was changed",

@@ -185,7 +185,7 @@ pub(super) fn remembered(path: &Path, most: usize) -> Result<Vec<Event>, StoreEr
 
 #[cfg(test)]
 mod tests {
-    use crate::store::Store;
+    use crate::store::{Claim, Store};
     use serde_json::{Value, json};
     use std::fs::OpenOptions;
     use std::io::Write;
@@ -194,18 +194,18 @@ mod tests {
     fn ids_last_across_restarts_and_a_torn_line_is_cut() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("events.jsonl");
-        let (store, mut journal, events) = Store::open(dir.path()).unwrap();
+        let (store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert!(events.is_empty());
         journal.append("a", None, None, json!({"x": 1})).unwrap();
         journal.append("b", Some("r"), Some("A01"), Value::Null).unwrap();
         drop((store, journal));
         OpenOptions::new().append(true).open(&path).unwrap().write_all(b"{\"id\": 3, \"tim").unwrap();
 
-        let (store, mut journal, events) = Store::open(dir.path()).unwrap();
+        let (store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!(events.iter().map(|e| e.id).collect::<Vec<_>>(), [1, 2]);
         assert_eq!(journal.append("c", None, None, Value::Null).unwrap().id, 3);
         drop((store, journal));
-        let (_store, _journal, events) = Store::open(dir.path()).unwrap();
+        let (_store, _journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!(events.len(), 3);
         assert_eq!(events[2].kind, "c");
     }
@@ -219,10 +219,10 @@ mod tests {
         };
         let text: String = (1..=5000).map(|id| line(id, if id == 7 { "fault.raised" } else { "x" })).collect();
         std::fs::write(dir.path().join("events.jsonl"), &text).unwrap();
-        drop(Store::open(dir.path()).unwrap());
+        drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
         // Indexed once, what lies before the tail is not looked at again.
         std::fs::write(dir.path().join("events.jsonl"), text.replacen("fault.raised", "xxxxx.xxxxxx", 1)).unwrap();
-        let (_store, mut journal, events) = Store::open(dir.path()).unwrap();
+        let (_store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!((journal.last_fault(), events.len(), events[0].id), (41, 2000, 3001));
         assert_eq!(journal.append("y", None, None, Value::Null).unwrap().id, 5001);
     }
@@ -231,7 +231,7 @@ mod tests {
     fn a_broken_line_at_the_end_is_named() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("events.jsonl"), "nonsense\n").unwrap();
-        let error = Store::open(dir.path()).err().unwrap().to_string();
+        let error = Claim::on(dir.path()).and_then(Store::open).err().unwrap().to_string();
         assert!(error.contains("events.jsonl") && error.contains("nonsense"), "{error}");
     }
 }

@@ -57,37 +57,50 @@ use std::sync::Arc;
 /// Events that are remembered at a start, without the views: those of some three plates of 96 wells.
 const REMEMBERED: usize = 4000;
 
+/// A data folder that nobody else uses while this lives. Whoever drives devices takes it before the first of them is opened: another
+/// daemon on the same folder has the same instrument, and merely opening a controller's port may reset it in the middle of a move.
+pub struct Claim {
+    root: PathBuf,
+    _lock: File,
+}
+
+impl Claim {
+    /// Takes the folder, which is created where it is not there.
+    ///
+    /// # Errors
+    /// Another carved has it, or it cannot be written.
+    pub fn on(root: &Path) -> Result<Self, StoreError> {
+        durable::create_folder(&root.join("runs"))?;
+        let path = root.join("lock");
+        let lock = File::create(&path).map_err(StoreError::io("create", &path))?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self { root: root.to_owned(), _lock: lock }),
+            Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
+            Err(std::fs::TryLockError::Error(e)) => Err(StoreError::io("lock", &path)(e)),
+        }
+    }
+}
+
 /// The data folder, held by one daemon at a time.
 pub struct Store {
     root: PathBuf,
     index: Arc<Index>,
     /// Runs that were found without an outcome when the folder was opened.
     open: Vec<String>,
-    _lock: File,
-}
-
-fn lock(root: &Path) -> Result<File, StoreError> {
-    let path = root.join("lock");
-    let lock = File::create(&path).map_err(StoreError::io("create", &path))?;
-    match lock.try_lock() {
-        Ok(()) => Ok(lock),
-        Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
-        Err(std::fs::TryLockError::Error(e)) => Err(StoreError::io("lock", &path)(e)),
-    }
+    _claim: Claim,
 }
 
 /// Makes the index of a data folder that no daemon uses anew from its run folders.
 pub fn rebuild_index(root: &Path) -> Result<Found, StoreError> {
-    let _lock = lock(root)?;
+    let _claim = Claim::on(root)?;
     index::rebuild(root).map(|(_, found)| found)
 }
 
 impl Store {
-    /// Opens or creates the data folder, its journal and its index. A run whose `run.json` cannot be read is told, in the log and
-    /// as an event, and left alone.
-    pub fn open(root: &Path) -> Result<(Self, Journal, Vec<Event>), StoreError> {
-        durable::create_folder(&root.join("runs"))?;
-        let lock = lock(root)?;
+    /// Opens or creates what the data folder holds: its journal and its index. A run whose `run.json` cannot be read is told, in the log
+    /// and as an event, and left alone.
+    pub fn open(claim: Claim) -> Result<(Self, Journal, Vec<Event>), StoreError> {
+        let root = claim.root.as_path();
         let lines = Lines::open(&root.join(journal::FILE))?;
         let (index, found) = Index::open(root)?;
         let index = Arc::new(index);
@@ -96,7 +109,7 @@ impl Store {
             tracing::error!(run, why, "a run cannot be read; it is left alone");
             events.push(journal.append(kind::RUN_UNREADABLE, None, None, serde_json::json!({ "run": run, "why": why }))?);
         }
-        Ok((Self { root: root.to_owned(), index, open: found.open, _lock: lock }, journal, events))
+        Ok((Self { root: root.to_owned(), index, open: found.open, _claim: claim }, journal, events))
     }
 
     /// What of the journal a start has to know, oldest first: of the newest events all but the views, of before what still means

@@ -140,7 +140,7 @@ struct Told {
 
 /// A run of one specimen; `told` hears after each acknowledgement.
 fn life(root: &Path, mut told: impl FnMut(&Told)) -> Result<(), StoreError> {
-    let (store, mut journal, _) = Store::open(root)?;
+    let (store, mut journal, _) = Claim::on(root).and_then(Store::open)?;
     let mut now = Told::default();
     let mut record = record("r1");
     store.save_run(&record)?;
@@ -249,7 +249,7 @@ impl Disk {
 
 /// Opens the store on what is left, and holds it against what was told.
 fn check(root: &Path, told: &Told, when: &str) {
-    let (store, journal, events) = Store::open(root).unwrap_or_else(|e| panic!("{when}: {e}"));
+    let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap_or_else(|e| panic!("{when}: {e}"));
     let ids: Vec<u64> = events.iter().filter(|e| e.kind != "run.unreadable").map(|e| e.id).collect();
     assert!(ids.len() >= told.events && ids.iter().zip(1..).all(|(id, n)| *id == n), "{when}: {ids:?}, told {told:?}");
     assert_eq!(journal.last_fault(), u64::from(events.iter().any(|e| e.kind == "fault.raised")), "{when}");
@@ -301,7 +301,7 @@ fn what_was_acknowledged_outlives_a_power_loss_after_any_operation() {
 fn any_operation_may_fail_once_and_nothing_is_lost_or_doubled() {
     for fails in 0.. {
         let dir = scratch();
-        let (store, mut journal, _) = Store::open(dir.path()).unwrap();
+        let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         let mut record = record("r1");
         trace::begin(Some(fails));
         let mut again = 0;
@@ -322,7 +322,7 @@ fn any_operation_may_fail_once_and_nothing_is_lost_or_doubled() {
         drop((store, journal));
         let text = std::fs::read_to_string(dir.path().join("events.jsonl")).unwrap();
         assert_eq!(text, std::fs::read_to_string(dir.path().join("runs/r1/events.jsonl")).unwrap(), "operation {fails} failed");
-        let (store, journal, events) = Store::open(dir.path()).unwrap();
+        let (store, journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!(events.iter().map(|e| e.id).collect::<Vec<_>>(), [1, 2, 3, 4], "operation {fails} failed");
         assert_eq!(store.run("r1").unwrap().unwrap(), record, "operation {fails} failed");
         drop(journal);

@@ -3,7 +3,7 @@
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
 use carved::session::{CalibrationStatus, Mode, RunOutcome, RunStatus, State, WellCounts};
-use carved::store::Store;
+use carved::store::{Claim, Store};
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::TcpStream;
@@ -167,7 +167,7 @@ fn a_gap_that_cannot_be_filled_is_said() {
 #[test]
 fn a_reader_that_was_long_away_gets_every_event_once() {
     let rig = Rig::with(settings(), (1101..=1102).map(event).collect());
-    let (_store, mut journal, _) = Store::open(rig.data.path()).unwrap();
+    let (_store, mut journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     for _ in 0..1102 {
         journal.append("view.taken", None, None, Value::Null).unwrap();
     }

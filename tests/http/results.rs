@@ -4,7 +4,7 @@ use crate::client::{carved, text, url};
 use crate::rig::Rig;
 use carved::frame::{PixelFormat, RawFrame};
 use carved::session::{Mode, RunOutcome, SpecimenOutcome};
-use carved::store::{MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
+use carved::store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -50,7 +50,7 @@ fn ids(page: &Value) -> Vec<&str> {
 fn runs_are_listed_newest_first_page_by_page_and_filtered() {
     let rig = Rig::start();
     assert_eq!(rig.get("/v1/runs").problem(), "index", "a folder without an index");
-    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     assert_eq!(rig.get("/v1/runs").json(), json!({"runs": [], "next": null}));
     // Two of one moment; times as text would not sort.
     let runs =
@@ -95,7 +95,7 @@ fn runs_are_listed_newest_first_page_by_page_and_filtered() {
 #[test]
 fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     let rig = Rig::start();
-    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
     let (earlier, _) = recorded(&store, &run, 0);
     store.save_run(&run).unwrap();
@@ -148,7 +148,7 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
 #[test]
 fn no_name_leads_out_of_the_run_folders() {
     let rig = Rig::start();
-    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     let run = record("r1", "2026-01-01T00:00:00Z", "P-1");
     recorded(&store, &run, 0);
     store.save_run(&run).unwrap();
@@ -185,7 +185,7 @@ fn no_name_leads_out_of_the_run_folders() {
 #[test]
 fn a_watcher_is_told_of_a_run_that_the_status_has_no_more() {
     let rig = Rig::start();
-    let (store, _journal, _) = Store::open(rig.data.path()).unwrap();
+    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
     store.save_run(&run).unwrap();
     let watch = |run| carved(&url(&rig), &["run", "watch", run]);

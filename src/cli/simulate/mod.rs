@@ -19,6 +19,7 @@ use crate::config::{CameraDriver, Config};
 use crate::device::camera::CameraSelect;
 use crate::device::sampler::{LoaderGate, Sampler};
 use crate::session::{Instrument, Mode, is_well};
+use crate::store::Claim;
 use anyhow::Context;
 use hardware_sim::gige::CameraFaults;
 use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight, SlideSettings};
@@ -105,6 +106,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let listener = config.http.bind()?;
     let listen = listener.local_addr().context("the address that is served")?;
     config.http.listen = listen;
+    let claim = Claim::on(&config.store.data_dir)?;
     let Before { sight, content, job } = match &args.replay {
         Some(path) => replay::of_recording(path, &mut config)?,
         None => scenery::of_phantoms(&args, &config),
@@ -132,6 +134,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     let config = Arc::new(config);
     let folder = args.data;
     let daemon = Daemon {
+        claim,
         config,
         mode: Mode::Simulated,
         instrument: Instrument { rig: devices, second, sampler },

@@ -1,7 +1,7 @@
 use super::*;
 use crate::session::{RunOutcome, SpecimenOutcome};
 use crate::store::power_loss::{entry, frame, record, recording};
-use crate::store::{Journal, MEASUREMENT, RecordingWriter, Store, rebuild_index, set_aside};
+use crate::store::{Claim, Journal, MEASUREMENT, RecordingWriter, Store, rebuild_index, set_aside};
 use serde_json::json;
 
 mod start;
@@ -46,7 +46,7 @@ fn say(journal: &mut Journal, kind: &str, run: Option<&str>, data: serde_json::V
 
 /// Two runs, one of them still open, faults that are over and one that is not.
 fn live(root: &Path) -> (Store, Journal) {
-    let (store, mut journal, _) = Store::open(root).unwrap();
+    let (store, mut journal, _) = Claim::on(root).and_then(Store::open).unwrap();
     let mut first = record("r1");
     store.save_run(&first).unwrap();
     say(&mut journal, "run.accepted", Some("r1"), json!({"plate_barcode": "P-1"}));
@@ -104,10 +104,10 @@ fn what_the_index_missed_is_found_at_the_next_start() {
     c.execute("DELETE FROM events WHERE id = 8", []).unwrap();
     c.execute("UPDATE place SET journal_bytes = ?", [last]).unwrap();
     drop(c);
-    drop(Store::open(dir.path()).unwrap());
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
     assert_eq!(rows(dir.path()), expected);
     std::fs::remove_dir_all(dir.path().join("runs/r1")).unwrap();
-    drop(Store::open(dir.path()).unwrap());
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
     assert_eq!((count(dir.path(), "runs"), count(dir.path(), "beads"), count(dir.path(), "events")), (1, 0, 8));
 }
 
@@ -125,7 +125,7 @@ fn a_missing_or_broken_index_is_made_anew() {
         if let Some(bytes) = broken {
             std::fs::write(&path, bytes).unwrap();
         }
-        let (store, journal, events) = Store::open(dir.path()).unwrap();
+        let (store, journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!((journal.last_fault(), events.len(), store.index_trouble()), (3, 8, None));
         drop((store, journal));
         assert_eq!(rows(dir.path()), expected);
@@ -138,14 +138,14 @@ fn a_journal_of_another_folder_is_not_taken_for_the_rest_of_this_one() {
     drop(live(dir.path()));
     let line = json!({"id": 1, "time": "2026-01-01T00:00:00Z", "kind": "other", "run": null, "well": null, "data": null});
     std::fs::write(dir.path().join("events.jsonl"), format!("{line}\n")).unwrap();
-    drop(Store::open(dir.path()).unwrap());
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
     assert_eq!((count(dir.path(), "events"), count(dir.path(), "faults")), (1, 0));
 }
 
 #[test]
 fn an_index_that_fails_stops_no_run_and_catches_up() {
     let dir = tempfile::tempdir().unwrap();
-    let (store, mut journal, _) = Store::open(dir.path()).unwrap();
+    let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
     store.save_run(&record("r1")).unwrap();
     let other = connect(&dir.path().join(FILE)).unwrap();
     other.execute_batch("ALTER TABLE events RENAME TO elsewhere").unwrap();
@@ -168,9 +168,9 @@ fn an_index_that_fails_stops_no_run_and_catches_up() {
 #[test]
 fn a_newer_index_is_refused_with_both_versions() {
     let dir = tempfile::tempdir().unwrap();
-    drop(Store::open(dir.path()).unwrap());
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
     connect(&dir.path().join(FILE)).unwrap().pragma_update(None, "user_version", 99).unwrap();
-    let error = Store::open(dir.path()).err().unwrap().to_string();
+    let error = Claim::on(dir.path()).and_then(Store::open).err().unwrap().to_string();
     let known = format!("index version {}", tables::STEPS.len());
     assert!(error.contains("index.sqlite") && error.contains("index version 99") && error.contains(&known), "{error}");
 }
@@ -186,7 +186,7 @@ fn a_run_that_cannot_be_read_is_told_and_left_alone() {
         std::fs::write(runs.join(name).join("run.json"), text).unwrap();
     }
     for _ in 0..2 {
-        let (store, journal, events) = Store::open(dir.path()).unwrap();
+        let (store, journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         let told: Vec<String> = events[events.len() - 2..].iter().map(|e| format!("{} {}", e.kind, e.data)).collect();
         assert!(told[0].starts_with("run.unreadable") && told[0].contains("broken/run.json"), "{told:?}");
         assert!(told[1].contains("carved.run/77") && told[1].contains("carved.run/1"), "{told:?}");
@@ -232,7 +232,7 @@ fn an_index_of_version_1_is_brought_up_with_all_its_rows() {
     old.execute_batch("UPDATE main.place SET journal_bytes = (SELECT journal_bytes FROM newest.place)").unwrap();
     old.pragma_update(None, "user_version", 1).unwrap();
     drop(old);
-    drop(Store::open(dir.path()).unwrap());
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
     assert_eq!(rows(dir.path()), expected);
     let version: usize = connect(&path).unwrap().pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
     assert_eq!(version, tables::STEPS.len());

@@ -9,7 +9,7 @@ use crate::device::{
 use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd, WellTimes};
 use crate::session::{Event, Phase, RunPlan, SpecimenOutcome, channel};
-use crate::store::EventsAfter;
+use crate::store::{Claim, EventsAfter};
 use crate::units::Steps;
 use std::path::Path;
 use std::time::Duration;
@@ -109,7 +109,7 @@ pub fn plan(wells: &[&str]) -> RunPlan {
 pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
     let mut config = Config::parse(include_str!("../../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
     config.store.data_dir = root.to_owned();
-    let (store, journal, events) = Store::open(root).unwrap();
+    let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap();
     let (handle, mailbox, publisher) = channel(Driver::first_status(Mode::Simulated, "boot".into()), events);
     let instrument = Instrument {
         rig: Rig { rotation: Box::new(Idle), camera: Box::new(Idle) },

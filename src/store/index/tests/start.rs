@@ -7,7 +7,7 @@ use crate::store::journal;
 #[test]
 fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_something() {
     let dir = tempfile::tempdir().unwrap();
-    let (store, mut journal, _) = Store::open(dir.path()).unwrap();
+    let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
     let words = [
         ("plate.loaded", None, json!({"barcode": "P-0"})),
         ("plate.unloaded", None, json!({"barcode": "P-0"})),
@@ -37,7 +37,7 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
 #[test]
 fn an_index_that_stays_behind_is_left_alone_for_a_while() {
     let dir = tempfile::tempdir().unwrap();
-    let (store, mut journal, _) = Store::open(dir.path()).unwrap();
+    let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
     let other = connect(&dir.path().join(FILE)).unwrap();
     other.execute_batch("ALTER TABLE events RENAME TO elsewhere").unwrap();
     for kind in ["a", "b"] {
