@@ -168,13 +168,17 @@ fn nothing_moves_after_an_abort_that_comes_before_the_first_view() {
     let daemon = &instrument.daemon;
     let at_start = instrument.angle();
 
-    // While the loader is waited for: it is too late to bring anything.
+    // While the loader is waited for: what it brings all the same is known to be inside.
     instrument.awaited("load");
     let status = instrument.aborted("load");
     assert_eq!(status["plate"]["removable"], true, "nothing is in the capillary: {status}");
-    assert_ne!(daemon.put_loaded("load", "A01"), 200);
+    assert_eq!((daemon.put_loaded("load", "A01"), daemon.put_loaded("load", "A02")), (200, 409));
+    let status = daemon.status();
+    assert_eq!((&status["plate"]["removable"], &status["ready"]), (&json!(false), &json!(false)), "{status}");
+    assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!("A01"), &json!(true)), "{status}");
     instrument.nothing_follows();
     assert_eq!(instrument.angle().to_bits(), at_start.to_bits(), "it never moved");
+    assert_eq!(daemon.put_unloaded("load", "A01"), 200);
 
     // In one breath with the loader's word, so that the reference is about to begin or has just begun.
     instrument.awaited("loaded");

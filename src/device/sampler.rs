@@ -67,6 +67,12 @@ impl LoaderGate {
         self.say(Word::GiveUp);
     }
 
+    /// Whether a word on this well waits to be heard.
+    #[cfg(test)]
+    pub(crate) fn has_loaded(&self, well: &str) -> bool {
+        matches!(&*self.0.0.lock().unwrap(), Some(Word::Loaded(said)) if said == well)
+    }
+
     fn say(&self, word: Word) {
         let (slot, changed) = &*self.0;
         *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(word);

@@ -150,14 +150,17 @@ pub(super) async fn abort(
     steer(&app, path, &headers, Towards::Abort).await
 }
 
-/// The loader says that the specimen of this well is in the capillary.
+/// The loader says that the specimen of this well is in the capillary, or has been taken out.
+///
+/// What it was asked for is taken whatever has become of the run since: held, it stays inside and is used when the run goes on; ended, it
+/// is known to be inside until it is said to be out. A repeat answers 200.
 #[utoipa::path(
     put, path = "/v1/runs/{run_id}/wells/{well}", tag = "commands", request_body = WellLoaded,
     params(("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`")),
     responses(
-        (status = 200, description = "The run goes on with this well, or had done so", body = Acknowledged),
+        (status = 200, description = "The word is taken, or was before", body = Acknowledged),
         (status = 404, description = "No such run", body = Problem, content_type = "application/problem+json"),
-        (status = 409, description = "The run does not wait for this well", body = Problem, content_type = "application/problem+json"),
+        (status = 409, description = "Nobody asked for this well, or another is inside: `detail` has the word that is waited for", body = Problem, content_type = "application/problem+json"),
     )
 )]
 pub(super) async fn loaded(

@@ -22,13 +22,13 @@ pub enum Refusal {
     #[error("run {id} has ended{}; nothing can be done to it any more", outcome.map(|o| format!(" as {}", format!("{o:?}").to_lowercase())).unwrap_or_default())]
     RunEnded { id: String, outcome: Option<RunOutcome> },
     #[error(
-        "the specimen of well {well} is still in the capillary. Take it out and say so: PUT /v1/runs/RUN/wells/{well} {{\"loaded\": false}}"
+        "the specimen of well {well} is still in the capillary. Take it out and say so: PUT /v1/runs/{run}/wells/{well} {{\"loaded\": false}}"
     )]
-    CapillaryFull { well: String },
+    CapillaryFull { run: String, well: String },
     #[error("no run {id}; {}", newest.as_ref().map_or("there is none yet".to_owned(), |n| format!("the newest is {n}")))]
     UnknownRun { id: String, newest: Option<String> },
-    #[error("run {run} has no well {well} that waits for the loader")]
-    UnexpectedWell { run: String, well: String },
+    #[error("nothing is to be said of the specimen of well {well} in run {run} now: {instead}")]
+    UnexpectedWell { run: String, well: String, instead: String },
     #[error("nothing can run: {why}")]
     DeviceLost { why: String },
     #[error("fault {seq} ({code}) stands: {message}. Mend its cause, then acknowledge it: POST /v1/faults/{seq}/acknowledge")]

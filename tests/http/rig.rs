@@ -214,7 +214,7 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
                 let verdict = match runs.get(&run) {
                     None => Err(Refusal::UnknownRun { id: run, newest: None }),
                     Some(plan) if plan.plate_map.iter().any(|w| w.well == well) => Ok(()),
-                    Some(_) => Err(Refusal::UnexpectedWell { run, well }),
+                    Some(_) => Err(Refusal::UnexpectedWell { run, well, instead: "that of well A01 is waited for".into() }),
                 };
                 answer.send(refusal.map_or(verdict, Err)).unwrap();
             }

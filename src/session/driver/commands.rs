@@ -21,8 +21,8 @@ impl Running {
             Command::Steer { id, towards, answer } => reply(answer, self.steer(&id, towards)),
             Command::EmergencyStop { answer } => reply(answer, self.emergency_stopped()),
             Command::Acknowledge { seq, answer } => reply(answer, self.acknowledge(seq)),
-            Command::Loaded { run, well, loaded: true, answer } => reply(answer, self.loaded(run, well)),
-            Command::Loaded { run, well, loaded: false, answer } => reply(answer, self.unloaded(run, well)),
+            Command::Loaded { run, well, loaded: true, answer } => reply(answer, self.loaded(&run, &well)),
+            Command::Loaded { run, well, loaded: false, answer } => reply(answer, self.unloaded(&run, &well)),
             Command::Handoff { plate, answer } => reply(answer, self.handoff(plate)),
             Command::EndHandoff { end, answer } => reply(answer, self.end_handoff(end)),
             Command::Preflight { plan, answer } => self.preflight(plan, answer),
@@ -48,7 +48,7 @@ impl Running {
         }
         self.nothing_stands_in_the_way()?;
         if let Some(left) = self.left_for_the_loader() {
-            return Err(Refusal::CapillaryFull { well: left.to_owned() });
+            return Err(self.capillary_full(left.to_owned()));
         }
         if let Some(open) = &self.handoff {
             return Err(Refusal::HandoffOpen { barcode: open.barcode.clone() });

@@ -23,7 +23,9 @@ impl Running {
         let accepted = self.accepted();
         let Some(active) = &mut self.active else { return };
         let policy = active.record.method.policy.interrupted;
-        let wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
+        let mut wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
+        // What the loader has brought is not begun: it stays, and is used when the run goes on.
+        wells.retain(|well| self.brought.as_ref() != Some(well));
         for well in wells {
             let Some(active) = &mut self.active else { return };
             let inside = self.occupant.as_ref() == Some(&well);
@@ -50,11 +52,9 @@ impl Running {
         }
     }
 
-    /// Between two wells nothing is under way; what the loader brought in the same moment is asked back.
+    /// Between two wells nothing is under way; what the loader brought in the same moment stays until the run goes on.
     pub(super) fn set_down(&mut self) {
-        let Some(active) = &mut self.active else { return };
-        let begun = std::mem::take(&mut active.under_way);
-        active.take_out = self.occupant.clone().filter(|well| begun.contains_key(well));
+        self.active.iter_mut().for_each(|active| active.under_way.clear());
     }
 
     /// To Held, from wherever the run was: the worker has handed the instrument back.

@@ -54,6 +54,8 @@ impl Running {
         let status = run_status(&record);
         let barcode = record.plan.plate_barcode.clone();
         let eject_first = self.occupant.clone();
+        self.been_inside = eject_first.iter().cloned().collect();
+        (self.asked_for, self.brought) = (None, None);
         self.active = Some(Active { eject_first, ..Active::new(record) });
         self.launch();
         self.go_with(Trigger::Start, |s| {
@@ -276,15 +278,17 @@ impl Running {
         let mut active = Active::new(record);
         active.held_by_operator = memory.held_by_operator;
         active.resumed_by_itself = memory.resumed_by_itself;
-        // A driven sampler may have been about to bring it; a loader says what it has brought.
+        // A driven sampler may have been about to bring it; a loader says what it has brought, which is used where it was not begun.
         let mut begun = memory.begun;
         if self.loaded_from_outside {
-            begun.retain(|well| memory.looked_at.contains(well) || memory.in_capillary.as_ref() == Some(well));
-            active.take_out = memory.in_capillary;
+            begun.retain(|well| memory.looked_at.contains(well));
+            self.occupant.clone_from(&memory.in_capillary);
+            active.take_out = memory.in_capillary.filter(|inside| memory.brought.as_ref() != Some(inside));
         } else {
             active.eject_first = begun.last().cloned().or(memory.in_capillary);
+            self.occupant.clone_from(&active.eject_first);
         }
-        self.occupant = active.take_out.clone().or_else(|| active.eject_first.clone());
+        (self.asked_for, self.brought, self.been_inside) = (memory.asked_for, memory.brought, memory.been_inside);
         active.under_way = begun.into_iter().map(|well| (well, UnderWay::default())).collect();
         let asd = active.record.method.asd;
         let left = self.left_specimen(asd);

@@ -43,7 +43,7 @@ use crate::device::sampler::LoaderGate;
 use crate::store::{Journal, Store, StoreError};
 use active::{Active, Asked, Word, word_of};
 use errands::Errand;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::future::Future;
 use std::sync::Arc;
 use std::time::Instant;
@@ -87,6 +87,12 @@ struct Running {
     active: Option<Active>,
     /// The well whose specimen is in the capillary, as far as is known: of the run under way, or of the newest one.
     occupant: Option<String>,
+    /// The well whose specimen the loader was last asked for, until it says that it is there.
+    asked_for: Option<String>,
+    /// The well whose specimen the loader has brought and with which nothing has been done since.
+    brought: Option<String>,
+    /// The wells of the newest run whose specimens were in the capillary at any time.
+    been_inside: BTreeSet<String>,
     fault_seq: u64,
     /// Why not even one well would fit on the disk.
     no_room: Option<String>,
@@ -207,6 +213,9 @@ impl Running {
             gate,
             active: None,
             occupant: None,
+            asked_for: None,
+            brought: None,
+            been_inside: BTreeSet::new(),
             no_room: None,
             store_failed: false,
             unwritten: VecDeque::new(),

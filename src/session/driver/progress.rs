@@ -5,6 +5,7 @@ use super::super::state::Trigger;
 use super::super::worker::{Progress, WellTimes};
 use super::super::{Phase, SpecimenOutcome, SpecimenStatus, State, VolumeSoFar, WellStatus, gate, kind};
 use super::Running;
+use super::active::Asked;
 use super::publish::run_status;
 use serde::Serialize;
 use serde_json::json;
@@ -92,6 +93,14 @@ impl Running {
     }
 
     fn waits_for_loader(&mut self, well: &str) {
+        if self.brought.as_deref() == Some(well) {
+            // Brought before the run went on. Not over a hold's word to the one who waits: it then stays until the run goes on again.
+            if self.active.as_ref().is_some_and(|a| a.asked == Asked::Nothing) {
+                self.gate.say_loaded(well);
+            }
+            return;
+        }
+        self.asked_for = Some(well.to_owned());
         if let Some(active) = &mut self.active {
             active.waiting_for = Some(well.to_owned());
         }
@@ -106,9 +115,13 @@ impl Running {
     fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) {
         let now_s = self.now_s();
         // Another's specimen stays inside while this one is awaited: what a loader brings tells that the former is out.
+        // So does what a loader has brought before it was asked again.
+        let begun = phase != Phase::Load;
+        self.brought.take_if(|brought| begun && brought == well);
         if in_capillary {
             self.occupant = Some(well.to_owned());
-        } else {
+            self.been_inside.insert(well.to_owned());
+        } else if self.brought.as_deref() != Some(well) {
             self.occupant.take_if(|inside| inside == well);
         }
         let Some(active) = &mut self.active else { return };

@@ -109,7 +109,10 @@ impl Running {
         let lost = self.lost.first().map(|lost| lost.way_out().to_owned());
         lost.or_else(|| stands.map(|f| format!("fault {} ({}) stands: {}", f.seq, f.code, f.message)))
             .or_else(|| self.active.as_ref().map(|_| "a run is under way".into()))
-            .or_else(|| self.left_for_the_loader().map(|well| format!("the specimen of well {well} is still in the capillary")))
+            .or_else(|| {
+                self.left_for_the_loader()
+                    .map(|well| format!("the specimen of well {well} is still in the capillary; take it out and say so"))
+            })
             .or_else(|| self.handoff.as_ref().map(|open| format!("plate {} is being handed over", open.barcode)))
             .or_else(|| matches!(self.errand, Some(Errand::Preflight { .. })).then(|| Refusal::Busy.to_string()))
             .or_else(|| self.no_room.clone())

@@ -22,6 +22,12 @@ pub(super) struct RunMemory {
     pub looked_at: BTreeSet<String>,
     /// The well whose specimen was last said to be in the capillary.
     pub in_capillary: Option<String>,
+    /// The well whose specimen the loader was last asked for and has not brought.
+    pub asked_for: Option<String>,
+    /// The well whose specimen it has brought and with which nothing was done since.
+    pub brought: Option<String>,
+    /// The wells whose specimens were in the capillary at any time.
+    pub been_inside: BTreeSet<String>,
 }
 
 impl RunMemory {
@@ -39,7 +45,10 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
     let mut memory = RunMemory::default();
     for event in events.filter(|e| e.run.as_deref() == Some(run)) {
         match (event.kind.as_str(), &event.well) {
-            (kind::RUN_ACCEPTED, _) => memory.in_capillary = event.data["left_in_capillary"].as_str().map(str::to_owned),
+            (kind::RUN_ACCEPTED, _) => {
+                memory.in_capillary = event.data["left_in_capillary"].as_str().map(str::to_owned);
+                memory.been_inside = memory.in_capillary.iter().cloned().collect();
+            }
             (kind::RUN_HOLD_REQUESTED, _) => memory.held_by_operator = true,
             (kind::RUN_RESUMED, _) => {
                 memory.held_by_operator = false;
@@ -47,23 +56,33 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
             }
             (kind::RUN_STOP_REQUESTED, _) => memory.asked = memory.asked.max(Some(Asked::Stop)),
             (kind::RUN_ABORT_REQUESTED, _) => memory.asked = memory.asked.max(Some(Asked::Abort)),
-            (kind::WELL_LOADED, Some(well)) => memory.in_capillary = Some(well.clone()),
+            (kind::WELL_AWAITED, Some(well)) => memory.asked_for = Some(well.clone()),
+            (kind::WELL_LOADED, Some(well)) => {
+                memory.asked_for = None;
+                memory.in_capillary = Some(well.clone());
+                memory.brought = Some(well.clone());
+                memory.been_inside.insert(well.clone());
+            }
             (kind::WELL_UNLOADED, Some(well)) => {
                 memory.in_capillary.take_if(|inside| inside == well);
+                memory.brought.take_if(|brought| brought == well);
             }
             (kind::SPECIMEN_PHASE, Some(well)) => {
+                let begun = event.data["phase"] != Phase::Load.name();
+                memory.brought.take_if(|brought| begun && brought == well);
                 // An attempt that is taken out before a run goes on is none that is under way.
                 let taken_out = [Phase::Eject, Phase::Wash].iter().any(|out| event.data["phase"] == out.name());
                 if !taken_out && !memory.begun.contains(well) {
                     memory.begun.push(well.clone());
                 }
-                if event.data["phase"] != Phase::Load.name() && !taken_out {
+                if begun && !taken_out {
                     memory.looked_at.insert(well.clone());
                 }
                 // While one is awaited the former may still be inside.
                 if event.data["in_capillary"] == true {
                     memory.in_capillary = Some(well.clone());
-                } else {
+                    memory.been_inside.insert(well.clone());
+                } else if memory.brought.as_ref() != Some(well) {
                     memory.in_capillary.take_if(|inside| inside == well);
                 }
             }
@@ -177,6 +196,21 @@ mod tests {
     }
 
     #[test]
+    fn what_the_loader_was_asked_for_and_what_it_has_brought_is_remembered_until_it_is_worked_on() {
+        let awaited = [phase("A01", Phase::Load, false), event("well.awaited", Some("A01"), Value::Null)];
+        assert_eq!((of(&awaited).asked_for.as_deref(), of(&awaited).brought), (Some("A01"), None));
+        let loaded = [&awaited[..], &[event("well.loaded", Some("A01"), Value::Null)]].concat();
+        // The run goes on: it is loaded already, and nobody is asked.
+        let again = [&loaded[..], &[phase("A01", Phase::Load, false)]].concat();
+        for events in [&loaded, &again] {
+            let memory = of(events);
+            assert_eq!((memory.asked_for, memory.brought.as_deref(), memory.in_capillary.as_deref()), (None, Some("A01"), Some("A01")));
+        }
+        assert_eq!(of(&[&loaded[..], &[phase("A01", Phase::Position, true)]].concat()).brought, None);
+        assert_eq!(of(&[&loaded[..], &[event("well.unloaded", Some("A01"), Value::Null)]].concat()).brought, None);
+    }
+
+    #[test]
     fn an_ended_run_is_shown_in_the_state_in_which_it_ended() {
         let stop = event("run.stop_requested", None, Value::Null);
         let abort = event("run.abort_requested", None, Value::Null);
@@ -199,7 +233,7 @@ mod tests {
             phase("A01", Phase::Eject, true),
             phase("A01", Phase::Eject, false),
         ];
-        assert_eq!(of(&events), RunMemory::default());
+        assert_eq!(of(&events), RunMemory { been_inside: BTreeSet::from(["A01".to_owned()]), ..RunMemory::default() });
     }
 
     #[test]

@@ -63,11 +63,13 @@ impl Running {
     fn show_again(&mut self, record: &RunRecord) {
         let events = self.events_of(&record.id);
         let memory = recall::run(events.iter(), &record.id);
-        let last = events.last().map_or(0, |event| event.id);
+        // No plate is taken away while a run goes on; the loader's word may come after both.
+        let accepted = events.first().map_or(0, |event| event.id);
         let tail = self.publisher.tail();
-        let plate_is_away = tail.iter().any(|event| event.kind == kind::PLATE_UNLOADED && event.id > last);
+        let plate_is_away = tail.iter().any(|event| event.kind == kind::PLATE_UNLOADED && event.id > accepted);
         let state = memory.rests_in(record.outcome);
         self.occupant = memory.in_capillary;
+        (self.asked_for, self.brought, self.been_inside) = (memory.asked_for, memory.brought, memory.been_inside);
         let barcode = record.plan.plate_barcode.clone();
         let change = self.over(record);
         self.publish(|s| {
