@@ -56,7 +56,8 @@ impl Running {
         if let Some(run) = &mut s.run {
             run.held_by_operator = self.active.as_ref().is_some_and(|a| a.held_by_operator);
         }
-        s.plate.needs = self.needs();
+        (s.plate.take_out, s.plate.bring) = self.wanted();
+        s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
         // Everything of it is on disk, and only who takes a specimen out knows that it is out. A start may yet take a run up.
         let over = !self.starting && self.active.is_none() && self.occupant.is_none();
         s.plate.removable = over && s.plate.barcode.is_some() && !self.store_failed;
@@ -72,15 +73,13 @@ impl Running {
         s.doing = sentence::of(s);
     }
 
-    /// What the loader is asked for.
-    fn needs(&self) -> Option<String> {
-        let bring = |well: &String| format!("the specimen of well {well} in the capillary");
-        match (&self.active, self.left_for_the_loader()) {
-            (Some(Active { waiting_for: Some(next), .. }), Some(former)) => {
-                Some(format!("{}, then {}", to_be_taken_out(former), bring(next)))
-            }
-            (Some(active), _) => active.waiting_for.as_ref().map(bring).or_else(|| active.take_out.as_deref().map(to_be_taken_out)),
-            (None, left) => left.map(to_be_taken_out),
+    /// What the loader is asked for: whose specimen to take out, and whose to bring after that.
+    fn wanted(&self) -> (Option<String>, Option<String>) {
+        let left = self.left_for_the_loader().map(str::to_owned);
+        match &self.active {
+            Some(Active { waiting_for: Some(next), .. }) => (left, Some(next.clone())),
+            Some(active) => (active.take_out.clone(), None),
+            None => (left, None),
         }
     }
 
@@ -107,7 +106,7 @@ impl Running {
         }
         let stands = s.faults.iter().find(|f| f.operator_required);
         let lost = self.lost.first().map(|lost| lost.way_out().to_owned());
-        lost.or_else(|| stands.map(|f| format!("fault {} ({}) stands: {}", f.seq, f.code, f.message)))
+        lost.or_else(|| stands.map(|f| format!("a fault stands: {}", f.plainly())))
             .or_else(|| self.active.as_ref().map(|_| "a run is under way".into()))
             .or_else(|| {
                 self.left_for_the_loader()
@@ -134,6 +133,14 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
         held_by_operator: false,
         outcome: record.outcome,
     }
+}
+
+/// The same in words.
+fn needs(take_out: Option<&str>, bring: Option<&str>) -> Option<String> {
+    let out = take_out.map(to_be_taken_out);
+    let bring = bring.map(|well| format!("the specimen of well {well} in the capillary"));
+    let both: Vec<String> = out.into_iter().chain(bring).collect();
+    (!both.is_empty()).then(|| both.join(", then "))
 }
 
 pub(super) fn to_be_taken_out(well: &str) -> String {
