@@ -32,7 +32,9 @@ impl<T: DeserializeOwned + ToSchema, const LIMIT: usize> FromRequest<AppState> f
             let detail = format!("the body's content type is {found:?}; send application/json");
             return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_json", detail));
         }
-        parse(&whole(request, LIMIT, app).await?, &app.schemas).map(Self)
+        let body = whole(request, LIMIT, app).await?;
+        // What carries a plate map is a plan.
+        parse(&body, &app.schemas).map(Self).map_err(|problem| if LIMIT == PLATE_MAP { problem.of_a_plate() } else { problem })
     }
 }
 

@@ -32,5 +32,5 @@ pub(super) async fn check(query: Result<Query<Which>, QueryRejection>, file: Pla
     let Query(which) = query?;
     plate_map::read(&file.bytes, file.format, which.plate.as_deref())
         .map(Json)
-        .map_err(|mistakes| Problem::unprocessable("invalid_plate_map", mistakes))
+        .map_err(|mistakes| Problem::unprocessable("invalid_plate_map", mistakes).of_a_plate())
 }

@@ -85,7 +85,13 @@ impl Problem {
         let detail = errors.iter().take(DETAILED).map(ToString::to_string).collect::<Vec<_>>().join("; ");
         let more = errors.len().saturating_sub(DETAILED);
         let detail = if more > 0 { format!("{detail}; {more} more stand in errors") } else { detail };
-        Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }.action(SchedulerAction::RejectPlate)
+        // Not the plate's mistake but the program's, or a barcode reader's: the same body is answered the same, with any plate.
+        Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }
+    }
+
+    /// Of a plan or a plate map: this plate cannot be run as it is meant to be, and another can.
+    pub(super) fn of_a_plate(self) -> Self {
+        self.action(SchedulerAction::RejectPlate)
     }
 
     /// Names the newest fault where the refusal comes from the instrument's condition, and passes its advice on.
@@ -103,7 +109,8 @@ impl Problem {
         let conflict = |code| Self::new(StatusCode::CONFLICT, code, detail.clone());
         let unavailable = |code| Self::new(StatusCode::SERVICE_UNAVAILABLE, code, detail.clone()).come_back();
         match refusal {
-            Refusal::InvalidPlan(errors) => Self::unprocessable("invalid_plan", errors),
+            Refusal::InvalidPlan(errors) => Self::unprocessable("invalid_plan", errors).of_a_plate(),
+            Refusal::InvalidHandoff(errors) => Self::unprocessable("invalid_body", errors),
             Refusal::OtherPlan { .. } => conflict("other_plan"),
             Refusal::Pruned { .. } => conflict("pruned"),
             Refusal::WrongState { accepted_in, .. } => {

@@ -135,7 +135,8 @@ pub(super) async fn stop(
 
 /// Ends a run; motors stop before anything else happens.
 ///
-/// Acknowledged at once. A repeat answers 200.
+/// Acknowledged at once; the run ends when its record is closed: at most 60 s later, and the method's `deadlines_s.measure` for each
+/// specimen that was let go and has no numbers yet. A repeat answers 200.
 #[utoipa::path(
     post, path = "/v1/runs/{run_id}/abort", tag = "commands", params(("run_id" = String, Path)),
     responses(

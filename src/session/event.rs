@@ -46,6 +46,7 @@ pub mod kind {
         SPECIMEN_DETECTED = "specimen.detected";
         SPECIMEN_TRIED_AGAIN = "specimen.tried_again";
         SPECIMEN_INTERRUPTED = "specimen.interrupted";
+        SPECIMEN_RECOVERING = "specimen.recovering";
         SPECIMEN_RECOVERED = "specimen.recovered";
         SPECIMEN_DONE = "specimen.done";
         VIEW_TAKEN = "view.taken";

@@ -3,7 +3,7 @@
 
 use super::halt::Halt;
 use super::{Check, Event, FieldError, Handoff, HandoffEnd, HandoffNeeds, MethodOffer, RunOutcome, RunPlan, State, Status};
-use crate::store::{StoreError, size};
+use crate::store::StoreError;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -13,6 +13,8 @@ use tokio::sync::{broadcast, mpsc, oneshot, watch};
 pub enum Refusal {
     #[error("the plan has {} mistake(s)", .0.len())]
     InvalidPlan(Vec<FieldError>),
+    #[error("the handover has {} mistake(s)", .0.len())]
+    InvalidHandoff(Vec<FieldError>),
     #[error("run {id} exists with another plan; name the new run otherwise")]
     OtherPlan { id: String },
     #[error("run {id} was measured before and is in the data folder no more; name the new run otherwise")]
@@ -31,7 +33,10 @@ pub enum Refusal {
     UnexpectedWell { run: String, well: String, instead: String },
     #[error("nothing can run: {why}")]
     DeviceLost { why: String },
-    #[error("fault {seq} ({code}) stands: {message}. Mend its cause, then acknowledge it: POST /v1/faults/{seq}/acknowledge")]
+    #[error(
+        "nothing runs before fault {seq} ({code}) is acknowledged: {} Mend its cause, then POST /v1/faults/{seq}/acknowledge",
+        sentence(message)
+    )]
     FaultStands { seq: u64, code: String, message: String },
     #[error("there has been no fault {seq}; the newest is {newest}")]
     UnknownFault { seq: u64, newest: u64 },
@@ -43,7 +48,7 @@ pub enum Refusal {
     HandoffOpen { barcode: String },
     #[error("the plate cannot be taken yet: {needs}")]
     PlateNeeded { needs: String },
-    #[error("the plate needs {} on the disk and {} are free: remove runs that are archived, or split the plate", size(*needed_bytes), size(*free_bytes))]
+    #[error("the plate needs {needed_bytes} bytes and {free_bytes} are free: remove runs that are archived, or split the plate")]
     WillNotFit { needed_bytes: u64, free_bytes: u64 },
     #[error("no run can start: {why}")]
     OverBudget { why: String },
@@ -53,6 +58,11 @@ pub enum Refusal {
     Store { why: String, full: bool },
     #[error("the instrument is shutting down")]
     ShuttingDown,
+}
+
+/// With one full stop at its end, whether or not it had one.
+fn sentence(text: &str) -> String {
+    format!("{}.", text.trim_end_matches('.'))
 }
 
 impl From<StoreError> for Refusal {
@@ -124,19 +134,9 @@ pub enum Command {
     },
 }
 
-/// Of which specimen the live pictures are, and how many of its views had been taken: none at its detection.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Shown {
-    pub run: String,
-    pub well: String,
-    pub views: u32,
-}
-
 /// The newest frame, its profile and the live model, encoded for the page.
 #[derive(Debug, Clone, Default)]
 pub struct Live {
-    /// Filled in by the driver, which knows the run.
-    pub shown: Option<Shown>,
     /// JPEG of the newest frame, in colour.
     pub frame_jpg: Option<Arc<Vec<u8>>>,
     /// PNG of the frame's size, transparent but for the profile's edge.

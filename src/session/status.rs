@@ -136,9 +136,6 @@ pub struct Fault {
     pub recoverable: bool,
     pub scheduler_action: SchedulerAction,
     pub operator_required: bool,
-    /// What its code means, in plain words; `message` has what was found this time.
-    #[serde(default)]
-    pub meaning: String,
     /// What the operator does about it, in plain words.
     #[serde(default)]
     pub what_to_do: String,
@@ -162,12 +159,6 @@ pub struct Plate {
     pub removable: bool,
     /// What the instrument waits for from the loader, in words, if anything.
     pub needs: Option<String>,
-    /// The well whose specimen is to be taken out of the capillary.
-    #[serde(default)]
-    pub take_out: Option<String>,
-    /// The well whose specimen is to be brought, after what is to be taken out.
-    #[serde(default)]
-    pub bring: Option<String>,
 }
 
 /// Disjoint counts of a run's wells.
@@ -294,6 +285,9 @@ pub struct RunStatus {
     /// An operator has held it: it does not go on by itself, whatever else held it.
     #[serde(default)]
     pub held_by_operator: bool,
+    /// Held, it goes on without anybody's word: at once, after a start of the daemon, or once what is lost is back.
+    #[serde(default)]
+    pub goes_on_by_itself: bool,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]

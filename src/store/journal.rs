@@ -20,8 +20,16 @@ use std::sync::Arc;
 pub(super) const FILE: &str = "events.jsonl";
 
 /// What still means something however long ago it was.
-const LASTING: [&str; 6] =
-    [kind::FAULT_RAISED, kind::FAULT_ACKNOWLEDGED, kind::FAULT_CLEARED, kind::PLATE_LOADED, kind::PLATE_UNLOADED, kind::RUN_ACCEPTED];
+const LASTING: [&str; 8] = [
+    kind::FAULT_RAISED,
+    kind::FAULT_ACKNOWLEDGED,
+    kind::FAULT_CLEARED,
+    kind::PLATE_ANNOUNCED,
+    kind::PLATE_LOADED,
+    kind::PLATE_UNLOADED,
+    kind::PLATE_HANDOFF_ABORTED,
+    kind::RUN_ACCEPTED,
+];
 
 /// Events that are read at a start, for readers that come back.
 const TAIL: usize = 2000;

@@ -33,12 +33,12 @@ mod sums;
 
 pub use archive::{Pruned, Receipt, archive, prune, run_names};
 pub use attempts::set_aside;
-pub use budget::{Budget, bytes_per_specimen, size};
+pub use budget::{Budget, bytes_per_specimen};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
 pub use journal::{Happening, Journal};
 #[cfg(test)]
-pub(crate) use power_loss::trace as disk_trace;
+pub(crate) use power_loss::{recording as a_recording, trace as disk_trace};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
 pub use recording::{
     MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord, SecondRecord, Software, fluorescence,

@@ -106,7 +106,7 @@ pub(super) fn record(id: &str) -> RunRecord {
     RunRecord::new(id, plan, method(), Mode::Simulated, None)
 }
 
-pub(super) fn recording(run: &str, specimen: &PlannedWell) -> Recording {
+pub(crate) fn recording(run: &str, specimen: &PlannedWell) -> Recording {
     let rig = serde_json::json!({
         "name": "rig", "pixel_format": "Mono8", "steps_per_revolution": [500, 1], "sense": 1,
         "camera": {"f": 60000.0, "kx": 0.18, "ky": 0.18, "ux": 8.0, "uy": 8.0, "width": 16, "height": 16},

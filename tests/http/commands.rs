@@ -5,7 +5,7 @@ use crate::wire::{connect, read_answer};
 use carved::cancel::CancelToken;
 use carved::device::StopHandle;
 use carved::http::HttpSettings;
-use carved::session::{Fault, Refusal, SchedulerAction, State};
+use carved::session::{Fault, FieldError, Refusal, SchedulerAction, State};
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -35,6 +35,7 @@ fn every_wrong_field_of_a_plan_is_named() {
     let answer = rig.put("/v1/runs/r", shape);
     assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_body"));
     assert_eq!(pointers(&answer), ["/method", "/methud", "/plate_barcode", "/plate_map/1/wel", "/plate_map/1/well"]);
+    assert_eq!(answer.json()["scheduler_action"], "reject_plate");
     let meaning = PLAN.replace("standard", "fast").replace("A02", "Z99");
     let answer = rig.put("/v1/runs/r", &meaning);
     assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_plan"));
@@ -116,11 +117,15 @@ fn a_run_is_held_let_go_on_and_stopped_by_its_name() {
         assert_eq!(rig.send("POST", &format!("/v1/runs/x/{command}"), &[], "").problem(), "unknown_run", "{command}");
     }
     assert_eq!(*rig.commands.lock().unwrap(), ["put r", "hold r", "hold x", "unhold r", "unhold x", "stop r", "stop x"]);
-    rig.refuse(Refusal::FaultStands { seq: 3, code: "rotation_alarm".into(), message: "limit switch".into() });
-    let stands = rig.send("POST", "/v1/runs/r/unhold", &[], "");
-    assert_eq!((stands.status, stands.problem().as_str()), (409, "fault_stands"));
-    assert_eq!(stands.json()["fault_seq"], 3);
-    assert!(stands.json()["detail"].as_str().unwrap().contains("/v1/faults/3/acknowledge"), "{}", stands.json());
+    for message in ["the limit switch stands open", "the limit switch stands open."] {
+        rig.refuse(Refusal::FaultStands { seq: 3, code: "rotation_alarm".into(), message: message.into() });
+        let stands = rig.send("POST", "/v1/runs/r/unhold", &[], "");
+        assert_eq!((stands.status, stands.problem().as_str()), (409, "fault_stands"));
+        assert_eq!(stands.json()["fault_seq"], 3);
+        let detail = stands.json()["detail"].as_str().unwrap().to_owned();
+        assert!(detail.contains("/v1/faults/3/acknowledge") && detail.contains("open. "), "{detail}");
+        assert_eq!(detail.matches("stands").count(), 1, "{detail}");
+    }
 }
 
 /// The motors come before the mailbox, and before anything that a client may do wrong.
@@ -159,12 +164,20 @@ fn a_plate_is_announced_and_moved() {
     let announced = rig.put("/v1/plate/handoff", r#"{"intent": "unload", "barcode": "P-1"}"#);
     assert_eq!((announced.status, &announced.json()["needs"]), (200, &"the run to end".into()));
     for (body, pointer) in [(r#"{"intent": "turn", "barcode": "P"}"#, "/intent"), (r#"{"intent": "load"}"#, "/barcode")] {
-        assert_eq!(pointers(&rig.put("/v1/plate/handoff", body)), [pointer], "{body}");
+        let answer = rig.put("/v1/plate/handoff", body);
+        assert_eq!(pointers(&answer), [pointer], "{body}");
+        assert_eq!(answer.json()["scheduler_action"], "escalate_operator", "no plate is at fault");
     }
+    let field = FieldError { pointer: "/barcode".into(), detail: "no barcode".into() };
+    rig.refuse(Refusal::InvalidHandoff(vec![field]));
+    let answer = rig.put("/v1/plate/handoff", r#"{"intent": "load", "barcode": "P 1"}"#);
+    assert_eq!((answer.status, answer.problem().as_str(), pointers(&answer)), (422, "invalid_body", vec!["/barcode".to_owned()]));
+    assert_eq!(answer.json()["scheduler_action"], "escalate_operator");
+    rig.refusal.lock().unwrap().take();
     for end in ["completed", "aborted"] {
         assert_eq!(rig.send("PUT", &format!("/v1/plate/handoff/{end}"), &[], "").status, 200);
     }
-    assert_eq!(*rig.commands.lock().unwrap(), ["Unload P-1", "Completed", "Aborted"]);
+    assert_eq!(*rig.commands.lock().unwrap(), ["Unload P-1", "Load P 1", "Completed", "Aborted"]);
     rig.refuse(Refusal::OtherBarcode { expected: "P-1".into(), found: "P-2".into() });
     let other = rig.put("/v1/plate/handoff", r#"{"intent": "load", "barcode": "P-2"}"#);
     assert_eq!((other.status, other.problem().as_str()), (409, "other_barcode"));
@@ -229,7 +242,6 @@ fn a_refusal_names_the_states_and_the_fault_behind_it() {
             recoverable: true,
             scheduler_action: SchedulerAction::PauseInstrument,
             operator_required: true,
-            meaning: String::new(),
             what_to_do: String::new(),
             since: "2026-01-01T00:00:00Z".into(),
         });

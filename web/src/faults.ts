@@ -30,11 +30,9 @@ function item(fault: Fault): HTMLElement {
   const button = element("button", "button button-small", "Acknowledge");
   button.type = "button";
   button.addEventListener("click", () => void acknowledge(fault, button, answer));
-  const head = element("p", "fault-head", element("strong", "", fault.meaning || fault.message));
+  const head = element("p", "fault-head", element("strong", "", fault.message));
   if (fault.operator_required) head.append(element("span", "tag tag-alarm", "Needs you"));
-  // What was found is for who mends it; an operator reads what it means.
-  const found = fault.meaning && fault.meaning !== fault.message ? ` Found: ${fault.message}` : "";
-  const small = `Fault ${fault.seq}, ${words(fault.code)}, since ${clockTime(fault.since)}.${found}`;
+  const small = `Fault ${fault.seq}, ${words(fault.code)} (${words(fault.category)}), since ${clockTime(fault.since)}`;
   const made = element(
     "li",
     "fault",

@@ -20,12 +20,10 @@ import {
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
-import { fetchFile, fetchLive } from "./api.ts";
+import { fetchLive } from "./api.ts";
 import { setText, show } from "./dom.ts";
-import { counted, grouped, micrometres } from "./format.ts";
+import { grouped, micrometres } from "./format.ts";
 import { Latest } from "./latest.ts";
-import type { StoredSpecimens } from "./stored.ts";
-import type { Subject } from "./subject.ts";
 import { roundBelow } from "./ticks.ts";
 
 /** Directions from the specimen to the eye. */
@@ -45,8 +43,6 @@ const KEY_ZOOM = 1.2;
 const TARGET_BAR_PX = 140;
 
 export class ModelView {
-  readonly #stored: StoredSpecimens;
-  readonly #heading: HTMLElement;
   readonly #box: HTMLElement;
   readonly #caption: HTMLElement;
   readonly #bar: HTMLElement;
@@ -62,26 +58,19 @@ export class ModelView {
   readonly #refresh = new Latest(() => this.#load());
   #extent: Box3 | null = null;
   #tag: string | null = null;
-  /** Run and well of the stored model that is shown. */
-  #storedShown = "";
-  #subject: Subject = { kind: "none", words: "No model yet." };
+  #label: string | null = null;
+  #nextLabel = "";
   #drawAsked = false;
   /** The operator has turned or zoomed: the view is theirs until they ask for a look. */
   #held = false;
 
-  constructor(
-    root: {
-      heading: HTMLElement;
-      box: HTMLElement;
-      caption: HTMLElement;
-      bar: HTMLElement;
-      barLabel: HTMLElement;
-      empty: HTMLElement;
-    },
-    stored: StoredSpecimens,
-  ) {
-    this.#stored = stored;
-    this.#heading = root.heading;
+  constructor(root: {
+    box: HTMLElement;
+    caption: HTMLElement;
+    bar: HTMLElement;
+    barLabel: HTMLElement;
+    empty: HTMLElement;
+  }) {
     this.#box = root.box;
     this.#caption = root.caption;
     this.#bar = root.bar;
@@ -117,8 +106,9 @@ export class ModelView {
     this.look("oblique");
   }
 
-  update(subject: Subject): Promise<void> {
-    this.#subject = subject;
+  /** Fetches the newest mesh; `label` says what it will show: well and number of views. */
+  update(label: string): Promise<void> {
+    this.#nextLabel = label;
     return this.#refresh.ask();
   }
 
@@ -129,47 +119,14 @@ export class ModelView {
   }
 
   async #load(): Promise<void> {
-    const subject = this.#subject;
-    if (subject.kind === "none") this.#clear(subject.words);
-    else if (subject.kind === "live") await this.#loadLive(subject);
-    else await this.#loadStored(subject.run, subject.well);
-  }
-
-  async #loadLive(subject: Subject & { kind: "live" }): Promise<void> {
-    // What is stored and on screen has no tag.
+    const label = this.#nextLabel;
     const fetched = await fetchLive("/v1/live/mesh.glb", this.#tag);
-    const shown = fetched.shown;
-    const isMeant = shown?.run === subject.run && (subject.well === null || shown.well === subject.well);
-    if (fetched.kind === "none" || !isMeant) {
-      if (subject.instead !== null) await this.#loadStored(subject.run, subject.instead);
-      else this.#clear(`No model${isMeant ? ` of ${shown.well}` : ""} yet: it begins with the first view.`);
+    if (fetched.kind === "same") return;
+    if (fetched.kind === "none") {
+      this.#clear();
       return;
     }
-    if (fetched.kind === "new") {
-      this.#put(await this.#parse(fetched.body));
-      this.#tag = fetched.tag;
-      this.#storedShown = "";
-    }
-    this.#describe(shown.well, `after ${counted(shown.views, "view")}`);
-  }
-
-  async #loadStored(run: string, well: string): Promise<void> {
-    const key = `${run}/${well}`;
-    if (key !== this.#storedShown) {
-      const link = (await this.#stored.of(run, well))?.links.mesh_glb;
-      if (!link) {
-        this.#clear(`No model of ${well} is kept.`);
-        return;
-      }
-      this.#put(await this.#parse(await fetchFile(link)));
-      this.#tag = null;
-      this.#storedShown = key;
-    }
-    this.#describe(well, "as it was measured");
-  }
-
-  async #parse(glb: Blob): Promise<BufferGeometry> {
-    const parsed = await this.#loader.parseAsync(await glb.arrayBuffer(), "");
+    const parsed = await this.#loader.parseAsync(await fetched.body.arrayBuffer(), "");
     parsed.scene.updateMatrixWorld(true);
     let geometry: BufferGeometry | null = null;
     parsed.scene.traverse((node) => {
@@ -179,10 +136,11 @@ export class ModelView {
       geometry.applyMatrix4(found.matrixWorld);
     });
     if (!geometry) throw new Error("mesh.glb holds no mesh");
-    return geometry;
+    this.#put(geometry, label);
+    this.#tag = fetched.tag;
   }
 
-  #put(geometry: BufferGeometry): void {
+  #put(geometry: BufferGeometry, label: string): void {
     if (!geometry.getAttribute("normal")) geometry.computeVertexNormals();
     geometry.computeBoundingBox();
     const old = this.#mesh.geometry;
@@ -190,33 +148,32 @@ export class ModelView {
     this.#mesh.visible = true;
     old.dispose();
     this.#extent = geometry.boundingBox!.clone();
+    this.#label = label;
     if (!this.#held) this.#recentre();
-    const index = geometry.getIndex();
-    const corners = index ? index.count : geometry.getAttribute("position").count;
-    this.#box.dataset["triangles"] = String(corners / 3);
-    show(this.#empty, false);
-    show(this.#bar, true);
+    this.#describe(geometry);
     this.#draw();
   }
 
-  #clear(words: string): void {
+  #clear(): void {
     this.#mesh.visible = false;
     this.#extent = null;
     this.#tag = null;
-    this.#storedShown = "";
-    setText(this.#heading, "Model");
+    this.#label = null;
     setText(this.#caption, "");
-    setText(this.#empty, words);
     show(this.#empty, true);
     show(this.#bar, false);
     this.#draw();
   }
 
-  #describe(well: string, when: string): void {
+  #describe(geometry: BufferGeometry): void {
     const size = this.#extent!.getSize(new Vector3());
     const dimensions = `${grouped(size.x)} × ${grouped(size.y)} × ${micrometres(size.z)}`;
-    setText(this.#heading, `Model of ${well}`);
-    setText(this.#caption, `${well} ${when}: ${dimensions} (x along the capillary, y, z).`);
+    setText(this.#caption, `${this.#label}: ${dimensions} (x along the capillary, y, z).`);
+    show(this.#empty, false);
+    show(this.#bar, true);
+    const index = geometry.getIndex();
+    const corners = index ? index.count : geometry.getAttribute("position").count;
+    this.#box.dataset["triangles"] = String(corners / 3);
   }
 
   #distance(): number {

@@ -2,13 +2,17 @@
 
 use super::super::eta::UnderWay;
 use super::super::worker::{Instrument, Progress, RunEnd};
-use super::recovery::{Recovered, Recovery, Then};
+use super::recovery::{Made, Recovery, Then};
 use crate::cancel::CancelToken;
+use crate::config::Resume;
 use crate::device::StopHandle;
-use crate::store::{RunRecord, StoreError};
+use crate::store::RunRecord;
 use std::collections::BTreeMap;
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinHandle};
+
+/// A run that has gone on this often without finishing a well waits for a person: something is wrong that comes back.
+const RESUMED_BY_ITSELF: u32 = 3;
 
 /// What becomes of the run once its worker has ended; the later one wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -29,6 +33,8 @@ pub(super) struct Active {
     pub work: Option<Work>,
     /// Numbers that are made from the frames of specimens that are gone.
     pub recovery: Option<Recovery>,
+    /// How often the numbers of a well were begun to be made so since anything came of it.
+    pub recoveries: BTreeMap<String, u32>,
     /// What waits for these numbers.
     pub then: Option<Then>,
     pub asked: Asked,
@@ -75,6 +81,7 @@ impl Active {
             record,
             work: None,
             recovery: None,
+            recoveries: BTreeMap::new(),
             then: None,
             asked: Asked::Nothing,
             held_by_operator: false,
@@ -89,10 +96,17 @@ impl Active {
     }
 }
 
+impl Active {
+    /// Whether its method lets it go on once what holds it is over; not for ever where no well gets done.
+    pub fn resumes_by_itself(&self) -> bool {
+        self.record.method.policy.resume == Resume::Automatic && self.resumed_by_itself < RESUMED_BY_ITSELF
+    }
+}
+
 pub(super) enum Word {
     Progress(Progress),
     Ended(Result<(Instrument, RunEnd), JoinError>),
-    Recovered(Result<Result<Recovered, StoreError>, JoinError>),
+    Recovered(Made),
 }
 
 /// The worker's next word, its end only after everything it said before; or numbers that were made from frames.
@@ -108,7 +122,7 @@ pub(super) async fn word_of(active: &mut Option<Active>) -> Word {
     };
     let numbers = async {
         match recovery {
-            Some(recovery) => Word::Recovered((&mut recovery.task).await),
+            Some(recovery) => Word::Recovered(recovery.made().await),
             None => std::future::pending().await,
         }
     };

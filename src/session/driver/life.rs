@@ -15,13 +15,10 @@ use super::Running;
 use super::active::{Active, Asked, Work};
 use super::publish::run_status;
 use crate::cancel::CancelToken;
-use crate::config::{Method, Resume};
+use crate::config::Method;
 use crate::store::{RunRecord, StoreError};
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
-
-/// A run that has gone on this often without finishing a well waits for a person: something is wrong that comes back.
-const RESUMED_BY_ITSELF: u32 = 3;
 
 /// Who lets a run go on, in the journal.
 pub(super) const BY_ITSELF: &str = "instrument";
@@ -64,7 +61,7 @@ impl Running {
             s.specimen = None;
             // What asked to be tried again is.
             s.faults.retain(|f| f.operator_required);
-            s.plate = Plate { barcode: Some(barcode), present: true, ..Plate::default() };
+            s.plate = Plate { barcode: Some(barcode), present: true, removable: false, needs: None };
         });
         Ok(())
     }
@@ -217,7 +214,7 @@ impl Running {
     /// What held the run is over: it goes on by itself where its method says so and no operator holds it.
     pub(super) fn resume_by_itself(&mut self) {
         if let Some(active) = &mut self.active {
-            active.may_go_on = active.record.method.policy.resume == Resume::Automatic && active.resumed_by_itself < RESUMED_BY_ITSELF;
+            active.may_go_on = active.resumes_by_itself();
         }
         self.go_on_if_it_may();
     }
@@ -234,6 +231,7 @@ impl Running {
             Err(refusal) => {
                 tracing::warn!(%refusal, "the run stays held");
                 self.active.iter_mut().for_each(|active| active.may_go_on = false);
+                self.publish(|_| ());
             }
         }
     }
@@ -278,6 +276,7 @@ impl Running {
         let mut active = Active::new(record);
         active.held_by_operator = memory.held_by_operator;
         active.resumed_by_itself = memory.resumed_by_itself;
+        active.recoveries = memory.recoveries;
         // A driven sampler may have been about to bring it; a loader says what it has brought, which is used where it was not begun.
         let mut begun = memory.begun;
         if self.loaded_from_outside {
@@ -289,6 +288,9 @@ impl Running {
             self.occupant.clone_from(&active.eject_first);
         }
         (self.asked_for, self.brought, self.been_inside) = (memory.asked_for, memory.brought, memory.been_inside);
+        // Known before it is shown: who reads in between is not to take the run for one that waits for somebody.
+        active.asked = memory.asked.unwrap_or(Asked::Nothing);
+        active.may_go_on = memory.asked.is_none() && active.resumes_by_itself();
         active.under_way = begun.into_iter().map(|well| (well, UnderWay::default())).collect();
         let asd = active.record.method.asd;
         let left = self.left_specimen(asd);
@@ -311,7 +313,6 @@ impl Running {
         self.recover();
         match memory.asked {
             Some(end) => {
-                self.ask(end);
                 self.go(if end == Asked::Stop { Trigger::Stop } else { Trigger::Abort });
                 self.end_run();
             }

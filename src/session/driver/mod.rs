@@ -197,6 +197,7 @@ impl Running {
             tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
             publisher.tail().iter().map(|event| Event::clone(event)).collect()
         });
+        let (handoff, handed_over) = recall::handoff(remembered.iter());
         Self {
             fault_seq: journal.last_fault(),
             loaded_from_outside: instrument.sampler.waits_for_loader(),
@@ -221,8 +222,8 @@ impl Running {
             unwritten: VecDeque::new(),
             lost: Vec::new(),
             errand: None,
-            handoff: None,
-            handed_over: None,
+            handoff,
+            handed_over,
             booted: Instant::now(),
             starting: true,
             stopping: false,

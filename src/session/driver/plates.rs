@@ -14,7 +14,7 @@ impl Running {
     pub(super) fn handoff(&mut self, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
         if !is_plain_name(&plate.barcode) {
             let detail = format!("{:?} is not a barcode: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'", plate.barcode);
-            return Err(Refusal::InvalidPlan(vec![FieldError { pointer: "/barcode".into(), detail }]));
+            return Err(Refusal::InvalidHandoff(vec![FieldError { pointer: "/barcode".into(), detail }]));
         }
         let status = self.publisher.status();
         let inside = status.plate.barcode.clone().filter(|_| status.plate.present);

@@ -1,11 +1,11 @@
-//! What the newest events of the journal still mean after a start: faults that wait for somebody, the plate inside, and how far
-//! an open run had come. Pure.
+//! What the newest events of the journal still mean after a start: faults that wait for somebody, the plate inside or on its way, and
+//! how far an open run had come. Pure.
 
-use super::super::{Event, Fault, Phase, RunOutcome, State, kind};
+use super::super::{Event, Fault, Handoff, HandoffEnd, Phase, RunOutcome, State, kind};
 use super::Asked;
 use super::faults::ends_by_itself;
 use super::life::BY_ITSELF;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// How far a run had come when the daemon ended.
 #[derive(Debug, Default, PartialEq)]
@@ -14,6 +14,8 @@ pub(super) struct RunMemory {
     pub held_by_operator: bool,
     /// How often it had gone on by itself since a well was done.
     pub resumed_by_itself: u32,
+    /// How often the numbers of a well were begun to be made from its frames since anything came of it.
+    pub recoveries: BTreeMap<String, u32>,
     /// The end that somebody had asked for.
     pub asked: Option<Asked>,
     /// The wells whose specimens were begun and have no end, the one that had the rig last.
@@ -86,6 +88,9 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                     memory.in_capillary.take_if(|inside| inside == well);
                 }
             }
+            (kind::SPECIMEN_RECOVERING, Some(well)) => *memory.recoveries.entry(well.clone()).or_default() += 1,
+            // It was the disk that kept them from being made.
+            (kind::STORE_REGAINED, _) => memory.recoveries.clear(),
             (end @ (kind::SPECIMEN_DONE | kind::SPECIMEN_INTERRUPTED), Some(well)) => {
                 if end == kind::SPECIMEN_DONE {
                     memory.resumed_by_itself = 0;
@@ -127,6 +132,20 @@ pub(super) fn plate_inside<'a>(events: impl Iterator<Item = &'a Event>) -> Optio
         }
     }
     inside
+}
+
+/// A handover that was announced and not ended, and how the newest one ended otherwise.
+pub(super) fn handoff<'a>(events: impl Iterator<Item = &'a Event>) -> (Option<Handoff>, Option<HandoffEnd>) {
+    let mut newest = (None, None);
+    for event in events {
+        match event.kind.as_str() {
+            kind::PLATE_ANNOUNCED => newest = (serde_json::from_value(event.data.clone()).ok(), None),
+            kind::PLATE_LOADED | kind::PLATE_UNLOADED => newest = (None, Some(HandoffEnd::Completed)),
+            kind::PLATE_HANDOFF_ABORTED => newest = (None, Some(HandoffEnd::Aborted)),
+            _ => {}
+        }
+    }
+    newest
 }
 
 #[cfg(test)]

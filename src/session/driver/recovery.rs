@@ -3,20 +3,30 @@
 //!
 //! ```text
 //! take_up, proceed, end_run ──► recover ──► frames ─ numbers ─ files ──► recovered ──► the well's outcome ──┬─► the next such well
-//!                                 │ none                                                                  └─► finish or end_run, if
-//!                                 └─► nothing to wait for                                                      they waited for it
+//!                                 │ none       │                                                          └─► finish or end_run, if
+//!                                 │            └─ too long, or for the fourth time: failed                     they waited for it
+//!                                 └─► nothing to wait for
 //! ```
+//! Each attempt is journalled before it is made: one on which the daemon dies each time must not be made for ever.
 
-use super::super::worker::{self, WellTimes};
+use super::super::worker::{self, Overrun, WellTimes};
 use super::super::{Phase, PlannedWell, SpecimenOutcome, WellStatus, gate, kind, numbers};
 use super::Running;
 use super::publish::run_status;
 use crate::acquisition::LedgerEntry;
-use crate::store::{RecordingReader, RecordingWriter, StoreError};
+use crate::store::{MeasurementFile, RecordingReader, RecordingWriter, StoreError};
+use crate::surface::Mesh;
+use serde_json::json;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
-use tokio::task::{JoinError, JoinHandle};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use tokio::sync::oneshot;
+use tokio::time::{Instant, timeout_at};
+
+/// Attempts at the numbers of one specimen; who has died of so many is not tried once more.
+const ATTEMPTS: u32 = 3;
 
 /// What is made of a well's frames, and how long it took.
 pub(super) struct Recovered {
@@ -24,11 +34,23 @@ pub(super) struct Recovered {
     times: WellTimes,
 }
 
+/// How the making of a well's numbers has ended.
+pub(super) enum Made {
+    Done(Result<Recovered, StoreError>),
+    Overran(Overrun),
+    Panicked,
+}
+
 /// The wells whose numbers are made from their frames, one after the other.
 pub(super) struct Recovery {
     /// The first is under way.
     wells: VecDeque<PlannedWell>,
-    pub task: JoinHandle<Result<Recovered, StoreError>>,
+    run: PathBuf,
+    done: oneshot::Receiver<Result<Recovered, StoreError>>,
+    /// Taken once: by the thread that has numbers to keep, or by who does not wait for them any more.
+    decided: Arc<AtomicBool>,
+    until: Instant,
+    allowed: Duration,
 }
 
 /// What waits for the numbers.
@@ -39,44 +61,116 @@ pub(super) enum Then {
 }
 
 impl Recovery {
-    fn begin(wells: VecDeque<PlannedWell>, run: &Path) -> Option<Self> {
+    /// On a thread of its own: one that is given up is left to itself, and nothing waits for it.
+    fn begin(wells: VecDeque<PlannedWell>, run: &Path, allowed: Duration) -> Option<Self> {
         let planned = wells.front()?.clone();
         let folder = run.join(&planned.well);
-        Some(Self { wells, task: tokio::task::spawn_blocking(move || from_frames(&folder, &planned)) })
+        let (tell, done) = oneshot::channel();
+        let recovery = Self::awaited(wells, run, done, allowed);
+        let decided = Arc::clone(&recovery.decided);
+        std::thread::spawn(move || {
+            let found = Found::of_frames(&folder, &planned);
+            if !decided.swap(true, Ordering::AcqRel) {
+                // The driver is gone with the daemon.
+                let _nobody = tell.send(found.and_then(Found::keep));
+            }
+        });
+        Some(recovery)
+    }
+
+    pub fn awaited(
+        wells: VecDeque<PlannedWell>,
+        run: &Path,
+        done: oneshot::Receiver<Result<Recovered, StoreError>>,
+        allowed: Duration,
+    ) -> Self {
+        Self { wells, run: run.to_owned(), done, decided: Arc::default(), until: Instant::now() + allowed, allowed }
     }
 
     pub fn wells_left(&self) -> usize {
         self.wells.len()
     }
+
+    /// Waits for the numbers, as long as they may take; may be asked again where it was given up half way.
+    pub async fn made(&mut self) -> Made {
+        let ended = |done: Result<_, _>| done.map_or(Made::Panicked, Made::Done);
+        if let Ok(done) = timeout_at(self.until, &mut self.done).await {
+            return ended(done);
+        }
+        if !self.decided.swap(true, Ordering::AcqRel) {
+            return Made::Overran(Overrun::new(Phase::Measure, self.allowed, self.allowed));
+        }
+        // They are there, and being written.
+        match timeout_at(self.until + worker::CLOSING, &mut self.done).await {
+            Ok(done) => ended(done),
+            Err(_) => {
+                let path = self.wells.front().map_or_else(|| self.run.clone(), |planned| self.run.join(&planned.well));
+                Made::Done(Err(StoreError::Unclosed { path, waited_s: worker::CLOSING.as_secs_f64() }))
+            }
+        }
+    }
 }
 
-/// Numbers and files of a specimen that was accepted, as its live run would have left them.
-///
-/// # Errors
-/// What cannot be written. Frames that give no number end the well instead.
-fn from_frames(folder: &Path, planned: &PlannedWell) -> Result<Recovered, StoreError> {
-    let began = Instant::now();
-    let mut result = WellStatus::pending(planned);
-    let mut times = WellTimes::default();
-    let reader = RecordingReader::open(folder)?;
-    // The run's record alone lacks them.
-    if let Some(file) = reader.closed_numbers() {
-        numbers::tell(&mut result, &file, reader.recording().method.asd);
-        return Ok(Recovered { result, times });
-    }
-    let entries: Vec<&LedgerEntry> = reader.recording().ledger.counted().collect();
-    let mut writer = RecordingWriter::resume(&reader);
-    match numbers::of_recording(&reader, &reader.recording().method, &entries, || ()) {
-        Ok((mesh, file)) => {
-            numbers::keep(&mut writer, &mesh, &file)?;
-            numbers::tell(&mut result, &file, reader.recording().method.asd);
+/// What the frames of a specimen say, before any of it is written.
+struct Found {
+    result: WellStatus,
+    reader: RecordingReader,
+    numbers: Option<Box<(Mesh, MeasurementFile)>>,
+    times: WellTimes,
+    /// Its record was closed: the run's alone lacks it.
+    closed: bool,
+}
+
+impl Found {
+    /// Numbers of a specimen that was accepted, as its live run would have made them.
+    ///
+    /// # Errors
+    /// No record that can be read. Frames that give no number end the well instead.
+    fn of_frames(folder: &Path, planned: &PlannedWell) -> Result<Self, StoreError> {
+        let began = std::time::Instant::now();
+        let reader = RecordingReader::open(folder)?;
+        let mut found = Self { result: WellStatus::pending(planned), numbers: None, times: WellTimes::default(), closed: false, reader };
+        let asd = found.reader.recording().method.asd;
+        if let Some(file) = found.reader.closed_numbers() {
+            numbers::tell(&mut found.result, &file, asd);
+            return Ok(Self { closed: true, ..found });
         }
-        Err(error) => result.end(SpecimenOutcome::Failed, Some(&error.to_string())),
+        let entries: Vec<&LedgerEntry> = found.reader.recording().ledger.counted().collect();
+        match numbers::of_recording(&found.reader, &found.reader.recording().method, &entries, || ()) {
+            Ok(made) => {
+                numbers::tell(&mut found.result, &made.1, asd);
+                found.numbers = Some(Box::new(made));
+            }
+            Err(error) => found.result.end(SpecimenOutcome::Failed, Some(&error.to_string())),
+        }
+        found.times.phase(Phase::Measure, began.elapsed());
+        Ok(found)
     }
-    times.phase(Phase::Measure, began.elapsed());
-    worker::add_timings(&mut writer, &times)?;
-    writer.close()?;
-    Ok(Recovered { result, times })
+
+    /// The files that its live run would have left.
+    ///
+    /// # Errors
+    /// What cannot be written.
+    fn keep(self) -> Result<Recovered, StoreError> {
+        let Self { result, reader, numbers: made, times, closed } = self;
+        if !closed {
+            let mut writer = RecordingWriter::resume(&reader);
+            if let Some((mesh, file)) = made.as_deref() {
+                numbers::keep(&mut writer, mesh, file)?;
+            }
+            worker::add_timings(&mut writer, &times)?;
+            writer.close()?;
+        }
+        Ok(Recovered { result, times })
+    }
+}
+
+/// The end of a well whose numbers are not made any more, with what a person can do about it.
+fn without_numbers(run: &Path, planned: &PlannedWell, why: &str) -> Recovered {
+    let mut result = WellStatus::pending(planned);
+    let why = format!("{why}. Its frames are kept; to measure them by hand: carved measure {}", run.join(&planned.well).display());
+    result.end(SpecimenOutcome::Failed, Some(&why));
+    Recovered { result, times: WellTimes::default() }
 }
 
 impl Running {
@@ -97,11 +191,32 @@ impl Running {
         let wells = self.accepted();
         let lacks_gate = self.lacks_gate();
         let Some(active) = &mut self.active else { return };
-        for planned in &wells {
-            tracing::info!(well = %planned.well, "the numbers of a specimen that was let go are made from its frames");
-        }
         active.lacks_gate = lacks_gate;
-        active.recovery = Recovery::begin(wells, &self.store.run_folder(&active.record.id));
+        self.recover_next(wells);
+    }
+
+    /// Begins with the first of them that was not tried too often; the others fail.
+    fn recover_next(&mut self, mut wells: VecDeque<PlannedWell>) {
+        while let Some(planned) = wells.front() {
+            let well = planned.well.clone();
+            let Some(active) = &mut self.active else { return };
+            let tried = active.recoveries.entry(well.clone()).or_default();
+            if *tried >= ATTEMPTS {
+                let why = format!("the daemon has ended in each of {ATTEMPTS} attempts to make its numbers from its frames");
+                let failed = without_numbers(&self.store.run_folder(&active.record.id), planned, &why);
+                wells.pop_front();
+                self.well_recovered(failed);
+                continue;
+            }
+            *tried += 1;
+            let attempt = *tried;
+            let allowed = active.record.method.policy.deadlines_s.of(Phase::Measure);
+            tracing::info!(well, attempt, "the numbers of a specimen that was let go are made from its frames");
+            self.event(kind::SPECIMEN_RECOVERING, Some(&well), json!({ "attempt": attempt }));
+            let Some(active) = &mut self.active else { return };
+            active.recovery = Recovery::begin(wells, &self.store.run_folder(&active.record.id), allowed);
+            return;
+        }
     }
 
     /// Whether `then` has to wait for numbers that are being made; it is done once they are there.
@@ -111,26 +226,29 @@ impl Running {
         true
     }
 
-    pub(super) fn recovered(&mut self, ended: Result<Result<Recovered, StoreError>, JoinError>) {
+    pub(super) fn recovered(&mut self, made: Made) {
         let Some(active) = &mut self.active else { return };
         let Some(mut recovery) = active.recovery.take() else { return };
         let Some(planned) = recovery.wells.pop_front() else { return };
-        let found = ended.unwrap_or_else(|panicked| {
-            let mut result = WellStatus::pending(&planned);
-            let why = format!("its numbers could not be made from its frames ({panicked}); the log has more. `carved measure` tries again");
-            result.end(SpecimenOutcome::Failed, Some(&why));
-            Ok(Recovered { result, times: WellTimes::default() })
-        });
+        let found = match made {
+            Made::Done(found) => found,
+            Made::Overran(overrun) => Ok(without_numbers(&recovery.run, &planned, &overrun.to_string())),
+            Made::Panicked => {
+                Ok(without_numbers(&recovery.run, &planned, "its numbers could not be made from its frames; the log has more"))
+            }
+        };
         match found {
             Ok(found) => {
-                active.recovery = Recovery::begin(recovery.wells, &self.store.run_folder(&active.record.id));
                 self.well_recovered(found);
+                self.recover_next(recovery.wells);
                 if self.active.as_ref().is_some_and(|a| a.recovery.is_none()) {
                     self.go_on();
                 }
             }
             // As where a live run cannot write them: it is held, and they are made when it goes on.
             Err(error) => {
+                // Nobody died of it: it may be tried as often as before.
+                active.recoveries.remove(&planned.well);
                 self.keep(Err(error));
                 match self.active.as_mut().and_then(|a| a.then.take()) {
                     Some(Then::Finish) => self.rest(true),
@@ -157,6 +275,7 @@ impl Running {
             slot.clone_from(&result);
         }
         active.resumed_by_itself = 0;
+        active.recoveries.remove(&result.well);
         let record = active.record.clone();
         let status = run_status(&record);
         self.save(record);

@@ -122,7 +122,7 @@ codes! {
         "The disk that holds the data is full. The plate is not called removable.",
         "Make room on the data disk. The run goes on by itself once there is some.";
     EMERGENCY_STOP = "emergency_stop", Safety, EscalateOperator, operator: true, recoverable: true,
-        "Somebody pressed the emergency stop. The motors stand, the run is aborted, and nothing starts.",
+        "Somebody pressed the emergency stop. The motors stand, a run that was under way is aborted, and nothing starts.",
         "Make sure that the instrument is safe. Then acknowledge the fault.";
     INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
         "A part of the program ended that should not have.",

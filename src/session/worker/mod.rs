@@ -17,6 +17,7 @@ mod watch;
 mod well;
 
 pub use clock::{WellTimes, add_timings};
+pub use science::CLOSING;
 pub use watch::Overrun;
 
 use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, TranslationStatus, VolumeSoFar, WellStatus, placing};

@@ -21,7 +21,7 @@ const WORDS: usize = 8;
 const CANCEL_CHECK: Duration = Duration::from_millis(20);
 /// Longest that a record may take to be closed whose numbers nobody wants: the step that is under way, and the views that are handed on.
 /// The daemon's own end waits for it.
-const CLOSING: Duration = Duration::from_secs(60);
+pub const CLOSING: Duration = Duration::from_secs(60);
 
 /// A specimen thread as the rig thread has it.
 pub struct Science {

@@ -136,25 +136,6 @@ pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
     ask(root, |c| c.query_row(known, [run, kind::RUN_ACCEPTED], |row| row.get(0)))
 }
 
-/// The volume of the live hull after each view of the newest attempt at a well, oldest first.
-pub fn hull_volumes(root: &Path, run: &str, well: &str) -> Result<Vec<f64>, StoreError> {
-    ask(root, |c| {
-        let mut select =
-            c.prepare("SELECT data FROM events INDEXED BY events_by_run WHERE run = ?1 AND well = ?2 AND kind IN (?3, ?4) ORDER BY id")?;
-        let mut found = select.query([run, well, kind::SPECIMEN_PHASE, kind::VIEW_TAKEN])?;
-        let mut volumes = Vec::new();
-        while let Some(row) = found.next()? {
-            let data: serde_json::Value = serde_json::from_str(&row.get::<_, String>(0)?).unwrap_or_default();
-            // Each attempt begins with a reference. The closure view and a view that is taken again have no volume.
-            if data["phase"] == "position" {
-                volumes.clear();
-            }
-            volumes.extend(data["hull_volume_um3"].as_f64());
-        }
-        Ok(volumes)
-    })
-}
-
 fn event_row(row: &Row) -> rusqlite::Result<Event> {
     let data: String = row.get(5)?;
     let data = serde_json::from_str(&data).unwrap_or_default();
@@ -162,7 +143,7 @@ fn event_row(row: &Row) -> rusqlite::Result<Event> {
 }
 
 /// The newest `most` events without the views, and those of before that still mean something: faults that nothing has ended, the newest
-/// word on a plate, and which methods the runs among them have.
+/// word on a plate and on its handover, and which methods the runs among them have.
 pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Event>> {
     let mut select = c.prepare(
         "WITH newest AS (SELECT id, run FROM events WHERE kind <> ?2 ORDER BY id DESC LIMIT ?1)
@@ -170,10 +151,19 @@ pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Ev
          WHERE id IN (SELECT id FROM newest)
             OR id IN (SELECT event FROM faults WHERE cleared IS NULL AND acknowledged IS NULL)
             OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4))
+            OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4, ?6, ?7))
             OR kind = ?5 AND run IN (SELECT run FROM newest WHERE run IS NOT NULL)
          ORDER BY id",
     )?;
-    let kinds = params![most, kind::VIEW_TAKEN, kind::PLATE_LOADED, kind::PLATE_UNLOADED, kind::RUN_ACCEPTED];
+    let kinds = params![
+        most,
+        kind::VIEW_TAKEN,
+        kind::PLATE_LOADED,
+        kind::PLATE_UNLOADED,
+        kind::RUN_ACCEPTED,
+        kind::PLATE_ANNOUNCED,
+        kind::PLATE_HANDOFF_ABORTED
+    ];
     select.query_map(kinds, event_row)?.collect()
 }
 

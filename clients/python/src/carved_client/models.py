@@ -37,8 +37,6 @@ class Fault:
     scheduler_action: SchedulerAction
     operator_required: bool
     since: str
-    #: What its code means, in plain words; ``message`` has what was found this time.
-    meaning: str = ""
     what_to_do: str = ""
 
 
@@ -61,10 +59,6 @@ class Plate:
     removable: bool
     #: What the instrument waits for from the loader, in words, if anything.
     needs: str | None
-    #: The well whose specimen is to be taken out of the capillary.
-    take_out: str | None = None
-    #: The well whose specimen is to be brought, after what is to be taken out.
-    bring: str | None = None
 
 
 @dataclass(frozen=True)
@@ -120,6 +114,7 @@ class RunStatus:
     eta_s: Eta | None = None
     outcome: RunOutcome | None = None
     held_by_operator: bool = False
+    goes_on_by_itself: bool = False
 
 
 @dataclass(frozen=True)

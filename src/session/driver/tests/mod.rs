@@ -4,3 +4,5 @@ mod bench;
 mod full_disk;
 mod life;
 mod loader;
+mod recovery;
+mod restart;

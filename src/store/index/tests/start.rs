@@ -16,6 +16,7 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
         ("fault.raised", Some("r1"), json!({"seq": 1})),
         ("fault.raised", Some("r1"), json!({"seq": 2})),
         ("fault.acknowledged", Some("r1"), json!({"seq": 1})),
+        ("plate.announced", None, json!({"intent": "unload", "barcode": "P-1"})),
     ];
     for (kind, run, data) in words {
         say(&mut journal, kind, run, data);
@@ -25,10 +26,10 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
         say(&mut journal, "specimen.phase", Some("r1"), json!(null));
     }
     let ids = |events: Vec<Event>| events.into_iter().map(|e| e.id).collect::<Vec<_>>();
-    let newest: Vec<u64> = (1..=3).map(|nth| 41 + 2 * nth).collect();
-    assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6][..], &newest].concat());
+    let newest: Vec<u64> = (1..=3).map(|nth| 42 + 2 * nth).collect();
+    assert_eq!(ids(store.index.remembered(3).unwrap()), [&[3, 4, 6, 8][..], &newest].concat());
     let by_lines = journal::remembered(&dir.path().join("events.jsonl"), 3).unwrap();
-    assert_eq!(ids(by_lines), [&[1, 2, 3, 4, 5, 6, 7][..], &newest].concat());
+    assert_eq!(ids(by_lines), [&[1, 2, 3, 4, 5, 6, 7, 8][..], &newest].concat());
     let of_run = store.events_of("r1").unwrap();
     assert!(of_run.len() == 24 && of_run.iter().all(|e| e.kind != "view.taken"), "{}", of_run.len());
 }

@@ -1,0 +1,95 @@
+//! Numbers that are made from frames, where making them takes too long or costs the daemon its life.
+
+use super::super::active::word_of;
+use super::super::recovery::{Recovery, Then};
+use super::super::*;
+use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch};
+use crate::session::worker::{Progress, RunEnd};
+use crate::session::{RunOutcome, SpecimenOutcome, WellStatus};
+use crate::store::{RecordingWriter, a_recording};
+use std::path::Path;
+use std::time::Duration;
+use tokio::sync::oneshot;
+
+/// A run of these wells, the first of which was let go and has no numbers.
+fn let_go(root: &Path, wells: &[&str]) -> Bench {
+    let mut b = bench(root, true);
+    b.put_run(&plan(wells)).unwrap();
+    b.tell(Progress::Ready);
+    let run = &b.d.active.as_ref().unwrap().record;
+    let mut recording = a_recording(RUN, &run.plan.plate_map[0]);
+    // No view is missing of a turn that ended after none.
+    recording.ended_after_views = Some(0);
+    let mut writer = RecordingWriter::create(&b.d.store.run_folder(RUN).join(wells[0]), recording, None).unwrap();
+    writer.accept().unwrap();
+    b
+}
+
+fn of_well(b: &Bench, at: usize) -> WellStatus {
+    b.status().run.unwrap().results[at].clone()
+}
+
+/// By the journal, over every start: the well is over at last, and the run goes on.
+#[test]
+fn numbers_on_which_the_daemon_dies_each_time_are_tried_three_times() {
+    on_this_thread(async {
+        let dir = scratch();
+        drop(let_go(dir.path(), &["A01", "A02"]));
+        for attempt in 1..=3 {
+            let b = bench(dir.path(), true);
+            assert_eq!(count(&journalled(dir.path()), kind::SPECIMEN_RECOVERING), attempt);
+            assert_eq!(of_well(&b, 0).outcome, None);
+        }
+        let b = bench(dir.path(), true);
+        assert_eq!(count(&journalled(dir.path()), kind::SPECIMEN_RECOVERING), 3, "it is tried for ever");
+        let well = of_well(&b, 0);
+        let why = well.reason.unwrap();
+        let by_hand = format!("carved measure {}", b.d.store.run_folder(RUN).join("A01").display());
+        assert!(well.outcome == Some(SpecimenOutcome::Failed) && why.contains("3 attempts") && why.contains(&by_hand), "{why}");
+        assert!(b.works(), "the other well waits for ever: {:?}", b.status().state);
+    });
+}
+
+/// It was the disk that kept the numbers from being made.
+#[test]
+fn a_disk_that_failed_meanwhile_is_no_attempt() {
+    on_this_thread(async {
+        let dir = scratch();
+        drop(let_go(dir.path(), &["A01", "A02"]));
+        for _ in 0..2 {
+            drop(bench(dir.path(), true));
+        }
+        let mut b = bench(dir.path(), true);
+        b.d.keep(Err(StoreError::Vanished { path: "a disk".into() }));
+        b.ends(RunEnd::Cancelled).await;
+        b.beat().await;
+        drop(b);
+        let b = bench(dir.path(), true);
+        assert_eq!((of_well(&b, 0).outcome, count(&journalled(dir.path()), kind::SPECIMEN_RECOVERING)), (None, 4));
+    });
+}
+
+/// An abort does not wait for them for ever.
+#[test]
+fn numbers_that_take_longer_than_the_method_allows_fail_their_well_and_let_the_run_end() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = let_go(dir.path(), &["A01", "A02"]);
+        b.steer(crate::session::Towards::Abort).unwrap();
+        let planned = plan(&["A01"]).plate_map.into();
+        // Nobody ever tells this one anything.
+        let (_hangs, done) = oneshot::channel();
+        let run = b.d.store.run_folder(RUN);
+        let active = b.d.active.as_mut().unwrap();
+        active.work = None;
+        active.recovery = Some(Recovery::awaited(planned, &run, done, Duration::from_millis(1)));
+        active.then = Some(Then::End);
+        let Word::Recovered(made) = word_of(&mut b.d.active).await else { panic!("another word") };
+        b.d.recovered(made);
+        let well = of_well(&b, 0);
+        let why = well.reason.unwrap();
+        assert!(well.outcome == Some(SpecimenOutcome::Failed) && why.contains("measure") && why.contains("carved measure"), "{why}");
+        let status = b.status();
+        assert_eq!((status.state, status.run.unwrap().outcome), (State::Aborted, Some(RunOutcome::Aborted)));
+    });
+}

@@ -1,0 +1,129 @@
+//! What is shown and kept over a restart: a run that is taken up, and a plate on its way.
+
+use super::super::*;
+use super::bench::{bench, driver, on_this_thread, plan, scratch};
+use crate::session::handle::{Refusal, Towards};
+use crate::session::plate::HandoffIntent;
+use crate::session::worker::{Progress, RunError};
+use crate::store::disk_trace;
+use std::cell::RefCell;
+use std::path::Path;
+use std::rc::Rc;
+
+/// What a poller may read while a run is taken up: each snapshot before a write to the disk, and the last one.
+fn snapshots(root: &Path) -> Vec<Status> {
+    let (driver, handle, _mailbox) = driver(root, true);
+    let seen = Rc::new(RefCell::new(Vec::new()));
+    let mut d = Running::new(driver);
+    let witness = {
+        let (handle, seen) = (handle.clone(), Rc::clone(&seen));
+        move || seen.borrow_mut().push(handle.status())
+    };
+    disk_trace::fill(usize::MAX, witness);
+    d.first_words();
+    disk_trace::end();
+    seen.borrow_mut().push(handle.status());
+    seen.take()
+}
+
+/// Held for some milliseconds: nobody is called for that.
+#[test]
+fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01"])).unwrap();
+        b.tell(Progress::Ready);
+        drop(b);
+        let seen = snapshots(dir.path());
+        let held: Vec<&Status> = seen.iter().filter(|s| s.state == State::Held).collect();
+        assert!(!held.is_empty(), "there is nothing to be seen");
+        for status in held {
+            assert!(status.run.as_ref().unwrap().goes_on_by_itself && status.doing.contains("by itself"), "{}", status.doing);
+        }
+        let last = seen.last().unwrap();
+        assert_eq!((last.state, last.run.as_ref().unwrap().goes_on_by_itself), (State::Unholding, false));
+
+        // Held by an operator, or by a fault that wants one, it does wait.
+        let mut b = bench(dir.path(), true);
+        b.steer(Towards::Hold).unwrap();
+        drop(b);
+        let waits = |status: &Status| status.state == State::Held && !status.run.as_ref().unwrap().goes_on_by_itself;
+        for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
+            assert!(waits(status) && status.doing.contains("on request"), "{}", status.doing);
+        }
+        let mut b = bench(dir.path(), true);
+        b.steer(Towards::Unhold).unwrap();
+        b.d.raise(&RunError::SpecimenThread);
+        drop(b);
+        let seen = snapshots(dir.path());
+        assert!(seen.iter().filter(|s| s.state == State::Held).all(waits) && waits(seen.last().unwrap()));
+
+        let mut b = bench(dir.path(), true);
+        let seq = b.status().faults[0].seq;
+        b.d.acknowledge(seq).unwrap();
+        b.d.event(kind::RUN_STOP_REQUESTED, None, serde_json::Value::Null);
+        drop(b);
+        for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
+            assert!(status.pending.stop && status.doing.contains("ends"), "{}", status.doing);
+        }
+    });
+}
+
+/// A lost axis holds a run that goes on when it is back: no person has to say so.
+#[test]
+fn a_run_says_whether_what_holds_it_lets_it_go_by_itself() {
+    on_this_thread(async {
+        for (code, alone) in [("the cable", true), ("", false)] {
+            let dir = scratch();
+            let mut b = bench(dir.path(), true);
+            b.put_run(&plan(&["A01"])).unwrap();
+            b.tell(Progress::Ready);
+            let error = if alone {
+                RunError::Device(crate::device::DeviceError::Gone { device: "rotation axis", why: code.into() })
+            } else {
+                RunError::SpecimenThread
+            };
+            b.ends(crate::session::worker::RunEnd::Failed(error)).await;
+            assert_eq!((b.status().state, b.status().run.unwrap().goes_on_by_itself), (State::Held, alone));
+            b.steer(Towards::Hold).unwrap();
+            assert!(!b.status().run.unwrap().goes_on_by_itself, "an operator holds it");
+        }
+    });
+}
+
+/// A gripper may hold the plate while the daemon starts.
+#[test]
+fn a_plate_on_its_way_is_remembered_over_a_restart() {
+    on_this_thread(async {
+        for (intent, end) in [
+            (HandoffIntent::Load, HandoffEnd::Aborted),
+            (HandoffIntent::Load, HandoffEnd::Completed),
+            (HandoffIntent::Unload, HandoffEnd::Aborted),
+            (HandoffIntent::Unload, HandoffEnd::Completed),
+        ] {
+            let dir = scratch();
+            let plate = Handoff { intent, barcode: "P-1".into() };
+            let mut b = bench(dir.path(), true);
+            if intent == HandoffIntent::Unload {
+                b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).unwrap();
+                b.d.end_handoff(HandoffEnd::Completed).unwrap();
+            }
+            b.d.handoff(plate.clone()).unwrap();
+            drop(b);
+            let mut b = bench(dir.path(), true);
+            let why = b.status().not_ready_reason;
+            assert!(why.as_deref().is_some_and(|why| why.contains("P-1 is being handed over")), "{why:?}");
+            assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::HandoffOpen { .. })));
+            assert_eq!(b.d.handoff(plate).map(|asked| asked.needs), Ok(None), "asked again");
+            b.d.end_handoff(end).unwrap();
+            let inside = (intent == HandoffIntent::Load) == (end == HandoffEnd::Completed);
+            assert_eq!((b.status().ready, b.status().plate.present), (true, inside));
+            drop(b);
+            let mut b = bench(dir.path(), true);
+            assert_eq!((b.status().ready, b.status().plate.present, b.d.end_handoff(end)), (true, inside, Ok(())), "said again");
+            let other = if end == HandoffEnd::Completed { HandoffEnd::Aborted } else { HandoffEnd::Completed };
+            assert_eq!(b.d.end_handoff(other), Err(Refusal::NoHandoff));
+        }
+    });
+}
