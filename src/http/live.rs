@@ -1,10 +1,15 @@
 //! `GET /v1/live/...`: the newest frame, its profile and the growing model, as the driver encoded them.
+//!
+//! ```text
+//! 200, 304 ── Carved-Run, Carved-Well, Carved-Views: whose picture it is, and after how many views
+//! 204      ── there is none, which is no mistake of who asks: nothing was looked at yet, or no profile was found
+//! ```
 
-use super::problem::Problem;
 use super::{AppState, conditional};
+use crate::session::{Live, Shown};
 use axum::body::{Body, Bytes};
 use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 
@@ -17,40 +22,66 @@ impl AsRef<[u8]> for Shared {
     }
 }
 
-fn newest(headers: &HeaderMap, content: Option<Arc<Vec<u8>>>, what: &str, content_type: &'static str) -> Result<Response, Problem> {
-    let none_yet = || Problem::new(StatusCode::NOT_FOUND, "none_yet", format!("there is no {what} yet")).come_back();
-    let content = content.ok_or_else(none_yet)?;
-    let tag = conditional::tag_of(&content);
-    let full = || ([(header::CONTENT_TYPE, content_type)], Body::from(Bytes::from_owner(Shared(content)))).into_response();
-    Ok(conditional::answer(headers, &tag, full))
+/// One of the pictures, taken from the same snapshot as the words on whose it is.
+fn newest(app: &AppState, headers: &HeaderMap, pick: impl FnOnce(Live) -> Option<Arc<Vec<u8>>>, content_type: &'static str) -> Response {
+    let live = app.session.live();
+    let shown = live.shown.clone();
+    let mut response = match pick(live) {
+        None => StatusCode::NO_CONTENT.into_response(),
+        Some(content) => {
+            let tag = conditional::tag_of(&content);
+            let full = || ([(header::CONTENT_TYPE, content_type)], Body::from(Bytes::from_owner(Shared(content)))).into_response();
+            conditional::answer(headers, &tag, full)
+        }
+    };
+    if let Some(Shown { run, well, views }) = shown {
+        for (name, value) in [("carved-run", run), ("carved-well", well), ("carved-views", views.to_string())] {
+            if let Ok(value) = HeaderValue::from_str(&value) {
+                response.headers_mut().insert(name, value);
+            }
+        }
+    }
+    response
 }
 
 /// The newest frame, in colour.
 #[utoipa::path(get, path = "/v1/live/frame.jpg", tag = "live", responses(
-    (status = 200, description = "JPEG", body = Vec<u8>, content_type = "image/jpeg"),
-    (status = 304, description = "The client has it"),
-    (status = 404, description = "There is none yet", body = Problem, content_type = "application/problem+json"),
+    (status = 200, description = "JPEG", body = Vec<u8>, content_type = "image/jpeg", headers(
+        ("Carved-Run" = String, description = "The run that it is of"),
+        ("Carved-Well" = String, description = "The well that it is of"),
+        ("Carved-Views" = u32, description = "How many views of that specimen had been taken: 0 is its detection"),
+    )),
+    (status = 204, description = "There is none"),
+    (status = 304, description = "The client has it; the same headers"),
 ))]
-pub(super) async fn frame(State(app): State<AppState>, headers: HeaderMap) -> Result<Response, Problem> {
-    newest(&headers, app.session.live().frame_jpg, "frame", "image/jpeg")
+pub(super) async fn frame(State(app): State<AppState>, headers: HeaderMap) -> Response {
+    newest(&app, &headers, |live| live.frame_jpg, "image/jpeg")
 }
 
 /// The newest frame's profile, to be drawn over it.
 #[utoipa::path(get, path = "/v1/live/profile.png", tag = "live", responses(
-    (status = 200, description = "PNG of the frame's size, transparent but for the edge", body = Vec<u8>, content_type = "image/png"),
-    (status = 304, description = "The client has it"),
-    (status = 404, description = "There is none yet", body = Problem, content_type = "application/problem+json"),
+    (status = 200, description = "PNG of the frame's size, transparent but for the edge", body = Vec<u8>, content_type = "image/png", headers(
+        ("Carved-Run" = String, description = "The run that it is of"),
+        ("Carved-Well" = String, description = "The well that it is of"),
+        ("Carved-Views" = u32, description = "How many views of that specimen had been taken: 0 is its detection"),
+    )),
+    (status = 204, description = "There is none"),
+    (status = 304, description = "The client has it; the same headers"),
 ))]
-pub(super) async fn profile(State(app): State<AppState>, headers: HeaderMap) -> Result<Response, Problem> {
-    newest(&headers, app.session.live().profile_png, "profile", "image/png")
+pub(super) async fn profile(State(app): State<AppState>, headers: HeaderMap) -> Response {
+    newest(&app, &headers, |live| live.profile_png, "image/png")
 }
 
 /// The model as far as it has been carved, then the finished one in fewer triangles, in um.
 #[utoipa::path(get, path = "/v1/live/mesh.glb", tag = "live", responses(
-    (status = 200, description = "Binary glTF", body = Vec<u8>, content_type = "model/gltf-binary"),
-    (status = 304, description = "The client has it"),
-    (status = 404, description = "There is none yet", body = Problem, content_type = "application/problem+json"),
+    (status = 200, description = "Binary glTF", body = Vec<u8>, content_type = "model/gltf-binary", headers(
+        ("Carved-Run" = String, description = "The run that it is of"),
+        ("Carved-Well" = String, description = "The well that it is of"),
+        ("Carved-Views" = u32, description = "How many views of that specimen had been taken: 0 is its detection"),
+    )),
+    (status = 204, description = "There is none"),
+    (status = 304, description = "The client has it; the same headers"),
 ))]
-pub(super) async fn mesh(State(app): State<AppState>, headers: HeaderMap) -> Result<Response, Problem> {
-    newest(&headers, app.session.live().mesh_glb, "model", "model/gltf-binary")
+pub(super) async fn mesh(State(app): State<AppState>, headers: HeaderMap) -> Response {
+    newest(&app, &headers, |live| live.mesh_glb, "model/gltf-binary")
 }

@@ -111,6 +111,8 @@ pub(super) struct SpecimenDetail {
     recording: Value,
     /// `measurement.json` with its flags and every view's quality; `null` without numbers.
     measurement: Option<Value>,
+    /// Volume of the live hull after each view of the newest attempt, oldest first, as the journal has it; none of an earlier one.
+    hull_volumes_um3: Vec<f64>,
     links: Links,
 }
 
@@ -278,6 +280,7 @@ pub(super) async fn specimen(
         result: stored.status,
         recording: stored.recording,
         measurement: stored.measurement,
+        hull_volumes_um3: stored.hull_volumes_um3,
         links,
     };
     Ok(json(&headers, &detail))

@@ -3,7 +3,7 @@
 
 use super::halt::Halt;
 use super::{Check, Event, FieldError, Handoff, HandoffEnd, HandoffNeeds, MethodOffer, RunOutcome, RunPlan, State, Status};
-use crate::store::StoreError;
+use crate::store::{StoreError, size};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -48,7 +48,7 @@ pub enum Refusal {
     HandoffOpen { barcode: String },
     #[error("the plate cannot be taken yet: {needs}")]
     PlateNeeded { needs: String },
-    #[error("the plate needs {needed_bytes} bytes and {free_bytes} are free: remove runs that are archived, or split the plate")]
+    #[error("the plate needs {} on the disk and {} are free: remove runs that are archived, or split the plate", size(*needed_bytes), size(*free_bytes))]
     WillNotFit { needed_bytes: u64, free_bytes: u64 },
     #[error("no run can start: {why}")]
     OverBudget { why: String },
@@ -134,9 +134,19 @@ pub enum Command {
     },
 }
 
+/// Of which specimen the live pictures are, and how many of its views had been taken: none at its detection.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shown {
+    pub run: String,
+    pub well: String,
+    pub views: u32,
+}
+
 /// The newest frame, its profile and the live model, encoded for the page.
 #[derive(Debug, Clone, Default)]
 pub struct Live {
+    /// Filled in by the driver, which knows the run.
+    pub shown: Option<Shown>,
     /// JPEG of the newest frame, in colour.
     pub frame_jpg: Option<Arc<Vec<u8>>>,
     /// PNG of the frame's size, transparent but for the profile's edge.

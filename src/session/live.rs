@@ -15,7 +15,12 @@ const MODEL_ERROR_UM: f64 = 1.0;
 
 /// The pictures of one view; what could not be encoded is absent and logged, never a reason to stop a run.
 pub fn of_view(seen: &Seen, mesh: &Mesh) -> Live {
-    Live { frame_jpg: jpeg(&seen.picture), profile_png: seen.profile.as_ref().ok().and_then(|p| outline(&p.mask)), mesh_glb: glb(mesh) }
+    Live {
+        shown: None,
+        frame_jpg: jpeg(&seen.picture),
+        profile_png: seen.profile.as_ref().ok().and_then(|p| outline(&p.mask)),
+        mesh_glb: glb(mesh),
+    }
 }
 
 /// The finished surface, in as few triangles as its error allows.

@@ -39,7 +39,7 @@ pub use event::{Event, kind};
 pub use fault::table::{ALL as FAULT_CODES, FaultCode};
 pub use gate::GateStatus;
 pub use halt::Halt;
-pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Towards, channel};
+pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Shown, Towards, channel};
 pub use offer::MethodOffer;
 pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, is_plain_name, is_well};
 pub use plate::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};

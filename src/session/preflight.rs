@@ -11,7 +11,7 @@ use crate::acquisition::{Light, grab};
 use crate::cancel::CancelToken;
 use crate::config::{BeadGate, Config, Method};
 use crate::device::DeviceError;
-use crate::store::{Budget, bytes_per_specimen};
+use crate::store::{Budget, bytes_per_specimen, size};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use utoipa::ToSchema;
@@ -116,14 +116,14 @@ pub fn checks(
         ),
     ];
     checks.extend(seen.light.as_ref().ok().map(|seen| check("light", true, light(seen))));
-    let stands: Vec<String> = status.faults.iter().filter(|f| f.operator_required).map(|f| format!("{} ({})", f.seq, f.code)).collect();
+    let stands: Vec<String> = status.faults.iter().filter(|f| f.operator_required).map(|f| f.plainly().to_owned()).collect();
     checks.push(check(
         "faults",
         true,
         if stands.is_empty() {
-            Ok("no fault stands".into())
+            Ok("no fault waits for somebody".into())
         } else {
-            Err((format!("faults stand: {}", stands.join(", ")), "mend their cause, then acknowledge them"))
+            Err((format!("faults stand: {}", stands.join(" ")), "mend their cause, then acknowledge them"))
         },
     ));
     let plate = plate_inside.filter(|inside| *inside != plan.plate_barcode);
@@ -156,13 +156,13 @@ pub fn checks(
             "calibration",
             refuses,
             match lacking {
-                None if larvae => Ok("the bead gate that the method asks for stands".into()),
+                None if larvae => Ok("nothing is missing of what the method asks for".into()),
                 None => Ok("the plan has no larvae: it needs no bead gate".into()),
                 Some(why) => Err((why, "run beads before larvae; what is measured without is flagged")),
             },
         ));
         let needed = needed_bytes(config, method, plan.plate_map.len());
-        let found = |free: u64| format!("{} MB are needed at most, {} MB are free", needed >> 20, free >> 20);
+        let found = |free: u64| format!("{} are needed at most, {} are free", size(needed), size(free));
         checks.push(check(
             "disk",
             true,

@@ -1,6 +1,6 @@
 //! What the instrument is doing, in one sentence for people.
 
-use super::{Phase, State, Status};
+use super::{Phase, State, Status, WellCounts};
 
 pub fn of(s: &Status) -> String {
     let motors = match s.hardware.rotation.can_stop {
@@ -8,10 +8,11 @@ pub fn of(s: &Status) -> String {
         _ => "the motors are stopped, the",
     };
     let not_yet = s.not_ready_reason.as_deref().map(|why| format!("No run can start yet: {}.", why.trim_end_matches('.')));
+    let by_operator = s.run.as_ref().is_some_and(|r| r.held_by_operator);
     let well = s.specimen.as_ref().map_or("", |x| x.well.as_str());
     match s.state {
         State::Idle => format!("Idle. {}", not_yet.as_deref().unwrap_or("Ready for a plate.")),
-        State::Starting => "Starting the run: the camera is being armed.".into(),
+        State::Starting => "Starting the run: the camera is being set up.".into(),
         State::Suspended => format!("Waiting for the loader: {}.", s.plate.needs.as_deref().unwrap_or("a specimen")),
         State::Execute if !s.hardware.camera.connected => "The camera is lost: it is opened again if it answers within ten seconds.".into(),
         State::Execute => match &s.specimen {
@@ -32,20 +33,16 @@ pub fn of(s: &Status) -> String {
         }
         State::Completing => "All wells are done; closing the record.".into(),
         State::Complete => s.run.as_ref().map_or_else(String::new, |r| {
-            let c = r.wells;
             format!(
-                "Run {} is complete: {} measured, {} flagged, {} skipped, {} failed. {}",
+                "Run {} is complete: {}. {}",
                 r.id,
-                c.succeeded,
-                c.flagged,
-                c.skipped,
-                c.failed + c.interrupted,
+                counted(&r.wells),
                 s.plate.needs.as_ref().map_or_else(|| "The plate can be taken.".into(), |needs| format!("Waiting for {needs}."))
             )
         }),
         State::Aborting => format!("Aborting: {motors} record is being closed."),
         State::Aborted => match s.faults.last() {
-            Some(f) => format!("Stopped by a fault: {}", f.message),
+            Some(f) => format!("Aborted. {}", f.plainly()),
             None => format!("Aborted. The motors stand. {}", not_yet.as_deref().unwrap_or("A new run may be started.")),
         },
         State::Stopping => match &s.specimen {
@@ -62,25 +59,55 @@ pub fn of(s: &Status) -> String {
         },
         State::Clearing | State::Resetting => "Resetting for a new run.".into(),
         State::Holding => match s.faults.last() {
-            Some(f) => format!("Holding the run: {}", f.message),
+            Some(f) => format!("Holding the run. {}", f.plainly()),
             None if well.is_empty() => "Holding the run.".into(),
             None => format!("Holding the run after the specimen of well {well}."),
         },
         State::Held => match s.faults.last() {
-            Some(f) if s.run.as_ref().is_some_and(|r| r.held_by_operator) => format!("Held by a fault, and on request: {}", f.message),
-            Some(f) => format!("Held by a fault: {}", f.message),
+            Some(f) if by_operator => format!("Held by an operator and by a fault. {}", f.plainly()),
+            Some(f) => format!("Held by a fault. {}", f.plainly()),
             None if s.pending.stop || s.pending.abort => "Held for a moment: the run ends, as it was asked to.".into(),
+            None if by_operator => "Held by an operator, until somebody lets it go on.".into(),
             None if s.run.as_ref().is_some_and(|r| r.goes_on_by_itself) => "Held for a moment: the run goes on by itself.".into(),
-            None => "Held. The run goes on where it is, on request.".into(),
+            None => "Held, until somebody lets it go on.".into(),
         },
-        State::Unholding => "The run goes on: the camera is being armed.".into(),
+        State::Unholding => "The run goes on: the camera is being set up.".into(),
         State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
     }
+}
+
+/// `5 measured (1 of them flagged), 2 skipped`: nothing that there is none of.
+fn counted(c: &WellCounts) -> String {
+    let measured = c.succeeded + c.flagged;
+    let flagged = if c.flagged == 0 { String::new() } else { format!(" ({} of them flagged)", c.flagged) };
+    let parts =
+        [(measured, "measured", &*flagged), (c.skipped, "skipped", ""), (c.failed, "failed", ""), (c.interrupted, "not finished", "")];
+    let there = parts.iter().filter(|(count, ..)| *count > 0).map(|(count, what, more)| format!("{count} {what}{more}"));
+    let said: Vec<String> = there.collect();
+    if said.is_empty() { "no wells".into() } else { said.join(", ") }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_flagged_well_counts_as_measured_and_what_there_is_none_of_is_not_said() {
+        let counts = WellCounts { succeeded: 4, flagged: 1, skipped: 2, total: 7, ..WellCounts::default() };
+        assert_eq!(counted(&counts), "5 measured (1 of them flagged), 2 skipped");
+        let counts = WellCounts { failed: 1, interrupted: 3, total: 4, ..WellCounts::default() };
+        assert_eq!(counted(&counts), "1 failed, 3 not finished");
+    }
+
+    /// People read the headline: what a fault means stands there, what was found is in the fault itself.
+    #[test]
+    fn a_held_run_says_by_whom_and_a_fault_says_what_it_means() {
+        let mut s = Driver::first_status(Mode::Simulated, "b".into());
+        s.state = State::Held;
+        assert_eq!(of(&s), "Held, until somebody lets it go on.");
+        s.faults = vec![Fault::new(1, &crate::session::fault::table::DISK_FULL, "os error 28".into())];
+        assert_eq!(of(&s), "Held by a fault. The disk that holds the data is full. The plate is not called removable.");
+    }
     use crate::session::state::tests::ALL;
     use crate::session::{Driver, Fault, Mode, SpecimenStatus};
 

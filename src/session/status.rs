@@ -136,6 +136,9 @@ pub struct Fault {
     pub recoverable: bool,
     pub scheduler_action: SchedulerAction,
     pub operator_required: bool,
+    /// What its code means, in plain words; `message` has what was found this time.
+    #[serde(default)]
+    pub meaning: String,
     /// What the operator does about it, in plain words.
     #[serde(default)]
     pub what_to_do: String,
@@ -159,6 +162,12 @@ pub struct Plate {
     pub removable: bool,
     /// What the instrument waits for from the loader, in words, if anything.
     pub needs: Option<String>,
+    /// The well whose specimen is to be taken out of the capillary.
+    #[serde(default)]
+    pub take_out: Option<String>,
+    /// The well whose specimen is to be brought, after what is to be taken out.
+    #[serde(default)]
+    pub bring: Option<String>,
 }
 
 /// Disjoint counts of a run's wells.

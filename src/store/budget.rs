@@ -17,14 +17,21 @@ impl Budget {
     /// Why so many more bytes are too many, where they are.
     pub fn refuses(&self, more_bytes: u64) -> Option<String> {
         let budget = self.budget_bytes.filter(|budget| self.used_bytes + more_bytes > *budget)?;
-        let gb = |bytes: u64| bytes as f64 / 1e9;
         Some(format!(
-            "the runs take {:.1} GB and {:.1} GB more are to come, over the budget of {:.1} GB ([store] budget_gb). Archive runs and prune \
+            "the runs take {} and {} more are to come, over the budget of {} ([store] budget_gb). Archive runs and prune \
              them (carved archive, carved prune), or raise it",
-            gb(self.used_bytes),
-            gb(more_bytes),
-            gb(budget)
+            size(self.used_bytes),
+            size(more_bytes),
+            size(budget)
         ))
+    }
+}
+
+/// So many bytes, for people.
+pub fn size(bytes: u64) -> String {
+    match bytes as f64 / 1e9 {
+        gb if gb < 0.9995 => format!("{:.0} MB", gb * 1e3),
+        gb => format!("{gb:.1} GB"),
     }
 }
 

@@ -33,7 +33,7 @@ mod sums;
 
 pub use archive::{Pruned, Receipt, archive, prune, run_names};
 pub use attempts::set_aside;
-pub use budget::{Budget, bytes_per_specimen};
+pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
 pub use journal::{Happening, Journal};

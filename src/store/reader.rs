@@ -29,6 +29,8 @@ pub struct StoredSpecimen {
     pub earlier: Vec<u32>,
     pub recording: Value,
     pub measurement: Option<Value>,
+    /// After each view of the newest attempt; none of an earlier one.
+    pub hull_volumes_um3: Vec<f64>,
     pub files: Vec<SpecimenFile>,
 }
 
@@ -155,7 +157,12 @@ impl StoreReader {
         files.dedup();
         files.retain(|file| folder.join(file.name(&folder)).is_file());
         let earlier = folder.parent().map(|run| attempts::earlier(run, well)).unwrap_or_default();
-        Ok(Some(StoredSpecimen { status, earlier, recording, measurement: json(MEASUREMENT)?, files }))
+        let measurement = json(MEASUREMENT)?;
+        let newest = (attempt == 0).then(|| index::hull_volumes(&self.root, run, well)).transpose();
+        // What counts is in the folder: a broken index takes away a curve to look at, and nothing else.
+        let broken = |error: &StoreError| tracing::warn!(%error, "the volumes after each view are not read");
+        let hull_volumes_um3 = newest.inspect_err(broken).ok().flatten().unwrap_or_default();
+        Ok(Some(StoredSpecimen { status, earlier, recording, measurement, hull_volumes_um3, files }))
     }
 
     /// A file of a specimen, if it is there.

@@ -2,7 +2,7 @@
 
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
-use carved::session::{CalibrationStatus, Mode, RunOutcome, RunStatus, State, WellCounts};
+use carved::session::{CalibrationStatus, Mode, RunOutcome, RunStatus, Shown, State, WellCounts};
 use carved::store::{Claim, Store};
 use serde_json::Value;
 use std::io::{Read, Write};
@@ -83,9 +83,10 @@ fn live_pictures_come_when_there_are_any() {
     ];
     for (path, ..) in routes {
         let none = rig.get(path);
-        assert_eq!((none.status, none.problem().as_str()), (404, "none_yet"), "{path}");
+        assert_eq!((none.status, &*none.text(), none.header("carved-well")), (204, "", None), "{path}");
     }
     rig.driver.set_live(|live| {
+        live.shown = Some(Shown { run: "r1".into(), well: "A02".into(), views: 9 });
         live.frame_jpg = Some(Arc::new(b"jpeg bytes".to_vec()));
         live.profile_png = Some(Arc::new(b"png bytes".to_vec()));
         live.mesh_glb = Some(Arc::new(b"glb bytes".to_vec()));
@@ -95,7 +96,12 @@ fn live_pictures_come_when_there_are_any() {
         assert_eq!((found.status, found.header("content-type"), &*found.text()), (200, Some(content_type), content));
         assert_eq!(found.header("cache-control"), Some("no-store"));
         let tag = found.header("etag").unwrap();
-        assert_eq!(rig.send("GET", path, &[("If-None-Match", tag)], "").status, 304);
+        let same = rig.send("GET", path, &[("If-None-Match", tag)], "");
+        assert_eq!(same.status, 304);
+        for answer in [&found, &same] {
+            let whose = ["carved-run", "carved-well", "carved-views"].map(|name| answer.header(name));
+            assert_eq!(whose, [Some("r1"), Some("A02"), Some("9")], "{path}");
+        }
     }
     let old = rig.get("/v1/live/frame.jpg").header("etag").unwrap().to_owned();
     rig.driver.set_live(|live| live.frame_jpg = Some(Arc::new(b"newer bytes".to_vec())));

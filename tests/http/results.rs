@@ -95,7 +95,18 @@ fn runs_are_listed_newest_first_page_by_page_and_filtered() {
 #[test]
 fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     let rig = Rig::start();
-    let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    let (store, mut journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
+    // Of the well's first attempt, of another well, and of its newest attempt, whose closure view is none of the model's.
+    for (well, kind, data) in [
+        ("A01", "view.taken", json!({"hull_volume_um3": 9e8})),
+        ("A01", "specimen.phase", json!({"phase": "position"})),
+        ("A01", "view.taken", json!({"hull_volume_um3": 5e8})),
+        ("A02", "view.taken", json!({"hull_volume_um3": 7e8})),
+        ("A01", "view.taken", json!({"hull_volume_um3": 3e8})),
+        ("A01", "view.taken", json!({"hull_volume_um3": null, "closure": true})),
+    ] {
+        journal.append(kind, Some("r1"), Some(well), data).unwrap();
+    }
     let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
     let (earlier, _) = recorded(&store, &run, 0);
     store.save_run(&run).unwrap();
@@ -118,6 +129,7 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     let specimen = rig.get(path).json();
     assert_eq!(specimen["measurement"]["flags"], json!(["moved"]));
     assert_eq!((&specimen["attempt"], &specimen["earlier_attempts"]), (&json!(0), &json!([1])));
+    assert_eq!(specimen["hull_volumes_um3"], json!([5e8, 3e8]));
     assert_eq!(specimen["links"]["mesh_glb"], Value::Null, "there is none");
     assert_eq!(specimen["links"]["views"].as_array().unwrap().len(), 2);
     let link = |name: &str| specimen["links"][name].as_str().unwrap().to_owned();
@@ -133,7 +145,7 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
         assert_eq!((again.status, again.body.len(), again.header("etag")), (304, 0, Some(tag.as_str())), "{path}");
     }
     let before = rig.get(&format!("{path}?attempt=1")).json();
-    assert_eq!((&before["result"], &before["attempt"]), (&Value::Null, &json!(1)));
+    assert_eq!((&before["result"], &before["attempt"], &before["hull_volumes_um3"]), (&Value::Null, &json!(1), &json!([])));
     assert_eq!(rig.get(before["links"]["mesh_ply"].as_str().unwrap()).body, earlier);
 
     // Bytes that are not what was recorded are not given out.

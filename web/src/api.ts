@@ -1,6 +1,6 @@
 // What the page asks of the daemon, and nothing else.
 
-import type { Check, Method, PlateMap, RunPlan, Status } from "./status.ts";
+import type { Check, Method, PlateMap, RunPlan, Specimen, Status } from "./status.ts";
 import { authorization } from "./token.ts";
 
 /** The daemon did not give what was asked for: it answered with a problem, or (code 0) not at all. */
@@ -67,6 +67,12 @@ async function sendJson(method: string, path: string, body: unknown): Promise<Re
   return response;
 }
 
+/** The loader's word, said by hand: the specimen of this well is in the capillary, or out of it. */
+export async function sayLoaded(run: string, well: string, loaded: boolean): Promise<void> {
+  const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(run)}/wells/${well}`, { loaded });
+  await response.body?.cancel();
+}
+
 export async function startRun(id: string, plan: RunPlan): Promise<void> {
   const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(id)}`, plan);
   await response.body?.cancel();
@@ -96,18 +102,49 @@ export async function fetchMethods(): Promise<Method[]> {
   return ((await response.json().catch(away)) as { methods: Method[] }).methods;
 }
 
-/** A live picture or mesh: `same` as the one known by its tag, `none` there yet, or new. */
-export type Fetched = { kind: "same" } | { kind: "none" } | { kind: "new"; body: Blob; tag: string | null };
+/** What is stored of a well; null where nothing is. */
+export async function fetchSpecimen(run: string, well: string): Promise<Specimen | null> {
+  const response = await ask(`/v1/runs/${encodeURIComponent(run)}/specimens/${well}`);
+  if (response.status === 404) {
+    // A body that nobody reads would keep the connection busy.
+    await response.body?.cancel();
+    return null;
+  }
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as Specimen;
+}
+
+/** Whose a live picture is, and after how many of its views. */
+export interface Shown {
+  run: string;
+  well: string;
+  views: number;
+}
+
+/** A live picture or mesh: `same` as the one known by its tag, `none` there, or new. */
+export type Fetched =
+  | { kind: "same"; shown: Shown | null }
+  | { kind: "none"; shown: Shown | null }
+  | { kind: "new"; shown: Shown | null; body: Blob; tag: string | null };
+
+function shownBy(headers: Headers): Shown | null {
+  const [run, well, views] = ["Carved-Run", "Carved-Well", "Carved-Views"].map((name) => headers.get(name));
+  return run && well && views ? { run, well, views: Number(views) } : null;
+}
 
 export async function fetchLive(path: string, known: string | null): Promise<Fetched> {
   const headers: HeadersInit = known === null ? {} : { "If-None-Match": known };
   const response = await ask(path, { headers });
-  if (response.status === 304) return { kind: "same" };
-  if (response.status === 404) {
-    // A body that nobody reads would keep the connection busy.
-    await response.body?.cancel();
-    return { kind: "none" };
-  }
+  const shown = shownBy(response.headers);
+  if (response.status === 304) return { kind: "same", shown };
+  if (response.status === 204) return { kind: "none", shown };
   if (!response.ok) throw await refusal(response);
-  return { kind: "new", body: await response.blob().catch(away), tag: response.headers.get("ETag") };
+  return { kind: "new", shown, body: await response.blob().catch(away), tag: response.headers.get("ETag") };
+}
+
+/** A file of a stored specimen, by its link. */
+export async function fetchFile(link: string): Promise<Blob> {
+  const response = await ask(link);
+  if (!response.ok) throw await refusal(response);
+  return response.blob().catch(away);
 }

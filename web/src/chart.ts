@@ -15,6 +15,7 @@ export interface Curve {
   well: string;
   volumes_um3: readonly number[];
   viewsPlanned: number;
+  hasEnded: boolean;
   /** The measured volume, where the specimen is done. */
   measured_um3: number | null;
 }
@@ -43,10 +44,9 @@ export class VolumeChart {
     if (now === this.#shown) return;
     this.#shown = now;
     if (!curve || curve.volumes_um3.length === 0) {
-      const words =
-        curve === null || curve.measured_um3 === null
-          ? "No volume yet: it comes with the first view."
-          : `${curve.well} was measured before this page was opened, so its curve is not known here.`;
+      const words = curve?.hasEnded
+        ? `No volumes of ${curve.well} are kept.`
+        : "No volume yet: it comes with the first view.";
       this.#box.replaceChildren(element("p", "placeholder", words));
       setText(this.#caption, "");
       return;

@@ -1,172 +1,207 @@
-// What the operator can tell a run and the instrument: one row of buttons, one question before what cannot be taken back.
+// What the operator can tell a run and the instrument: rows of buttons, one question before what cannot be taken back.
 
-import { post, Refused } from "./api.ts";
+import { post, Refused, sayLoaded } from "./api.ts";
+import { Asker, type Question } from "./ask.ts";
 import { setText, show } from "./dom.ts";
-import { canAbort, canGoOn, canHold, canStop, isHeldByFaultAlone, runsNow } from "./plain.ts";
+import { canAbort, canGoOn, canHold, canStop, isHeldByFaultAlone, isAtRest, runsNow } from "./plain.ts";
 import type { Status } from "./status.ts";
 
-interface Question {
-  title: string;
-  words: string;
-  no: string;
-}
-
 interface Command {
-  /** Of its button, and in its path under the run. */
+  /** Of its button. */
   name: string;
-  label: string;
+  label: (status: Status) => string;
   /** In the button's place of the label while it is under way. */
   underWay: string;
   isUnderWay: (status: Status) => boolean;
   isShown: (status: Status) => boolean;
   isEnabled: (status: Status) => boolean;
-  question: Question | null;
+  question: ((status: Status, run: string) => Omit<Question, "yes">) | null;
+  send: (status: Status, run: string) => Promise<void>;
   /** What to do where it did not get through. */
   otherwise: string;
 }
 
+const never = () => false;
+const always = () => true;
+const steer = (name: string) => (_: Status, run: string) => post(`/v1/runs/${encodeURIComponent(run)}/${name}`);
+
 const COMMANDS: readonly Command[] = [
   {
     name: "hold",
-    label: "Hold",
+    // Held by a fault, it would go on by itself.
+    label: (s) => (isHeldByFaultAlone(s) ? "Keep it held" : "Hold"),
     underWay: "Holding…",
     isUnderWay: (s) => s.pending.hold || s.state === "Holding",
     isShown: (s) => runsNow(s) && (isHeldByFaultAlone(s) || (s.state !== "Held" && s.state !== "Unholding")),
     isEnabled: canHold,
     question: null,
-    otherwise: "The run goes on.",
+    send: steer("hold"),
+    otherwise: "",
   },
   {
     name: "unhold",
-    label: "Go on",
+    label: () => "Go on",
     underWay: "Going on…",
     isUnderWay: (s) => s.state === "Unholding",
     isShown: (s) => runsNow(s) && (s.state === "Held" || s.state === "Unholding"),
     isEnabled: canGoOn,
     question: null,
+    send: steer("unhold"),
     otherwise: "The run is still held.",
   },
   {
     name: "stop",
-    label: "Stop after this well",
+    label: (s) => (isAtRest(s) ? "End the run" : "Stop after this well"),
     underWay: "Stopping…",
     isUnderWay: (s) => s.pending.stop,
     isShown: runsNow,
     isEnabled: canStop,
-    question: {
-      title: "Stop run {run} after this well?",
-      words: "The specimen under way is measured, then the run ends. Wells that were not visited stay without numbers.",
-      no: "Keep running",
-    },
-    otherwise: "The run goes on.",
+    question: (s, run) => ({
+      title: isAtRest(s) ? `End run ${run}?` : `Stop run ${run} after this well?`,
+      words: `${isAtRest(s) ? "The run ends here." : "The specimen under way is measured, then the run ends."} Wells that were not visited stay without numbers.`,
+      no: isAtRest(s) ? "Keep the run" : "Keep running",
+    }),
+    send: steer("stop"),
+    otherwise: "The run is not ended.",
   },
   {
     name: "abort",
-    label: "Abort run",
+    label: () => "Abort run",
     underWay: "Aborting…",
     isUnderWay: (s) => s.pending.abort || s.state === "Aborting",
     isShown: runsNow,
     isEnabled: canAbort,
-    question: {
-      title: "Abort run {run}?",
+    question: (_, run) => ({
+      title: `Abort run ${run}?`,
       words:
         "The motors stop at once and the run ends as aborted. Wells that are finished are kept; the specimen in the capillary is not measured.",
       no: "Keep running",
-    },
+    }),
+    send: steer("abort"),
     otherwise: "Use the instrument's own emergency stop if it must halt now.",
+  },
+  {
+    name: "is-out",
+    label: (s) => `Specimen of ${s.plate.take_out ?? ""} is out`,
+    underWay: "",
+    isUnderWay: never,
+    isShown: (s) => s.plate.take_out !== null && s.run !== null,
+    isEnabled: always,
+    question: (s) => ({
+      title: `Is the specimen of ${s.plate.take_out ?? ""} out of the capillary?`,
+      words: "Say so where you have taken it out by hand. A plate-loader that does this says so itself.",
+      no: "Not yet",
+    }),
+    send: (s, run) => sayLoaded(run, s.plate.take_out ?? "", false),
+    otherwise: "It still counts as being in the capillary.",
+  },
+  {
+    name: "is-in",
+    label: (s) => `Specimen of ${s.plate.bring ?? ""} is in`,
+    underWay: "",
+    isUnderWay: never,
+    isShown: (s) => s.plate.bring !== null && s.run !== null,
+    isEnabled: always,
+    question: (s) => ({
+      title: `Is the specimen of ${s.plate.bring ?? ""} in the capillary?`,
+      words: `Say so where you have brought it by hand: the capillary begins to turn.${
+        s.plate.take_out === null ? "" : ` The specimen of ${s.plate.take_out} is out, then.`
+      } A plate-loader that does this says so itself.`,
+      no: "Not yet",
+    }),
+    send: (s, run) => sayLoaded(run, s.plate.bring ?? "", true),
+    otherwise: "The run still waits for it.",
   },
 ];
 
 export class CommandRow {
   readonly #buttons: [Command, HTMLButtonElement][];
-  readonly #emergency: HTMLButtonElement;
-  readonly #dialog: HTMLDialogElement;
-  readonly #title: HTMLElement;
-  readonly #words: HTMLElement;
-  readonly #no: HTMLElement;
-  readonly #yes: HTMLElement;
+  readonly #byHand: HTMLElement;
+  readonly #asker: Asker;
   readonly #answer: HTMLElement;
-  #asked: Command | null = null;
-  #run: string | null = null;
+  #asked: { command: Command; label: string } | null = null;
   #newest: Status | null = null;
+  /** Whether what was answered last has come to its end. */
+  #isOver: (status: Status) => boolean = always;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
     this.#buttons = COMMANDS.map((command) => [command, find<HTMLButtonElement>(command.name)]);
-    this.#emergency = find("emergency-stop");
-    this.#dialog = find("ask");
-    this.#title = find("ask-title");
-    this.#words = find("ask-words");
-    this.#no = find("ask-no");
-    this.#yes = find("ask-yes");
+    this.#byHand = find("by-hand");
+    this.#asker = new Asker(find);
     this.#answer = find("answer");
-    for (const [command, button] of this.#buttons) button.addEventListener("click", () => this.#clicked(command));
-    this.#emergency.addEventListener("click", () => void this.#emergencyStop());
-    this.#dialog.addEventListener("close", () => {
-      const asked = this.#asked;
-      this.#asked = null;
-      if (asked && this.#dialog.returnValue === "yes") void this.#send(asked);
-      this.#dialog.returnValue = "";
-    });
+    for (const [command, button] of this.#buttons) button.addEventListener("click", () => void this.#clicked(command));
+    find("emergency-stop").addEventListener("click", () => void this.#emergencyStop());
   }
 
   update(status: Status): void {
+    const another = (status.run?.id ?? null) !== (this.#newest?.run?.id ?? null);
     this.#newest = status;
-    const another = (status.run?.id ?? null) !== this.#run;
-    this.#run = status.run?.id ?? null;
-    if (another) show(this.#answer, false);
-    // A question about a run that has ended meanwhile must not be answered for the next one.
-    if ((another || !runsNow(status)) && this.#dialog.open) this.#dialog.close();
+    if (another || this.#isOver(status)) show(this.#answer, false);
+    // A question about a run that has ended meanwhile, or another well, must not be answered for the next one.
+    const asked = this.#asked;
+    if (asked && (another || !asked.command.isShown(status) || asked.command.label(status) !== asked.label)) {
+      this.#asker.dismiss();
+    }
     for (const [command, button] of this.#buttons) {
       show(button, command.isShown(status));
       button.disabled = !command.isEnabled(status);
-      setText(button, command.isUnderWay(status) ? command.underWay : command.label);
+      setText(button, command.isUnderWay(status) ? command.underWay : command.label(status));
     }
+    show(this.#byHand, status.run !== null && (status.plate.take_out !== null || status.plate.bring !== null));
   }
 
-  #clicked(command: Command): void {
-    if (command.question === null) {
-      void this.#send(command);
-      return;
+  async #clicked(command: Command): Promise<void> {
+    const status = this.#newest;
+    const run = status?.run?.id;
+    if (!status || run === undefined) return;
+    const label = command.label(status);
+    if (command.question !== null) {
+      this.#asked = { command, label };
+      const yes = await this.#asker.ask({ ...command.question(status, run), yes: label });
+      this.#asked = null;
+      if (!yes) return;
     }
-    this.#asked = command;
-    setText(this.#title, command.question.title.replace("{run}", this.#run ?? ""));
-    setText(this.#words, command.question.words);
-    setText(this.#no, command.question.no);
-    setText(this.#yes, command.label);
-    this.#dialog.showModal();
-  }
-
-  async #send(command: Command): Promise<void> {
-    const run = this.#run;
-    if (run === null) return;
     const button = this.#buttons.find(([c]) => c === command)?.[1];
     if (button) button.disabled = true;
+    const moved = (now: Status) => now.state !== status.state || now.plate.needs !== status.plate.needs;
     try {
-      await post(`/v1/runs/${encodeURIComponent(run)}/${command.name}`);
-      this.#say(`${command.label}: accepted for run ${run}.`);
+      await command.send(status, run);
+      this.#say(`${label}: accepted.`, (now) => moved(now) && !command.isUnderWay(now));
     } catch (error) {
-      this.#say(`${command.label} did not get through: ${reason(error)}. ${command.otherwise}`);
+      this.#say(`${label} did not get through: ${reason(error)}. ${command.otherwise}`, moved);
     }
-    if (this.#newest) this.update(this.#newest);
+    this.update(this.#newest ?? status);
   }
 
   async #emergencyStop(): Promise<void> {
+    const stands = (s: Status) => s.faults.some((f) => f.code === "emergency_stop");
+    let seen = false;
+    // Until it was shown as a fault and that was acknowledged.
+    const isOver = (now: Status) => {
+      seen ||= stands(now);
+      return seen && !stands(now);
+    };
     try {
       await post("/v1/emergency-stop");
-      this.#say("Emergency stop: the motors were stopped. Acknowledge the fault below when the instrument is safe.");
+      this.#say(
+        "Emergency stop: the motors were stopped. Acknowledge the fault below when the instrument is safe.",
+        isOver,
+      );
     } catch (error) {
       this.#say(
         `The emergency stop did not get through: ${reason(error)}. Use the instrument's own emergency stop, or cut its power.`,
+        never,
       );
     }
   }
 
-  #say(words: string): void {
-    setText(this.#answer, words);
+  #say(words: string, isOver: (status: Status) => boolean): void {
+    this.#isOver = isOver;
+    setText(this.#answer, words.trim());
     show(this.#answer, true);
   }
 }
 
 function reason(error: unknown): string {
-  return error instanceof Refused ? error.message : String(error);
+  return (error instanceof Refused ? error.message : String(error)).replace(/\.$/, "");
 }

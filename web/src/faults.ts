@@ -30,9 +30,11 @@ function item(fault: Fault): HTMLElement {
   const button = element("button", "button button-small", "Acknowledge");
   button.type = "button";
   button.addEventListener("click", () => void acknowledge(fault, button, answer));
-  const head = element("p", "fault-head", element("strong", "", fault.message));
+  const head = element("p", "fault-head", element("strong", "", fault.meaning || fault.message));
   if (fault.operator_required) head.append(element("span", "tag tag-alarm", "Needs you"));
-  const small = `Fault ${fault.seq}, ${words(fault.code)} (${words(fault.category)}), since ${clockTime(fault.since)}`;
+  // What was found is for who mends it; an operator reads what it means.
+  const found = fault.meaning && fault.meaning !== fault.message ? ` Found: ${fault.message}` : "";
+  const small = `Fault ${fault.seq}, ${words(fault.code)}, since ${clockTime(fault.since)}.${found}`;
   const made = element(
     "li",
     "fault",

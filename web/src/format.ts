@@ -19,19 +19,29 @@ export function significant(value: number, digits = 4): string {
   return grouped(value, Math.min(12, Math.max(0, digits - 1 - magnitude)));
 }
 
+/** `226.7 ± 1.4`: the spread to two digits, the value to the same place. */
+export function withSpread(value: number, sd: number): string {
+  const digits = sd > 0 ? Math.min(12, Math.max(0, 1 - Math.floor(Math.log10(sd)))) : 4;
+  return `${grouped(value, digits)} ± ${grouped(sd, digits)}`;
+}
+
 /** 1 nL is 10^6 um^3. */
 export const UM3_PER_NL = 1e6;
 
-export function nanolitres(um3: number): string {
-  return `${significant(um3 / UM3_PER_NL)}${THIN}nL`;
+export function nanolitres(um3: number, sd_um3: number | null = null): string {
+  return `${scaled(um3, sd_um3, UM3_PER_NL)}${THIN}nL`;
+}
+
+function scaled(value: number, sd: number | null, unit: number): string {
+  return sd === null ? significant(value / unit) : withSpread(value / unit, sd / unit);
 }
 
 export function cubicMicrometres(um3: number): string {
   return `${grouped(um3)}${THIN}µm³`;
 }
 
-export function squareMillimetres(um2: number): string {
-  return `${significant(um2 / 1e6)}${THIN}mm²`;
+export function squareMillimetres(um2: number, sd_um2: number | null = null): string {
+  return `${scaled(um2, sd_um2, 1e6)}${THIN}mm²`;
 }
 
 export function squareMicrometres(um2: number): string {

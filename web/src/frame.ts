@@ -1,37 +1,35 @@
-// The newest frame with the profile drawn over it. Both pictures are swapped together, decoded before they are shown.
+// A frame with the profile drawn over it: the newest, or a stored one of a well the operator has chosen. Both pictures are swapped
+// together, decoded before they are shown, and the words beside them say whose they are.
 
-import { fetchLive, type Fetched } from "./api.ts";
-import { show } from "./dom.ts";
+import { fetchFile, fetchLive, type Fetched, type Shown } from "./api.ts";
+import { developed, outlined } from "./develop.ts";
+import { setText, show } from "./dom.ts";
+import { counted } from "./format.ts";
 import { Latest } from "./latest.ts";
+import type { StoredSpecimens } from "./stored.ts";
+import type { Subject } from "./subject.ts";
 
 /** Frames taller than this are cut to the strip around the capillary, which runs along the picture's middle. */
 const STRIP_RATIO = 3;
 
-class LivePicture {
+class Picture {
   tag: string | null = null;
   url: string | null = null;
-  readonly #path: string;
   readonly #image: HTMLImageElement;
 
-  constructor(path: string, image: HTMLImageElement) {
-    this.#path = path;
+  constructor(image: HTMLImageElement) {
     this.#image = image;
   }
 
-  fetch(): Promise<Fetched> {
-    return fetchLive(this.#path, this.tag);
-  }
-
   /** Decodes the new picture off screen; showing it is the returned step. */
-  async prepare(fetched: Fetched): Promise<() => void> {
-    if (fetched.kind === "same") return () => {};
-    if (fetched.kind === "none") {
+  async prepare(body: Blob | null, tag: string | null): Promise<() => void> {
+    if (body === null) {
       return () => {
         this.#replace(null, null);
         this.#image.removeAttribute("src");
       };
     }
-    const url = URL.createObjectURL(fetched.body);
+    const url = URL.createObjectURL(body);
     const probe = new Image();
     probe.src = url;
     try {
@@ -42,7 +40,7 @@ class LivePicture {
     }
     return () => {
       this.#image.src = url;
-      this.#replace(url, fetched.tag);
+      this.#replace(url, tag);
     };
   }
 
@@ -55,58 +53,145 @@ class LivePicture {
   }
 }
 
-export class FrameView {
-  readonly #box: HTMLElement;
-  readonly #frameImage: HTMLImageElement;
-  readonly #profileImage: HTMLImageElement;
-  readonly #empty: HTMLElement;
-  readonly #withProfile: HTMLInputElement;
-  readonly #whole: HTMLInputElement;
-  readonly #frame: LivePicture;
-  readonly #profile: LivePicture;
-  readonly #refresh = new Latest(() => this.#load());
+export interface FrameParts {
+  heading: HTMLElement;
+  whose: HTMLElement;
+  box: HTMLElement;
+  frame: HTMLImageElement;
+  profile: HTMLImageElement;
+  empty: HTMLElement;
+  withProfile: HTMLInputElement;
+  whole: HTMLInputElement;
+  viewLabel: HTMLElement;
+  view: HTMLInputElement;
+}
 
-  constructor(root: {
-    box: HTMLElement;
-    frame: HTMLImageElement;
-    profile: HTMLImageElement;
-    empty: HTMLElement;
-    withProfile: HTMLInputElement;
-    whole: HTMLInputElement;
-  }) {
-    this.#box = root.box;
-    this.#frameImage = root.frame;
-    this.#profileImage = root.profile;
-    this.#empty = root.empty;
-    this.#withProfile = root.withProfile;
-    this.#whole = root.whole;
-    this.#frame = new LivePicture("/v1/live/frame.jpg", root.frame);
-    this.#profile = new LivePicture("/v1/live/profile.png", root.profile);
-    root.withProfile.addEventListener("change", () => this.#lay());
-    root.whole.addEventListener("change", () => this.#lay());
-    root.frame.addEventListener("load", () => this.#lay());
+export class FrameView {
+  readonly #parts: FrameParts;
+  readonly #stored: StoredSpecimens;
+  readonly #frame: Picture;
+  readonly #profile: Picture;
+  readonly #refresh = new Latest(() => this.#load());
+  #subject: Subject = { kind: "none", words: "No frame yet." };
+  #planned: (well: string) => number | null = () => null;
+  /** Run, well and view of the stored frame that is shown. */
+  #storedShown = "";
+
+  constructor(parts: FrameParts, stored: StoredSpecimens) {
+    this.#parts = parts;
+    this.#stored = stored;
+    this.#frame = new Picture(parts.frame);
+    this.#profile = new Picture(parts.profile);
+    parts.withProfile.addEventListener("change", () => this.#lay());
+    parts.whole.addEventListener("change", () => this.#lay());
+    parts.frame.addEventListener("load", () => this.#lay());
+    parts.view.addEventListener("input", () => void this.#refresh.ask());
     this.#lay();
   }
 
-  update(): Promise<void> {
+  /** `planned` says how many views a well is to have, where that is known. */
+  update(subject: Subject, planned: (well: string) => number | null): Promise<void> {
+    this.#subject = subject;
+    this.#planned = planned;
     return this.#refresh.ask();
   }
 
-  async #load(): Promise<void> {
-    const [frame, profile] = await Promise.all([this.#frame.fetch(), this.#profile.fetch()]);
-    const swaps = await Promise.all([this.#frame.prepare(frame), this.#profile.prepare(profile)]);
+  #load(): Promise<void> {
+    const subject = this.#subject;
+    if (subject.kind === "none") return this.#clear(subject.words);
+    return subject.kind === "live" ? this.#loadLive(subject) : this.#loadStored(subject.run, subject.well);
+  }
+
+  async #loadLive(subject: Subject & { kind: "live" }): Promise<void> {
+    // What is stored and on screen has no tag.
+    const [frame, profile] = await Promise.all([
+      fetchLive("/v1/live/frame.jpg", this.#frame.tag),
+      fetchLive("/v1/live/profile.png", this.#profile.tag),
+    ]);
+    const shown = frame.shown;
+    const isMeant = shown?.run === subject.run && (subject.well === null || shown.well === subject.well);
+    if (frame.kind === "none" || !isMeant) {
+      if (subject.instead !== null) return this.#loadStored(subject.run, subject.instead);
+      return this.#clear(subject.well === null ? "No frame yet." : `No frame of ${subject.well} yet.`);
+    }
+    const swaps = [await this.#swap(this.#frame, frame), await this.#swap(this.#profile, profile)];
     for (const swap of swaps) swap();
+    this.#storedShown = "";
+    // The profile of another view would be drawn beside its specimen: it waits for the next news.
+    this.#say(`Frame of ${shown.well}`, this.#liveWords(shown), sameViews(shown, profile.shown));
+  }
+
+  #liveWords({ well, views }: Shown): string {
+    if (views === 0) return "before its first view";
+    const planned = this.#planned(well);
+    return planned === null ? `${counted(views, "view")} taken` : `${views} of ${counted(planned, "view")} taken`;
+  }
+
+  #swap(picture: Picture, fetched: Fetched): Promise<() => void> {
+    if (fetched.kind === "same") return Promise.resolve(() => {});
+    return fetched.kind === "none" ? picture.prepare(null, null) : picture.prepare(fetched.body, fetched.tag);
+  }
+
+  async #loadStored(run: string, well: string): Promise<void> {
+    const { view } = this.#parts;
+    const specimen = await this.#stored.of(run, well);
+    const views = specimen?.links.views ?? [];
+    if (!specimen || views.length === 0) return this.#clear(`No frames of ${well} are kept.`);
+    if (view.dataset["of"] !== `${run}/${well}`) {
+      view.dataset["of"] = `${run}/${well}`;
+      view.max = String(views.length);
+      view.value = "1";
+    }
+    const index = Math.min(Number(view.value), views.length) - 1;
+    const key = `${run}/${well}/${index}`;
+    if (key !== this.#storedShown) {
+      const format = specimen.recording.rig?.pixel_format ?? "";
+      // By its own number: a view without a profile has none in the list.
+      const name = views[index]!.split("/").at(-1)!;
+      const mask = specimen.links.profiles.find((link) => link.split("/").at(-1) === name);
+      const [frame, profile] = await Promise.all([
+        fetchFile(views[index]!).then((file) => developed(file, format)),
+        mask === undefined ? null : fetchFile(mask).then(outlined),
+      ]);
+      const swaps = [await this.#frame.prepare(frame, null), await this.#profile.prepare(profile, null)];
+      for (const swap of swaps) swap();
+      this.#storedShown = key;
+    }
+    this.#say(`Frame of ${well}`, `view ${index + 1} of ${views.length}`, true, true);
+  }
+
+  async #clear(words: string): Promise<void> {
+    for (const picture of [this.#frame, this.#profile]) (await picture.prepare(null, null))();
+    this.#storedShown = "";
+    setText(this.#parts.empty, words);
+    this.#say("Frame", "", false);
+  }
+
+  #say(heading: string, whose: string, hasProfile: boolean, isStored = false): void {
+    const { heading: head, whose: words, box, view, viewLabel } = this.#parts;
+    setText(head, heading);
+    setText(words, whose);
+    box.classList.toggle("without-profile", !hasProfile);
+    show(viewLabel, isStored);
+    view.setAttribute("aria-valuetext", whose);
     this.#lay();
   }
 
   #lay(): void {
+    const { box, frame, profile, empty, withProfile, whole } = this.#parts;
     const has = this.#frame.url !== null;
-    show(this.#frameImage, has);
-    show(this.#empty, !has);
-    show(this.#profileImage, has && this.#profile.url !== null && this.#withProfile.checked);
-    const { naturalWidth: width, naturalHeight: height } = this.#frameImage;
+    show(frame, has);
+    show(empty, !has);
+    show(
+      profile,
+      has && this.#profile.url !== null && withProfile.checked && !box.classList.contains("without-profile"),
+    );
+    const { naturalWidth: width, naturalHeight: height } = frame;
     if (!width || !height) return;
-    const ratio = this.#whole.checked ? width / height : Math.max(width / height, STRIP_RATIO);
-    this.#box.style.aspectRatio = String(ratio);
+    box.style.aspectRatio = String(whole.checked ? width / height : Math.max(width / height, STRIP_RATIO));
   }
+}
+
+function sameViews(a: Shown, b: Shown | null): boolean {
+  return b !== null && a.run === b.run && a.well === b.well && a.views === b.views;
 }

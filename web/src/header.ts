@@ -3,6 +3,7 @@
 import type { Link } from "./connection.ts";
 import { setText, show } from "./dom.ts";
 import { clockTime, duration } from "./format.ts";
+import { STATES } from "./plain.ts";
 import type { Status } from "./status.ts";
 
 export class HeaderView {
@@ -24,7 +25,7 @@ export class HeaderView {
   status(status: Status): void {
     show(this.#stamp, status.mode === "simulated");
     setText(this.#version, status.version);
-    document.title = `${status.mode === "simulated" ? "SIMULATED " : ""}${status.state} – carved`;
+    document.title = `${status.mode === "simulated" ? "SIMULATED " : ""}${STATES[status.state]} – carved`;
     this.#received = { at: performance.now(), serverTime: status.server_time };
     this.#say();
   }

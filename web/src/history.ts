@@ -1,4 +1,5 @@
-// Hull volumes after each view, kept per well while the page is open: the status carries only the specimen under way.
+// Hull volumes after each view, per well: of the specimen under way by the status, of those before by what the page has seen, else by
+// what is stored.
 
 import type { Status } from "./status.ts";
 
@@ -7,13 +8,20 @@ export class VolumeHistory {
   readonly #wells = new Map<string, readonly number[]>();
 
   take(status: Status): void {
-    const run = status.run ? `${status.run.id} ${status.run.started}` : null;
+    const run = status.run?.id ?? null;
     if (run !== this.#run) {
       this.#run = run;
       this.#wells.clear();
     }
     const specimen = status.specimen;
     if (specimen && specimen.hull_volumes_um3.length > 0) this.#wells.set(specimen.well, specimen.hull_volumes_um3);
+  }
+
+  /** Takes what is stored of a well, where that is more than the page has seen; whether it is. */
+  recall(run: string, well: string, volumes: readonly number[]): boolean {
+    const isMore = this.#run === run && volumes.length > this.of(well).length;
+    if (isMore) this.#wells.set(well, volumes);
+    return isMore;
   }
 
   of(well: string): readonly number[] {

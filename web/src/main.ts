@@ -1,23 +1,26 @@
 // The operator's page: one status in, every view updated from it.
 //
 //   keepLive ── Status ──> header, sentence, faults, plate, well, chart, rig      (numbers, at once)
-//                     └──> frame, model                                           (fetched when the revision changed)
+//                     └──> frame, model                                           (fetched when the revision or the subject changed)
+//                             └── live, or stored of the well that the operator chose: subject.ts
 
+import { AttentionList } from "./attention.ts";
 import { VolumeChart } from "./chart.ts";
 import { CommandRow } from "./commands.ts";
 import { keepLive } from "./connection.ts";
 import { byId, setText } from "./dom.ts";
 import { FaultsView } from "./faults.ts";
-import { counted } from "./format.ts";
 import { FrameView } from "./frame.ts";
 import { HeaderView } from "./header.ts";
 import { VolumeHistory } from "./history.ts";
 import { ModelView, type Look } from "./model.ts";
 import { NewRun } from "./newrun.ts";
 import { PlateView } from "./plate.ts";
-import { progress, progressLine, sentence, toneOf } from "./plain.ts";
+import { progress, progressLine, sentence, STATES, toneOf, underWay } from "./plain.ts";
 import { RigView } from "./rig.ts";
 import type { Status } from "./status.ts";
+import { StoredSpecimens } from "./stored.ts";
+import { chosenWell, hasViews, subjectOf } from "./subject.ts";
 import { TokenForm } from "./token.ts";
 import { WellCard } from "./wellcard.ts";
 
@@ -29,6 +32,7 @@ const header = new HeaderView({
 });
 const faults = new FaultsView(byId("faults"), byId("fault-list"));
 const plate = new PlateView(byId("plate"), byId("legend"), choose);
+const attention = new AttentionList(byId("attention"), byId("attention-list"), choose);
 const card = new WellCard(byId("well-heading"), byId("well-body"));
 const chart = new VolumeChart(byId("chart"), byId("chart-caption"));
 const rig = new RigView(byId("rig"));
@@ -36,31 +40,39 @@ const commands = new CommandRow(byId);
 const newRun = new NewRun(byId);
 const token = new TokenForm(byId("token-form"), byId("token"));
 const history = new VolumeHistory();
-const frame = new FrameView({
+const stored = new StoredSpecimens();
+const frameParts = {
+  heading: byId("frame-heading"),
+  whose: byId("frame-whose"),
   box: byId("frame-box"),
-  frame: byId("frame-image"),
-  profile: byId("profile-image"),
+  frame: byId<HTMLImageElement>("frame-image"),
+  profile: byId<HTMLImageElement>("profile-image"),
   empty: byId("frame-empty"),
-  withProfile: byId("with-profile"),
-  whole: byId("whole-frame"),
-});
+  withProfile: byId<HTMLInputElement>("with-profile"),
+  whole: byId<HTMLInputElement>("whole-frame"),
+  viewLabel: byId("frame-view-label"),
+  view: byId<HTMLInputElement>("frame-view"),
+};
+const frame = new FrameView(frameParts, stored);
 const model = makeModel();
 
 let newest: Status | null = null;
-let revisionShown = "";
+let picturesShown = "";
 /** The well the operator asked for; without one the page follows the run. */
 let pinned: string | null = null;
 
 /** Without WebGL the page still shows every number. */
 function makeModel(): ModelView | null {
   try {
-    const made = new ModelView({
+    const parts = {
+      heading: byId("model-heading"),
       box: byId("model-box"),
       caption: byId("model-caption"),
       bar: byId("scale-bar"),
       barLabel: byId("scale-label"),
       empty: byId("model-empty"),
-    });
+    };
+    const made = new ModelView(parts, stored);
     for (const button of document.querySelectorAll<HTMLButtonElement>("[data-look]")) {
       button.addEventListener("click", () => made.look(button.dataset["look"] as Look));
     }
@@ -74,32 +86,24 @@ function makeModel(): ModelView | null {
   }
 }
 
-function choose(well: string): void {
+/** The well to look at, or none: then the page follows the run. */
+function choose(well: string | null): void {
   pinned = well;
-  if (newest) numbers(newest);
+  if (newest) showAll(newest);
 }
 
-byId("follow").addEventListener("click", () => {
-  pinned = null;
-  if (newest) numbers(newest);
-});
+byId("follow").addEventListener("click", () => choose(null));
 
-/** The well to show: the operator's, or the one under way, or the last that ended. */
-function chosenWell(status: Status): string | null {
-  const wells = status.run?.results ?? [];
-  if (pinned !== null && wells.some((w) => w.well === pinned)) return pinned;
-  pinned = null;
-  const current = status.specimen?.well;
-  if (current !== undefined && wells.some((w) => w.well === current)) return current;
-  const ended = wells.filter((w) => w.outcome !== null);
-  return (ended.findLast((w) => w.volume_um3 !== null) ?? ended.at(-1) ?? wells[0])?.well ?? null;
+function showAll(status: Status): void {
+  numbers(status);
+  pictures(status);
 }
 
 function numbers(status: Status): void {
   const tone = toneOf(status);
   byId("now").dataset["tone"] = tone;
   setText(byId("sentence"), sentence(status));
-  setText(byId("state"), status.state);
+  setText(byId("state"), STATES[status.state]);
   setText(byId("progress-line"), progressLine(status));
   const bar = byId<HTMLProgressElement>("progress");
   bar.hidden = status.run === null;
@@ -111,19 +115,30 @@ function numbers(status: Status): void {
   rig.update(status);
 
   const wells = status.run?.results ?? [];
-  const chosen = chosenWell(status);
+  if (!wells.some((w) => w.well === pinned)) pinned = null;
+  const chosen = chosenWell(status, pinned);
   const well = wells.find((w) => w.well === chosen) ?? null;
+  const specimen = underWay(status);
   byId("follow").hidden = pinned === null;
-  plate.update(wells, status.specimen, chosen);
-  card.update(well, status.specimen);
+  plate.update(wells, specimen, chosen);
+  attention.update(wells);
+  card.update(well, specimen);
   chart.update(
     well && {
       well: well.well,
       volumes_um3: history.of(well.well),
       viewsPlanned: status.specimen?.views_planned ?? 0,
+      hasEnded: well.outcome !== null,
       measured_um3: well.volume_um3,
     },
   );
+  if (status.run && well && hasViews(well)) void recall(status.run.id, well.well);
+}
+
+/** The volumes of a well that ended before the page was opened, or while it was cut off. */
+async function recall(run: string, well: string): Promise<void> {
+  const kept = (await stored.of(run, well).catch(() => null))?.hull_volumes_um3 ?? [];
+  if (history.recall(run, well, kept) && newest) numbers(newest);
 }
 
 function plateName(status: Status): string {
@@ -135,13 +150,13 @@ function plateName(status: Status): string {
 }
 
 function pictures(status: Status): void {
-  const revision = `${status.boot_id} ${status.revision}`;
-  if (revision === revisionShown) return;
-  revisionShown = revision;
-  void frame.update();
+  const now = `${status.boot_id} ${status.revision} ${pinned}`;
+  if (now === picturesShown) return;
+  picturesShown = now;
+  const subject = subjectOf(status, pinned);
   const specimen = status.specimen;
-  if (specimen) void model?.update(`${specimen.well} after ${counted(specimen.hull_volumes_um3.length, "view")}`);
-  else void model?.update("Last specimen");
+  void frame.update(subject, (well) => (specimen?.well === well ? specimen.views_planned : null));
+  void model?.update(subject);
 }
 
 void keepLive({
@@ -150,10 +165,11 @@ void keepLive({
     token.wanted(link.kind === "lost" && link.tokenWanted);
   },
   status(status) {
+    // A page of another version would read this one's answers amiss.
+    if (newest && newest.version !== status.version) location.reload();
     newest = status;
     history.take(status);
     header.status(status);
-    numbers(status);
-    pictures(status);
+    showAll(status);
   },
 });

@@ -20,10 +20,12 @@ import {
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
-import { fetchLive } from "./api.ts";
+import { fetchFile, fetchLive } from "./api.ts";
 import { setText, show } from "./dom.ts";
-import { grouped, micrometres } from "./format.ts";
+import { counted, grouped, micrometres } from "./format.ts";
 import { Latest } from "./latest.ts";
+import type { StoredSpecimens } from "./stored.ts";
+import type { Subject } from "./subject.ts";
 import { roundBelow } from "./ticks.ts";
 
 /** Directions from the specimen to the eye. */
@@ -43,6 +45,8 @@ const KEY_ZOOM = 1.2;
 const TARGET_BAR_PX = 140;
 
 export class ModelView {
+  readonly #stored: StoredSpecimens;
+  readonly #heading: HTMLElement;
   readonly #box: HTMLElement;
   readonly #caption: HTMLElement;
   readonly #bar: HTMLElement;
@@ -58,19 +62,26 @@ export class ModelView {
   readonly #refresh = new Latest(() => this.#load());
   #extent: Box3 | null = null;
   #tag: string | null = null;
-  #label: string | null = null;
-  #nextLabel = "";
+  /** Run and well of the stored model that is shown. */
+  #storedShown = "";
+  #subject: Subject = { kind: "none", words: "No model yet." };
   #drawAsked = false;
   /** The operator has turned or zoomed: the view is theirs until they ask for a look. */
   #held = false;
 
-  constructor(root: {
-    box: HTMLElement;
-    caption: HTMLElement;
-    bar: HTMLElement;
-    barLabel: HTMLElement;
-    empty: HTMLElement;
-  }) {
+  constructor(
+    root: {
+      heading: HTMLElement;
+      box: HTMLElement;
+      caption: HTMLElement;
+      bar: HTMLElement;
+      barLabel: HTMLElement;
+      empty: HTMLElement;
+    },
+    stored: StoredSpecimens,
+  ) {
+    this.#stored = stored;
+    this.#heading = root.heading;
     this.#box = root.box;
     this.#caption = root.caption;
     this.#bar = root.bar;
@@ -106,9 +117,8 @@ export class ModelView {
     this.look("oblique");
   }
 
-  /** Fetches the newest mesh; `label` says what it will show: well and number of views. */
-  update(label: string): Promise<void> {
-    this.#nextLabel = label;
+  update(subject: Subject): Promise<void> {
+    this.#subject = subject;
     return this.#refresh.ask();
   }
 
@@ -119,14 +129,47 @@ export class ModelView {
   }
 
   async #load(): Promise<void> {
-    const label = this.#nextLabel;
+    const subject = this.#subject;
+    if (subject.kind === "none") this.#clear(subject.words);
+    else if (subject.kind === "live") await this.#loadLive(subject);
+    else await this.#loadStored(subject.run, subject.well);
+  }
+
+  async #loadLive(subject: Subject & { kind: "live" }): Promise<void> {
+    // What is stored and on screen has no tag.
     const fetched = await fetchLive("/v1/live/mesh.glb", this.#tag);
-    if (fetched.kind === "same") return;
-    if (fetched.kind === "none") {
-      this.#clear();
+    const shown = fetched.shown;
+    const isMeant = shown?.run === subject.run && (subject.well === null || shown.well === subject.well);
+    if (fetched.kind === "none" || !isMeant) {
+      if (subject.instead !== null) await this.#loadStored(subject.run, subject.instead);
+      else this.#clear(`No model${isMeant ? ` of ${shown.well}` : ""} yet: it begins with the first view.`);
       return;
     }
-    const parsed = await this.#loader.parseAsync(await fetched.body.arrayBuffer(), "");
+    if (fetched.kind === "new") {
+      this.#put(await this.#parse(fetched.body));
+      this.#tag = fetched.tag;
+      this.#storedShown = "";
+    }
+    this.#describe(shown.well, `after ${counted(shown.views, "view")}`);
+  }
+
+  async #loadStored(run: string, well: string): Promise<void> {
+    const key = `${run}/${well}`;
+    if (key !== this.#storedShown) {
+      const link = (await this.#stored.of(run, well))?.links.mesh_glb;
+      if (!link) {
+        this.#clear(`No model of ${well} is kept.`);
+        return;
+      }
+      this.#put(await this.#parse(await fetchFile(link)));
+      this.#tag = null;
+      this.#storedShown = key;
+    }
+    this.#describe(well, "as it was measured");
+  }
+
+  async #parse(glb: Blob): Promise<BufferGeometry> {
+    const parsed = await this.#loader.parseAsync(await glb.arrayBuffer(), "");
     parsed.scene.updateMatrixWorld(true);
     let geometry: BufferGeometry | null = null;
     parsed.scene.traverse((node) => {
@@ -136,11 +179,10 @@ export class ModelView {
       geometry.applyMatrix4(found.matrixWorld);
     });
     if (!geometry) throw new Error("mesh.glb holds no mesh");
-    this.#put(geometry, label);
-    this.#tag = fetched.tag;
+    return geometry;
   }
 
-  #put(geometry: BufferGeometry, label: string): void {
+  #put(geometry: BufferGeometry): void {
     if (!geometry.getAttribute("normal")) geometry.computeVertexNormals();
     geometry.computeBoundingBox();
     const old = this.#mesh.geometry;
@@ -148,32 +190,33 @@ export class ModelView {
     this.#mesh.visible = true;
     old.dispose();
     this.#extent = geometry.boundingBox!.clone();
-    this.#label = label;
     if (!this.#held) this.#recentre();
-    this.#describe(geometry);
+    const index = geometry.getIndex();
+    const corners = index ? index.count : geometry.getAttribute("position").count;
+    this.#box.dataset["triangles"] = String(corners / 3);
+    show(this.#empty, false);
+    show(this.#bar, true);
     this.#draw();
   }
 
-  #clear(): void {
+  #clear(words: string): void {
     this.#mesh.visible = false;
     this.#extent = null;
     this.#tag = null;
-    this.#label = null;
+    this.#storedShown = "";
+    setText(this.#heading, "Model");
     setText(this.#caption, "");
+    setText(this.#empty, words);
     show(this.#empty, true);
     show(this.#bar, false);
     this.#draw();
   }
 
-  #describe(geometry: BufferGeometry): void {
+  #describe(well: string, when: string): void {
     const size = this.#extent!.getSize(new Vector3());
     const dimensions = `${grouped(size.x)} × ${grouped(size.y)} × ${micrometres(size.z)}`;
-    setText(this.#caption, `${this.#label}: ${dimensions} (x along the capillary, y, z).`);
-    show(this.#empty, false);
-    show(this.#bar, true);
-    const index = geometry.getIndex();
-    const corners = index ? index.count : geometry.getAttribute("position").count;
-    this.#box.dataset["triangles"] = String(corners / 3);
+    setText(this.#heading, `Model of ${well}`);
+    setText(this.#caption, `${well} ${when}: ${dimensions} (x along the capillary, y, z).`);
   }
 
   #distance(): number {

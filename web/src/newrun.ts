@@ -4,7 +4,7 @@
 
 import { checkPlateMap, fetchMethods, preflight, Refused, startRun, type Mistake } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
-import { counted } from "./format.ts";
+import { capitalised, counted } from "./format.ts";
 import { canStart } from "./plain.ts";
 import type { Check, Method, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
 
@@ -20,6 +20,7 @@ export class NewRun {
   readonly #operator: HTMLInputElement;
   readonly #id: HTMLInputElement;
   readonly #holds: HTMLElement;
+  readonly #missing: HTMLElement;
   readonly #words: HTMLElement;
   readonly #list: HTMLElement;
   readonly #preflight: HTMLButtonElement;
@@ -28,6 +29,8 @@ export class NewRun {
   #methodsOf: string | null = null;
   #map: PlateMap | null = null;
   #startable = false;
+  /** Why no run would be taken now. */
+  #notReady: string | null = null;
   #busy = false;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
@@ -40,6 +43,7 @@ export class NewRun {
     this.#operator = find("operator");
     this.#id = find("run-id");
     this.#holds = find("plate-holds");
+    this.#missing = find("new-run-missing");
     this.#words = find("new-run-words");
     this.#list = find("new-run-list");
     this.#preflight = find("preflight");
@@ -47,7 +51,11 @@ export class NewRun {
     this.#operator.value = localStorage.getItem(OPERATOR) ?? "";
     this.#file.addEventListener("change", () => void this.#check());
     this.#method.addEventListener("change", () => this.#explain());
-    this.#form.addEventListener("input", () => this.#enable());
+    this.#form.addEventListener("input", () => {
+      // What was said of another plan does not hold for this one; a file's mistakes come with its check.
+      if (this.#map !== null) this.#clear();
+      this.#enable();
+    });
     this.#preflight.addEventListener("click", () => void this.#look());
     this.#form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -57,6 +65,7 @@ export class NewRun {
 
   update(status: Status): void {
     this.#startable = canStart(status);
+    this.#notReady = status.ready ? null : (status.not_ready_reason ?? "no reason given");
     show(this.#panel, this.#startable);
     if (this.#startable && this.#methodsOf !== status.boot_id) void this.#loadMethods(status.boot_id);
     this.#enable();
@@ -90,9 +99,25 @@ export class NewRun {
   }
 
   #enable(): void {
-    const ready = this.#startable && !this.#busy && this.#map !== null && this.#form.checkValidity();
-    this.#start.disabled = !ready;
-    this.#preflight.disabled = !ready;
+    const missing = this.#whatIsMissing();
+    const planned = this.#startable && !this.#busy && missing.length === 0;
+    this.#start.disabled = !planned || this.#notReady !== null;
+    this.#preflight.disabled = !planned;
+    const words = [];
+    if (missing.length > 0) words.push(`Still needed: ${missing.join(", ")}.`);
+    if (this.#notReady !== null) words.push(`No run can start yet: ${this.#notReady.replace(/\.$/, "")}.`);
+    setText(this.#missing, words.join(" "));
+    show(this.#missing, words.length > 0 && !this.#busy);
+  }
+
+  #whatIsMissing(): string[] {
+    const missing = [];
+    if (this.#map === null) missing.push(this.#file.value === "" ? "a plate map" : "a plate map without mistakes");
+    if (!this.#barcode.checkValidity()) missing.push("the plate's barcode");
+    if (!this.#method.checkValidity()) missing.push("a method");
+    if (!this.#operator.checkValidity()) missing.push("your name");
+    if (!this.#id.checkValidity()) missing.push("a run name of letters, digits, dots, _ and - alone");
+    return missing;
   }
 
   async #check(): Promise<void> {
@@ -122,8 +147,8 @@ export class NewRun {
       const blocking = failed.filter((c) => c.blocks).length;
       this.#say(
         failed.length === 0
-          ? `Preflight passed: ${counted(checks.length, "check")}.`
-          : `Preflight: ${failed.length} of ${counted(checks.length, "check")} failed, ${blocking === 0 ? "none of which stops" : `${blocking} of which stop`} a run.`,
+          ? `Preflight passed: all ${counted(checks.length, "check")}. The run can start.`
+          : `Preflight: ${failed.length} of ${counted(checks.length, "check")} failed. ${blocking === 0 ? "The run can start all the same." : "The run would not start."}`,
       );
       this.#list.replaceChildren(...[...failed, ...checks.filter((c) => c.passed)].map(checked));
     }, "The preflight was not done");
@@ -163,8 +188,10 @@ export class NewRun {
     try {
       await job();
     } catch (error) {
-      this.#say(`${refused}: ${reason(error)}.`);
-      if (error instanceof Refused) this.#list.replaceChildren(...error.mistakes.map(mistake));
+      const mistakes = error instanceof Refused ? error.mistakes : [];
+      // The detail would only repeat what is listed.
+      this.#say(`${refused}: ${mistakes.length > 0 ? counted(mistakes.length, "mistake") : reason(error)}.`);
+      this.#list.replaceChildren(...mistakes.map(mistake));
     } finally {
       this.#busy = false;
       this.#enable();
@@ -194,8 +221,10 @@ function mistake(m: Mistake): HTMLElement {
 function checked(check: Check): HTMLElement {
   const item = element("li", check.passed ? "check" : "check check-failed");
   item.dataset["code"] = check.code;
-  item.append(element("b", "", check.passed ? "✓ " : check.blocks ? "✕ " : "! "), check.detail);
-  if (!check.passed && check.what_to_do) item.append(element("span", "check-advice", check.what_to_do));
+  item.append(element("b", "", check.passed ? "✓ " : check.blocks ? "✕ " : "! "), capitalised(check.detail));
+  if (!check.passed && check.what_to_do) {
+    item.append(element("span", "check-advice", element("b", "", "What to do: "), capitalised(check.what_to_do)));
+  }
   return item;
 }
 

@@ -1,7 +1,7 @@
 // What the status means, in an operator's words. Pure.
 
 import { aboutDuration, capitalised, grouped } from "./format.ts";
-import type { Phase, RunOutcome, RunStatus, State, Status } from "./status.ts";
+import type { Phase, RunOutcome, RunStatus, SpecimenStatus, State, Status } from "./status.ts";
 
 /** How much attention a state asks for. */
 export type Tone = "calm" | "busy" | "good" | "attention" | "alarm";
@@ -33,6 +33,27 @@ const BUSY: ReadonlySet<State> = new Set([
   "Resetting",
 ]);
 
+/** PackML's words for the state, as an operator says them. */
+export const STATES: Record<State, string> = {
+  Stopped: "Stopped",
+  Idle: "Idle",
+  Starting: "Starting",
+  Execute: "Running",
+  Holding: "Holding",
+  Held: "Held",
+  Unholding: "Going on",
+  Suspending: "Waiting",
+  Suspended: "Waiting",
+  Unsuspending: "Going on",
+  Completing: "Finishing",
+  Complete: "Finished",
+  Stopping: "Stopping",
+  Aborting: "Aborting",
+  Aborted: "Aborted",
+  Clearing: "Resetting",
+  Resetting: "Resetting",
+};
+
 export const PHASES: Record<Phase, string> = {
   load: "loading",
   detect: "looking for a specimen",
@@ -52,15 +73,14 @@ const OUTCOMES: Record<RunOutcome, string> = {
   interrupted: "was interrupted",
 };
 
-/** `3 measured, 1 skipped`: what there is of each kind, nothing that is zero. */
+/** `3 measured (1 of them flagged), 1 skipped`: what there is of each kind, nothing that is zero. */
 export function tally(run: RunStatus): string {
   const w = run.wells;
   const parts: [number, string][] = [
-    [w.succeeded, "measured"],
-    [w.flagged, "flagged"],
+    [w.succeeded + w.flagged, w.flagged === 0 ? "measured" : `measured (${grouped(w.flagged)} of them flagged)`],
     [w.skipped, "skipped"],
     [w.failed, "failed"],
-    [w.interrupted, "interrupted"],
+    [w.interrupted, "not finished"],
     [w.pending, run.outcome === null ? "waiting" : "not started"],
   ];
   return parts
@@ -69,15 +89,25 @@ export function tally(run: RunStatus): string {
     .join(", ");
 }
 
+/** Wells that have come to an end of their own; those that an abort or a stop left out have not. */
+function done(run: RunStatus): number {
+  return run.wells.total - run.wells.pending - run.wells.interrupted;
+}
+
+/** What is with the instrument now: a run that is held has given the specimen up, or not yet begun it. */
+export function underWay(status: Status): SpecimenStatus | null {
+  return runsNow(status) && status.state !== "Held" ? status.specimen : null;
+}
+
 /** Share of the run that is done, 0 to 1; a specimen under way counts by its views. */
 export function progress(status: Status): number {
   const run = status.run;
   if (!run || run.wells.total === 0) return 0;
   if (run.outcome === "succeeded") return 1;
-  const specimen = status.specimen;
+  const specimen = underWay(status);
   const open = run.results.some((w) => w.well === specimen?.well && w.outcome === null);
   const within = specimen && open && specimen.views_planned > 0 ? specimen.view / specimen.views_planned : 0;
-  return Math.min(1, (run.wells.total - run.wells.pending + Math.min(1, within)) / run.wells.total);
+  return Math.min(1, (done(run) + Math.min(1, within)) / run.wells.total);
 }
 
 /** One line under the sentence: how far the run is, or how it ended. */
@@ -86,20 +116,19 @@ export function progressLine(status: Status): string {
   if (!run)
     return status.ready ? "Ready for a run." : `Not ready for a run: ${status.not_ready_reason ?? "no reason given"}.`;
   if (run.outcome) return `Run ${run.id} ${OUTCOMES[run.outcome]}: ${tally(run)}.`;
-  const done = run.wells.total - run.wells.pending;
-  const parts = [`Run ${run.id}: ${grouped(done)} of ${grouped(run.wells.total)} wells done`];
-  const specimen = status.specimen;
-  if (specimen) {
-    const phase = `${specimen.well} ${PHASES[specimen.phase]}`;
-    parts.push(specimen.phase === "revolve" ? `${phase}, view ${specimen.view} of ${specimen.views_planned}` : phase);
-  }
-  if (run.eta_s) parts.push(`${aboutDuration(run.eta_s.p50)} left`);
+  const parts = [`Run ${run.id}: ${grouped(done(run))} of ${grouped(run.wells.total)} wells done`];
+  if (run.eta_s) parts.push(`${aboutDuration(run.eta_s.p50)} left${status.state === "Held" ? " once it goes on" : ""}`);
   return `${parts.join(" · ")}.`;
 }
 
 /** Whether a run is under way, held ones included. */
 export function runsNow(status: Status): boolean {
   return status.run !== null && status.run.outcome === null;
+}
+
+/** Whether the run stands between two wells, or waits. */
+export function isAtRest(status: Status): boolean {
+  return runsNow(status) && (status.state === "Held" || status.state === "Suspended");
 }
 
 /** Whether a run is there that an abort would end. */

@@ -31,13 +31,13 @@ export class RigView {
 
 function axis(axis: AxisStatus): string {
   if (!axis.connected) return "✕ not connected";
-  if (!axis.referenced) return "! not referenced";
+  if (!axis.referenced) return "reference not found yet: each specimen begins with it";
   return axis.position_deg === null ? "✓ referenced" : `✓ at ${axis.position_deg.toFixed(2)}°`;
 }
 
 function slide(axis: TranslationStatus): string {
   if (!axis.connected) return "✕ not connected";
-  if (!axis.referenced) return "! not referenced";
+  if (!axis.referenced) return "reference not found yet";
   return axis.position_um === null ? "✓ referenced" : `✓ at ${micrometres(axis.position_um)}`;
 }
 

@@ -37,6 +37,7 @@ export interface Fault {
   scheduler_action: SchedulerAction;
   operator_required: boolean;
   since: string;
+  meaning: string;
   what_to_do: string;
 }
 
@@ -171,7 +172,14 @@ export interface Status {
   state: State;
   doing: string;
   pending: { hold: boolean; stop: boolean; abort: boolean };
-  plate: { barcode: string | null; present: boolean; removable: boolean; needs: string | null };
+  plate: {
+    barcode: string | null;
+    present: boolean;
+    removable: boolean;
+    needs: string | null;
+    take_out: string | null;
+    bring: string | null;
+  };
   run: RunStatus | null;
   specimen: SpecimenStatus | null;
   hardware: {
@@ -183,6 +191,13 @@ export interface Status {
   };
   calibration: CalibrationStatus | null;
   faults: Fault[];
+}
+
+/** `GET /v1/runs/{run_id}/specimens/{well}`, as far as the page reads it. */
+export interface Specimen {
+  recording: { rig?: { pixel_format?: string } };
+  hull_volumes_um3: number[];
+  links: { mesh_glb: string | null; views: string[]; profiles: string[] };
 }
 
 /** A well of a plan. */

@@ -10,8 +10,8 @@ import {
   significant,
   squareMicrometres,
   squareMillimetres,
-  words,
 } from "./format.ts";
+import { flagWords, reasonWords } from "./reasons.ts";
 import { PHASES } from "./plain.ts";
 import type { SpecimenStatus, WellStatus } from "./status.ts";
 import { CONDITIONS, conditionOf, contents, places } from "./wells.ts";
@@ -58,37 +58,20 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
     ...fact("Specimen", capitalised(contents(well))),
     ...fact("Outcome", outcome(well, specimen, condition)),
   ];
-  if (well.reason !== null) rows.push(...fact("Reason", capitalised(words(well.reason))));
-  if (well.flags.length > 0) rows.push(...fact("Flags", well.flags.map(words).join(", ")));
+  if (well.reason !== null) rows.push(...fact("Reason", capitalised(reasonWords(well.reason))));
+  if (well.flags.length > 0) {
+    rows.push(...fact("Flags", ...well.flags.map((flag) => element("span", "flag", capitalised(flagWords(flag))))));
+  }
   const volume = well.volume_um3;
   if (volume !== null) {
-    const spread = well.volume_sd_um3 === null ? "" : ` ± ${nanolitres(well.volume_sd_um3)}`;
-    rows.push(
-      ...fact(
-        spread ? "Volume ± 1 SD" : "Volume",
-        number("volume", nanolitres(volume) + spread, cubicMicrometres(volume)),
-      ),
-    );
+    const shown = number("volume", nanolitres(volume, well.volume_sd_um3), cubicMicrometres(volume));
+    rows.push(...fact(well.volume_sd_um3 === null ? "Volume" : "Volume ± 1 SD", shown));
   } else if (well.outcome === null && specimen && specimen.view > 0) {
     rows.push(...fact("Volume so far", volumeSoFar(specimen)));
   }
   if (well.area_um2 !== null) {
-    const spread = well.area_sd_um2 === null ? "" : ` ± ${squareMillimetres(well.area_sd_um2)}`;
-    rows.push(
-      ...fact(
-        spread ? "Surface area ± 1 SD" : "Surface area",
-        number("area", squareMillimetres(well.area_um2) + spread, squareMicrometres(well.area_um2)),
-      ),
-    );
-  }
-  const { field_volume_um3, field_area_um2 } = well;
-  if (field_volume_um3 !== null) {
-    const shown = number("field-volume", nanolitres(field_volume_um3), cubicMicrometres(field_volume_um3));
-    rows.push(...fact("Volume of the surface shown", shown));
-  }
-  if (field_area_um2 !== null) {
-    const shown = number("field-area", squareMillimetres(field_area_um2), squareMicrometres(field_area_um2));
-    rows.push(...fact("Its area", shown));
+    const shown = number("area", squareMillimetres(well.area_um2, well.area_sd_um2), squareMicrometres(well.area_um2));
+    rows.push(...fact(well.area_sd_um2 === null ? "Area" : "Area ± 1 SD", shown));
   }
   if (well.diameter_um !== null) rows.push(...fact("Diameter", number("diameter", micrometres(well.diameter_um, 1))));
   if (well.signal_per_nl !== null) {
@@ -97,16 +80,31 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[]
   }
   const among = places(well);
   if (among.length > 0) rows.push(...fact("Among its age", ...among.map(place)));
+  const model = modelNumbers(well);
+  if (model.length > 0) rows.push(...fact("Of the model", ...model));
   return rows;
+}
+
+/** Of the surface that is drawn: beside the numbers to trust, not in their place. */
+function modelNumbers({ field_volume_um3: volume, field_area_um2: area }: WellStatus): HTMLElement[] {
+  const shown: HTMLElement[] = [];
+  if (volume !== null) shown.push(small("field-volume", nanolitres(volume), cubicMicrometres(volume)));
+  if (area !== null) shown.push(small("field-area", squareMillimetres(area), squareMicrometres(area)));
+  return shown;
+}
+
+function small(name: string, text: string, exact: string): HTMLElement {
+  const made = element("span", "exact", `${text} (${exact})`);
+  made.dataset["number"] = name;
+  return made;
 }
 
 // The estimate, not the hull that the chart shows: that one is too large while views are few.
 function volumeSoFar({ volume_um3, volume_sd_um3, volume_views, converged }: SpecimenStatus): HTMLElement {
-  if (volume_um3 === null) return element("span", "quiet", "not told yet: more views from all around are needed");
-  const spread = volume_sd_um3 === null ? "" : ` ± ${nanolitres(volume_sd_um3)}`;
+  if (volume_um3 === null) return element("span", "quiet", "not known yet: it takes views from more sides");
   const views = volume_views === null ? "" : `, of ${counted(volume_views, "view")}`;
   const settled = converged === true ? ", settled" : "";
-  return number("volume-live", nanolitres(volume_um3) + spread, cubicMicrometres(volume_um3) + views + settled);
+  return number("volume-live", nanolitres(volume_um3, volume_sd_um3), cubicMicrometres(volume_um3) + views + settled);
 }
 
 function place({ text, doubts }: { text: string; doubts: string }): HTMLElement {

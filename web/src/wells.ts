@@ -1,6 +1,7 @@
 // Where a well stands on its plate and in which of the named conditions it is.
 
-import { capitalised, words } from "./format.ts";
+import { capitalised } from "./format.ts";
+import { reasonWords } from "./reasons.ts";
 import type { SpecimenStatus, WellStatus } from "./status.ts";
 
 export interface PlateFormat {
@@ -75,6 +76,6 @@ export function places(well: WellStatus): { text: string; doubts: string }[] {
 
 /** One line for a screen reader and the tooltip. */
 export function spoken(well: WellStatus, condition: Condition): string {
-  const reason = well.reason === null ? "" : `: ${words(well.reason)}`;
+  const reason = well.reason === null ? "" : `: ${reasonWords(well.reason)}`;
   return `${well.well}, ${contents(well)}, ${CONDITIONS[condition].label}${reason}`;
 }

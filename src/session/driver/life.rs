@@ -61,7 +61,7 @@ impl Running {
             s.specimen = None;
             // What asked to be tried again is.
             s.faults.retain(|f| f.operator_required);
-            s.plate = Plate { barcode: Some(barcode), present: true, removable: false, needs: None };
+            s.plate = Plate { barcode: Some(barcode), present: true, ..Plate::default() };
         });
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::super::eta::UnderWay;
 use super::super::state::Trigger;
 use super::super::worker::{Progress, WellTimes};
-use super::super::{Phase, SpecimenOutcome, SpecimenStatus, State, VolumeSoFar, WellStatus, gate, kind};
+use super::super::{Live, Phase, Shown, SpecimenOutcome, SpecimenStatus, State, VolumeSoFar, WellStatus, gate, kind};
 use super::Running;
 use super::active::Asked;
 use super::publish::run_status;
@@ -28,7 +28,7 @@ impl Running {
             Progress::WaitingForLoader { well } => self.waits_for_loader(&well),
             Progress::Phase { well, phase, in_capillary } => self.phase(&well, phase, in_capillary),
             Progress::Detected { well, found, live } => {
-                self.publisher.set_live(|l| *l = live);
+                self.show(&well, 0, live);
                 self.publish(|_| ());
                 self.event(kind::SPECIMEN_DETECTED, Some(&well), serde_json::to_value(found).unwrap_or_default());
             }
@@ -38,7 +38,8 @@ impl Running {
                 self.event(kind::SPECIMEN_TRIED_AGAIN, Some(&well), json!({"attempt": attempt, "why": why}));
             }
             Progress::View { well, index, closure, achieved_steps, hull_volume_um3, so_far, light, live } => {
-                self.publisher.set_live(|l| *l = live);
+                let before = self.publisher.status().specimen.as_ref().map_or(0, |s| s.view);
+                self.show(&well, before + u32::from(hull_volume_um3.is_some()), live);
                 let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
                 self.publish(|s| {
                     s.hardware.rotation.position_steps = Some(achieved_steps);
@@ -55,11 +56,12 @@ impl Running {
                 self.event(kind::VIEW_TAKEN, Some(&well), serde_json::to_value(view).unwrap_or_default());
             }
             Progress::Measured { well, glb, end } => {
-                // Once the next specimen is looked at, the page shows that one.
-                let shown = |s: &SpecimenStatus| s.well == well || matches!(s.phase, Phase::Load | Phase::Position);
-                if let Some(glb) = glb.filter(|_| self.publisher.status().specimen.as_ref().is_none_or(shown)) {
-                    self.publisher.set_live(|l| l.mesh_glb = Some(glb));
-                }
+                // Once the next specimen is looked at, the pictures are that one's.
+                self.publisher.set_live(|l| {
+                    if l.shown.as_ref().is_some_and(|shown| shown.well == well) {
+                        l.mesh_glb = glb.or(l.mesh_glb.take());
+                    }
+                });
                 self.publish(|s| {
                     if let Some(specimen) = s.specimen.as_mut().filter(|s| s.well == well) {
                         specimen.tell(end);
@@ -80,6 +82,13 @@ impl Running {
             }
             Progress::WellDone { result, seconds, times } => self.well_done(result, seconds, &times),
         }
+    }
+
+    /// The newest pictures, and whose they are.
+    fn show(&self, well: &str, views: u32, live: Live) {
+        let run = self.active.as_ref().map(|active| active.record.id.clone());
+        let shown = run.map(|run| Shown { run, well: well.to_owned(), views });
+        self.publisher.set_live(|l| *l = Live { shown, ..live });
     }
 
     fn ready(&mut self) {

@@ -58,7 +58,8 @@ impl Running {
             run.held_by_operator = self.active.as_ref().is_some_and(|a| a.held_by_operator);
             run.goes_on_by_itself = matches!(s.state, State::Holding | State::Held) && self.goes_on_by_itself(&s.faults);
         }
-        s.plate.needs = self.needs();
+        (s.plate.take_out, s.plate.bring) = self.wanted();
+        s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
         // Everything of it is on disk, and only who takes a specimen out knows that it is out. A start may yet take a run up.
         let over = !self.starting && self.active.is_none() && self.occupant.is_none();
         s.plate.removable = over && s.plate.barcode.is_some() && !self.store_failed;
@@ -81,15 +82,13 @@ impl Running {
         held_by_something && !active.held_by_operator && active.resumes_by_itself() && faults.iter().all(ends_by_itself)
     }
 
-    /// What the loader is asked for.
-    fn needs(&self) -> Option<String> {
-        let bring = |well: &String| format!("the specimen of well {well} in the capillary");
-        match (&self.active, self.left_for_the_loader()) {
-            (Some(Active { waiting_for: Some(next), .. }), Some(former)) => {
-                Some(format!("{}, then {}", to_be_taken_out(former), bring(next)))
-            }
-            (Some(active), _) => active.waiting_for.as_ref().map(bring).or_else(|| active.take_out.as_deref().map(to_be_taken_out)),
-            (None, left) => left.map(to_be_taken_out),
+    /// What the loader is asked for: whose specimen to take out, and whose to bring after that.
+    fn wanted(&self) -> (Option<String>, Option<String>) {
+        let left = self.left_for_the_loader().map(str::to_owned);
+        match &self.active {
+            Some(Active { waiting_for: Some(next), .. }) => (left, Some(next.clone())),
+            Some(active) => (active.take_out.clone(), None),
+            None => (left, None),
         }
     }
 
@@ -116,7 +115,7 @@ impl Running {
         }
         let stands = s.faults.iter().find(|f| f.operator_required);
         let lost = self.lost.first().map(|lost| lost.way_out().to_owned());
-        lost.or_else(|| stands.map(|f| format!("fault {} ({}) is not acknowledged: {}", f.seq, f.code, f.message)))
+        lost.or_else(|| stands.map(|f| format!("a fault stands: {}", f.plainly())))
             .or_else(|| self.active.as_ref().map(|_| "a run is under way".into()))
             .or_else(|| {
                 self.left_for_the_loader()
@@ -144,6 +143,14 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
         goes_on_by_itself: false,
         outcome: record.outcome,
     }
+}
+
+/// The same in words.
+fn needs(take_out: Option<&str>, bring: Option<&str>) -> Option<String> {
+    let out = take_out.map(to_be_taken_out);
+    let bring = bring.map(|well| format!("the specimen of well {well} in the capillary"));
+    let both: Vec<String> = out.into_iter().chain(bring).collect();
+    (!both.is_empty()).then(|| both.join(", then "))
 }
 
 pub(super) fn to_be_taken_out(well: &str) -> String {

@@ -116,9 +116,15 @@ impl Fault {
             recoverable: code.recoverable,
             scheduler_action: code.scheduler_action,
             operator_required: code.operator_required,
+            meaning: code.meaning.into(),
             what_to_do: code.what_to_do.into(),
             since: jiff::Timestamp::now().to_string(),
         }
+    }
+
+    /// What is wrong, for people: what the code means, else (of a journal that did not keep it) what was found.
+    pub fn plainly(&self) -> &str {
+        if self.meaning.is_empty() { &self.message } else { &self.meaning }
     }
 }
 

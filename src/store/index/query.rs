@@ -136,6 +136,25 @@ pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
     ask(root, |c| c.query_row(known, [run, kind::RUN_ACCEPTED], |row| row.get(0)))
 }
 
+/// The volume of the live hull after each view of the newest attempt at a well, oldest first.
+pub fn hull_volumes(root: &Path, run: &str, well: &str) -> Result<Vec<f64>, StoreError> {
+    ask(root, |c| {
+        let mut select =
+            c.prepare("SELECT data FROM events INDEXED BY events_by_run WHERE run = ?1 AND well = ?2 AND kind IN (?3, ?4) ORDER BY id")?;
+        let mut found = select.query([run, well, kind::SPECIMEN_PHASE, kind::VIEW_TAKEN])?;
+        let mut volumes = Vec::new();
+        while let Some(row) = found.next()? {
+            let data: serde_json::Value = serde_json::from_str(&row.get::<_, String>(0)?).unwrap_or_default();
+            // Each attempt begins with a reference. The closure view and a view that is taken again have no volume.
+            if data["phase"] == "position" {
+                volumes.clear();
+            }
+            volumes.extend(data["hull_volume_um3"].as_f64());
+        }
+        Ok(volumes)
+    })
+}
+
 fn event_row(row: &Row) -> rusqlite::Result<Event> {
     let data: String = row.get(5)?;
     let data = serde_json::from_str(&data).unwrap_or_default();

@@ -136,6 +136,13 @@ test("the demo plate, as the operator sees it", { timeout: RUN_MS + 60_000 }, as
   await page.reload();
   await page.locator("#progress-line", { hasText: /finished/ }).waitFor();
   for (const well of run.results) await compare(well);
+  await page.locator(`button[data-well="${run.results[1]!.well}"]`).click();
+  await page.locator("#frame-whose", { hasText: /^view 1 of 21$/ }).waitFor();
+  await page.locator("#model-caption", { hasText: /as it was measured: [\d,]+ × / }).waitFor();
+  await page.locator('#chart svg[data-points="21"]').waitFor();
+  const kept = await drawn(page.locator("#frame-box"));
+  assert.ok(kept.share > 0.005 && kept.shades > 20, `a picture, not ${JSON.stringify(kept)}`);
+  await shoot(page, "daemon-stored");
   assert.deepEqual(complaints, [], "the page complained");
 
   assert.equal(await daemon.stop(), 0, "the daemon ends cleanly when asked to");

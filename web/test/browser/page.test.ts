@@ -5,7 +5,7 @@ import { after, afterEach, before, beforeEach, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { Status } from "../../src/status.ts";
 import { drawn, openBrowser, openPage, shoot } from "../support/browser.ts";
-import { FixtureServer } from "../support/fixture-server.ts";
+import { FixtureServer, kept } from "../support/fixture-server.ts";
 import { ellipsoidGlb, png } from "../support/picture.ts";
 import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
 
@@ -29,7 +29,7 @@ const bead = well("A03", {
   specimen: "bead",
   dpf: null,
   outcome: "succeeded",
-  flags: ["out_of_focus"],
+  flags: ["moved"],
   volume_um3: 65_449_847,
   area_um2: 785_398,
   diameter_um: 500.04,
@@ -40,7 +40,7 @@ function running(views: number): Status {
   return status({
     state: "Execute",
     doing: `taking view ${views + 1} of 22 of the larva in A02`,
-    plate: { barcode: "DEMO-1", present: true, removable: false, needs: null },
+    plate: { barcode: "DEMO-1", present: true, removable: false, needs: null, take_out: null, bring: null },
     run: run([measured, well("A02", { dpf: 5 }), bead, empty]),
     specimen: specimen("A02", carved(262_000_000, views)),
   });
@@ -105,10 +105,10 @@ test("the volume so far: not told at first, then with its spread, its views and 
   const turning = running(9);
   server.publish(turning);
   await page.goto(server.url);
-  await until("well-body", /Volume so far\s*not told yet/);
+  await until("well-body", /Volume so far\s*not known yet/);
   const told = { volume_um3: 251_000_000, volume_sd_um3: 1_300_000, volume_views: 8, converged: false };
   server.publish({ ...turning, revision: 2, specimen: specimen("A02", carved(262_000_000, 9), told) });
-  await until("well-body", /251\.0.nL ± 1\.3\d*.nL\s*251,000,000.µm³, of 8 views$/);
+  await until("well-body", /251\.0 ± 1\.3.nL\s*251,000,000.µm³, of 8 views$/);
   server.publish({
     ...turning,
     revision: 3,
@@ -121,10 +121,7 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   server.publish(running(9));
   await page.goto(server.url);
   await until("sentence", /^Taking view 10 of 22 of the larva in A02$/);
-  assert.equal(
-    await text("progress-line"),
-    "Run demo-1: 3 of 4 wells done · A02 taking views, view 9 of 22 · about 2 min left.",
-  );
+  assert.equal(await text("progress-line"), "Run demo-1: 3 of 4 wells done · about 2 min left.");
   const condition = (name: string) => page.locator(`[data-well="${name}"].well`).getAttribute("data-condition");
   assert.deepEqual(await Promise.all(["A01", "A02", "A03", "A04"].map(condition)), [
     "succeeded",
@@ -149,12 +146,18 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   await page.locator('[data-well="A03"].well').click();
   await until("well-heading", /A03/);
   const card = await text("well-body");
-  for (const wanted of ["65.45\u202fnL", "65,449,847\u202fµm³", "0.7854\u202fmm²", "500.0\u202fµm", "out of focus"]) {
+  for (const wanted of [
+    "65.45\u202fnL",
+    "65,449,847\u202fµm³",
+    "0.7854\u202fmm²",
+    "500.0\u202fµm",
+    "moved during the turn",
+  ]) {
     assert.ok(card.includes(wanted), `${wanted} in ${card}`);
   }
   await page.keyboard.press("ArrowRight");
   await until("well-heading", /A04/);
-  assert.match(await text("well-body"), /Skipped[\s\S]*Empty/);
+  assert.match(await text("well-body"), /Skipped[\s\S]*The capillary is empty/);
   assert.doesNotMatch(await text("well-body"), /larvae/);
   await page.locator('[data-well="A01"].well').click();
   await until("well-heading", /A01/);
@@ -164,6 +167,136 @@ test("a run under way: sentence, plate, numbers, frame, model and chart", async 
   await shoot(page, "reference");
   await page.getByRole("button", { name: "Follow the run" }).click();
   await until("well-heading", /A02/);
+});
+
+test("a chosen well shows what is stored of it, and the page says whose pictures it shows", async () => {
+  const late = carved(243_000_000, 21);
+  const base = "/v1/runs/demo-1/specimens/A01";
+  const views = [0, 1, 2].map((i) => `${base}/views/${i}.png`);
+  // The second view has no profile.
+  const profiles = [0, 2].map((i) => `${base}/profiles/${i}.png`);
+  const links = { mesh_glb: `${base}/mesh.glb`, views, profiles };
+  server.answers[base] = kept({ recording: { rig: { pixel_format: "BayerRG8" } }, hull_volumes_um3: late, links });
+  for (const path of views) server.files[path] = frame;
+  for (const path of profiles)
+    server.files[path] = png(512, 512, (x, y) =>
+      ((x - 256) / 180) ** 2 + ((y - 256) / 30) ** 2 < 1 ? [255, 255, 255, 255] : [0, 0, 0, 255],
+    );
+  server.files[`${base}/mesh.glb`] = ellipsoidGlb([1700, 250, 230]);
+  const withMeasured = { ...running(9), run: run([measured, well("A02", { dpf: 5 }), bead, empty]) };
+  server.publish(withMeasured);
+  await page.goto(server.url);
+  await until("frame-heading", /^Frame of A02$/);
+  assert.equal(await text("frame-whose"), "9 of 22 views taken");
+  await until("model-heading", /^Model of A02$/);
+  assert.equal(await page.locator("#frame-view").isVisible(), false);
+
+  await page.locator('[data-well="A01"].well').click();
+  await until("frame-heading", /^Frame of A01$/);
+  assert.equal(await text("frame-whose"), "view 1 of 3");
+  await until("model-caption", /^A01 as it was measured: 3,400 × 500 × 460/);
+  assert.equal(await text("model-heading"), "Model of A01");
+  // Opened late, the page has the whole curve all the same.
+  await page.locator('#chart svg[data-points="21"]').waitFor();
+  await until("chart-caption", /^A01: .* after 21 views/);
+  assert.equal(await page.locator("#profile-image").isVisible(), true);
+  // A mosaic's four pixels are one in colour.
+  assert.equal(await page.locator("#frame-image").evaluate((image: HTMLImageElement) => image.naturalWidth), 256);
+  await shoot(page, "stored");
+  await page.locator("#frame-view").focus();
+  await page.keyboard.press("ArrowRight");
+  await until("frame-whose", /^view 2 of 3$/);
+  await page.locator("#profile-image").waitFor({ state: "hidden" });
+  // News of the run change nothing of what was chosen.
+  server.shown = { ...server.shown, views: 10 };
+  server.publish({ ...withMeasured, specimen: specimen("A02", carved(262_000_000, 10)) });
+  await until("sentence", /view 10/);
+  assert.equal(await text("frame-heading"), "Frame of A01");
+
+  await page.locator('[data-well="A04"].well').click();
+  await until("frame-empty", /^Well A04: skipped, so there is no picture of it\.$/);
+  assert.equal(await page.locator("#frame-image").isVisible(), false);
+  assert.equal(await page.locator("#frame-view").isVisible(), false);
+  await page.getByRole("button", { name: "Follow the run" }).click();
+  await until("frame-whose", /^10 of 22 views taken$/);
+});
+
+test("pictures of another run are not shown as this one's", async () => {
+  server.shown = { run: "yesterday", well: "A02", views: 21 };
+  server.publish(running(0));
+  await page.goto(server.url);
+  await until("link", /^Live$/);
+  await until("model-empty", /^No model yet/);
+  assert.equal(await page.locator("#frame-image").isVisible(), false);
+  server.shown = { run: "demo-1", well: "A02", views: 0 };
+  server.publish(running(0));
+  await until("frame-whose", /^before its first view$/);
+});
+
+test("what there is to look at is listed by reason, and leads to its wells", async () => {
+  const results = [
+    measured,
+    bead,
+    empty,
+    well("A05", { outcome: "skipped", reason: "two" }),
+    well("A06", { outcome: "skipped", reason: "empty" }),
+    well("A07", { outcome: "failed", reason: "the frame is dark" }),
+  ];
+  server.publish(status({ state: "Complete", run: run(results, { outcome: "partial" }) }));
+  await page.goto(server.url);
+  await page.locator("#attention-list li").first().waitFor();
+  assert.deepEqual(
+    (await page.locator("#attention-list li").allInnerTexts()).map((line) => line.replace(/\s+/g, " ").trim()),
+    [
+      "✕ The frame is dark – A07",
+      "! It moved during the turn: measure it again – A03",
+      "– The capillary is empty – A04 A06",
+      "– Two larvae – A05",
+    ],
+  );
+  assert.equal(
+    await text("progress-line"),
+    "Run demo-1 finished in part: 2 measured (1 of them flagged), 3 skipped, 1 failed.",
+  );
+  await page.locator("#attention-list").getByRole("button", { name: "A06" }).click();
+  await until("well-heading", /A06/);
+  await shoot(page, "to-look-at");
+});
+
+test("who exchanges specimens by hand says so on the page", async () => {
+  const plate = {
+    barcode: "L-1",
+    present: true,
+    removable: false,
+    needs: "A01 out, then A02 in",
+    take_out: "A01",
+    bring: "A02",
+  };
+  const waiting = { ...running(0), state: "Suspended" as const, plate };
+  server.publish(waiting);
+  await page.goto(server.url);
+  await page.getByRole("button", { name: "Specimen of A01 is out" }).click();
+  await until("ask-title", /^Is the specimen of A01 out of the capillary\?$/);
+  // The loader was quicker: the question is over, and is no answer to the next.
+  server.publish({ ...waiting, plate: { ...plate, take_out: null } });
+  await page.locator("dialog").waitFor({ state: "hidden" });
+  assert.deepEqual(server.taken, []);
+  await page.getByRole("button", { name: "Specimen of A02 is in" }).click();
+  await page.locator("dialog").getByRole("button", { name: "Specimen of A02 is in" }).click();
+  await until("answer", /accepted/);
+  assert.deepEqual(server.taken, [{ command: "PUT /v1/runs/demo-1/wells/A02", body: '{"loaded":true}' }]);
+  server.publish(running(0));
+  await page.locator("#by-hand").waitFor({ state: "hidden" });
+});
+
+test("a page of another version is read anew", async () => {
+  server.publish(running(9));
+  await page.goto(server.url);
+  await until("version", /\d/);
+  await page.evaluate(() => (document.body.dataset["page"] = "old"));
+  server.publish({ ...running(9), version: "99.0.0" });
+  await until("version", /^99\.0\.0$/);
+  await page.locator('body:not([data-page="old"])').waitFor();
 });
 
 test("a rig with a second camera and a translation shows both, its light, and what glows in a well", async () => {
@@ -199,11 +332,13 @@ test("a rig with a second camera and a translation shows both, its light, and wh
 });
 
 test("the model grows without leaking: old geometry leaves the GPU, the canvas stays", async () => {
+  server.shown = { ...server.shown, views: 1 };
   server.publish(running(1));
   await page.goto(server.url);
   await until("model-caption", /A02 after 1 view/);
   const canvas = await page.locator("#model-box canvas").elementHandle();
   for (let views = 2; views <= 22; views += 1) {
+    server.shown = { ...server.shown, views };
     server.live["/v1/live/mesh.glb"] = {
       body: ellipsoidGlb([1900, 260 + views, 240], 16 + 2 * views),
       type: "model/gltf-binary",
@@ -218,6 +353,7 @@ test("the model grows without leaking: old geometry leaves the GPU, the canvas s
 });
 
 test("the model turns by key and returns by Home", async () => {
+  server.shown = { ...server.shown, views: 5 };
   server.publish(running(5));
   await page.goto(server.url);
   await until("model-caption", /A02 after 5 views/);
@@ -254,17 +390,19 @@ test("faults say what happened and what to do", async () => {
         seq: 8,
         code: "disk_low",
         category: "disk",
+        meaning: "The disk that holds the data is full.",
         message: "4.1 GB of disk are free; a plate needs 6.0 GB",
         what_to_do: "Free some of the disk.",
       }),
     ],
   });
   await page.goto(server.url);
-  await until("faults", /camera has sent no frame/);
+  await until("faults", /The camera does not answer any more\./);
   const words = await text("faults");
   assert.match(words, /Needs you/);
   assert.match(words, /What to do: Look at the camera's cable/);
   assert.match(words, /What to do: Free some of the disk/);
+  assert.match(words, /Found: 4\.1 GB of disk are free/);
   assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
   await shoot(page, "faults");
   server.publish(running(10));
@@ -288,7 +426,7 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
   server.refusal = null;
   await page.getByRole("button", { name: "Abort run" }).click();
   await page.locator("dialog").getByRole("button", { name: "Abort run" }).click();
-  await until("answer", /accepted for run demo-1/);
+  await until("answer", /^Abort run: accepted\.$/);
   assert.deepEqual(commands(), ["POST /v1/runs/demo-1/abort"]);
 
   const wells = [
@@ -301,8 +439,10 @@ test("abort asks once, says what it did, and takes no for an answer", async () =
     status({ state: "Aborted", doing: "run demo-1 was aborted", run: run(wells, { outcome: "aborted" }) }),
   );
   await until("state", /Aborted/i);
-  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 failed, 2 not started.");
+  assert.equal(await text("progress-line"), "Run demo-1 was aborted: 1 measured, 1 not finished, 2 not started.");
+  assert.equal(await page.locator("#progress").evaluate((bar: HTMLProgressElement) => bar.value), 0.25);
   assert.equal(await page.locator("#abort").isVisible(), false);
+  assert.equal(await page.locator("#answer").isVisible(), false, "what was accepted has happened");
   assert.equal(await page.locator("#now").getAttribute("data-tone"), "alarm");
   await shoot(page, "aborted");
 });
@@ -312,19 +452,23 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
   server.publish(running(9));
   await page.goto(server.url);
   await button("Hold").click();
-  await until("answer", /Hold: accepted for run demo-1/);
+  await until("answer", /^Hold: accepted\.$/);
   server.publish({ ...running(10), state: "Holding", pending: { hold: true, stop: false, abort: false } });
   await button("Holding…").waitFor();
   assert.equal(await button("Holding…").isDisabled(), true);
   const held = { ...running(0), state: "Held" as const, specimen: null };
   server.publish({ ...held, run: run([well("A01")], { held_by_operator: true }) });
+  await page.locator("#answer").waitFor({ state: "hidden" });
   await button("Go on").click();
   await until("answer", /Go on: accepted/);
   assert.equal(await page.locator("#hold").isVisible(), false);
+  await button("End the run").click();
+  await until("ask-title", /^End run demo-1\?$/);
+  await page.getByRole("button", { name: "Keep the run" }).click();
   // A fault holds it: it would go on by itself.
   server.publish(held);
-  await button("Hold").click();
-  await until("answer", /Hold: accepted/);
+  await button("Keep it held").click();
+  await until("answer", /Keep it held: accepted/);
   server.publish(running(1));
   await button("Stop after this well").click();
   await until("ask-title", /^Stop run demo-1 after this well\?$/);
@@ -365,7 +509,8 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
     ],
   };
   await page.getByLabel("Plate map").setInputFiles(map);
-  await until("new-run-words", /map\.csv cannot be used: the plate map has 2 mistakes/);
+  await until("new-run-words", /^map\.csv cannot be used: 2 mistakes\.$/);
+  await until("new-run-missing", /^Still needed: a plate map without mistakes, the plate's barcode, your name\.$/);
   assert.deepEqual(await page.locator("#new-run-list li").allInnerTexts(), [
     'Line 3, well: "Z9" is not a well',
     'Line 3, dpf: "x" is not a number',
@@ -396,11 +541,22 @@ test("a new run: every mistake of its map, the preflight, the start", async () =
   assert.equal(await page.locator("#new-run-list").innerText(), "A1 is read as A01");
   assert.equal(await page.locator("#start").isDisabled(), true, "barcode and operator are missing");
   await page.getByLabel("Plate barcode").fill("P-7");
+  await until("new-run-missing", /^Still needed: your name\.$/);
   await page.getByLabel("Operator").fill("Kim");
+  await page.locator("#new-run-missing").waitFor({ state: "hidden" });
   await page.getByRole("button", { name: "Preflight" }).click();
-  await until("new-run-words", /1 of 2 checks failed, 1 of which stop a run/);
-  assert.match(await page.locator("#new-run-list li").first().innerText(), /this plate needs 12 GB.*Free 9 GB/s);
+  await until("new-run-words", /1 of 2 checks failed\. The run would not start\./);
+  assert.match(await page.locator("#new-run-list li").first().innerText(), /This plate needs 12 GB.*Free 9 GB/s);
   await shoot(page, "preflight");
+  await page.getByLabel("Operator").fill("Kim B.");
+  await page.locator("#new-run-words").waitFor({ state: "hidden" });
+  assert.equal(await page.locator("#new-run-list li").count(), 0, "a preflight of another plan is none of this one");
+  await page.getByLabel("Operator").fill("Kim");
+  server.publish(status({ ready: false, not_ready_reason: "a fault stands: The disk is full." }));
+  await until("new-run-missing", /^No run can start yet: a fault stands: The disk is full\.$/);
+  assert.equal(await page.locator("#start").isDisabled(), true);
+  assert.equal(await page.locator("#preflight").isEnabled(), true);
+  server.publish(status());
 
   await page.getByLabel("Run name").fill("monday-1");
   await page.getByRole("button", { name: "Start", exact: true }).click();
@@ -436,6 +592,7 @@ test("a lost connection is said with its age, and heals by itself", async () => 
   await shoot(page, "connection-lost");
   // A daemon that starts anew counts its revisions from 1 again.
   server = new FixtureServer(status({ boot_id: "c9e2", doing: "waiting for a run after the restart" }));
+  server.answers["/v1/methods"] = { methods: [] };
   await server.start(port);
   await until("sentence", /after the restart/);
   assert.equal(server.asked[0], "", "a revision of the old daemon means nothing to the new one");

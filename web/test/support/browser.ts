@@ -31,8 +31,9 @@ export async function openPage(
   page.on("pageerror", (error) => complaints.push(String(error)));
   page.on("console", (message) => {
     const text = message.text();
-    // A live picture that is not there yet and a daemon that is away are no errors of the page.
-    if (message.type() === "error" && !text.startsWith("Failed to load resource")) complaints.push(text);
+    // A daemon that is away, and one that refuses what was asked, are no errors of the page; something that is not there is.
+    const isAnswer = /^Failed to load resource/.test(text) && !/404/.test(text);
+    if (message.type() === "error" && !isAnswer) complaints.push(text);
     // Chromium says when a GPU feature is emulated; three.js would say when its use is wrong.
     else if (message.type() === "warning" && !/GPU stall|GL Driver Message/.test(text)) complaints.push(text);
   });

@@ -3,7 +3,7 @@
 import { createServer, type IncomingMessage, type Server, type ServerResponse } from "node:http";
 import type { AddressInfo, Socket } from "node:net";
 import { readFile } from "node:fs/promises";
-import type { Status } from "../../src/status.ts";
+import type { Specimen, Status } from "../../src/status.ts";
 
 const CSP =
   "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -14,6 +14,11 @@ const PAGE: Record<string, [string, string]> = {
   "/app.css": ["app.css", "text/css"],
 };
 
+/** A stored specimen; nothing of it, where nothing is said. */
+export function kept(change: Partial<Specimen> = {}): Specimen {
+  return { recording: {}, hull_volumes_um3: [], links: { mesh_glb: null, views: [], profiles: [] }, ...change };
+}
+
 export class FixtureServer {
   /** Commands that were taken: `POST /v1/runs/demo-1/abort`, with what came with them. */
   readonly taken: { command: string; body: string }[] = [];
@@ -23,9 +28,13 @@ export class FixtureServer {
   refusal: { detail: string; errors?: object[] } | null = null;
   /** Bodies of what is read, and of what commands answer, by path. */
   readonly answers: Record<string, unknown> = {};
+  /** Files of stored specimens, by path. */
+  readonly files: Record<string, Buffer> = {};
   /** Wanted of everything under /v1, where set. */
   token: string | null = null;
   readonly live: Record<string, { body: Buffer; type: string } | undefined> = {};
+  /** Whose the live pictures are. */
+  shown = { run: "demo-1", well: "A02", views: 9 };
   #status: Status;
   #waiting = new Set<() => void>();
   #sockets = new Set<Socket>();
@@ -95,6 +104,8 @@ export class FixtureServer {
         body: Buffer.concat(chunks).toString(),
       });
       this.#json(response, 200, this.answers[url.pathname] ?? {});
+    } else if (url.pathname in this.files) {
+      response.writeHead(200, { "Content-Type": "application/octet-stream" }).end(this.files[url.pathname]);
     } else if (url.pathname in this.answers) {
       this.#json(response, 200, this.answers[url.pathname]);
     } else {
@@ -103,9 +114,19 @@ export class FixtureServer {
   }
 
   #live(path: string, request: IncomingMessage, response: ServerResponse): void {
+    if (/^\/v1\/runs\/[^/]+\/specimens\/\w+$/.test(path)) {
+      this.#json(response, 200, kept());
+      return;
+    }
+    if (!path.startsWith("/v1/live/")) {
+      this.#json(response, 404, { title: "Not Found" });
+      return;
+    }
+    const { run, well, views } = this.shown;
+    for (const [name, value] of Object.entries({ run, well, views })) response.setHeader(`Carved-${name}`, value);
     const found = this.live[path];
     if (!found) {
-      this.#json(response, 404, { title: "Not Found" });
+      response.writeHead(204).end();
       return;
     }
     const tag = `"${found.body.length}-${found.body.subarray(-64).toString("base64")}"`;

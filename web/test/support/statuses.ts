@@ -56,9 +56,9 @@ export function run(results: WellStatus[], change: Partial<RunStatus> = {}): Run
     wells: {
       succeeded: count((w) => w.outcome === "succeeded" && w.flags.length === 0),
       flagged: count((w) => w.outcome === "succeeded" && w.flags.length > 0),
-      failed: count((w) => w.outcome === "failed" || w.outcome === "aborted"),
+      failed: count((w) => w.outcome === "failed"),
       skipped: count((w) => w.outcome === "skipped"),
-      interrupted: count((w) => w.outcome === "interrupted"),
+      interrupted: count((w) => w.outcome === "interrupted" || w.outcome === "aborted"),
       pending: count((w) => w.outcome === null),
       total: results.length,
     },
@@ -97,6 +97,7 @@ export function fault(change: Partial<Fault> = {}): Fault {
     scheduler_action: "retry",
     operator_required: false,
     since: "2026-03-05T09:31:12Z",
+    meaning: "The camera does not answer any more.",
     what_to_do: "Look at the camera's cable.",
     ...change,
   };
@@ -115,7 +116,7 @@ export function status(change: Partial<Status> = {}): Status {
     state: "Idle",
     doing: "waiting for a run",
     pending: { hold: false, stop: false, abort: false },
-    plate: { barcode: null, present: false, removable: true, needs: null },
+    plate: { barcode: null, present: false, removable: true, needs: null, take_out: null, bring: null },
     run: null,
     specimen: null,
     hardware: {

@@ -30,13 +30,15 @@ test("progress counts wells, and the specimen under way by its views", () => {
   assert.equal(progress({ ...half, specimen: specimen("A01", [1, 1]) }), 0.5, "a well that has ended counts once");
   const done = run([well("A01", { outcome: "succeeded" })], { outcome: "succeeded" });
   assert.equal(progress({ ...half, run: done }), 1);
+  const aborted = run([well("A01", { outcome: "succeeded" }), well("A02", { outcome: "aborted" })], {
+    outcome: "aborted",
+  });
+  assert.equal(progress({ ...half, run: aborted }), 0.5, "what was left out is not done");
+  assert.equal(progress({ ...half, state: "Held" }), 0.5, "a held run has given its specimen up");
 });
 
 test("the line under the sentence says how far, or how it ended", () => {
-  assert.equal(
-    progressLine(half),
-    "Run demo-1: 1 of 2 wells done · A02 taking views, view 11 of 22 · about 2 min left.",
-  );
+  assert.equal(progressLine(half), "Run demo-1: 1 of 2 wells done · about 2 min left.");
   const ended = run([well("A01", { outcome: "failed" }), well("A02", { outcome: "skipped" })], { outcome: "failed" });
   assert.equal(progressLine({ ...half, run: ended }), "Run demo-1 failed: 1 skipped, 1 failed.");
   assert.equal(tally(ended), "1 skipped, 1 failed");

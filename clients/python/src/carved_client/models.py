@@ -37,6 +37,8 @@ class Fault:
     scheduler_action: SchedulerAction
     operator_required: bool
     since: str
+    #: What its code means, in plain words; ``message`` has what was found this time.
+    meaning: str = ""
     what_to_do: str = ""
 
 
@@ -59,6 +61,10 @@ class Plate:
     removable: bool
     #: What the instrument waits for from the loader, in words, if anything.
     needs: str | None
+    #: The well whose specimen is to be taken out of the capillary.
+    take_out: str | None = None
+    #: The well whose specimen is to be brought, after what is to be taken out.
+    bring: str | None = None
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,12 @@ impl Bench {
         self.status().plate.needs.unwrap_or_default()
     }
 
+    /// The same by wells: whose specimen to take out, whose to bring.
+    fn wanted(&self) -> [Option<String>; 2] {
+        let plate = self.status().plate;
+        [plate.take_out, plate.bring]
+    }
+
     fn asks_for(&mut self, well: &str) {
         self.phase(well, Phase::Load, false);
         self.tell(Progress::WaitingForLoader { well: well.into() });
@@ -59,13 +65,16 @@ fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
         b.tell(Progress::Ready);
         b.asks_for("A01");
         assert_eq!(b.needs(), IN[0]);
+        assert_eq!(b.wanted(), [None, Some("A01".into())]);
         b.measures("A01");
         b.asks_for("A02");
         assert_eq!(b.needs(), format!("{}, then {}", out("A01"), IN[1]));
+        assert_eq!(b.wanted(), ["A01", "A02"].map(|well| Some(well.into())));
         drop(b);
 
         let mut b = bench(dir.path(), true);
         assert_eq!((b.status().state, b.needs()), (State::Suspended, out("A01")), "a crash does not take it out");
+        assert_eq!(b.wanted(), [Some("A01".into()), None]);
         b.loaded("A01", false).unwrap();
         b.tell(Progress::Ready);
         b.asks_for("A02");

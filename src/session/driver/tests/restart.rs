@@ -50,7 +50,7 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
         drop(b);
         let waits = |status: &Status| status.state == State::Held && !status.run.as_ref().unwrap().goes_on_by_itself;
         for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
-            assert!(waits(status) && status.doing.contains("on request"), "{}", status.doing);
+            assert!(waits(status) && status.doing.contains("operator"), "{}", status.doing);
         }
         let mut b = bench(dir.path(), true);
         b.steer(Towards::Unhold).unwrap();

@@ -1,0 +1,38 @@
+// One question before what cannot be taken back, in a dialog; a second one waits for nobody, it takes the first one's place.
+
+import { setText } from "./dom.ts";
+
+export interface Question {
+  title: string;
+  words: string;
+  no: string;
+  yes: string;
+}
+
+export class Asker {
+  readonly #dialog: HTMLDialogElement;
+  readonly #parts: Record<keyof Question, HTMLElement>;
+  #answered: ((yes: boolean) => void) | null = null;
+
+  constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
+    this.#dialog = find("ask");
+    this.#parts = { title: find("ask-title"), words: find("ask-words"), no: find("ask-no"), yes: find("ask-yes") };
+    this.#dialog.addEventListener("close", () => {
+      const yes = this.#dialog.returnValue === "yes";
+      this.#dialog.returnValue = "";
+      this.#answered?.(yes);
+      this.#answered = null;
+    });
+  }
+
+  ask(question: Question): Promise<boolean> {
+    for (const part of ["title", "words", "no", "yes"] as const) setText(this.#parts[part], question[part]);
+    this.#dialog.showModal();
+    return new Promise((resolve) => (this.#answered = resolve));
+  }
+
+  /** What was asked about is over: no answer is an answer to the next. */
+  dismiss(): void {
+    if (this.#dialog.open) this.#dialog.close();
+  }
+}

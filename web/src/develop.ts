@@ -1,0 +1,76 @@
+// Stored frames and masks as pictures to look at: a mosaic in colour, a mask as its edge.
+
+const EDGE = [255, 64, 160, 255] as const;
+
+interface Pixels {
+  width: number;
+  height: number;
+  data: Uint8ClampedArray;
+}
+
+async function pixelsOf(file: Blob): Promise<Pixels> {
+  // Without a profile's help: what is stored are counts.
+  const bitmap = await createImageBitmap(file, { colorSpaceConversion: "none" });
+  const { width, height } = bitmap;
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext("2d")!;
+  context.drawImage(bitmap, 0, 0);
+  bitmap.close();
+  return { width, height, data: context.getImageData(0, 0, width, height).data };
+}
+
+function pictureOf({ width, height, data }: Pixels): Promise<Blob> {
+  const canvas = new OffscreenCanvas(width, height);
+  const image = new ImageData(width, height);
+  image.data.set(data);
+  canvas.getContext("2d")!.putImageData(image, 0, 0);
+  return canvas.convertToBlob({ type: "image/png" });
+}
+
+/** A raw frame as the camera saw it: each 2 x 2 pixels of a mosaic (`BayerRG8`) are one in colour. */
+export async function developed(file: Blob, format: string): Promise<Blob> {
+  const first = /^Bayer([RGB]{2})8$/.exec(format)?.[1];
+  return first === undefined ? file : pictureOf(colours(await pixelsOf(file), first));
+}
+
+/** `first` are the colours of the first line's first two pixels. Pure. */
+export function colours({ width, height, data }: Pixels, first: string): Pixels {
+  // Red and blue stand across from each other, green twice.
+  const second = { RG: "GB", GR: "BG", GB: "RG", BG: "GR" }[first] ?? "GB";
+  const places = [...first, ...second].map((colour) => "RGB".indexOf(colour));
+  const [w, h] = [Math.floor(width / 2), Math.floor(height / 2)];
+  const out = new Uint8ClampedArray(w * h * 4);
+  for (let v = 0; v < h; v += 1) {
+    for (let u = 0; u < w; u += 1) {
+      const at = (v * w + u) * 4;
+      out[at + 3] = 255;
+      places.forEach((colour, i) => {
+        const count = data[((2 * v + (i >> 1)) * width + 2 * u + (i & 1)) * 4]!;
+        // Green has two of the four.
+        out[at + colour]! += colour === 1 ? count / 2 : count;
+      });
+    }
+  }
+  return { width: w, height: h, data: out };
+}
+
+/** A mask's edge on a transparent ground, wide enough to be seen where the page scales it down. */
+export async function outlined(file: Blob): Promise<Blob> {
+  const { width, height, data } = await pixelsOf(file);
+  const out = new Uint8ClampedArray(width * height * 4);
+  const inside = (u: number, v: number) => u < width && v < height && data[(v * width + u) * 4]! > 127;
+  for (let v = 0; v < height; v += 1) {
+    for (let u = 0; u < width; u += 1) {
+      const here = inside(u, v);
+      if (inside(u + 1, v) === here && inside(u, v + 1) === here) continue;
+      for (const [du, dv] of [
+        [0, 0],
+        [1, 0],
+        [0, 1],
+      ] as const) {
+        if (u + du < width && v + dv < height) out.set(EDGE, ((v + dv) * width + u + du) * 4);
+      }
+    }
+  }
+  return pictureOf({ width, height, data: out });
+}

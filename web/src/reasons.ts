@@ -1,0 +1,44 @@
+// Flags and reasons in an operator's words: what is so, and what to do about it. docs/quality.md has the limits behind them. Pure.
+
+import { words } from "./format.ts";
+
+const FLAGS: Record<string, string> = {
+  area_off_references: "its area is far from that of larvae of its age: look at the frames and the plate map",
+  bad_view: "a view did not belong and was left out",
+  bead_gate: "no passed and fresh measurement of beads stands behind it",
+  blur_mismatch: "the frames are blurred otherwise than configured: look at the focus",
+  calibration_gate: "the calibration of its turn was not used: it made the model smaller",
+  calibration_off: "the capillary lies elsewhere than configured: look how it is mounted",
+  clipped_left: "it goes on beyond the left of the picture",
+  clipped_right: "it goes on beyond the right of the picture",
+  dead_looking: "it looks dead",
+  few_views: "too few views count, or none from one side",
+  moved: "it moved during the turn: measure it again",
+  no_closure: "no view closed the turn, so nobody knows whether it moved",
+  nonconvex: "it is bent or hollow in places: there the voxels are trusted",
+  outside_box: "it reaches out of the box that is measured",
+  overlap: "a view does not fit the model: look at its frames",
+  residual: "the views do not agree: look at focus and vibration, or it twitched",
+  uncalibrated: "its turn could not be calibrated",
+  unusable_views: "many views could not be used: look at light, focus and bubbles",
+  volume_off_references: "its volume is far from that of larvae of its age: look at the frames and the plate map",
+  wrong_steps: "the axis turned another angle than it said: look at its coupling",
+};
+
+const REASONS: Record<string, string> = {
+  blocked: "the capillary lets no light through",
+  bubble: "an air bubble",
+  clipped: "it goes on beyond the picture",
+  debris: "debris",
+  empty: "the capillary is empty",
+  two: "two larvae",
+};
+
+export function flagWords(flag: string): string {
+  return FLAGS[flag] ?? words(flag);
+}
+
+/** Why a well has no number; a failure says it in words already. */
+export function reasonWords(reason: string): string {
+  return REASONS[reason] ?? words(reason);
+}

@@ -1,0 +1,48 @@
+// Whose pictures the page shows: the run's as it goes on, or those that are stored of a well the operator has chosen. Pure.
+//
+//   nobody chosen ──> the newest, whosever; else the last well that was measured
+//   chosen, under way ──> the newest, where they are that well's
+//   chosen, measured ──> stored
+
+import { CONDITIONS, conditionOf } from "./wells.ts";
+import type { Status, WellStatus } from "./status.ts";
+
+export type Subject =
+  /** The newest pictures of this run; of `well` alone, where one is given; where there are none, those that are stored of `instead`. */
+  | { kind: "live"; run: string; well: string | null; instead: string | null }
+  | { kind: "stored"; run: string; well: string }
+  | { kind: "none"; words: string };
+
+/** The well to show: the operator's, or the one under way, or the last that ended. */
+export function chosenWell(status: Status, pinned: string | null): string | null {
+  const wells = status.run?.results ?? [];
+  const current = status.specimen?.well;
+  for (const name of [pinned, current]) if (name != null && wells.some((w) => w.well === name)) return name;
+  const ended = wells.filter((w) => w.outcome !== null);
+  return (lastMeasured(wells) ?? ended.at(-1) ?? wells[0])?.well ?? null;
+}
+
+function lastMeasured(wells: readonly WellStatus[]): WellStatus | undefined {
+  return wells.findLast((w) => w.volume_um3 !== null);
+}
+
+/** Whether views of it are surely stored: a well without views has no pictures, one of a run that was ended may have none. */
+export function hasViews(well: WellStatus): boolean {
+  return well.outcome === "succeeded" || well.outcome === "failed";
+}
+
+export function subjectOf(status: Status, pinned: string | null): Subject {
+  const run = status.run;
+  if (run === null) return { kind: "none", words: "There has been no run yet." };
+  const well = run.results.find((w) => w.well === pinned);
+  if (!well) {
+    const last = lastMeasured(run.results)?.well ?? null;
+    return { kind: "live", run: run.id, well: null, instead: run.outcome === null ? null : last };
+  }
+  if (hasViews(well)) return { kind: "stored", run: run.id, well: well.well };
+  if (well.outcome === null && status.specimen?.well === well.well) {
+    return { kind: "live", run: run.id, well: well.well, instead: null };
+  }
+  const label = CONDITIONS[conditionOf(well, null)].label;
+  return { kind: "none", words: `Well ${well.well}: ${label}, so there is no picture of it.` };
+}

@@ -1,0 +1,69 @@
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+import { colours } from "../../src/develop.ts";
+import { withSpread } from "../../src/format.ts";
+import { flagWords } from "../../src/reasons.ts";
+import { chosenWell, subjectOf } from "../../src/subject.ts";
+import { run, specimen, status, well } from "../support/statuses.ts";
+
+const results = [
+  well("A01", { outcome: "succeeded", volume_um3: 1 }),
+  well("A02"),
+  well("A03", { outcome: "aborted" }),
+  well("A04"),
+];
+const half = status({ state: "Execute", run: run(results), specimen: specimen("A02", [1]) });
+
+test("pictures are the run's newest, or those of the well that was chosen", () => {
+  const live = { kind: "live", run: "demo-1", well: null, instead: null };
+  assert.deepEqual(subjectOf(half, null), live);
+  assert.deepEqual(subjectOf(half, "A01"), { kind: "stored", run: "demo-1", well: "A01" });
+  assert.deepEqual(subjectOf(half, "A02"), { ...live, well: "A02" });
+  for (const name of ["A03", "A04"]) {
+    const none = subjectOf(half, name);
+    assert.ok(none.kind === "none" && none.words.includes(name), name);
+  }
+  const over = { ...half, run: run(results, { outcome: "partial" as const }), specimen: null };
+  assert.deepEqual(subjectOf(over, null), { ...live, instead: "A01" }, "after a restart there is no newest");
+  assert.equal(subjectOf(status(), null).kind, "none");
+});
+
+test("the well to show: the operator's, or the one under way, or the last that was measured", () => {
+  assert.equal(chosenWell(half, "A04"), "A04");
+  assert.equal(chosenWell(half, null), "A02");
+  assert.equal(chosenWell(half, "H12"), "A02", "a well of another plate");
+  assert.equal(chosenWell({ ...half, specimen: null }, null), "A01");
+  assert.equal(chosenWell(status(), null), null);
+});
+
+test("a mosaic's four pixels are one in colour, wherever red stands", () => {
+  const mosaic = (...counts: number[]) => ({
+    width: 2,
+    height: 2,
+    data: new Uint8ClampedArray(counts.flatMap((count) => [count, count, count, 255])),
+  });
+  const seen = [200, 100, 40, 255];
+  assert.deepEqual([...colours(mosaic(200, 90, 110, 40), "RG").data], seen);
+  assert.deepEqual([...colours(mosaic(40, 90, 110, 200), "BG").data], seen);
+  assert.deepEqual([...colours(mosaic(90, 200, 40, 110), "GR").data], seen);
+  assert.deepEqual([...colours(mosaic(90, 40, 200, 110), "GB").data], seen);
+});
+
+test("a spread has two digits, and its value ends at the same place", () => {
+  assert.equal(withSpread(226.713404, 1.392), "226.7 ± 1.4");
+  assert.equal(withSpread(3.240145, 0.006528), "3.2401 ± 0.0065");
+  assert.equal(withSpread(1234.5, 99.6), "1,235 ± 100");
+  assert.equal(withSpread(1, 0), "1.0000 ± 0.0000");
+});
+
+test("every flag that the documents name is said in plain words", () => {
+  const whole = readFileSync(new URL("../../../../docs/quality.md", import.meta.url), "utf8");
+  const documents = whole.split("\n## ").find((section) => section.startsWith("Checks of a specimen"))!;
+  const rows = documents.split("\n").filter((line) => line.startsWith("| `"));
+  const named = rows.flatMap((row) => [...row.split("|")[3]!.matchAll(/`(\w+)`/g)]);
+  const older = /Flags that are older[^\n]*?: ([^(]*)/.exec(documents)![1]!;
+  const flags = [...named, ...older.matchAll(/`(\w+)`/g)].map((match) => match[1]!);
+  assert.ok(flags.length > 15, String(flags));
+  for (const flag of flags) assert.notEqual(flagWords(flag), flag.replaceAll("_", " "), flag);
+});
