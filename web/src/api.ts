@@ -1,6 +1,6 @@
 // What the page asks of the daemon, and nothing else.
 
-import type { Check, Method, PlateMap, RunPlan, Specimen, Status } from "./status.ts";
+import type { Check, Method, PlateMap, RunDetail, RunPlan, Specimen, Status } from "./status.ts";
 import { authorization } from "./token.ts";
 
 /** The daemon did not give what was asked for: it answered with a problem, or (code 0) not at all. */
@@ -100,6 +100,13 @@ export async function fetchMethods(): Promise<Method[]> {
   const response = await ask("/v1/methods");
   if (!response.ok) throw await refusal(response);
   return ((await response.json().catch(away)) as { methods: Method[] }).methods;
+}
+
+/** What is stored of a run, its plan included. */
+export async function fetchRun(run: string): Promise<RunDetail> {
+  const response = await ask(`/v1/runs/${encodeURIComponent(run)}`);
+  if (!response.ok) throw await refusal(response);
+  return (await response.json().catch(away)) as RunDetail;
 }
 
 /** What is stored of a well; null where nothing is. */

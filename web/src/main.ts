@@ -21,6 +21,7 @@ import { RigView } from "./rig.ts";
 import type { Status } from "./status.ts";
 import { StoredSpecimens } from "./stored.ts";
 import { chosenWell, hasViews, subjectOf } from "./subject.ts";
+import { saveTable } from "./table.ts";
 import { TokenForm } from "./token.ts";
 import { WellCard } from "./wellcard.ts";
 
@@ -94,6 +95,12 @@ function choose(well: string | null): void {
 
 byId("follow").addEventListener("click", () => choose(null));
 
+byId("save-table").addEventListener("click", () => {
+  const run = newest?.run?.id;
+  // Where the daemon is away, the page says so already.
+  if (run !== undefined) saveTable(run).catch((error: unknown) => console.warn(String(error)));
+});
+
 function showAll(status: Status): void {
   numbers(status);
   pictures(status);
@@ -122,6 +129,7 @@ function numbers(status: Status): void {
   byId("follow").hidden = pinned === null;
   plate.update(wells, specimen, chosen);
   attention.update(wells);
+  byId("save-table").hidden = wells.every((w) => w.outcome === null);
   card.update(well, specimen);
   chart.update(
     well && {

@@ -21,7 +21,7 @@ export class RigView {
     if (second) rows.push(["Second camera", cameraWords(second)], ["Its frames", frames(second)]);
     if (free !== null) rows.push(["Disk free", bytes(free)]);
     rows.push(["Calibration", calibrationWords(status.calibration)]);
-    rows.push(["Running for", duration(Math.floor(status.uptime_s / 60) * 60 || Math.floor(status.uptime_s))]);
+    rows.push(["Program up for", duration(Math.floor(status.uptime_s / 60) * 60 || Math.floor(status.uptime_s))]);
     const now = JSON.stringify(rows);
     if (now === this.#shown) return;
     this.#shown = now;
@@ -59,7 +59,7 @@ function cameraWords(camera: CameraStatus): string {
 
 /** The rig's newest calibration in one line. */
 export function calibrationWords(calibration: CalibrationStatus | null): string {
-  if (calibration === null) return "! none kept";
+  if (calibration === null) return "! none yet: no beads and no scale were measured";
   const { kind, bead_bias_percent: bias, age_s, max_age_s, valid } = calibration;
   const parts = [`${valid ? "✓" : "!"} by ${kind}, ${age(age_s)} old`];
   if (!valid) parts.push(`valid for ${age(max_age_s)}`);
@@ -67,10 +67,11 @@ export function calibrationWords(calibration: CalibrationStatus | null): string 
   return parts.join(", ");
 }
 
+/** What was lost; the whole ones are counted after each well only, which reads as a loss in mid-turn. */
 function frames(camera: CameraStatus): string {
-  const parts = [`${grouped(camera.completed_frames)} complete`];
+  const parts: string[] = [];
   if (camera.failed_frames > 0) parts.push(`${grouped(camera.failed_frames)} failed`);
   if (camera.missing_packets > 0) parts.push(`${grouped(camera.missing_packets)} packets missing`);
   if (camera.resent_packets > 0) parts.push(`${grouped(camera.resent_packets)} packets sent again`);
-  return parts.join(", ");
+  return parts.length === 0 ? "✓ none lost" : parts.join(", ");
 }

@@ -210,6 +210,16 @@ export interface PlannedWell {
   concentration_unit?: string | null;
 }
 
+/** `GET /v1/runs/{run_id}`, as far as the page reads it. */
+export interface RunDetail {
+  id: string;
+  mode: string;
+  plate_barcode: string;
+  method: string;
+  plan: { plate_map: PlannedWell[] };
+  results: WellStatus[];
+}
+
 /** A plate map as the daemon has read it. */
 export interface PlateMap {
   plate_map: PlannedWell[];

@@ -1,6 +1,7 @@
 // The page against a fixture server: conditions that are hard to reach with a rig.
 
 import assert from "node:assert/strict";
+import { readFile } from "node:fs/promises";
 import { after, afterEach, before, beforeEach, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { Status } from "../../src/status.ts";
@@ -258,6 +259,26 @@ test("what there is to look at is listed by reason, and leads to its wells", asy
     await text("progress-line"),
     "Run demo-1 finished in part: 2 measured (1 of them flagged), 3 skipped, 1 failed.",
   );
+  server.answers["/v1/runs/demo-1"] = {
+    ...{ id: "demo-1", mode: "simulated", plate_barcode: "P-7", method: "standard", results },
+    plan: { plate_map: results.map(({ well }) => ({ well, compound: 'DMSO, "dry"' })) },
+  };
+  const [download] = await Promise.all([
+    page.waitForEvent("download"),
+    page.getByRole("button", { name: "Save table" }).click(),
+  ]);
+  assert.equal(download.suggestedFilename(), "demo-1.csv");
+  const lines = (await readFile(await download.path(), "utf8")).split("\r\n");
+  assert.equal(lines.length, results.length + 2);
+  assert.match(
+    lines[0]!,
+    /^\ufeffrun,mode,plate_barcode,method,well,specimen,dpf,compound,.*,volume_um3,volume_sd_um3,/,
+  );
+  assert.match(
+    lines[1]!,
+    /^demo-1,simulated,P-7,standard,A01,larva,3,"DMSO, ""dry""",,.*,succeeded,,,,243123456,,4012345,/,
+  );
+  assert.match(lines[2]!, /,A03,bead,,.*,succeeded,,moved,/);
   await page.locator("#attention-list").getByRole("button", { name: "A06" }).click();
   await until("well-heading", /A06/);
   await shoot(page, "to-look-at");
@@ -319,7 +340,7 @@ test("a rig with a second camera and a translation shows both, its light, and wh
     },
   });
   await page.goto(server.url);
-  await until("rig", /Second camera\s*✓ Fluo 1\s*Its frames\s*22 complete, 3 packets missing/);
+  await until("rig", /Frames\s*✓ none lost[\s\S]*Second camera\s*✓ Fluo 1\s*Its frames\s*3 packets missing/);
   const shown = (await text("rig")).replaceAll("\u202f", " ");
   for (const wanted of ["✓ at −5,000 µm", "background 240 of 255, 3.1 % saturated", "1,235 (higher is sharper)"]) {
     assert.ok(shown.includes(wanted), `${wanted} in ${shown}`);
@@ -610,6 +631,19 @@ test("an instrument that wants its token gets it from the operator", async () =>
   await until("link", /^Live$/);
   await page.locator("#token-form").waitFor({ state: "hidden" });
   await page.locator("#frame-image").waitFor();
+});
+
+test("the page holds on a telephone", async () => {
+  server.publish({ ...running(9), faults: [fault({ operator_required: true })] });
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.goto(server.url);
+  await page.locator("#frame-image").waitFor();
+  const overflow = await page.evaluate(
+    () => document.documentElement.scrollWidth - document.documentElement.clientWidth,
+  );
+  assert.equal(overflow, 0, "no sideways scrolling");
+  assert.ok((await page.locator("#sentence").boundingBox())!.width > 250, "the sentence has the page's width");
+  await shoot(page, "telephone");
 });
 
 test("the page holds on a tablet and on a plate of 384 wells", async () => {

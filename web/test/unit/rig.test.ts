@@ -22,7 +22,7 @@ test("a calibration is one line: by what, how old, how far off, and whether it s
     calibrationWords({ ...beads, age_s: 7300, bead_bias_percent: 0.5 }),
     "✓ by beads, 2 h old, beads +0.50 %",
   );
-  assert.equal(calibrationWords(null), "! none kept");
+  assert.equal(calibrationWords(null), "! none yet: no beads and no scale were measured");
 });
 
 test("light says when the lamp is too bright, focus compares with other views", () => {
