@@ -3,7 +3,7 @@
 import { post, Refused, sayLoaded } from "./api.ts";
 import { Asker, type Question } from "./ask.ts";
 import { setText, show } from "./dom.ts";
-import { canAbort, canGoOn, canHold, canStop, isHeldByFaultAlone, isAtRest, runsNow } from "./plain.ts";
+import { canAbort, canGoOn, canHold, canStop, goesOnByItself, isAtRest, runsNow } from "./plain.ts";
 import type { Status } from "./status.ts";
 
 interface Command {
@@ -29,10 +29,10 @@ const COMMANDS: readonly Command[] = [
   {
     name: "hold",
     // Held by a fault, it would go on by itself.
-    label: (s) => (isHeldByFaultAlone(s) ? "Keep it held" : "Hold"),
+    label: (s) => (goesOnByItself(s) ? "Keep it held" : "Hold"),
     underWay: "Holding…",
     isUnderWay: (s) => s.pending.hold || s.state === "Holding",
-    isShown: (s) => runsNow(s) && (isHeldByFaultAlone(s) || (s.state !== "Held" && s.state !== "Unholding")),
+    isShown: (s) => runsNow(s) && (goesOnByItself(s) || (s.state !== "Held" && s.state !== "Unholding")),
     isEnabled: canHold,
     question: null,
     send: steer("hold"),

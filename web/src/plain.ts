@@ -117,6 +117,7 @@ export function progressLine(status: Status): string {
     return status.ready ? "Ready for a run." : `Not ready for a run: ${status.not_ready_reason ?? "no reason given"}.`;
   if (run.outcome) return `Run ${run.id} ${OUTCOMES[run.outcome]}: ${tally(run)}.`;
   const parts = [`Run ${run.id}: ${grouped(done(run))} of ${grouped(run.wells.total)} wells done`];
+  if (goesOnByItself(status) && status.faults.length > 0) parts.push("it goes on by itself once the fault is over");
   if (run.eta_s) parts.push(`${aboutDuration(run.eta_s.p50)} left${status.state === "Held" ? " once it goes on" : ""}`);
   return `${parts.join(" · ")}.`;
 }
@@ -143,13 +144,13 @@ export function canStop(status: Status): boolean {
 
 const HOLDABLE: ReadonlySet<State> = new Set(["Starting", "Execute", "Suspended", "Suspending", "Unsuspending"]);
 
-/** Whether a fault holds the run and it may go on by itself: an operator who does not want that holds it too. */
-export function isHeldByFaultAlone(status: Status): boolean {
-  return status.state === "Held" && status.run?.held_by_operator === false;
+/** Whether a held run goes on by itself: an operator who does not want that holds it too. */
+export function goesOnByItself(status: Status): boolean {
+  return status.state === "Held" && status.run?.goes_on_by_itself === true;
 }
 
 export function canHold(status: Status): boolean {
-  return canStop(status) && !status.pending.hold && (HOLDABLE.has(status.state) || isHeldByFaultAlone(status));
+  return canStop(status) && !status.pending.hold && (HOLDABLE.has(status.state) || goesOnByItself(status));
 }
 
 export function canGoOn(status: Status): boolean {

@@ -98,6 +98,8 @@ export interface RunStatus {
   outcome: RunOutcome | null;
   /** An operator has held it: it does not go on by itself. */
   held_by_operator: boolean;
+  /** Held, and it waits for nobody. */
+  goes_on_by_itself: boolean;
 }
 
 export interface SpecimenStatus {

@@ -232,6 +232,10 @@ test("pictures of another run are not shown as this one's", async () => {
   server.shown = { run: "demo-1", well: "A02", views: 0 };
   server.publish(running(0));
   await until("frame-whose", /^before its first view$/);
+  // As after a restart of the daemon: nothing to show is no mistake.
+  for (const path of Object.keys(server.live)) server.live[path] = undefined;
+  server.publish(running(0));
+  await until("frame-empty", /^No frame yet\.$/);
 });
 
 test("what there is to look at is listed by reason, and leads to its wells", async () => {
@@ -487,7 +491,8 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
   await until("ask-title", /^End run demo-1\?$/);
   await page.getByRole("button", { name: "Keep the run" }).click();
   // A fault holds it: it would go on by itself.
-  server.publish(held);
+  server.publish({ ...held, faults: [fault()], run: run([well("A01")], { goes_on_by_itself: true }) });
+  await until("progress-line", /it goes on by itself once the fault is over/);
   await button("Keep it held").click();
   await until("answer", /Keep it held: accepted/);
   server.publish(running(1));

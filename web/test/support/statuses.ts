@@ -67,6 +67,7 @@ export function run(results: WellStatus[], change: Partial<RunStatus> = {}): Run
     eta_s: { p50: 130, p90: 170 },
     outcome: null,
     held_by_operator: false,
+    goes_on_by_itself: false,
     ...change,
   };
 }

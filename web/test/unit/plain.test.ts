@@ -66,7 +66,7 @@ test("only a run under way can be aborted, and once", () => {
 
 test("each command is offered where it applies", () => {
   const held = { ...half, state: "Held" as const, run: run([], { held_by_operator: true }) };
-  const heldByFault = { ...held, run: run([]) };
+  const heldByFault = { ...held, run: run([], { goes_on_by_itself: true }) };
   const stopping = { ...half, pending: { hold: false, stop: true, abort: false } };
   assert.deepEqual([half, held, heldByFault, stopping, status()].map(canHold), [true, false, true, false, false]);
   assert.deepEqual([half, held, stopping, status()].map(canGoOn), [false, true, false, false]);
