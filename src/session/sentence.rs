@@ -22,6 +22,10 @@ pub fn of(s: &Status) -> String {
                 Phase::Position => format!("Well {well}: finding the reference of the rotation axis."),
                 Phase::Detect => format!("Well {well}: looking what is in the capillary."),
                 Phase::Revolve => format!("Well {well}: turning the capillary, view {} of {}.", x.view, x.views_planned),
+                // The computer may be behind the camera.
+                Phase::Reconstruct if x.view < x.views_planned => {
+                    format!("Well {well}: its views are taken, {} of {} are in the model.", x.view, x.views_planned)
+                }
                 Phase::Reconstruct => format!("Well {well}: building the surface."),
                 Phase::Measure => format!("Well {well}: measuring."),
                 Phase::Eject => format!("Well {well}: done, taking the specimen out."),
@@ -97,6 +101,18 @@ mod tests {
         assert_eq!(counted(&counts), "5 measured (1 of them flagged), 2 skipped");
         let counts = WellCounts { failed: 1, interrupted: 3, total: 4, ..WellCounts::default() };
         assert_eq!(counted(&counts), "1 failed, 3 not finished");
+    }
+
+    /// An axis that is quicker than the computer leaves views to be worked through: no surface is built of half of them.
+    #[test]
+    fn a_surface_is_built_once_every_view_is_in_the_model() {
+        let mut s = Driver::first_status(Mode::Simulated, "b".into());
+        s.state = State::Execute;
+        s.hardware.camera.connected = true;
+        s.specimen = Some(SpecimenStatus { view: 13, ..SpecimenStatus::new("A01", Phase::Reconstruct, 21) });
+        assert_eq!(of(&s), "Well A01: its views are taken, 13 of 21 are in the model.");
+        s.specimen = s.specimen.map(|x| SpecimenStatus { view: 21, ..x });
+        assert_eq!(of(&s), "Well A01: building the surface.");
     }
 
     /// People read the headline: what a fault means stands there, what was found is in the fault itself.

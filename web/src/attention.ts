@@ -1,4 +1,4 @@
-// Wells that somebody should look at: what did not go as planned, wells with the same reason on one line. What an abort left out is
+// Wells that somebody should look at: what did not go as planned, wells with the same reasons on one line. What an abort left out is
 // no surprise, and not listed.
 
 import { element } from "./dom.ts";
@@ -20,14 +20,12 @@ export function toLookAt(wells: readonly WellStatus[]): Group[] {
   for (const well of wells) {
     const condition = conditionOf(well, null);
     if (!order.includes(condition)) continue;
-    const reasons = condition === "flagged" ? well.flags.map(flagWords) : [reasonWords(well.reason ?? "")];
-    for (const reason of reasons) {
-      const words = reason === "" ? CONDITIONS[condition].label : reason;
-      const key = `${condition} ${words}`;
-      const group = groups.get(key) ?? { condition, words, wells: [] };
-      group.wells.push(well.well);
-      groups.set(key, group);
-    }
+    const reason = condition === "flagged" ? well.flags.map(flagWords).join("; ") : reasonWords(well.reason ?? "");
+    const words = reason === "" ? CONDITIONS[condition].label : reason;
+    const key = `${condition} ${words}`;
+    const group = groups.get(key) ?? { condition, words, wells: [] };
+    group.wells.push(well.well);
+    groups.set(key, group);
   }
   const rank = (group: Group) => order.indexOf(group.condition);
   return [...groups.values()].sort((a, b) => rank(a) - rank(b) || b.wells.length - a.wells.length);

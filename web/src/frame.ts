@@ -111,7 +111,6 @@ export class FrameView {
     const shown = frame.shown;
     const isMeant = shown?.run === subject.run && (subject.well === null || shown.well === subject.well);
     if (frame.kind === "none" || !isMeant) {
-      if (subject.instead !== null) return this.#loadStored(subject.run, subject.instead);
       return this.#clear(subject.well === null ? "No frame yet." : `No frame of ${subject.well} yet.`);
     }
     const swaps = [await this.#swap(this.#frame, frame), await this.#swap(this.#profile, profile)];
@@ -134,6 +133,8 @@ export class FrameView {
 
   async #loadStored(run: string, well: string): Promise<void> {
     const { view } = this.#parts;
+    // Under a chosen well's numbers another's frame must not stay while this one's is read.
+    if (!this.#storedShown.startsWith(`${run}/${well}/`)) await this.#clear(`Reading the frames of ${well} …`);
     const specimen = await this.#stored.of(run, well);
     const views = specimen?.links.views ?? [];
     if (!specimen || views.length === 0) return this.#clear(`No frames of ${well} are kept.`);

@@ -141,8 +141,7 @@ export class ModelView {
     const shown = fetched.shown;
     const isMeant = shown?.run === subject.run && (subject.well === null || shown.well === subject.well);
     if (fetched.kind === "none" || !isMeant) {
-      if (subject.instead !== null) await this.#loadStored(subject.run, subject.instead);
-      else this.#clear(`No model${isMeant ? ` of ${shown.well}` : ""} yet: it begins with the first view.`);
+      this.#clear(`No model${isMeant ? ` of ${shown.well}` : ""} yet: it begins with the first view.`);
       return;
     }
     if (fetched.kind === "new") {
@@ -156,6 +155,8 @@ export class ModelView {
   async #loadStored(run: string, well: string): Promise<void> {
     const key = `${run}/${well}`;
     if (key !== this.#storedShown) {
+      // Under a chosen well's numbers another's model must not stay while this one's is read.
+      this.#clear(`Reading the model of ${well} …`);
       const link = (await this.#stored.of(run, well))?.links.mesh_glb;
       if (!link) {
         this.#clear(`No model of ${well} is kept.`);

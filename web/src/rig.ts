@@ -1,8 +1,16 @@
 // The instrument itself: axes, camera, disk, calibration.
 
 import { fact } from "./dom.ts";
-import { age, bytes, duration, grouped, micrometres, significant } from "./format.ts";
-import type { AxisStatus, CalibrationStatus, CameraStatus, Light, Status, TranslationStatus } from "./status.ts";
+import { age, bytes, capitalised, duration, grouped, micrometres, significant } from "./format.ts";
+import type {
+  AxisStatus,
+  CalibrationStatus,
+  CameraStatus,
+  GateStatus,
+  Light,
+  Status,
+  TranslationStatus,
+} from "./status.ts";
 
 export class RigView {
   readonly #list: HTMLElement;
@@ -21,6 +29,8 @@ export class RigView {
     if (second) rows.push(["Second camera", cameraWords(second)], ["Its frames", frames(second)]);
     if (free !== null) rows.push(["Disk free", bytes(free)]);
     rows.push(["Calibration", calibrationWords(status.calibration)]);
+    const gate = status.calibration?.gate;
+    if (gate) rows.push(["Daily beads", gateWords(gate)]);
     rows.push(["Program up for", duration(Math.floor(status.uptime_s / 60) * 60 || Math.floor(status.uptime_s))]);
     const now = JSON.stringify(rows);
     if (now === this.#shown) return;
@@ -59,12 +69,18 @@ function cameraWords(camera: CameraStatus): string {
 
 /** The rig's newest calibration in one line. */
 export function calibrationWords(calibration: CalibrationStatus | null): string {
-  if (calibration === null) return "! none yet: no beads and no scale were measured";
+  // Daily beads have a line of their own.
+  if (calibration === null || calibration.kind === "gate") return "! none kept of this rig";
   const { kind, bead_bias_percent: bias, age_s, max_age_s, valid } = calibration;
   const parts = [`${valid ? "✓" : "!"} by ${kind}, ${age(age_s)} old`];
   if (!valid) parts.push(`valid for ${age(max_age_s)}`);
   if (bias !== null) parts.push(`beads ${bias > 0 ? "+" : ""}${grouped(bias, 2)} %`);
   return parts.join(", ");
+}
+
+/** What the newest daily beads say, and whether it still counts. */
+export function gateWords({ stands, words }: GateStatus): string {
+  return `${stands ? "✓" : "✕"} ${words.map((sentence) => capitalised(sentence.replace(/\.$/, ""))).join(". ")}.`;
 }
 
 /** What was lost; the whole ones are counted after each well only, which reads as a loss in mid-turn. */

@@ -151,6 +151,13 @@ export interface CameraStatus {
   light: Light | null;
 }
 
+/** The newest daily beads. */
+export interface GateStatus {
+  verdict: string;
+  stands: boolean;
+  words: string[];
+}
+
 /** Of the rig itself. */
 export interface CalibrationStatus {
   id: string;
@@ -160,6 +167,7 @@ export interface CalibrationStatus {
   max_age_s: number;
   bead_bias_percent: number | null;
   valid: boolean;
+  gate: GateStatus | null;
 }
 
 export interface Status {

@@ -1,6 +1,6 @@
 // Whose pictures the page shows: the run's as it goes on, or those that are stored of a well the operator has chosen. Pure.
 //
-//   nobody chosen ──> the newest, whosever; else the last well that was measured
+//   nobody chosen ──> the newest, whosever; of a run that has ended, the last well that was measured, as beside its numbers
 //   chosen, under way ──> the newest, where they are that well's
 //   chosen, measured ──> stored
 
@@ -8,8 +8,8 @@ import { CONDITIONS, conditionOf } from "./wells.ts";
 import type { Status, WellStatus } from "./status.ts";
 
 export type Subject =
-  /** The newest pictures of this run; of `well` alone, where one is given; where there are none, those that are stored of `instead`. */
-  | { kind: "live"; run: string; well: string | null; instead: string | null }
+  /** The newest pictures of this run; of `well` alone, where one is given. */
+  | { kind: "live"; run: string; well: string | null }
   | { kind: "stored"; run: string; well: string }
   | { kind: "none"; words: string };
 
@@ -34,14 +34,12 @@ export function hasViews(well: WellStatus): boolean {
 export function subjectOf(status: Status, pinned: string | null): Subject {
   const run = status.run;
   if (run === null) return { kind: "none", words: "There has been no run yet." };
-  const well = run.results.find((w) => w.well === pinned);
-  if (!well) {
-    const last = lastMeasured(run.results)?.well ?? null;
-    return { kind: "live", run: run.id, well: null, instead: run.outcome === null ? null : last };
-  }
+  const last = run.outcome === null ? undefined : lastMeasured(run.results);
+  const well = run.results.find((w) => w.well === pinned) ?? last;
+  if (!well) return { kind: "live", run: run.id, well: null };
   if (hasViews(well)) return { kind: "stored", run: run.id, well: well.well };
   if (well.outcome === null && status.specimen?.well === well.well) {
-    return { kind: "live", run: run.id, well: well.well, instead: null };
+    return { kind: "live", run: run.id, well: well.well };
   }
   const label = CONDITIONS[conditionOf(well, null)].label;
   return { kind: "none", words: `Well ${well.well}: ${label}, so there is no picture of it.` };

@@ -246,6 +246,7 @@ test("what there is to look at is listed by reason, and leads to its wells", asy
     well("A05", { outcome: "skipped", reason: "two" }),
     well("A06", { outcome: "skipped", reason: "empty" }),
     well("A07", { outcome: "failed", reason: "the frame is dark" }),
+    well("A08", { outcome: "succeeded", volume_um3: 1, flags: ["clipped_left", "no_closure"] }),
   ];
   server.publish(status({ state: "Complete", run: run(results, { outcome: "partial" }) }));
   await page.goto(server.url);
@@ -255,13 +256,14 @@ test("what there is to look at is listed by reason, and leads to its wells", asy
     [
       "✕ The frame is dark – A07",
       "! It moved during the turn: measure it again – A03",
+      "! It goes on beyond the left of the picture; no view closed the turn, so nobody knows whether it moved – A08",
       "– The capillary is empty – A04 A06",
       "– Two larvae – A05",
     ],
   );
   assert.equal(
     await text("progress-line"),
-    "Run demo-1 finished in part: 2 measured (1 of them flagged), 3 skipped, 1 failed.",
+    "Run demo-1 finished in part: 3 measured (2 of them flagged), 3 skipped, 1 failed.",
   );
   server.answers["/v1/runs/demo-1"] = {
     ...{ id: "demo-1", mode: "simulated", plate_barcode: "P-7", method: "standard", results },

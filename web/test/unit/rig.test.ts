@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { calibrationWords, focusWords, lightWords } from "../../src/rig.ts";
+import { calibrationWords, focusWords, gateWords, lightWords } from "../../src/rig.ts";
 
 const beads = {
   id: "0123456789ab",
@@ -10,6 +10,7 @@ const beads = {
   max_age_s: 30 * 86400,
   bead_bias_percent: -0.218,
   valid: true,
+  gate: null,
 };
 
 test("a calibration is one line: by what, how old, how far off, and whether it still counts", () => {
@@ -22,7 +23,18 @@ test("a calibration is one line: by what, how old, how far off, and whether it s
     calibrationWords({ ...beads, age_s: 7300, bead_bias_percent: 0.5 }),
     "✓ by beads, 2 h old, beads +0.50 %",
   );
-  assert.equal(calibrationWords(null), "! none yet: no beads and no scale were measured");
+  assert.equal(calibrationWords(null), "! none kept of this rig");
+});
+
+test("daily beads say in words what is so, and whether it counts", () => {
+  const failed = {
+    verdict: "failed",
+    stands: false,
+    words: ["failed: 7 beads. Measure no specimens", "no bead was measured twice"],
+  };
+  assert.equal(gateWords(failed), "✕ Failed: 7 beads. Measure no specimens. No bead was measured twice.");
+  assert.match(gateWords({ ...failed, stands: true }), /^✓ /);
+  assert.equal(calibrationWords({ ...beads, kind: "gate", gate: failed }), calibrationWords(null));
 });
 
 test("light says when the lamp is too bright, focus compares with other views", () => {

@@ -16,7 +16,7 @@ const results = [
 const half = status({ state: "Execute", run: run(results), specimen: specimen("A02", [1]) });
 
 test("pictures are the run's newest, or those of the well that was chosen", () => {
-  const live = { kind: "live", run: "demo-1", well: null, instead: null };
+  const live = { kind: "live", run: "demo-1", well: null };
   assert.deepEqual(subjectOf(half, null), live);
   assert.deepEqual(subjectOf(half, "A01"), { kind: "stored", run: "demo-1", well: "A01" });
   assert.deepEqual(subjectOf(half, "A02"), { ...live, well: "A02" });
@@ -25,7 +25,13 @@ test("pictures are the run's newest, or those of the well that was chosen", () =
     assert.ok(none.kind === "none" && none.words.includes(name), name);
   }
   const over = { ...half, run: run(results, { outcome: "partial" as const }), specimen: null };
-  assert.deepEqual(subjectOf(over, null), { ...live, instead: "A01" }, "after a restart there is no newest");
+  assert.deepEqual(
+    subjectOf(over, null),
+    subjectOf(half, "A01"),
+    "beside the numbers that are shown, those of no other well",
+  );
+  const nothing = { ...over, run: run([well("A01", { outcome: "skipped" })], { outcome: "succeeded" as const }) };
+  assert.deepEqual(subjectOf(nothing, null), live);
   assert.equal(subjectOf(status(), null).kind, "none");
 });
 
