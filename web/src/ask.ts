@@ -7,11 +7,13 @@ export interface Question {
   words: string;
   no: string;
   yes: string;
+  /** Whether yes ends something. */
+  ends: boolean;
 }
 
 export class Asker {
   readonly #dialog: HTMLDialogElement;
-  readonly #parts: Record<keyof Question, HTMLElement>;
+  readonly #parts: Record<"title" | "words" | "no" | "yes", HTMLElement>;
   #answered: ((yes: boolean) => void) | null = null;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
@@ -27,6 +29,7 @@ export class Asker {
 
   ask(question: Question): Promise<boolean> {
     for (const part of ["title", "words", "no", "yes"] as const) setText(this.#parts[part], question[part]);
+    this.#parts.yes.className = question.ends ? "button button-alarm" : "button button-go";
     this.#dialog.showModal();
     return new Promise((resolve) => (this.#answered = resolve));
   }

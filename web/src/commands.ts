@@ -15,8 +15,10 @@ interface Command {
   isUnderWay: (status: Status) => boolean;
   isShown: (status: Status) => boolean;
   isEnabled: (status: Status) => boolean;
-  question: ((status: Status, run: string) => Omit<Question, "yes">) | null;
+  question: ((status: Status, run: string) => Omit<Question, "yes" | "ends">) | null;
   send: (status: Status, run: string) => Promise<void>;
+  /** Whether it ends the run. */
+  ends: boolean;
   /** What to do where it did not get through. */
   otherwise: string;
 }
@@ -36,6 +38,7 @@ const COMMANDS: readonly Command[] = [
     isEnabled: canHold,
     question: null,
     send: steer("hold"),
+    ends: false,
     otherwise: "",
   },
   {
@@ -47,6 +50,7 @@ const COMMANDS: readonly Command[] = [
     isEnabled: canGoOn,
     question: null,
     send: steer("unhold"),
+    ends: false,
     otherwise: "The run is still held.",
   },
   {
@@ -62,6 +66,7 @@ const COMMANDS: readonly Command[] = [
       no: isAtRest(s) ? "Keep the run" : "Keep running",
     }),
     send: steer("stop"),
+    ends: true,
     otherwise: "The run is not ended.",
   },
   {
@@ -78,6 +83,7 @@ const COMMANDS: readonly Command[] = [
       no: "Keep running",
     }),
     send: steer("abort"),
+    ends: true,
     otherwise: "Use the instrument's own emergency stop if it must halt now.",
   },
   {
@@ -93,6 +99,7 @@ const COMMANDS: readonly Command[] = [
       no: "Not yet",
     }),
     send: (s, run) => sayLoaded(run, s.plate.take_out ?? "", false),
+    ends: false,
     otherwise: "It still counts as being in the capillary.",
   },
   {
@@ -110,6 +117,7 @@ const COMMANDS: readonly Command[] = [
       no: "Not yet",
     }),
     send: (s, run) => sayLoaded(run, s.plate.bring ?? "", true),
+    ends: false,
     otherwise: "The run still waits for it.",
   },
 ];
@@ -157,7 +165,7 @@ export class CommandRow {
     const label = command.label(status);
     if (command.question !== null) {
       this.#asked = { command, label };
-      const yes = await this.#asker.ask({ ...command.question(status, run), yes: label });
+      const yes = await this.#asker.ask({ ...command.question(status, run), yes: label, ends: command.ends });
       this.#asked = null;
       if (!yes) return;
     }

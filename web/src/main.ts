@@ -130,7 +130,7 @@ function numbers(status: Status): void {
   plate.update(wells, specimen, chosen);
   attention.update(wells);
   byId("save-table").hidden = wells.every((w) => w.outcome === null);
-  card.update(well, specimen);
+  card.update(well, specimen, wells);
   chart.update(
     well && {
       well: well.well,
@@ -152,7 +152,7 @@ async function recall(run: string, well: string): Promise<void> {
 function plateName(status: Status): string {
   const { barcode, needs, removable, present } = status.plate;
   const parts = [barcode === null ? "no plate named" : barcode];
-  if (needs !== null) parts.push(`waits for: ${needs}`);
+  if (needs !== null) parts.push("waits for the loader");
   else if (present) parts.push(removable ? "may be taken out" : "leave it in place");
   return parts.join(" · ");
 }

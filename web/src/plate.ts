@@ -45,7 +45,7 @@ export class PlateView {
     for (const well of wells) {
       const button = this.#buttons.get(well.well);
       if (!button) continue;
-      const condition = conditionOf(well, specimen);
+      const condition = conditionOf(well, specimen, wells);
       present.add(condition);
       button.className = `well well-${condition}`;
       button.dataset["condition"] = condition;

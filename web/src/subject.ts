@@ -4,8 +4,9 @@
 //   chosen, under way ──> the newest, where they are that well's
 //   chosen, measured ──> stored
 
-import { CONDITIONS, conditionOf } from "./wells.ts";
+import { underWay } from "./plain.ts";
 import type { Status, WellStatus } from "./status.ts";
+import { CONDITIONS, conditionOf } from "./wells.ts";
 
 export type Subject =
   /** The newest pictures of this run; of `well` alone, where one is given. */
@@ -38,9 +39,8 @@ export function subjectOf(status: Status, pinned: string | null): Subject {
   const well = run.results.find((w) => w.well === pinned) ?? last;
   if (!well) return { kind: "live", run: run.id, well: null };
   if (hasViews(well)) return { kind: "stored", run: run.id, well: well.well };
-  if (well.outcome === null && status.specimen?.well === well.well) {
-    return { kind: "live", run: run.id, well: well.well };
-  }
-  const label = CONDITIONS[conditionOf(well, null)].label;
+  const condition = conditionOf(well, underWay(status), run.results);
+  if (condition === "active" || condition === "measuring") return { kind: "live", run: run.id, well: well.well };
+  const label = CONDITIONS[condition].label;
   return { kind: "none", words: `Well ${well.well}: ${label}, so there is no picture of it.` };
 }

@@ -14,7 +14,7 @@ import {
 import { flagWords, reasonWords } from "./reasons.ts";
 import { PHASES } from "./plain.ts";
 import type { SpecimenStatus, WellStatus } from "./status.ts";
-import { CONDITIONS, conditionOf, contents, places } from "./wells.ts";
+import { CONDITIONS, conditionOf, contents, places, type Condition } from "./wells.ts";
 
 export class WellCard {
   readonly #heading: HTMLElement;
@@ -26,10 +26,12 @@ export class WellCard {
     this.#body = body;
   }
 
-  update(well: WellStatus | null, specimen: SpecimenStatus | null): void {
+  update(well: WellStatus | null, specimen: SpecimenStatus | null, wells: readonly WellStatus[]): void {
     const own = specimen?.well === well?.well ? specimen : null;
+    const condition = well && conditionOf(well, specimen, wells);
     const now = JSON.stringify([
       well,
+      condition,
       own?.phase,
       own?.view,
       own?.views_planned,
@@ -40,20 +42,19 @@ export class WellCard {
     ]);
     if (now === this.#shown) return;
     this.#shown = now;
-    if (!well) {
+    if (!well || !condition) {
       this.#heading.textContent = "Well";
       this.#body.replaceChildren(element("p", "quiet", "No run yet: the plate map comes with it."));
       return;
     }
     this.#heading.textContent = `Well ${well.well}`;
-    const list = element("dl", "facts", ...facts(well, own));
+    const list = element("dl", "facts", ...facts(well, own, condition));
     list.dataset["well"] = well.well;
     this.#body.replaceChildren(list);
   }
 }
 
-function facts(well: WellStatus, specimen: SpecimenStatus | null): HTMLElement[] {
-  const condition = conditionOf(well, specimen);
+function facts(well: WellStatus, specimen: SpecimenStatus | null, condition: Condition): HTMLElement[] {
   const rows = [
     ...fact("Specimen", capitalised(contents(well))),
     ...fact("Outcome", outcome(well, specimen, condition)),
@@ -113,7 +114,7 @@ function place({ text, doubts }: { text: string; doubts: string }): HTMLElement 
   return made;
 }
 
-function outcome(well: WellStatus, specimen: SpecimenStatus | null, condition: keyof typeof CONDITIONS): Node {
+function outcome(well: WellStatus, specimen: SpecimenStatus | null, condition: Condition): Node {
   const { sign, label } = CONDITIONS[condition];
   const mark = element("span", `well well-${condition}`, sign);
   mark.setAttribute("aria-hidden", "true");

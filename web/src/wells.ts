@@ -35,12 +35,13 @@ export function formatFor(wells: readonly string[]): PlateFormat {
 }
 
 export type Condition =
-  "pending" | "active" | "succeeded" | "flagged" | "skipped" | "failed" | "interrupted" | "aborted";
+  "pending" | "active" | "measuring" | "succeeded" | "flagged" | "skipped" | "failed" | "interrupted" | "aborted";
 
 /** Sign and words for each condition, so that colour is never the only carrier. */
 export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
   pending: { sign: "·", label: "not started" },
   active: { sign: "▶", label: "under way" },
+  measuring: { sign: "…", label: "being measured" },
   succeeded: { sign: "✓", label: "measured" },
   flagged: { sign: "!", label: "measured, flagged" },
   skipped: { sign: "–", label: "skipped" },
@@ -49,15 +50,26 @@ export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
   aborted: { sign: "■", label: "aborted" },
 };
 
-export function conditionOf(well: WellStatus, specimen: SpecimenStatus | null): Condition {
+/** `wells` are those of the run, in the order in which they are visited. */
+export function conditionOf(
+  well: WellStatus,
+  specimen: SpecimenStatus | null,
+  wells: readonly WellStatus[] = [],
+): Condition {
   switch (well.outcome) {
     case null:
-      return specimen?.well === well.well ? "active" : "pending";
+      if (specimen?.well === well.well) return "active";
+      // The next is brought while the numbers of one that was turned are made.
+      return isBefore(well.well, specimen?.well, wells) ? "measuring" : "pending";
     case "succeeded":
       return well.flags.length > 0 ? "flagged" : "succeeded";
     default:
       return well.outcome;
   }
+}
+
+function isBefore(well: string, other: string | undefined, wells: readonly WellStatus[]): boolean {
+  return wells.findIndex((w) => w.well === well) < wells.findIndex((w) => w.well === other);
 }
 
 /** `larva, 3 dpf`, `bead`. */

@@ -26,6 +26,13 @@ test("a well's condition follows its outcome, its flags and the specimen under w
   assert.equal(conditionOf(well("B02"), null), "pending");
   assert.equal(conditionOf(well("B02"), specimen("B03", [1])), "pending");
   assert.equal(conditionOf(well("B02"), own), "active");
+  const wells = [well("B01"), well("B02"), well("B03")];
+  const conditions = wells.map((w) => conditionOf(w, own, wells));
+  assert.deepEqual(conditions, ["measuring", "active", "pending"], "numbers are made while the next is brought");
+  assert.deepEqual(
+    wells.map((w) => conditionOf(w, null, wells)),
+    ["pending", "pending", "pending"],
+  );
   assert.equal(conditionOf(well("B02", { outcome: "succeeded" }), own), "succeeded", "an outcome outweighs the phase");
   assert.equal(conditionOf(well("B02", { outcome: "succeeded", flags: ["drift"] }), null), "flagged");
   assert.equal(conditionOf(well("B02", { outcome: "skipped" }), null), "skipped");
