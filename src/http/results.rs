@@ -7,6 +7,7 @@
 
 mod files;
 
+use files::DETECTION;
 pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, mesh, model, profile, view};
 
 use super::conditional;
@@ -121,6 +122,8 @@ pub(super) struct SpecimenDetail {
 pub(super) struct Links {
     mesh_ply: Option<String>,
     mesh_glb: Option<String>,
+    /// The frame on which the well was judged.
+    detection: Option<String>,
     views: Vec<String>,
     profiles: Vec<String>,
 }
@@ -268,6 +271,7 @@ pub(super) async fn specimen(
         match file {
             SpecimenFile::Mesh => links.mesh_ply = Some(format!("{base}/mesh.ply{which}")),
             SpecimenFile::Model => links.mesh_glb = Some(format!("{base}/mesh.glb{which}")),
+            SpecimenFile::Detection => links.detection = Some(format!("{base}/views/{DETECTION}{which}")),
             SpecimenFile::View(i) => links.views.push(format!("{base}/views/{i}.png{which}")),
             SpecimenFile::Profile(i) => links.profiles.push(format!("{base}/profiles/{i}.png{which}")),
         }

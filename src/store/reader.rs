@@ -6,7 +6,7 @@
 //! ```
 
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
-use super::recording::{MEASUREMENT, RECORDING, frame_name};
+use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
 use super::{RunRecord, StoreError, attempts, durable, run, sums};
 use crate::hash::sha256_hex;
 use crate::session::{WellStatus, is_plain_name, is_well};
@@ -39,6 +39,8 @@ pub struct StoredSpecimen {
 pub enum SpecimenFile {
     Mesh,
     Model,
+    /// The frame on which the well was judged: all that there is of one that was skipped.
+    Detection,
     /// By the ledger's number, as it was carved with: the newest take. The closure view has none.
     View(u32),
     Profile(u32),
@@ -50,6 +52,7 @@ impl SpecimenFile {
         match self {
             Self::Mesh => "mesh.ply".into(),
             Self::Model => "model.glb".into(),
+            Self::Detection => DETECTION.into(),
             Self::View(i) => {
                 let takes = (0..).map(|take| frame_name(i, take)).take_while(|name| recording.join(name).is_file());
                 takes.last().unwrap_or_else(|| frame_name(i, 0))
@@ -150,7 +153,7 @@ impl StoreReader {
         let recording = json(RECORDING)?.unwrap_or_default();
         let ledger = recording["ledger"].as_array().into_iter().flatten().filter(|e| e["closure"] != true);
         let views: Vec<u32> = ledger.filter_map(|e| e["view"].as_u64().map(|v| v as u32)).collect();
-        let mut files = vec![SpecimenFile::Mesh, SpecimenFile::Model];
+        let mut files = vec![SpecimenFile::Mesh, SpecimenFile::Model, SpecimenFile::Detection];
         files.extend(views.iter().flat_map(|&v| [SpecimenFile::View(v), SpecimenFile::Profile(v)]));
         files.sort_unstable();
         // A view that was taken again stands in the ledger with every take.

@@ -36,6 +36,8 @@ use std::path::{Path, PathBuf};
 
 const SCHEMA: &str = "carved.recording/1";
 pub(super) const RECORDING: &str = "recording.json";
+/// The frame on which the well was judged.
+pub(super) const DETECTION: &str = "frames/detect.png";
 
 /// Name of the file with a recording's numbers.
 pub const MEASUREMENT: &str = "measurement.json";
@@ -274,7 +276,7 @@ impl RecordingWriter {
 
     /// The frame on which the well was judged, and what is known of the specimen's truth (simulation only).
     pub fn add_detection(&mut self, frame: &RawFrame, truth: Option<serde_json::Value>) -> Result<(), StoreError> {
-        self.put("frames/detect.png", &frames::encode(frame)?)?;
+        self.put(DETECTION, &frames::encode(frame)?)?;
         self.recording.truth = truth;
         self.save()
     }

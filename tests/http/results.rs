@@ -36,6 +36,7 @@ fn recorded(store: &Store, run: &RunRecord, well: usize) -> (Vec<u8>, [Vec<u8>; 
         writer.add_view(serde_json::from_value(entry).unwrap(), &frame).unwrap();
     }
     let mesh = format!("ply\n{} {well}\n", run.id).into_bytes();
+    writer.add_detection(&RawFrame::new(16, 16, PixelFormat::Mono8, vec![3; 256]).unwrap(), None).unwrap();
     writer.add_file("mesh.ply", &mesh).unwrap();
     writer.add_json(MEASUREMENT, &json!({"mode": "simulated", "measurement": {"volume_um3": 2.5e8}, "flags": ["moved"]})).unwrap();
     writer.close().unwrap();
@@ -133,7 +134,9 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     assert_eq!(specimen["links"]["mesh_glb"], Value::Null, "there is none");
     assert_eq!(specimen["links"]["views"].as_array().unwrap().len(), 2);
     let link = |name: &str| specimen["links"][name].as_str().unwrap().to_owned();
+    let judged = std::fs::read(store.run_folder("r1").join("A01/frames/detect.png")).unwrap();
     for (path, content_type, bytes) in [
+        (link("detection"), "image/png", &judged),
         (link("mesh_ply"), "application/octet-stream", &mesh),
         (specimen["links"]["views"][0].as_str().unwrap().to_owned(), "image/png", &first),
         (specimen["links"]["views"][1].as_str().unwrap().to_owned(), "image/png", &retaken),

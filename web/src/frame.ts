@@ -136,7 +136,9 @@ export class FrameView {
     // Under a chosen well's numbers another's frame must not stay while this one's is read.
     if (!this.#storedShown.startsWith(`${run}/${well}/`)) await this.#clear(`Reading the frames of ${well} …`);
     const specimen = await this.#stored.of(run, well);
-    const views = specimen?.links.views ?? [];
+    const { views: taken = [], detection = null } = specimen?.links ?? {};
+    // Of a well that was skipped there is the frame on which it was judged.
+    const views = taken.length === 0 && detection !== null ? [detection] : taken;
     if (!specimen || views.length === 0) return this.#clear(`No frames of ${well} are kept.`);
     if (view.dataset["of"] !== `${run}/${well}`) {
       view.dataset["of"] = `${run}/${well}`;
@@ -158,7 +160,8 @@ export class FrameView {
       for (const swap of swaps) swap();
       this.#storedShown = key;
     }
-    this.#say(`Frame of ${well}`, `view ${index + 1} of ${views.length}`, true, true);
+    if (views === taken) this.#say(`Frame of ${well}`, `view ${index + 1} of ${views.length}`, true, true);
+    else this.#say(`Frame of ${well}`, "as it was found", true);
   }
 
   async #clear(words: string): Promise<void> {

@@ -20,7 +20,7 @@ import { progress, progressLine, sentence, STATES, toneOf, underWay } from "./pl
 import { RigView } from "./rig.ts";
 import type { Status } from "./status.ts";
 import { StoredSpecimens } from "./stored.ts";
-import { chosenWell, hasViews, subjectOf } from "./subject.ts";
+import { chosenWell, isStored, subjectOf } from "./subject.ts";
 import { saveTable } from "./table.ts";
 import { TokenForm } from "./token.ts";
 import { WellCard } from "./wellcard.ts";
@@ -140,7 +140,7 @@ function numbers(status: Status): void {
       measured_um3: well.volume_um3,
     },
   );
-  if (status.run && well && hasViews(well)) void recall(status.run.id, well.well);
+  if (status.run && well && isStored(well)) void recall(status.run.id, well.well);
 }
 
 /** The volumes of a well that ended before the page was opened, or while it was cut off. */

@@ -207,7 +207,7 @@ export interface Status {
 export interface Specimen {
   recording: { rig?: { pixel_format?: string } };
   hull_volumes_um3: number[];
-  links: { mesh_glb: string | null; views: string[]; profiles: string[] };
+  links: { mesh_glb: string | null; detection: string | null; views: string[]; profiles: string[] };
 }
 
 /** A well of a plan. */

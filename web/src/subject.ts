@@ -27,9 +27,9 @@ function lastMeasured(wells: readonly WellStatus[]): WellStatus | undefined {
   return wells.findLast((w) => w.volume_um3 !== null);
 }
 
-/** Whether views of it are surely stored: a well without views has no pictures, one of a run that was ended may have none. */
-export function hasViews(well: WellStatus): boolean {
-  return well.outcome === "succeeded" || well.outcome === "failed";
+/** Whether something of it is surely stored, if only the frame it was skipped by: of a well that an abort left out there may be nothing. */
+export function isStored(well: WellStatus): boolean {
+  return well.outcome === "succeeded" || well.outcome === "failed" || well.outcome === "skipped";
 }
 
 export function subjectOf(status: Status, pinned: string | null): Subject {
@@ -38,7 +38,7 @@ export function subjectOf(status: Status, pinned: string | null): Subject {
   const last = run.outcome === null ? undefined : lastMeasured(run.results);
   const well = run.results.find((w) => w.well === pinned) ?? last;
   if (!well) return { kind: "live", run: run.id, well: null };
-  if (hasViews(well)) return { kind: "stored", run: run.id, well: well.well };
+  if (isStored(well)) return { kind: "stored", run: run.id, well: well.well };
   const condition = conditionOf(well, underWay(status), run.results);
   if (condition === "active" || condition === "measuring") return { kind: "live", run: run.id, well: well.well };
   const label = CONDITIONS[condition].label;

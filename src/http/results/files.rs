@@ -35,6 +35,9 @@ async fn stored(
     Ok(conditional::answer(headers, &tag, || full(bytes)))
 }
 
+/// Among the views, the frame on which the well was judged.
+pub(super) const DETECTION: &str = "detection.png";
+
 /// The number in `7.png`.
 fn number(file: &str) -> Result<u32, Problem> {
     let number = file.strip_suffix(".png").filter(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit())).and_then(|n| n.parse().ok());
@@ -78,12 +81,12 @@ pub(in crate::http) async fn model(
     stored(&app, of, which.attempt, SpecimenFile::Model, "model/gltf-binary", &headers).await
 }
 
-/// The raw frame of a view, as it came.
+/// The raw frame of a view, as it came, or the one on which the well was judged.
 #[utoipa::path(
     get, path = "/v1/runs/{run_id}/specimens/{well}/views/{view}", tag = "results",
     params(
         ("run_id" = String, Path), ("well" = String, Path, description = "`A01` to `P24`"),
-        ("view" = String, Path, description = "`0.png`, `1.png`, ...: the ledger's number"), Attempt,
+        ("view" = String, Path, description = "`0.png`, `1.png`, ...: the ledger's number; `detection.png`"), Attempt,
     ),
     responses(
         (status = 200, description = "PNG", body = Vec<u8>, content_type = "image/png"),
@@ -97,7 +100,8 @@ pub(in crate::http) async fn view(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let (Path((run, well, file)), Query(which)) = (path?, which?);
-    stored(&app, (run, well), which.attempt, SpecimenFile::View(number(&file)?), "image/png", &headers).await
+    let wanted = if file == DETECTION { SpecimenFile::Detection } else { SpecimenFile::View(number(&file)?) };
+    stored(&app, (run, well), which.attempt, wanted, "image/png", &headers).await
 }
 
 /// The mask that a view carved with.

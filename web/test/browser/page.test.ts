@@ -176,7 +176,7 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   const views = [0, 1, 2].map((i) => `${base}/views/${i}.png`);
   // The second view has no profile.
   const profiles = [0, 2].map((i) => `${base}/profiles/${i}.png`);
-  const links = { mesh_glb: `${base}/mesh.glb`, views, profiles };
+  const links = { mesh_glb: `${base}/mesh.glb`, detection: null, views, profiles };
   server.answers[base] = kept({ recording: { rig: { pixel_format: "BayerRG8" } }, hull_volumes_um3: late, links });
   for (const path of views) server.files[path] = frame;
   for (const path of profiles)
@@ -214,10 +214,16 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   await until("sentence", /view 10/);
   assert.equal(await text("frame-heading"), "Frame of A01");
 
+  const skipped = "/v1/runs/demo-1/specimens/A04";
+  const judged = `${skipped}/views/detection.png`;
+  server.files[judged] = frame;
+  server.answers[skipped] = kept({ links: { mesh_glb: null, detection: judged, views: [], profiles: [] } });
   await page.locator('[data-well="A04"].well').click();
-  await until("frame-empty", /^Well A04: skipped, so there is no picture of it\.$/);
-  assert.equal(await page.locator("#frame-image").isVisible(), false);
+  await until("frame-whose", /^as it was found$/);
+  assert.equal(await page.locator("#frame-image").isVisible(), true);
+  assert.equal(await page.locator("#profile-image").isVisible(), false);
   assert.equal(await page.locator("#frame-view").isVisible(), false);
+  await until("model-empty", /^No model of A04 is kept\.$/);
   await page.getByRole("button", { name: "Follow the run" }).click();
   await until("frame-whose", /^10 of 22 views taken$/);
 });

@@ -16,7 +16,12 @@ const PAGE: Record<string, [string, string]> = {
 
 /** A stored specimen; nothing of it, where nothing is said. */
 export function kept(change: Partial<Specimen> = {}): Specimen {
-  return { recording: {}, hull_volumes_um3: [], links: { mesh_glb: null, views: [], profiles: [] }, ...change };
+  return {
+    recording: {},
+    hull_volumes_um3: [],
+    links: { mesh_glb: null, detection: null, views: [], profiles: [] },
+    ...change,
+  };
 }
 
 export class FixtureServer {
