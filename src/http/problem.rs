@@ -122,7 +122,8 @@ impl Problem {
             Refusal::UnknownRun { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_run", detail),
             Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),
             Refusal::RunEnded { .. } => conflict("run_ended"),
-            Refusal::CapillaryFull { .. } => conflict("capillary_full"),
+            // Once the loader has taken it out and said so.
+            Refusal::CapillaryFull { .. } => conflict("capillary_full").action(SchedulerAction::Retry),
             Refusal::Store { full: true, .. } => {
                 Self::new(StatusCode::INSUFFICIENT_STORAGE, "disk_full", detail).action(SchedulerAction::PauseInstrument).behind(status)
             }

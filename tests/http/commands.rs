@@ -266,3 +266,16 @@ fn a_body_that_does_not_come_is_not_waited_for_for_ever() {
     let answer = read_answer(&mut stream);
     assert_eq!((answer.status, answer.problem().as_str()), (408, "slow_body"));
 }
+
+/// The loader can do something about it by itself: nobody is called.
+#[test]
+fn a_capillary_that_is_full_is_the_loaders_to_empty() {
+    let rig = Rig::start();
+    rig.refuse(Refusal::CapillaryFull { run: "r".into(), well: "A01".into() });
+    for answer in [rig.put("/v1/runs/r2", PLAN), rig.put("/v1/runs/r/wells/A02", r#"{"loaded": true}"#)] {
+        assert_eq!((answer.status, answer.problem().as_str()), (409, "capillary_full"));
+        assert_eq!(answer.json()["scheduler_action"], "retry");
+        let detail = answer.json()["detail"].as_str().unwrap().to_owned();
+        assert!(detail.contains("PUT /v1/runs/r/wells/A01 {\"loaded\": false}"), "{detail}");
+    }
+}

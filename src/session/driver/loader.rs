@@ -129,10 +129,8 @@ impl Running {
         let instead = match (waiting_for, self.to_be_taken_out(), self.occupant.as_deref()) {
             (Some(next), ..) => format!("that of well {next} is waited for; once it is in the capillary, say {}", say(next, true)),
             (None, Some(inside), _) => format!("that of well {inside} is to be taken out; once it is, say {}", say(inside, false)),
-            (None, None, Some(inside)) => {
-                format!("that of well {inside} is in the capillary and worked on; do what plate.needs asks for then")
-            }
-            (None, None, None) => "none is known to be in the capillary; do what plate.needs asks for".to_owned(),
+            (None, None, Some(inside)) => format!("that of well {inside} is in the capillary; wait until plate.needs asks for one"),
+            (None, None, None) => "none is in the capillary, as far as is known; wait until plate.needs asks for one".to_owned(),
         };
         Refusal::UnexpectedWell { run: run.to_owned(), well: well.to_owned(), instead }
     }
