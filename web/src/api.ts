@@ -11,7 +11,8 @@ export class Refused extends Error {
   readonly mistakes: readonly Mistake[];
 
   constructor(code: number, message: string, mistakes: readonly Mistake[] = []) {
-    super(message);
+    // Said in the middle of a sentence.
+    super(message.replace(/\.$/, ""));
     this.code = code;
     this.mistakes = mistakes;
   }
@@ -28,9 +29,24 @@ export interface Mistake {
 /** In the words of the problem+json body, or by the code alone. */
 async function refusal(response: Response): Promise<Refused> {
   const code = `${response.status} ${response.statusText}`.trim();
-  const body = (await response.json().catch(() => ({}))) as { title?: string; detail?: string; errors?: Mistake[] };
-  return new Refused(response.status, body.detail ?? body.title ?? code, body.errors ?? []);
+  const body = (await response.json().catch(() => ({}))) as Problem;
+  const words = ON_THIS_PAGE[body.code ?? ""] ?? body.detail ?? body.title ?? code;
+  return new Refused(response.status, words, body.errors ?? []);
 }
+
+interface Problem {
+  code?: string;
+  title?: string;
+  detail?: string;
+  errors?: Mistake[];
+}
+
+/** What a program does about it by another request, an operator does on this page. */
+const ON_THIS_PAGE: Record<string, string> = {
+  capillary_full: "a specimen is still in the capillary: take it out, and say so by the button above",
+  fault_stands: "a fault is not acknowledged: see to its cause, then acknowledge it in the list of faults",
+  handoff_open: "a plate is being handed over: the loader has to say first how that ended",
+};
 
 /** What the browser throws where the network fails, also in the middle of a body; a wait cut short stays what it is. */
 function away(error: unknown): never {

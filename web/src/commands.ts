@@ -211,5 +211,5 @@ export class CommandRow {
 }
 
 function reason(error: unknown): string {
-  return (error instanceof Refused ? error.message : String(error)).replace(/\.$/, "");
+  return error instanceof Refused ? error.message : String(error);
 }

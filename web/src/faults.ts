@@ -52,6 +52,8 @@ async function acknowledge(fault: Fault, button: HTMLButtonElement, answer: HTML
   button.disabled = true;
   try {
     await post(`/v1/faults/${fault.seq}/acknowledge`);
+    // Most are gone with the next status.
+    setText(answer, "Acknowledged. It stays listed until its cause is gone.");
   } catch (error) {
     button.disabled = false;
     setText(answer, `Not acknowledged: ${error instanceof Refused ? error.message : String(error)}`);

@@ -210,7 +210,7 @@ export class NewRun {
 }
 
 function reason(error: unknown): string {
-  return (error instanceof Refused ? error.message : String(error)).replace(/\.$/, "");
+  return error instanceof Refused ? error.message : String(error);
 }
 
 function mistake(m: Mistake): HTMLElement {

@@ -503,13 +503,23 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
   await until("progress-line", /it goes on by itself once the fault is over/);
   await button("Keep it held").click();
   await until("answer", /Keep it held: accepted/);
+  server.refusal = { code: "fault_stands", detail: "then POST /v1/faults/7/acknowledge" };
+  await button("Go on").click();
+  await until(
+    "answer",
+    /^Go on did not get through: a fault is not acknowledged: .* in the list of faults\. The run is still/,
+  );
+  server.refusal = null;
+  await button("Acknowledge").click();
+  await until("faults", /Acknowledged\. It stays listed until its cause is gone\./);
   server.publish(running(1));
   await button("Stop after this well").click();
   await until("ask-title", /^Stop run demo-1 after this well\?$/);
   await page.locator("dialog").getByRole("button", { name: "Stop after this well" }).click();
   await until("answer", /Stop after this well: accepted/);
   const path = "POST /v1/runs/demo-1";
-  assert.deepEqual(commands(), [`${path}/hold`, `${path}/unhold`, `${path}/hold`, `${path}/stop`]);
+  const acknowledged = "POST /v1/faults/7/acknowledge";
+  assert.deepEqual(commands(), [`${path}/hold`, `${path}/unhold`, `${path}/hold`, acknowledged, `${path}/stop`]);
 });
 
 test("the emergency stop asks nothing, and its fault is acknowledged", async () => {

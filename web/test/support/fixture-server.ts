@@ -30,7 +30,7 @@ export class FixtureServer {
   /** Queries of the status requests, oldest first. */
   readonly asked: string[] = [];
   /** Answer to a command in place of 200: a problem in words, with what is wrong. */
-  refusal: { detail: string; errors?: object[] } | null = null;
+  refusal: { code?: string; detail: string; errors?: object[] } | null = null;
   /** Bodies of what is read, and of what commands answer, by path. */
   readonly answers: Record<string, unknown> = {};
   /** Files of stored specimens, by path. */
