@@ -19,9 +19,9 @@ import {
   type BufferGeometry,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import { fetchFile, fetchLive } from "./api.ts";
 import { setText, show } from "./dom.ts";
+import { parseGlb } from "./glb.ts";
 import { counted, grouped, micrometres } from "./format.ts";
 import { Latest } from "./latest.ts";
 import type { StoredSpecimens } from "./stored.ts";
@@ -58,7 +58,6 @@ export class ModelView {
   readonly #controls: OrbitControls;
   readonly #material = new MeshStandardMaterial({ color: 0x6f9fb8, roughness: 0.62, metalness: 0 });
   readonly #mesh = new Mesh<BufferGeometry, MeshStandardMaterial>(undefined, this.#material);
-  readonly #loader = new GLTFLoader();
   readonly #refresh = new Latest(() => this.#load());
   #extent: Box3 | null = null;
   #tag: string | null = null;
@@ -145,7 +144,7 @@ export class ModelView {
       return;
     }
     if (fetched.kind === "new") {
-      this.#put(await this.#parse(fetched.body));
+      this.#put(await parseGlb(fetched.body));
       this.#tag = fetched.tag;
       this.#storedShown = "";
     }
@@ -162,25 +161,11 @@ export class ModelView {
         this.#clear(`No model of ${well} is kept.`);
         return;
       }
-      this.#put(await this.#parse(await fetchFile(link)));
+      this.#put(await parseGlb(await fetchFile(link)));
       this.#tag = null;
       this.#storedShown = key;
     }
     this.#describe(well, "as it was measured");
-  }
-
-  async #parse(glb: Blob): Promise<BufferGeometry> {
-    const parsed = await this.#loader.parseAsync(await glb.arrayBuffer(), "");
-    parsed.scene.updateMatrixWorld(true);
-    let geometry: BufferGeometry | null = null;
-    parsed.scene.traverse((node) => {
-      if (geometry || !(node instanceof Mesh)) return;
-      const found = node as Mesh<BufferGeometry>;
-      geometry = found.geometry;
-      geometry.applyMatrix4(found.matrixWorld);
-    });
-    if (!geometry) throw new Error("mesh.glb holds no mesh");
-    return geometry;
   }
 
   #put(geometry: BufferGeometry): void {
