@@ -7,7 +7,7 @@
 use carved::calibration::{Bad, Calibration, CalibrationError, GivenView, Pose, Priors, calibrate};
 use carved::cli::emulated;
 use carved::geometry::Camera;
-use carved::measure::support::{Sections, SupportEstimate};
+use carved::measure::support::{Sections, SupportEstimate, calibration_sd};
 use carved::profile::{Columns, Polygon};
 use hardware_sim::analytic::{Disturbance, Fault, Phantom, Pose as Place};
 use rayon::prelude::*;
@@ -116,6 +116,26 @@ fn finned_larvae_have_their_hulls_volume() {
         let [volume, area] = turn.errors(&turn.calibrated().unwrap());
         assert!(volume.abs() < most && area.abs() < 0.02, "{asd} views: {volume} {area}");
     }
+}
+
+/// Segmentation finds a fin in one view and misses it in the next. The camera is known as well as without fins all the same, and what it
+/// is not known by makes no more of the volume.
+#[test]
+fn fins_that_some_views_miss_leave_the_camera_known() {
+    (0..12u64).into_par_iter().for_each(|seed| {
+        let of = |phantom: Phantom| Turn::of(&phantom.placed(Place::seeded(seed)), &looking(), even(21), &Disturbance::drift(seed + 40));
+        let mut turn = of(Phantom::finned(4, seed).unwrap());
+        let body = of(Phantom::larva(4, seed).unwrap());
+        for (at, columns) in body.columns.into_iter().enumerate() {
+            if (turn.omegas[at] + seed as f64).sin().abs() > 0.85 {
+                turn.columns[at] = columns;
+            }
+        }
+        let c = turn.calibrated().unwrap();
+        assert!(c.sd.gamma_rad.to_degrees() < 0.05, "seed {seed}: gamma +- {}", c.sd.gamma_rad.to_degrees());
+        let [volume_sd_um3, _] = calibration_sd(&c, &turn.given()).unwrap();
+        assert!(volume_sd_um3 < 0.01 * turn.hull[0], "seed {seed}: {volume_sd_um3}");
+    });
 }
 
 #[test]

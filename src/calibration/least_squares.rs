@@ -45,6 +45,12 @@ const SD_LEAST_UM: f64 = 0.2;
 /// What holds a shift at nothing, per px^2: a thousandth of a px.
 const HELD: f64 = 1e6;
 
+/// A pass that would tilt the camera by more than this many of its prior's standard deviations tilts it not at all. Tilt is told so
+/// weakly that it takes up what fits nothing else, and comes back by half a pass.
+const TILT_MOST: f64 = 3.0;
+/// What holds it, per rad^2: a microradian.
+const TILT_HELD: f64 = 1e12;
+
 /// A solution.
 #[derive(Debug, Clone)]
 pub struct Solution {
@@ -101,7 +107,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
             matrix.view_mut((SHARED, SHARED), (n, n)).ger(HELD, direction, direction, 1.0);
             right.rows_mut(SHARED, n).axpy(HELD * off, direction, 1.0);
         }
-        let factor = matrix.cholesky()?;
+        let factor = matrix.clone().cholesky()?;
         if converged || passes == PASSES_MOST {
             let State { camera, rho, dy_px } = state;
             return Some(Solution {
@@ -116,7 +122,12 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
                 untold,
             });
         }
-        let step = factor.solve(&right);
+        let mut step = factor.solve(&right);
+        if step[2].abs() > TILT_MOST * priors.alpha_rad {
+            // Edges that are wrong, as of fins that some views miss, are no tilt: it waits until those count less.
+            matrix[(2, 2)] += TILT_HELD;
+            step = matrix.cholesky()?.solve(&right);
+        }
         state.camera.uy -= step[0];
         state.camera.gamma -= step[1];
         state.camera.alpha -= step[2];

@@ -20,6 +20,9 @@ const SURE: f64 = 5.0;
 const HELD: f64 = 1e-6;
 /// A specimen is round if a camera held where it is given leaves no more than this of what a free one leaves.
 const ROUND: f64 = 1.5;
+/// A slice is a disc if all harmonics but its place are less than this of its mean radius: those of rendered beads are under 0.01,
+/// of most of a larva's slices over 0.1.
+const DISC: f64 = 0.05;
 /// Fewer views fit any ratio of angles.
 const TELLS_STEPS: usize = 7;
 /// A ratio of angles is sought no further than this from where its search begins.
@@ -209,7 +212,7 @@ fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved
     };
     let residual = |s: &Solved| s.solution.residual_sd_um;
     let mut nominal = from(1.0, priors);
-    if nominal.as_ref().is_some_and(|s| !s.solution.converged) {
+    if nominal.as_ref().is_some_and(|s| !s.solution.converged && is_round(&s.solution)) {
         // A round specimen looks alike however the axis lies and however far it turned: nothing settles, and nothing but the axis'
         // place at the specimen is told.
         let held = from(1.0, Priors { gamma_rad: HELD, alpha_rad: HELD, rho: HELD, ..priors });
@@ -231,6 +234,12 @@ fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved
         (Some(a), None) => Ok(a),
         (None, None) => Err(CalibrationError::NoSlices),
     }
+}
+
+/// Whether most slices are discs.
+fn is_round(solution: &Solution) -> bool {
+    let shape = |coefficients: &[f64]| coefficients.iter().skip(3).map(|c| c * c).sum::<f64>().sqrt() / coefficients[0];
+    median(solution.slices.iter().map(|(_, fit)| shape(&fit.support.coefficients)).collect()) < DISC
 }
 
 /// Ratios of true to planned angles that are tried; between them the least squares find their way. Half the turn would show every slice

@@ -118,7 +118,9 @@ pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<[f64;
         .step_by(COARSE)
         .map(|u| {
             let support = touched(pose.slice(u as f64), pose, views, series, sd_um)?;
-            Some([support.area_um2(), support.perimeter_um()])
+            // The few edges of a slice at the specimen's end fit an outline that is none: its harmonics outweigh its radius.
+            let area_um2 = support.area_um2();
+            (area_um2 > 0.0).then(|| [area_um2, support.perimeter_um()])
         })
         .collect();
     let step_um = pose.slice(to as f64) - pose.slice(from as f64);
