@@ -140,7 +140,7 @@ pub struct SpecimenRecord {
     /// profile, so that a specimen that moved would show in the residuals only), `dead_looking` (opaque throughout in most
     /// views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `uncalibrated`
     /// (measured with the rig's camera as it is), `calibration_gate` (another axis leaves a larger hull: views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says),
-    /// and those of [`Quality`]: `unusable_views`, `residual`, `overlap`, `calibration_off`, `volume_off_references`, `area_off_references`.
+    /// and those of [`Quality`]: `unusable_views`, `residual`, `overlap`, `uncertain`, `calibration_off`, `volume_off_references`, `area_off_references`.
     pub flags: Vec<String>,
 }
 
@@ -376,7 +376,7 @@ impl Pipeline {
             record.lie = closure;
         }
         let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
-        let quality = self.quality(found);
+        let quality = self.quality(found, &model.measurement);
         let mut flags = Vec::new();
         let mut flag = |raised: bool, name: &str| {
             if raised {
@@ -423,7 +423,7 @@ impl Pipeline {
     }
 
     /// Holds the turn against the method's limits.
-    fn quality(&self, found: Option<&Calibration>) -> Quality {
+    fn quality(&self, found: Option<&Calibration>, measured: &Measurement) -> Quality {
         let strip: Vec<ViewStrip> = self.views.iter().map(ViewRecord::strip).collect();
         let omegas: Vec<f64> = self.views.iter().filter(|v| v.used).map(|v| v.omega).collect();
         let rig = &self.settings.camera;
@@ -444,6 +444,7 @@ impl Pipeline {
                 rho_percent: 100.0 * (c.rho - 1.0),
                 is_rho_told: c.tells_steps(),
             }),
+            volume_sd_percent: measured.spread.map(|s| 100.0 * s.volume_views_um3.hypot(s.volume_calibration_um3) / measured.volume_um3),
         };
         Quality::of(&facts, &self.settings.quality)
     }

@@ -25,6 +25,8 @@ pub struct QualitySettings {
     pub residual_view_px: f64,
     /// Least of a profile that what no view misses covers, %: of any view.
     pub overlap_percent: f64,
+    /// Most that the volume may be uncertain by, %: the standard deviation by views and calibration, without the rig's scale and edges.
+    pub volume_sd_percent: f64,
     /// Most that the turn's camera may be off the rig's.
     pub uy_px: f64,
     pub gamma_deg: f64,
@@ -51,6 +53,7 @@ impl Default for QualitySettings {
             residual_px: 1.5,
             residual_view_px: 3.0,
             overlap_percent: 85.0,
+            volume_sd_percent: 2.0,
             uy_px: 30.0,
             gamma_deg: 3.0,
             alpha_deg: 2.0,
@@ -75,6 +78,7 @@ impl QualitySettings {
             ("residual_px", self.residual_px, 0.01..=100.0, "px"),
             ("residual_view_px", self.residual_view_px, 0.01..=100.0, "px"),
             ("overlap_percent", self.overlap_percent, 0.0..=100.0, "%"),
+            ("volume_sd_percent", self.volume_sd_percent, 0.01..=100.0, "%"),
             ("uy_px", self.uy_px, 0.1..=1000.0, "px"),
             ("gamma_deg", self.gamma_deg, 0.01..=10.0, "deg"),
             ("alpha_deg", self.alpha_deg, 0.01..=10.0, "deg"),

@@ -4,6 +4,7 @@
 //!  closure ─── overlap, px along, px across, deg of turn ─┐
 //!  strip ───── residual of the median view, of the worst; least overlap with VRV ─┤
 //!  angles ──── views that count, of those planned; widest gap ────────────────────┼─ Quality
+//!  volume ──── its standard deviation ────────────────────────────────────────────┤
 //!  camera ──── uy, gamma, alpha off the rig's; rho off 1 ─────────────────────────┘
 //! ```
 
@@ -43,6 +44,8 @@ pub struct TurnFacts<'a> {
     pub strip: &'a [ViewStrip],
     pub closure: Option<ClosureOff>,
     pub calibration: Option<CalibrationOff>,
+    /// Of the volume, by views and calibration.
+    pub volume_sd_percent: Option<f64>,
 }
 
 /// Whether so few views, or so few directions, tell little of a slice's shape.
@@ -79,6 +82,7 @@ impl Quality {
             Check::at_most("residual_px", "px", "residual", residual, l.residual_px),
             Check::at_most("residual_view_px", "px", "residual", worst.0, l.residual_view_px).of_view(worst.1),
             Check::at_least("overlap_percent", "%", "overlap", least.0, l.overlap_percent).of_view(least.1),
+            Check::at_most("volume_sd_percent", "%", "uncertain", turn.volume_sd_percent, l.volume_sd_percent),
             Check::at_most("uy_px", "px", "calibration_off", off(|c| c.uy_px), l.uy_px),
             Check::at_most("gamma_deg", "deg", "calibration_off", off(|c| c.gamma_deg), l.gamma_deg),
             Check::at_most("alpha_deg", "deg", "calibration_off", off(|c| c.alpha_deg), l.alpha_deg),
@@ -106,7 +110,8 @@ mod tests {
     const NEAR: CalibrationOff = CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_told: false };
 
     fn of(omegas: &[f64], strip: &[ViewStrip], closure: Option<ClosureOff>, calibration: Option<CalibrationOff>) -> Quality {
-        Quality::of(&TurnFacts { planned_views: 21, omegas, strip, closure, calibration }, &QualitySettings::default())
+        let facts = TurnFacts { planned_views: 21, omegas, strip, closure, calibration, volume_sd_percent: Some(0.6) };
+        Quality::of(&facts, &QualitySettings::default())
     }
 
     fn good() -> Quality {
@@ -155,6 +160,13 @@ mod tests {
         assert!(seen(&even(21), &views).passed);
         assert_eq!(seen(&even(21)[..16], &strip(21)).flags(), ["unusable_views"]);
         assert_eq!(seen(&even(84)[..30], &strip(30)).flags(), ["few_views"]);
+        let (omegas, strip) = (even(21), strip(21));
+        let uncertain = |volume_sd_percent| {
+            let (closure, calibration) = (Some(GOOD), Some(NEAR));
+            let facts = TurnFacts { planned_views: 21, omegas: &omegas, strip: &strip, closure, calibration, volume_sd_percent };
+            Quality::of(&facts, &QualitySettings::default()).flags().join(" ")
+        };
+        assert_eq!([Some(2.1), Some(f64::NAN), Some(1.9), None].map(uncertain), ["uncertain", "uncertain", "", ""]);
     }
 
     #[test]
@@ -185,6 +197,7 @@ mod tests {
                 strip: &views,
                 closure: Some(ClosureOff { along_px: along, ..GOOD }),
                 calibration: Some(CalibrationOff { uy_px: uy, ..NEAR }),
+                volume_sd_percent: None,
             };
             let narrow = QualitySettings::default();
             let wide = QualitySettings {

@@ -20,6 +20,7 @@ const FLAGS: Record<string, string> = {
   overlap: "a view does not fit the model: look at its frames",
   residual: "the views do not agree: look at focus and vibration, or it twitched",
   uncalibrated: "its turn could not be calibrated",
+  uncertain: "its volume is known far worse than others are: look at its frames, or measure it again with more views",
   unusable_views: "many views could not be used: look at light, focus and bubbles",
   volume_off_references: "its volume is far from that of larvae of its age: look at the frames and the plate map",
   wrong_steps: "the axis turned another angle than it said: look at its coupling",
