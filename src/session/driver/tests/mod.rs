@@ -6,3 +6,4 @@ mod life;
 mod loader;
 mod recovery;
 mod restart;
+mod words;

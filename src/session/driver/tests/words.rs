@@ -1,0 +1,233 @@
+//! The loader's words that cross something else: a hold, the run's end, a crash; and those that mean nothing.
+
+use super::super::*;
+use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch};
+use super::loader::{IN, out};
+use crate::session::Phase;
+use crate::session::handle::{Accepted, Refusal, Towards};
+use crate::session::plate::HandoffIntent;
+use crate::session::worker::{Progress, RunEnd};
+
+/// The loader's hand and an operator's abort are not told of each other: the larva is where the loader says, whatever has ended.
+#[test]
+fn a_specimen_that_comes_just_after_the_end_of_its_run_is_known_to_be_inside() {
+    on_this_thread(async {
+        for (towards, end, state) in [(Towards::Abort, RunEnd::Cancelled, State::Aborted), (Towards::Stop, RunEnd::Paused, State::Stopped)]
+        {
+            let dir = scratch();
+            let mut b = bench(dir.path(), true);
+            b.put_run(&plan(&["A01", "A02"])).unwrap();
+            b.tell(Progress::Ready);
+            b.asks_for("A01");
+            b.steer(towards).unwrap();
+            b.ends(end).await;
+            assert!(b.status().ready && b.status().plate.removable, "{:?}", b.status().not_ready_reason);
+            assert!(matches!(b.loaded("A02", true), Err(Refusal::RunEnded { .. })), "nobody asked for it");
+            assert!(matches!(b.loaded("A02", false), Err(Refusal::UnexpectedWell { .. })), "it never was inside");
+            let inside = |b: &Bench| {
+                let status = b.status();
+                assert_eq!((status.state, b.inside_by_status().as_deref(), b.needs()), (state, Some("A01"), out("A01")));
+                assert!(!status.ready && !status.plate.removable);
+                let why = status.not_ready_reason.unwrap();
+                assert!(why.contains("A01") && why.contains("take it out") && status.doing.contains("A01"), "{why}, {}", status.doing);
+            };
+            assert_eq!((b.loaded("A01", true), b.loaded("A01", true)), (Ok(()), Ok(())));
+            inside(&b);
+            drop(b);
+            let mut b = bench(dir.path(), true);
+            inside(&b);
+            assert_eq!(b.put("r2"), Err(Refusal::CapillaryFull { run: RUN.into(), well: "A01".into() }));
+            assert_eq!((b.loaded("A01", true), b.loaded("A01", false), b.loaded("A01", false)), (Ok(()), Ok(()), Ok(())));
+            assert!(b.status().ready && b.status().plate.removable);
+            assert!(matches!(b.loaded("A01", true), Err(Refusal::RunEnded { .. })), "it was asked for once");
+            drop(b);
+            let mut b = bench(dir.path(), true);
+            assert!(b.status().ready && matches!(b.loaded("A01", true), Err(Refusal::RunEnded { .. })));
+            assert_eq!(b.loaded("A01", false), Ok(()), "said again, over the restart");
+            assert!(matches!(b.put("r2"), Ok(Accepted::Created)));
+            assert!(matches!(b.loaded("A01", true), Err(Refusal::UnknownRun { .. })), "of a run before the newest");
+        }
+    });
+}
+
+/// Known to be inside is the one before: the loader says of each what is so.
+#[test]
+fn a_late_specimen_is_not_taken_on_top_of_another() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01", "A02"])).unwrap();
+        b.tell(Progress::Ready);
+        b.asks_for("A01");
+        b.measures("A01");
+        b.asks_for("A02");
+        b.steer(Towards::Abort).unwrap();
+        b.ends(RunEnd::Cancelled).await;
+        assert_eq!(b.loaded("A02", true), Err(Refusal::CapillaryFull { run: RUN.into(), well: "A01".into() }));
+        assert_eq!((b.loaded("A01", false), b.loaded("A02", true)), (Ok(()), Ok(())));
+        assert_eq!((b.inside_by_status().as_deref(), b.needs()), (Some("A02"), out("A02")));
+    });
+}
+
+/// A plate that was taken away before the loader's late word is not shown again by a start.
+#[test]
+fn a_late_word_does_not_bring_a_plate_back() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01"])).unwrap();
+        b.tell(Progress::Ready);
+        b.asks_for("A01");
+        b.steer(Towards::Abort).unwrap();
+        b.ends(RunEnd::Cancelled).await;
+        b.d.handoff(Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).unwrap();
+        b.d.end_handoff(HandoffEnd::Completed).unwrap();
+        b.loaded("A01", true).unwrap();
+        drop(b);
+        let b = bench(dir.path(), true);
+        assert!(!b.status().plate.present && b.inside_by_status().as_deref() == Some("A01"));
+    });
+}
+
+/// Put in before the hold was seen: it stays, over a crash too, and the run goes on with it without asking for it again.
+#[test]
+fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
+    on_this_thread(async {
+        // Before the hold has come to rest, after it, and after that a crash.
+        for (at_rest, crash) in [(false, false), (true, false), (true, true)] {
+            let dir = scratch();
+            let mut b = bench(dir.path(), true);
+            b.put_run(&plan(&["A01", "A02"])).unwrap();
+            b.tell(Progress::Ready);
+            b.asks_for("A01");
+            b.steer(Towards::Hold).unwrap();
+            if at_rest {
+                b.ends(RunEnd::Paused).await;
+            }
+            assert!(matches!(b.loaded("A02", true), Err(Refusal::UnexpectedWell { .. })));
+            assert_eq!((b.loaded("A01", true), b.loaded("A01", true)), (Ok(()), Ok(())));
+            if !at_rest {
+                b.ends(RunEnd::Paused).await;
+            }
+            if crash {
+                drop(b);
+                b = bench(dir.path(), true);
+            }
+            let status = b.status();
+            assert_eq!(
+                (status.state, b.inside_by_status().as_deref(), b.needs()),
+                (State::Held, Some("A01"), String::new()),
+                "{at_rest}, {crash}"
+            );
+            assert!(!status.ready && !status.plate.removable);
+            b.steer(Towards::Unhold).unwrap();
+            assert!(b.works(), "{:?}", b.status().state);
+            b.tell(Progress::Ready);
+            b.asks_for("A01");
+            assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Execute, Some("A01"), String::new()));
+            assert!(b.d.gate.has_loaded("A01"), "the worker waits for a word that was said");
+            b.phase("A01", Phase::Eject, true);
+            b.done("A01");
+            b.asks_for("A02");
+            assert_eq!((b.status().state, b.needs()), (State::Suspended, format!("{}, then {}", out("A01"), IN[1])));
+            assert_eq!(count(&journalled(dir.path()), kind::WELL_LOADED), 1);
+        }
+    });
+}
+
+/// Taken out again while it is held, it is asked for when the run goes on.
+#[test]
+fn what_was_brought_after_a_hold_may_be_taken_out_again() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01"])).unwrap();
+        b.tell(Progress::Ready);
+        b.asks_for("A01");
+        b.steer(Towards::Hold).unwrap();
+        b.ends(RunEnd::Paused).await;
+        assert_eq!((b.loaded("A01", true), b.loaded("A01", false)), (Ok(()), Ok(())));
+        b.steer(Towards::Unhold).unwrap();
+        b.tell(Progress::Ready);
+        b.asks_for("A01");
+        assert_eq!((b.status().state, b.needs()), (State::Suspended, IN[0].to_owned()));
+    });
+}
+
+/// A repeat of what was said is taken; what cannot be so is refused with the word that is waited for.
+#[test]
+fn words_that_mean_nothing_are_refused_with_what_to_say() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
+        b.tell(Progress::Ready);
+        let unexpected = |b: &mut Bench, well: &str, loaded: bool, says: &str| {
+            let refused = b.loaded(well, loaded).unwrap_err();
+            let said = refused.to_string();
+            assert!(matches!(refused, Refusal::UnexpectedWell { .. }) && said.contains(says), "{well} {loaded}: {said}");
+        };
+        b.asks_for("A01");
+        unexpected(&mut b, "A01", false, "wells/A01 {\"loaded\": true}");
+        unexpected(&mut b, "H12", false, "wells/A01 {\"loaded\": true}");
+        unexpected(&mut b, "A02", true, "wells/A01 {\"loaded\": true}");
+        b.loaded("A01", true).unwrap();
+        b.phase("A01", Phase::Position, true);
+        assert_eq!(b.loaded("A01", true), Ok(()), "said again");
+        unexpected(&mut b, "A01", false, "A01 is in the capillary");
+        unexpected(&mut b, "A02", true, "A01 is in the capillary");
+        b.phase("A01", Phase::Eject, true);
+        b.done("A01");
+        b.asks_for("A02");
+        let full = Err(Refusal::CapillaryFull { run: RUN.into(), well: "A01".into() });
+        assert_eq!(b.loaded("A01", true), full, "it is to be taken out");
+        unexpected(&mut b, "A03", true, "A02");
+        b.loaded("A02", true).unwrap();
+        b.phase("A02", Phase::Revolve, true);
+        drop(b);
+        let mut b = bench(dir.path(), true);
+        assert_eq!((b.status().state, b.needs()), (State::Suspended, out("A02")));
+        let full = Refusal::CapillaryFull { run: RUN.into(), well: "A02".into() };
+        assert!(full.to_string().contains("PUT /v1/runs/r1/wells/A02 {\"loaded\": false}"), "{full}");
+        for well in ["A02", "A03", "A01"] {
+            assert_eq!(b.loaded(well, true), Err(full.clone()), "{well}: nobody was asked for it since");
+        }
+        unexpected(&mut b, "A03", false, "wells/A02 {\"loaded\": false}");
+        assert_eq!((b.loaded("A01", false), b.loaded("A02", false), b.loaded("A02", false)), (Ok(()), Ok(()), Ok(())));
+    });
+}
+
+/// The journal has that the loader was asked to exchange the two: it may do so whether or not the daemon has died since.
+#[test]
+fn an_exchange_that_was_asked_for_is_taken_after_a_crash() {
+    on_this_thread(async {
+        for held in [false, true] {
+            let dir = scratch();
+            let mut b = bench(dir.path(), true);
+            b.put_run(&plan(&["A01", "A02"])).unwrap();
+            b.tell(Progress::Ready);
+            b.asks_for("A01");
+            b.measures("A01");
+            b.asks_for("A02");
+            if held {
+                b.steer(Towards::Hold).unwrap();
+            }
+            drop(b);
+            let mut b = bench(dir.path(), true);
+            let state = if held { State::Held } else { State::Suspended };
+            assert_eq!((b.status().state, b.needs()), (state, out("A01")));
+            assert_eq!(b.loaded("A02", true), Ok(()));
+            let loaded = journalled(dir.path()).into_iter().rfind(|e| e.kind == kind::WELL_LOADED).unwrap();
+            assert_eq!((loaded.well.as_deref(), &loaded.data["in_place_of"]), (Some("A02"), &serde_json::json!("A01")));
+            if held {
+                assert_eq!((b.status().state, b.needs()), (State::Held, String::new()));
+                b.steer(Towards::Unhold).unwrap();
+            }
+            assert!(b.works(), "{:?}", b.status().state);
+            b.tell(Progress::Ready);
+            b.asks_for("A02");
+            assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Execute, Some("A02"), String::new()));
+            assert_eq!(b.loaded("A01", false), Ok(()), "it is out already");
+        }
+    });
+}
