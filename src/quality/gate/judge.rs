@@ -45,10 +45,13 @@ impl BeadGate {
     pub fn of(turns: &[BeadMeasured], history: &[GateNumbers], settings: &GateSettings) -> Option<Self> {
         let numbers = GateNumbers::of(turns)?;
         let score = BeadScore::at(&numbers.diameters_um, settings.nominal_um, settings.t_percent / 100.0);
+        // Beads that are more alike than one is to itself make a certainty of a bias that is nothing.
+        let off_um = (numbers.diameter_um.mean - settings.nominal_um).abs();
+        let told = score.as_ref().filter(|_| off_um > settings.repeat_um);
         let most = |name: &str, unit: &str, found, limit| Check::at_most(name, unit, "bead_gate", found, limit);
         let checks = vec![
             Check::at_least("beads_least", "beads", "bead_gate", Some(numbers.beads as f64), settings.beads_least as f64),
-            Check::at_least("t_percent", "%", "bead_gate", score.as_ref().map(|s| 100.0 * s.p), settings.t_percent),
+            Check::at_least("t_percent", "%", "bead_gate", told.map(|s| 100.0 * s.p), settings.t_percent),
             most("aspect_off", "(ratio)", Some(numbers.aspect_ratio.mean - 1.0), settings.aspect_off),
             most("roundness_um", "um", Some(numbers.worst_sphere_rms_um), settings.roundness_um),
             most("residual_px", "px", numbers.worst_residual_px, settings.residual_px),
@@ -94,6 +97,21 @@ mod tests {
 
     fn gate(turns: &[BeadMeasured], days: usize) -> BeadGate {
         BeadGate::of(turns, &history(days), &GateSettings::default()).unwrap()
+    }
+
+    #[test]
+    fn a_certain_bias_within_the_repeats_own_limit_is_none() {
+        let alike = |mean_um: f64| {
+            let turns: Vec<BeadMeasured> =
+                beads(7, 20).into_iter().zip(0..7).map(|(b, i)| BeadMeasured { diameter_um: mean_um + 0.01 * f64::from(i), ..b }).collect();
+            let gate = gate(&turns, 0);
+            assert!(gate.score.as_ref().unwrap().p < 1e-6, "{:?}", gate.score);
+            gate.verdict
+        };
+        assert_eq!([498.9, 501.9, 497.0, 503.0].map(alike), {
+            use GateVerdict::{Failed, NoHistory};
+            [NoHistory, NoHistory, Failed, Failed]
+        });
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
     said.extend(gate.score.as_ref().map(|s| {
         let percent = 100.0 * s.detectable_um / s.nominal_um;
         format!(
-            "t score {:.2} of {:.2}: {n} beads show a mean that is off by {:.1} um ({percent:.1} %) in four of five such sets; a smaller bias \
+            "t score {:.2} of {:.2}: {n} beads show a mean that is off by {:.2} um ({percent:.2} %) in four of five such sets; a smaller bias \
              passes unseen. The scale is told by a certified bead or a micrometer",
             s.t_score, s.critical, s.detectable_um
         )
