@@ -444,7 +444,7 @@ impl Pipeline {
                 rho_percent: 100.0 * (c.rho - 1.0),
                 is_rho_told: c.tells_steps(),
             }),
-            volume_sd_percent: measured.spread.map(|s| 100.0 * s.volume_views_um3.hypot(s.volume_calibration_um3) / measured.volume_um3),
+            volume_sd_percent: measured.spread.map(|s| 100.0 * s.volume_of_turn_um3() / measured.volume_um3),
         };
         Quality::of(&facts, &self.settings.quality)
     }

@@ -136,6 +136,9 @@ pub struct Spread {
     /// Axis, roll, tilt and angles are known to their covariance only.
     pub volume_calibration_um3: f64,
     pub area_calibration_um2: f64,
+    /// The corners of fins, which views too few for all harmonics do not show; they take off the volume, and nothing says how much.
+    #[serde(default)]
+    pub volume_corners_um3: f64,
     /// The rig's scale: three times its relative standard deviation in volume, twice in area.
     pub volume_scale_um3: f64,
     pub area_scale_um2: f64,
@@ -146,7 +149,12 @@ pub struct Spread {
 
 impl Spread {
     pub fn volume_um3(&self) -> f64 {
-        root_of_squares([self.volume_views_um3, self.volume_calibration_um3, self.volume_scale_um3, self.volume_edge_um3])
+        root_of_squares([self.volume_of_turn_um3(), self.volume_scale_um3, self.volume_edge_um3])
+    }
+
+    /// Without what is the same in every turn on the rig: its scale and edges.
+    pub fn volume_of_turn_um3(&self) -> f64 {
+        root_of_squares([self.volume_views_um3, self.volume_calibration_um3, self.volume_corners_um3])
     }
 
     pub fn area_um2(&self) -> f64 {
@@ -154,7 +162,7 @@ impl Spread {
     }
 }
 
-fn root_of_squares(parts: [f64; 4]) -> f64 {
+fn root_of_squares<const N: usize>(parts: [f64; N]) -> f64 {
     parts.iter().map(|p| p * p).sum::<f64>().sqrt()
 }
 

@@ -1,7 +1,7 @@
 //! The volume of a turn that is not over.
 
 use crate::measure::Spread;
-use crate::measure::support::{Sections, SupportEstimate};
+use crate::measure::support::SupportEstimate;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -20,13 +20,12 @@ pub struct Estimate {
 
 impl Estimate {
     /// Nothing where slices do not tell the volume: it would be the voxels' in the end.
-    pub fn of(views: usize, sections: &Sections, support: &SupportEstimate, spread: &Spread) -> Option<Self> {
-        let left_out_um3 = sections.left_out_um3();
+    pub fn of(views: usize, support: &SupportEstimate, spread: &Spread) -> Option<Self> {
         (!support.is_hollow() && !support.is_all_error()).then(|| Self {
             views,
             volume_um3: support.volume_um3,
-            volume_sd_um3: spread.volume_views_um3.hypot(spread.volume_calibration_um3).hypot(left_out_um3),
-            stated_sd_um3: spread.volume_um3().hypot(left_out_um3),
+            volume_sd_um3: spread.volume_of_turn_um3(),
+            stated_sd_um3: spread.volume_um3(),
             harmonics: support.harmonics,
         })
     }

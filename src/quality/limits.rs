@@ -25,7 +25,7 @@ pub struct QualitySettings {
     pub residual_view_px: f64,
     /// Least of a profile that what no view misses covers, %: of any view.
     pub overlap_percent: f64,
-    /// Most that the volume may be uncertain by, %: the standard deviation by views and calibration, without the rig's scale and edges.
+    /// Most that the volume may be uncertain by, %: the standard deviation by views, calibration and corners, without the rig's scale and edges.
     pub volume_sd_percent: f64,
     /// Most that the turn's camera may be off the rig's.
     pub uy_px: f64,

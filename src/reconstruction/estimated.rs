@@ -29,8 +29,8 @@ impl Reconstruction {
         let sections = Sections::of(&Pose::new(&calibration.camera), &calibration.turn_views(&given), calibration.residual_sd_um, open)?;
         let support = SupportEstimate::of(&sections);
         let calibration = calibration_sd(calibration, &given).unwrap_or_default();
-        let spread = self.spread(&support, [support.volume_um3, support.area_um2], calibration);
-        Estimate::of(self.seen.len(), &sections, &support, &spread)
+        let spread = self.spread(&sections, &support, [support.volume_um3, support.area_um2], calibration);
+        Estimate::of(self.seen.len(), &support, &spread)
     }
 
     /// Whether the newest refined hull is too small for an estimate: then slices are hollow, and the end will trust the voxels.

@@ -151,6 +151,19 @@ fn a_calibration_that_leaves_less_than_the_camera_as_given_is_not_used() {
 }
 
 #[test]
+fn what_few_views_do_not_show_is_in_the_uncertainty_of_the_end_as_in_mid_turn() {
+    for (n, shown) in [(12, false), (21, true)] {
+        let mut model = started(n);
+        for (mask, omega) in views(n as u32) {
+            model.observe(&mask, &[], omega, Leaves::default()).unwrap();
+        }
+        let measured = model.finish(false).unwrap().model.measurement;
+        assert_eq!(measured.spread.unwrap().volume_corners_um3 == 0.0, shown, "{n} views: {:?}", measured.spread);
+        assert_eq!(measured.volume_sd_um3, model.estimate().map(|e| e.stated_sd_um3));
+    }
+}
+
+#[test]
 fn a_live_model_is_refined_from_enough_sides_only_and_not_after_each_view() {
     let (mut model, views) = (started(12), views(12));
     let mut refined_at = Vec::new();

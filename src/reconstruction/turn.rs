@@ -234,10 +234,9 @@ impl Reconstruction {
                     let at = used.iter().position(|(i, _)| *i == closure.first)?;
                     closed(&pose, &sections, &views[at], &closure.columns)
                 });
-                let estimate = SupportEstimate::of(&sections);
                 let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given));
                 let fitted = sphere.then(|| sections.sphere()).flatten();
-                self.trust(&mut model.measurement, estimate, calibration, fitted);
+                self.trust(&mut model.measurement, &sections, calibration, fitted);
             }
             None => model.measurement.fallback = Some("the views have no stretch of slices in common".into()),
         }
@@ -271,7 +270,8 @@ impl Reconstruction {
     }
 
     /// Puts the support functions' numbers beside the voxels', and those to trust on top.
-    fn trust(&self, m: &mut Measurement, support: SupportEstimate, calibration: Option<[f64; 2]>, sphere: Option<SphereFit>) {
+    fn trust(&self, m: &mut Measurement, sections: &Sections, calibration: Option<[f64; 2]>, sphere: Option<SphereFit>) {
+        let support = SupportEstimate::of(sections);
         let voxel = m.estimators.voxel.volume_um3;
         m.fallback = if support.is_hollow() {
             let percent = 100.0 * support.hollow_share;
@@ -295,15 +295,21 @@ impl Reconstruction {
                 m.aspect_ratio = Some(support.length_um / (2.0 * (support.mean_radius_um)));
             }
         }
-        let spread = self.spread(&support, [m.volume_um3, m.area_um2], calibration.unwrap_or_default());
+        let spread = self.spread(sections, &support, [m.volume_um3, m.area_um2], calibration.unwrap_or_default());
         (m.volume_sd_um3, m.area_sd_um2) = (Some(spread.volume_um3()), Some(spread.area_um2()));
         m.spread = Some(spread);
         m.estimators.support = Some(support);
     }
 
-    /// What volume and area are uncertain by: views and calibration, which another turn has other errors of, and the rig's scale and
-    /// edges, which it has not.
-    pub(super) fn spread(&self, support: &SupportEstimate, [volume_um3, area_um2]: [f64; 2], calibration: [f64; 2]) -> Spread {
+    /// What volume and area are uncertain by: views, calibration and corners, which another turn has other errors of, and the rig's scale
+    /// and edges, which it has not.
+    pub(super) fn spread(
+        &self,
+        sections: &Sections,
+        support: &SupportEstimate,
+        [volume_um3, area_um2]: [f64; 2],
+        calibration: [f64; 2],
+    ) -> Spread {
         let settings = &self.settings.calibration;
         let scale = settings.scale_sd_percent / 100.0;
         let edge_um = settings.edge_sd_px / self.camera.ky;
@@ -313,6 +319,7 @@ impl Reconstruction {
             area_views_um2: support.area_sd_um2,
             volume_calibration_um3,
             area_calibration_um2,
+            volume_corners_um3: sections.left_out_um3(),
             volume_scale_um3: 3.0 * scale * volume_um3,
             area_scale_um2: 2.0 * scale * area_um2,
             volume_edge_um3: edge_um * area_um2,

@@ -161,8 +161,13 @@ pub fn estimate(turn: &Turn, stops: &[usize]) -> Option<Estimate> {
     let sections = Sections::of(&Pose::new(&found.camera), &found.turn_views(&given), found.residual_sd_um, [false; 2])?;
     let support = SupportEstimate::of(&sections);
     let [volume_calibration_um3, _] = calibration_sd(&found, &given).unwrap_or_default();
-    let spread = Spread { volume_views_um3: support.volume_sd_um3, volume_calibration_um3, ..Spread::default() };
-    Estimate::of(stops.len(), &sections, &support, &spread)
+    let spread = Spread {
+        volume_views_um3: support.volume_sd_um3,
+        volume_calibration_um3,
+        volume_corners_um3: sections.left_out_um3(),
+        ..Spread::default()
+    };
+    Estimate::of(stops.len(), &support, &spread)
 }
 
 pub fn sections(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<SupportEstimate> {

@@ -36,7 +36,7 @@ pub(super) struct Recovered {
 
 /// How the making of a well's numbers has ended.
 pub(super) enum Made {
-    Done(Result<Recovered, StoreError>),
+    Done(Box<Result<Recovered, StoreError>>),
     Overran(Overrun),
     Panicked,
 }
@@ -93,7 +93,7 @@ impl Recovery {
 
     /// Waits for the numbers, as long as they may take; may be asked again where it was given up half way.
     pub async fn made(&mut self) -> Made {
-        let ended = |done: Result<_, _>| done.map_or(Made::Panicked, Made::Done);
+        let ended = |done: Result<_, _>| done.map_or(Made::Panicked, |made| Made::Done(Box::new(made)));
         if let Ok(done) = timeout_at(self.until, &mut self.done).await {
             return ended(done);
         }
@@ -101,13 +101,11 @@ impl Recovery {
             return Made::Overran(Overrun::new(Phase::Measure, self.allowed, self.allowed));
         }
         // They are there, and being written.
-        match timeout_at(self.until + worker::CLOSING, &mut self.done).await {
-            Ok(done) => ended(done),
-            Err(_) => {
-                let path = self.wells.front().map_or_else(|| self.run.clone(), |planned| self.run.join(&planned.well));
-                Made::Done(Err(StoreError::Unclosed { path, waited_s: worker::CLOSING.as_secs_f64() }))
-            }
+        if let Ok(done) = timeout_at(self.until + worker::CLOSING, &mut self.done).await {
+            return ended(done);
         }
+        let path = self.wells.front().map_or_else(|| self.run.clone(), |planned| self.run.join(&planned.well));
+        Made::Done(Box::new(Err(StoreError::Unclosed { path, waited_s: worker::CLOSING.as_secs_f64() })))
     }
 }
 
@@ -231,7 +229,7 @@ impl Running {
         let Some(mut recovery) = active.recovery.take() else { return };
         let Some(planned) = recovery.wells.pop_front() else { return };
         let found = match made {
-            Made::Done(found) => found,
+            Made::Done(found) => *found,
             Made::Overran(overrun) => Ok(without_numbers(&recovery.run, &planned, &overrun.to_string())),
             Made::Panicked => {
                 Ok(without_numbers(&recovery.run, &planned, "its numbers could not be made from its frames; the log has more"))
