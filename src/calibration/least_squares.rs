@@ -123,7 +123,8 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
             });
         }
         let mut step = factor.solve(&right);
-        if step[2].abs() > TILT_MOST * priors.alpha_rad {
+        let tilts_too_far = step[2].abs() > TILT_MOST * priors.alpha_rad;
+        if tilts_too_far {
             // Edges that are wrong, as of fins that some views miss, are no tilt: it waits until those count less.
             matrix[(2, 2)] += TILT_HELD;
             step = matrix.cholesky()?.solve(&right);
@@ -138,7 +139,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         passes += 1;
         // A step well within what is not known anyway changes nothing; one within the resolution of what is asked neither.
         let small = |at: usize, resolution: f64| step[at].abs() < resolution.max(0.02 * factor.inverse()[(at, at)].sqrt());
-        converged = passes > 1 && small(0, 0.005) && small(1, 1e-5) && small(3, 2e-5);
+        converged = passes > 1 && !tilts_too_far && small(0, 0.005) && small(1, 1e-5) && small(3, 2e-5);
     }
 }
 

@@ -33,8 +33,7 @@ impl<T: DeserializeOwned + ToSchema, const LIMIT: usize> FromRequest<AppState> f
             return Err(Problem::new(StatusCode::UNSUPPORTED_MEDIA_TYPE, "not_json", detail));
         }
         let body = whole(request, LIMIT, app).await?;
-        // What carries a plate map is a plan.
-        parse(&body, &app.schemas).map(Self).map_err(|problem| if LIMIT == PLATE_MAP { problem.of_a_plate() } else { problem })
+        parse(&body, &app.schemas).map(Self).map_err(Problem::of_a_plate)
     }
 }
 

@@ -89,8 +89,13 @@ impl Problem {
         Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }
     }
 
-    /// Of a plan or a plate map: this plate cannot be run as it is meant to be, and another can.
+    /// Where all that is wrong is the plate's, its map or its barcode, another plate can be run; a wrong method, or a field that is not
+    /// known, meets the next plate as well.
     pub(super) fn of_a_plate(self) -> Self {
+        let is_the_plates = |mistake: &Mistake| mistake.pointer.as_ref().is_none_or(|at| at.starts_with("/plate"));
+        if self.errors.is_empty() || !self.errors.iter().all(is_the_plates) {
+            return self;
+        }
         self.action(SchedulerAction::RejectPlate)
     }
 

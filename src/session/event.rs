@@ -28,6 +28,7 @@ pub mod kind {
 
     kinds! {
         DAEMON_STARTED = "daemon.started";
+        DAEMON_STOPPING = "daemon.stopping";
         DAEMON_STOPPED = "daemon.stopped";
         RUN_ACCEPTED = "run.accepted";
         RUN_STARTED = "run.started";

@@ -94,6 +94,8 @@ fn counted(c: &WellCounts) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::state::tests::ALL;
+    use crate::session::{Driver, Fault, Mode, SpecimenStatus};
 
     #[test]
     fn a_flagged_well_counts_as_measured_and_what_there_is_none_of_is_not_said() {
@@ -124,8 +126,6 @@ mod tests {
         s.faults = vec![Fault::new(1, &crate::session::fault::table::DISK_FULL, "os error 28".into())];
         assert_eq!(of(&s), "Held by a fault. The disk that holds the data is full. The plate is not called removable.");
     }
-    use crate::session::state::tests::ALL;
-    use crate::session::{Driver, Fault, Mode, SpecimenStatus};
 
     /// Whoever reads the sentence and not `ready` is not misled by it.
     #[test]

@@ -35,13 +35,20 @@ fn every_wrong_field_of_a_plan_is_named() {
     let answer = rig.put("/v1/runs/r", shape);
     assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_body"));
     assert_eq!(pointers(&answer), ["/method", "/methud", "/plate_barcode", "/plate_map/1/wel", "/plate_map/1/well"]);
-    assert_eq!(answer.json()["scheduler_action"], "reject_plate");
+    assert_eq!(answer.json()["scheduler_action"], "escalate_operator", "the next plate would be sent in the same way");
     let meaning = PLAN.replace("standard", "fast").replace("A02", "Z99");
     let answer = rig.put("/v1/runs/r", &meaning);
     assert_eq!((answer.status, answer.problem().as_str()), (422, "invalid_plan"));
     assert_eq!(pointers(&answer), ["/method", "/plate_map/1/well"]);
-    assert_eq!(answer.json()["scheduler_action"], "reject_plate");
-    assert_eq!(*rig.commands.lock().unwrap(), ["put r"], "a body of the wrong shape never reaches the driver");
+    assert_eq!(answer.json()["scheduler_action"], "escalate_operator", "no plate can be measured by a method that is not there");
+    let of_the_plate = rig.put("/v1/runs/r", &PLAN.replace("A02", "Z99"));
+    assert_eq!(
+        (pointers(&of_the_plate), of_the_plate.json()["scheduler_action"].as_str()),
+        (vec!["/plate_map/1/well".into()], Some("reject_plate"))
+    );
+    let cut = rig.put("/v1/runs/r", &PLAN[..PLAN.len() / 2]);
+    assert_eq!((cut.status, cut.json()["scheduler_action"].as_str()), (400, Some("escalate_operator")), "nothing is known of the plate");
+    assert_eq!(*rig.commands.lock().unwrap(), ["put r", "put r"], "a body of the wrong shape never reaches the driver");
 }
 
 #[test]

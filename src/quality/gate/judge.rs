@@ -45,7 +45,7 @@ impl BeadGate {
     pub fn of(turns: &[BeadMeasured], history: &[GateNumbers], settings: &GateSettings) -> Option<Self> {
         let numbers = GateNumbers::of(turns)?;
         let score = BeadScore::at(&numbers.diameters_um, settings.nominal_um, settings.t_percent / 100.0);
-        // Beads that are more alike than one is to itself make a certainty of a bias that is nothing.
+        // Beads that are more alike than one is to itself make a certainty of a bias that is within what the rig repeats.
         let off_um = (numbers.diameter_um.mean - settings.nominal_um).abs();
         let told = score.as_ref().filter(|_| off_um > settings.repeat_um);
         let most = |name: &str, unit: &str, found, limit| Check::at_most(name, unit, "bead_gate", found, limit);
@@ -106,6 +106,7 @@ mod tests {
                 beads(7, 20).into_iter().zip(0..7).map(|(b, i)| BeadMeasured { diameter_um: mean_um + 0.01 * f64::from(i), ..b }).collect();
             let gate = gate(&turns, 0);
             assert!(gate.score.as_ref().unwrap().p < 1e-6, "{:?}", gate.score);
+            assert_eq!(gate.verdict.passes(), gate.words.iter().any(|w| w.contains("for certain")), "{:?}", gate.words);
             gate.verdict
         };
         assert_eq!([498.9, 501.9, 497.0, 503.0].map(alike), {

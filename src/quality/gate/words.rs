@@ -21,11 +21,17 @@ pub(super) fn words(gate: &BeadGate, settings: &GateSettings) -> Vec<String> {
         said.extend(gate.charts.iter().filter(|c| c.jumped || c.drifted).map(chart));
     }
     said.extend(gate.score.as_ref().map(|s| {
-        let percent = 100.0 * s.detectable_um / s.nominal_um;
+        let (off_um, held_um) = ((s.mean_um - s.nominal_um).abs(), s.detectable_um.max(settings.repeat_um));
+        let percent = 100.0 * held_um / s.nominal_um;
+        let surely = if s.t_score > s.critical && off_um <= settings.repeat_um {
+            format!(" (off by {off_um:.2} um for certain, which is less than the same bead may differ by: repeat_um, {} um)", settings.repeat_um)
+        } else {
+            String::new()
+        };
         format!(
-            "t score {:.2} of {:.2}: {n} beads show a mean that is off by {:.2} um ({percent:.2} %) in four of five such sets; a smaller bias \
-             passes unseen. The scale is told by a certified bead or a micrometer",
-            s.t_score, s.critical, s.detectable_um
+            "t score {:.2} of {:.2}{surely}: {n} beads show a mean that is off by {held_um:.2} um ({percent:.2} %) in four of five such sets; a \
+             smaller bias passes unseen. The scale is told by a certified bead or a micrometer",
+            s.t_score, s.critical
         )
     }));
     if gate.numbers.repeat_um.is_none() {

@@ -94,9 +94,7 @@ impl Active {
             lacks_gate: false,
         }
     }
-}
 
-impl Active {
     /// Whether its method lets it go on once what holds it is over; not for ever where no well gets done.
     pub fn resumes_by_itself(&self) -> bool {
         self.record.method.policy.resume == Resume::Automatic && self.resumed_by_itself < RESUMED_BY_ITSELF

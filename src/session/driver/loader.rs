@@ -87,6 +87,7 @@ impl Running {
         self.promise_of(self.told_in(run).as_deref(), kind::WELL_UNLOADED, Some(well), Value::Null)?;
         self.occupant = None;
         self.brought = None;
+        self.been_inside.insert(well.to_owned());
         let waited = self.active.as_mut().is_some_and(|a| {
             a.eject_first.take_if(|x| x == well);
             a.take_out.take_if(|x| x == well).is_some()

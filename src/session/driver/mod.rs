@@ -249,6 +249,9 @@ impl Running {
         self.stopping = true;
         self.ask(Asked::ShutDown);
         self.go(Trigger::ShutDown);
+        if self.active.is_some() {
+            self.event(kind::DAEMON_STOPPING, None, serde_json::Value::Null);
+        }
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
             self.end_run();
         }

@@ -68,6 +68,7 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
             (kind::WELL_UNLOADED, Some(well)) => {
                 memory.in_capillary.take_if(|inside| inside == well);
                 memory.brought.take_if(|brought| brought == well);
+                memory.been_inside.insert(well.clone());
             }
             (kind::SPECIMEN_PHASE, Some(well)) => {
                 let begun = event.data["phase"] != Phase::Load.name();
@@ -89,8 +90,8 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                 }
             }
             (kind::SPECIMEN_RECOVERING, Some(well)) => *memory.recoveries.entry(well.clone()).or_default() += 1,
-            // It was the disk that kept them from being made.
-            (kind::STORE_REGAINED, _) => memory.recoveries.clear(),
+            // It was the disk that kept them from being made, or somebody who would not wait.
+            (kind::STORE_REGAINED | kind::DAEMON_STOPPING, _) => memory.recoveries.clear(),
             (end @ (kind::SPECIMEN_DONE | kind::SPECIMEN_INTERRUPTED), Some(well)) => {
                 if end == kind::SPECIMEN_DONE {
                     memory.resumed_by_itself = 0;
@@ -141,6 +142,8 @@ pub(super) fn handoff<'a>(events: impl Iterator<Item = &'a Event>) -> (Option<Ha
         match event.kind.as_str() {
             kind::PLATE_ANNOUNCED => newest = (serde_json::from_value(event.data.clone()).ok(), None),
             kind::PLATE_LOADED | kind::PLATE_UNLOADED => newest = (None, Some(HandoffEnd::Completed)),
+            // A run is taken of a plate that is there: an older store may lack the word.
+            kind::RUN_ACCEPTED if newest.0.is_some() => newest = (None, None),
             kind::PLATE_HANDOFF_ABORTED => newest = (None, Some(HandoffEnd::Aborted)),
             _ => {}
         }

@@ -7,7 +7,7 @@
 //!                                 │            └─ too long, or for the fourth time: failed                     they waited for it
 //!                                 └─► nothing to wait for
 //! ```
-//! Each attempt is journalled before it is made: one on which the daemon dies each time must not be made for ever.
+//! Each attempt is journalled before it is made, where the disk takes it: one on which the daemon dies each time must not be made for ever.
 
 use super::super::worker::{self, Overrun, WellTimes};
 use super::super::{Phase, PlannedWell, SpecimenOutcome, WellStatus, gate, kind, numbers};
@@ -68,13 +68,17 @@ impl Recovery {
         let (tell, done) = oneshot::channel();
         let recovery = Self::awaited(wells, run, done, allowed);
         let decided = Arc::clone(&recovery.decided);
-        std::thread::spawn(move || {
+        let spawned = std::thread::Builder::new().name("numbers".into()).spawn(move || {
             let found = Found::of_frames(&folder, &planned);
             if !decided.swap(true, Ordering::AcqRel) {
                 // The driver is gone with the daemon.
                 let _nobody = tell.send(found.and_then(Found::keep));
             }
         });
+        // Its end of the channel is gone with it, as if it had panicked.
+        if let Err(error) = spawned {
+            tracing::error!(%error, "no thread for the numbers of a specimen");
+        }
         Some(recovery)
     }
 
@@ -210,7 +214,10 @@ impl Running {
             let attempt = *tried;
             let allowed = active.record.method.policy.deadlines_s.of(Phase::Measure);
             tracing::info!(well, attempt, "the numbers of a specimen that was let go are made from its frames");
-            self.event(kind::SPECIMEN_RECOVERING, Some(&well), json!({ "attempt": attempt }));
+            // Of an end that was asked for nobody dies, however short the time that is left.
+            if !self.stopping {
+                self.event(kind::SPECIMEN_RECOVERING, Some(&well), json!({ "attempt": attempt }));
+            }
             let Some(active) = &mut self.active else { return };
             active.recovery = Recovery::begin(wells, &self.store.run_folder(&active.record.id), allowed);
             return;

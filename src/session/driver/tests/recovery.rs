@@ -69,6 +69,21 @@ fn a_disk_that_failed_meanwhile_is_no_attempt() {
     });
 }
 
+/// Whoever stops the service may not wait for them: systemd does not.
+#[test]
+fn a_daemon_that_was_asked_to_end_has_not_died_of_them() {
+    on_this_thread(async {
+        let dir = scratch();
+        drop(let_go(dir.path(), &["A01", "A02"]));
+        for _ in 0..4 {
+            let mut b = bench(dir.path(), true);
+            b.d.shut_down();
+        }
+        let b = bench(dir.path(), true);
+        assert_eq!((of_well(&b, 0).outcome, count(&journalled(dir.path()), kind::SPECIMEN_RECOVERING)), (None, 5));
+    });
+}
+
 /// An abort does not wait for them for ever.
 #[test]
 fn numbers_that_take_longer_than_the_method_allows_fail_their_well_and_let_the_run_end() {

@@ -8,6 +8,23 @@ use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::plate::HandoffIntent;
 use crate::session::worker::{Progress, RunEnd};
 
+/// A driven sampler was about to bring it when the daemon died; it may be inside, and somebody has looked.
+#[test]
+fn out_is_out_also_when_it_is_said_again_of_one_that_was_only_about_to_be_brought() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        b.put_run(&plan(&["A01", "A02"])).unwrap();
+        b.tell(Progress::Ready);
+        b.phase("A01", Phase::Load, false);
+        drop(b);
+        let mut b = bench(dir.path(), false);
+        assert_eq!([b.loaded("A01", false), b.loaded("A01", false)], [Ok(()), Ok(())]);
+        drop(b);
+        assert_eq!(bench(dir.path(), false).loaded("A01", false), Ok(()), "and after a restart");
+    });
+}
+
 /// The loader's hand and an operator's abort are not told of each other: the larva is where the loader says, whatever has ended.
 #[test]
 fn a_specimen_that_comes_just_after_the_end_of_its_run_is_known_to_be_inside() {
