@@ -45,7 +45,7 @@ interface Problem {
 const ON_THIS_PAGE: Record<string, string> = {
   capillary_full: "a specimen is still in the capillary: take it out, and say so by the button above",
   fault_stands: "a fault is not acknowledged: see to its cause, then acknowledge it in the list of faults",
-  handoff_open: "a plate is being handed over: the loader has to say first how that ended",
+  handoff_open: "a plate is being handed over: the loader has to say first how that ended, or you by the button above",
 };
 
 /** What the browser throws where the network fails, also in the middle of a body; a wait cut short stays what it is. */
@@ -86,6 +86,13 @@ async function sendJson(method: string, path: string, body: unknown): Promise<Re
 /** The loader's word, said by hand: the specimen of this well is in the capillary, or out of it. */
 export async function sayLoaded(run: string, well: string, loaded: boolean): Promise<void> {
   const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(run)}/wells/${well}`, { loaded });
+  await response.body?.cancel();
+}
+
+/** The loader's word, said by hand: the plate that it announced stays where it was. */
+export async function sayNotMoved(): Promise<void> {
+  const response = await ask("/v1/plate/handoff/aborted", { method: "PUT" });
+  if (!response.ok) throw await refusal(response);
   await response.body?.cancel();
 }
 

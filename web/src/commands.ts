@@ -1,9 +1,9 @@
 // What the operator can tell a run and the instrument: rows of buttons, one question before what cannot be taken back.
 
-import { post, Refused, sayLoaded } from "./api.ts";
+import { post, Refused, sayLoaded, sayNotMoved } from "./api.ts";
 import { Asker, type Question } from "./ask.ts";
 import { setText, show } from "./dom.ts";
-import { canAbort, canGoOn, canHold, canStop, goesOnByItself, isAtRest, runsNow } from "./plain.ts";
+import { canAbort, canGoOn, canHold, canStop, goesOnByItself, handedOver, isAtRest, runsNow } from "./plain.ts";
 import type { Status } from "./status.ts";
 
 interface Command {
@@ -120,7 +120,28 @@ const COMMANDS: readonly Command[] = [
     ends: false,
     otherwise: "The run still waits for it.",
   },
+  {
+    name: "not-moved",
+    // With its barcode: a question about one plate must not be answered for the next.
+    label: (s) => `Plate ${handedOver(s) ?? ""} was not moved`,
+    underWay: "",
+    isUnderWay: never,
+    isShown: (s) => handedOver(s) !== null,
+    isEnabled: always,
+    question: (s) => ({
+      title: `Call the handover of plate ${handedOver(s) ?? ""} off?`,
+      words:
+        "A loader has announced that it moves this plate, and has not said how that ended. Say so only where the plate is where it was, and no loader is about to move it. A loader that works says so itself.",
+      no: "Wait for the loader",
+    }),
+    send: () => sayNotMoved(),
+    ends: false,
+    otherwise: "The plate still counts as being handed over.",
+  },
 ];
+
+/** What is said in a loader's place. */
+const BY_HAND = ["is-out", "is-in", "not-moved"];
 
 export class CommandRow {
   readonly #buttons: [Command, HTMLButtonElement][];
@@ -129,6 +150,7 @@ export class CommandRow {
   readonly #answer: HTMLElement;
   #asked: { command: Command; label: string } | null = null;
   #newest: Status | null = null;
+  #attempts = 0;
   /** Whether what was answered last has come to its end. */
   #isOver: (status: Status) => boolean = always;
 
@@ -155,13 +177,16 @@ export class CommandRow {
       button.disabled = !command.isEnabled(status);
       setText(button, command.isUnderWay(status) ? command.underWay : command.label(status));
     }
-    show(this.#byHand, status.run !== null && (status.plate.take_out !== null || status.plate.bring !== null));
+    show(
+      this.#byHand,
+      COMMANDS.some((c) => BY_HAND.includes(c.name) && c.isShown(status)),
+    );
   }
 
   async #clicked(command: Command): Promise<void> {
     const status = this.#newest;
-    const run = status?.run?.id;
-    if (!status || run === undefined) return;
+    if (!status || !command.isShown(status)) return;
+    const run = status.run?.id ?? "";
     const label = command.label(status);
     if (command.question !== null) {
       this.#asked = { command, label };
@@ -171,7 +196,8 @@ export class CommandRow {
     }
     const button = this.#buttons.find(([c]) => c === command)?.[1];
     if (button) button.disabled = true;
-    const moved = (now: Status) => now.state !== status.state || now.plate.needs !== status.plate.needs;
+    const at = (s: Status) => `${s.state} ${s.plate.needs} ${handedOver(s)}`;
+    const moved = (now: Status) => at(now) !== at(status);
     try {
       await command.send(status, run);
       this.#say(`${label}: accepted.`, (now) => moved(now) && !command.isUnderWay(now));
@@ -179,6 +205,17 @@ export class CommandRow {
       this.#say(`${label} did not get through: ${reason(error)}. ${command.otherwise}`, moved);
     }
     this.update(this.#newest ?? status);
+  }
+
+  /** What is no command, but may be refused as one: only that is said, until it is tried again. */
+  async attempt(refused: string, job: () => Promise<void>): Promise<void> {
+    const own = (this.#attempts += 1);
+    if (this.#newest) this.update(this.#newest);
+    try {
+      await job();
+    } catch (error) {
+      this.#say(`${refused}: ${reason(error)}.`, () => own !== this.#attempts);
+    }
   }
 
   async #emergencyStop(): Promise<void> {

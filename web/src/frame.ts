@@ -1,12 +1,12 @@
 // A frame with the profile drawn over it: the newest, or a stored one of a well the operator has chosen. Both pictures are swapped
 // together, decoded before they are shown, and the words beside them say whose they are.
 
-import { fetchFile, fetchLive, type Fetched, type Shown } from "./api.ts";
+import { fetchFile, fetchLive, Refused, type Fetched, type Shown } from "./api.ts";
 import { developed, outlined } from "./develop.ts";
 import { setText, show } from "./dom.ts";
 import { counted } from "./format.ts";
 import { Latest } from "./latest.ts";
-import type { StoredSpecimens } from "./stored.ts";
+import { wellKey, type StoredSpecimens, type StoredWell } from "./stored.ts";
 import type { Subject } from "./subject.ts";
 
 /** Frames taller than this are cut to the strip around the capillary, which runs along the picture's middle. */
@@ -76,6 +76,8 @@ export class FrameView {
   #planned: (well: string) => number | null = () => null;
   /** Run, well and view of the stored frame that is shown. */
   #storedShown = "";
+  /** Run and well of whose stored frames something is shown or said. */
+  #storedOf = "";
 
   constructor(parts: FrameParts, stored: StoredSpecimens) {
     this.#parts = parts;
@@ -98,8 +100,9 @@ export class FrameView {
 
   #load(): Promise<void> {
     const subject = this.#subject;
-    if (subject.kind === "none") return this.#clear(subject.words);
-    return subject.kind === "live" ? this.#loadLive(subject) : this.#loadStored(subject.run, subject.well);
+    if (subject.kind === "stored") return this.#loadStored(subject);
+    this.#storedOf = "";
+    return subject.kind === "none" ? this.#clear(subject.words) : this.#loadLive(subject);
   }
 
   async #loadLive(subject: Subject & { kind: "live" }): Promise<void> {
@@ -131,22 +134,38 @@ export class FrameView {
     return fetched.kind === "none" ? picture.prepare(null, null) : picture.prepare(fetched.body, fetched.tag);
   }
 
-  async #loadStored(run: string, well: string): Promise<void> {
-    const { view } = this.#parts;
+  async #loadStored(one: StoredWell): Promise<void> {
+    const of = wellKey(one);
     // Under a chosen well's numbers another's frame must not stay while this one's is read.
-    if (!this.#storedShown.startsWith(`${run}/${well}/`)) await this.#clear(`Reading the frames of ${well} …`);
-    const specimen = await this.#stored.of(run, well);
+    if (of !== this.#storedOf) await this.#clear(`Reading the frames of ${one.well} …`);
+    this.#storedOf = of;
+    try {
+      await this.#readStored(one, of);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      // The other views may be read all the same.
+      const { view } = this.#parts;
+      const isOneOfMore = view.dataset["of"] === of && Number(view.max) > 1;
+      const what = isOneOfMore ? `View ${view.value}` : "The frames";
+      await this.#clear(`${what} of ${one.well} cannot be read: ${error.message}.`, isOneOfMore);
+    }
+  }
+
+  async #readStored(one: StoredWell, of: string): Promise<void> {
+    const { view } = this.#parts;
+    const { well } = one;
+    const specimen = await this.#stored.of(one);
     const { views: taken = [], detection = null } = specimen?.links ?? {};
     // Of a well that was skipped there is the frame on which it was judged.
     const views = taken.length === 0 && detection !== null ? [detection] : taken;
     if (!specimen || views.length === 0) return this.#clear(`No frames of ${well} are kept.`);
-    if (view.dataset["of"] !== `${run}/${well}`) {
-      view.dataset["of"] = `${run}/${well}`;
+    if (view.dataset["of"] !== of) {
+      view.dataset["of"] = of;
       view.max = String(views.length);
       view.value = "1";
     }
     const index = Math.min(Number(view.value), views.length) - 1;
-    const key = `${run}/${well}/${index}`;
+    const key = `${of}/${index}`;
     if (key !== this.#storedShown) {
       const format = specimen.recording.rig?.pixel_format ?? "";
       // By its own number: a view without a profile has none in the list.
@@ -164,11 +183,11 @@ export class FrameView {
     else this.#say(`Frame of ${well}`, "as it was found", true);
   }
 
-  async #clear(words: string): Promise<void> {
+  async #clear(words: string, isStored = false): Promise<void> {
     for (const picture of [this.#frame, this.#profile]) (await picture.prepare(null, null))();
     this.#storedShown = "";
     setText(this.#parts.empty, words);
-    this.#say("Frame", "", false);
+    this.#say("Frame", "", false, isStored);
   }
 
   #say(heading: string, whose: string, hasProfile: boolean, isStored = false): void {

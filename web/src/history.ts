@@ -1,14 +1,15 @@
 // Hull volumes after each view, per well: of the specimen under way by the status, of those before by what the page has seen, else by
 // what is stored.
 
-import type { Status } from "./status.ts";
+import { runKey } from "./stored.ts";
+import type { RunStatus, Status } from "./status.ts";
 
 export class VolumeHistory {
-  #run: string | null = null;
+  #run = "";
   readonly #wells = new Map<string, readonly number[]>();
 
   take(status: Status): void {
-    const run = status.run?.id ?? null;
+    const run = status.run === null ? "" : runKey(status.run);
     if (run !== this.#run) {
       this.#run = run;
       this.#wells.clear();
@@ -18,8 +19,8 @@ export class VolumeHistory {
   }
 
   /** Takes what is stored of a well, where that is more than the page has seen; whether it is. */
-  recall(run: string, well: string, volumes: readonly number[]): boolean {
-    const isMore = this.#run === run && volumes.length > this.of(well).length;
+  recall(run: RunStatus, well: string, volumes: readonly number[]): boolean {
+    const isMore = this.#run === runKey(run) && volumes.length > this.of(well).length;
     if (isMore) this.#wells.set(well, volumes);
     return isMore;
   }

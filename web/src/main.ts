@@ -18,7 +18,7 @@ import { NewRun } from "./newrun.ts";
 import { PlateView } from "./plate.ts";
 import { progress, progressLine, sentence, STATES, toneOf, underWay } from "./plain.ts";
 import { RigView } from "./rig.ts";
-import type { Status } from "./status.ts";
+import type { RunStatus, Status } from "./status.ts";
 import { StoredSpecimens } from "./stored.ts";
 import { chosenWell, isStored, subjectOf } from "./subject.ts";
 import { saveTable } from "./table.ts";
@@ -97,8 +97,7 @@ byId("follow").addEventListener("click", () => choose(null));
 
 byId("save-table").addEventListener("click", () => {
   const run = newest?.run?.id;
-  // Where the daemon is away, the page says so already.
-  if (run !== undefined) saveTable(run).catch((error: unknown) => console.warn(String(error)));
+  if (run !== undefined) void commands.attempt("The table was not saved", () => saveTable(run));
 });
 
 function showAll(status: Status): void {
@@ -140,12 +139,13 @@ function numbers(status: Status): void {
       measured_um3: well.volume_um3,
     },
   );
-  if (status.run && well && isStored(well)) void recall(status.run.id, well.well);
+  if (status.run && well && isStored(well)) void recall(status.run, well.well);
 }
 
 /** The volumes of a well that ended before the page was opened, or while it was cut off. */
-async function recall(run: string, well: string): Promise<void> {
-  const kept = (await stored.of(run, well).catch(() => null))?.hull_volumes_um3 ?? [];
+async function recall(run: RunStatus, well: string): Promise<void> {
+  const one = { run: run.id, started: run.started, well };
+  const kept = (await stored.of(one).catch(() => null))?.hull_volumes_um3 ?? [];
   if (history.recall(run, well, kept) && newest) numbers(newest);
 }
 
@@ -171,6 +171,8 @@ void keepLive({
   link(link) {
     header.link(link);
     token.wanted(link.kind === "lost" && link.tokenWanted);
+    // What could not be read meanwhile is asked for again, also where nothing is new.
+    if (link.kind === "lost") picturesShown = "";
   },
   status(status) {
     // A page of another version would read this one's answers amiss.

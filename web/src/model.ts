@@ -19,12 +19,12 @@ import {
   type BufferGeometry,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
-import { fetchFile, fetchLive } from "./api.ts";
+import { fetchFile, fetchLive, Refused } from "./api.ts";
 import { setText, show } from "./dom.ts";
 import { parseGlb } from "./glb.ts";
 import { counted, grouped, micrometres } from "./format.ts";
 import { Latest } from "./latest.ts";
-import type { StoredSpecimens } from "./stored.ts";
+import { wellKey, type StoredSpecimens, type StoredWell } from "./stored.ts";
 import type { Subject } from "./subject.ts";
 import { roundBelow } from "./ticks.ts";
 
@@ -63,6 +63,8 @@ export class ModelView {
   #tag: string | null = null;
   /** Run and well of the stored model that is shown. */
   #storedShown = "";
+  /** Run and well of whose stored model something is shown or said. */
+  #storedOf = "";
   #subject: Subject = { kind: "none", words: "No model yet." };
   #drawAsked = false;
   /** The operator has turned or zoomed: the view is theirs until they ask for a look. */
@@ -129,9 +131,10 @@ export class ModelView {
 
   async #load(): Promise<void> {
     const subject = this.#subject;
+    if (subject.kind === "stored") return this.#loadStored(subject);
+    this.#storedOf = "";
     if (subject.kind === "none") this.#clear(subject.words);
-    else if (subject.kind === "live") await this.#loadLive(subject);
-    else await this.#loadStored(subject.run, subject.well);
+    else await this.#loadLive(subject);
   }
 
   async #loadLive(subject: Subject & { kind: "live" }): Promise<void> {
@@ -151,12 +154,23 @@ export class ModelView {
     this.#describe(shown.well, `after ${counted(shown.views, "view")}`);
   }
 
-  async #loadStored(run: string, well: string): Promise<void> {
-    const key = `${run}/${well}`;
+  async #loadStored(one: StoredWell): Promise<void> {
+    const key = wellKey(one);
+    // Under a chosen well's numbers another's model must not stay while this one's is read.
+    if (key !== this.#storedOf) this.#clear(`Reading the model of ${one.well} …`);
+    this.#storedOf = key;
+    try {
+      await this.#readStored(one, key);
+    } catch (error) {
+      if (!(error instanceof Refused)) throw error;
+      this.#clear(`The model of ${one.well} cannot be read: ${error.message}.`);
+    }
+  }
+
+  async #readStored(one: StoredWell, key: string): Promise<void> {
+    const { well } = one;
     if (key !== this.#storedShown) {
-      // Under a chosen well's numbers another's model must not stay while this one's is read.
-      this.#clear(`Reading the model of ${well} …`);
-      const link = (await this.#stored.of(run, well))?.links.mesh_glb;
+      const link = (await this.#stored.of(one))?.links.mesh_glb;
       if (!link) {
         this.#clear(`No model of ${well} is kept.`);
         return;

@@ -157,6 +157,11 @@ export function canGoOn(status: Status): boolean {
   return canAbort(status) && status.state === "Held";
 }
 
+/** The barcode of the plate whose handover is open and keeps runs from being taken, by the status' own words; else null. */
+export function handedOver(status: Status): string | null {
+  return /^plate (\S+) is being handed over$/.exec(status.not_ready_reason ?? "")?.[1] ?? null;
+}
+
 /** Whether a new run could be asked for. */
 export function canStart(status: Status): boolean {
   return !runsNow(status) && ["Idle", "Complete", "Stopped", "Aborted"].includes(status.state);

@@ -39,7 +39,7 @@ export function flagWords(flag: string): string {
   return FLAGS[flag] ?? words(flag);
 }
 
-/** Why a well has no number; a failure says it in words already. */
+/** Why a well has no number; a failure says it in words already, in which paths and commands stay as they are. */
 export function reasonWords(reason: string): string {
-  return REASONS[reason] ?? words(reason);
+  return REASONS[reason] ?? (/^[a-z_]+$/.test(reason) ? words(reason) : reason);
 }

@@ -6,12 +6,13 @@
 
 import { underWay } from "./plain.ts";
 import type { Status, WellStatus } from "./status.ts";
+import type { StoredWell } from "./stored.ts";
 import { CONDITIONS, conditionOf } from "./wells.ts";
 
 export type Subject =
   /** The newest pictures of this run; of `well` alone, where one is given. */
   | { kind: "live"; run: string; well: string | null }
-  | { kind: "stored"; run: string; well: string }
+  | ({ kind: "stored" } & StoredWell)
   | { kind: "none"; words: string };
 
 /** The well to show: the operator's, or the one under way, or the last that ended. */
@@ -38,7 +39,7 @@ export function subjectOf(status: Status, pinned: string | null): Subject {
   const last = run.outcome === null ? undefined : lastMeasured(run.results);
   const well = run.results.find((w) => w.well === pinned) ?? last;
   if (!well) return { kind: "live", run: run.id, well: null };
-  if (isStored(well)) return { kind: "stored", run: run.id, well: well.well };
+  if (isStored(well)) return { kind: "stored", run: run.id, started: run.started, well: well.well };
   const condition = conditionOf(well, underWay(status), run.results);
   if (condition === "active" || condition === "measuring") return { kind: "live", run: run.id, well: well.well };
   const label = CONDITIONS[condition].label;

@@ -35,8 +35,13 @@ export function tableOf(run: RunDetail): string {
 }
 
 function cell(value: unknown): string {
-  const text = Array.isArray(value) ? value.join(" ") : String(value ?? "");
+  const text = harmless(Array.isArray(value) ? value.join(" ") : String(value ?? ""));
   return /[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+}
+
+/** Text that a spreadsheet would take for a formula is marked as text; numbers stay. */
+function harmless(text: string): string {
+  return /^[=+\-@\t\r]/.test(text) && Number.isNaN(Number(text)) ? `'${text}` : text;
 }
 
 /** Hands the table to the browser, as a file named after the run. */

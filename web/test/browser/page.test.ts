@@ -322,6 +322,67 @@ test("who exchanges specimens by hand says so on the page", async () => {
   await page.locator("#by-hand").waitFor({ state: "hidden" });
 });
 
+test("a handover whose loader died is called off by the operator, without a run too", async () => {
+  const open = (barcode: string) =>
+    status({ ready: false, not_ready_reason: `plate ${barcode} is being handed over`, doing: "waiting for a run" });
+  server.publish(open("P-1"));
+  await page.goto(server.url);
+  await page.getByRole("button", { name: "Plate P-1 was not moved" }).click();
+  await until("ask-title", /^Call the handover of plate P-1 off\?$/);
+  // Another plate was announced meanwhile: the question is over.
+  server.publish(open("P-2"));
+  await page.locator("dialog").waitFor({ state: "hidden" });
+  assert.deepEqual(server.taken, []);
+  await page.getByRole("button", { name: "Plate P-2 was not moved" }).click();
+  await page.locator("dialog").getByRole("button", { name: "Wait for the loader" }).click();
+  assert.deepEqual(server.taken, []);
+  await page.getByRole("button", { name: "Plate P-2 was not moved" }).click();
+  await shoot(page, "handover");
+  await page.locator("dialog").getByRole("button", { name: "Plate P-2 was not moved" }).click();
+  await until("answer", /accepted/);
+  assert.deepEqual(server.taken, [{ command: "PUT /v1/plate/handoff/aborted", body: "" }]);
+  server.publish(status());
+  await page.locator("#by-hand").waitFor({ state: "hidden" });
+  assert.equal(await page.locator("#answer").isVisible(), false);
+});
+
+test("what is stored and cannot be read says why, and is read once it can be", async () => {
+  const base = "/v1/runs/demo-1/specimens/A01";
+  const views = [0, 1].map((i) => `${base}/views/${i}.png`);
+  const links = { mesh_glb: `${base}/mesh.glb`, detection: null, views, profiles: [] };
+  server.answers[base] = kept({ links });
+  for (const path of views) server.files[path] = frame;
+  server.files[links.mesh_glb] = ellipsoidGlb([1700, 250, 230]);
+  server.broken[base] = "the folder of A01 is damaged.";
+  server.publish(running(9));
+  await page.goto(server.url);
+  await page.locator('[data-well="A01"].well').click();
+  await until("frame-empty", /^The frames of A01 cannot be read: the folder of A01 is damaged\.$/);
+  await until("model-empty", /^The model of A01 cannot be read: the folder of A01 is damaged\.$/);
+  delete server.broken[base];
+  server.broken[views[1]!] = "the frame is damaged";
+  server.publish(running(10));
+  await until("frame-whose", /^view 1 of 2$/);
+  await until("model-heading", /^Model of A01$/);
+  await page.locator("#frame-view").focus();
+  await page.keyboard.press("ArrowRight");
+  await until("frame-empty", /^View 2 of A01 cannot be read: the frame is damaged\.$/);
+  assert.equal(await page.locator("#frame-image").isVisible(), false);
+  await page.keyboard.press("ArrowLeft");
+  await until("frame-whose", /^view 1 of 2$/);
+
+  server.broken["/v1/runs/demo-1"] = "the run's plan is damaged.";
+  await page.getByRole("button", { name: "Save table" }).click();
+  await until("answer", /^The table was not saved: the run's plan is damaged\.$/);
+  delete server.broken["/v1/runs/demo-1"];
+  server.answers["/v1/runs/demo-1"] = {
+    ...{ id: "demo-1", mode: "simulated", plate_barcode: "P-7", method: "standard", results: [measured] },
+    plan: { plate_map: [] },
+  };
+  await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: "Save table" }).click()]);
+  assert.equal(await page.locator("#answer").isVisible(), false);
+});
+
 test("a page of another version is read anew", async () => {
   server.publish(running(9));
   await page.goto(server.url);

@@ -33,6 +33,8 @@ export class FixtureServer {
   refusal: { code?: string; detail: string; errors?: object[] } | null = null;
   /** Bodies of what is read, and of what commands answer, by path. */
   readonly answers: Record<string, unknown> = {};
+  /** What cannot be read, by path, and why: answered 500. */
+  readonly broken: Record<string, string> = {};
   /** Files of stored specimens, by path. */
   readonly files: Record<string, Buffer> = {};
   /** Wanted of everything under /v1, where set. */
@@ -109,6 +111,8 @@ export class FixtureServer {
         body: Buffer.concat(chunks).toString(),
       });
       this.#json(response, 200, this.answers[url.pathname] ?? {});
+    } else if (url.pathname in this.broken) {
+      this.#json(response, 500, { title: "Internal Server Error", detail: this.broken[url.pathname] });
     } else if (url.pathname in this.files) {
       response.writeHead(200, { "Content-Type": "application/octet-stream" }).end(this.files[url.pathname]);
     } else if (url.pathname in this.answers) {

@@ -9,6 +9,7 @@ import {
   canHold,
   canStart,
   canStop,
+  handedOver,
   progress,
   progressLine,
   tally,
@@ -76,6 +77,13 @@ test("each command is offered where it applies", () => {
   assert.equal(canStart(status({ state: "Stopped" })), true);
 });
 
+test("a handover that is open is told by the status' words", () => {
+  const notReady = (why: string | null) => handedOver(status({ ready: why === null, not_ready_reason: why }));
+  assert.equal(notReady("plate P-1.b_2 is being handed over"), "P-1.b_2");
+  assert.equal(notReady("a fault stands: The disk is full."), null);
+  assert.equal(notReady(null), null);
+});
+
 test("a plate map in one line", () => {
   const larva = (dpf?: number) => ({ well: "A01", ...(dpf === undefined ? {} : { dpf }) });
   assert.equal(
@@ -94,6 +102,12 @@ test("volumes are kept per well until another run starts", () => {
   assert.deepEqual(history.of("A02"), [7]);
   history.take({ ...half, run: run([well("A01")], { id: "next" }), specimen: null });
   assert.deepEqual(history.of("A01"), []);
+  const again = run([well("A01")], { id: "next", started: "2026-03-06T09:30:00Z" });
+  history.recall(run([], { id: "next" }), "A01", [9, 8]);
+  assert.deepEqual(history.of("A01"), [9, 8]);
+  history.take({ ...half, run: again, specimen: null });
+  assert.deepEqual(history.of("A01"), [], "another run of the same name");
+  assert.equal(history.recall(run([], { id: "next" }), "A01", [9, 8]), false);
 });
 
 test("ticks are round and enclose the values", () => {

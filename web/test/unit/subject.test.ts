@@ -3,7 +3,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { colours } from "../../src/develop.ts";
 import { withSpread } from "../../src/format.ts";
-import { flagWords } from "../../src/reasons.ts";
+import { flagWords, reasonWords } from "../../src/reasons.ts";
 import { chosenWell, subjectOf } from "../../src/subject.ts";
 import { run, specimen, status, well } from "../support/statuses.ts";
 
@@ -18,7 +18,12 @@ const half = status({ state: "Execute", run: run(results), specimen: specimen("A
 test("pictures are the run's newest, or those of the well that was chosen", () => {
   const live = { kind: "live", run: "demo-1", well: null };
   assert.deepEqual(subjectOf(half, null), live);
-  assert.deepEqual(subjectOf(half, "A01"), { kind: "stored", run: "demo-1", well: "A01" });
+  assert.deepEqual(subjectOf(half, "A01"), {
+    kind: "stored",
+    run: "demo-1",
+    started: half.run!.started,
+    well: "A01",
+  });
   assert.deepEqual(subjectOf(half, "A02"), { ...live, well: "A02" });
   for (const name of ["A03", "A04"]) {
     const none = subjectOf(half, name);
@@ -61,6 +66,13 @@ test("a spread has two digits, and its value ends at the same place", () => {
   assert.equal(withSpread(3.240145, 0.006528), "3.2401 ± 0.0065");
   assert.equal(withSpread(1234.5, 99.6), "1,235 ± 100");
   assert.equal(withSpread(1, 0), "1.0000 ± 0.0000");
+});
+
+test("a reason that is a code is said in words, free text stays as it is", () => {
+  assert.equal(reasonWords("two"), "two larvae");
+  assert.equal(reasonWords("not_seen_yet"), "not seen yet");
+  const command = "run `carved measure /data/runs/run_1/A01`";
+  assert.equal(reasonWords(command), command);
 });
 
 test("every flag that the documents name is said in plain words", () => {

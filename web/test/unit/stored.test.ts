@@ -1,0 +1,49 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import type { RunDetail, Specimen } from "../../src/status.ts";
+import { StoredSpecimens } from "../../src/stored.ts";
+import { tableOf } from "../../src/table.ts";
+import { kept } from "../support/fixture-server.ts";
+import { well } from "../support/statuses.ts";
+
+test("what is stored is asked for once per run, nothing again after a while", async () => {
+  const answers: (Specimen | null | Error)[] = [null, kept(), kept(), new Error("away"), kept()];
+  let asked = 0;
+  let now = 0;
+  const stored = new StoredSpecimens(
+    async () => {
+      const answer = answers[asked++]!;
+      if (answer instanceof Error) throw answer;
+      return answer;
+    },
+    () => now,
+  );
+  const one = { run: "demo-1", started: "2026-03-05T09:30:00Z", well: "A01" };
+  assert.equal(await stored.of(one), null);
+  assert.equal(await stored.of(one), null);
+  assert.equal(asked, 1, "not with every status");
+  now = 60_000;
+  assert.equal(await stored.of(one), answers[1]);
+  now = 600_000;
+  assert.equal(await stored.of(one), answers[1]);
+  const again = { ...one, started: "2026-03-06T09:30:00Z" };
+  assert.equal(await stored.of(again), answers[2], "another run of the same name");
+  const next = { ...one, well: "A02" };
+  await assert.rejects(stored.of(next));
+  assert.equal(await stored.of(next), answers[4]);
+  assert.equal(asked, 5);
+});
+
+test("no cell of the table is a formula, and numbers stay numbers", () => {
+  const table = (compound: string, concentration: number) =>
+    tableOf({
+      ...{ id: "demo-1", mode: "simulated", plate_barcode: "P-7", method: "standard" },
+      plan: { plate_map: [{ well: "A01", compound, concentration }] },
+      results: [well("A01", { reason: "-3.1" })],
+    } satisfies RunDetail).split("\r\n")[1]!;
+  const dangerous = ["=1+1", "+x", "-x", "@SUM(A1)", "\t=1"];
+  for (const text of dangerous) assert.ok(table(text, -3.1).includes(`,'${text},-3.1,`), text);
+  assert.ok(table("=a,b", 1).includes(`,"'=a,b",1,`));
+  for (const text of ["DMSO", "a=b", "-3.1", "+5e-3"]) assert.ok(table(text, 1).includes(`,${text},1,`), text);
+  assert.ok(table("", 1).includes(",-3.1,"));
+});
