@@ -61,7 +61,16 @@ const REMEMBERED: usize = 4000;
 /// daemon on the same folder has the same instrument, and merely opening a controller's port may reset it in the middle of a move.
 pub struct Claim {
     root: PathBuf,
-    _lock: File,
+    lock: File,
+}
+
+/// Not only by closing it: a child process that is just being started has the open file too, until it becomes its own program.
+impl Drop for Claim {
+    fn drop(&mut self) {
+        if let Err(error) = self.lock.unlock() {
+            tracing::debug!(%error, "the data folder's lock ends with its file");
+        }
+    }
 }
 
 impl Claim {
@@ -74,7 +83,7 @@ impl Claim {
         let path = root.join("lock");
         let lock = File::create(&path).map_err(StoreError::io("create", &path))?;
         match lock.try_lock() {
-            Ok(()) => Ok(Self { root: root.to_owned(), _lock: lock }),
+            Ok(()) => Ok(Self { root: root.to_owned(), lock }),
             Err(std::fs::TryLockError::WouldBlock) => Err(StoreError::Locked { path: root.to_owned() }),
             Err(std::fs::TryLockError::Error(e)) => Err(StoreError::io("lock", &path)(e)),
         }
@@ -191,5 +200,22 @@ impl Store {
     pub fn free_bytes(&self) -> Option<u64> {
         let s = nix::sys::statvfs::statvfs(&self.root).ok()?;
         Some(s.blocks_available() * s.fragment_size())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_is_free_at_once_whoever_has_the_lock_open_still() {
+        let dir = tempfile::tempdir().unwrap();
+        let claim = Claim::on(dir.path()).unwrap();
+        assert!(matches!(Claim::on(dir.path()), Err(StoreError::Locked { .. })));
+        // As a child process does until it becomes its own program.
+        let inherited = claim.lock.try_clone().unwrap();
+        drop(claim);
+        assert!(Claim::on(dir.path()).is_ok());
+        drop(inherited);
     }
 }
