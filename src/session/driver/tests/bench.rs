@@ -137,6 +137,14 @@ pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
     Bench { d, handle, _mailbox: mailbox, inside: None }
 }
 
+/// A run of these wells whose worker is at it.
+pub fn started(root: &Path, loaded_from_outside: bool, wells: &[&str]) -> Bench {
+    let mut b = bench(root, loaded_from_outside);
+    b.put_run(&plan(wells)).unwrap();
+    b.tell(Progress::Ready);
+    b
+}
+
 impl Bench {
     pub fn status(&self) -> Status {
         self.handle.status()

@@ -1,7 +1,7 @@
 //! Turns of a run's life that no rig brings about when it is wanted.
 
 use super::super::*;
-use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch};
+use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch, started};
 use crate::device::DeviceError;
 use crate::session::Phase;
 use crate::session::fault::table;
@@ -55,9 +55,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
 fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01", "A02"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), true, &["A01", "A02"]);
         b.tell(Progress::WaitingForLoader { well: "A01".into() });
         b.loaded("A01", true).unwrap();
         b.phase("A01", Phase::Position, true);

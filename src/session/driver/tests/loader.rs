@@ -1,7 +1,7 @@
 //! What is in the capillary and who is asked for it, who holds a run, and when a run would be taken: as loader and operator see it.
 
 use super::super::*;
-use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch};
+use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch, started};
 use crate::device::DeviceError;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::Found;
@@ -59,9 +59,7 @@ impl Bench {
 fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), true, &["A01", "A02", "A03"]);
         b.asks_for("A01");
         assert_eq!(b.needs(), IN[0]);
         assert_eq!(b.wanted(), [None, Some("A01".into())]);
@@ -112,9 +110,7 @@ fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
 fn a_run_that_ends_while_the_next_is_awaited_leaves_the_one_before() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01", "A02"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), true, &["A01", "A02"]);
         b.asks_for("A01");
         b.measures("A01");
         b.asks_for("A02");
@@ -132,9 +128,7 @@ fn a_run_that_ends_while_the_next_is_awaited_leaves_the_one_before() {
 fn what_an_aborted_run_left_is_ejected_by_the_next_where_a_sampler_is_driven() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), false);
-        b.put_run(&plan(&["A01"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), false, &["A01"]);
         b.phase("A01", Phase::Eject, true);
         b.steer(Towards::Abort).unwrap();
         b.ends(RunEnd::Cancelled).await;
@@ -160,9 +154,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
     on_this_thread(async {
         for (before, after, held) in [(false, false, false), (true, false, true), (false, true, true)] {
             let dir = scratch();
-            let mut b = bench(dir.path(), true);
-            b.put_run(&plan(&["A01"])).unwrap();
-            b.tell(Progress::Ready);
+            let mut b = started(dir.path(), true, &["A01"]);
             b.asks_for("A01");
             b.loaded("A01", true).unwrap();
             b.phase("A01", Phase::Position, true);
@@ -191,9 +183,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
 fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), false);
-        b.put_run(&plan(&["A01"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), false, &["A01"]);
         b.ends(RunEnd::Failed(RunError::Store(StoreError::Vanished { path: PathBuf::from("a disk") }))).await;
         b.d.look();
         b.d.try_the_store();

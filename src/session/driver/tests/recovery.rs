@@ -3,8 +3,8 @@
 use super::super::active::word_of;
 use super::super::recovery::{Recovery, Then};
 use super::super::*;
-use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch};
-use crate::session::worker::{Progress, RunEnd};
+use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch, started};
+use crate::session::worker::RunEnd;
 use crate::session::{RunOutcome, SpecimenOutcome, WellStatus};
 use crate::store::{RecordingWriter, a_recording};
 use std::path::Path;
@@ -13,9 +13,7 @@ use tokio::sync::oneshot;
 
 /// A run of these wells, the first of which was let go and has no numbers.
 fn let_go(root: &Path, wells: &[&str]) -> Bench {
-    let mut b = bench(root, true);
-    b.put_run(&plan(wells)).unwrap();
-    b.tell(Progress::Ready);
+    let b = started(root, true, wells);
     let run = &b.d.active.as_ref().unwrap().record;
     let mut recording = a_recording(RUN, &run.plan.plate_map[0]);
     // No view is missing of a turn that ended after none.

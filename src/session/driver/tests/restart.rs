@@ -1,10 +1,10 @@
 //! What is shown and kept over a restart: a run that is taken up, and a plate on its way.
 
 use super::super::*;
-use super::bench::{bench, driver, on_this_thread, plan, scratch};
+use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Refusal, Towards};
 use crate::session::plate::HandoffIntent;
-use crate::session::worker::{Progress, RunError};
+use crate::session::worker::RunError;
 use crate::store::disk_trace;
 use std::cell::RefCell;
 use std::path::Path;
@@ -31,10 +31,7 @@ fn snapshots(root: &Path) -> Vec<Status> {
 fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01"])).unwrap();
-        b.tell(Progress::Ready);
-        drop(b);
+        drop(started(dir.path(), true, &["A01"]));
         let seen = snapshots(dir.path());
         let held: Vec<&Status> = seen.iter().filter(|s| s.state == State::Held).collect();
         assert!(!held.is_empty(), "there is nothing to be seen");
@@ -76,9 +73,7 @@ fn a_run_says_whether_what_holds_it_lets_it_go_by_itself() {
     on_this_thread(async {
         for (code, alone) in [("the cable", true), ("", false)] {
             let dir = scratch();
-            let mut b = bench(dir.path(), true);
-            b.put_run(&plan(&["A01"])).unwrap();
-            b.tell(Progress::Ready);
+            let mut b = started(dir.path(), true, &["A01"]);
             let error = if alone {
                 RunError::Device(crate::device::DeviceError::Gone { device: "rotation axis", why: code.into() })
             } else {

@@ -1,7 +1,7 @@
 //! The loader's words that cross something else: a hold, the run's end, a crash; and those that mean nothing.
 
 use super::super::*;
-use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch};
+use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, scratch, started};
 use super::loader::{IN, out};
 use crate::session::Phase;
 use crate::session::handle::{Accepted, Refusal, Towards};
@@ -13,9 +13,7 @@ use crate::session::worker::{Progress, RunEnd};
 fn out_is_out_also_when_it_is_said_again_of_one_that_was_only_about_to_be_brought() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), false);
-        b.put_run(&plan(&["A01", "A02"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), false, &["A01", "A02"]);
         b.phase("A01", Phase::Load, false);
         drop(b);
         let mut b = bench(dir.path(), false);
@@ -32,9 +30,7 @@ fn a_specimen_that_comes_just_after_the_end_of_its_run_is_known_to_be_inside() {
         for (towards, end, state) in [(Towards::Abort, RunEnd::Cancelled, State::Aborted), (Towards::Stop, RunEnd::Paused, State::Stopped)]
         {
             let dir = scratch();
-            let mut b = bench(dir.path(), true);
-            b.put_run(&plan(&["A01", "A02"])).unwrap();
-            b.tell(Progress::Ready);
+            let mut b = started(dir.path(), true, &["A01", "A02"]);
             b.asks_for("A01");
             b.steer(towards).unwrap();
             b.ends(end).await;
@@ -72,9 +68,7 @@ fn a_specimen_that_comes_just_after_the_end_of_its_run_is_known_to_be_inside() {
 fn a_late_specimen_is_not_taken_on_top_of_another() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01", "A02"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), true, &["A01", "A02"]);
         b.asks_for("A01");
         b.measures("A01");
         b.asks_for("A02");
@@ -91,9 +85,7 @@ fn a_late_specimen_is_not_taken_on_top_of_another() {
 fn a_late_word_does_not_bring_a_plate_back() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), true, &["A01"]);
         b.asks_for("A01");
         b.steer(Towards::Abort).unwrap();
         b.ends(RunEnd::Cancelled).await;
@@ -113,9 +105,7 @@ fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
         // Before the hold has come to rest, after it, and after that a crash.
         for (at_rest, crash) in [(false, false), (true, false), (true, true)] {
             let dir = scratch();
-            let mut b = bench(dir.path(), true);
-            b.put_run(&plan(&["A01", "A02"])).unwrap();
-            b.tell(Progress::Ready);
+            let mut b = started(dir.path(), true, &["A01", "A02"]);
             b.asks_for("A01");
             b.steer(Towards::Hold).unwrap();
             if at_rest {
@@ -157,9 +147,7 @@ fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
 fn what_was_brought_after_a_hold_may_be_taken_out_again() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), true, &["A01"]);
         b.asks_for("A01");
         b.steer(Towards::Hold).unwrap();
         b.ends(RunEnd::Paused).await;
@@ -176,9 +164,7 @@ fn what_was_brought_after_a_hold_may_be_taken_out_again() {
 fn words_that_mean_nothing_are_refused_with_what_to_say() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), true);
-        b.put_run(&plan(&["A01", "A02", "A03"])).unwrap();
-        b.tell(Progress::Ready);
+        let mut b = started(dir.path(), true, &["A01", "A02", "A03"]);
         let unexpected = |b: &mut Bench, well: &str, loaded: bool, says: &str| {
             let refused = b.loaded(well, loaded).unwrap_err();
             let said = refused.to_string();
@@ -220,9 +206,7 @@ fn an_exchange_that_was_asked_for_is_taken_after_a_crash() {
     on_this_thread(async {
         for held in [false, true] {
             let dir = scratch();
-            let mut b = bench(dir.path(), true);
-            b.put_run(&plan(&["A01", "A02"])).unwrap();
-            b.tell(Progress::Ready);
+            let mut b = started(dir.path(), true, &["A01", "A02"]);
             b.asks_for("A01");
             b.measures("A01");
             b.asks_for("A02");
