@@ -27,6 +27,9 @@ pub enum DeviceError {
     Stalled { device: &'static str, motor: String, at: Steps, target: Steps, evidence: String },
     #[error("{device}: the controller reports {what}. Clear the cause, then reference the axis again")]
     Alarm { device: &'static str, what: String },
+    /// A person, or a safety circuit that a person resets, has taken the axis over: feed hold, knob, emergency stop, door.
+    #[error("{device}: {what}. The axis was stopped there and the instrument waits. {way_out}")]
+    Intervention { device: &'static str, what: String, way_out: &'static str },
     #[error("rotation axis: not referenced; its position is not known, so it refuses to move")]
     NotReferenced,
     #[error("rotation axis: its position cannot be trusted ({why}). Reference the axis again")]

@@ -74,6 +74,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         DeviceError::Sampler { .. } => &table::SAMPLER_FAILED,
         // What the controller was told or is set to is not what its machine allows: a person has to look.
         DeviceError::Alarm { .. } | DeviceError::Skew { .. } | DeviceError::Stalled { .. } => &table::ROTATION_ALARM,
+        DeviceError::Intervention { .. } => &table::ROTATION_INTERVENTION,
         DeviceError::Mismatch { .. } => &table::ROTATION_SETTINGS,
         DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => &table::ROTATION_LOST,
         DeviceError::OutOfStep { .. }

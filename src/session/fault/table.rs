@@ -97,6 +97,9 @@ codes! {
     ROTATION_ALARM = "rotation_alarm", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller is in alarm: a limit switch, a stall, motors that came apart, an encoder's or driver's error.",
         "Look what touched the switch or holds the capillary, and clear it. Then acknowledge the fault and let the run go on: it begins with a reference.";
+    ROTATION_INTERVENTION = "rotation_intervention", Motion, EscalateOperator, operator: true, recoverable: true,
+        "Somebody stopped or moved the axis at its controller, or a safety circuit did: feed hold, knob, emergency stop, open door. The run is held and the axis is left alone.",
+        "Finish what you are doing at the instrument, close its door and release its stop. Then acknowledge the fault and let the run go on: it begins with a reference.";
     ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller's settings are not those of the configuration; the message names each.",
         "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";
