@@ -52,6 +52,8 @@ pub(super) struct Active {
     pub under_way: BTreeMap<String, UnderWay>,
     /// How often it has gone on by itself since a well was done.
     pub resumed_by_itself: u32,
+    /// A fault has cancelled its worker, whatever else was asked for since.
+    pub halted: bool,
     /// Its larvae are measured without a bead gate that stands.
     pub lacks_gate: bool,
 }
@@ -91,6 +93,7 @@ impl Active {
             eject_first: None,
             under_way: BTreeMap::new(),
             resumed_by_itself: 0,
+            halted: false,
             lacks_gate: false,
         }
     }

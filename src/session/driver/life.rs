@@ -97,6 +97,7 @@ impl Running {
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
         active.asked = Asked::Nothing;
+        active.halted = false;
         active.lacks_gate = lacks_gate;
         active.work = Some(Work { cancel, pause, stop, worker, progress });
     }
@@ -111,6 +112,7 @@ impl Running {
     pub(super) fn ask(&mut self, what: Asked) {
         let Some(active) = &mut self.active else { return };
         active.asked = active.asked.max(what);
+        active.halted |= what == Asked::Halt;
         let Some(work) = &active.work else { return };
         match what {
             Asked::Nothing => {}
@@ -241,7 +243,7 @@ impl Running {
         let Some(active) = &mut self.active else { return };
         active.work = None;
         active.waiting_for = None;
-        let asked = active.asked;
+        let (asked, halted) = (active.asked, active.halted);
         // Whoever cut it short was told so, also where the last well was done in the same moment.
         let at_once = matches!(asked, Asked::Abort | Asked::ShutDown);
         let over = at_once || asked == Asked::Stop && matches!(end, RunEnd::AllWells | RunEnd::Paused);
@@ -262,7 +264,8 @@ impl Running {
                 self.set_down();
                 self.rest(false);
             }
-            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt => {
+            // Also where it was to stop after its specimen: `rest` then ends it.
+            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt || asked == Asked::Stop && halted => {
                 self.interrupt_specimen("the run could not be stored");
                 self.rest(true);
             }

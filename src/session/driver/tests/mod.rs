@@ -6,4 +6,5 @@ mod life;
 mod loader;
 mod recovery;
 mod restart;
+mod shown;
 mod words;
