@@ -18,8 +18,8 @@ use serde_json::{Value, json};
 
 impl Running {
     /// The specimen under way has no end: its pose is lost. By the method's policy it is begun anew, or its well is over; unless it was
-    /// accepted, which only lacks its numbers.
-    pub(super) fn interrupt_specimen(&mut self, reason: &str) {
+    /// accepted, which only lacks its numbers. One that `stays` is neither taken out nor given up: the run goes on with it.
+    pub(super) fn interrupt_specimen(&mut self, reason: &str, stays: bool) {
         let accepted = self.accepted();
         let Some(active) = &mut self.active else { return };
         let policy = active.record.method.policy.interrupted;
@@ -29,24 +29,29 @@ impl Running {
         for well in wells {
             let Some(active) = &mut self.active else { return };
             let inside = self.occupant.as_ref() == Some(&well);
-            if inside && self.loaded_from_outside {
+            let accepted = accepted.iter().any(|accepted| accepted.well == well);
+            let kept = stays && inside && !accepted;
+            if kept {
+                self.brought = Some(well.clone());
+            } else if inside && self.loaded_from_outside {
                 active.take_out = Some(well.clone());
             } else if inside {
                 active.eject_first = Some(well.clone());
             }
-            if accepted.iter().any(|accepted| accepted.well == well) {
+            if accepted {
                 continue;
             }
             if policy == Interrupted::Skip
+                && !kept
                 && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
             {
                 slot.end(SpecimenOutcome::Interrupted, Some(reason));
             }
-            let data = json!({ "reason": reason, "policy": policy });
+            let data = json!({ "reason": reason, "policy": policy, "kept": kept });
             self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
         }
         // One whose well is done is still there where it could not be taken out.
-        let stuck = self.occupant.clone().filter(|_| !self.loaded_from_outside);
+        let stuck = self.occupant.clone().filter(|inside| !self.loaded_from_outside && self.brought.as_ref() != Some(inside));
         if let (Some(active), Some(stuck)) = (&mut self.active, stuck) {
             active.eject_first.get_or_insert(stuck);
         }

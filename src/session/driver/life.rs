@@ -88,6 +88,8 @@ impl Running {
             run: record.id.clone(),
             wells: wells.map(|(planned, _)| planned.clone()).collect(),
             eject_first: active.eject_first.take(),
+            // A loader's is told through the gate.
+            inside: self.brought.clone().filter(|_| !self.loaded_from_outside),
             method_name: record.plan.method.clone(),
             method: record.method.clone(),
             folder: self.store.run_folder(&record.id),
@@ -256,8 +258,10 @@ impl Running {
             }
             RunEnd::AllWells if asked != Asked::Halt => self.finish(),
             RunEnd::Failed(error) => {
+                // A stock VAST takes no specimen up twice: it is brought to it again.
+                let stays = worker::keeps_specimen(&error) && !self.steps_through_a_list();
                 self.fault(&error);
-                self.interrupt_specimen(&error.to_string());
+                self.interrupt_specimen(&error.to_string(), stays);
                 self.rest(true);
             }
             RunEnd::Paused if asked == Asked::Hold => {
@@ -266,12 +270,16 @@ impl Running {
             }
             // Also where it was to stop after its specimen: `rest` then ends it.
             RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt || asked == Asked::Stop && halted => {
-                self.interrupt_specimen("the run could not be stored");
+                self.interrupt_specimen("the run could not be stored", false);
                 self.rest(true);
             }
             // Nobody asked the driver: the emergency stop has cancelled it, past the mailbox.
             RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled => self.abort(),
         }
+    }
+
+    fn steps_through_a_list(&self) -> bool {
+        self.instrument.as_ref().is_some_and(|instrument| instrument.rig.rotation.capabilities().trigger_only)
     }
 
     /// Takes up a run that an earlier life of the daemon left open.
@@ -287,8 +295,11 @@ impl Running {
             self.occupant.clone_from(&memory.in_capillary);
             active.take_out = memory.in_capillary.filter(|inside| memory.brought.as_ref() != Some(inside));
         } else {
-            active.eject_first = begun.last().cloned().or(memory.in_capillary);
-            self.occupant.clone_from(&active.eject_first);
+            // One that a fault of the instrument has left inside stays there.
+            let stays = memory.in_capillary.clone().filter(|inside| memory.brought.as_ref() == Some(inside));
+            let eject_first = if stays.is_some() { None } else { begun.last().cloned().or(memory.in_capillary) };
+            self.occupant = stays.or_else(|| eject_first.clone());
+            active.eject_first = eject_first;
         }
         (self.asked_for, self.brought, self.been_inside) = (memory.asked_for, memory.brought, memory.been_inside);
         // Known before it is shown: who reads in between is not to take the run for one that waits for somebody.
@@ -306,7 +317,7 @@ impl Running {
             s.plate.barcode = Some(barcode);
             s.plate.present = true;
         });
-        self.interrupt_specimen("the daemon ended before this specimen was done");
+        self.interrupt_specimen("the daemon ended before this specimen was done", false);
         if let Some(active) = &self.active {
             // What is given up stays so, whatever comes before the run goes on.
             let (record, status) = (active.record.clone(), run_status(&active.record));

@@ -96,6 +96,10 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                 if end == kind::SPECIMEN_DONE {
                     memory.resumed_by_itself = 0;
                 }
+                // A fault of the instrument has left it in the capillary.
+                if event.data["kept"] == true {
+                    memory.brought = Some(well.clone());
+                }
                 memory.begun.retain(|begun| begun != well);
                 memory.looked_at.remove(well);
             }

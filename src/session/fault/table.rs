@@ -34,6 +34,7 @@ pub struct FaultCode {
 #[serde(rename_all = "snake_case")]
 pub enum Category {
     Camera,
+    Optics,
     Motion,
     Sampler,
     Storage,
@@ -45,6 +46,7 @@ impl Category {
     pub fn word(self) -> &'static str {
         match self {
             Self::Camera => "camera",
+            Self::Optics => "optics",
             Self::Motion => "motion",
             Self::Sampler => "sampler",
             Self::Storage => "storage",
@@ -88,6 +90,18 @@ codes! {
     SECOND_CAMERA_FAILED = "second_camera_failed", Camera, PauseInstrument, operator: true, recoverable: true,
         "The second camera failed in a run.",
         "Check the second camera's power and cable. Then acknowledge the fault and let the run go on: it is opened again.";
+    PICTURE_LIGHT = "picture_light", Optics, EscalateOperator, operator: true, recoverable: true,
+        "The light is too dark or too bright to see a specimen. The run is held, and the specimen stays in the capillary.",
+        "Look at the lamp, at what stands in its light, and at the exposure. Then acknowledge the fault and let the run go on: it measures the same specimen.";
+    CAPILLARY_NOT_SEEN = "capillary_not_seen", Optics, EscalateOperator, operator: true, recoverable: true,
+        "The picture does not show the capillary's walls. The run is held, and the specimen stays in the capillary.",
+        "Look whether the capillary is in place, clean and in focus, and whether the camera has been moved. Then acknowledge the fault and let the run go on: it measures the same specimen.";
+    SCALE_OFF = "scale_off", Optics, EscalateOperator, operator: true, recoverable: true,
+        "The capillary in the picture is not as wide as the configuration says. The run is held, and the specimen stays in the capillary.",
+        "Look whether the lens or the capillary was changed. Then acknowledge the fault and let the run go on. If the scale, box_um or the picture of the empty capillary is wrong, correct it and start the daemon again.";
+    SETUP_UNUSABLE = "setup_unusable", Optics, EscalateOperator, operator: true, recoverable: false,
+        "No specimen can be measured with this method on this rig. The run is held, and nothing is ejected.",
+        "If the message names the configuration, correct it and start the daemon again. If it names the method of the run, stop the run and choose another method.";
     ROTATION_LOST = "rotation_lost", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis' controller does not answer any more.",
         "Check the controller's power and cable. It is opened again by itself when it answers.";
@@ -181,7 +195,7 @@ mod tests {
     #[test]
     fn no_row_of_the_documents_names_a_code_that_is_none() {
         let documents = include_str!("../../../docs/faults.md");
-        let prefixes = ["camera_", "second_camera_", "rotation_", "revolution_", "sampler_", "store_"];
+        let prefixes = ["camera_", "second_camera_", "picture_", "scale_", "setup_", "rotation_", "revolution_", "sampler_", "store_"];
         let words = documents.split('`').skip(1).step_by(2).filter(|w| w.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'));
         for word in words.filter(|w| prefixes.iter().any(|p| w.starts_with(p))) {
             assert!(ALL.iter().any(|c| c.code == word), "docs/faults.md names {word}, which is no code");

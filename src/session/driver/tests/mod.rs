@@ -2,6 +2,7 @@
 
 mod bench;
 mod full_disk;
+mod kept;
 mod life;
 mod loader;
 mod recovery;
