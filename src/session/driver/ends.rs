@@ -9,7 +9,7 @@
 use super::super::state::Trigger;
 use super::super::{RunOutcome, SpecimenOutcome, State, Status, gate, kind};
 use super::Running;
-use super::active::Asked;
+use super::active::{Asked, Cause};
 use super::publish::run_status;
 use super::recovery::Then;
 use crate::config::Interrupted;
@@ -75,11 +75,16 @@ impl Running {
         let Some(active) = &mut self.active else { return };
         active.then = None;
         active.may_go_on = false;
+        let newest = self.publisher.status().faults.last().filter(|_| by_fault).map(|f| (f.code.clone(), f.plainly().to_owned()));
+        let cause = newest.map_or_else(Cause::operator, |(code, words)| Cause { code, words });
+        *active.holds.entry(cause.code.clone()).or_default() += 1;
+        let (code, words) = (cause.code.clone(), cause.words.clone());
+        active.cause = Some(cause);
         let record = active.record.clone();
         let status = run_status(&record);
         self.save(record);
         self.go_with(Trigger::Rested, |s| s.run = Some(status));
-        self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" } }));
+        self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" }, "code": code, "cause": words }));
     }
 
     /// All wells are done, but for numbers that are still made from frames.

@@ -12,7 +12,7 @@ use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd};
 use super::super::{Plate, Refusal, RunPlan, State, Status, gate, kind};
 use super::Running;
-use super::active::{Active, Asked, Work};
+use super::active::{Active, Asked, Cause, Work};
 use super::publish::run_status;
 use crate::cancel::CancelToken;
 use crate::config::Method;
@@ -288,6 +288,8 @@ impl Running {
         active.held_by_operator = memory.held_by_operator;
         active.resumed_by_itself = memory.resumed_by_itself;
         active.recoveries = memory.recoveries;
+        active.holds = memory.holds;
+        active.cause = Some(memory.held_by.map_or_else(Cause::restart, |(code, words)| Cause { code, words }));
         // A driven sampler may have been about to bring it; a loader says what it has brought, which is used where it was not begun.
         let mut begun = memory.begun;
         if self.loaded_from_outside {

@@ -163,6 +163,7 @@ impl Running {
             slot.clone_from(&result);
         }
         active.resumed_by_itself = 0;
+        active.holds.clear();
         if let (Some(clock), true) = (active.under_way.remove(&result.well), result.outcome != Some(SpecimenOutcome::Failed)) {
             self.paces.entry(active.record.plan.method.clone()).or_default().learn(clock, now_s, seconds);
         }

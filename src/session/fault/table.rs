@@ -83,7 +83,7 @@ codes! {
         "Close the other program, on this or another computer. The camera is opened again by itself.";
     CAMERA_NO_FRAME = "camera_no_frame", Camera, Retry, operator: false, recoverable: true,
         "No whole frame came within the step's deadline, though the camera answers.",
-        "Nothing at first. If it comes again, check the network cable and the other traffic on its network.";
+        "Let the run go on: the specimen is begun anew. If it comes again, check the network cable and the other traffic on its network.";
     CAMERA_REFUSED = "camera_refused", Camera, EscalateOperator, operator: true, recoverable: false,
         "The camera does not take a value of the configuration.",
         "Correct the value that the message names in the configuration, and start the daemon again.";
@@ -116,7 +116,7 @@ codes! {
         "Finish what you are doing at the instrument, close its door and release its stop. Then acknowledge the fault and let the run go on: it begins with a reference.";
     ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller's settings are not those of the configuration; the message names each.",
-        "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";
+        "Write the settings into the controller. Then acknowledge the fault and let the run go on. If the configuration is what is wrong, correct it and start the daemon again.";
     ROTATION_FAILED = "rotation_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis could not do what it was asked to, for another reason than those above.",
         "Read the message: it says what was asked and why it was refused. Then acknowledge the fault, and let the run go on or stop it.";
@@ -125,13 +125,13 @@ codes! {
         "Read the message. If it names the method, stop the run and choose another for the next; else acknowledge the fault and let the run go on.";
     SAMPLER_FAILED = "sampler_failed", Sampler, PauseInstrument, operator: true, recoverable: true,
         "The sampler did not bring or take away a specimen.",
-        "Look whether a specimen is stuck in the tubing or the capillary, and take it out. Then say so to the instrument.";
+        "Look whether a specimen is stuck in the tubing or the capillary, take it out and say so to the instrument. Then acknowledge the fault and let the run go on.";
     POSITION_OVERRUN = "position_overrun", Motion, PauseInstrument, operator: true, recoverable: true,
         "The reference, or bringing the specimen into view, took longer than the method's policy allows, more often than it is tried.",
-        "Look what holds the capillary or the axis up. If it is only slow, allow the phase more time in the method's policy.";
+        "Look what holds the capillary or the axis up. Then acknowledge the fault and let the run go on. If it is only slow, allow the phase more time in the method's policy.";
     SAMPLER_OVERRUN = "sampler_overrun", Sampler, PauseInstrument, operator: true, recoverable: true,
         "Loading, ejecting or washing took longer than the method's policy allows.",
-        "Look whether a specimen is stuck, or who should have brought it. If it is only slow, allow the phase more time in the method's policy.";
+        "Look whether a specimen is stuck, or who should have brought it. Then acknowledge the fault and let the run go on. If it is only slow, allow the phase more time in the method's policy.";
     STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
         "Something could not be written to disk. The plate is not called removable.",
         "Check that the data folder is there, belongs to the daemon and can be written. The run goes on by itself once it can.";
@@ -143,12 +143,14 @@ codes! {
         "Make sure that the instrument is safe. Then acknowledge the fault.";
     INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
         "A part of the program ended that should not have.",
-        "Keep the daemon's log and report it. Then acknowledge the fault; the run may go on.";
+        "Keep the daemon's log and report it. Then acknowledge the fault and let the run go on.";
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::Fault;
+    use crate::session::fault::Lost;
     use std::collections::BTreeSet;
 
     #[test]
@@ -162,6 +164,23 @@ mod tests {
             }
             // Whoever is told to come back by himself is not told to wait for a person, and the other way round.
             assert_eq!(c.operator_required, c.scheduler_action != Retry, "{}", c.code);
+        }
+    }
+
+    /// Every fault holds a run: its remedy says how that goes on, by the rule by which it does.
+    #[test]
+    fn a_remedy_does_not_contradict_the_hold() {
+        for c in ALL {
+            let fault = Fault::new(1, c, String::new());
+            let ends_by_itself = c.category == Category::Storage || [Lost::Camera, Lost::Rotation].iter().any(|d| d.is_all_of(&fault));
+            let says = |words: &[&str]| words.iter().any(|word| c.what_to_do.contains(word));
+            let expected: &[&str] = match (c.scheduler_action == Retry, ends_by_itself, c.recoverable) {
+                (true, ..) => &["Let the run go on"],
+                (_, true, _) => &["by itself"],
+                (_, _, false) => &["start the daemon again"],
+                _ => &["acknowledge the fault"],
+            };
+            assert!(says(expected) && !says(&["Nothing"]), "{}: {} does not say {expected:?}", c.code, c.what_to_do);
         }
     }
 
