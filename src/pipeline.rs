@@ -158,6 +158,23 @@ pub enum PipelineError {
     TooFewViews { used: usize, planned: u32, needed: usize, reason: String },
 }
 
+impl PipelineError {
+    /// Whether camera, method or grid refuse every specimen, so that this one is not to blame.
+    pub fn is_of_setup(&self) -> bool {
+        match self {
+            Self::Grid(_) | Self::FrameSize { .. } | Self::Reference(_) => true,
+            Self::Reconstruction(e) => matches!(
+                e,
+                ReconstructionError::Camera(_)
+                    | ReconstructionError::MaskSize { .. }
+                    | ReconstructionError::CameraInBox { .. }
+                    | ReconstructionError::Setting(_)
+            ),
+            Self::TooFewViews { .. } => false,
+        }
+    }
+}
+
 /// A specimen under reconstruction.
 pub struct Pipeline {
     settings: PipelineSettings,

@@ -86,3 +86,36 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
     let said = stderr(&run(&["config", "check", "/no/such/file.toml"]));
     assert!(said.contains("/no/such/file.toml"), "{said}");
 }
+
+/// Somebody typed millimetres: every view of every well would be refused, since the camera would stand inside the box.
+#[test]
+fn a_camera_inside_the_box_is_refused_with_both_numbers_and_the_unit() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rig.toml");
+    let text = std::fs::read_to_string(folder().join("vast-grbl.toml")).unwrap();
+    let check = |changes: &[(&str, &str)]| {
+        let mut text = text.clone();
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replace(from, to);
+        }
+        std::fs::write(&path, text).unwrap();
+        let output = run(&["config", "check", path.to_str().unwrap()]);
+        (output.status.success(), stderr(&output))
+    };
+    let (sound, said) = check(&[("distance_um = 60000.0", "distance_um = 60.0")]);
+    assert!(!sound, "{said}");
+    // A box of 1000 um across turns in a circle of half its diagonal, 707 um; its 144 voxels of 6.93 um end 1 um before, and one more is kept.
+    for word in ["optics.distance_um = 60;", "\"standard\"", "708 um", "60 mm", "60000"] {
+        assert!(said.contains(word), "{word} is not in: {said}");
+    }
+    assert!(said.contains("1 value(s)"), "{said}");
+    // No unit makes this one right: the box is meant for another rig.
+    let wide = "voxel_um = 200.0\nbox_um = { min = [-2500.0, -90000.0, -500.0], max = [2500.0, 90000.0, 500.0] }";
+    let (sound, said) = check(&[("voxel_um = 6.93", wide)]);
+    assert!(!sound && said.contains("optics.distance_um = 60000;") && said.contains("box_um") && !said.contains(" mm"), "{said}");
+    // A tilt carries an end of the box towards the camera: 2500 um at 60 deg by 2165 um.
+    let near = ("distance_um = 60000.0", "distance_um = 2000.0");
+    let ((still, _), (tilted, said)) = (check(&[near]), check(&[near, ("alpha_deg = 0.0 ", "alpha_deg = 60.0 ")]));
+    assert!(still && !tilted, "{said}");
+}

@@ -120,6 +120,7 @@ impl Config {
         if raw.methods.is_empty() {
             wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
         }
+        let mut too_near = Vec::new();
         for (name, method) in &raw.methods {
             if !crate::session::is_plain_name(name) {
                 wrong(&format!("methods.{name:?}"), "this name".into(), "1 to 64 letters, digits, '-', '_' or '.'");
@@ -133,7 +134,13 @@ impl Config {
             if let Err(e) = method.pipeline(&optics, false) {
                 wrong(&format!("methods.{name}.voxel_um"), method.voxel_um.to_string(), &e.to_string());
             }
+            if optics.check().is_ok()
+                && let Err(e) = method.clears(&optics)
+            {
+                too_near.push(format!("  with method {name:?}: optics.{e}"));
+            }
         }
+        breaches.extend(too_near);
         for (name, method) in &raw.methods {
             breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
             breaches.extend(method.policy.check().iter().map(|e| format!("  methods.{name}.policy.{e}")));
@@ -156,6 +163,11 @@ impl Config {
         }
         wires(&raw, &mut breaches);
         let second = second_camera(raw.camera_second, raw.optics_second.as_ref(), &mut breaches);
+        for ((name, method), second) in raw.methods.iter().zip(second.iter().cycle()) {
+            let camera = &second.optics.camera;
+            let clears = if camera.check().is_ok() { method.clears(camera) } else { Ok(()) };
+            breaches.extend(clears.err().map(|e| format!("  with method {name:?}: optics_second.{e}")));
+        }
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
         let (width, height) = raw.camera.frame_size();
         if (width, height) != (o.width_px, o.height_px) {

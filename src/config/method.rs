@@ -55,11 +55,39 @@ fn word_or_number<'de, D: Deserializer<'de>>(found: D) -> Result<Option<String>,
     }))
 }
 
+/// A camera that the reconstructed box reaches while it turns.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error(
+    "distance_um = {distance_um}; expected more than {needed_um:.0} um: the method's box_um reaches so far towards the camera, which must lie outside of it. \
+     Correct the distance, or make the box smaller{}", in_mm(*distance_um, *needed_um)
+)]
+pub struct CameraTooNear {
+    pub distance_um: f64,
+    pub needed_um: f64,
+}
+
+/// Says what the number would be if it was meant in mm, where that is a lens' working distance.
+fn in_mm(distance_um: f64, needed_um: f64) -> String {
+    let is_plausible = (5.0..=2000.0).contains(&distance_um) && 1e3 * distance_um > needed_um;
+    if is_plausible { format!(". If {distance_um} mm were meant, write {:.1}", 1e3 * distance_um) } else { String::new() }
+}
+
 fn papers_box() -> BoxUm {
     BoxUm::PAPER
 }
 
 impl Method {
+    /// Whether a camera lies outside of the box however that is turned.
+    ///
+    /// # Errors
+    /// Says how far away the camera is and how far it must be. A box that makes no grid is refused by [`Self::pipeline`].
+    pub fn clears(&self, camera: &Camera) -> Result<(), CameraTooNear> {
+        let Ok(grid) = VoxelGrid::new(self.box_um, self.voxel_um) else { return Ok(()) };
+        // The box ends half a voxel beyond the outermost centres, at most a voxel's length along the line of sight.
+        let lacking_um = grid.size() - camera.nearest_um(&grid);
+        if lacking_um < 0.0 { Ok(()) } else { Err(CameraTooNear { distance_um: camera.f, needed_um: camera.f + lacking_um }) }
+    }
+
     /// What the numbers depend on, with the rig's camera and a sphere fitted or not.
     pub fn pipeline(&self, camera: &Camera, sphere: bool) -> Result<PipelineSettings, GridError> {
         Ok(PipelineSettings {

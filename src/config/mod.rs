@@ -11,6 +11,6 @@ mod raw;
 pub mod references;
 
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
-pub use method::Method;
+pub use method::{CameraTooNear, Method};
 pub use policy::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};

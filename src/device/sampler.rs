@@ -33,6 +33,11 @@ pub trait Sampler: Send {
     /// Brings the specimen of a well into the capillary; nothing where the run was cancelled or paused meanwhile. `axis` may have the
     /// wire that says that it is there.
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
+    /// Goes on with the specimen of a well that was left in the capillary; brings none. Nothing where the run was cancelled meanwhile.
+    ///
+    /// # Errors
+    /// It is not there any more, as far as that can be seen.
+    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError>;
     /// Washes what the specimen of this well was in; of an outside loader that is its own business.
     fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
@@ -116,6 +121,15 @@ impl Sampler for LoaderSampler {
             }
             said = changed.wait_timeout(said, CANCEL_CHECK).unwrap_or_else(PoisonError::into_inner).0;
         }
+    }
+
+    fn go_on(
+        &mut self,
+        _axis: &mut dyn RotationAxis,
+        _expected: Expected<'_>,
+        _cancel: &CancelToken,
+    ) -> Result<Option<Loaded>, DeviceError> {
+        Ok(Some(Loaded::default()))
     }
 
     fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {

@@ -1,6 +1,6 @@
 //! The parameter vector psi of the camera (paper, section 2.2; the orbiting form of the projection).
 
-use super::Projection;
+use super::{Projection, VoxelGrid};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -84,6 +84,17 @@ impl Camera {
         Ok(())
     }
 
+    /// How near the outermost voxels come to the projection centre along its line of sight while the grid turns once around, um; 0 and
+    /// less where they reach the camera's plane.
+    pub fn nearest_um(&self, grid: &VoxelGrid) -> f64 {
+        let furthest = |axis: usize| grid.centre(axis, 0).abs().max(grid.centre(axis, grid.counts()[axis] - 1).abs());
+        let radius = furthest(1).hypot(furthest(2));
+        // The third row of `projection`, at the angle at which a corner lies nearest.
+        let along = (self.gamma.cos() * self.alpha.sin()).abs();
+        let across = (self.gamma.sin() * self.alpha.sin()).hypot(self.alpha.cos());
+        self.f * self.phi.sin() - along * furthest(0) - across * radius
+    }
+
     /// The 3 x 4 projection of the view at angle `omega` (rad).
     pub fn projection(&self, omega: f64) -> Projection {
         let k = Matrix3::new(self.f * self.kx, self.s, self.ux, 0.0, self.f * self.ky, self.uy, 0.0, 0.0, 1.0);
@@ -115,6 +126,25 @@ mod tests {
         assert!(tilted.projection(0.0).depth(right_end) < cam.projection(0.0).depth(right_end), "positive alpha brings the +x end nearer");
         let (u, v) = at(&cam, 1.0, [55.0, 0.0, 0.0]);
         assert!((u - 521.5).abs() < 1e-9 && (v - 511.5).abs() < 1e-9, "55 um on the axis are 10 px");
+    }
+
+    /// Against the depths themselves, every degree of a turn: between two of them a corner comes nearer by less than 1 - cos 0.5 deg.
+    #[test]
+    fn the_nearest_voxel_is_that_of_a_whole_turn() {
+        let grid = VoxelGrid::new(crate::geometry::BoxUm { min: [-900.0, -300.0, -500.0], max: [900.0, 300.0, 500.0] }, 10.0).unwrap();
+        for (alpha, gamma) in [(0.0, 0.0), (0.3, -0.2), (-0.4, 0.5)] {
+            let camera = Camera { alpha, gamma, ..Camera::published(1024, 1024) };
+            let ends = |axis: usize| [grid.centre(axis, 0), grid.centre(axis, grid.counts()[axis] - 1)];
+            let mut nearest = f64::INFINITY;
+            for degree in 0..360 {
+                let projection = camera.projection(f64::from(degree).to_radians());
+                for (x, y, z) in (0..8).map(|n| (ends(0)[n & 1], ends(1)[n >> 1 & 1], ends(2)[n >> 2])) {
+                    nearest = nearest.min(projection.depth([x, y, z]));
+                }
+            }
+            let found = camera.nearest_um(&grid);
+            assert!(found <= nearest + 1e-9 && nearest - found < 600.0 * (1.0 - 0.5f64.to_radians().cos()), "{found} is not {nearest}");
+        }
     }
 
     #[test]

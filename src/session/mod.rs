@@ -46,6 +46,6 @@ pub use plate::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
 pub use preflight::Check;
 pub use reference::{PlaceStatus, ReferenceStatus};
 pub use status::{
-    CalibrationStatus, CameraStatus, Eta, Fault, HardwareStatus, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus,
+    CalibrationStatus, CameraStatus, Eta, Fault, HardwareStatus, Hold, Mode, Pending, Phase, Plate, RotationStatus, RunOutcome, RunStatus,
     SchedulerAction, SpecimenOutcome, SpecimenStatus, State, Status, TranslationStatus, VolumeSoFar, WellCounts, WellStatus,
 };

@@ -51,7 +51,7 @@ pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Seen
 }
 
 /// Background below which a profile drowns in the sensor's noise, grey levels of 255.
-const DARK: f64 = 40.0;
+pub const DARK: f64 = 40.0;
 /// Background from which on light is lost at the sensor's top: a specimen's edge is judged by how dark it is against this.
 const BRIGHT: f64 = 250.0;
 /// Largest share of pixels at the sensor's top; glare on the glass takes a few percent.
@@ -71,7 +71,11 @@ fn check(code: &str, blocks: bool, found: Result<String, (String, &str)>) -> Che
     Check { code: code.into(), passed, blocks, detail, what_to_do }
 }
 
-fn light(seen: &Light) -> Result<String, (String, &'static str)> {
+/// Light and exposure as a run needs them.
+///
+/// # Errors
+/// What was found and what is needed, and what to do about it.
+pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
     let found = format!("background at {:.0} of 255, {:.1} % of the pixels at the top", seen.background, 100.0 * seen.saturated);
     if seen.background < DARK {
         Err((

@@ -1,6 +1,6 @@
 //! What the instrument is doing, in one sentence for people.
 
-use super::{Phase, State, Status, WellCounts};
+use super::{Hold, Phase, State, Status, WellCounts};
 
 pub fn of(s: &Status) -> String {
     let motors = match s.hardware.rotation.can_stop {
@@ -9,6 +9,7 @@ pub fn of(s: &Status) -> String {
     };
     let not_yet = s.not_ready_reason.as_deref().map(|why| format!("No run can start yet: {}.", why.trim_end_matches('.')));
     let by_operator = s.run.as_ref().is_some_and(|r| r.held_by_operator);
+    let hold = s.run.as_ref().and_then(|r| r.hold.as_ref());
     let well = s.specimen.as_ref().map_or("", |x| x.well.as_str());
     match s.state {
         State::Idle => format!("Idle. {}", not_yet.as_deref().unwrap_or("Ready for a plate.")),
@@ -69,15 +70,26 @@ pub fn of(s: &Status) -> String {
         },
         State::Held => match s.faults.last() {
             Some(f) if by_operator => format!("Held by an operator and by a fault. {}", f.plainly()),
-            Some(f) => format!("Held by a fault. {}", f.plainly()),
+            Some(f) => format!("Held by a fault{}. {}", again(hold), f.plainly()),
             None if s.pending.stop || s.pending.abort => "Held for a moment: the run ends, as it was asked to.".into(),
             None if by_operator => "Held by an operator, until somebody lets it go on.".into(),
             None if s.run.as_ref().is_some_and(|r| r.goes_on_by_itself) => "Held for a moment: the run goes on by itself.".into(),
-            None => "Held, until somebody lets it go on.".into(),
+            None => match hold {
+                Some(hold) => {
+                    let next = hold.next_action.as_deref().unwrap_or("Let the run go on.");
+                    format!("Held by a cause that is over{}: {} {next}", again(Some(hold)), hold.cause)
+                }
+                None => "Held, until somebody lets it go on.".into(),
+            },
         },
         State::Unholding => "The run goes on: the camera is being set up.".into(),
         State::Suspending | State::Unsuspending => "Handing over with the loader.".into(),
     }
+}
+
+/// How often a cause has held the run, where it was more than once.
+fn again(hold: Option<&Hold>) -> String {
+    hold.filter(|hold| hold.times > 1).map_or_else(String::new, |hold| format!(", {} times since a well was finished", hold.times))
 }
 
 /// `5 measured (1 of them flagged), 2 skipped`: nothing that there is none of.

@@ -278,6 +278,19 @@ impl WellCounts {
     }
 }
 
+/// Why a run is held, and what lets it go on.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Hold {
+    /// A fault's code, `operator`, or `restart` of the daemon.
+    pub code: String,
+    /// The same in plain words; it may be over by now.
+    pub cause: String,
+    /// How often it has held the run since a well was finished, this time included.
+    pub times: u32,
+    /// The one thing to do next; `null` where the run goes on without it.
+    pub next_action: Option<String>,
+}
+
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct RunStatus {
     pub id: String,
@@ -297,6 +310,9 @@ pub struct RunStatus {
     /// Held, it goes on without anybody's word: at once, after a start of the daemon, or once what is lost is back.
     #[serde(default)]
     pub goes_on_by_itself: bool,
+    /// `null` where the run is not held.
+    #[serde(default)]
+    pub hold: Option<Hold>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]

@@ -72,6 +72,8 @@ impl MeasurementFile {
                 voxel_um: measurement.voxel_size_um,
                 epsilon: measurement.epsilon,
                 simulated: recording.mode == Mode::Simulated,
+                strain: recording.specimen.strain.clone(),
+                treatment: recording.specimen.treatment.clone(),
                 estimates: estimates(measurement),
             };
             Standing::of(&specimen, references)

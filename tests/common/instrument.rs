@@ -3,7 +3,7 @@
 use super::{Daemon, configured, port};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Scene, SceneSettings};
-use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, Sight};
+use hardware_sim::{Controller, Rig, RigSettings, SamplerSettings, ShaftSettings, Sight};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -40,6 +40,17 @@ pub const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
 impl Instrument {
     /// `policy` are keys of the method's; `seen` is what the camera looks at, the scene or something before it.
     pub fn start(rate: &Rate, policy: &str, seen: impl FnOnce(Arc<Scene>) -> Arc<dyn Sight>) -> Self {
+        Self::filled_by(None, rate, policy, &[], seen)
+    }
+
+    /// The same with further changes to the configuration, and with a sampler that says by a wire what it has brought, if one is given.
+    pub fn filled_by(
+        sampler: Option<SamplerSettings>,
+        rate: &Rate,
+        policy: &str,
+        more: &[(&str, String)],
+        seen: impl FnOnce(Arc<Scene>) -> Arc<dyn Sight>,
+    ) -> Self {
         let dir = tempfile::tempdir().unwrap();
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         let mut firmware = Settings::default();
@@ -47,7 +58,7 @@ impl Instrument {
         let shaft = ShaftSettings { power_on_steps: rate.power_on_steps, ..ShaftSettings::default() };
         let serial_link = Some(dir.path().join("motor"));
         let controller = Controller::Grbl(firmware);
-        let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, ..RigSettings::default() };
+        let settings = RigSettings { time_scale: rate.time_scale, controller, shaft, serial_link, sampler, ..RigSettings::default() };
         let rig = Rig::start(settings, seen(scene.clone())).unwrap();
         let changes = [
             port(&rig),
@@ -61,7 +72,7 @@ impl Instrument {
             ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
-        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &changes);
+        let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], more].concat());
         Self { daemon: Daemon::serve(&config, &data), rig, scene, config, data, dir }
     }
 

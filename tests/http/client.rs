@@ -60,6 +60,7 @@ fn run_of(results: Vec<WellStatus>, outcome: Option<RunOutcome>) -> RunStatus {
         eta_s: None,
         held_by_operator: false,
         goes_on_by_itself: false,
+        hold: None,
         outcome,
     }
 }

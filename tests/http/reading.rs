@@ -235,6 +235,7 @@ fn metrics_are_the_snapshots_numbers() {
             eta_s: None,
             held_by_operator: false,
             goes_on_by_itself: false,
+            hold: None,
             outcome: None::<RunOutcome>,
         });
     });

@@ -146,6 +146,11 @@ impl Sampler for TakenUp {
         Ok(loaded)
     }
 
+    /// It is taken up already.
+    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        self.sampler.go_on(axis, expected, cancel)
+    }
+
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
         self.sampler.eject(axis, well, cancel)
     }

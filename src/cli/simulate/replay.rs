@@ -117,6 +117,10 @@ impl Sampler for ReplaySampler {
         Ok(Some(Loaded::default()))
     }
 
+    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        self.load(axis, expected, cancel)
+    }
+
     fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }

@@ -76,6 +76,15 @@ impl Sampler for Outside {
         Ok(loaded.map(|_| truth))
     }
 
+    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let (contents, truth) = self.scenery.contents(expected)?;
+        let there = self.daemons.go_on(axis, expected, cancel)?;
+        if there.is_some() && self.machine.is_none() {
+            self.scenery.fill(expected.well, contents)?;
+        }
+        Ok(there.map(|_| truth))
+    }
+
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
         self.daemons.eject(axis, well, cancel)?;
         if self.machine.is_some() { Ok(()) } else { self.scenery.fill(well, Contents::default()) }

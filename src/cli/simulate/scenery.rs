@@ -88,6 +88,11 @@ impl Sampler for SceneSampler {
         Ok(Some(loaded))
     }
 
+    /// An emulated rig that was started anew has it inside again.
+    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        self.load(axis, expected, cancel)
+    }
+
     fn eject(&mut self, _axis: &mut dyn RotationAxis, well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         self.0.fill(well, Contents::default())
     }

@@ -168,6 +168,24 @@ impl Sampler for TriggerSampler {
         }
     }
 
+    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let well = expected.well;
+        axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
+        match self.wait_for(true, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
+            Waited::Cancelled => Ok(None),
+            Waited::TimedOut => {
+                let why = "its specimen was left in the capillary, and the input says that it is not there any more. If it is out, say so to the \
+                           instrument; if it is still inside, look at the wire";
+                Err(Self::failed(well, why.into()))
+            }
+            Waited::Reached => {
+                self.is_empty = false;
+                self.watch.set(Some(well));
+                Ok(Some(Loaded::default()))
+            }
+        }
+    }
+
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
         // A fault has stopped the axis too; but who stops for good gets nothing moved any more, specimens included.
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;

@@ -26,7 +26,15 @@ pub struct Specimen {
     pub voxel_um: f64,
     pub epsilon: f64,
     pub simulated: bool,
+    /// By the plate map; `None` where it does not say.
+    pub strain: Option<String>,
+    pub treatment: Option<String>,
     pub estimates: Vec<Estimate>,
+}
+
+/// Whether two words of people's are the same.
+fn is_same(one: &str, other: &str) -> bool {
+    one.trim().eq_ignore_ascii_case(other.trim())
 }
 
 /// A value of a method or a word.
@@ -155,10 +163,13 @@ impl Specimen {
                 differs(key, Some(Known::Number(specimen)), reference.map(Known::Number));
             }
         }
-        // The plate map says nothing of these of the specimen.
-        for (key, reference) in [("treatment", &group.treatment), ("strain", &group.strain), ("cohort", &group.cohort)] {
-            if let Some(word) = reference {
-                differs(key, None, Some(Known::Word(word.clone())));
+        // A plate map has no cohort.
+        let words =
+            [("treatment", &self.treatment, &group.treatment), ("strain", &self.strain, &group.strain), ("cohort", &None, &group.cohort)];
+        for (key, specimen, reference) in words {
+            let Some(expected) = reference else { continue };
+            if !specimen.as_ref().is_some_and(|word| is_same(word, expected)) {
+                differs(key, specimen.clone().map(Known::Word), Some(Known::Word(expected.clone())));
             }
         }
         if self.simulated != group.simulated {

@@ -32,7 +32,8 @@ fn specimen() -> Specimen {
         Estimate { estimator: VOXEL, volume_um3: 2.8e8, area_um2: 3.22e6 },
         Estimate { estimator: FIELD, volume_um3: 2.7e8, area_um2: 3.4e6 },
     ];
-    Specimen { dpf: 4.0, asd: 21, views: 21, voxel_um: 6.93, epsilon: 0.05, simulated: false, estimates }
+    let (strain, treatment) = (None, None);
+    Specimen { dpf: 4.0, asd: 21, views: 21, voxel_um: 6.93, epsilon: 0.05, simulated: false, strain, treatment, estimates }
 }
 
 fn keys(mismatches: &[Mismatch]) -> Vec<&str> {
@@ -273,4 +274,19 @@ fn controls_that_make_no_group_are_refused_with_the_reason() {
     assert!(said[0].starts_with("3 dpf") && said[0].contains("volume_um3 is the same number 4 times"), "{said:?}");
     assert!(said[1].starts_with("5 dpf") && said[1].contains("2 larva(e)"), "{said:?}");
     assert!(said[2].starts_with("6 dpf") && said[2].contains("3 of 4 larvae have area_um2"), "{said:?}");
+}
+
+/// What the plate map says of a larva is known: the same word is no mismatch, another is told with both.
+#[test]
+fn strain_and_treatment_of_the_plate_map_are_held_against_the_references() {
+    let references = Group { strain: Some("ABxTL".into()), treatment: Some("none".into()), ..group("a", 4.0) };
+    let mismatches = |strain: Option<&str>, treatment: Option<&str>| {
+        let (strain, treatment) = (strain.map(str::to_owned), treatment.map(str::to_owned));
+        let standing = Standing::of(&Specimen { strain, treatment, ..specimen() }, &[file(vec![references.clone()])]);
+        standing.by(VOXEL).unwrap().volume.known().unwrap().mismatches.clone()
+    };
+    assert_eq!(keys(&mismatches(Some("abxtl "), Some("None"))), [""; 0]);
+    let differ = mismatches(Some("nacre"), None);
+    assert_eq!(keys(&differ), ["treatment", "strain"]);
+    assert_eq!((&differ[0].specimen, &differ[1].specimen), (&None, &Some(Known::Word("nacre".into()))));
 }

@@ -26,6 +26,23 @@ pub(super) enum Asked {
     ShutDown,
 }
 
+/// What holds a run.
+pub(super) struct Cause {
+    /// A fault's code, or one of those below.
+    pub code: String,
+    pub words: String,
+}
+
+impl Cause {
+    pub fn operator() -> Self {
+        Self { code: "operator".into(), words: "An operator asked for it.".into() }
+    }
+
+    pub fn restart() -> Self {
+        Self { code: "restart".into(), words: "The daemon ended while the run was under way, and was started again.".into() }
+    }
+}
+
 /// A run that has no outcome yet.
 pub(super) struct Active {
     pub record: RunRecord,
@@ -52,6 +69,12 @@ pub(super) struct Active {
     pub under_way: BTreeMap<String, UnderWay>,
     /// How often it has gone on by itself since a well was done.
     pub resumed_by_itself: u32,
+    /// What has held it last.
+    pub cause: Option<Cause>,
+    /// How often each cause has held it since a well was done, by its code.
+    pub holds: BTreeMap<String, u32>,
+    /// A fault has cancelled its worker, whatever else was asked for since.
+    pub halted: bool,
     /// Its larvae are measured without a bead gate that stands.
     pub lacks_gate: bool,
 }
@@ -91,6 +114,9 @@ impl Active {
             eject_first: None,
             under_way: BTreeMap::new(),
             resumed_by_itself: 0,
+            cause: None,
+            holds: BTreeMap::new(),
+            halted: false,
             lacks_gate: false,
         }
     }

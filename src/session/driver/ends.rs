@@ -9,7 +9,7 @@
 use super::super::state::Trigger;
 use super::super::{RunOutcome, SpecimenOutcome, State, Status, gate, kind};
 use super::Running;
-use super::active::Asked;
+use super::active::{Asked, Cause};
 use super::publish::run_status;
 use super::recovery::Then;
 use crate::config::Interrupted;
@@ -18,8 +18,8 @@ use serde_json::{Value, json};
 
 impl Running {
     /// The specimen under way has no end: its pose is lost. By the method's policy it is begun anew, or its well is over; unless it was
-    /// accepted, which only lacks its numbers.
-    pub(super) fn interrupt_specimen(&mut self, reason: &str) {
+    /// accepted, which only lacks its numbers. One that `stays` is neither taken out nor given up: the run goes on with it.
+    pub(super) fn interrupt_specimen(&mut self, reason: &str, stays: bool) {
         let accepted = self.accepted();
         let Some(active) = &mut self.active else { return };
         let policy = active.record.method.policy.interrupted;
@@ -29,24 +29,29 @@ impl Running {
         for well in wells {
             let Some(active) = &mut self.active else { return };
             let inside = self.occupant.as_ref() == Some(&well);
-            if inside && self.loaded_from_outside {
+            let accepted = accepted.iter().any(|accepted| accepted.well == well);
+            let kept = stays && inside && !accepted;
+            if kept {
+                self.brought = Some(well.clone());
+            } else if inside && self.loaded_from_outside {
                 active.take_out = Some(well.clone());
             } else if inside {
                 active.eject_first = Some(well.clone());
             }
-            if accepted.iter().any(|accepted| accepted.well == well) {
+            if accepted {
                 continue;
             }
             if policy == Interrupted::Skip
+                && !kept
                 && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
             {
                 slot.end(SpecimenOutcome::Interrupted, Some(reason));
             }
-            let data = json!({ "reason": reason, "policy": policy });
+            let data = json!({ "reason": reason, "policy": policy, "kept": kept });
             self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
         }
         // One whose well is done is still there where it could not be taken out.
-        let stuck = self.occupant.clone().filter(|_| !self.loaded_from_outside);
+        let stuck = self.occupant.clone().filter(|inside| !self.loaded_from_outside && self.brought.as_ref() != Some(inside));
         if let (Some(active), Some(stuck)) = (&mut self.active, stuck) {
             active.eject_first.get_or_insert(stuck);
         }
@@ -70,11 +75,16 @@ impl Running {
         let Some(active) = &mut self.active else { return };
         active.then = None;
         active.may_go_on = false;
+        let newest = self.publisher.status().faults.last().filter(|_| by_fault).map(|f| (f.code.clone(), f.plainly().to_owned()));
+        let cause = newest.map_or_else(Cause::operator, |(code, words)| Cause { code, words });
+        *active.holds.entry(cause.code.clone()).or_default() += 1;
+        let (code, words) = (cause.code.clone(), cause.words.clone());
+        active.cause = Some(cause);
         let record = active.record.clone();
         let status = run_status(&record);
         self.save(record);
         self.go_with(Trigger::Rested, |s| s.run = Some(status));
-        self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" } }));
+        self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" }, "code": code, "cause": words }));
     }
 
     /// All wells are done, but for numbers that are still made from frames.

@@ -12,7 +12,7 @@ use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd};
 use super::super::{Plate, Refusal, RunPlan, State, Status, gate, kind};
 use super::Running;
-use super::active::{Active, Asked, Work};
+use super::active::{Active, Asked, Cause, Work};
 use super::publish::run_status;
 use crate::cancel::CancelToken;
 use crate::config::Method;
@@ -88,6 +88,8 @@ impl Running {
             run: record.id.clone(),
             wells: wells.map(|(planned, _)| planned.clone()).collect(),
             eject_first: active.eject_first.take(),
+            // A loader's is told through the gate.
+            inside: self.brought.clone().filter(|_| !self.loaded_from_outside),
             method_name: record.plan.method.clone(),
             method: record.method.clone(),
             folder: self.store.run_folder(&record.id),
@@ -97,6 +99,7 @@ impl Running {
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
         active.asked = Asked::Nothing;
+        active.halted = false;
         active.lacks_gate = lacks_gate;
         active.work = Some(Work { cancel, pause, stop, worker, progress });
     }
@@ -111,6 +114,7 @@ impl Running {
     pub(super) fn ask(&mut self, what: Asked) {
         let Some(active) = &mut self.active else { return };
         active.asked = active.asked.max(what);
+        active.halted |= what == Asked::Halt;
         let Some(work) = &active.work else { return };
         match what {
             Asked::Nothing => {}
@@ -241,7 +245,7 @@ impl Running {
         let Some(active) = &mut self.active else { return };
         active.work = None;
         active.waiting_for = None;
-        let asked = active.asked;
+        let (asked, halted) = (active.asked, active.halted);
         // Whoever cut it short was told so, also where the last well was done in the same moment.
         let at_once = matches!(asked, Asked::Abort | Asked::ShutDown);
         let over = at_once || asked == Asked::Stop && matches!(end, RunEnd::AllWells | RunEnd::Paused);
@@ -254,21 +258,28 @@ impl Running {
             }
             RunEnd::AllWells if asked != Asked::Halt => self.finish(),
             RunEnd::Failed(error) => {
+                // A stock VAST takes no specimen up twice: it is brought to it again.
+                let stays = worker::keeps_specimen(&error) && !self.steps_through_a_list();
                 self.fault(&error);
-                self.interrupt_specimen(&error.to_string());
+                self.interrupt_specimen(&error.to_string(), stays);
                 self.rest(true);
             }
             RunEnd::Paused if asked == Asked::Hold => {
                 self.set_down();
                 self.rest(false);
             }
-            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt => {
-                self.interrupt_specimen("the run could not be stored");
+            // Also where it was to stop after its specimen: `rest` then ends it.
+            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt || asked == Asked::Stop && halted => {
+                self.interrupt_specimen("the run could not be stored", false);
                 self.rest(true);
             }
             // Nobody asked the driver: the emergency stop has cancelled it, past the mailbox.
             RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled => self.abort(),
         }
+    }
+
+    fn steps_through_a_list(&self) -> bool {
+        self.instrument.as_ref().is_some_and(|instrument| instrument.rig.rotation.capabilities().trigger_only)
     }
 
     /// Takes up a run that an earlier life of the daemon left open.
@@ -277,6 +288,8 @@ impl Running {
         active.held_by_operator = memory.held_by_operator;
         active.resumed_by_itself = memory.resumed_by_itself;
         active.recoveries = memory.recoveries;
+        active.holds = memory.holds;
+        active.cause = Some(memory.held_by.map_or_else(Cause::restart, |(code, words)| Cause { code, words }));
         // A driven sampler may have been about to bring it; a loader says what it has brought, which is used where it was not begun.
         let mut begun = memory.begun;
         if self.loaded_from_outside {
@@ -284,8 +297,11 @@ impl Running {
             self.occupant.clone_from(&memory.in_capillary);
             active.take_out = memory.in_capillary.filter(|inside| memory.brought.as_ref() != Some(inside));
         } else {
-            active.eject_first = begun.last().cloned().or(memory.in_capillary);
-            self.occupant.clone_from(&active.eject_first);
+            // One that a fault of the instrument has left inside stays there.
+            let stays = memory.in_capillary.clone().filter(|inside| memory.brought.as_ref() == Some(inside));
+            let eject_first = if stays.is_some() { None } else { begun.last().cloned().or(memory.in_capillary) };
+            self.occupant = stays.or_else(|| eject_first.clone());
+            active.eject_first = eject_first;
         }
         (self.asked_for, self.brought, self.been_inside) = (memory.asked_for, memory.brought, memory.been_inside);
         // Known before it is shown: who reads in between is not to take the run for one that waits for somebody.
@@ -303,7 +319,7 @@ impl Running {
             s.plate.barcode = Some(barcode);
             s.plate.present = true;
         });
-        self.interrupt_specimen("the daemon ended before this specimen was done");
+        self.interrupt_specimen("the daemon ended before this specimen was done", false);
         if let Some(active) = &self.active {
             // What is given up stays so, whatever comes before the run goes on.
             let (record, status) = (active.record.clone(), run_status(&active.record));

@@ -89,7 +89,8 @@ struct Running {
     occupant: Option<String>,
     /// The well whose specimen the loader was last asked for, until it says that it is there.
     asked_for: Option<String>,
-    /// The well whose specimen the loader has brought and with which nothing has been done since.
+    /// The well whose specimen is inside for the run to go on with: the loader has brought it and nothing has been done with it since, or
+    /// a fault of the instrument has left it there.
     brought: Option<String>,
     /// The wells of the newest run whose specimens were in the capillary at any time.
     been_inside: BTreeSet<String>,

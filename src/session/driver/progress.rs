@@ -38,14 +38,17 @@ impl Running {
                 self.event(kind::SPECIMEN_TRIED_AGAIN, Some(&well), json!({"attempt": attempt, "why": why}));
             }
             Progress::View { well, index, closure, achieved_steps, hull_volume_um3, so_far, light, live } => {
-                let before = self.publisher.status().specimen.as_ref().map_or(0, |s| s.view);
-                self.show(&well, before + u32::from(hull_volume_um3.is_some()), live);
+                let shown = self.publisher.status().specimen.as_ref().filter(|s| s.well == well).map(|s| s.view);
+                // One that comes late belongs to a specimen that has made room for the next: it is journalled, and that is all.
+                if let Some(before) = shown {
+                    self.show(&well, before + u32::from(hull_volume_um3.is_some()), live);
+                }
                 let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
                 self.publish(|s| {
+                    let Some(specimen) = s.specimen.as_mut().filter(|s| s.well == well) else { return };
                     s.hardware.rotation.position_steps = Some(achieved_steps);
                     s.hardware.rotation.position_deg = Some(position_deg);
                     s.hardware.camera.light = light;
-                    let Some(specimen) = &mut s.specimen else { return };
                     specimen.tell(so_far);
                     if let Some(hull_volume_um3) = hull_volume_um3 {
                         specimen.view += 1;
@@ -144,7 +147,8 @@ impl Running {
         }
         let views_planned = active.record.method.asd;
         self.publish(|s| match &mut s.specimen {
-            Some(specimen) if specimen.well == well => specimen.phase = phase,
+            // Loaded, it begins anew: what an earlier attempt has shown is over.
+            Some(specimen) if specimen.well == well && phase != Phase::Load => specimen.phase = phase,
             _ => s.specimen = Some(SpecimenStatus::new(well, phase, views_planned)),
         });
         self.event(kind::SPECIMEN_PHASE, Some(well), json!({ "phase": phase, "in_capillary": in_capillary }));
@@ -159,6 +163,7 @@ impl Running {
             slot.clone_from(&result);
         }
         active.resumed_by_itself = 0;
+        active.holds.clear();
         if let (Some(clock), true) = (active.under_way.remove(&result.well), result.outcome != Some(SpecimenOutcome::Failed)) {
             self.paces.entry(active.record.plan.method.clone()).or_default().learn(clock, now_s, seconds);
         }

@@ -1,7 +1,7 @@
 //! How a change is told: journalled, then published as one revision whose derived parts are computed anew.
 
 use super::super::state::{self, Trigger};
-use super::super::{Fault, Pending, Phase, Refusal, RunStatus, SpecimenStatus, State, Status, WellCounts, sentence};
+use super::super::{Fault, Hold, Pending, Phase, Refusal, RunStatus, SpecimenStatus, State, Status, WellCounts, sentence};
 use super::faults::ends_by_itself;
 use super::recovery::Recovery;
 use super::{Active, Asked, Errand, Running};
@@ -57,6 +57,7 @@ impl Running {
         if let Some(run) = &mut s.run {
             run.held_by_operator = self.active.as_ref().is_some_and(|a| a.held_by_operator);
             run.goes_on_by_itself = matches!(s.state, State::Holding | State::Held) && self.goes_on_by_itself(&s.faults);
+            run.hold = if s.state == State::Held { self.hold_of(&s.faults, run.goes_on_by_itself) } else { None };
         }
         (s.plate.take_out, s.plate.bring) = self.wanted();
         s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
@@ -80,6 +81,21 @@ impl Running {
         let Some(active) = &self.active else { return false };
         let held_by_something = active.may_go_on || !faults.is_empty();
         held_by_something && !active.held_by_operator && active.resumes_by_itself() && faults.iter().all(ends_by_itself)
+    }
+
+    /// Why the run is held, and what is to be done next: by the same rule by which it goes on.
+    fn hold_of(&self, faults: &[Fault], goes_on_by_itself: bool) -> Option<Hold> {
+        let active = self.active.as_ref()?;
+        let cause = active.cause.as_ref()?;
+        let times = active.holds.get(&cause.code).copied().unwrap_or(1).max(1);
+        let comes_back = active.resumed_by_itself > 0 && !active.resumes_by_itself();
+        let next_action = match faults.last() {
+            Some(fault) => Some(fault.what_to_do.clone()),
+            None if goes_on_by_itself || matches!(active.asked, Asked::Stop | Asked::Abort | Asked::ShutDown) => None,
+            None if comes_back => Some("Find out why it comes back. Then let the run go on.".to_owned()),
+            None => Some("Let the run go on when you are ready.".to_owned()),
+        };
+        Some(Hold { code: cause.code.clone(), cause: cause.words.clone(), times, next_action })
     }
 
     /// What the loader is asked for: whose specimen to take out, and whose to bring after that.
@@ -141,6 +157,7 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
         eta_s: None,
         held_by_operator: false,
         goes_on_by_itself: false,
+        hold: None,
         outcome: record.outcome,
     }
 }

@@ -12,6 +12,10 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(super) struct RunMemory {
     /// The operator had held it, and nobody had let it go on.
     pub held_by_operator: bool,
+    /// What held it when the daemon ended, by code and in words.
+    pub held_by: Option<(String, String)>,
+    /// How often each cause had held it since a well was done.
+    pub holds: BTreeMap<String, u32>,
     /// How often it had gone on by itself since a well was done.
     pub resumed_by_itself: u32,
     /// How often the numbers of a well were begun to be made from its frames since anything came of it.
@@ -52,7 +56,14 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
                 memory.been_inside = memory.in_capillary.iter().cloned().collect();
             }
             (kind::RUN_HOLD_REQUESTED, _) => memory.held_by_operator = true,
+            (kind::RUN_HELD, _) => {
+                if let (Some(code), Some(cause)) = (event.data["code"].as_str(), event.data["cause"].as_str()) {
+                    memory.held_by = Some((code.to_owned(), cause.to_owned()));
+                    *memory.holds.entry(code.to_owned()).or_default() += 1;
+                }
+            }
             (kind::RUN_RESUMED, _) => {
+                memory.held_by = None;
                 memory.held_by_operator = false;
                 memory.resumed_by_itself = if event.data["by"] == BY_ITSELF { memory.resumed_by_itself + 1 } else { 0 };
             }
@@ -95,6 +106,11 @@ pub(super) fn run<'a>(events: impl Iterator<Item = &'a Event>, run: &str) -> Run
             (end @ (kind::SPECIMEN_DONE | kind::SPECIMEN_INTERRUPTED), Some(well)) => {
                 if end == kind::SPECIMEN_DONE {
                     memory.resumed_by_itself = 0;
+                    memory.holds.clear();
+                }
+                // A fault of the instrument has left it in the capillary.
+                if event.data["kept"] == true {
+                    memory.brought = Some(well.clone());
                 }
                 memory.begun.retain(|begun| begun != well);
                 memory.looked_at.remove(well);

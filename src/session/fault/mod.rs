@@ -2,7 +2,7 @@
 
 pub mod table;
 
-use super::worker::RunError;
+use super::worker::{OpticsFault, RunError};
 use super::{Fault, Phase, SchedulerAction};
 use crate::acquisition::AcquisitionError;
 use crate::device::DeviceError;
@@ -95,6 +95,12 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
         RunError::Overrun(e) if matches!(e.phase, Phase::Load | Phase::Eject | Phase::Wash) => &table::SAMPLER_OVERRUN,
         RunError::Overrun(_) => &table::POSITION_OVERRUN,
         RunError::Second(_) => &table::SECOND_CAMERA_FAILED,
+        RunError::Optics { fault, .. } => match fault {
+            OpticsFault::Level(_) | OpticsFault::Light(_) => &table::PICTURE_LIGHT,
+            OpticsFault::Capillary(_) => &table::CAPILLARY_NOT_SEEN,
+            OpticsFault::Scale { .. } | OpticsFault::Zoom { .. } => &table::SCALE_OFF,
+            OpticsFault::Frame(_) | OpticsFault::Near(_) | OpticsFault::Plan(_) | OpticsFault::Pipeline(_) => &table::SETUP_UNUSABLE,
+        },
         RunError::Store(e) if e.is_full() => &table::DISK_FULL,
         RunError::Store(_) => &table::STORE_FAILED,
         RunError::SpecimenThread => &table::INTERNAL_ERROR,

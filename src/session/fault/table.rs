@@ -34,6 +34,7 @@ pub struct FaultCode {
 #[serde(rename_all = "snake_case")]
 pub enum Category {
     Camera,
+    Optics,
     Motion,
     Sampler,
     Storage,
@@ -45,6 +46,7 @@ impl Category {
     pub fn word(self) -> &'static str {
         match self {
             Self::Camera => "camera",
+            Self::Optics => "optics",
             Self::Motion => "motion",
             Self::Sampler => "sampler",
             Self::Storage => "storage",
@@ -81,13 +83,25 @@ codes! {
         "Close the other program, on this or another computer. The camera is opened again by itself.";
     CAMERA_NO_FRAME = "camera_no_frame", Camera, Retry, operator: false, recoverable: true,
         "No whole frame came within the step's deadline, though the camera answers.",
-        "Nothing at first. If it comes again, check the network cable and the other traffic on its network.";
+        "Let the run go on: the specimen is begun anew. If it comes again, check the network cable and the other traffic on its network.";
     CAMERA_REFUSED = "camera_refused", Camera, EscalateOperator, operator: true, recoverable: false,
         "The camera does not take a value of the configuration.",
         "Correct the value that the message names in the configuration, and start the daemon again.";
     SECOND_CAMERA_FAILED = "second_camera_failed", Camera, PauseInstrument, operator: true, recoverable: true,
         "The second camera failed in a run.",
         "Check the second camera's power and cable. Then acknowledge the fault and let the run go on: it is opened again.";
+    PICTURE_LIGHT = "picture_light", Optics, EscalateOperator, operator: true, recoverable: true,
+        "The light is too dark or too bright to see a specimen. The run is held, and the specimen stays in the capillary.",
+        "Look at the lamp, at what stands in its light, and at the exposure. Then acknowledge the fault and let the run go on: it measures the same specimen.";
+    CAPILLARY_NOT_SEEN = "capillary_not_seen", Optics, EscalateOperator, operator: true, recoverable: true,
+        "The picture does not show the capillary's walls. The run is held, and the specimen stays in the capillary.",
+        "Look whether the capillary is in place, clean and in focus, and whether the camera has been moved. Then acknowledge the fault and let the run go on: it measures the same specimen.";
+    SCALE_OFF = "scale_off", Optics, EscalateOperator, operator: true, recoverable: true,
+        "The capillary in the picture is not as wide as the configuration says. The run is held, and the specimen stays in the capillary.",
+        "Look whether the lens or the capillary was changed. Then acknowledge the fault and let the run go on. If the scale, box_um or the picture of the empty capillary is wrong, correct it and start the daemon again.";
+    SETUP_UNUSABLE = "setup_unusable", Optics, EscalateOperator, operator: true, recoverable: false,
+        "No specimen can be measured with this method on this rig. The run is held, and nothing is ejected.",
+        "If the message names the configuration, correct it and start the daemon again. If it names the method of the run, stop the run and choose another method.";
     ROTATION_LOST = "rotation_lost", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis' controller does not answer any more.",
         "Check the controller's power and cable. It is opened again by itself when it answers.";
@@ -102,7 +116,7 @@ codes! {
         "Finish what you are doing at the instrument, close its door and release its stop. Then acknowledge the fault and let the run go on: it begins with a reference.";
     ROTATION_SETTINGS = "rotation_settings", Motion, EscalateOperator, operator: true, recoverable: true,
         "The controller's settings are not those of the configuration; the message names each.",
-        "Write the settings into the controller. If the configuration is what is wrong, correct it and start the daemon again.";
+        "Write the settings into the controller. Then acknowledge the fault and let the run go on. If the configuration is what is wrong, correct it and start the daemon again.";
     ROTATION_FAILED = "rotation_failed", Motion, PauseInstrument, operator: true, recoverable: true,
         "The axis could not do what it was asked to, for another reason than those above.",
         "Read the message: it says what was asked and why it was refused. Then acknowledge the fault, and let the run go on or stop it.";
@@ -111,13 +125,13 @@ codes! {
         "Read the message. If it names the method, stop the run and choose another for the next; else acknowledge the fault and let the run go on.";
     SAMPLER_FAILED = "sampler_failed", Sampler, PauseInstrument, operator: true, recoverable: true,
         "The sampler did not bring or take away a specimen.",
-        "Look whether a specimen is stuck in the tubing or the capillary, and take it out. Then say so to the instrument.";
+        "Look whether a specimen is stuck in the tubing or the capillary, take it out and say so to the instrument. Then acknowledge the fault and let the run go on.";
     POSITION_OVERRUN = "position_overrun", Motion, PauseInstrument, operator: true, recoverable: true,
         "The reference, or bringing the specimen into view, took longer than the method's policy allows, more often than it is tried.",
-        "Look what holds the capillary or the axis up. If it is only slow, allow the phase more time in the method's policy.";
+        "Look what holds the capillary or the axis up. Then acknowledge the fault and let the run go on. If it is only slow, allow the phase more time in the method's policy.";
     SAMPLER_OVERRUN = "sampler_overrun", Sampler, PauseInstrument, operator: true, recoverable: true,
         "Loading, ejecting or washing took longer than the method's policy allows.",
-        "Look whether a specimen is stuck, or who should have brought it. If it is only slow, allow the phase more time in the method's policy.";
+        "Look whether a specimen is stuck, or who should have brought it. Then acknowledge the fault and let the run go on. If it is only slow, allow the phase more time in the method's policy.";
     STORE_FAILED = "store_failed", Storage, PauseInstrument, operator: true, recoverable: true,
         "Something could not be written to disk. The plate is not called removable.",
         "Check that the data folder is there, belongs to the daemon and can be written. The run goes on by itself once it can.";
@@ -129,12 +143,14 @@ codes! {
         "Make sure that the instrument is safe. Then acknowledge the fault.";
     INTERNAL_ERROR = "internal_error", Software, PauseInstrument, operator: true, recoverable: true,
         "A part of the program ended that should not have.",
-        "Keep the daemon's log and report it. Then acknowledge the fault; the run may go on.";
+        "Keep the daemon's log and report it. Then acknowledge the fault and let the run go on.";
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::Fault;
+    use crate::session::fault::Lost;
     use std::collections::BTreeSet;
 
     #[test]
@@ -148,6 +164,23 @@ mod tests {
             }
             // Whoever is told to come back by himself is not told to wait for a person, and the other way round.
             assert_eq!(c.operator_required, c.scheduler_action != Retry, "{}", c.code);
+        }
+    }
+
+    /// Every fault holds a run: its remedy says how that goes on, by the rule by which it does.
+    #[test]
+    fn a_remedy_does_not_contradict_the_hold() {
+        for c in ALL {
+            let fault = Fault::new(1, c, String::new());
+            let ends_by_itself = c.category == Category::Storage || [Lost::Camera, Lost::Rotation].iter().any(|d| d.is_all_of(&fault));
+            let says = |words: &[&str]| words.iter().any(|word| c.what_to_do.contains(word));
+            let expected: &[&str] = match (c.scheduler_action == Retry, ends_by_itself, c.recoverable) {
+                (true, ..) => &["Let the run go on"],
+                (_, true, _) => &["by itself"],
+                (_, _, false) => &["start the daemon again"],
+                _ => &["acknowledge the fault"],
+            };
+            assert!(says(expected) && !says(&["Nothing"]), "{}: {} does not say {expected:?}", c.code, c.what_to_do);
         }
     }
 
@@ -181,7 +214,7 @@ mod tests {
     #[test]
     fn no_row_of_the_documents_names_a_code_that_is_none() {
         let documents = include_str!("../../../docs/faults.md");
-        let prefixes = ["camera_", "second_camera_", "rotation_", "revolution_", "sampler_", "store_"];
+        let prefixes = ["camera_", "second_camera_", "picture_", "scale_", "setup_", "rotation_", "revolution_", "sampler_", "store_"];
         let words = documents.split('`').skip(1).step_by(2).filter(|w| w.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'));
         for word in words.filter(|w| prefixes.iter().any(|p| w.starts_with(p))) {
             assert!(ALL.iter().any(|c| c.code == word), "docs/faults.md names {word}, which is no code");

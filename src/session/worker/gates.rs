@@ -1,12 +1,8 @@
 //! What keeps a well from its revolution: the frame on which it is judged, before anything turns.
 
-use crate::acquisition::Light;
 use crate::config::{Clipped, Policy};
-use crate::frame::RawFrame;
 use crate::profile::Profile;
 
-/// A frame whose median is below this shows no light; one of a lit capillary has 100 and more of 255.
-const DARK: f64 = 8.0;
 /// From here on the bore is full: a larva of 5 dpf covers a third of it, and no larva this much.
 const BLOCKED_SHARE: f64 = 0.9;
 
@@ -27,20 +23,10 @@ fn filled_share(profile: &Profile) -> f64 {
     profile.mask.area_px() as f64 / (bore_px * width).max(1.0)
 }
 
-/// Why a frame shows nothing at all, whatever is in the capillary; it is no skipped well, since nobody looked into it.
-pub fn dark(frame: &RawFrame) -> Option<String> {
-    let background = Light::of(frame).background;
-    (background < DARK).then(|| {
-        format!(
-            "no light: half of the frame is below {background} of 255, a lit one has {DARK} and more. Look at the lamp and the exposure"
-        )
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::PixelFormat;
+    use crate::frame::{PixelFormat, RawFrame};
     use crate::profile::{Picture, SegmentSettings, segment};
     use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
 
@@ -49,7 +35,6 @@ mod tests {
         scene.load(Some(Specimen::larva(4, 1).unwrap().placed(Placement { x_um, ..Placement::default() }))).unwrap();
         let seen = scene.render(&Exposure { angle_rad: 0.0, number: 0 });
         let frame = RawFrame::new(seen.width, seen.height, PixelFormat::BayerRG8, seen.to_bayer_rg8()).unwrap();
-        assert_eq!(dark(&frame), None);
         segment(&Picture::from_frame(&frame), &SegmentSettings::default()).unwrap()
     }
 
@@ -73,11 +58,5 @@ mod tests {
         let cut = profile(2000.0);
         assert_eq!(skipped(&cut, &Policy::default()), None);
         assert_eq!(skipped(&cut, &Policy { clipped: Clipped::Skip, ..Policy::default() }), Some("clipped"));
-    }
-
-    #[test]
-    fn a_frame_without_light_is_told_by_its_level() {
-        let frame = RawFrame::new(64, 64, PixelFormat::Mono8, vec![3; 64 * 64]).unwrap();
-        assert!(dark(&frame).is_some_and(|why| why.contains('3') && why.contains("lamp")));
     }
 }

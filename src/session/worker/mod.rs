@@ -8,6 +8,7 @@
 
 mod clock;
 mod gates;
+mod optics;
 mod retry;
 mod science;
 mod so_far;
@@ -17,11 +18,13 @@ mod watch;
 mod well;
 
 pub use clock::{WellTimes, add_timings};
+pub use optics::OpticsFault;
+pub use retry::keeps_specimen;
 pub use science::CLOSING;
 pub use watch::Overrun;
 
 use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, TranslationStatus, VolumeSoFar, WellStatus, placing};
-use crate::acquisition::{AcquisitionError, Light, PlanError, RevolutionPlan};
+use crate::acquisition::{AcquisitionError, Light, RevolutionPlan};
 use crate::cancel::CancelToken;
 use crate::config::{Config, Method};
 use crate::device::sampler::Sampler;
@@ -123,6 +126,9 @@ pub enum RunError {
     Overrun(#[from] Overrun),
     #[error("second camera: {0}")]
     Second(DeviceError),
+    /// The instrument shows no specimen, whatever is in the capillary.
+    #[error("well {well}: {fault}")]
+    Optics { well: String, fault: OpticsFault },
     #[error("the specimen thread ended without a result; see the log")]
     SpecimenThread,
 }
@@ -137,6 +143,8 @@ pub struct RunContext {
     pub wells: Vec<PlannedWell>,
     /// A well whose specimen an earlier life of the daemon may have left in the capillary: it is taken out before anything else.
     pub eject_first: Option<String>,
+    /// A well whose specimen is in the capillary of a driven sampler already: it is not brought again.
+    pub inside: Option<String>,
     pub method_name: String,
     pub method: Method,
     pub folder: PathBuf,
@@ -158,12 +166,18 @@ enum WellEnd {
     Failed(String),
 }
 
+fn optics_fault(planned: &PlannedWell, fault: OpticsFault) -> RunError {
+    RunError::Optics { well: planned.well.clone(), fault }
+}
+
 /// Runs all wells and gives the instrument back.
 pub fn run(instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd) {
     let mut worker = Worker { context: Arc::new(context.clone()), instrument };
     let mut numbers = None;
     let ended = worker.all_wells(&mut numbers);
-    if ended.is_err() || context.cancel.is_cancelled() {
+    // Whoever has taken the axis over by hand has stopped it.
+    let stops = ended.as_ref().is_err_and(|e| !retry::is_intervention(e));
+    if stops || context.cancel.is_cancelled() {
         worker.instrument.rig.rotation.stop_handle().stop();
     }
     // What was accepted before is measured and kept, however the run ends.
@@ -281,8 +295,16 @@ impl RunContext {
         Some(TranslationStatus::new(rig.rotation.identity(), position, |steps| settings.um(steps)))
     }
 
-    fn plan(&self) -> Result<RevolutionPlan, PlanError> {
-        RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order)
+    fn plan(&self, planned: &PlannedWell) -> Result<RevolutionPlan, RunError> {
+        let plan = RevolutionPlan::new(self.method.asd, self.config.steps_per_revolution, self.method.order);
+        plan.map_err(|e| optics_fault(planned, e.into()))
+    }
+
+    /// Refuses a configuration by which no specimen of this kind can be measured, before one is brought.
+    fn can_measure(&self, planned: &PlannedWell) -> Result<(), RunError> {
+        self.method.clears(&self.config.optics).map_err(|e| optics_fault(planned, e.into()))?;
+        self.plan(planned)?;
+        self.pipeline(planned).map(drop)
     }
 
     fn deadline(&self) -> Duration {
@@ -290,9 +312,10 @@ impl RunContext {
     }
 
     /// What looks at this well's frames and measures its specimen.
-    fn pipeline(&self, planned: &PlannedWell) -> Result<Pipeline, PipelineError> {
-        let settings = self.method.pipeline(&self.config.optics, planned.specimen == SpecimenKind::Bead)?;
-        Pipeline::new(settings.compared_with(self.config.empty_capillary.as_deref())?)
+    fn pipeline(&self, planned: &PlannedWell) -> Result<Pipeline, RunError> {
+        let settings = self.method.pipeline(&self.config.optics, planned.specimen == SpecimenKind::Bead).map_err(PipelineError::from);
+        let compared = settings.and_then(|settings| settings.compared_with(self.config.empty_capillary.as_deref()));
+        compared.and_then(Pipeline::new).map_err(|e| optics_fault(planned, OpticsFault::Pipeline(Box::new(e))))
     }
 
     /// What a well's record begins with.

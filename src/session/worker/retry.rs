@@ -1,14 +1,18 @@
-//! What may be tried again on a specimen that is still in the capillary, and what costs its well only.
+//! What may be tried again on a specimen that is still in the capillary, what costs its well only, and whether it stays inside.
 //!
 //! ```text
-//!                              tried again    and if that fails too
-//! a frame that did not come         x          the well fails
-//! detect, revolve overran           x          the well fails
-//! reconstruct, measure overran                 the well fails
-//! a lost position, position overran x          the run is held
+//!                                     tried again   and if that fails too   the specimen
+//! a frame that did not come                x         the well fails          is ejected
+//! detect, revolve overran                  x         the well fails          is ejected
+//! reconstruct, measure overran                       the well fails          is ejected
+//! a lost position, position overran        x         the run is held         is ejected
+//! light, capillary's place, scale          x         the run is held         stays: the run goes on with it
+//! setup that measures no specimen                    the run is held         stays: the run goes on with it
+//! a person's or a safety circuit's hand              the run is held         stays: the run goes on with it
 //! alarm, lost device, disk,
-//! load, eject, wash overran                    the run is held
+//! load, eject, wash overran                          the run is held         is ejected
 //! ```
+//! "Is ejected" is what a driven sampler does; a loader is asked to take the specimen out. `optics.rs` has what is light, place, scale and setup.
 
 use super::{Overrun, RunError};
 use crate::acquisition::{AcquisitionError, LedgerError};
@@ -30,6 +34,7 @@ pub fn may_be_tried_again(error: &RunError) -> bool {
             )
         }
         RunError::Acquisition(AcquisitionError::Ledger(LedgerError::EpochChanged { .. })) => true,
+        RunError::Optics { fault, .. } => fault.may_pass(),
         _ => false,
     }
 }
@@ -45,9 +50,26 @@ pub fn costs_its_well_only(error: &RunError) -> bool {
     }
 }
 
+/// Whether a person or a safety circuit has taken the axis over: nothing is sent to it then.
+pub fn is_intervention(error: &RunError) -> bool {
+    match error {
+        RunError::Device(e) | RunError::Second(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => {
+            matches!(e, DeviceError::Intervention { .. })
+        }
+        _ => false,
+    }
+}
+
+/// Whether the specimen stays in the capillary, and the run goes on with it once a person has seen to the cause.
+pub fn keeps_specimen(error: &RunError) -> bool {
+    matches!(error, RunError::Optics { .. }) || is_intervention(error)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::ProfileError;
+    use crate::session::worker::OpticsFault;
 
     fn no_frame() -> DeviceError {
         DeviceError::NoFrame { waited_ms: 3000, attempts: 3, last: "nothing".into() }
@@ -75,5 +97,22 @@ mod tests {
         assert!(may_be_tried_again(&overrun(Phase::Position)) && !costs_its_well_only(&overrun(Phase::Position)));
         assert!(!may_be_tried_again(&overrun(Phase::Measure)) && costs_its_well_only(&overrun(Phase::Measure)));
         assert!(!may_be_tried_again(&overrun(Phase::Eject)) && !costs_its_well_only(&overrun(Phase::Eject)));
+    }
+
+    #[test]
+    fn a_specimen_stays_where_the_instrument_could_not_see_it_or_a_person_has_the_axis() {
+        let optics = |fault| RunError::Optics { well: "A01".into(), fault };
+        let dark = optics(OpticsFault::Light(ProfileError::Black { brightest: 9, needed: 30 }));
+        let setup = optics(OpticsFault::Frame(ProfileError::TooSmall { width: 9, height: 9, least: 48 }));
+        assert!(may_be_tried_again(&dark) && !may_be_tried_again(&setup));
+        let hand = || DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Release it." };
+        let hands = [RunError::from(hand()), RunError::from(AcquisitionError::Device { view: 3, source: hand() })];
+        for error in hands.iter().chain([&dark, &setup]) {
+            assert!(keeps_specimen(error) && !costs_its_well_only(error), "{error}");
+        }
+        assert!(hands.iter().all(|e| is_intervention(e) && !may_be_tried_again(e)) && !is_intervention(&dark));
+        for error in [no_frame().into(), overrun(Phase::Position), DeviceError::Alarm { device: "grbl", what: "ALARM:1".into() }.into()] {
+            assert!(!keeps_specimen(&error), "{error}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! The rig thread's end of a specimen thread: what it is handed, what it answers, and how long its end is waited for.
 
 use super::clock::StageClock;
+use super::optics::Blind;
 use super::so_far::SoFar;
 use super::specimen::{Ended, Specimen, Work};
 use super::{Overrun, Progress, RunContext, RunError, WellTimes};
@@ -63,6 +64,7 @@ impl Science {
             told: Arc::clone(&told),
             so_far: SoFar::new(context.method.early_stop),
             enough: Arc::clone(&enough),
+            blind: Blind::default(),
         };
         let thread = std::thread::spawn(move || {
             let _living = living;
@@ -163,6 +165,7 @@ mod tests {
             run: "r1".into(),
             wells: Vec::new(),
             eject_first: None,
+            inside: None,
             method_name: "standard".into(),
             method: config.methods["standard"].clone(),
             config: Arc::new(config),

@@ -9,9 +9,10 @@
 //! ```
 
 use super::clock::{StageClock, TIMINGS, Timings};
+use super::optics::Blind;
 use super::so_far::SoFar;
-use super::{Progress, RunContext, RunError, WellTimes};
-use crate::acquisition::LedgerEntry;
+use super::{OpticsFault, Progress, RunContext, RunError, WellTimes, optics_fault};
+use crate::acquisition::{LedgerEntry, Light};
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
 use crate::session::{Phase, PlannedWell, SpecimenOutcome, WellStatus};
@@ -71,6 +72,7 @@ pub struct Specimen {
     pub so_far: SoFar,
     /// The rule has ended it: the rig thread goes to the closure view.
     pub enough: Arc<AtomicBool>,
+    pub blind: Blind,
 }
 
 /// Why no verdict is asked for any more.
@@ -104,6 +106,9 @@ impl Specimen {
                     Err(e) => return Ok(Turn::Failed(e.to_string())),
                 },
                 Some(Work::Turned) => {
+                    if let Some(fault) = self.blind.at_end(self.writer.recording().ledger.carved().count()) {
+                        return Err(optics_fault(&self.planned, fault));
+                    }
                     if self.enough.load(Ordering::Acquire)
                         && let Err(e) = self.ended_early()?
                     {
@@ -134,7 +139,12 @@ impl Specimen {
         second: Option<RawFrame>,
         waiting: impl FnOnce() -> Option<T>,
     ) -> Result<Result<Option<T>, PipelineError>, RunError> {
-        let Self { pipeline, writer, stages, so_far, .. } = self;
+        let Self { planned, pipeline, writer, stages, so_far, blind, .. } = self;
+        // What the instrument is to blame for ends the turn as its fault, the rest as this well's.
+        let failed = |e| match OpticsFault::of_pipeline(e) {
+            Ok(fault) => Err(optics_fault(planned, fault)),
+            Err(e) => Ok(Err(e)),
+        };
         let LedgerEntry { view: index, retake, closure, omega, light, .. } = entry;
         let achieved_steps = entry.achieved_steps.0;
         if let Some(second) = second {
@@ -148,16 +158,20 @@ impl Specimen {
         }
         let seen = match stages.profile.time(|| pipeline.look(frame)) {
             Ok(seen) => seen,
-            Err(e) => return Ok(Err(e)),
+            Err(e) => return failed(e),
         };
         if closure {
             pipeline.observe_closure(&seen);
         } else {
+            let light = light.unwrap_or_else(|| Light::of(frame));
+            if let Some(fault) = blind.take(index, &light, &seen.profile, self.context.method.asd) {
+                return Err(optics_fault(planned, fault));
+            }
             let carved = stages
                 .carve
                 .time(|| if retake > 0 { pipeline.replace(index, omega, &seen) } else { pipeline.observe(index, omega, &seen) });
             if let Err(e) = carved {
-                return Ok(Err(e));
+                return failed(e);
             }
         }
         if let (Ok(profile), false) = (&seen.profile, closure)

@@ -30,6 +30,11 @@ pub enum Attempt {
 /// Of the views, those that are taken again at most: where more do not belong it is not the views.
 const RETAKEN_SHARE: u32 = 10;
 
+/// How many views of a turn are taken again at most.
+pub fn retaken_most(asd: u32) -> usize {
+    asd.div_ceil(RETAKEN_SHARE) as usize
+}
+
 impl Worker {
     /// Takes a specimen through its turn; on the `last` attempt it is measured as it is.
     pub fn turn(
@@ -40,11 +45,11 @@ impl Worker {
         times: &mut WellTimes,
         last: bool,
     ) -> Result<Attempt, RunError> {
-        let plan = match self.context.plan() {
+        let plan = match self.context.plan(planned) {
             Ok(plan) => plan,
             Err(e) => {
                 writer.close()?;
-                return Ok(Attempt::Ended(WellEnd::Failed(e.to_string())));
+                return Err(e);
             }
         };
         writer.add_references(&self.context.config.references)?;
@@ -97,7 +102,7 @@ impl Worker {
             return Ok(Some("the specimen was not where it began when its turn was over".into()));
         }
         let can_go_back = !self.instrument.rig.rotation.capabilities().trigger_only;
-        let few = (1..=plan.asd().div_ceil(RETAKEN_SHARE) as usize).contains(&verdict.spoiled.len());
+        let few = (1..=retaken_most(plan.asd())).contains(&verdict.spoiled.len());
         if can_go_back && !verdict.moved && few {
             tracing::info!(well = %planned.well, views = ?verdict.spoiled, "views that do not belong are taken again");
             // The view at 360 deg last: it tells whether the specimen was still there.

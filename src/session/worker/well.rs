@@ -11,8 +11,8 @@ use super::science::Science;
 use super::specimen::Work;
 use super::turn::Attempt;
 use super::watch::within;
-use super::{Progress, RunError, WellEnd, WellTimes, Worker, gates, retry};
-use crate::acquisition;
+use super::{OpticsFault, Progress, RunError, WellEnd, WellTimes, Worker, gates, optics_fault, retry};
+use crate::acquisition::{self, Light};
 use crate::device::sampler::{Expected, Loaded};
 use crate::frame::RawFrame;
 use crate::pipeline::{Pipeline, PipelineError, Seen};
@@ -39,6 +39,7 @@ impl Worker {
     pub fn well(&mut self, planned: &PlannedWell, before: &mut Option<Science>) -> Result<ControlFlow<()>, RunError> {
         let began = Instant::now();
         let mut times = WellTimes::default();
+        self.context.can_measure(planned)?;
         let Some(Loaded { truth }) = self.load(planned, &mut times)? else { return Ok(ControlFlow::Break(())) };
         // No more than one specimen's numbers are made beside another specimen.
         let settled = self.context.settle(before);
@@ -58,6 +59,10 @@ impl Worker {
             Ok(Attempt::Ended(end)) => end,
             // An attempt says so only where another follows.
             Ok(Attempt::Cancelled | Attempt::Again(_)) => return self.cut_short(planned, &mut times).map(|()| ControlFlow::Break(())),
+            Err(e) if retry::keeps_specimen(&e) => {
+                tracing::warn!(well = %planned.well, error = %e, "the specimen stays in the capillary");
+                return Err(e);
+            }
             Err(e) => {
                 if let Err(error) = self.cut_short(planned, &mut times) {
                     tracing::error!(%error, well = %planned.well, "the specimen of a well that failed is not ejected");
@@ -87,20 +92,21 @@ impl Worker {
         let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
         let well = planned.well.as_str();
         context.phase(well, Phase::Load, false);
-        if rig.rotation.capabilities().trigger_only
-            && let Ok(plan) = context.plan()
-        {
+        if rig.rotation.capabilities().trigger_only {
             // Its list must be there before it takes the specimen up.
-            rig.rotation.announce(&plan.targets())?;
+            rig.rotation.announce(&context.plan(planned)?.targets())?;
         }
         if sampler.waits_for_loader() {
             context.tell(Progress::WaitingForLoader { well: well.to_owned() });
         }
         let expected = Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf };
+        let is_inside = context.inside.as_deref() == Some(well);
         let stop = rig.rotation.stop_handle();
         let began = Instant::now();
         let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.cancel, &stop, |cancel| {
-            sampler.load(rig.rotation.as_mut(), expected, cancel).map_err(RunError::from)
+            let axis = rig.rotation.as_mut();
+            let there = if is_inside { sampler.go_on(axis, expected, cancel) } else { sampler.load(axis, expected, cancel) };
+            there.map_err(RunError::from)
         });
         times.phase(Phase::Load, began.elapsed());
         loaded
@@ -135,10 +141,7 @@ impl Worker {
         last: bool,
     ) -> Result<Attempt, RunError> {
         self.position(planned, times)?;
-        let pipeline = match self.context.pipeline(planned) {
-            Ok(pipeline) => pipeline,
-            Err(e) => return Ok(Attempt::Ended(WellEnd::Failed(e.to_string()))),
-        };
+        let pipeline = self.context.pipeline(planned)?;
         set_aside(&self.context.folder, &planned.well)?;
         let folder = self.context.folder.join(&planned.well);
         let recording = self.context.recording(planned, &self.instrument);
@@ -200,15 +203,18 @@ impl Worker {
         }
         let seen = match seen {
             Ok(seen) => seen,
-            Err(e) => return Ok(Judged::Not(WellEnd::Failed(e.to_string()))),
+            Err(e) => match OpticsFault::of_pipeline(e) {
+                Ok(fault) => return Err(optics_fault(planned, fault)),
+                Err(e) => return Ok(Judged::Not(WellEnd::Failed(e.to_string()))),
+            },
         };
         let found = seen.profile.as_ref().ok().map(|p| p.detection);
         let live = Live { frame_jpg: live::jpeg(&seen.picture), ..Live::default() };
         self.context.tell(Progress::Detected { well: planned.well.clone(), found, live });
-        if let Some(why) = gates::dark(&frame) {
-            return Ok(Judged::Not(WellEnd::Failed(why)));
+        if let Some(fault) = OpticsFault::of_judged(&Light::of(&frame), &seen, pipeline, &self.context.method) {
+            return Err(optics_fault(planned, fault));
         }
-        // A frame that cannot be judged is not taken for an empty well: the revolution decides.
+        // A frame that the specimen may have spoiled is not taken for an empty well: the revolution decides.
         let skipped = seen.profile.as_ref().ok().and_then(|p| gates::skipped(p, &self.context.method.policy));
         Ok(match skipped {
             Some(reason) => {
@@ -228,7 +234,8 @@ impl Worker {
         cancel: &crate::cancel::CancelToken,
     ) -> Result<(RawFrame, Result<Seen, PipelineError>), RunError> {
         let Self { context, instrument: Instrument { rig, .. } } = self;
-        let (mut retries, mut placings) = (context.method.policy.retries, PLACINGS);
+        // One bad frame is no fault of the instrument's, whatever the policy.
+        let (mut retries, mut placings) = (context.method.policy.retries.max(1), PLACINGS);
         loop {
             let frame = times.of_device(|| acquisition::grab(rig.camera.as_mut(), context.deadline(), cancel))?.frame;
             let seen = pipeline.look(&frame);

@@ -79,6 +79,14 @@ impl Sampler for Arm {
     ) -> Result<Option<Loaded>, DeviceError> {
         Ok(None)
     }
+    fn go_on(
+        &mut self,
+        _axis: &mut dyn RotationAxis,
+        _expected: Expected<'_>,
+        _cancel: &CancelToken,
+    ) -> Result<Option<Loaded>, DeviceError> {
+        Ok(None)
+    }
     fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }

@@ -225,3 +225,48 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
         }
     }
 }
+
+/// Asked to stop after its specimen, and halted by the disk in mid-specimen: it ends as it was asked to, and nobody has aborted it.
+#[test]
+fn a_stop_on_a_full_disk_stays_a_stop() {
+    for at in 0.. {
+        let mut was_full = false;
+        for loaded_from_outside in [false, true] {
+            let (dir, when) = (scratch(), format!("full from operation {at} on, a loader: {loaded_from_outside}"));
+            on_this_thread(async {
+                let mut b = bench(dir.path(), loaded_from_outside);
+                disk_trace::fill(at, witness(dir.path(), &b.handle));
+                accept(&mut b, &when);
+                let began = b.tell(Progress::Ready) && bring(&mut b, "A01");
+                let mut stopped = b.steer(Towards::Stop);
+                if stopped.is_err() && began {
+                    // Refused, and the worker is at it still: it is asked for again.
+                    disk_trace::make_room();
+                    stopped = b.steer(Towards::Stop);
+                }
+                let is_done = began && take_out(&mut b, "A01") && b.done("A01");
+                b.ends(if is_done { RunEnd::Paused } else { RunEnd::Cancelled }).await;
+                disk_trace::make_room();
+                if let Err(refusal) = stopped {
+                    assert!(format!("{refusal:?}").contains("full: true"), "{when}: {refusal:?}");
+                    assert_eq!(b.status().state, State::Held, "{when}");
+                    b.steer(Towards::Stop).unwrap();
+                }
+                assert_eq!(b.status().state, State::Stopped, "{when}");
+                b.d.try_the_store();
+                was_full |= disk_trace::was_full();
+                disk_trace::end();
+                let measured = b.status().run.unwrap().wells.succeeded == 1;
+                is_whole(&b, dir.path(), if measured { RunOutcome::Partial } else { RunOutcome::Aborted }, &when);
+                let events = journalled(dir.path());
+                assert_eq!((count(&events, "run.stop_requested"), count(&events, "run.abort_requested")), (1, 0), "{when}");
+                let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
+                assert_eq!(inside, b.inside, "{when}: what is inside is known");
+            });
+        }
+        if !was_full {
+            assert!(at > 20, "the disk was asked only {at} times");
+            return;
+        }
+    }
+}

@@ -2,8 +2,10 @@
 
 mod bench;
 mod full_disk;
+mod kept;
 mod life;
 mod loader;
 mod recovery;
 mod restart;
+mod shown;
 mod words;

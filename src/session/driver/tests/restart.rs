@@ -2,13 +2,19 @@
 
 use super::super::*;
 use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
+use crate::device::DeviceError;
 use crate::session::handle::{Refusal, Towards};
 use crate::session::plate::HandoffIntent;
-use crate::session::worker::RunError;
+use crate::session::search::Found;
+use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::store::disk_trace;
 use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
+
+fn gone() -> RunError {
+    RunError::Device(DeviceError::Gone { device: "rotation axis", why: "the cable".into() })
+}
 
 /// What a poller may read while a run is taken up: each snapshot before a write to the disk, and the last one.
 fn snapshots(root: &Path) -> Vec<Status> {
@@ -71,15 +77,11 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
 #[test]
 fn a_run_says_whether_what_holds_it_lets_it_go_by_itself() {
     on_this_thread(async {
-        for (code, alone) in [("the cable", true), ("", false)] {
+        for alone in [true, false] {
             let dir = scratch();
             let mut b = started(dir.path(), true, &["A01"]);
-            let error = if alone {
-                RunError::Device(crate::device::DeviceError::Gone { device: "rotation axis", why: code.into() })
-            } else {
-                RunError::SpecimenThread
-            };
-            b.ends(crate::session::worker::RunEnd::Failed(error)).await;
+            let error = if alone { gone() } else { RunError::SpecimenThread };
+            b.ends(RunEnd::Failed(error)).await;
             assert_eq!((b.status().state, b.status().run.unwrap().goes_on_by_itself), (State::Held, alone));
             b.steer(Towards::Hold).unwrap();
             assert!(!b.status().run.unwrap().goes_on_by_itself, "an operator holds it");
@@ -120,5 +122,62 @@ fn a_plate_on_its_way_is_remembered_over_a_restart() {
             let other = if end == HandoffEnd::Completed { HandoffEnd::Aborted } else { HandoffEnd::Completed };
             assert_eq!(b.d.end_handoff(other), Err(Refusal::NoHandoff));
         }
+    });
+}
+
+/// The axis is lost and found four times without a finished well: the fault is over, and the status still says what holds the run, how
+/// often it did, and what to do. A restart does not forget it.
+#[test]
+fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01"]);
+        for times in 1..=4 {
+            b.ends(RunEnd::Failed(gone())).await;
+            let status = b.status();
+            let hold = status.run.unwrap().hold.unwrap();
+            assert_eq!((hold.code.as_str(), hold.times), ("rotation_lost", times));
+            assert!(hold.next_action.unwrap().contains("power and cable"), "while it is away");
+            let instrument = b.d.instrument.take().unwrap();
+            b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+            assert_eq!(b.works(), times < 4, "{times}: {:?}", b.status().state);
+            b.tell(Progress::Ready);
+        }
+        for restarted in [false, true] {
+            if restarted {
+                drop(b);
+                b = bench(dir.path(), false);
+            }
+            let status = b.status();
+            assert_eq!((status.state, status.faults.len()), (State::Held, 0), "{restarted}");
+            let hold = status.run.unwrap().hold.unwrap();
+            assert_eq!((hold.code.as_str(), hold.times), ("rotation_lost", 4), "{restarted}");
+            assert!(hold.next_action.unwrap().contains("let the run go on"), "{restarted}");
+            for word in ["controller does not answer", "4 times", "let the run go on"] {
+                assert!(status.doing.contains(word), "{restarted}: {word}: {}", status.doing);
+            }
+        }
+        b.steer(Towards::Unhold).unwrap();
+        assert!(b.works() && b.status().run.unwrap().hold.is_none());
+    });
+}
+
+#[test]
+fn an_operators_hold_and_an_acknowledged_fault_are_named_too() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), true, &["A01"]);
+        b.steer(Towards::Hold).unwrap();
+        b.ends(RunEnd::Paused).await;
+        assert_eq!(b.status().run.unwrap().hold.unwrap().code, "operator");
+        b.steer(Towards::Unhold).unwrap();
+        b.tell(Progress::Ready);
+        b.ends(RunEnd::Failed(RunError::SpecimenThread)).await;
+        let seq = b.status().faults[0].seq;
+        b.d.acknowledge(seq).unwrap();
+        let status = b.status();
+        let hold = status.run.unwrap().hold.unwrap();
+        assert_eq!((hold.code.as_str(), hold.times), ("internal_error", 1));
+        assert!(status.doing.contains("should not have") && status.doing.contains("Let the run go on"), "{}", status.doing);
     });
 }

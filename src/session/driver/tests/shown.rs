@@ -1,0 +1,73 @@
+//! What is shown of a specimen belongs to it: to no other, and to no earlier attempt.
+
+use super::bench::{Bench, on_this_thread, scratch, started};
+use crate::acquisition::Light;
+use crate::device::DeviceError;
+use crate::session::search::Found;
+use crate::session::worker::{Progress, RunEnd};
+use crate::session::{Live, Phase, VolumeSoFar};
+
+impl Bench {
+    /// A view of a well has been carved; false where the run is cancelled by then.
+    fn view(&mut self, well: &str, index: u32) -> bool {
+        self.tell(Progress::View {
+            well: well.into(),
+            index,
+            closure: false,
+            achieved_steps: 100 + i64::from(index),
+            hull_volume_um3: Some(3e8),
+            so_far: VolumeSoFar { volume_um3: Some(2e8), volume_sd_um3: Some(1e6), volume_views: Some(7), converged: Some(false) },
+            light: Some(Light { background: 190.0, saturated: 0.0, focus: 0.01 }),
+            live: Live::default(),
+        })
+    }
+
+    fn turns(&mut self, well: &str, views: u32) {
+        for phase in [Phase::Load, Phase::Position, Phase::Detect, Phase::Revolve] {
+            self.phase(well, phase, phase != Phase::Load);
+        }
+        (0..views).for_each(|index| assert!(self.view(well, index)));
+    }
+
+    fn shown(&self) -> (String, u32, usize, Option<f64>) {
+        let shown = self.status().specimen.unwrap();
+        (shown.well, shown.view, shown.hull_volumes_um3.len(), shown.volume_um3)
+    }
+}
+
+/// Its thread was slow, and given up: what it still tells comes while the next specimen is inside.
+#[test]
+fn a_view_that_comes_late_is_not_shown_as_the_next_specimens() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01", "A02"]);
+        b.turns("A01", 3);
+        assert_eq!(b.shown(), ("A01".into(), 3, 3, Some(2e8)));
+        b.turns("A02", 1);
+        let (before, axis) = (b.shown(), b.status().hardware.rotation.position_steps);
+        assert!(b.view("A01", 7));
+        assert_eq!((b.shown(), b.status().hardware.rotation.position_steps), (before, axis));
+        assert_eq!(b.handle.live().shown.unwrap().well, "A02");
+        assert!(b.view("A02", 1));
+        assert_eq!(b.shown(), ("A02".into(), 2, 2, Some(2e8)));
+    });
+}
+
+/// Interrupted in its turn and begun anew once the axis is back: views and volumes of the first attempt are not counted on.
+#[test]
+fn a_specimen_that_is_begun_anew_is_shown_from_its_first_view_on() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started(dir.path(), false, &["A01"]);
+        b.turns("A01", 5);
+        b.ends(RunEnd::Failed(DeviceError::Gone { device: "rotation axis", why: "the cable".into() }.into())).await;
+        let instrument = b.d.instrument.take().unwrap();
+        b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+        assert!(b.works(), "{:?}", b.status().state);
+        b.tell(Progress::Ready);
+        b.turns("A01", 2);
+        assert_eq!(b.shown(), ("A01".into(), 2, 2, Some(2e8)));
+        b.turns("A01", 0);
+        assert_eq!(b.shown(), ("A01".into(), 0, 0, None));
+    });
+}

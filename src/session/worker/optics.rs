@@ -1,0 +1,219 @@
+//! What a picture says against the instrument. The only place that tells an instrument's fault from a specimen's.
+//!
+//! ```text
+//! what is found                                            whose fault          what is done (retry.rs)
+//! black, over-exposed                                      light                again, then the run is held
+//! too dim by preflight, and nothing to measure             light                again, then the run is held
+//! light out of preflight's range, and no or crooked walls  light                again, then the run is held
+//! no walls, walls upright, too little beside the walls     capillary's place    again, then the run is held
+//! crooked walls in nine of ten views                       capillary's place    again, then the run is held
+//! crooked walls in fewer views                             the specimen         the well fails
+//! a bore that contradicts the scale, or the empty picture  scale                again, then the run is held
+//! wrong frame size; plan, box, reference picture unusable  setup                the run is held
+//! anything else                                            the specimen         the well fails
+//! ```
+//! A specimen lies inside the bore: it can hide neither the outer lines of both walls nor the light beside them. It can look like a
+//! crooked wall from some sides; the instrument does so from all.
+
+use super::gates;
+use super::turn::retaken_most;
+use crate::acquisition::{Light, PlanError};
+use crate::config::{CameraTooNear, Method, Policy};
+use crate::pipeline::{Pipeline, PipelineError, Seen};
+use crate::profile::{Profile, ProfileError};
+use crate::session::preflight;
+use std::collections::BTreeMap;
+
+/// A picture without light: the median of its pixels. A lit one has 100 and more of 255.
+const NO_LIGHT: f64 = 8.0;
+/// A bore is at least this share of the width of the box, and at most `BORE_MOST` times as wide: the box is drawn around the bore.
+const BORE_LEAST: f64 = 0.1;
+const BORE_MOST: f64 = 2.0;
+/// The same capillary before the same lens is as wide as in the picture of the empty one, within this share.
+const ZOOM_SHARE: f64 = 0.1;
+
+/// Why no specimen can be judged or measured, whatever is in the capillary.
+#[derive(Debug, thiserror::Error)]
+pub enum OpticsFault {
+    #[error("{0}")]
+    Level(String),
+    #[error(transparent)]
+    Light(ProfileError),
+    #[error(transparent)]
+    Capillary(ProfileError),
+    #[error(
+        "the capillary's bore measures {bore_um:.0} um by ky_px_per_um = {ky}; with a box_um of {box_um:.0} um across, {least_um:.0} to {most_um:.0} um are expected"
+    )]
+    Scale { bore_um: f64, ky: f64, box_um: f64, least_um: f64, most_um: f64 },
+    #[error(
+        "the capillary's bore is {found_px:.0} px wide, in the picture of the empty capillary {expected_px:.0} px; they may differ by {percent:.0} %"
+    )]
+    Zoom { found_px: f64, expected_px: f64, percent: f64 },
+    #[error(transparent)]
+    Frame(ProfileError),
+    #[error(transparent)]
+    Near(#[from] CameraTooNear),
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    #[error(transparent)]
+    Pipeline(Box<PipelineError>),
+}
+
+impl OpticsFault {
+    /// Whether another picture may be without it.
+    pub fn may_pass(&self) -> bool {
+        match self {
+            Self::Level(_) | Self::Light(_) | Self::Capillary(_) | Self::Scale { .. } | Self::Zoom { .. } => true,
+            Self::Frame(_) | Self::Near(_) | Self::Plan(_) | Self::Pipeline(_) => false,
+        }
+    }
+
+    /// The fault that a pipeline's refusal is.
+    ///
+    /// # Errors
+    /// Gives back what the specimen may have caused.
+    pub fn of_pipeline(error: PipelineError) -> Result<Self, PipelineError> {
+        if error.is_of_setup() { Ok(Self::Pipeline(Box::new(error))) } else { Err(error) }
+    }
+
+    /// The fault that the frame shows on which a well is judged.
+    pub fn of_judged(light: &Light, seen: &Seen, pipeline: &Pipeline, method: &Method) -> Option<Self> {
+        let shows_nothing = |profile: &Profile, policy: &Policy| gates::skipped(profile, policy).is_some();
+        Self::of_picture(light, &seen.profile, |profile| shows_nothing(profile, &method.policy)).or_else(|| {
+            let (profile, settings) = (seen.profile.as_ref().ok()?, pipeline.settings());
+            let (ux, ky) = (settings.camera.ux, settings.camera.ky);
+            let expected_px = settings.reference.as_deref().map(|empty| empty.walls().bore_px(ux));
+            of_scale(profile.walls.bore_px(ux), ky, method, expected_px)
+        })
+    }
+
+    /// The fault that a picture shows; nothing where it is sound, and nothing where the specimen may have spoiled it.
+    fn of_picture(light: &Light, profile: &Result<Profile, ProfileError>, shows_nothing: impl Fn(&Profile) -> bool) -> Option<Self> {
+        let level = || preflight::light(light).err().map(|(found, way_out)| Self::Level(format!("{found}; {way_out}")));
+        match profile {
+            Err(e @ (ProfileError::Black { .. } | ProfileError::OverExposed { .. })) => Some(Self::Light(e.clone())),
+            Err(e @ (ProfileError::TooSmall { .. } | ProfileError::ReferenceSize { .. })) => Some(Self::Frame(e.clone())),
+            Err(e @ (ProfileError::NoWalls { .. } | ProfileError::OnItsSide | ProfileError::TooTight { .. })) => {
+                level().or_else(|| Some(Self::Capillary(e.clone())))
+            }
+            Err(ProfileError::CrookedWalls { .. }) => level(),
+            // A lamp that saturates the background still shows whether anything is before it.
+            Ok(profile) => {
+                let least = if shows_nothing(profile) { preflight::DARK } else { NO_LIGHT };
+                (light.background < least).then(level).flatten()
+            }
+        }
+    }
+}
+
+/// A scale that the capillary contradicts.
+fn of_scale(bore_px: f64, ky: f64, method: &Method, expected_px: Option<f64>) -> Option<OpticsFault> {
+    let bore_um = bore_px / ky;
+    let bounds = &method.box_um;
+    let box_um = (bounds.max[1] - bounds.min[1]).min(bounds.max[2] - bounds.min[2]);
+    let (least_um, most_um) = (BORE_LEAST * box_um, BORE_MOST * box_um);
+    if !(least_um..=most_um).contains(&bore_um) {
+        return Some(OpticsFault::Scale { bore_um, ky, box_um, least_um, most_um });
+    }
+    let expected_px = expected_px.filter(|expected| (bore_px / expected - 1.0).abs() > ZOOM_SHARE)?;
+    Some(OpticsFault::Zoom { found_px: bore_px, expected_px, percent: 100.0 * ZOOM_SHARE })
+}
+
+/// The views of one turn that show nothing by the instrument's fault.
+#[derive(Debug, Default)]
+pub struct Blind {
+    views: BTreeMap<u32, OpticsFault>,
+    /// Those whose walls are crooked, which the specimen may be to blame for.
+    crooked: BTreeMap<u32, ProfileError>,
+}
+
+impl Blind {
+    /// Takes a view, or a new take of it. Gives the fault once more views show it than are taken again.
+    pub fn take(&mut self, view: u32, light: &Light, profile: &Result<Profile, ProfileError>, planned_views: u32) -> Option<OpticsFault> {
+        self.views.remove(&view);
+        self.crooked.remove(&view);
+        if let Some(fault) = OpticsFault::of_picture(light, profile, |profile| profile.mask.area_px() == 0) {
+            self.views.insert(view, fault);
+        } else if let Err(crooked @ ProfileError::CrookedWalls { .. }) = profile {
+            self.crooked.insert(view, crooked.clone());
+        }
+        if self.views.len() > retaken_most(planned_views) { self.views.pop_last().map(|(_, fault)| fault) } else { None }
+    }
+
+    /// The fault that a whole turn shows: the walls are crooked from nearly every side.
+    pub fn at_end(&mut self, views: usize) -> Option<OpticsFault> {
+        let blind = self.views.len() + self.crooked.len();
+        if 10 * blind < 9 * views.max(1) {
+            return None;
+        }
+        self.crooked.pop_last().map(|(_, crooked)| OpticsFault::Capillary(crooked))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+
+    const SOUND: Light = Light { background: 190.0, saturated: 0.0, focus: 0.01 };
+    const DIM: Light = Light { background: 16.0, ..SOUND };
+
+    fn no_walls() -> Result<Profile, ProfileError> {
+        Err(ProfileError::NoWalls { lines: 0, needed_support: 0.35 })
+    }
+
+    fn crooked() -> Result<Profile, ProfileError> {
+        Err(ProfileError::CrookedWalls { straight_share: 0.3, needed_share: 0.45 })
+    }
+
+    fn of(light: &Light, profile: &Result<Profile, ProfileError>) -> Option<OpticsFault> {
+        OpticsFault::of_picture(light, profile, |_| false)
+    }
+
+    #[test]
+    fn light_is_blamed_before_the_capillary_and_the_specimen_for_crooked_walls_alone() {
+        assert!(matches!(of(&SOUND, &Err(ProfileError::Black { brightest: 9, needed: 30 })), Some(OpticsFault::Light(_))));
+        assert!(matches!(of(&SOUND, &no_walls()), Some(OpticsFault::Capillary(_))));
+        assert!(matches!(of(&DIM, &no_walls()), Some(OpticsFault::Level(why)) if why.contains("16 of 255") && why.contains("lamp")));
+        assert!(matches!(of(&DIM, &crooked()), Some(OpticsFault::Level(_))));
+        assert!(of(&SOUND, &crooked()).is_none());
+        let frame = of(&SOUND, &Err(ProfileError::TooSmall { width: 9, height: 9, least: 48 })).unwrap();
+        assert!(!frame.may_pass() && of(&SOUND, &no_walls()).unwrap().may_pass());
+    }
+
+    /// Of 21 views three are taken again at the end of a turn; a fourth ends it. One that came out well the second time does not count.
+    #[test]
+    fn a_turn_ends_once_more_views_are_blind_than_are_taken_again() {
+        let mut blind = Blind::default();
+        for view in 0..3 {
+            assert!(blind.take(view, &SOUND, &no_walls(), 21).is_none(), "view {view}");
+        }
+        assert!(blind.take(1, &SOUND, &crooked(), 21).is_none(), "taken again");
+        assert!(blind.take(3, &SOUND, &no_walls(), 21).is_none());
+        assert!(matches!(blind.take(4, &SOUND, &no_walls(), 21), Some(OpticsFault::Capillary(_))));
+    }
+
+    #[test]
+    fn crooked_walls_are_the_instruments_from_nearly_every_side_only() {
+        for (views, held) in [(18, false), (19, true)] {
+            let mut blind = Blind::default();
+            for view in 0..views {
+                assert!(blind.take(view, &SOUND, &crooked(), 21).is_none());
+            }
+            assert_eq!(blind.at_end(21).is_some(), held, "{views} of 21 views");
+        }
+    }
+
+    /// 118 px at 5.5 um are the emulated bore of 650 um; its box is 1000 um across.
+    #[test]
+    fn a_scale_is_off_where_bore_and_box_cannot_be_of_one_rig_or_the_empty_picture_shows_another_width() {
+        let config = Config::parse(include_str!("../../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
+        let method = &config.methods["standard"];
+        let of = |k: f64, expected_px| of_scale(118.0, k, method, expected_px);
+        let k = config.optics.ky;
+        assert!(of(k, None).is_none() && of(k, Some(110.0)).is_none());
+        assert!(matches!(of(10.0 * k, None), Some(OpticsFault::Scale { bore_um, .. }) if (bore_um - 64.9).abs() < 0.1));
+        assert!(matches!(of(k / 10.0, None), Some(OpticsFault::Scale { .. })));
+        assert!(matches!(of(k, Some(150.0)), Some(OpticsFault::Zoom { .. })));
+    }
+}

@@ -1,0 +1,291 @@
+//! Light, camera place and scale that fail under a run: the run is held, the larva stays in the capillary and is measured once a person
+//! has mended the instrument.
+//!
+//! ```text
+//! test = plate-loader, or a sampler's plate ──► carved serve (child) ── pty, GigE ──► emulated rig behind a lamp that this test dims
+//! ```
+#![cfg(feature = "aravis")]
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+mod common;
+
+use common::{Daemon, Instrument, QUICK};
+use hardware_sim::sampler::Next;
+use hardware_sim::scene::{Contents, Exposure, Scene, Specimen};
+use hardware_sim::{PixelFormat, Pixels, SamplerSettings, Sight};
+use serde_json::{Value, json};
+use std::sync::{Arc, Mutex};
+
+/// What stands between the scene and the sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Optics {
+    Sound,
+    /// Light in percent of what it should be.
+    Dimmed(u32),
+    /// The same from this exposure of the rig on.
+    DimmedFrom(u64, u32),
+    /// This one exposure only.
+    DimmedOnce(u64, u32),
+    /// The camera looks beside the capillary, at the lamp.
+    NoCapillary,
+}
+
+struct Before {
+    scene: Arc<Scene>,
+    optics: Arc<Mutex<Optics>>,
+}
+
+impl Sight for Before {
+    fn size(&self) -> (u32, u32) {
+        self.scene.size()
+    }
+
+    fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+        let mut seen = self.scene.look(exposure, format);
+        let percent = match *self.optics.lock().unwrap() {
+            Optics::NoCapillary => return Pixels::filled(seen.width, seen.height, format, 190),
+            Optics::Dimmed(percent) => percent,
+            Optics::DimmedFrom(from, percent) if exposure.number >= from => percent,
+            Optics::DimmedOnce(at, percent) if exposure.number == at => percent,
+            Optics::Sound | Optics::DimmedFrom(..) | Optics::DimmedOnce(..) => 100,
+        };
+        seen.bytes.iter_mut().for_each(|byte| *byte = (u32::from(*byte) * percent / 100) as u8);
+        seen
+    }
+}
+
+struct Bench {
+    instrument: Instrument,
+    optics: Arc<Mutex<Optics>>,
+}
+
+/// An empty capillary is seen as such before the specimen comes, on a busy machine too: 2 s.
+const SLOWLY: SamplerSettings = SamplerSettings { load_s: 20.0, eject_s: 1.5, bounce_s: 0.004 };
+
+const POLICY: &str = "retries = 1, bead_gate = \"off\"";
+
+impl Bench {
+    fn with(sampler: Option<SamplerSettings>, policy: &str, more: &[(&str, String)]) -> Self {
+        let optics = Arc::new(Mutex::new(Optics::Sound));
+        let before = Arc::clone(&optics);
+        let instrument = Instrument::filled_by(sampler, &QUICK, policy, more, |scene| Arc::new(Before { scene, optics: before }));
+        Self { instrument, optics }
+    }
+
+    fn new(policy: &str) -> Self {
+        Self::with(None, policy, &[])
+    }
+
+    fn daemon(&self) -> &Daemon {
+        &self.instrument.daemon
+    }
+
+    fn set(&self, optics: Optics) {
+        *self.optics.lock().unwrap() = optics;
+    }
+
+    fn put(&self, wells: &[&str]) {
+        let wells: Vec<Value> = wells.iter().map(|well| json!({"well": well, "specimen": "larva", "dpf": 4})).collect();
+        let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells});
+        let (code, said) = self.daemon().send("PUT", "/v1/runs/r1", &plan);
+        assert_eq!(code, 201, "{said}");
+    }
+
+    fn bring(&self, well: &str) {
+        let asked = |s: &Value| s["state"] == "Suspended" && s["plate"]["bring"] == well;
+        self.daemon().wait("the loader to be asked", asked);
+        self.instrument.scene.load(Some(larva())).unwrap();
+        assert_eq!(self.daemon().put_loaded("r1", well), 200);
+    }
+
+    /// A larva on the sampler's plate, once it is waited for.
+    fn give(&self) {
+        self.daemon().wait("the load", |s| s["specimen"]["phase"] == "load");
+        let (brought, taken) = (self.instrument.scene.clone(), self.instrument.scene.clone());
+        let bring = Box::new(move || brought.load(Some(larva())).unwrap());
+        let take_away = Box::new(move || taken.load(Contents::default()).unwrap());
+        self.instrument.rig.sampler().unwrap().give(Next { bring, take_away });
+    }
+
+    /// Held by this one fault, which a person has to see to, with the larva of `well` in the capillary and nobody asked to take it out.
+    fn held(&self, well: &str, code: &str) -> Value {
+        let status = self.daemon().wait("the hold", |s| s["state"] == "Held" || !s["run"]["outcome"].is_null());
+        self.is_held(&status, well, code);
+        status
+    }
+
+    fn is_held(&self, status: &Value, well: &str, code: &str) {
+        assert_eq!(status["state"], "Held", "{status}");
+        let faults = status["faults"].as_array().unwrap();
+        assert_eq!((faults.len(), &faults[0]["code"]), (1, &json!(code)), "{status}");
+        assert_eq!((&faults[0]["operator_required"], &faults[0]["category"]), (&json!(true), &json!("optics")), "{status}");
+        assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!(well), &json!(true)), "{status}");
+        assert_eq!((&status["plate"]["needs"], &status["plate"]["removable"]), (&Value::Null, &json!(false)), "{status}");
+        let results = status["run"]["results"].as_array().unwrap();
+        assert_eq!(results.iter().find(|r| r["well"] == well).unwrap()["outcome"], Value::Null, "the larva is not to blame: {status}");
+        assert_eq!(status["run"]["wells"]["failed"], 0, "{status}");
+        assert_ne!(self.instrument.scene.contents().specimens.len(), 0, "the larva was ejected");
+    }
+
+    /// The run does not go on while the fault stands; a person acknowledges it, and lets it go on.
+    fn go_on(&self, status: &Value) {
+        let (code, problem) = self.daemon().send("POST", "/v1/runs/r1/unhold", &Value::Null);
+        assert_eq!((code, &problem["code"]), (409, &json!("fault_stands")), "{problem}");
+        assert_eq!(self.daemon().post(&format!("/v1/faults/{}/acknowledge", status["faults"][0]["seq"])), 200);
+        assert_eq!(self.daemon().post("/v1/runs/r1/unhold"), 200);
+    }
+
+    /// To the run's end, without a word of the loader's.
+    fn ends(&self) -> Value {
+        let status = self.daemon().wait("the run's end", |s| {
+            assert!(s["state"] != "Suspended" && s["plate"]["bring"].is_null(), "the loader is asked for what is inside: {s}");
+            !s["run"]["outcome"].is_null() || s["state"] == "Held"
+        });
+        assert_eq!((&status["run"]["outcome"], &status["faults"]), (&json!("succeeded"), &json!([])), "{status}");
+        status
+    }
+
+    fn events(&self, kind: &str, well: &str) -> Vec<Value> {
+        let text = std::fs::read_to_string(self.instrument.data.join("events.jsonl")).unwrap();
+        let events = text.lines().map(|l| serde_json::from_str::<Value>(l).unwrap());
+        events.filter(|e| e["kind"] == kind && e["well"] == well).collect()
+    }
+}
+
+fn larva() -> Specimen {
+    Specimen::larva(4, 1).unwrap()
+}
+
+#[test]
+fn light_that_is_cut_after_the_first_well_holds_the_run_and_the_same_larva_is_measured_once_it_is_back() {
+    let bench = Bench::new(POLICY);
+    bench.put(&["A01", "A02"]);
+    bench.bring("A01");
+    bench.daemon().wait("the second well", |s| s["plate"]["bring"] == "A02" && s["run"]["wells"]["pending"] == 1);
+    bench.set(Optics::Dimmed(8));
+    let exposures = bench.instrument.rig.exposures().len();
+    bench.bring("A02");
+    let status = bench.held("A02", "picture_light");
+    let said = status["faults"][0].to_string();
+    for word in ["A02", "lamp", "in the capillary"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    assert!(status["doing"].as_str().unwrap().contains("light"), "{status}");
+    // Two attempts with two frames each, and no turn; a frame that is late on a busy machine is triggered again.
+    let taken = bench.instrument.rig.exposures().len() - exposures;
+    assert!((4..21).contains(&taken), "{taken} exposures: a larva was turned in the dark");
+    assert!(bench.instrument.data.join("runs/r1/A02/SHA256SUMS").is_file(), "the recording is closed");
+
+    // A crash does not forget that the larva is inside, nor whose it is.
+    let Bench { instrument, optics } = bench;
+    let bench = Bench { instrument: instrument.restarted("KILL"), optics };
+    let status = bench.daemon().wait("the held run", |s| s["run"]["id"] == "r1" && s["state"] == "Held");
+    bench.is_held(&status, "A02", "picture_light");
+
+    bench.set(Optics::Sound);
+    bench.go_on(&status);
+    let status = bench.ends();
+    assert_eq!(status["run"]["wells"]["total"], 2, "{status}");
+    assert!(status["run"]["results"][1]["volume_um3"].as_f64().is_some(), "{status}");
+    assert_eq!(bench.events("well.awaited", "A02").len(), 1, "the loader was asked for it again");
+    assert_eq!(bench.events("specimen.done", "A02").len(), 1);
+    let interrupted = bench.events("specimen.interrupted", "A02");
+    assert_eq!((interrupted.len(), &interrupted[0]["data"]["kept"]), (1, &json!(true)), "{interrupted:?}");
+}
+
+/// What `interrupted = "skip"` gives up are specimens whose place is lost, not one that the instrument could not see.
+#[test]
+fn a_capillary_that_is_out_of_view_holds_the_run_whatever_the_policy_says_of_interrupted_specimens() {
+    let bench = Bench::new("retries = 0, interrupted = \"skip\", bead_gate = \"off\"");
+    bench.set(Optics::NoCapillary);
+    bench.put(&["A01"]);
+    bench.bring("A01");
+    let status = bench.held("A01", "capillary_not_seen");
+    // Nothing is mended: the same fault, and the larva is still there.
+    bench.go_on(&status);
+    let status = bench.daemon().wait("the second hold", |s| s["state"] == "Held" && s["faults"][0]["seq"].as_u64() > Some(1));
+    bench.is_held(&status, "A01", "capillary_not_seen");
+    bench.set(Optics::Sound);
+    bench.go_on(&status);
+    bench.ends();
+    assert_eq!(bench.events("well.awaited", "A01").len(), 1);
+}
+
+/// A vendor's sampler brings and takes away by itself: it must neither eject the larva nor bring the next one in its place.
+#[test]
+fn a_driven_sampler_keeps_the_larva_that_the_instrument_could_not_see() {
+    let trigger = [("driver = \"loader\"", "driver = \"trigger\"\ndone_output = true".to_owned())];
+    let bench = Bench::with(Some(SLOWLY), POLICY, &trigger);
+    let machine = || bench.instrument.rig.sampler().unwrap();
+    bench.set(Optics::NoCapillary);
+    bench.put(&["A01"]);
+    bench.give();
+    let status = bench.held("A01", "capillary_not_seen");
+    assert_eq!(machine().ejected(), 0, "the larva was ejected");
+    bench.set(Optics::Sound);
+    bench.go_on(&status);
+    bench.ends();
+    assert_eq!(machine().ejected(), 1);
+    assert!(bench.events("specimen.phase", "A01").iter().all(|e| e["data"]["phase"] != "eject" || e["data"]["in_capillary"] == true));
+}
+
+/// The daemon dies while the larva waits in the capillary of a driven sampler: the next life goes on with it.
+#[test]
+fn a_larva_that_a_driven_sampler_keeps_outlasts_a_crash() {
+    let trigger = [("driver = \"loader\"", "driver = \"trigger\"\ndone_output = true".to_owned())];
+    let bench = Bench::with(Some(SLOWLY), POLICY, &trigger);
+    bench.set(Optics::Dimmed(8));
+    bench.put(&["A01"]);
+    bench.give();
+    bench.held("A01", "picture_light");
+    let Bench { instrument, optics } = bench;
+    let bench = Bench { instrument: instrument.restarted("KILL"), optics };
+    let status = bench.daemon().wait("the held run", |s| s["run"]["id"] == "r1" && s["state"] == "Held");
+    bench.is_held(&status, "A01", "picture_light");
+    bench.set(Optics::Sound);
+    bench.go_on(&status);
+    bench.ends();
+    assert_eq!(bench.instrument.rig.sampler().unwrap().ejected(), 1);
+}
+
+/// The judging frame is exposure 0, view 0 is exposure 1: the light goes out at view 7 of 21.
+#[test]
+fn light_that_goes_out_in_mid_turn_holds_the_run() {
+    let bench = Bench::new(POLICY);
+    bench.set(Optics::DimmedFrom(8, 8));
+    bench.put(&["A01"]);
+    bench.bring("A01");
+    let status = bench.held("A01", "picture_light");
+    bench.set(Optics::Sound);
+    bench.go_on(&status);
+    bench.ends();
+}
+
+/// A frame that is lost to a flicker, the judging one or a view, is taken again: that holds nothing.
+#[test]
+fn one_dark_frame_holds_no_run() {
+    for (at, policy) in [(0, "retries = 0, bead_gate = \"off\""), (6, POLICY)] {
+        let bench = Bench::new(policy);
+        bench.set(Optics::DimmedOnce(at, 8));
+        bench.put(&["A01"]);
+        bench.bring("A01");
+        let status = bench.ends();
+        let flags = status["run"]["results"][0]["flags"].as_array().unwrap();
+        assert!(!flags.contains(&json!("bad_view")), "{status}");
+        assert_eq!(bench.events("specimen.interrupted", "A01").len(), 0);
+    }
+}
+
+/// 1.8 px per um for 0.18: a bore of 65 um, into which no larva fits.
+#[test]
+fn a_scale_that_the_capillary_contradicts_holds_the_run() {
+    let scale = ["kx_px_per_um", "ky_px_per_um"].map(|key| (key, "0.18181818181818182", "1.8181818181818182"));
+    let changes: Vec<(String, String)> = scale.iter().map(|(key, from, to)| (format!("{key} = {from}"), format!("{key} = {to}"))).collect();
+    let changes: Vec<(&str, String)> = changes.iter().map(|(from, to)| (from.as_str(), to.clone())).collect();
+    let bench = Bench::with(None, POLICY, &changes);
+    bench.put(&["A01"]);
+    bench.bring("A01");
+    let status = bench.held("A01", "scale_off");
+    let said = status["faults"][0]["message"].as_str().unwrap();
+    assert!(said.contains("ky_px_per_um = 1.8") && said.contains("box_um"), "{said}");
+}
