@@ -14,7 +14,6 @@ use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, du
 use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -71,7 +70,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 serde_json::to_string(&Failed { recording: &path, error })?
             }
         };
-        writeln!(std::io::stdout(), "{line}")?;
+        say!("{line}");
     }
     let mut wrong = Vec::new();
     if !failures.is_empty() {

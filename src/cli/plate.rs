@@ -36,9 +36,9 @@ pub fn read(file: &Path, plate: Option<&str>) -> anyhow::Result<Result<PlateMap,
 /// Prints mistakes, one a line, as compilers do.
 pub fn print(file: &Path, mistakes: &[Mistake]) {
     for mistake in mistakes {
-        eprintln!("{}: {mistake}", file.display());
+        note!("{}: {mistake}", file.display());
     }
-    eprintln!("{} mistake(s)", mistakes.len());
+    note!("{} mistake(s)", mistakes.len());
 }
 
 pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
@@ -51,12 +51,12 @@ pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
         }
     };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&map)?);
+        say!("{}", serde_json::to_string_pretty(&map)?);
         return Ok(ExitCode::SUCCESS);
     }
     for note in &map.notes {
-        println!("{}: {note}", args.file.display());
+        say!("{}: {note}", args.file.display());
     }
-    println!("{}: sound, {} well(s)", args.file.display(), map.plate_map.len());
+    say!("{}: sound, {} well(s)", args.file.display(), map.plate_map.len());
     Ok(ExitCode::SUCCESS)
 }

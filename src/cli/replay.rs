@@ -47,13 +47,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         };
         match said {
             Ok(word) => {
-                println!("{name}: {word}");
+                say!("{name}: {word}");
                 if word.starts_with(DIFFERS) {
                     wrong.push(format!("{name}: {word}"));
                 }
             }
             Err(error) => {
-                println!("{name}: not computed");
+                say!("{name}: not computed");
                 wrong.push(format!("{name}: {}", told(&error)));
             }
         }

@@ -93,7 +93,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         Objective::Vrv | Objective::Coherence => search(args, grid)?,
     };
-    println!("{report:#}");
+    say!("{report:#}");
     Ok(())
 }
 
@@ -123,7 +123,7 @@ fn read(args: &Args) -> anyhow::Result<Turn> {
     // Views without a profile tell nothing of where the axis is.
     let (shown, blank): (Vec<(View, f64)>, Vec<_>) = views.into_iter().zip(psi.omega).partition(|(view, _)| !view.is_blank());
     for (view, _) in &blank {
-        eprintln!("carved: {} is blank, and is left out", view.path.display());
+        note!("carved: {} is blank, and is left out", view.path.display());
     }
     if shown.is_empty() {
         bail!("--views {}: all images are blank; there is nothing to calibrate with", args.views.display());
@@ -145,10 +145,10 @@ fn least_squares(turn: &Turn) -> anyhow::Result<Value> {
         found.views.iter().zip(names).filter_map(|(state, name)| Some(json!({"view": name, "why": state.bad?.to_string()}))).collect();
     match judged.verdict {
         Verdict::Passed => {}
-        Verdict::NotLargest => eprintln!(
+        Verdict::NotLargest => note!(
             "carved: warning: another axis than the calibrated one leaves a larger hull: the views do not quite agree on one turn of one body"
         ),
-        Verdict::Worse => eprintln!(
+        Verdict::Worse => note!(
             "carved: warning: the camera as given leaves a larger hull than the calibrated one: the views do not show one turn of one body"
         ),
     }
@@ -176,7 +176,7 @@ fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
         bail!("--free: nothing is left to search. {}", said.join(". "));
     }
     for refusal in &said {
-        eprintln!("carved: {refusal}");
+        note!("carved: {refusal}");
     }
     let Turn { names, views, runs, known } = read(args)?;
     let start = known;
@@ -197,7 +197,7 @@ fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
     }
     let bound: Vec<&str> = on_bound.into_iter().map(Parameter::name).collect();
     for name in &bound {
-        eprintln!("carved: warning: {name} ended on its bound; what is best may lie beyond");
+        note!("carved: warning: {name} ended on its bound; what is best may lie beyond");
     }
     Ok(json!({
         "objective": name,
