@@ -9,6 +9,7 @@ use super::told;
 use crate::acquisition::{LedgerEntry, RevolutionPlan};
 use crate::config::Method;
 use crate::pipeline::SpecimenRecord;
+use crate::regular;
 use crate::session::numbers::{self, NumbersError};
 use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
 use crate::surface::Mesh;
@@ -183,7 +184,7 @@ fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> anyhow::R
 /// Whether these numbers are the ones stored in a folder, to the last bit.
 pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str> {
     let path = folder.join(MEASUREMENT);
-    let stored = match std::fs::read(&path) {
+    let stored = match regular::read(&path) {
         Ok(stored) => stored,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok("none"),
         Err(source) => return Err(StoreError::Io { what: "read", path, source }.into()),

@@ -1,5 +1,6 @@
 //! `carved plate check`: a plate map's file, read as the instrument would read it.
 
+use crate::regular;
 use crate::session::plate_map::{self, Format, Mistake, PlateMap};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub struct Args {
 
 /// The plate map of a file, or its mistakes.
 pub fn read(file: &Path, plate: Option<&str>) -> anyhow::Result<Result<PlateMap, Vec<Mistake>>> {
-    let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let bytes = regular::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     let json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
     Ok(plate_map::read(&bytes, if json { Format::Json } else { Format::Csv }, plate))
 }

@@ -8,6 +8,7 @@
 use super::{measure, told};
 use crate::config::{Config, Method};
 use crate::export;
+use crate::regular;
 use crate::session::{Mode, is_plain_name};
 use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, durable};
 use crate::surface::Mesh;
@@ -73,7 +74,7 @@ fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)>
         return Ok((name.to_owned(), method.clone()));
     }
     let file = Path::new(name);
-    let text = std::fs::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
+    let text = regular::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
     let method = toml::from_str(&text).with_context(|| format!("{name}: not the keys of a method"))?;
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     ensure!(is_plain_name(&stem), "{name}: its results would be named {stem:?}: use letters, digits, '-', '_' or '.', the first not a '.'");
@@ -85,7 +86,7 @@ fn again(folder: &Path) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
     let numbers = measure::compare(folder, &file)?;
-    let surface = match std::fs::read(folder.join(MESH)) {
+    let surface = match regular::read(&folder.join(MESH)) {
         Ok(stored) => {
             if stored == ply(&mesh, file.mode)? {
                 "identical"

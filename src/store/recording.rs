@@ -27,7 +27,8 @@ use crate::measure::fluorescence::{Fluorescence, SecondView};
 use crate::measure::references::{References, Specimen, Standing, estimates};
 use crate::pipeline::SpecimenRecord;
 use crate::profile::Mask;
-use crate::session::{Mode, PlannedWell};
+use crate::regular;
+use crate::session::{Mode, PlannedWell, is_plain_name, is_well};
 use crate::surface::Mesh;
 use crate::units::{Sense, StepsPerRevolution};
 use serde::{Deserialize, Serialize};
@@ -441,7 +442,7 @@ impl RecordingReader {
     pub fn references(&self) -> Result<Vec<References>, StoreError> {
         let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };
         let path = self.folder.join(REFERENCES);
-        sums::same(&path, expected, &sha256_hex(&std::fs::read(&path).map_err(StoreError::io("read", &path))?))?;
+        sums::same(&path, expected, &sha256_hex(&regular::read(&path).map_err(StoreError::io("read", &path))?))?;
         durable::read_json(&path, "references (carved.references/1)")
     }
 }

@@ -2,6 +2,8 @@
 
 use super::StoreError;
 use crate::hash::sha256_hex;
+use crate::regular;
+use crate::session::is_well;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +29,7 @@ pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError>
     files(folder, Path::new(""), &mut names)?;
     let hash = |name: PathBuf| {
         let path = folder.join(&name);
-        let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
+        let bytes = regular::read(&path).map_err(StoreError::io("read", &path))?;
         Ok((name, sha256_hex(&bytes)))
     };
     names.into_iter().map(hash).collect()
@@ -40,7 +42,7 @@ pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
 
 /// The names and hashes of a `SHA256SUMS`.
 pub fn read(sums: &Path) -> Result<Vec<(String, String)>, StoreError> {
-    let text = std::fs::read_to_string(sums).map_err(StoreError::io("read", sums))?;
+    let text = regular::read_to_string(sums).map_err(StoreError::io("read", sums))?;
     Ok(text.lines().filter_map(|l| l.split_once("  ")).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect())
 }
 
@@ -62,7 +64,7 @@ pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError>
 pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
     let Some(expected) = expected(folder, name)? else { return Ok(()) };
     let path = folder.join(name);
-    let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
+    let bytes = regular::read(&path).map_err(StoreError::io("read", &path))?;
     same(&path, &expected, &sha256_hex(&bytes))
 }
 

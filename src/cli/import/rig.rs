@@ -6,6 +6,7 @@ use crate::config::{Config, Method, references};
 use crate::frame::RawFrame;
 use crate::geometry::Camera;
 use crate::measure::references::References;
+use crate::regular;
 use anyhow::{Context, bail, ensure};
 use serde::Deserialize;
 use std::path::Path;
@@ -88,7 +89,7 @@ pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> any
 }
 
 fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
-    let text = std::fs::read_to_string(file).context("cannot be read as text")?;
+    let text = regular::read_to_string(file).context("cannot be read as text")?;
     let psi: Psi =
         serde_json::from_str(&text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
     psi.camera.check()?;

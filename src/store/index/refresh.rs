@@ -1,6 +1,7 @@
 //! Bringing the index up to what is on disk; from an empty one that is a rebuild.
 
 use super::rows;
+use crate::regular;
 use crate::session::Event;
 use crate::store::{RunRecord, StoreError, journal, run};
 use rusqlite::Connection;
@@ -101,7 +102,7 @@ fn events(c: &Connection, path: &Path) -> rusqlite::Result<()> {
         c.execute_batch("DELETE FROM events; DELETE FROM faults; UPDATE place SET journal_bytes = 0")?;
         from = 0;
     }
-    let Ok(file) = File::open(path) else { return Ok(()) };
+    let Ok(file) = regular::open(path) else { return Ok(()) };
     let mut reader = BufReader::new(file);
     reader.seek(SeekFrom::Start(from)).map_err(unfit)?;
     let mut line = Vec::new();
@@ -126,7 +127,7 @@ fn goes_on(path: &Path, from: u64, newest: u64) -> bool {
         return newest == 0;
     }
     let before = || {
-        let mut file = File::open(path).ok()?;
+        let mut file = regular::open(path).ok()?;
         let length = from.min(1024 * 1024);
         (file.metadata().ok()?.len() >= from).then_some(())?;
         file.seek(SeekFrom::Start(from - length)).ok()?;
