@@ -31,7 +31,7 @@ mod run;
 mod schema;
 mod sums;
 
-pub use archive::{Pruned, Receipt, archive, prune, run_names};
+pub use archive::{Pruned, Receipt, archive, cut_short, end_prune, prune, run_names};
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
@@ -110,7 +110,26 @@ impl Store {
     /// and as an event, and left alone.
     pub fn open(claim: Claim) -> Result<(Self, Journal, Vec<Event>), StoreError> {
         let root = claim.root.as_path();
-        let lines = Lines::open(&root.join(journal::FILE))?;
+        for run in cut_short(root)? {
+            tracing::warn!(
+                run,
+                "an earlier carved prune --all was cut short: what is left of the run takes up room in runs/.{run}.pruned. It was archived; \
+                 carved prune {} --yes removes it",
+                root.display()
+            );
+        }
+        let path = root.join(journal::FILE);
+        let mut lines = Lines::open(&path)?;
+        let (from_byte, newest) = index::followed(root);
+        let repaired = if journal::is_in_order(&path, from_byte, newest)? {
+            None
+        } else {
+            let repaired = journal::repair(root)?;
+            // It has the ids of before.
+            index::remove(root)?;
+            lines = Lines::open(&path)?;
+            Some(repaired)
+        };
         let (index, found) = Index::open(root)?;
         let index = Arc::new(index);
         let (mut journal, mut events) = Journal::open(root, lines, index.clone())?;
