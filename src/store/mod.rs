@@ -46,6 +46,7 @@ pub use recording::{
 pub use replay::ReplayWriter;
 pub use run::RunRecord;
 
+pub use sums::{seal, seal_run};
 use crate::session::{Event, Mode, kind};
 use index::Index;
 use lines::Lines;

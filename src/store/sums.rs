@@ -1,6 +1,6 @@
 //! `SHA256SUMS`, as `sha256sum -c` reads it.
 
-use super::StoreError;
+use super::{StoreError, durable};
 use crate::hash::sha256_hex;
 use crate::regular;
 use crate::session::is_well;
@@ -33,6 +33,35 @@ pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError>
         Ok((name, sha256_hex(&bytes)))
     };
     names.into_iter().map(hash).collect()
+}
+
+/// Writes the sums of a recording's folder that has none, because its writer ended before it could close it.
+///
+/// # Errors
+/// A file that cannot be read, or sums that cannot be written.
+pub fn seal(folder: &Path) -> Result<(), StoreError> {
+    let sums = folder.join(FILE);
+    if !folder.is_dir() || sums.exists() {
+        return Ok(());
+    }
+    durable::write(&sums, text(&of_folder(folder)?).as_bytes())
+}
+
+/// Seals every well's folder of a run, earlier attempts included.
+///
+/// # Errors
+/// The last folder that could not be sealed; the others are.
+pub fn seal_run(run: &Path) -> Result<(), StoreError> {
+    let mut sealed = Ok(());
+    for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
+        let name = entry.file_name().into_string().unwrap_or_default();
+        if name.get(..3).is_some_and(is_well) {
+            if let Err(error) = seal(&entry.path()) {
+                sealed = Err(error);
+            }
+        }
+    }
+    sealed
 }
 
 /// One line per file, as `sha256sum` writes it.
