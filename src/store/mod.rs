@@ -36,6 +36,7 @@ pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
+use journal::Repaired;
 pub use journal::{Happening, Journal};
 #[cfg(test)]
 pub(crate) use power_loss::{recording as a_recording, trace as disk_trace};
@@ -45,8 +46,8 @@ pub use recording::{
 };
 pub use replay::ReplayWriter;
 pub use run::RunRecord;
-
 pub use sums::{seal, seal_run};
+
 use crate::session::{Event, Mode, kind};
 use index::Index;
 use lines::Lines;
@@ -134,6 +135,12 @@ impl Store {
         let (index, found) = Index::open(root)?;
         let index = Arc::new(index);
         let (mut journal, mut events) = Journal::open(root, lines, index.clone())?;
+        if let Some(Repaired { kept, renumbered }) = repaired {
+            tracing::error!(renumbered, kept = %kept.display(), "ids in the journal did not rise; its events were numbered on, none is lost");
+            let kept = kept.file_name().unwrap_or_default().to_string_lossy();
+            let data = serde_json::json!({ "renumbered": renumbered, "kept": kept });
+            events.push(journal.append(kind::JOURNAL_REPAIRED, None, None, data)?);
+        }
         for Unreadable { run, why } in found.unreadable {
             tracing::error!(run, why, "a run cannot be read; it is left alone");
             events.push(journal.append(kind::RUN_UNREADABLE, None, None, serde_json::json!({ "run": run, "why": why }))?);

@@ -6,7 +6,6 @@ use crate::session::Event;
 use crate::store::{RunRecord, StoreError, journal, run};
 use rusqlite::Connection;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -122,7 +121,7 @@ fn events(c: &Connection, path: &Path) -> rusqlite::Result<()> {
 }
 
 /// Whether the line that ends at `from` is the event that was indexed last.
-fn goes_on(path: &Path, from: u64, newest: u64) -> bool {
+pub(super) fn goes_on(path: &Path, from: u64, newest: u64) -> bool {
     if from == 0 {
         return newest == 0;
     }
