@@ -11,7 +11,7 @@ use crate::config::Method;
 use crate::pipeline::SpecimenRecord;
 use crate::regular;
 use crate::session::numbers::{self, NumbersError};
-use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
+use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError, durable};
 use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -111,7 +111,11 @@ fn each(names: &[PathBuf]) -> Vec<(PathBuf, anyhow::Result<()>)> {
 pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for path in paths {
-        if path.join("run.json").is_file() {
+        if path.join("run.json").symlink_metadata().is_ok() {
+            // What it says is not used; that a newer carved wrote it means that its recordings may mean something else.
+            if let Err(error @ (StoreError::Newer { .. } | StoreError::Io { .. })) = RunRecord::of_folder(path) {
+                return Err(error.into());
+            }
             let mut wells: Vec<_> = std::fs::read_dir(path)
                 .with_context(|| format!("{}: cannot list the run", path.display()))?
                 .filter_map(|e| e.ok().map(|e| e.path()))

@@ -10,10 +10,10 @@ use crate::config::{Config, Method};
 use crate::export;
 use crate::regular;
 use crate::session::{Mode, is_plain_name};
-use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, durable};
+use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
 use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -32,7 +32,14 @@ pub struct Args {
 /// # Errors
 /// At the end, with every specimen that could not be computed or gave other bytes than are stored.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    ensure!(args.run.join("run.json").is_file(), "{}: no run's folder: it has no run.json", args.run.display());
+    let has_record = args.run.join("run.json").symlink_metadata().is_ok();
+    ensure!(has_record, "{}: no run's folder: it has no run.json", args.run.display());
+    // Of a newer carved nothing is computed, for it may mean something else by the same words.
+    RunRecord::of_folder(&args.run)?;
+    for well in &args.wells {
+        let is_name = matches!(Path::new(well).components().collect::<Vec<_>>()[..], [Component::Normal(_)]);
+        ensure!(is_name, "{well:?} is no well of a run; expected the name of a folder in it, as A01 or A01.attempt-1");
+    }
     let other = args.method.as_deref().map(|name| method(name, args.config.as_deref())).transpose()?;
     let folders = if args.wells.is_empty() {
         measure::expand(std::slice::from_ref(&args.run))?

@@ -194,6 +194,20 @@ impl Recording {
     }
 }
 
+impl Recording {
+    /// Its names may become paths: they lead nowhere else.
+    fn check(&self, file: &Path) -> Result<(), StoreError> {
+        let named = |expected, found: &str, is: bool| {
+            let wrong = || StoreError::Format { path: file.to_owned(), expected, found: format!("{found:?}") };
+            if is { Ok(()) } else { Err(wrong()) }
+        };
+        let (well, run, method) = (&self.specimen.well, &self.run, &self.method_name);
+        named("a well A01 to P24 as `specimen.well`", well, is_well(well))?;
+        named("a name of letters, digits, '-', '_' and '.' as `run`", run, is_plain_name(run))?;
+        named("a name of letters, digits, '-', '_' and '.' as `method_name`", method, is_plain_name(method))
+    }
+}
+
 /// The frame file of a ledger entry, relative to the recording.
 fn frame_file(entry: &LedgerEntry) -> String {
     picture_file("frames", entry)
@@ -371,6 +385,7 @@ impl RecordingReader {
         let folder = if path.is_file() { durable::folder_of(path).to_owned() } else { path.to_owned() };
         let file = folder.join(RECORDING);
         let recording: Recording = schema::read(&file, SCHEMA)?;
+        recording.check(&file)?;
         super::sums::check_one(&folder, RECORDING)?;
         Ok(Self { folder, recording })
     }
