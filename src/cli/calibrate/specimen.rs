@@ -14,6 +14,7 @@ use crate::carver::Runs;
 use crate::cli::reconstruct::cameras::{self, Cameras};
 use crate::cli::reconstruct::views::{self, View};
 use crate::geometry::{BoxUm, VoxelGrid};
+use crate::profile::Mask;
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -168,6 +169,34 @@ fn least_squares(turn: &Turn) -> anyhow::Result<Value> {
     }))
 }
 
+/// A row of pixels meets a larva's silhouette in a few pieces: body, fins, a loop of the tail.
+const MOST_PIECES_PER_ROW: f64 = 16.0;
+
+/// Pieces into which a row of pixels falls, in the mean over the rows with any.
+fn pieces_per_row(mask: &Mask) -> f64 {
+    let (mut rows, mut pieces) = (0, 0);
+    for row in mask.data().chunks_exact(mask.width()) {
+        let begun = usize::from(row[0] != 0) + row.windows(2).filter(|pair| pair[0] == 0 && pair[1] != 0).count();
+        (rows, pieces) = (rows + usize::from(begun > 0), pieces + begun);
+    }
+    pieces as f64 / rows.max(1) as f64
+}
+
+/// Refuses what is no silhouette: each evaluation would look at every piece of it, and the search make hundreds of them.
+fn silhouettes(views: &[View]) -> anyhow::Result<()> {
+    for view in views {
+        let found = pieces_per_row(&view.mask);
+        if found > MOST_PIECES_PER_ROW {
+            bail!(
+                "{} is no silhouette: its rows fall into {found:.0} pieces in the mean, expected {MOST_PIECES_PER_ROW:.0} at most. Segment it again, or \
+                 leave it out with its angle",
+                view.path.display()
+            );
+        }
+    }
+    Ok(())
+}
+
 fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
     let usual = || ["uy", "gamma"].iter().filter_map(|name| name.parse().ok()).collect();
     let (free, refusals) = Free::new(&if args.free.is_empty() { usual() } else { args.free.clone() });
@@ -179,6 +208,7 @@ fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
         note!("carved: {refusal}");
     }
     let Turn { names, views, runs, known } = read(args)?;
+    silhouettes(&views)?;
     let start = known;
     let (name, mut large) = match args.objective {
         Objective::Coherence => ("coherence", Large::Coherence(views.iter().map(|v| &v.columns).collect())),
