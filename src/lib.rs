@@ -28,6 +28,7 @@ pub mod profile;
 pub mod quality;
 pub mod range;
 pub mod reconstruction;
+pub mod regular;
 pub mod session;
 pub mod statistics;
 pub mod store;

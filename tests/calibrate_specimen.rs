@@ -68,6 +68,47 @@ fn every_objective_finds_the_axis_and_says_what_it_did() {
     }
 }
 
+/// Neither is searched with: a search over noise looks at each of its pieces hundreds of times, and a large picture takes the memory.
+#[test]
+fn a_view_that_is_no_silhouette_or_of_another_size_is_refused_by_name_before_the_search() {
+    let folder = tempfile::tempdir().unwrap();
+    profiles(folder.path());
+    let (path, kept) = (folder.path().join("view_005.png"), folder.path().join("kept"));
+    std::fs::copy(&path, &kept).unwrap();
+    let camera = Camera::default();
+    let noise: Vec<u8> =
+        (0..camera.width * camera.height).map(|i| if i.wrapping_mul(2_654_435_761) >> 31 == 0 { 0 } else { 255 }).collect();
+    image::save_buffer(&path, &noise, camera.width, camera.height, image::ColorType::L8).unwrap();
+    for objective in ["vrv", "coherence"] {
+        let refused = specimen(folder.path(), &["--objective", objective]);
+        let said = stderr(&refused);
+        assert!(!refused.status.success() && said.contains("view_005.png is no silhouette") && said.contains("expected 16"), "{said}");
+    }
+    // Least squares leave it out by themselves.
+    let found = report(&specimen(folder.path(), &[]));
+    assert_eq!(found["left_out"][0]["view"], "view_005.png", "{found:#}");
+    // A head that promises more than any memory holds: nothing behind it is read.
+    let mut head = std::fs::read(&kept).unwrap();
+    head[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
+    let crc = crc32(&head[12..29]);
+    head[29..33].copy_from_slice(&crc.to_be_bytes());
+    std::fs::write(&path, &head).unwrap();
+    let said = stderr(&specimen(folder.path(), &[]));
+    assert!(said.contains("view_005.png is 65536 x 65536 px, expected 1024 x 1024 as view_000.png"), "{said}");
+}
+
+/// As PNG has it.
+fn crc32(bytes: &[u8]) -> u32 {
+    let mut crc = u32::MAX;
+    for byte in bytes {
+        crc ^= u32::from(*byte);
+        for _ in 0..8 {
+            crc = if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 };
+        }
+    }
+    !crc
+}
+
 #[test]
 fn what_may_not_be_freed_is_refused_by_name_and_the_rest_is_searched() {
     let folder = tempfile::tempdir().unwrap();

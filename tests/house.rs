@@ -12,6 +12,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
     ("range", &[]),
     ("cancel", &[]),
     ("hash", &[]),
+    ("regular", &[]),
     ("statistics", &[]),
     ("geometry", &[]),
     ("profile", &["frame", "range", "geometry"]),
@@ -39,6 +40,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "acquisition",
             "device",
             "http",
+            "regular",
             "session",
             "store",
         ],
@@ -49,6 +51,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
             "units",
             "frame",
             "hash",
+            "regular",
             "statistics",
             "geometry",
             "profile",
@@ -80,7 +83,7 @@ const MAY_USE: &[(&str, &[&str])] = &[
         ],
     ),
     // `store` to read what runs have left; what the instrument does now comes from `session` alone.
-    ("http", &["range", "session", "store"]),
+    ("http", &["range", "regular", "session", "store"]),
 ];
 
 const SCIENCE: &[&str] = &[

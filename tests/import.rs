@@ -167,6 +167,11 @@ fn what_cannot_be_imported_is_named_and_leaves_nothing() {
     let (two, deg) =
         (write("two.csv", "file,angle_deg\nv1.png,0\nv2.png,90\n"), write("deg.json", &psi(r#", "omega": [0, 90, 180, 270]"#)));
     let (wide, bare) = (write("wide.json", &psi("").replace("64", "65")), write("bare.json", &psi("")));
+    let camera = |name: &str, from: &str, to: &str| write(name, &psi("").replace(from, to));
+    let (mm, inverse) = (camera("mm.json", "60000", "60"), camera("inverse.json", "0.18", "5.5"));
+    let (tiny, aside) = (camera("tiny.json", "0.18", "1e-9"), camera("aside.json", "\"uy\": 31.5", "\"uy\": 3e7"));
+    let (unlike, tilted) = (camera("unlike.json", "\"ky\": 0.18", "\"ky\": 0.6"), write("tilted.json", &psi(r#", "gamma": 12"#)));
+    let elsewhere = write("elsewhere.csv", "file,angle_deg\nv1.png,0\n../../x/v2.png,90\nv3.png,180\nv10.png,270\n");
     let same = write("same.txt", "4,32\n4,32\n4,32\n4,32\n");
     let before = names(dir.path());
     let import = |args: &[&str]| {
@@ -188,6 +193,13 @@ fn what_cannot_be_imported_is_named_and_leaves_nothing() {
         (&["--cameras", text(&deg), "--even"], "--cameras gives omega and --even other angles"),
         (&["--cameras", text(&wide), "--even"], "65 x 65 px, the pictures 64 x 64 px"),
         (&["--cameras", text(&bare)], "no angles"),
+        (&["--cameras", text(&mm), "--even"], "f is 60 um"),
+        (&["--cameras", text(&inverse), "--even"], "kx is 5.5 px per um, so that a pixel is 1.818e-1 um; expected 0.25 to 100 um"),
+        (&["--cameras", text(&tiny), "--even"], "a pixel is 1.000e9 um"),
+        (&["--cameras", text(&aside), "--even"], "uy is 30000000 px; expected a row of the picture, 0 to 63"),
+        (&["--cameras", text(&unlike), "--even"], "kx is 0.18 and ky 0.6 px per um"),
+        (&["--cameras", text(&tilted), "--even"], "gamma is 12 rad, 687.5 deg"),
+        (&["--angles", text(&elsewhere)], "line 3: found \"../../x/v2.png\", which leads out of a folder"),
         (&["--even", "--empty", text(&dir.path().join("none.png"))], "none.png: cannot be read"),
     ] {
         let said = import(args);

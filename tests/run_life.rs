@@ -143,6 +143,9 @@ fn a_killed_daemon_goes_on_at_the_right_well_and_measures_nothing_twice() {
     assert_eq!((&status["run"]["wells"]["succeeded"], &status["run"]["wells"]["skipped"]), (&json!(2), &json!(1)), "{status}");
     assert_eq!(std::fs::read(data.join("runs/r1/A01/SHA256SUMS")).unwrap(), sums, "a finished specimen keeps its bytes");
     assert_eq!(json(&data.join("runs/r1/A02.attempt-1/recording.json")), begun, "what there was of the second is kept");
+    let mut check = std::process::Command::new("sha256sum");
+    check.args(["--check", "--strict", "--quiet", "SHA256SUMS"]).current_dir(data.join("runs/r1/A02.attempt-1"));
+    assert!(check.status().unwrap().success(), "and is protected by its sums");
     let ledger = json(&data.join("runs/r1/A02/recording.json"))["ledger"].as_array().unwrap().len();
     assert_eq!(ledger, 22, "views of two lives are not mixed");
     assert_eq!((kinds(&data, "run.ended"), kinds(&data, "specimen.done"), kinds(&data, "run.accepted")), (1, 3, 1));

@@ -1,8 +1,8 @@
 //! `carved archive` and `carved prune`: runs kept elsewhere, and room made for new ones.
 
 use super::told;
-use crate::store;
-use anyhow::ensure;
+use crate::store::{self, Pruned, StoreError};
+use anyhow::{bail, ensure};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -35,7 +35,7 @@ pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
     let mut refused = Vec::new();
     for run in &args.runs {
         match store::archive(run, &args.to) {
-            Ok(receipt) => println!(
+            Ok(receipt) => say!(
                 "{}: {} files, {:.3} GB, every hash verified at {}",
                 receipt.run,
                 receipt.files.len(),
@@ -50,35 +50,74 @@ pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
 }
 
 /// # Errors
-/// Named runs that cannot be pruned, with the reason; of a whole data folder such runs are told and passed over.
+/// Every run that was left alone although it should not be: one that was named, and any whose copy is not good. The others are pruned all
+/// the same. Of a whole data folder, runs that have not ended or were never archived are passed over.
 pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
     ensure!(args.data.join("runs").is_dir(), "{}: no data folder: it has no folder runs", args.data.display());
     let named = !args.runs.is_empty();
+    if let Some(run) = args.runs.iter().find(|run| !crate::session::is_plain_name(run)) {
+        bail!("{run:?} is no run's name");
+    }
+    let mut pruning = Pruning { args, named, failed: Vec::new(), passed_over: Vec::new(), bytes: 0 };
+    let cut_short: Vec<String> = store::cut_short(&args.data)?.into_iter().filter(|run| !named || args.runs.contains(run)).collect();
+    for run in &cut_short {
+        pruning.take(run, store::end_prune(&args.data, run, args.yes), " of an earlier prune that was cut short")?;
+    }
     let runs = if named { args.runs.clone() } else { store::run_names(&args.data)? };
-    let (mut refused, mut total) = (Vec::new(), 0);
     for run in &runs {
-        ensure!(crate::session::is_plain_name(run), "{run:?} is no run's name");
-        match store::prune(&args.data, run, args.all, args.yes) {
-            Ok(pruned) => {
-                total += pruned.bytes;
-                let what = if args.yes { "removed" } else { "would remove" };
-                let gb = pruned.bytes as f64 / 1e9;
-                println!("{}: {what} {} files, {gb:.3} GB; they are in {}", pruned.run, pruned.files, pruned.archived.display());
-                // The files are gone all the same, and the next start of the daemon brings its index up to them.
-                if let Some(error) = pruned.index {
-                    println!("{}: {}", pruned.run, told(&error.into()));
-                }
-            }
-            Err(error) => refused.push(format!("{run}: left alone: {}", told(&error.into()))),
+        // Of this one nothing else was there.
+        if cut_short.contains(run) && !args.data.join("runs").join(run).exists() {
+            continue;
         }
+        pruning.take(run, store::prune(&args.data, run, args.all, args.yes), "")?;
     }
+    let Pruning { failed, passed_over, bytes, .. } = pruning;
     let done = if args.yes { "freed" } else { "would be freed; --yes does it" };
-    println!("{:.3} GB {done}", total as f64 / 1e9);
-    if named {
-        ensure!(refused.is_empty(), "{}", refused.join("\n"));
+    say!("{:.3} GB {done}", bytes as f64 / 1e9);
+    for line in passed_over {
+        say!("{line}");
     }
-    for line in refused {
-        println!("{line}");
-    }
+    ensure!(failed.is_empty(), "{} run(s) not pruned:\n{}", failed.len(), failed.join("\n"));
     Ok(())
+}
+
+/// What a prune of several runs has come to so far.
+struct Pruning<'a> {
+    args: &'a PruneArgs,
+    named: bool,
+    failed: Vec<String>,
+    passed_over: Vec<String>,
+    bytes: u64,
+}
+
+impl Pruning<'_> {
+    fn take(&mut self, run: &str, found: Result<Pruned, StoreError>, of: &str) -> anyhow::Result<()> {
+        let pruned = match found {
+            Ok(pruned) => pruned,
+            Err(error) => {
+                let passed_over = !self.named && matches!(error, StoreError::NeverArchived { .. } | StoreError::Unended { .. });
+                let line = format!("{run}: left alone: {}", told(&error.into()));
+                if passed_over {
+                    self.passed_over.push(line)
+                } else {
+                    self.failed.push(line)
+                }
+                return Ok(());
+            }
+        };
+        self.bytes += pruned.bytes;
+        let what = if self.args.yes { "removed" } else { "would remove" };
+        let gb = pruned.bytes as f64 / 1e9;
+        let copy = pruned.archived.map_or_else(String::new, |copy| format!("; they are in {}", copy.display()));
+        if pruned.files == 0 && of.is_empty() {
+            say!("{run}: nothing to remove{}", copy.replace("they", "its raw frames"));
+        } else {
+            say!("{run}: {what} {} files{of}, {gb:.3} GB{copy}", pruned.files);
+        }
+        // The files are gone all the same, and the next start of the daemon brings its index up to them.
+        if let Some(error) = pruned.index {
+            say!("{run}: {}", told(&error.into()));
+        }
+        Ok(())
+    }
 }

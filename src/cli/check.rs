@@ -11,7 +11,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Config::load(&args.file)?;
-    println!(
+    say!(
         "{}: sound; instrument {:?}, methods: {}",
         args.file.display(),
         config.rig_name,

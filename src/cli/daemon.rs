@@ -51,7 +51,7 @@ impl Daemon {
         let served = runtime.block_on(async {
             let told = tokio::spawn(tell_systemd(handle.clone(), heart.clone()));
             let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), reader, config.http.clone(), stopped(stop)));
-            println!("{greeting} http://{listen}  status: http://{listen}/v1/status");
+            announce!("{greeting} http://{listen}  status: http://{listen}/v1/status");
             let beside = beside(handle);
             let client = tokio::spawn(async move {
                 if let Err(error) = beside.await {

@@ -21,7 +21,7 @@ pub fn run(command: &Command) -> anyhow::Result<()> {
     let Command::Rebuild(Args { data }) = command;
     anyhow::ensure!(data.join("runs").is_dir(), "{}: no data folder: it has no folder runs", data.display());
     let found = store::rebuild_index(data)?;
-    println!("{}: {} run(s), {} of them without an outcome", data.display(), found.runs - found.unreadable.len(), found.open.len());
+    say!("{}: {} run(s), {} of them without an outcome", data.display(), found.runs - found.unreadable.len(), found.open.len());
     let unreadable: Vec<String> = found.unreadable.into_iter().map(|u| u.why).collect();
     anyhow::ensure!(
         unreadable.is_empty(),

@@ -9,12 +9,12 @@ use super::told;
 use crate::acquisition::{LedgerEntry, RevolutionPlan};
 use crate::config::Method;
 use crate::pipeline::SpecimenRecord;
+use crate::regular;
 use crate::session::numbers::{self, NumbersError};
-use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, StoreError, durable};
+use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError, durable};
 use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -71,7 +71,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 serde_json::to_string(&Failed { recording: &path, error })?
             }
         };
-        writeln!(std::io::stdout(), "{line}")?;
+        say!("{line}");
     }
     let mut wrong = Vec::new();
     if !failures.is_empty() {
@@ -111,7 +111,11 @@ fn each(names: &[PathBuf]) -> Vec<(PathBuf, anyhow::Result<()>)> {
 pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for path in paths {
-        if path.join("run.json").is_file() {
+        if path.join("run.json").symlink_metadata().is_ok() {
+            // What it says is not used; that a newer carved wrote it means that its recordings may mean something else.
+            if let Err(error @ (StoreError::Newer { .. } | StoreError::Io { .. })) = RunRecord::of_folder(path) {
+                return Err(error.into());
+            }
             let mut wells: Vec<_> = std::fs::read_dir(path)
                 .with_context(|| format!("{}: cannot list the run", path.display()))?
                 .filter_map(|e| e.ok().map(|e| e.path()))
@@ -184,7 +188,7 @@ fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> anyhow::R
 /// Whether these numbers are the ones stored in a folder, to the last bit.
 pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str> {
     let path = folder.join(MEASUREMENT);
-    let stored = match std::fs::read(&path) {
+    let stored = match regular::read(&path) {
         Ok(stored) => stored,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok("none"),
         Err(source) => return Err(StoreError::Io { what: "read", path, source }.into()),

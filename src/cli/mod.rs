@@ -1,5 +1,10 @@
 //! The commands a user meets, one file each.
 
+#![warn(clippy::print_stdout, clippy::print_stderr)] // `output` prints, because println! panics where nobody reads
+
+#[macro_use]
+mod output;
+
 mod archive;
 mod calibrate;
 mod camera;
@@ -22,10 +27,11 @@ mod simulate;
 mod validate;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use output::{PIPE_CLOSED, PipeClosed};
 use std::process::ExitCode;
 
 #[derive(Debug, Parser)]
-#[command(name = "carved", version, about, long_about = None)]
+#[command(name = "carved", version, about, long_about = None, after_help = LOG)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -84,6 +90,10 @@ enum ConfigCommand {
     Check(check::Args),
 }
 
+const LOG: &str = "Environment:
+  CARVED_LOG  what the log on standard error holds: error, warn, info (the default), debug, trace or off; or by part of the program,
+              as in CARVED_LOG=info,carved::device=debug";
+
 /// The error and its causes, each once: many an error names its cause in its own words already.
 pub fn told(error: &anyhow::Error) -> String {
     error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
@@ -100,8 +110,19 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Runs the command that the arguments name.
-pub fn main() -> anyhow::Result<ExitCode> {
+/// Runs the command that the arguments name, and says what went wrong.
+pub fn main() -> ExitCode {
+    match run() {
+        Ok(code) => code,
+        Err(error) if error.is::<PipeClosed>() => ExitCode::from(PIPE_CLOSED),
+        Err(error) => {
+            note!("carved: {}", told(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run() -> anyhow::Result<ExitCode> {
     let matches = with_negative_numbers(Cli::command()).get_matches();
     match Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit()).command {
         Command::Serve(args) => serve::run(&args),
@@ -119,10 +140,7 @@ pub fn main() -> anyhow::Result<ExitCode> {
         Command::Archive(args) => archive::archive(&args),
         Command::Prune(args) => archive::prune(&args),
         Command::Index(command) => index::run(&command),
-        Command::Doctor(args) => {
-            doctor::run(&args);
-            Ok(())
-        }
+        Command::Doctor(args) => doctor::run(&args),
         Command::Run(command) => return run::run(&command),
         Command::Plate(command) => return plate::run(&command),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),

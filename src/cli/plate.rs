@@ -1,5 +1,6 @@
 //! `carved plate check`: a plate map's file, read as the instrument would read it.
 
+use crate::regular;
 use crate::session::plate_map::{self, Format, Mistake, PlateMap};
 use anyhow::Context;
 use std::path::{Path, PathBuf};
@@ -28,7 +29,7 @@ pub struct Args {
 
 /// The plate map of a file, or its mistakes.
 pub fn read(file: &Path, plate: Option<&str>) -> anyhow::Result<Result<PlateMap, Vec<Mistake>>> {
-    let bytes = std::fs::read(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let bytes = regular::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     let json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
     Ok(plate_map::read(&bytes, if json { Format::Json } else { Format::Csv }, plate))
 }
@@ -36,9 +37,9 @@ pub fn read(file: &Path, plate: Option<&str>) -> anyhow::Result<Result<PlateMap,
 /// Prints mistakes, one a line, as compilers do.
 pub fn print(file: &Path, mistakes: &[Mistake]) {
     for mistake in mistakes {
-        eprintln!("{}: {mistake}", file.display());
+        note!("{}: {mistake}", file.display());
     }
-    eprintln!("{} mistake(s)", mistakes.len());
+    note!("{} mistake(s)", mistakes.len());
 }
 
 pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
@@ -51,12 +52,12 @@ pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
         }
     };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&map)?);
+        say!("{}", serde_json::to_string_pretty(&map)?);
         return Ok(ExitCode::SUCCESS);
     }
     for note in &map.notes {
-        println!("{}: {note}", args.file.display());
+        say!("{}: {note}", args.file.display());
     }
-    println!("{}: sound, {} well(s)", args.file.display(), map.plate_map.len());
+    say!("{}: sound, {} well(s)", args.file.display(), map.plate_map.len());
     Ok(ExitCode::SUCCESS)
 }

@@ -8,11 +8,12 @@
 use super::{measure, told};
 use crate::config::{Config, Method};
 use crate::export;
+use crate::regular;
 use crate::session::{Mode, is_plain_name};
-use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, durable};
+use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
 use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -31,7 +32,14 @@ pub struct Args {
 /// # Errors
 /// At the end, with every specimen that could not be computed or gave other bytes than are stored.
 pub fn run(args: &Args) -> anyhow::Result<()> {
-    ensure!(args.run.join("run.json").is_file(), "{}: no run's folder: it has no run.json", args.run.display());
+    let has_record = args.run.join("run.json").symlink_metadata().is_ok();
+    ensure!(has_record, "{}: no run's folder: it has no run.json", args.run.display());
+    // Of a newer carved nothing is computed, for it may mean something else by the same words.
+    RunRecord::of_folder(&args.run)?;
+    for well in &args.wells {
+        let is_name = matches!(Path::new(well).components().collect::<Vec<_>>()[..], [Component::Normal(_)]);
+        ensure!(is_name, "{well:?} is no well of a run; expected the name of a folder in it, as A01 or A01.attempt-1");
+    }
     let other = args.method.as_deref().map(|name| method(name, args.config.as_deref())).transpose()?;
     let folders = if args.wells.is_empty() {
         measure::expand(std::slice::from_ref(&args.run))?
@@ -47,13 +55,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         };
         match said {
             Ok(word) => {
-                println!("{name}: {word}");
+                say!("{name}: {word}");
                 if word.starts_with(DIFFERS) {
                     wrong.push(format!("{name}: {word}"));
                 }
             }
             Err(error) => {
-                println!("{name}: not computed");
+                say!("{name}: not computed");
                 wrong.push(format!("{name}: {}", told(&error)));
             }
         }
@@ -73,7 +81,7 @@ fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)>
         return Ok((name.to_owned(), method.clone()));
     }
     let file = Path::new(name);
-    let text = std::fs::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
+    let text = regular::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
     let method = toml::from_str(&text).with_context(|| format!("{name}: not the keys of a method"))?;
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     ensure!(is_plain_name(&stem), "{name}: its results would be named {stem:?}: use letters, digits, '-', '_' or '.', the first not a '.'");
@@ -85,7 +93,7 @@ fn again(folder: &Path) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
     let numbers = measure::compare(folder, &file)?;
-    let surface = match std::fs::read(folder.join(MESH)) {
+    let surface = match regular::read(&folder.join(MESH)) {
         Ok(stored) => {
             if stored == ply(&mesh, file.mode)? {
                 "identical"

@@ -10,6 +10,7 @@ use crate::geometry::{Camera, SecondOptics};
 use crate::http::HttpSettings;
 use crate::measure::references::References;
 use crate::profile::{Picture, Reference};
+use crate::regular;
 use crate::store::frames;
 use crate::units::StepsPerRevolution;
 use std::collections::BTreeMap;
@@ -79,7 +80,7 @@ fn check_bounds(raw: &Raw, wrong: &mut impl FnMut(&str, String, &str)) {
 
 impl Config {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let text = regular::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
     }
 

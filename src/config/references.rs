@@ -1,6 +1,7 @@
 //! Reference larvae from TOML: the paper's, which are built in, and a lab's own files.
 
 use crate::measure::references::{Breach, References};
+use crate::regular;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -30,7 +31,7 @@ pub fn embedded() -> Result<Arc<[References]>, ReferencesError> {
 }
 
 pub fn load(path: &Path) -> Result<References, ReferencesError> {
-    let text = std::fs::read_to_string(path).map_err(|source| ReferencesError::Read { path: path.to_owned(), source })?;
+    let text = regular::read_to_string(path).map_err(|source| ReferencesError::Read { path: path.to_owned(), source })?;
     parse(&text, path)
 }
 

@@ -55,6 +55,7 @@ pub mod kind {
         FAULT_ACKNOWLEDGED = "fault.acknowledged";
         FAULT_CLEARED = "fault.cleared";
         STORE_REGAINED = "store.regained";
+        JOURNAL_REPAIRED = "journal.repaired";
         PLATE_ANNOUNCED = "plate.announced";
         PLATE_LOADED = "plate.loaded";
         PLATE_UNLOADED = "plate.unloaded";

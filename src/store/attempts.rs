@@ -6,7 +6,7 @@
 //! runs/RUN/A01.attempt-2    the second, when that was too
 //! ```
 
-use super::{StoreError, durable};
+use super::{StoreError, durable, sums};
 use std::path::Path;
 
 const MARK: &str = ".attempt-";
@@ -25,7 +25,7 @@ pub(super) fn earlier(run: &Path, well: &str) -> Vec<u32> {
     found
 }
 
-/// Moves what is there of a well of this run aside, durably; gives the number of the attempt that was kept. Nothing where the well
+/// Moves what is there of a well of this run aside, durably and with its sums; gives the number of the attempt that was kept. Nothing where the well
 /// has no folder.
 ///
 /// # Errors
@@ -34,6 +34,10 @@ pub fn set_aside(run: &Path, well: &str) -> Result<Option<u32>, StoreError> {
     let newest = run.join(well);
     if !newest.is_dir() {
         return Ok(None);
+    }
+    // A writer that a crash ended has left none; what cannot be hashed is kept all the same.
+    if let Err(error) = sums::seal(&newest) {
+        tracing::warn!(%error, well, "an attempt is kept without its SHA256SUMS");
     }
     let number = earlier(run, well).last().map_or(1, |n| n + 1);
     durable::rename(&newest, &run.join(folder_name(well, number)))?;

@@ -1,6 +1,7 @@
 //! Acknowledged means durable: write beside, sync, rename over, sync the folder.
 
 use super::{StoreError, disk};
+use crate::regular;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -83,6 +84,6 @@ pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> Result<(), Sto
 
 /// Reads a value from JSON; the error names the file and the line.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path, expected: &'static str) -> Result<T, StoreError> {
-    let text = fs::read(path).map_err(|source| StoreError::Io { what: "read", path: path.to_owned(), source })?;
+    let text = regular::read(path).map_err(|source| StoreError::Io { what: "read", path: path.to_owned(), source })?;
     serde_json::from_slice(&text).map_err(|e| StoreError::Format { path: path.to_owned(), expected, found: e.to_string() })
 }

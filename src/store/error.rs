@@ -50,8 +50,15 @@ pub enum StoreError {
     Index { what: &'static str, path: PathBuf, source: rusqlite::Error },
     #[error("{}: the run has no outcome yet; wait for its end, or let the daemon end what a crash left open", path.display())]
     Unended { path: PathBuf },
+    #[error("{}: nothing is removed: it was never archived (carved archive RUN --to DIR)", path.display())]
+    NeverArchived { path: PathBuf },
     #[error("{}: nothing is removed: {why}", path.display())]
-    Unarchived { path: PathBuf, why: String },
+    NoGoodCopy { path: PathBuf, why: String },
+    #[error(
+        "{}: this is no copy: it leads into the run's own folder {}. Copy the run to a folder apart from the run's own (carved archive RUN --to DIR)",
+        path.display(), run.display()
+    )]
+    NoCopy { path: PathBuf, run: PathBuf },
     #[error("{}: exists already; nothing is overwritten", path.display())]
     Exists { path: PathBuf },
 }

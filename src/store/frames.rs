@@ -3,6 +3,7 @@
 use super::StoreError;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::profile::Mask;
+use crate::regular;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ColorType, ExtendedColorType, ImageEncoder};
 use std::path::Path;
@@ -29,7 +30,7 @@ pub fn encode_mask(mask: &Mask) -> Result<Vec<u8>, StoreError> {
 
 /// Reads a frame back in the format it was taken in.
 pub fn decode(path: &Path, format: PixelFormat) -> Result<RawFrame, StoreError> {
-    let bytes = std::fs::read(path).map_err(StoreError::io("read", path))?;
+    let bytes = regular::read(path).map_err(StoreError::io("read", path))?;
     let wrong = |found: String| StoreError::Format { path: path.to_owned(), expected: "a PNG of a recorded frame", found };
     let image = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png).map_err(|e| wrong(e.to_string()))?;
     let expected = if format == PixelFormat::RGB8Packed { ColorType::Rgb8 } else { ColorType::L8 };

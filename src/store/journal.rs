@@ -6,14 +6,17 @@
 //!               synced               synced                                        follows by itself
 //! ```
 //! A crash between the two leaves the run's file one line short: the next start adds it.
+//!
+//! Ids rise strictly. A start that finds one that does not (a file that was edited, or a bit that flipped) keeps the file as it is under
+//! another name and numbers on from the line before: no event is lost, and the ids before the damage stay.
 
 use super::index::Index;
 use super::lines::Lines;
 use super::{StoreError, durable};
-use crate::session::{Event, kind};
-use std::collections::VecDeque;
-use std::fs::File;
-use std::io::{BufRead, BufReader};
+use crate::regular;
+use crate::session::{Event, is_plain_name, kind};
+use std::collections::{BTreeMap, VecDeque};
+use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -68,7 +71,8 @@ impl Journal {
     pub(super) fn open(root: &Path, all: Lines, index: Arc<Index>) -> Result<(Self, Vec<Event>), StoreError> {
         let path = root.join(FILE);
         let tail: Vec<Event> = all.tail(TAIL)?.iter().map(|line| parse(&path, line)).collect::<Result<_, _>>()?;
-        let next_id = tail.last().map_or(1, |e| e.id + 1);
+        let newest = tail.last().map_or(0, |e| e.id);
+        let next_id = after(&path, newest)?;
         let last_fault = match index.last_fault() {
             Some(seq) => seq,
             None => last_fault(&path)?,
@@ -87,6 +91,10 @@ impl Journal {
     /// Adds the last event to its run's file where a crash came between the two.
     fn mend(&mut self, last: &Event) -> Result<(), StoreError> {
         let Some(run) = last.run.as_deref() else { return Ok(()) };
+        if !is_plain_name(run) {
+            tracing::warn!(run, id = last.id, "the journal's last event names no run, and is in no run's file");
+            return Ok(());
+        }
         let folder = self.runs.join(run);
         // Runs of before the files of runs have none; one that was taken away is not to come back.
         if !folder.is_dir() || !folder.join(FILE).exists() && last.kind != kind::RUN_ACCEPTED {
@@ -133,10 +141,110 @@ impl Journal {
             self.of_run.iter_mut().for_each(|(_, lines)| lines.drop_rest());
         })?;
         self.all.keep(&line);
-        self.next_id += 1;
+        self.next_id = event.id.saturating_add(1);
         self.index.event(&event, self.all.good_bytes());
         Ok(event)
     }
+}
+
+/// Ids that lie further apart than this are not of one journal: they rise by one.
+const JUMP: u64 = 1 << 32;
+
+/// Whether an id may stand behind another.
+fn rises(before: u64, id: u64) -> bool {
+    id > before && id - before <= JUMP
+}
+
+/// The id behind another.
+fn after(path: &Path, id: u64) -> Result<u64, StoreError> {
+    id.checked_add(1).ok_or_else(|| StoreError::Format {
+        path: path.to_owned(),
+        expected: "an id that another can follow",
+        found: id.to_string(),
+    })
+}
+
+/// What of an event its order is told by.
+#[derive(serde::Deserialize)]
+struct Id {
+    id: u64,
+}
+
+/// Whether the ids of a journal rise from a byte on, behind the event that ends there. Lines that are no events have none.
+pub(super) fn is_in_order(path: &Path, from_byte: u64, mut newest: u64) -> Result<bool, StoreError> {
+    let io = |what| StoreError::io(what, path);
+    let mut file = regular::open(path).map_err(io("open"))?;
+    file.seek(SeekFrom::Start(from_byte)).map_err(io("read"))?;
+    for line in BufReader::new(file).split(b'\n') {
+        let Ok(Id { id }) = serde_json::from_slice(&line.map_err(io("read"))?) else { continue };
+        if !rises(newest, id) {
+            return Ok(false);
+        }
+        newest = id;
+    }
+    Ok(true)
+}
+
+/// What a repair has done.
+#[derive(Debug)]
+pub(super) struct Repaired {
+    /// The journal as it was.
+    pub kept: PathBuf,
+    /// Events that have another id now.
+    pub renumbered: usize,
+}
+
+fn damaged(number: u32) -> String {
+    format!("{FILE}.damaged-{number}")
+}
+
+/// Numbers the events on whose ids do not rise, in the journal and in the files of their runs; the journal as it was is kept beside.
+/// The journal comes last: where a crash cuts it short the next start does the same again.
+pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
+    let path = root.join(FILE);
+    let text = regular::read(&path).map_err(StoreError::io("read", &path))?;
+    let (mut lines, mut changed, mut newest) = (Vec::new(), BTreeMap::<String, Vec<(&[u8], Vec<u8>)>>::new(), 0);
+    let mut renumbered = 0;
+    for line in text.split_inclusive(|&b| b == b'\n') {
+        let event = serde_json::from_slice::<Event>(line).ok();
+        let Some(event) = event else {
+            lines.extend_from_slice(line);
+            continue;
+        };
+        if rises(newest, event.id) {
+            newest = event.id;
+            lines.extend_from_slice(line);
+            continue;
+        }
+        newest = after(&path, newest)?;
+        renumbered += 1;
+        let event = Event { id: newest, ..event };
+        let new = line_of(&event)?;
+        lines.extend_from_slice(&new);
+        if let Some(run) = event.run.filter(|run| is_plain_name(run)) {
+            changed.entry(run).or_default().push((line, new));
+        }
+    }
+    let mut number = 1;
+    while root.join(damaged(number)).exists() {
+        number += 1;
+    }
+    let kept = root.join(damaged(number));
+    durable::write(&kept, &text)?;
+    for (run, mut changes) in changed {
+        let of_run = root.join("runs").join(run).join(FILE);
+        let Ok(old) = regular::read(&of_run) else { continue };
+        let mut new = Vec::with_capacity(old.len());
+        for line in old.split_inclusive(|&b| b == b'\n') {
+            // The same line may be there twice: the first belongs to the first.
+            let at = changes.iter().position(|(from, _)| *from == line);
+            let to = at.map(|at| changes.remove(at).1);
+            new.extend_from_slice(to.as_deref().unwrap_or(line));
+        }
+        durable::write(&of_run, &new)?;
+    }
+    durable::write(&path, &lines)?;
+    Ok(Repaired { kept, renumbered })
 }
 
 fn parse(path: &Path, line: &[u8]) -> Result<Event, StoreError> {
@@ -160,7 +268,7 @@ fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {
 /// The events of a journal one by one, those that are whole; it may be longer than memory.
 pub(super) fn each(path: &Path, mut take: impl FnMut(Event)) -> Result<(), StoreError> {
     let io = |what| StoreError::io(what, path);
-    for line in BufReader::new(File::open(path).map_err(io("open"))?).split(b'\n') {
+    for line in BufReader::new(regular::open(path).map_err(io("open"))?).split(b'\n') {
         if let Ok(event) = serde_json::from_slice(&line.map_err(io("read"))?) {
             take(event);
         }
@@ -233,6 +341,72 @@ mod tests {
         let (_store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!((journal.last_fault(), events.len(), events[0].id), (41, 2000, 3001));
         assert_eq!(journal.append("y", None, None, Value::Null).unwrap().id, 5001);
+    }
+
+    fn line(id: u64, kind: &str, run: Option<&str>) -> String {
+        format!("{}\n", json!({"id": id, "time": "2026-01-01T00:00:00Z", "kind": kind, "run": run, "well": null, "data": null}))
+    }
+
+    /// Whatever ids stand in the file: every event is there after a start, in its order, and the next id is above all of them.
+    #[test]
+    fn ids_that_do_not_rise_are_numbered_on_and_nothing_is_lost() {
+        let max = u64::MAX;
+        for (ids, expected) in [
+            (&[1, 2, max][..], [1, 2, 3].as_slice()),
+            (&[1, 2, 2, 3], &[1, 2, 3, 4]),
+            (&[1, 9, 3, 4], &[1, 9, 10, 11]),
+            (&[1, max, 3, 4], &[1, 2, 3, 4]),
+            (&[max], &[1]),
+            (&[0, 1, 2], &[1, 2, 3]),
+            (&[1, i64::MAX as u64, 3], &[1, 2, 3]),
+        ] {
+            for has_index in [false, true] {
+                let dir = tempfile::tempdir().unwrap();
+                let path = dir.path().join("events.jsonl");
+                if has_index && super::rises(0, ids[0]) {
+                    // Indexed as far as it was in order.
+                    std::fs::write(&path, line(ids[0], "k0", Some("r1"))).unwrap();
+                    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
+                }
+                let text: String = ids.iter().enumerate().map(|(at, &id)| line(id, &format!("k{at}"), Some("r1"))).collect();
+                std::fs::create_dir_all(dir.path().join("runs/r1")).unwrap();
+                for file in [path.clone(), dir.path().join("runs/r1/events.jsonl")] {
+                    std::fs::write(file, &text).unwrap();
+                }
+                let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+                let next = journal.append("next", Some("r1"), None, Value::Null).unwrap().id;
+                let read = |path: &std::path::Path| -> Vec<(u64, String)> {
+                    let events = std::fs::read_to_string(path).unwrap();
+                    let events = events.lines().map(|l| serde_json::from_str::<crate::session::Event>(l).unwrap());
+                    events.map(|e| (e.id, e.kind)).collect()
+                };
+                let mut all: Vec<(u64, String)> = expected.iter().enumerate().map(|(at, &id)| (id, format!("k{at}"))).collect();
+                let repaired = *all.last().map(|(id, _)| id).unwrap() + 1;
+                all.extend([(repaired, "journal.repaired".into()), (repaired + 1, "next".into())]);
+                assert_eq!((read(&path), next), (all.clone(), repaired + 1), "{ids:?}");
+                all.retain(|(_, kind)| kind != "journal.repaired");
+                assert_eq!(read(&dir.path().join("runs/r1/events.jsonl")), all, "{ids:?}");
+                assert_eq!(std::fs::read_to_string(dir.path().join("events.jsonl.damaged-1")).unwrap(), text, "{ids:?}");
+                assert_eq!(store.index_trouble(), None, "{ids:?}");
+                drop((store, journal));
+                let (store, _journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+                assert_eq!(store.index_trouble(), None);
+                assert!(!dir.path().join("events.jsonl.damaged-2").exists(), "{ids:?}: it is repaired once");
+            }
+        }
+    }
+
+    #[test]
+    fn an_event_of_a_run_outside_the_data_folder_is_written_nowhere_else() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::create_dir(dir.path().join("x")).unwrap();
+        std::fs::write(dir.path().join("x/events.jsonl"), "").unwrap();
+        let data = dir.path().join("data");
+        std::fs::create_dir_all(data.join("runs")).unwrap();
+        std::fs::write(data.join("events.jsonl"), line(1, "a", Some("../../x"))).unwrap();
+        let (_store, _journal, events) = Claim::on(&data).and_then(Store::open).unwrap();
+        assert_eq!(events.len(), 1);
+        assert_eq!(std::fs::read_to_string(dir.path().join("x/events.jsonl")).unwrap(), "");
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //! ```
 
 use super::{StoreError, disk, durable};
+use crate::regular;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -27,6 +28,7 @@ impl Lines {
         if !path.exists() {
             disk::create(path, b"").map_err(io("create"))?;
         }
+        std::fs::metadata(path).and_then(|found| regular::check(found.file_type())).map_err(io("open"))?;
         let file = OpenOptions::new().read(true).append(true).open(path).map_err(io("open"))?;
         durable::sync_folder(durable::folder_of(path))?;
         let length = file.metadata().map_err(io("look at"))?.len();

@@ -31,11 +31,12 @@ mod run;
 mod schema;
 mod sums;
 
-pub use archive::{Pruned, Receipt, archive, prune, run_names};
+pub use archive::{Pruned, Receipt, archive, cut_short, end_prune, prune, run_names};
 pub use attempts::set_aside;
 pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
+use journal::Repaired;
 pub use journal::{Happening, Journal};
 #[cfg(test)]
 pub(crate) use power_loss::{recording as a_recording, trace as disk_trace};
@@ -45,6 +46,7 @@ pub use recording::{
 };
 pub use replay::ReplayWriter;
 pub use run::RunRecord;
+pub use sums::{seal, seal_run};
 
 use crate::session::{Event, Mode, kind};
 use index::Index;
@@ -110,10 +112,35 @@ impl Store {
     /// and as an event, and left alone.
     pub fn open(claim: Claim) -> Result<(Self, Journal, Vec<Event>), StoreError> {
         let root = claim.root.as_path();
-        let lines = Lines::open(&root.join(journal::FILE))?;
+        for run in cut_short(root)? {
+            tracing::warn!(
+                run,
+                "an earlier carved prune --all was cut short: what is left of the run takes up room in runs/.{run}.pruned. It was archived; \
+                 carved prune {} --yes removes it",
+                root.display()
+            );
+        }
+        let path = root.join(journal::FILE);
+        let mut lines = Lines::open(&path)?;
+        let (from_byte, newest) = index::followed(root);
+        let repaired = if journal::is_in_order(&path, from_byte, newest)? {
+            None
+        } else {
+            let repaired = journal::repair(root)?;
+            // It has the ids of before.
+            index::remove(root)?;
+            lines = Lines::open(&path)?;
+            Some(repaired)
+        };
         let (index, found) = Index::open(root)?;
         let index = Arc::new(index);
         let (mut journal, mut events) = Journal::open(root, lines, index.clone())?;
+        if let Some(Repaired { kept, renumbered }) = repaired {
+            tracing::error!(renumbered, kept = %kept.display(), "ids in the journal did not rise; its events were numbered on, none is lost");
+            let kept = kept.file_name().unwrap_or_default().to_string_lossy();
+            let data = serde_json::json!({ "renumbered": renumbered, "kept": kept });
+            events.push(journal.append(kind::JOURNAL_REPAIRED, None, None, data)?);
+        }
         for Unreadable { run, why } in found.unreadable {
             tracing::error!(run, why, "a run cannot be read; it is left alone");
             events.push(journal.append(kind::RUN_UNREADABLE, None, None, serde_json::json!({ "run": run, "why": why }))?);

@@ -9,6 +9,7 @@ use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
 use super::{RunRecord, StoreError, attempts, durable, run, sums};
 use crate::hash::sha256_hex;
+use crate::regular;
 use crate::session::{WellStatus, is_plain_name, is_well};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -79,7 +80,7 @@ impl StoredFile {
     /// # Errors
     /// A file that cannot be read, or is not what was recorded.
     pub fn read(self) -> Result<Vec<u8>, StoreError> {
-        let bytes = std::fs::read(&self.path).map_err(StoreError::io("read", &self.path))?;
+        let bytes = regular::read(&self.path).map_err(StoreError::io("read", &self.path))?;
         if let Some(expected) = &self.sha256 {
             sums::same(&self.path, expected, &sha256_hex(&bytes))?;
         }

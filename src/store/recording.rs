@@ -27,7 +27,8 @@ use crate::measure::fluorescence::{Fluorescence, SecondView};
 use crate::measure::references::{References, Specimen, Standing, estimates};
 use crate::pipeline::SpecimenRecord;
 use crate::profile::Mask;
-use crate::session::{Mode, PlannedWell};
+use crate::regular;
+use crate::session::{Mode, PlannedWell, is_plain_name, is_well};
 use crate::surface::Mesh;
 use crate::units::{Sense, StepsPerRevolution};
 use serde::{Deserialize, Serialize};
@@ -192,6 +193,20 @@ impl Recording {
             accepted: false,
             ledger: Ledger::default(),
         }
+    }
+}
+
+impl Recording {
+    /// Its names may become paths: they lead nowhere else.
+    fn check(&self, file: &Path) -> Result<(), StoreError> {
+        let named = |expected, found: &str, is: bool| {
+            let wrong = || StoreError::Format { path: file.to_owned(), expected, found: format!("{found:?}") };
+            if is { Ok(()) } else { Err(wrong()) }
+        };
+        let (well, run, method) = (&self.specimen.well, &self.run, &self.method_name);
+        named("a well A01 to P24 as `specimen.well`", well, is_well(well))?;
+        named("a name of letters, digits, '-', '_' and '.' as `run`", run, is_plain_name(run))?;
+        named("a name of letters, digits, '-', '_' and '.' as `method_name`", method, is_plain_name(method))
     }
 }
 
@@ -372,6 +387,7 @@ impl RecordingReader {
         let folder = if path.is_file() { durable::folder_of(path).to_owned() } else { path.to_owned() };
         let file = folder.join(RECORDING);
         let recording: Recording = schema::read(&file, SCHEMA)?;
+        recording.check(&file)?;
         super::sums::check_one(&folder, RECORDING)?;
         Ok(Self { folder, recording })
     }
@@ -443,7 +459,7 @@ impl RecordingReader {
     pub fn references(&self) -> Result<Vec<References>, StoreError> {
         let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };
         let path = self.folder.join(REFERENCES);
-        sums::same(&path, expected, &sha256_hex(&std::fs::read(&path).map_err(StoreError::io("read", &path))?))?;
+        sums::same(&path, expected, &sha256_hex(&regular::read(&path).map_err(StoreError::io("read", &path))?))?;
         durable::read_json(&path, "references (carved.references/1)")
     }
 }

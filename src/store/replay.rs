@@ -2,6 +2,7 @@
 
 use super::{MEASUREMENT, Software, StoreError, durable, schema, sums};
 use crate::config::Method;
+use crate::regular;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -46,7 +47,7 @@ impl ReplayWriter {
         let stored: Replay = schema::read(&self.folder.join(FILE), SCHEMA)?;
         sums::check_one(&self.folder, MEASUREMENT)?;
         let path = self.folder.join(MEASUREMENT);
-        let same = stored.method == *method && std::fs::read(&path).map_err(StoreError::io("read", &path))? == numbers;
+        let same = stored.method == *method && regular::read(&path).map_err(StoreError::io("read", &path))? == numbers;
         if same { Ok(true) } else { Err(StoreError::Exists { path: self.folder.clone() }) }
     }
 

@@ -4,7 +4,7 @@ use super::{Software, StoreError, schema};
 use crate::config::Method;
 use crate::frame::RawFrame;
 use crate::hash::sha256_hex;
-use crate::session::{CalibrationStatus, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus};
+use crate::session::{CalibrationStatus, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus, is_plain_name, is_well};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -66,9 +66,31 @@ impl RunRecord {
         self.end(RunOutcome::Interrupted);
     }
 
+    /// Reads the `run.json` of a run's folder, which may have another name than the run: a copy may.
+    ///
+    /// # Errors
+    /// A newer format, or names that lead out of the folder.
+    pub fn of_folder(folder: &Path) -> Result<Self, StoreError> {
+        Self::checked(&folder.join(FILE))
+    }
+
+    /// Its names become paths.
+    fn checked(file: &Path) -> Result<Self, StoreError> {
+        let run: Self = schema::read(file, SCHEMA)?;
+        let wrong = |expected, found: &str| StoreError::Format { path: file.to_owned(), expected, found: format!("{found:?}") };
+        if !is_plain_name(&run.id) {
+            return Err(wrong("a run's name of letters, digits, '-', '_' and '.' as its id", &run.id));
+        }
+        let planned = run.plan.plate_map.iter().map(|planned| &planned.well);
+        if let Some(well) = planned.chain(run.wells.iter().map(|status| &status.well)).find(|well| !is_well(well)) {
+            return Err(wrong("wells A01 to P24", well));
+        }
+        Ok(run)
+    }
+
     /// Reads a `run.json`, of the folder that has the run's name.
     pub(super) fn read(file: &Path) -> Result<Self, StoreError> {
-        let run: Self = schema::read(file, SCHEMA)?;
+        let run = Self::checked(file)?;
         let folder = file.parent().and_then(Path::file_name).unwrap_or_default();
         if folder != run.id.as_str() {
             let found = format!("run {:?} in the folder {}", run.id, folder.display());

@@ -1,6 +1,7 @@
 //! Files that say which format they are of: `carved.run/1`. What a newer carved wrote is refused by name, not misread.
 
 use super::StoreError;
+use crate::regular;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -20,7 +21,7 @@ struct Writer {
 
 /// Reads a file of the format `known`, which is the newest that is known of its kind.
 pub(super) fn read<T: DeserializeOwned>(path: &Path, known: &'static str) -> Result<T, StoreError> {
-    let text = std::fs::read(path).map_err(StoreError::io("read", path))?;
+    let text = regular::read(path).map_err(StoreError::io("read", path))?;
     let format = |found: String| StoreError::Format { path: path.to_owned(), expected: known, found };
     let stamp: Stamp = serde_json::from_slice(&text).map_err(|e| format(e.to_string()))?;
     if stamp.schema != known {

@@ -1,7 +1,9 @@
 //! `SHA256SUMS`, as `sha256sum -c` reads it.
 
-use super::StoreError;
+use super::{StoreError, durable};
 use crate::hash::sha256_hex;
+use crate::regular;
+use crate::session::is_well;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -27,10 +29,39 @@ pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError>
     files(folder, Path::new(""), &mut names)?;
     let hash = |name: PathBuf| {
         let path = folder.join(&name);
-        let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
+        let bytes = regular::read(&path).map_err(StoreError::io("read", &path))?;
         Ok((name, sha256_hex(&bytes)))
     };
     names.into_iter().map(hash).collect()
+}
+
+/// Writes the sums of a recording's folder that has none, because its writer ended before it could close it.
+///
+/// # Errors
+/// A file that cannot be read, or sums that cannot be written.
+pub fn seal(folder: &Path) -> Result<(), StoreError> {
+    let sums = folder.join(FILE);
+    if !folder.is_dir() || sums.exists() {
+        return Ok(());
+    }
+    durable::write(&sums, text(&of_folder(folder)?).as_bytes())
+}
+
+/// Seals every well's folder of a run, earlier attempts included.
+///
+/// # Errors
+/// The last folder that could not be sealed; the others are.
+pub fn seal_run(run: &Path) -> Result<(), StoreError> {
+    let mut sealed = Ok(());
+    for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
+        let name = entry.file_name().into_string().unwrap_or_default();
+        if name.get(..3).is_some_and(is_well) {
+            if let Err(error) = seal(&entry.path()) {
+                sealed = Err(error);
+            }
+        }
+    }
+    sealed
 }
 
 /// One line per file, as `sha256sum` writes it.
@@ -40,7 +71,7 @@ pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
 
 /// The names and hashes of a `SHA256SUMS`.
 pub fn read(sums: &Path) -> Result<Vec<(String, String)>, StoreError> {
-    let text = std::fs::read_to_string(sums).map_err(StoreError::io("read", sums))?;
+    let text = regular::read_to_string(sums).map_err(StoreError::io("read", sums))?;
     Ok(text.lines().filter_map(|l| l.split_once("  ")).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect())
 }
 
@@ -62,7 +93,7 @@ pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError>
 pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
     let Some(expected) = expected(folder, name)? else { return Ok(()) };
     let path = folder.join(name);
-    let bytes = std::fs::read(&path).map_err(StoreError::io("read", &path))?;
+    let bytes = regular::read(&path).map_err(StoreError::io("read", &path))?;
     same(&path, &expected, &sha256_hex(&bytes))
 }
 

@@ -39,6 +39,19 @@ pub fn before_the_first_well_was_done(data: &Path, run: &str, asked: Option<&str
     }
 }
 
+/// Adds events of a well behind what happened in a run.
+pub fn happened(data: &Path, run: &str, kinds: &[&str], well: &str) {
+    for journal in [data.join("events.jsonl"), data.join("runs").join(run).join("events.jsonl")] {
+        let mut text = std::fs::read_to_string(&journal).unwrap();
+        let last: Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+        for (id, kind) in (last["id"].as_u64().unwrap() + 1..).zip(kinds) {
+            let event = serde_json::json!({"id": id, "time": last["time"], "kind": kind, "run": run, "well": well, "data": {}});
+            text.push_str(&format!("{event}\n"));
+        }
+        std::fs::write(journal, text).unwrap();
+    }
+}
+
 /// Of a well: everything that is made of its frames.
 pub fn without_results(well: &Path) {
     for name in RESULTS {

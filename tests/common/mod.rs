@@ -12,6 +12,7 @@ pub mod crash;
 mod instrument;
 mod shared;
 pub mod spoiled;
+pub mod stored;
 mod wait;
 
 pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE};
@@ -58,7 +59,7 @@ pub fn port(rig: &hardware_sim::Rig) -> (&'static str, String) {
 /// A running `carved simulate` or `carved serve`.
 pub struct Daemon {
     child: Child,
-    out: BufReader<ChildStdout>,
+    out: Box<dyn BufRead + Send + Sync>,
     pub url: String,
     pub data: PathBuf,
 }
@@ -73,6 +74,18 @@ impl Daemon {
         Self::spawn(carved().args(["serve", "--config"]).arg(config), data)
     }
 
+    /// `carved simulate` with every word of its log, which nobody reads; of standard output the address is read, and nothing else.
+    pub fn unread(data: &Path, args: &[&str]) -> Self {
+        let (log, writer) = std::io::pipe().unwrap();
+        drop(log);
+        let mut command = carved();
+        command.env("CARVED_LOG", "trace").stderr(writer);
+        let mut daemon = Self::spawn(command.args(["simulate", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(args), data);
+        let (nobody, _) = std::io::pipe().unwrap();
+        daemon.out = Box::new(BufReader::new(nobody));
+        daemon
+    }
+
     fn spawn(command: &mut Command, data: &Path) -> Self {
         let mut child = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut out = BufReader::new(child.stdout.take().unwrap());
@@ -80,7 +93,7 @@ impl Daemon {
         out.read_line(&mut line).unwrap();
         let at = line.find("http://").unwrap_or_else(|| panic!("no address in {line:?}"));
         let url = line[at..].split_whitespace().next().unwrap().to_owned();
-        Self { child, out, url, data: data.to_owned() }
+        Self { child, out: Box::new(out), url, data: data.to_owned() }
     }
 
     pub fn get(&self, path: &str) -> Value {

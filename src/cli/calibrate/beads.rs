@@ -84,7 +84,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let found = find(args)?;
     let file = BeadsFile { schema: BEADS_SCHEMA.into(), id: measured::id(&found)?, date: jiff::Timestamp::now().to_string(), found };
     keep::keep(&args.out, "calibration", file.found.measured, &file.id, &file)?;
-    println!("{}", serde_json::to_string_pretty(&file)?);
+    say!("{}", serde_json::to_string_pretty(&file)?);
     Ok(())
 }
 

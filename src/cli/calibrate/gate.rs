@@ -37,11 +37,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .context("0 measured beads among what was named; 3 or more are expected")?;
     if !args.dry_run {
         let path = gates::keep(&args.out, &file).context("this gate is kept already")?;
-        eprintln!("carved: {}", path.display());
+        note!("carved: {}", path.display());
     }
-    println!("{}", serde_json::to_string_pretty(&file)?);
+    say!("{}", serde_json::to_string_pretty(&file)?);
     let gate = &file.found.gate;
     ensure!(gate.verdict.passes(), "{}", gate.words.join("\n"));
-    gate.words.iter().for_each(|said| eprintln!("carved: {said}"));
+    gate.words.iter().for_each(|said| note!("carved: {said}"));
     Ok(())
 }

@@ -47,7 +47,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         track("aspect_ratio", 5, |f| Some(f.found.aspect_ratio)),
         track("diameter_um", 2, |f| Some(f.found.diameter_um)),
     ];
-    print!("{}", table(&files, &tracks));
+    say!("{}", table(&files, &tracks).trim_end());
     if let Some(path) = &args.svg {
         let rig = &files[0].found.rig;
         let plot = svg(rig, &first.strftime("%Y-%m-%d").to_string(), &tracks);

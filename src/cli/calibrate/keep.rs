@@ -13,6 +13,6 @@ pub fn keep<T: Serialize>(folder: &Path, kind: &str, measured: jiff::Timestamp, 
     }
     durable::create_folder(folder)?;
     durable::write_json(&path, file)?;
-    eprintln!("carved: {}", path.display());
+    note!("carved: {}", path.display());
     Ok(())
 }

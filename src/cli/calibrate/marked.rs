@@ -109,9 +109,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let file = MarkedFile { schema: "carved.calibration-marked/1", id: measured::id(&found)?, date, found };
     keep::keep(&args.out, "marked", file.found.measured, &file.id, &file)?;
     for words in &file.found.words {
-        eprintln!("carved: {words}");
+        note!("carved: {words}");
     }
-    println!("{}", serde_json::to_string_pretty(&file)?);
+    say!("{}", serde_json::to_string_pretty(&file)?);
     Ok(())
 }
 

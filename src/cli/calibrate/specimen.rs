@@ -14,6 +14,7 @@ use crate::carver::Runs;
 use crate::cli::reconstruct::cameras::{self, Cameras};
 use crate::cli::reconstruct::views::{self, View};
 use crate::geometry::{BoxUm, VoxelGrid};
+use crate::profile::Mask;
 use anyhow::{Context, bail};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -93,7 +94,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         }
         Objective::Vrv | Objective::Coherence => search(args, grid)?,
     };
-    println!("{report:#}");
+    say!("{report:#}");
     Ok(())
 }
 
@@ -123,7 +124,7 @@ fn read(args: &Args) -> anyhow::Result<Turn> {
     // Views without a profile tell nothing of where the axis is.
     let (shown, blank): (Vec<(View, f64)>, Vec<_>) = views.into_iter().zip(psi.omega).partition(|(view, _)| !view.is_blank());
     for (view, _) in &blank {
-        eprintln!("carved: {} is blank, and is left out", view.path.display());
+        note!("carved: {} is blank, and is left out", view.path.display());
     }
     if shown.is_empty() {
         bail!("--views {}: all images are blank; there is nothing to calibrate with", args.views.display());
@@ -145,10 +146,10 @@ fn least_squares(turn: &Turn) -> anyhow::Result<Value> {
         found.views.iter().zip(names).filter_map(|(state, name)| Some(json!({"view": name, "why": state.bad?.to_string()}))).collect();
     match judged.verdict {
         Verdict::Passed => {}
-        Verdict::NotLargest => eprintln!(
+        Verdict::NotLargest => note!(
             "carved: warning: another axis than the calibrated one leaves a larger hull: the views do not quite agree on one turn of one body"
         ),
-        Verdict::Worse => eprintln!(
+        Verdict::Worse => note!(
             "carved: warning: the camera as given leaves a larger hull than the calibrated one: the views do not show one turn of one body"
         ),
     }
@@ -168,6 +169,34 @@ fn least_squares(turn: &Turn) -> anyhow::Result<Value> {
     }))
 }
 
+/// A row of pixels meets a larva's silhouette in a few pieces: body, fins, a loop of the tail.
+const MOST_PIECES_PER_ROW: f64 = 16.0;
+
+/// Pieces into which a row of pixels falls, in the mean over the rows with any.
+fn pieces_per_row(mask: &Mask) -> f64 {
+    let (mut rows, mut pieces) = (0, 0);
+    for row in mask.data().chunks_exact(mask.width()) {
+        let begun = usize::from(row[0] != 0) + row.windows(2).filter(|pair| pair[0] == 0 && pair[1] != 0).count();
+        (rows, pieces) = (rows + usize::from(begun > 0), pieces + begun);
+    }
+    pieces as f64 / rows.max(1) as f64
+}
+
+/// Refuses what is no silhouette: each evaluation would look at every piece of it, and the search make hundreds of them.
+fn silhouettes(views: &[View]) -> anyhow::Result<()> {
+    for view in views {
+        let found = pieces_per_row(&view.mask);
+        if found > MOST_PIECES_PER_ROW {
+            bail!(
+                "{} is no silhouette: its rows fall into {found:.0} pieces in the mean, expected {MOST_PIECES_PER_ROW:.0} at most. Segment it again, or \
+                 leave it out with its angle",
+                view.path.display()
+            );
+        }
+    }
+    Ok(())
+}
+
 fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
     let usual = || ["uy", "gamma"].iter().filter_map(|name| name.parse().ok()).collect();
     let (free, refusals) = Free::new(&if args.free.is_empty() { usual() } else { args.free.clone() });
@@ -176,9 +205,10 @@ fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
         bail!("--free: nothing is left to search. {}", said.join(". "));
     }
     for refusal in &said {
-        eprintln!("carved: {refusal}");
+        note!("carved: {refusal}");
     }
     let Turn { names, views, runs, known } = read(args)?;
+    silhouettes(&views)?;
     let start = known;
     let (name, mut large) = match args.objective {
         Objective::Coherence => ("coherence", Large::Coherence(views.iter().map(|v| &v.columns).collect())),
@@ -197,7 +227,7 @@ fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
     }
     let bound: Vec<&str> = on_bound.into_iter().map(Parameter::name).collect();
     for name in &bound {
-        eprintln!("carved: warning: {name} ended on its bound; what is best may lie beyond");
+        note!("carved: warning: {name} ended on its bound; what is best may lie beyond");
     }
     Ok(json!({
         "objective": name,

@@ -47,8 +47,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         let top = top(frame);
         if (top - args.target).abs() <= NEAR {
             let found = Found { camera, exposure_us: settings.exposure_us, top, light: Light::of(frame), looks };
-            println!("{}", serde_json::to_string(&found)?);
-            eprintln!("put this into [camera]:  exposure_us = {:.1}", settings.exposure_us);
+            say!("{}", serde_json::to_string(&found)?);
+            note!("put this into [camera]:  exposure_us = {:.1}", settings.exposure_us);
             return Ok(());
         }
         let next_us = next(&settings, top, args.target);

@@ -95,7 +95,7 @@ pub fn run(args: &Args, kind: Kind) -> anyhow::Result<()> {
     };
     durable::write(&args.out, &png)?;
     durable::write(&facts_file, &durable::json_text(&facts_file, &facts)?)?;
-    println!("{}", serde_json::to_string(&facts)?);
+    say!("{}", serde_json::to_string(&facts)?);
     let next = match kind {
         Kind::Empty => {
             format!("beside the configuration file, put this into [optics]:  empty_capillary = {:?}", args.out.display().to_string())
@@ -104,7 +104,7 @@ pub fn run(args: &Args, kind: Kind) -> anyhow::Result<()> {
             "stored. Frames are compared with the empty capillary, which holds the lamp too; a flat field is applied nowhere".into()
         }
     };
-    eprintln!("{next}");
+    note!("{next}");
     Ok(())
 }
 

@@ -6,22 +6,23 @@ use crate::device::camera::{Controller, Listed, controller, discover};
 use std::fmt::Write;
 use std::net::Ipv4Addr;
 
-pub fn look() {
+pub fn look() -> anyhow::Result<()> {
     if cfg!(not(feature = "aravis")) {
-        println!("Cameras\n  this build has no driver for them: it was built without the feature aravis\n");
-        return;
+        say!("Cameras\n  this build has no driver for them: it was built without the feature aravis\n");
+        return Ok(());
     }
     let found = discover();
     if found.is_empty() {
-        println!(
+        say!(
             "No camera answers. Check its power and cable, and that this computer has an address in the camera's network; a camera behind \
              a router is selected by its address and does not answer here\n"
         );
     }
     for camera in &found {
-        println!("{}", heading(camera));
-        println!("{}", indented(&advice(camera)));
+        say!("{}", heading(camera));
+        say!("{}", indented(&advice(camera)));
     }
+    Ok(())
 }
 
 fn heading(camera: &Listed) -> String {

@@ -33,7 +33,9 @@ pub struct Args {
     baud: u32,
 }
 
-pub fn run(args: &Args) {
+/// # Errors
+/// Only output that cannot be written.
+pub fn run(args: &Args) -> anyhow::Result<()> {
     let known = serial_ports();
     let ports: Vec<SerialPortInfo> = if args.port.is_empty() {
         known
@@ -45,17 +47,18 @@ pub fn run(args: &Args) {
         args.port.iter().map(named).collect()
     };
     if ports.is_empty() {
-        println!("No serial port. Plug the controller in; `dmesg | tail` tells whether the kernel sees it.");
+        say!("No serial port. Plug the controller in; `dmesg | tail` tells whether the kernel sees it.");
     }
     for port in &ports {
-        println!("{}", heading(port));
-        println!("{}", indented(&format!("{}{}", computer::access(&port.port_name), answer(port, args.baud))));
+        say!("{}", heading(port));
+        say!("{}", indented(&format!("{}{}", computer::access(&port.port_name), answer(port, args.baud))));
     }
     if !args.no_cameras {
-        cameras::look();
+        cameras::look()?;
     }
-    println!("This computer");
-    println!("{}", indented(&computer::facts(&args.data)));
+    say!("This computer");
+    say!("{}", indented(&computer::facts(&args.data)));
+    Ok(())
 }
 
 fn usb(port: &SerialPortInfo) -> Option<&UsbPortInfo> {

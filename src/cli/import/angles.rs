@@ -8,6 +8,7 @@
 //! ```
 //! Degrees are the axis': the rig's sense makes omega of them. Rad are omega.
 
+use crate::regular;
 use anyhow::{Context, anyhow, bail, ensure};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,7 +25,7 @@ pub(super) enum Angles {
 /// Angles of `pictures`, which are file names in their order.
 pub(super) fn read(file: &Path, pictures: &[String]) -> anyhow::Result<Angles> {
     let name = || format!("--angles {}", file.display());
-    let bytes = std::fs::read(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let bytes = regular::read(file).with_context(|| format!("{}: cannot be read", name()))?;
     let text = String::from_utf8(bytes).map_err(|_| anyhow!("{}: found bytes that are no UTF-8 text; save it as plain text", name()))?;
     parse(&text, pictures).with_context(name)
 }
@@ -127,7 +128,13 @@ fn by_file(keys: &[(usize, &str)], angles: &[f64], pictures: &[String]) -> anyho
     let stem = |name: &str| Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned());
     let mut given: BTreeMap<&str, f64> = BTreeMap::new();
     for ((n, key), angle) in keys.iter().zip(angles) {
-        let base = key.rsplit(['/', '\\']).next().unwrap_or(key);
+        let mut parts = key.rsplit(['/', '\\']);
+        let base = parts.next().unwrap_or(key);
+        ensure!(
+            !parts.any(|part| part == ".."),
+            "line {n}: found {key:?}, which leads out of a folder; expected the name of one of the {} pictures",
+            pictures.len()
+        );
         let picture = pictures.iter().find(|p| p.as_str() == base).or_else(|| pictures.iter().find(|p| stem(p).as_deref() == Some(base)));
         let Some(picture) = picture else { bail!("line {n}: found {key:?}, which is none of the {} pictures", pictures.len()) };
         ensure!(given.insert(picture, *angle).is_none(), "line {n}: found {picture} a second time");
@@ -221,6 +228,8 @@ mod tests {
             ("file,angle_deg\nv0.png,0\nv1.png,1\n", "found no angle of v2.png"),
             ("file,angle_deg\nv0.png,0\nv0.png,1\n", "line 3: found v0.png a second time"),
             ("file,angle_deg\nv9.png,0\n", "none of the 3 pictures"),
+            ("file,angle_deg\nv0.png,0\n../other/v1.png,1\n", "line 3: found \"../other/v1.png\", which leads out of a folder"),
+            ("file,angle_deg\n..\\v0.png,0\n", "leads out of a folder"),
             ("view,angle_deg\n0,0\n1,1\n3,2\n", "found view 3, expected every number from 0 to 2 once"),
             ("view,angle_deg\n0,0\n1\n", "line 3: found 1 columns, the header has 2"),
         ] {

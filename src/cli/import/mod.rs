@@ -26,7 +26,6 @@ use frames::Looked;
 use rig::Rig;
 use serde_json::json;
 use std::collections::BTreeMap;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use turn::Turn;
@@ -139,7 +138,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let out = write::choose(args.out.as_deref(), &args.frames)?;
     let mut warnings = Vec::new();
     let mut warn = |doubt: String| {
-        eprintln!("carved: {doubt}");
+        note!("carved: {doubt}");
         warnings.push(doubt);
     };
     let paths = frames::list(&args.frames)?;
@@ -182,7 +181,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         "steps_per_revolution": steps,
         "angle_error_deg": imported.turn.error_deg,
     });
-    writeln!(std::io::stdout(), "{told}")?;
+    say!("{told}");
     Ok(())
 }
 

@@ -6,8 +6,11 @@ use crate::config::{Config, Method, references};
 use crate::frame::RawFrame;
 use crate::geometry::Camera;
 use crate::measure::references::References;
+use crate::regular;
 use anyhow::{Context, bail, ensure};
 use serde::Deserialize;
+use std::f64::consts::PI;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -88,10 +91,11 @@ pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> any
 }
 
 fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
-    let text = std::fs::read_to_string(file).context("cannot be read as text")?;
+    let text = regular::read_to_string(file).context("cannot be read as text")?;
     let psi: Psi =
         serde_json::from_str(&text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
     psi.camera.check()?;
+    plausible(&psi.camera)?;
     if let Some(angle) = psi.omega.iter().flatten().find(|a| !a.is_finite()) {
         bail!("omega holds {angle}, expected finite numbers of rad");
     }
@@ -101,6 +105,46 @@ fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
         warn(format!("--cameras {}: {} is no key of a camera and was not used", file.display(), unknown.join(", ")));
     }
     Ok(psi)
+}
+
+/// From a twentieth of what VAST's cameras resolve to a pixel that would be a tenth of a capillary.
+const UM_PER_PX: RangeInclusive<f64> = 0.25..=100.0;
+/// From the nearest objective to a telecentric one.
+const DISTANCE_UM: RangeInclusive<f64> = 5e3..=1e9;
+/// A capillary lies along the picture's rows, or nearly so.
+const MOST_TILT_RAD: f64 = 0.5;
+
+/// Whether a camera can be one that looks at a capillary: a value in another unit would give numbers too, wrong ones.
+fn plausible(camera: &Camera) -> anyhow::Result<()> {
+    let Camera { f, kx, ky, ux, uy, s, alpha, gamma, phi, width, height } = *camera;
+    let (least, most) = (UM_PER_PX.start(), UM_PER_PX.end());
+    for (name, k) in [("kx", kx), ("ky", ky)] {
+        let um_per_px = 1.0 / k;
+        ensure!(
+            UM_PER_PX.contains(&um_per_px),
+            "{name} is {k} px per um, so that a pixel is {um_per_px:.3e} um; expected {least} to {most} um: is it in px per um?"
+        );
+    }
+    ensure!((0.5..=2.0).contains(&(kx / ky)), "kx is {kx} and ky {ky} px per um; expected scales that differ by less than a factor of 2");
+    ensure!(
+        DISTANCE_UM.contains(&f),
+        "f is {f} um between projection centre and axis; expected {} to {:e} um: is it in mm?",
+        DISTANCE_UM.start(),
+        DISTANCE_UM.end()
+    );
+    let (w, h) = (f64::from(width), f64::from(height));
+    ensure!((0.0..h).contains(&uy), "uy is {uy} px; expected a row of the picture, 0 to {}: the axis is in view", h - 1.0);
+    ensure!((-w..2.0 * w).contains(&ux), "ux is {ux} px; expected {} to {}, no more than a picture beside the picture", -w, 2.0 * w);
+    ensure!(s.abs() <= kx, "s is {s} px per um; expected no more than kx, {kx}");
+    for (name, found) in [("alpha", alpha), ("gamma", gamma)] {
+        ensure!(
+            found.abs() <= MOST_TILT_RAD,
+            "{name} is {found} rad, {:.1} deg; expected -{MOST_TILT_RAD} to {MOST_TILT_RAD} rad: is it in degrees?",
+            found.to_degrees()
+        );
+    }
+    ensure!((0.0..=PI).contains(&phi), "phi is {phi} rad; expected 0 to {PI:.4}, nominally {:.4}: is it in degrees?", PI / 2.0);
+    Ok(())
 }
 
 /// The configuration's method, or that of the emulated rig.

@@ -8,6 +8,7 @@
 //! ```
 
 use crate::geometry::{Camera, Projection};
+use crate::regular;
 use anyhow::{Context, anyhow, bail};
 use nalgebra::{Matrix3, Matrix3x4};
 use serde::Deserialize;
@@ -46,7 +47,7 @@ impl Cameras {
 
 pub(in crate::cli) fn read(file: &Path) -> anyhow::Result<Cameras> {
     let name = || format!("--cameras {}", file.display());
-    let bytes = std::fs::read(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let bytes = regular::read(file).with_context(|| format!("{}: cannot be read", name()))?;
     let text =
         String::from_utf8(bytes).map_err(|_| anyhow!("{}: found bytes that are no text, expected JSON or lines of 12 numbers", name()))?;
     parse(&text).with_context(name)

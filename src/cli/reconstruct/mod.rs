@@ -16,6 +16,7 @@ mod report;
 mod turntable;
 pub(super) mod views;
 
+use crate::cli::output::PIPE_CLOSED;
 use crate::cli::told;
 use crate::geometry::{BoxUm, VoxelGrid};
 use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
@@ -110,8 +111,9 @@ fn parse_box(text: &str) -> Result<BoxUm, String> {
 fn say(answer: &serde_json::Value, code: ExitCode) -> ExitCode {
     match writeln!(std::io::stdout().lock(), "{answer:#}") {
         Ok(()) => code,
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => ExitCode::from(PIPE_CLOSED),
         Err(error) => {
-            eprintln!("carved: the answer could not be printed: {error}");
+            note!("carved: the answer could not be printed: {error}");
             ExitCode::FAILURE
         }
     }
@@ -124,7 +126,7 @@ pub fn run(args: &Args) -> ExitCode {
         Err(error) => {
             let flags: Vec<&str> = error.downcast_ref::<measured::Refusal>().map(measured::Refusal::flag).into_iter().collect();
             let error = told(&error);
-            eprintln!("carved: {error}");
+            note!("carved: {error}");
             say(&serde_json::json!({"flags": flags, "error": error}), ExitCode::from(REFUSED))
         }
     }
@@ -191,7 +193,7 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     };
     clock.split("write");
     for doubt in &measured.doubts {
-        eprintln!("carved: {doubt}");
+        note!("carved: {doubt}");
     }
     let report = report::report(&measured, &views, &cameras, &grid, mesh_path.as_deref(), &clock)?;
     let report = table.iter().fold(report, turntable::told);

@@ -2,9 +2,12 @@
 
 use crate::carver::Leaves;
 use crate::profile::{Columns, Mask};
+use crate::regular;
 use anyhow::{Context, bail};
 use image::{ImageFormat, ImageReader};
 use rayon::prelude::*;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
 pub(in crate::cli) struct View {
@@ -45,26 +48,40 @@ pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
     if paths.is_empty() {
         bail!("--views {}: found no .png or .pgm file, expected one per view", folder.display());
     }
-    // All are read before any is judged: the first that fails is the one told, on any number of threads.
-    let views: Vec<View> = paths.into_par_iter().map(view).collect::<Vec<_>>().into_iter().collect::<anyhow::Result<_>>()?;
-    let size = |view: &View| (view.mask.width(), view.mask.height());
-    if let Some(other) = views.iter().find(|v| size(v) != size(&views[0])) {
-        let ((w, h), (w0, h0)) = (size(other), size(&views[0]));
-        bail!("{} is {w} x {h} px, expected {w0} x {h0} as {}", other.path.display(), views[0].name());
+    // By their heads, before any is decoded: one large picture among the views would take minutes and gigabytes.
+    let mut first = None;
+    for path in &paths {
+        let (w, h) = reader(path)?.into_dimensions().with_context(|| unreadable(path))?;
+        let (w0, h0) = *first.get_or_insert((w, h));
+        if (w, h) != (w0, h0) {
+            let name = paths[0].file_name().unwrap_or_default().display();
+            bail!("{} is {w} x {h} px, expected {w0} x {h0} as {name}", path.display());
+        }
     }
-    Ok(views)
+    // All are read before any is judged: the first that fails is the one told, on any number of threads.
+    paths.into_par_iter().map(view).collect::<Vec<_>>().into_iter().collect()
+}
+
+fn unreadable(path: &Path) -> String {
+    format!("{}: not a readable PNG or PGM", path.display())
+}
+
+/// A picture's file, of which the kind is known.
+fn reader(path: &Path) -> anyhow::Result<ImageReader<BufReader<File>>> {
+    let name = || path.display().to_string();
+    let file = regular::open(path).with_context(name)?;
+    let reader = ImageReader::new(BufReader::new(file)).with_guessed_format().with_context(name)?;
+    match reader.format() {
+        Some(ImageFormat::Png | ImageFormat::Pnm) => Ok(reader),
+        Some(other) => bail!("{}: found an image of format {other:?}, expected PNG or PGM", name()),
+        None => bail!("{}: found no image, expected PNG or PGM", name()),
+    }
 }
 
 /// Grey is coverage; what is transparent is not covered. A view may be blank.
 fn view(path: PathBuf) -> anyhow::Result<View> {
     let name = || path.display().to_string();
-    let reader = ImageReader::open(&path).with_context(name)?.with_guessed_format().with_context(name)?;
-    match reader.format() {
-        Some(ImageFormat::Png | ImageFormat::Pnm) => {}
-        Some(other) => bail!("{}: found an image of format {other:?}, expected PNG or PGM", name()),
-        None => bail!("{}: found no image, expected PNG or PGM", name()),
-    }
-    let image = reader.decode().with_context(|| format!("{}: not a readable PNG or PGM", name()))?;
+    let image = reader(&path)?.decode().with_context(|| unreadable(&path))?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     let pixels = image.into_luma_alpha8();
     let coverage: Vec<u8> = pixels.pixels().map(|p| ((u32::from(p[0]) * u32::from(p[1]) + 127) / 255) as u8).collect();

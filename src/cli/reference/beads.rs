@@ -24,6 +24,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let n = diameters_um.len();
     let score = BeadScore::of(&diameters_um, args.nominal_um)
         .with_context(|| format!("{n} bead(s) found; a score needs 3 or more, of different diameters"))?;
-    println!("{}", serde_json::to_string_pretty(&score)?);
+    say!("{}", serde_json::to_string_pretty(&score)?);
     Ok(())
 }

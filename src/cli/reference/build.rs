@@ -37,7 +37,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let controls = read(args)?;
     let Summaries { groups, refusals, warnings } = summarise(&controls, &args.source);
     for warning in warnings {
-        eprintln!("warning: {warning}");
+        note!("warning: {warning}");
     }
     let refused = refusals.iter().map(|r| format!("  {r}")).collect::<Vec<_>>();
     ensure!(refused.is_empty(), "{} group(s) cannot be made, nothing is written:\n{}", refused.len(), refused.join("\n"));
@@ -48,8 +48,8 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     ensure!(breaches.is_empty(), "{}", breaches.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n"));
     let text = toml::to_string(&references).context("the references as TOML")?;
     durable::write(&args.out, format!("# Made by carved {} reference build.\n\n{text}", env!("CARGO_PKG_VERSION")).as_bytes())?;
-    print!("{}", show::table(&references));
-    println!("Written: {}", args.out.display());
+    say!("{}", show::table(&references).trim_end());
+    say!("Written: {}", args.out.display());
     Ok(())
 }
 
@@ -63,7 +63,7 @@ fn read(args: &Args) -> anyhow::Result<Vec<Control>> {
         }
         match controls::of_recording(&RecordingReader::open(&path)?, &args.words, args.with_flagged)? {
             Ok(controls) => all.extend(controls),
-            Err(reason) => eprintln!("left out: {}: {reason}", path.display()),
+            Err(reason) => note!("left out: {}: {reason}", path.display()),
         }
     }
     if all.is_empty() {

@@ -1,6 +1,7 @@
 //! Control larvae out of recordings and tables.
 
 use crate::measure::references::{Control, VOXEL, estimates};
+use crate::regular;
 use crate::session::Mode;
 use crate::store::{MeasurementFile, Recording, RecordingReader};
 use anyhow::{Context, bail};
@@ -47,11 +48,8 @@ struct Row {
 
 /// The rows of a CSV file.
 pub fn of_table(path: &Path, words: &Words) -> anyhow::Result<Vec<Control>> {
-    let mut reader = csv::ReaderBuilder::new()
-        .trim(csv::Trim::All)
-        .comment(Some(b'#'))
-        .from_path(path)
-        .with_context(|| format!("{}: cannot read the table", path.display()))?;
+    let file = regular::open(path).with_context(|| format!("{}: cannot read the table", path.display()))?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
     let mut controls = Vec::new();
     let mut line = reader.position().line();
     let headers = reader.headers().with_context(|| path.display().to_string())?.clone();

@@ -15,7 +15,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         Some(file) => vec![references::load(file)?],
         None => references::embedded()?.to_vec(),
     };
-    print!("{}", all.iter().map(table).collect::<Vec<_>>().join("\n"));
+    say!("{}", all.iter().map(table).collect::<Vec<_>>().join("\n").trim_end());
     Ok(())
 }
 

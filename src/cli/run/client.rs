@@ -1,6 +1,7 @@
 //! One daemon, asked over HTTP: what can be asked again is, until patience ends, and `Retry-After` is honoured.
 
 use crate::http::Problem;
+use crate::regular;
 use crate::session::Status;
 use anyhow::{Context, bail};
 use serde_json::Value;
@@ -67,7 +68,7 @@ impl Client {
             );
         }
         let token =
-            daemon.token_file.as_ref().map(|path| std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display())));
+            daemon.token_file.as_ref().map(|path| regular::read_to_string(path).with_context(|| format!("cannot read {}", path.display())));
         let agent = ureq::Agent::config_builder()
             .http_status_as_error(false)
             .timeout_connect(Some(CONNECT))

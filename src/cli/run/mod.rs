@@ -87,7 +87,7 @@ fn steer(args: &SteerArgs, verb: &str) -> anyhow::Result<()> {
     client.send("POST", &format!("/v1/runs/{}/{verb}", client::segment(&run)), None)?;
     let status = client.status()?;
     let taken = if status.revision == before { "changes nothing" } else { "is accepted" };
-    println!("{verb} of run {run} {taken}. {}", status.doing);
+    say!("{verb} of run {run} {taken}. {}", status.doing);
     Ok(())
 }
 
@@ -97,9 +97,9 @@ fn carry_out(command: &Command) -> anyhow::Result<ExitCode> {
         Command::Status(args) => {
             let client = Client::new(&args.daemon)?;
             if args.json {
-                println!("{}", serde_json::to_string_pretty(&client.send("GET", "/v1/status", None)?)?);
+                say!("{}", serde_json::to_string_pretty(&client.send("GET", "/v1/status", None)?)?);
             } else {
-                print!("{}", show::status(&client.status()?));
+                say!("{}", show::status(&client.status()?).trim_end());
             }
         }
         Command::Hold(args) => steer(args, "hold")?,
@@ -123,8 +123,8 @@ pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
         // A plan with mistakes is an answer of its own: every one is printed, and has its own code.
         Err(error) => match error.downcast_ref::<Failure>() {
             Some(Failure::Refused(problem)) if !problem.errors.is_empty() => {
-                problem.errors.iter().for_each(|mistake| eprintln!("{mistake}"));
-                eprintln!("{} mistake(s); nothing was started", problem.errors.len());
+                problem.errors.iter().for_each(|mistake| note!("{mistake}"));
+                note!("{} mistake(s); nothing was started", problem.errors.len());
                 Ok(ExitCode::from(super::plate::MISTAKES))
             }
             _ => Err(error),

@@ -59,8 +59,8 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
     };
     client.send("PUT", &format!("/v1/runs/{}", segment(&id)), Some(&serde_json::to_value(plan)?))?;
     for note in &map.notes {
-        println!("{}: {note}", args.plate_map.display());
+        say!("{}: {note}", args.plate_map.display());
     }
-    println!("run {id} of {wells} well(s) is on the instrument's disk; `carved run watch` follows it");
+    say!("run {id} of {wells} well(s) is on the instrument's disk; `carved run watch` follows it");
     if args.watch { watch::follow(&client, &id) } else { Ok(ExitCode::SUCCESS) }
 }

@@ -48,17 +48,24 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
         };
         let lines = told.news(shown, status.mode, &status.faults);
         // The bar makes room for lines; where it is not drawn they are printed all the same.
-        bar.suspend(|| lines.iter().for_each(|line| println!("{line}")));
+        bar.suspend(|| printed(&lines))?;
         bar.set_length(shown.wells.total.into());
         bar.set_position((shown.wells.total - shown.wells.pending).into());
         bar.set_message(status.doing.clone());
         if let Some(outcome) = shown.outcome {
             bar.finish_and_clear();
-            println!("{}", show::end(shown, status.mode));
+            say!("{}", show::end(shown, status.mode));
             return Ok(ExitCode::from(code_of(outcome)));
         }
         status = client.status_after(status.revision)?;
     }
+}
+
+fn printed(lines: &[String]) -> anyhow::Result<()> {
+    for line in lines {
+        say!("{line}");
+    }
+    Ok(())
 }
 
 /// The end of a run that the status has no more, from the store.
@@ -67,8 +74,8 @@ fn ended(client: &Client, run: &str, told: &mut Told) -> anyhow::Result<ExitCode
     let other = "the stored run is of another version of carved than this program's";
     let mode: Mode = serde_json::from_value(stored["mode"].clone()).context(other)?;
     let stored: RunStatus = serde_json::from_value(stored).context(other)?;
-    told.news(&stored, mode, &[]).iter().for_each(|line| println!("{line}"));
+    printed(&told.news(&stored, mode, &[]))?;
     let Some(outcome) = stored.outcome else { bail!("run {run} has no outcome, and the instrument does not work on it: ask again") };
-    println!("{}", show::end(&stored, mode));
+    say!("{}", show::end(&stored, mode));
     Ok(ExitCode::from(code_of(outcome)))
 }

@@ -3,6 +3,7 @@
 use super::mosaic;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::hash::sha256_hex;
+use crate::regular;
 use anyhow::{Context, bail};
 use image::{DynamicImage, ImageReader};
 use std::io::Cursor;
@@ -41,12 +42,7 @@ impl std::fmt::Display for Kind {
 
 /// Alpha is left out: what a picture shows where it is transparent is not known to be light.
 pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
-    // A pipe would be waited for, and nobody may ever write to it.
-    let kind = std::fs::metadata(path).context("cannot be read")?.file_type();
-    if !kind.is_file() {
-        bail!("found {}, expected a picture's file", if kind.is_dir() { "a folder" } else { "a pipe or device" });
-    }
-    let bytes = std::fs::read(path).context("cannot be read")?;
+    let bytes = regular::read(path).context("cannot be read")?;
     let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().context("cannot be read")?;
     if reader.format().is_none() {
         bail!("found no picture, expected PNG, JPEG, TIFF or BMP");

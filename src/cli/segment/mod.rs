@@ -16,6 +16,7 @@ mod output;
 mod overlay;
 
 use crate::profile::{Method, Picture, SegmentSettings, Segmenters};
+use crate::regular;
 use anyhow::{Context, bail};
 use empty::Empty;
 use output::{Names, Report};
@@ -135,7 +136,7 @@ fn settings(args: &Args) -> anyhow::Result<SegmentSettings> {
 
 pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
     let name = || format!("--settings {}", file.display());
-    let text = std::fs::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let text = regular::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
     let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;
     let breaches: Vec<String> = settings.check().iter().map(ToString::to_string).collect();
     if !breaches.is_empty() {

@@ -20,10 +20,10 @@ pub enum Job {
 impl Job {
     pub async fn run(self, handle: SessionHandle, data: &Path) -> anyhow::Result<()> {
         if let (Self::Demo, Some(open)) = (&self, left_open(&handle).await) {
-            println!("Run {} was left open by an earlier daemon; it goes on before any other.", open.id);
+            announce!("Run {} was left open by an earlier daemon; it goes on before any other.", open.id);
             let Some(run) = finished(&handle, &open.id).await else { return Ok(()) };
-            print!("{}", table(&run, &data.join("runs").join(&run.id)));
-            println!("Serving on. Ctrl-C ends it.");
+            announce!("{}", table(&run, &data.join("runs").join(&run.id)).trim_end());
+            announce!("Serving on. Ctrl-C ends it.");
             return Ok(());
         }
         let (prefix, plan) = match &self {
@@ -38,11 +38,11 @@ impl Job {
         let Some(run) = run else { return Ok(()) };
         if let Self::Replay { recorded, name, .. } = &self {
             let replayed = data.join("runs").join(&id).join(&well).join(MEASUREMENT);
-            println!("{}", compare(recorded, name, &replayed)?);
+            announce!("{}", compare(recorded, name, &replayed)?);
         } else {
-            print!("{}", table(&run, &data.join("runs").join(&id)));
+            announce!("{}", table(&run, &data.join("runs").join(&id)).trim_end());
         }
-        println!("Serving on. Ctrl-C ends it.");
+        announce!("Serving on. Ctrl-C ends it.");
         Ok(())
     }
 }

@@ -89,9 +89,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let path = document::write(&args.out, &head(args), &sections)?;
     let goals = || sections.iter().flat_map(|s| &s.goals);
     for goal in goals().filter(|g| !g.passed) {
-        println!("missed: {}: {}", goal.asked, goal.found);
+        say!("missed: {}: {}", goal.asked, goal.found);
     }
-    println!("{} of {} goals met: {}", goals().filter(|g| g.passed).count(), goals().count(), path.display());
+    say!("{} of {} goals met: {}", goals().filter(|g| g.passed).count(), goals().count(), path.display());
     Ok(())
 }
 

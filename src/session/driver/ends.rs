@@ -46,6 +46,8 @@ impl Running {
                 && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
             {
                 slot.end(SpecimenOutcome::Interrupted, Some(reason));
+                let run = active.record.id.clone();
+                self.seal_well(&run, &well);
             }
             let data = json!({ "reason": reason, "policy": policy, "kept": kept });
             self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
@@ -101,6 +103,7 @@ impl Running {
         let Some(active) = &self.active else { return };
         let mut record = active.record.clone();
         record.end(RunOutcome::of_wells(&record.wells));
+        self.seal_run(&record.id);
         gate::keep(&self.config, &self.store.run_folder(&record.id));
         let told = self.flush().and_then(|()| self.store.save_run(&record));
         let told = told.and_then(|()| self.promise(kind::RUN_ENDED, None, ended(&record)));
@@ -138,6 +141,7 @@ impl Running {
             Asked::Stop => RunOutcome::of_stopped(&record.wells),
             _ => RunOutcome::Interrupted,
         });
+        self.seal_run(&record.id);
         gate::keep(&self.config, &self.store.run_folder(&record.id));
         self.save(record.clone());
         self.event(kind::RUN_ENDED, None, ended(&record));

@@ -23,6 +23,7 @@ mod progress;
 mod publish;
 mod recall;
 mod recovery;
+mod sealing;
 mod start;
 #[cfg(test)]
 mod tests;

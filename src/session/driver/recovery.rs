@@ -282,6 +282,8 @@ impl Running {
         active.resumed_by_itself = 0;
         active.recoveries.remove(&result.well);
         let record = active.record.clone();
+        // Closed already where it has numbers.
+        self.seal_well(&record.id, &result.well);
         let status = run_status(&record);
         self.save(record);
         self.publish(|s| s.run = Some(status));

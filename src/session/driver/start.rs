@@ -93,6 +93,7 @@ impl Running {
         };
         let newest = open.pop_if(|run| run.mode == self.mode);
         for mut run in open {
+            self.seal_run(&run.id);
             run.end_interrupted();
             let id = run.id.clone();
             self.save(run);

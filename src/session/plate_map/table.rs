@@ -12,6 +12,10 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
     };
     let (told, text, lines_before) = told_delimiter(&text);
     let delimiter = told.unwrap_or_else(|| likely_delimiter(text));
+    if let Some(line) = unclosed_quote(text, delimiter) {
+        let detail = "a quote opens a cell here and is never closed: everything behind it would be one cell; close it, or take it away";
+        return reading.wrong(Mistake::in_line(lines_before + line, "", detail));
+    }
     let decimal = match delimiter {
         b';' => Decimal::Comma,
         b',' => Decimal::Point,
@@ -68,6 +72,26 @@ fn likely_delimiter(text: &str) -> u8 {
     };
     // The last of equals is taken: the comma.
     [b'\t', b';', b','].into_iter().max_by_key(|&d| rate(d)).unwrap_or(b',')
+}
+
+/// The line, from 1, of a quote that the text ends in. The reader takes such a text for one last cell. As for the reader, a quote opens
+/// only at the beginning of a cell, and two of them in a quoted cell are one that is meant.
+fn unclosed_quote(text: &str, delimiter: u8) -> Option<u64> {
+    let (mut line, mut opened, mut begins) = (1, None, true);
+    let mut bytes = text.bytes().peekable();
+    while let Some(byte) = bytes.next() {
+        line += u64::from(byte == b'\n');
+        match (opened, byte) {
+            (Some(_), b'"') if bytes.peek() == Some(&b'"') => {
+                bytes.next();
+            }
+            (Some(_), b'"') => opened = None,
+            (None, b'"') if begins => opened = Some(line),
+            _ => {}
+        }
+        begins = opened.is_none() && (byte == delimiter || byte == b'\n');
+    }
+    opened
 }
 
 /// The column of each heading; nothing of one without a name.

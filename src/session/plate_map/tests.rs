@@ -128,6 +128,28 @@ fn a_file_of_another_form_is_refused_by_what_is_wrong_with_it() {
     assert!(refused("well,\nA01,\nA02,x\n")[0].starts_with("line 3: \"x\" stands in a column without a heading"));
     // An open quote swallows the rest: its line is named.
     assert!(refused("well,compound\nA01,x\nA02,\"y\nA03,z\n")[0].starts_with("line 3"));
+    for (open, line) in [
+        ("well,compound\nA01,x\nA02,\"y\n", 3),
+        ("well,compound\nA01,x\nA02,\"y", 3),
+        ("well\nA01\n\"A02", 3),
+        ("well\n\"A01", 2),
+        ("\"well\nA01\n", 1),
+        ("well,compound\nA01,\"y \"\"z\n", 2),
+        ("well,compound\n\"A01\",\"two\nlines\"\nA02,\"y\n", 4),
+        ("sep=;\nwell;compound\r\nA01;\"y\r\n", 3),
+    ] {
+        let said = refused(open);
+        assert!(said.len() == 1 && said[0].starts_with(&format!("line {line}: a quote opens")), "{open:?}: {said:?}");
+    }
+    // Quotes that are closed, or within a cell, are none.
+    for sound in [
+        "well,compound\nA01,\"y \"\"z\"\n",
+        "well,compound\nA01,5\" plate\n",
+        "well,compound\nA01,\"\"\n",
+        "well,strain\n\"A01\",\"AB, wild\"\n",
+    ] {
+        assert!(csv(sound).is_ok(), "{sound:?}: {:?}", csv(sound));
+    }
     assert!(
         read(b"well,compound\r\nA01,x\r\nA02,\xb5\r\n", Format::Csv, None).unwrap_err()[0].to_string().starts_with("line 3: the byte 0xb5")
     );

@@ -178,6 +178,30 @@ fn existing(root: &Path) -> Result<(Connection, Found), StoreError> {
     Ok((connection, found))
 }
 
+/// How far the index has followed the journal: to which byte, and to which event. Nowhere where it cannot say, or where the journal does
+/// not go on from there.
+pub(super) fn followed(root: &Path) -> (u64, u64) {
+    let (bytes, newest) = query::followed(root).unwrap_or_default();
+    if refresh::goes_on(&root.join(super::journal::FILE), bytes, newest) { (bytes, newest) } else { (0, 0) }
+}
+
+/// Removes the index; the next that opens it makes it anew.
+pub(super) fn remove(root: &Path) -> Result<(), StoreError> {
+    removed(&root.join(FILE))
+}
+
+/// A database with its log, where it is there.
+fn removed(path: &Path) -> Result<(), StoreError> {
+    for end in ["", "-wal", "-shm"] {
+        let path = path.with_file_name(format!("{}{end}", path.file_name().unwrap_or_default().display()));
+        match std::fs::remove_file(&path) {
+            Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(StoreError::io("remove", &path)(e)),
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// Names of the run folders.
 pub(super) fn run_names(root: &Path) -> Result<Vec<String>, StoreError> {
     Ok(refresh::folders(root)?.into_keys().collect())
@@ -204,22 +228,13 @@ pub(super) fn follow_prune(root: &Path, id: &str) -> Result<(), StoreError> {
 pub(super) fn rebuild(root: &Path) -> Result<(Connection, Found), StoreError> {
     let path = root.join(FILE);
     let new = root.join("index.sqlite.new");
-    let with = |path: &Path, end: &str| path.with_file_name(format!("{}{end}", path.file_name().unwrap_or_default().display()));
-    let remove = |path: &Path| match std::fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(StoreError::io("remove", path)(e)),
-        _ => Ok(()),
-    };
-    for end in ["", "-wal", "-shm"] {
-        remove(&with(&new, end))?;
-    }
+    removed(&new)?;
     let mut connection = connect(&new)?;
     tables::migrate(&mut connection, &new)?;
     let found = in_one(&mut connection, |tx| refresh::all(tx, root)).map_err(failed("be made", &new))?;
     // Closing it takes its log in.
     connection.close().map_err(|(_, e)| failed("be closed", &new)(e))?;
-    for end in ["", "-wal", "-shm"] {
-        remove(&with(&path, end))?;
-    }
+    removed(&path)?;
     std::fs::rename(&new, &path).map_err(StoreError::io("rename", &new))?;
     durable::sync_folder(root)?;
     Ok((connect(&path)?, found))

@@ -186,6 +186,13 @@ pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Ev
     select.query_map(kinds, event_row)?.collect()
 }
 
+/// Length of the journal as far as it is indexed, and its newest event there.
+pub fn followed(root: &Path) -> Result<(u64, u64), StoreError> {
+    ask(root, |c| {
+        c.query_row("SELECT journal_bytes, (SELECT COALESCE(MAX(id), 0) FROM events) FROM place", [], |row| Ok((row.get(0)?, row.get(1)?)))
+    })
+}
+
 pub fn used_bytes(root: &Path) -> Result<u64, StoreError> {
     ask(root, |c| c.query_row("SELECT COALESCE(SUM(bytes), 0) FROM specimens", [], |row| row.get(0)))
 }

@@ -1,11 +1,11 @@
 //! Bringing the index up to what is on disk; from an empty one that is a rebuild.
 
 use super::rows;
+use crate::regular;
 use crate::session::Event;
 use crate::store::{RunRecord, StoreError, journal, run};
 use rusqlite::Connection;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -101,7 +101,7 @@ fn events(c: &Connection, path: &Path) -> rusqlite::Result<()> {
         c.execute_batch("DELETE FROM events; DELETE FROM faults; UPDATE place SET journal_bytes = 0")?;
         from = 0;
     }
-    let Ok(file) = File::open(path) else { return Ok(()) };
+    let Ok(file) = regular::open(path) else { return Ok(()) };
     let mut reader = BufReader::new(file);
     reader.seek(SeekFrom::Start(from)).map_err(unfit)?;
     let mut line = Vec::new();
@@ -121,12 +121,12 @@ fn events(c: &Connection, path: &Path) -> rusqlite::Result<()> {
 }
 
 /// Whether the line that ends at `from` is the event that was indexed last.
-fn goes_on(path: &Path, from: u64, newest: u64) -> bool {
+pub(super) fn goes_on(path: &Path, from: u64, newest: u64) -> bool {
     if from == 0 {
         return newest == 0;
     }
     let before = || {
-        let mut file = File::open(path).ok()?;
+        let mut file = regular::open(path).ok()?;
         let length = from.min(1024 * 1024);
         (file.metadata().ok()?.len() >= from).then_some(())?;
         file.seek(SeekFrom::Start(from - length)).ok()?;

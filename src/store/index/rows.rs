@@ -1,6 +1,7 @@
 //! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
 
 use crate::hash::sha256_hex;
+use crate::regular;
 use crate::session::{Event, WellStatus, kind};
 use crate::store::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
 use rusqlite::{Connection, OptionalExtension, params};
@@ -136,7 +137,7 @@ fn put_specimen(
 
 /// A JSON file and the hash of its bytes; none where it is not there or no JSON, which is for whoever reads the recording to tell.
 fn json(path: &Path) -> Option<(String, Value)> {
-    let text = std::fs::read(path).ok()?;
+    let text = regular::read(path).ok()?;
     Some((sha256_hex(&text), serde_json::from_slice(&text).ok()?))
 }
 

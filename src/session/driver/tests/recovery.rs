@@ -48,6 +48,41 @@ fn numbers_on_which_the_daemon_dies_each_time_are_tried_three_times() {
     });
 }
 
+fn has_sums(b: &Bench, well: &str) -> bool {
+    b.d.store.run_folder(RUN).join(well).join("SHA256SUMS").is_file()
+}
+
+/// Whatever ends a well, what it keeps can be verified.
+#[test]
+fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
+    on_this_thread(async {
+        let dir = scratch();
+        drop(let_go(dir.path(), &["A01", "A02"]));
+        for _attempt in 1..=3 {
+            drop(bench(dir.path(), true));
+        }
+        let b = bench(dir.path(), true);
+        assert!(of_well(&b, 0).outcome == Some(SpecimenOutcome::Failed) && has_sums(&b, "A01"));
+
+        // Cut off in the middle of its turn, and given up by the method's policy.
+        let dir = scratch();
+        let mut b = started(dir.path(), true, &["A01", "A02"]);
+        let active = b.d.active.as_mut().unwrap();
+        active.record.method.policy.interrupted = crate::config::Interrupted::Skip;
+        active.under_way.insert("A01".into(), crate::session::eta::UnderWay::default());
+        let recording = a_recording(RUN, &active.record.plan.plate_map[0]);
+        drop(RecordingWriter::create(&b.d.store.run_folder(RUN).join("A01"), recording, None).unwrap());
+        b.d.interrupt_specimen("the power was cut");
+        assert!(has_sums(&b, "A01"), "skipped by policy");
+
+        // Left by a crash and never begun again: the run's end seals it, whatever that is.
+        let recording = a_recording(RUN, &b.d.active.as_ref().unwrap().record.plan.plate_map[1]);
+        drop(RecordingWriter::create(&b.d.store.run_folder(RUN).join("A02.attempt-1"), recording, None).unwrap());
+        b.d.end_now();
+        assert!(has_sums(&b, "A02.attempt-1"), "at the end of the run");
+    });
+}
+
 /// It was the disk that kept the numbers from being made.
 #[test]
 fn a_disk_that_failed_meanwhile_is_no_attempt() {

@@ -1,0 +1,44 @@
+//! The sums of what wells keep whose records nobody closed: their writer ended with the daemon, or their numbers are given up.
+
+use super::Running;
+use crate::store::{self, StoreError};
+use std::path::{Path, PathBuf};
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+/// Longest that the driver waits for sums: on a disk that hangs they are written later or never, and the watchdog must not take the
+/// driver for dead.
+const WAIT: Duration = Duration::from_secs(3);
+
+/// Hashes on a thread of its own, and waits for it as long as the driver may.
+fn within(folder: PathBuf, seal: fn(&Path) -> Result<(), StoreError>) {
+    let (tell, done) = channel();
+    let of = folder.clone();
+    let spawned = std::thread::Builder::new().name("sums".into()).spawn(move || {
+        if let Err(error) = seal(&of) {
+            tracing::error!(%error, "what is kept of a well has no SHA256SUMS");
+        }
+        // The driver may not wait any more.
+        let _nobody = tell.send(());
+    });
+    match spawned {
+        Err(error) => tracing::error!(%error, "no thread for the sums of what is kept"),
+        Ok(_) => {
+            if done.recv_timeout(WAIT).is_err() {
+                tracing::warn!(folder = %folder.display(), "the sums of what is kept take long; the disk may hang");
+            }
+        }
+    }
+}
+
+impl Running {
+    /// Of a well of the run under way that is over.
+    pub(super) fn seal_well(&self, run: &str, well: &str) {
+        within(self.store.run_folder(run).join(well), store::seal);
+    }
+
+    /// Of every well of a run that ends.
+    pub(super) fn seal_run(&self, run: &str) {
+        within(self.store.run_folder(run), store::seal_run);
+    }
+}
