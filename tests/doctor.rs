@@ -77,6 +77,10 @@ fn trinamic_modules_and_zaber_controllers_are_known_without_being_moved() {
             Controller::Zaber(hardware_sim::zaber::Settings::default()),
             ["Zaber, ASCII protocol: @01", "driver = \"zaber\"", "config/vast-zaber.toml"],
         ),
+        (
+            Controller::Zaber(hardware_sim::zaber::Settings { slash_first: true, ..hardware_sim::zaber::Settings::default() }),
+            ["Zaber, ASCII protocol: @01", "driver = \"zaber\"", "config/vast-zaber.toml"],
+        ),
     ] {
         let said = examined(&rig(controller));
         for part in parts {

@@ -172,6 +172,90 @@ fn a_late_answer_at_any_place_of_a_move_is_never_in_the_wrong_field() {
     late_answers(12, 101, &rig, &mut axis, STEPS);
 }
 
+/// Each answer names its command only: one too many would stand for the next one's, and so would every later one.
+#[test]
+fn a_motor_that_is_held_is_seen_whichever_answer_of_the_move_comes_twice() {
+    std::thread::scope(|scope| {
+        for doubled in 0..16 {
+            scope.spawn(move || {
+                let rig = rig(Settings::default().with(181, 100));
+                let mut axis = referenced(armed(&rig));
+                rig.faults().motors().stall_after(1, 300);
+                rig.faults().serial().double_answer_after(doubled);
+                let error = axis.move_to(Steps(12_800)).unwrap_err();
+                let seen = matches!(&error, DeviceError::Skew { .. })
+                    || matches!(&error, DeviceError::Stalled { motor, .. } if motor == "motor 1");
+                assert!(seen, "answer {doubled} twice: {error}");
+                stand(&rig);
+                assert!(motors(&rig)[0] < 6_400.0, "answer {doubled} twice: {:?}, the other motor went on", motors(&rig));
+            });
+        }
+    });
+}
+
+#[test]
+fn answers_that_come_twice_cost_no_move() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    for doubled in 0..16 {
+        rig.faults().serial().double_answer_after(u32::try_from(doubled).unwrap());
+        let target = Steps(101 * (doubled + 1));
+        assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {doubled} twice: {e}")).steps, target);
+        assert!((turns(&rig) - target.0 as f64 / STEPS).abs() < 1e-9);
+    }
+}
+
+/// Twice as late as the driver waits, and so are the answers to what it does about it.
+#[test]
+fn late_answers_in_the_middle_of_a_move_cost_time_and_not_the_move() {
+    std::thread::scope(|scope| {
+        for (late, count) in [(8, 1), (9, 2), (10, 3), (11, 5), (12, 8), (13, 3)] {
+            scope.spawn(move || {
+                let rig = rig(Settings::default());
+                let mut axis = referenced(settings(&rig));
+                rig.faults().serial().delay_some_answers_after(late, count, std::time::Duration::from_millis(400));
+                let arrived = axis.move_to(Steps(3200)).unwrap_or_else(|e| panic!("{count} answers late from {late} on: {e}"));
+                assert_eq!(arrived, Achieved { steps: Steps(3200), epoch: 1 });
+                assert!((turns(&rig) - 0.5).abs() < 1e-9);
+                assert_eq!(motors(&rig)[0].to_bits(), motors(&rig)[1].to_bits(), "the glass is free of twist");
+            });
+        }
+    });
+}
+
+/// By five steps more than it may be: too few for the search to see that one motor comes late to its switch.
+#[test]
+fn a_pair_that_stands_apart_is_not_homed_before_a_person_was_told() {
+    let rig = rig(Settings::default());
+    drop(referenced(settings(&rig)));
+    let apart = MAX_SKEW as i32 + 5;
+    let [_, _, high, low] = apart.to_be_bytes();
+    let mut go = vec![1, 4, 0, 1, 0, 0, high, low];
+    go.push(go.iter().fold(0, |sum: u8, b| sum.wrapping_add(*b)));
+    let begin = motors(&rig);
+    std::fs::OpenOptions::new().write(true).open(rig.serial_path()).unwrap().write_all(&go).unwrap();
+    until("the second motor to stand apart", || motors(&rig)[1] > begin[1] + f64::from(apart) - 0.5);
+    stand(&rig);
+    let apart = motors(&rig);
+    let mut axis = Tmcl::open(settings(&rig)).unwrap();
+    let error = axis.reference(&CancelToken::new()).unwrap_err();
+    assert!(matches!(error, DeviceError::Skew { first: Steps(0), second: Steps(645), limit: MAX_SKEW, .. }), "{error}");
+    assert_eq!(motors(&rig).map(f64::to_bits), apart.map(f64::to_bits), "nothing moved");
+}
+
+#[test]
+fn a_module_that_does_not_answer_between_runs_is_lost() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    axis.check().unwrap();
+    rig.faults().serial().drop_answers(u32::MAX);
+    let error = axis.check().unwrap_err();
+    assert!(matches!(error, DeviceError::Silent { .. }), "{error}");
+    rig.faults().serial().drop_answers(0);
+    rig.faults().unplug_serial();
+    assert!(matches!(axis.check(), Err(DeviceError::Gone { .. })));
+}
+
 #[test]
 fn stray_bytes_on_either_side_are_got_over_and_the_move_arrives() {
     let rig = rig(Settings::default());

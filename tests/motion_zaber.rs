@@ -208,7 +208,127 @@ fn stalls_limits_and_hands_are_named() {
     axis.move_to(Steps(64)).unwrap();
     rig.shaft().push(80);
     let error = failed(&mut axis, 1600, || ());
-    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("WM")), "{error}");
+    assert!(is_intervention(&error, "WM"), "{error}");
+}
+
+fn is_intervention(error: &DeviceError, flag: &str) -> bool {
+    matches!(error, DeviceError::Intervention { what, .. } if what.contains(flag))
+}
+
+/// Where the place was taken as it is the controller's own flag of that hides the one of the hand.
+#[test]
+fn a_hand_on_the_knob_in_the_middle_of_a_move_waits_for_a_person() {
+    for reference in [Reference::Home, Reference::Here] {
+        let rig = rig(Settings::default());
+        let mut axis = referenced(ZaberSettings { reference, ..settings(&rig) });
+        let begin = turns(&rig);
+        let error = failed(&mut axis, 64_000, || {
+            until("the axis to turn", || turns(&rig) > begin + 0.1);
+            rig.faults().motors().turn_knob(100);
+        });
+        assert!(is_intervention(&error, "NI") || is_intervention(&error, "NC"), "{reference:?}: {error}");
+        stand(&rig);
+        assert!(turns(&rig) < begin + 5.0, "long before its target");
+        // The person has let go and acknowledged the fault.
+        axis.reference(&CancelToken::new()).unwrap();
+        axis.move_to(Steps(64)).unwrap();
+    }
+}
+
+#[test]
+fn a_knob_that_is_still_being_turned_refuses_the_reference() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    rig.faults().motors().turn_knob(64_000);
+    let error = failed(&mut axis, 1600, || ());
+    assert!(is_intervention(&error, "NC"), "{error}");
+    let error = axis.reference(&CancelToken::new()).unwrap_err();
+    assert!(is_intervention(&error, "NC"), "{error}");
+}
+
+#[test]
+fn a_hardware_stop_waits_for_a_person_and_refuses_the_reference_until_it_is_released() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    let error = failed(&mut axis, 64_000, || {
+        until("the axis to turn", || turns(&rig) > 0.1);
+        rig.faults().motors().press_hardware_stop(true);
+    });
+    assert!(is_intervention(&error, "FH"), "{error}");
+    stand(&rig);
+    let stands = turns(&rig);
+    for _ in 0..2 {
+        let error = axis.reference(&CancelToken::new()).unwrap_err();
+        assert!(is_intervention(&error, "FH"), "{error}");
+        axis.check().expect("it was told");
+    }
+    assert_eq!(turns(&rig).to_bits(), stands.to_bits(), "nothing moved");
+    rig.faults().motors().press_hardware_stop(false);
+    axis.reference(&CancelToken::new()).unwrap();
+    axis.move_to(Steps(64)).unwrap();
+}
+
+#[test]
+fn a_hardware_stop_that_nobody_was_told_of_is_told_before_anything_moves() {
+    let rig = rig(Settings::default());
+    let mut axis = Zaber::open(settings(&rig)).unwrap();
+    rig.faults().motors().press_hardware_stop(true);
+    assert!(axis.check().is_err());
+    rig.faults().motors().press_hardware_stop(false);
+    drop(axis);
+    let stands = turns(&rig);
+    // Released, but not enabled again: a person has yet to say that it may turn.
+    let mut axis = Zaber::open(settings(&rig)).unwrap();
+    let error = axis.reference(&CancelToken::new()).unwrap_err();
+    assert!(is_intervention(&error, "FH"), "{error}");
+    assert_eq!(turns(&rig).to_bits(), stands.to_bits(), "nothing moved");
+    axis.reference(&CancelToken::new()).unwrap();
+}
+
+#[test]
+fn between_runs_the_controller_is_asked_and_a_hand_is_told_once() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    axis.check().unwrap();
+    // What this program stops is its own doing.
+    let stop = axis.stop_handle();
+    let error = failed(&mut axis, 64_000, || {
+        until("the axis to turn", || turns(&rig) > 0.1);
+        stop.stop();
+    });
+    assert!(matches!(error, DeviceError::Stopped), "{error}");
+    stand(&rig);
+    axis.check().unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
+    rig.faults().motors().turn_knob(64);
+    let mut told = Ok(());
+    until("the hand to be seen", || {
+        told = axis.check();
+        told.is_err()
+    });
+    assert!(is_intervention(told.as_ref().unwrap_err(), "NC"), "{told:?}");
+    stand(&rig);
+    axis.check().unwrap();
+    rig.faults().serial().drop_answers(u32::MAX);
+    let error = axis.check().unwrap_err();
+    assert!(matches!(error, DeviceError::Silent { .. }), "{error}");
+    rig.faults().serial().drop_answers(0);
+    rig.faults().unplug_serial();
+    let error = axis.check().unwrap_err();
+    assert!(matches!(error, DeviceError::Gone { .. }), "{error}");
+}
+
+/// A move that is told twice would interrupt itself.
+#[test]
+fn a_lost_answer_to_a_long_move_does_not_interrupt_it() {
+    let rig = rig(Settings::default());
+    let mut axis = referenced(settings(&rig));
+    // After state, counter and encoder.
+    for lost in 0..6 {
+        rig.faults().serial().delay_answer_after(lost, std::time::Duration::from_millis(300));
+        let target = Steps(3200 * (i64::from(lost) + 1));
+        assert_eq!(axis.move_to(target).unwrap_or_else(|e| panic!("answer {lost}: {e}")).steps, target);
+    }
 }
 
 #[test]

@@ -217,6 +217,9 @@ mod tests {
             self.bench.steps.store(steps.0, Ordering::SeqCst);
             Ok(Achieved { steps, epoch: 1 + u32::from(moves >= self.epoch_rises_at_move) })
         }
+        fn check(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
         fn position(&self) -> Position {
             Position::Referenced { steps: Steps(self.bench.steps.load(Ordering::SeqCst)), epoch: 1 }
         }

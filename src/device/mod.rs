@@ -60,6 +60,9 @@ pub struct Capabilities {
 }
 
 /// The axis that turns the capillary.
+///
+/// Only what most axes truly do not have has a default: a list of stops to be told (`announce`, `let_go`), a second axis, a
+/// wire from the sampler. Whoever wraps an axis passes all of them on.
 pub trait RotationAxis: Send {
     /// What the controller says of itself, for the record.
     fn identity(&self) -> &str;
@@ -87,11 +90,10 @@ pub trait RotationAxis: Send {
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
         None
     }
-    /// Whether the controller is still there, asked without moving anything; for the time between runs. One that has no
-    /// question for that says so at its next reference.
-    fn check(&mut self) -> Result<(), DeviceError> {
-        Ok(())
-    }
+    /// Asks the controller whether it is there, without moving anything; for the time between runs and while one is held. A
+    /// stopped controller is asked too. Each driver has a question of its own; one that has none says so in its code and looks
+    /// at the connection. What a person did at the controller is told as [`DeviceError::Intervention`], once.
+    fn check(&mut self) -> Result<(), DeviceError>;
     fn position(&self) -> Position;
     /// A handle by which any thread stops the motor at once, also while `move_to` is waiting. Where nothing can stop it
     /// ([`Capabilities::can_stop`]), it ends the step under way by itself and is told no other.

@@ -63,7 +63,22 @@ fn a_truncated_frame_is_not_taken_and_is_triggered_again() {
     assert_eq!(bench.take().attempts, 3);
     bench.faults().cut_frames(u32::MAX);
     let error = bench.try_take().unwrap_err();
-    assert!(matches!(&error, DeviceError::NoFrame { last, .. } if last.contains("not whole") || last.contains("nothing came")), "{error}");
+    let said = error.to_string();
+    assert!(said.contains("not whole") && said.contains("of 16384 bytes"), "what came and what should have: {said}");
+}
+
+/// The last trigger before the deadline may have no time left for its frame: that is not the cause.
+#[test]
+fn the_cause_of_the_frames_that_came_is_told_though_the_last_one_did_not_come() {
+    // An exposure of 0.3 s in real time: two frames come before the deadline, a third does not.
+    let mut bench = Bench::armed_with(|s| AravisSettings { exposure_us: 3e6, ..s });
+    bench.faults().reformat_frames(u32::MAX);
+    let said = bench.camera.grab(std::time::Duration::from_millis(700)).unwrap_err().to_string();
+    assert!(said.contains("expected Mono8") && said.contains("got BayerRG8"), "both formats are said: {said}");
+    bench.faults().reformat_frames(0);
+    bench.faults().cut_frames(u32::MAX);
+    let said = bench.camera.grab(std::time::Duration::from_millis(1100)).unwrap_err().to_string();
+    assert!(said.contains("of 16384 bytes"), "what came and what should have: {said}");
 }
 
 #[test]

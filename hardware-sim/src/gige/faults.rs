@@ -13,6 +13,7 @@ pub struct CameraFaults {
     dropped_frames: AtomicU32,
     cut_frames: AtomicU32,
     misshapen_frames: AtomicU32,
+    reformatted_frames: AtomicU32,
     repeated_frames: AtomicU32,
     ignored_triggers: AtomicU32,
     stale_packets: AtomicU32,
@@ -53,6 +54,11 @@ impl CameraFaults {
     /// The next `count` frames leave whole, but as if another region were configured: upside half of the rows only, half as high.
     pub fn misshape_frames(&self, count: u32) {
         self.misshapen_frames.store(count, Ordering::Relaxed);
+    }
+
+    /// The next `count` frames leave whole, but say that their pixels are of another format of as many bytes.
+    pub fn reformat_frames(&self, count: u32) {
+        self.reformatted_frames.store(count, Ordering::Relaxed);
     }
 
     /// The next `count` frames are sent once more at the next trigger, as frames of their own number, before what was then exposed.
@@ -123,6 +129,10 @@ impl CameraFaults {
 
     pub(super) fn misshapes_frame(&self) -> bool {
         take_one(&self.misshapen_frames)
+    }
+
+    pub(super) fn reformats_frame(&self) -> bool {
+        take_one(&self.reformatted_frames)
     }
 
     pub(super) fn repeats_frame(&self) -> bool {

@@ -233,7 +233,7 @@ impl Sensor {
         let block = Arc::new(Block {
             id: self.state.block,
             timestamp_ns,
-            format: values.format,
+            format: if self.faults.reformats_frame() { another(values.format) } else { values.format },
             width: values.width,
             height,
             offset: values.offset,
@@ -328,6 +328,15 @@ impl Sensor {
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Memory> {
         self.memory.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A format whose pixels have as many bytes, where there is one.
+fn another(format: PixelFormat) -> PixelFormat {
+    match format {
+        PixelFormat::Mono8 => PixelFormat::BayerRG8,
+        PixelFormat::BayerRG8 => PixelFormat::Mono8,
+        other => other,
     }
 }
 

@@ -19,8 +19,10 @@ pub struct SerialFaults {
 #[derive(Debug, Default, Clone)]
 pub(super) struct Line {
     delay: Duration,
-    /// How many answers leave in time before the one that is late, and how late.
-    delay_one: Option<(u32, Duration)>,
+    /// How many answers leave in time before the late ones, how many are late, and by how much.
+    delay_some: Option<(u32, u32, Duration)>,
+    /// How many answers leave once before the one that leaves twice.
+    double: Option<u32>,
     split: bool,
     stray_to_host: Vec<u8>,
     stray_to_controller: Vec<u8>,
@@ -88,7 +90,17 @@ impl SerialFaults {
 
     /// The answer after `answers` more leaves this much later, and all others behind it.
     pub fn delay_answer_after(&self, answers: u32, by: Duration) {
-        self.line().delay_one = Some((answers, by));
+        self.delay_some_answers_after(answers, 1, by);
+    }
+
+    /// The `count` answers after `answers` more leave this much later, and all others behind them.
+    pub fn delay_some_answers_after(&self, answers: u32, count: u32, by: Duration) {
+        self.line().delay_some = Some((answers, count, by));
+    }
+
+    /// The answer after `answers` more leaves twice.
+    pub fn double_answer_after(&self, answers: u32) {
+        self.line().double = Some(answers);
     }
 
     /// Every byte from now on leaves by itself.
@@ -162,15 +174,18 @@ impl SerialFaults {
     /// How much later a piece of output leaves than it was said.
     pub(super) fn take_delay(&self) -> Duration {
         let mut line = self.line();
-        let once = match &mut line.delay_one {
-            Some((0, by)) => std::mem::take(by),
-            Some((answers, _)) => {
+        let some = match &mut line.delay_some {
+            Some((0, 0, _)) | None => Duration::ZERO,
+            Some((0, late, by)) => {
+                *late -= 1;
+                *by
+            }
+            Some((answers, ..)) => {
                 *answers -= 1;
                 Duration::ZERO
             }
-            None => Duration::ZERO,
         };
-        line.delay + once
+        line.delay + some
     }
 
     pub(crate) fn take_dropped_ok(&self) -> bool {
@@ -197,6 +212,14 @@ impl SerialFaults {
         }
         let mut line = self.line();
         replace(&mut output, &mut line.rewrite);
+        match &mut line.double {
+            Some(0) => {
+                output.extend_from_within(..);
+                line.double = None;
+            }
+            Some(answers) => *answers -= 1,
+            None => {}
+        }
         let mut all = std::mem::take(&mut line.stray_to_host);
         all.extend(output);
         let unplug = line.to_host.pass(&mut all);
@@ -249,6 +272,8 @@ mod tests {
         assert_eq!(faults.received(b"$$\n$H\n".to_vec()).0, b"$$\n$X\n");
         faults.flip_sent(3, 1);
         assert_eq!((whole(&faults, b"ok"), whole(&faults, b"ok")), (b"ok".to_vec(), b"oj".to_vec()));
+        faults.double_answer_after(1);
+        assert_eq!([(); 3].map(|()| whole(&faults, b"ok")), [b"ok".to_vec(), b"okok".to_vec(), b"ok".to_vec()]);
         faults.drop_answers(1);
         assert_eq!(whole(&faults, b"ok"), b"");
         faults.split_answers(true);

@@ -31,6 +31,8 @@ pub(super) struct Axis {
     rest_encoder: f64,
     running: Option<Running>,
     flags: BTreeSet<&'static str>,
+    /// The motor has current; a hardware stop takes it until the driver is enabled again.
+    enabled: bool,
     /// Something has come to an end since it was last asked.
     pub ended: bool,
 }
@@ -38,7 +40,8 @@ pub(super) struct Axis {
 impl Axis {
     pub fn new(shaft: Arc<Shaft>, faults: Arc<MotorFaults>) -> Self {
         let flags = BTreeSet::from(["WR"]);
-        let mut axis = Self { shaft, faults, counter: 0, encoder_zero: 0.0, rest_encoder: 0.0, running: None, flags, ended: false };
+        let (enabled, ended) = (true, false);
+        let mut axis = Self { shaft, faults, counter: 0, encoder_zero: 0.0, rest_encoder: 0.0, running: None, flags, enabled, ended };
         axis.encoder_zero = axis.shaft.motor_at(0, 0.0);
         axis
     }
@@ -47,13 +50,51 @@ impl Axis {
         self.running.is_some()
     }
 
-    /// The most important flag: faults before warnings before notes, as the letters go.
+    /// All flags, the most important first: faults before warnings before notes.
+    pub fn flags(&self) -> Vec<&'static str> {
+        let kind = |flag: &&str| "FWN".find(flag.chars().next().unwrap_or('N'));
+        let mut flags: Vec<_> = self.flags.iter().copied().collect();
+        flags.sort_by_key(kind);
+        flags
+    }
+
     pub fn flag(&self) -> &'static str {
-        self.flags.iter().find(|f| !f.starts_with('N') || self.flags.len() == 1).copied().unwrap_or("--")
+        self.flags().first().copied().unwrap_or("--")
     }
 
     pub fn clear_flags(&mut self) {
-        self.flags.retain(|f| matches!(*f, "WR" | "WH"));
+        self.flags.retain(|f| matches!(*f, "WR" | "WH" | "FH"));
+    }
+
+    pub fn is_enabled(&self) -> bool {
+        self.enabled
+    }
+
+    /// Gives the motor its current back; not while the hardware stop is pressed.
+    pub fn enable(&mut self) -> bool {
+        if self.faults.hardware_stop() {
+            return false;
+        }
+        self.flags.remove("FH");
+        self.enabled = true;
+        true
+    }
+
+    /// What a person does at the controller.
+    fn by_hand(&mut self, now_s: f64, settings: &Settings) {
+        if self.faults.hardware_stop() && self.enabled {
+            self.rest(now_s);
+            self.flags.insert("FH");
+            self.enabled = false;
+        }
+        if let Some(steps) = self.faults.take_knob_steps() {
+            if self.is_moving() {
+                self.rest(now_s);
+                self.flags.insert("NI");
+            }
+            self.flags.insert("NC");
+            self.run(steps, now_s, settings, false);
+        }
     }
 
     pub fn next_event_s(&self) -> Option<f64> {
@@ -83,6 +124,7 @@ impl Axis {
             }
             self.ended = true;
         }
+        self.by_hand(now_s, settings);
         // A hand at the axis.
         if !self.is_moving() && settings.encoder && (self.encoder(now_s) - self.rest_encoder).abs() > DISPLACED_STEPS {
             self.flags.insert("WM");
@@ -158,6 +200,7 @@ impl Axis {
         self.encoder_zero = self.shaft.motor_at(0, now_s);
         self.rest_encoder = 0.0;
         self.flags = BTreeSet::from(["WR"]);
+        self.enabled = true;
     }
 
     pub fn counter(&self, now_s: f64) -> i64 {

@@ -70,7 +70,10 @@ impl Firmware {
     }
 
     fn line(&mut self, line: &str, now_s: f64) {
-        let Some((_, content)) = line.rsplit_once('/') else { return };
+        let Some((before, content)) = line.rsplit_once('/') else { return };
+        if self.settings.slash_first && !before.is_empty() {
+            return;
+        }
         let content = match content.rsplit_once(':') {
             Some((content, sum)) if u8::from_str_radix(sum, 16) == Ok(lrc(content)) => content,
             Some(_) => return,
@@ -104,6 +107,18 @@ impl Firmware {
         let done = Ok("0".to_owned());
         match words {
             [] => done,
+            ["home"] | ["move", ..] if !self.axis.is_enabled() => Err("DRIVERDISABLED"),
+            ["driver", "enable"] => {
+                if self.axis.enable() {
+                    done
+                } else {
+                    Err("DRIVERDISABLED")
+                }
+            }
+            ["warnings"] => {
+                let flags = self.axis.flags();
+                Ok(flags.iter().fold(format!("{:02}", flags.len()), |said, flag| format!("{said} {flag}")))
+            }
             ["home"] => {
                 self.axis.home(now_s, &self.settings);
                 done

@@ -13,12 +13,14 @@ pub struct Settings {
     /// Whether an encoder is fitted, and with it stalls are noticed.
     pub encoder: bool,
     pub serial_number: u32,
+    /// A command is heard only where its slash begins the line.
+    pub slash_first: bool,
 }
 
 impl Default for Settings {
     /// 200 full steps of 32; half a turn per second.
     fn default() -> Self {
-        Self { device: 1, resolution: 32, maxspeed: 5243, accel: 5, encoder: true, serial_number: 51_234 }
+        Self { device: 1, resolution: 32, maxspeed: 5243, accel: 5, encoder: true, serial_number: 51_234, slash_first: false }
     }
 }
 

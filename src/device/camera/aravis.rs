@@ -84,7 +84,10 @@ const SLOW_ANSWER: Duration = Duration::from_secs(1);
 /// What became of one trigger.
 enum Attempt {
     Taken(Grabbed),
-    Lost(String),
+    /// A frame came and was not taken.
+    Refused(String),
+    /// No frame came.
+    Nothing(String),
 }
 
 /// Whether a camera that another program controls is waited for.
@@ -238,7 +241,7 @@ impl AravisCamera {
             let Some(buffer) = armed.pop(until.saturating_duration_since(Instant::now())) else {
                 armed.owed += u32::from(!has_clock);
                 let waited = began.elapsed().as_millis();
-                return Ok(Attempt::Lost(format!("nothing came within {waited} ms{passed_over}")));
+                return Ok(Attempt::Nothing(format!("nothing came within {waited} ms{passed_over}")));
             };
             let verdict = accept(&buffer, &self.settings, armed.last_frame_id, *since_ns);
             armed.give_back(buffer);
@@ -251,7 +254,7 @@ impl AravisCamera {
                     tracing::debug!(why, "a frame is passed over");
                     passed_over = format!(", but {why}");
                 }
-                Verdict::Lost(why) => return Ok(Attempt::Lost(why)),
+                Verdict::Lost(why) => return Ok(Attempt::Refused(why)),
             }
         }
     }
@@ -306,16 +309,26 @@ impl Camera for AravisCamera {
         let until = began + deadline;
         let mut attempts = 0;
         let mut since_ns = None;
+        // Of the last frame that came: the last trigger may have had no time left for one.
+        let mut refused = None;
         loop {
             let ignored = self.counters().ignored_packets;
             attempts += 1;
             let last = match self.attempt(until, &mut since_ns)? {
                 Attempt::Taken(grabbed) => return Ok(Grabbed { attempts, ..grabbed }),
-                Attempt::Lost(why) => why,
+                Attempt::Refused(why) => {
+                    refused = Some((attempts, why.clone()));
+                    why
+                }
+                Attempt::Nothing(why) => why,
             };
             tracing::warn!(attempts, why = last, "frame lost");
             // What is left must do for a frame: a last look of a moment would only hide why the others failed.
             if Instant::now() + self.settings.frame_timeout() / 8 >= until {
+                let last = match refused {
+                    Some((attempt, why)) if attempt < attempts => format!("{last}; the frame of trigger {attempt} was refused: {why}"),
+                    _ => last,
+                };
                 return Err(DeviceError::NoFrame { waited_ms: began.elapsed().as_millis(), attempts, last });
             }
             if self.counters().ignored_packets > ignored {

@@ -3,18 +3,18 @@
 //! ```text
 //! listen ── a greeting? ──► Grbl, grblHAL
 //!   ?        <...>      ──► Grbl, grblHAL      then $I and $$
-//!   /        @...       ──► Zaber ASCII
+//!   / alone  @...       ──► Zaber ASCII
 //!   X?       OK, ...    ──► VAST trigger bridge
 //!   zeros, GFV  9 bytes ──► TMCL
 //! ```
 //! The order keeps one protocol's question from being another's command:
 //!
-//! | to | `?` | `/` LF | `X?` LF | zeros, `01 88 01 .. 8a` |
+//! | to | `?` | LF `/` LF | `X?` LF | zeros, `01 88 01 .. 8a` |
 //! |---|---|---|---|---|
-//! | Grbl | status | empty line | not asked any more | not asked any more |
-//! | Zaber | rest of a line without `/` | status | not asked any more | not asked any more |
-//! | bridge | rest of an unknown line | unknown line | settings | not asked any more |
-//! | TMCL | 6 bytes whose command and sum are none, made a frame of 9 by zeros | | | version |
+//! | Grbl | status | empty lines | not asked any more | not asked any more |
+//! | Zaber | a line without `/` | status, on a line of its own | not asked any more | not asked any more |
+//! | bridge | an unknown line | unknown line | settings | not asked any more |
+//! | TMCL | 7 bytes whose sum is none, made a frame of 9 by zeros | | | version |
 //!
 //! Opening a port raises its DTR line, which restarts an Arduino; its position was of no use to anybody, because a port that
 //! another program has open is left alone.
@@ -70,7 +70,7 @@ pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
     if greeting.is_some() || line.ask(b"?", |text| text.starts_with('<').then_some(()))?.is_some() {
         return line.grbl(greeting).map(Some);
     }
-    if let Some(status) = line.ask(b"/\n", |text| text.strip_prefix('@').map(str::to_owned))? {
+    if let Some(status) = line.ask(b"\n/\n", |text| text.strip_prefix('@').map(str::to_owned))? {
         return Ok(Some(Answer::Zaber { status }));
     }
     if let Some(settings) = line.bridge()? {
@@ -154,8 +154,8 @@ impl Wire {
             zeros += 1;
         }
         if zeros == BYTES {
-            // One that keeps silent about frames of others has now had 15 bytes: the next frame begins three later.
-            self.0.send(&[0; 3])?;
+            // One that keeps silent about frames of others has now had 16 bytes: the next frame begins two later.
+            self.0.send(&[0; 2])?;
         }
         self.quiet()?;
         self.0.send(&Version::question(TMCL_MODULE))?;

@@ -288,6 +288,33 @@ impl Link {
         Ok(lines)
     }
 
+    /// Like [`Self::probe`], for answers that are not lines: what came, nothing where nobody answered.
+    pub fn probe_bytes(&mut self, question: &[u8], wait: Duration) -> Result<Vec<u8>, DeviceError> {
+        self.unasked()?;
+        {
+            let mut state = self.transmitter.lock();
+            self.transmitter.write(&mut state, question)?;
+        }
+        let until = Instant::now() + wait;
+        while self.pending.is_empty() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            self.receive(left)?;
+        }
+        Ok(std::mem::take(&mut self.pending))
+    }
+
+    /// What has arrived that nobody has asked for; it is forgotten.
+    pub fn unasked(&mut self) -> Result<Vec<u8>, DeviceError> {
+        self.receive(Duration::ZERO)?;
+        if !self.pending.is_empty() {
+            tracing::trace!(device = self.device, "< (unasked) {}", self.pending.escape_ascii());
+        }
+        Ok(std::mem::take(&mut self.pending))
+    }
+
     /// Forgets whatever arrives until the line has been silent for `silence`, at most until `until`.
     pub fn quiet(&mut self, silence: Duration, until: Instant) -> Result<(), DeviceError> {
         while Instant::now() < until && self.receive(silence)? {

@@ -118,6 +118,9 @@ mod tests {
             self.at = target;
             Ok(Achieved { steps: target, epoch: 1 })
         }
+        fn check(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
         fn position(&self) -> Position {
             Position::Referenced { steps: self.at, epoch: 1 }
         }

@@ -63,6 +63,9 @@ impl RotationAxis for Wired {
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
         Some(self)
     }
+    fn check(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
     fn position(&self) -> Position {
         Position::Unknown
     }

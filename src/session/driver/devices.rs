@@ -1,6 +1,6 @@
 //! Whether the devices are there: looked at while nothing runs, shown while something does.
 
-use super::super::fault::Lost;
+use super::super::fault::{self, Lost};
 use super::super::{CalibrationStatus, Status, gate};
 use super::super::{search, worker::Instrument};
 use super::Running;
@@ -39,6 +39,14 @@ impl Running {
         match found.rotation {
             Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity)),
             Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error),
+            // The axis is there, and a person has it: a fault until it is acknowledged.
+            Err(error @ DeviceError::Intervention { .. }) => {
+                self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity));
+                let code = fault::table::ROTATION_INTERVENTION.code;
+                if !self.publisher.status().faults.iter().any(|fault| fault.code == code) {
+                    self.raise(&error.into());
+                }
+            }
             Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
         }
         // A run that was held by it may go on.

@@ -20,7 +20,8 @@ pub(super) enum Verdict {
 pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_frame_id: Option<u64>, since_ns: Option<u64>) -> Verdict {
     let status = buffer.status();
     if status != BufferStatus::Success {
-        return Verdict::Lost(format!("the frame is not whole ({status:?})"));
+        let (_, came) = buffer.data();
+        return Verdict::Lost(format!("the frame is not whole ({status:?}): {came} of {} bytes came", settings.frame_bytes()));
     }
     let payload = buffer.payload_type();
     if payload != BufferPayloadType::Image {
@@ -32,9 +33,9 @@ pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_fr
     let found = [width, height, x, y].map(i64::from);
     if found != expected || format != on_the_wire(settings.pixel_format) {
         return Verdict::Lost(format!(
-            "expected {} of width, height, x, y {expected:?}, got format {:#010x} of {found:?}",
+            "expected {} of width, height, x, y {expected:?}, got {} of {found:?}",
             settings.pixel_format.name(),
-            format.raw()
+            name(format)
         ));
     }
     let frame_id = buffer.frame_id();
@@ -51,6 +52,15 @@ pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_fr
         Ok(frame) => Verdict::Taken { frame, frame_id },
         Err(e) => Verdict::Lost(e.to_string()),
     }
+}
+
+/// GenICam's name of a format that this program knows, else its number.
+fn name(format: aravis::PixelFormat) -> String {
+    let known = [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed];
+    known
+        .into_iter()
+        .find(|known| on_the_wire(*known) == format)
+        .map_or_else(|| format!("format {:#010x}", format.raw()), |known| known.name().to_owned())
 }
 
 fn on_the_wire(format: PixelFormat) -> aravis::PixelFormat {

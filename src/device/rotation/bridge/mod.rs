@@ -201,8 +201,14 @@ impl RotationAxis for VastBridge {
         self.unless_doubtful(finished)
     }
 
+    /// The bridge has one question, and its answer begins with the same `OK` as a trigger's: a late one would be taken for that.
+    /// So it is asked only while no trigger may follow; within a list, and after a stop, the connection is all that is looked at.
     fn check(&mut self) -> Result<(), DeviceError> {
-        self.dialogue.still_there()
+        self.dialogue.still_there()?;
+        if self.knowledge.is_known() || self.dialogue.is_stopped() {
+            return Ok(());
+        }
+        self.dialogue.greet().map(|_settings| ())
     }
 
     fn position(&self) -> Position {

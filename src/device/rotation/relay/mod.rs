@@ -140,8 +140,14 @@ impl RotationAxis for Relay {
         Ok(self.knowledge.arrived(target))
     }
 
+    /// A stopped relay is told nothing, and a connection that failed is replaced by the next reference: of both only the
+    /// connection is looked at.
     fn check(&mut self) -> Result<(), DeviceError> {
-        self.link.still_there()
+        self.link.still_there()?;
+        if self.broken || self.link.is_stopped() {
+            return Ok(());
+        }
+        self.is_busy().map(|_busy| ())
     }
 
     fn position(&self) -> Position {

@@ -1,18 +1,21 @@
 //! Driver for Trinamic modules (TMCL): two motors that hold the capillary at both ends and turn it as a pair.
 //!
 //! ```text
-//! reference:  flush ─ settings ─ stop ─ arm the stall stop ─ search (both) | here ─ counters to 0 ─ mark
-//! move_to:    mark? ─ both counters where they were left? ─ absolute target to both
-//!               └─ look, look, ... : apart? out of the way? standing short? ─► both stopped, position suspect
-//!               └─ both counters at the target, both speeds 0 ─ mark? ─► arrived
+//! reference:  flush ─ settings ─ stop ─ arm the stall stop ─ apart? ─ search (both) | here ─ counters to 0 ─ mark
+//! move_to:    both counters where they were left, and the mark? ─ absolute target to both
+//!               └─ look, look, ... : apart? out of the way? standing short? reset? ─► both stopped, position suspect
+//!               └─ no look in time ─► both stopped, looked at, sent on
+//!               └─ both counters at the target, both speeds 0, the mark ─► arrived
 //! ```
 //! One motor is told before the other, and is stopped again where the module has not acknowledged both in the time in which the
 //! pair comes apart by what is allowed. A look asks the first counter before and after the second, so that the skew of a turning pair is told without a clock.
+//! Where no look is to be had for as long as the pair needs to come apart, both motors are stopped, looked at where they stand,
+//! and sent on: a late answer costs time. A pair that was seen apart is told as an alarm before it is homed again.
 //! Parameter 8, "position reached", is not asked: a stop leaves it at 0. A reading that says something is wrong is asked
 //! again before it is believed: bits flip, and the sum with them.
 //!
 //! **The mark.** A module that was reset says nothing and counts from 0, which may be where it is expected. At every
-//! reference a number is written into a variable that a reset clears; it is read before and after every move.
+//! reference a number is written into a variable that a reset clears; it is read with every look.
 //!
 //! **Stalls.** Arming the stall stop on a stalled motor lets its old move go on, so that it is armed only by a reference and
 //! after a stop, which forgets the move. The module counts what it sent: steps that are lost without a stall show where
@@ -47,6 +50,8 @@ pub struct Tmcl {
     mark: i32,
     /// A motion has been asked for and its end has not been seen.
     in_flight: bool,
+    /// Somebody was told that the pair is apart, and no reference has been found since.
+    told_of_skew: bool,
 }
 
 impl Tmcl {
@@ -62,7 +67,8 @@ impl Tmcl {
         let version = wire.flush()?;
         let version = Version::of(version);
         let identity = format!("TMCM-{} {}", version.module, version.firmware());
-        let mut tmcl = Self { wire, settings, identity, knowledge: Knowledge::none_of("rotation axis"), mark: 0, in_flight: false };
+        let knowledge = Knowledge::none_of("rotation axis");
+        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, told_of_skew: false };
         tmcl.compare_settings()?;
         tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");
         Ok(tmcl)
@@ -104,9 +110,7 @@ impl Tmcl {
         self.compare_settings()?;
         self.stop_and_rest()?;
         if let Some(speed) = self.settings.stop_on_stall {
-            for motor in self.settings.motors {
-                self.wire.ask(Request::set(parameter::STOP_ON_STALL, motor, speed as i32))?;
-            }
+            self.wire.ask_all(self.settings.motors.map(|motor| Request::set(parameter::STOP_ON_STALL, motor, speed as i32)))?;
         }
         match self.settings.reference {
             Reference::Home => self.search()?,
@@ -116,7 +120,7 @@ impl Tmcl {
         self.wire.ask(Request::set_mark(self.mark))?;
         // Every later angle hangs on these counters.
         self.confirm(0)?;
-        self.in_flight = false;
+        (self.in_flight, self.told_of_skew) = (false, false);
         Ok(())
     }
 
@@ -126,6 +130,7 @@ impl Tmcl {
             self.wire.halt();
             self.in_flight = false;
         }
+        self.told_of_skew |= matches!(error, DeviceError::Skew { .. });
         self.knowledge.doubt(error);
     }
 }
@@ -163,7 +168,11 @@ impl RotationAxis for Tmcl {
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {
-        self.wire.still_there()
+        self.wire.still_there()?;
+        if self.wire.is_stopped() {
+            return self.wire.sign_of_life();
+        }
+        self.wire.ask(Request::get(parameter::ACTUAL_POSITION, self.settings.motors[0])).map(|_position| ())
     }
 
     fn position(&self) -> Position {

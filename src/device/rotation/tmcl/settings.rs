@@ -83,6 +83,8 @@ fn default_homing_timeout_ms() -> u32 {
 
 /// What a module may take from a request to its answer.
 const MODULE_TIME: Duration = Duration::from_millis(3);
+/// Two looks at the pair: three counters and the mark each.
+const EXCHANGES_OF_TWO_LOOKS: u32 = 8;
 /// Both motors are told, and one is stopped again.
 const EXCHANGES_APART: u32 = 3;
 /// Clock of the TMC428/429, Hz.
@@ -160,6 +162,12 @@ impl TmclSettings {
     pub(super) fn start_time(&self) -> Duration {
         let apart = Duration::try_from_secs_f64(self.apart_s()).unwrap_or(Duration::MAX);
         apart.saturating_sub(self.exchange_time()).min(self.answer_timeout())
+    }
+
+    /// How long nothing may be seen of a turning pair before it is stopped: as long as it takes to come apart, and no shorter than
+    /// two looks take.
+    pub(super) fn blind_time(&self) -> Duration {
+        self.start_time().max(EXCHANGES_OF_TWO_LOOKS * self.exchange_time())
     }
 
     /// A request on the wire, its answer, and what the module takes between them.

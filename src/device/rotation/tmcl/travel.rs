@@ -1,7 +1,7 @@
 //! Moves of the pair, and what is held against their plan while they last.
 
 use super::frame::{Request, parameter};
-use super::wire::{Answer, refused};
+use super::wire::{Answer, Heard, Told, refused};
 use super::{DEVICE, Tmcl};
 use crate::device::DeviceError;
 use crate::units::Steps;
@@ -13,6 +13,8 @@ const LOOK_AGAIN: Duration = Duration::from_millis(1);
 const SPEED_WAIT: Duration = Duration::from_millis(15);
 /// Looks at a motor without speed, short of its target, until it counts as standing: a ramp takes a moment to begin.
 const STANDING_LOOKS: u32 = 4;
+/// How often one move may be stopped and sent on because nothing was seen of the pair.
+const MOST_BLIND_STOPS: u32 = 4;
 
 /// Both counters at one moment: the first was asked before and after the second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +22,14 @@ struct Look {
     before: i64,
     second: i64,
     after: i64,
+    /// What was read behind them of the number that a reset clears.
+    mark: i32,
+}
+
+impl From<Told<3>> for Look {
+    fn from(Told { values: [before, second, after], mark }: Told<3>) -> Self {
+        Self { before: before.into(), second: second.into(), after: after.into(), mark }
+    }
 }
 
 impl Look {
@@ -42,17 +52,50 @@ impl Look {
     }
 }
 
+fn was_reset() -> DeviceError {
+    DeviceError::Suspect { why: "the module was reset: what was written into it at the last reference is gone".into() }
+}
+
+fn off_its_way(look: Look, from: i64, to: i64) -> DeviceError {
+    let [first, second] = look.pair();
+    DeviceError::Suspect { why: format!("on the way from {from} to {to} the motors count {first} and {second}") }
+}
+
 impl Tmcl {
-    fn look(&mut self) -> Result<Look, DeviceError> {
+    fn questions(&self) -> [Request; 3] {
         let [first, second] = self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_POSITION, motor));
-        let before = self.wire.ask(first)?.into();
-        let second = self.wire.ask(second)?.into();
-        Ok(Look { before, second, after: self.wire.ask(first)?.into() })
+        [first, second, first]
+    }
+
+    /// A look at a pair that stands.
+    fn look(&mut self) -> Result<Look, DeviceError> {
+        Ok(self.wire.ask_all(self.questions())?.into())
+    }
+
+    /// A look at a pair that turns; none where nothing that can be believed came until `until`.
+    fn glimpse(&mut self, until: Instant) -> Result<Option<Look>, DeviceError> {
+        while Instant::now() < until {
+            match self.wire.try_all(self.questions(), self.settings.answer_timeout(), until)? {
+                Heard::Told(told) => return Ok(Some(told.into())),
+                Heard::Refused(request, status) => return Err(refused(request, status)),
+                Heard::Void(why) => tracing::debug!(device = DEVICE, why, "asked again"),
+                Heard::Lost(why) => {
+                    tracing::debug!(device = DEVICE, why, "asked again");
+                    if Instant::now() >= until || !self.wire.resync(until)? {
+                        return Ok(None);
+                    }
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn speed_questions(&self) -> [Request; 2] {
+        self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_SPEED, motor))
     }
 
     fn speeds(&mut self) -> Result<[i32; 2], DeviceError> {
-        let [first, second] = self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_SPEED, motor));
-        Ok([self.wire.ask(first)?, self.wire.ask(second)?])
+        Ok(self.wire.ask_all(self.speed_questions())?.values)
     }
 
     fn max_skew(&self) -> u64 {
@@ -65,20 +108,21 @@ impl Tmcl {
 
     /// Was the module reset since the reference?
     fn check_mark(&mut self) -> Result<(), DeviceError> {
-        if self.wire.ask(Request::mark())? == self.mark || self.wire.ask(Request::mark())? == self.mark {
-            return Ok(());
-        }
-        Err(DeviceError::Suspect { why: "the module was reset: what was written into it at the last reference is gone".into() })
+        if self.wire.mark()? == self.mark || self.wire.mark()? == self.mark { Ok(()) } else { Err(was_reset()) }
     }
 
     /// Sure that both motors stand at `place`?
     pub(super) fn confirm(&mut self, place: i64) -> Result<(), DeviceError> {
-        if self.look()?.both_at(place) {
+        let stands = |look: Look, mark| look.both_at(place) && look.mark == mark;
+        if stands(self.look()?, self.mark) {
             return Ok(());
         }
         let look = self.look()?;
-        if look.both_at(place) {
+        if stands(look, self.mark) {
             return Ok(());
+        }
+        if look.mark != self.mark {
+            return Err(was_reset());
         }
         if look.skew() > self.max_skew() {
             return Err(self.skewed(look.pair()));
@@ -89,8 +133,6 @@ impl Tmcl {
 
     /// Turns the pair from one place to another and returns once it stands there.
     pub(super) fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
-        self.wire.hush()?;
-        self.check_mark()?;
         self.confirm(from)?;
         if from == to {
             return Ok(());
@@ -103,8 +145,7 @@ impl Tmcl {
         let target = i32::try_from(to).map_err(beyond)?;
         self.in_flight = true;
         self.start_pair(|motor| Request::go(motor, target))?;
-        self.watch(from, to, Instant::now() + self.settings.travel_time(to - from))?;
-        self.check_mark()?;
+        self.watch(from, to)?;
         self.in_flight = false;
         Ok(())
     }
@@ -118,7 +159,7 @@ impl Tmcl {
             // One time for both: the first turns alone from its command to the second's.
             let until = Instant::now() + self.settings.start_time();
             for motor in self.settings.motors {
-                match self.wire.once(request(motor), until.saturating_duration_since(Instant::now()))? {
+                match self.wire.once(request(motor), until)? {
                     Answer::Value(_) => started += 1,
                     Answer::Refused(status) => return Err(refused(request(motor), status)),
                     Answer::Lost(why) => {
@@ -136,14 +177,50 @@ impl Tmcl {
         Err(DeviceError::Unexpected { device: DEVICE, expected: "both motors to start".into(), found: lost })
     }
 
-    /// Looks until both counters stand at the target without speed.
-    fn watch(&mut self, from: i64, to: i64, until: Instant) -> Result<(), DeviceError> {
+    /// Stops a pair of which nothing was seen, and looks at it where it stands.
+    fn stop_and_look(&mut self) -> Result<Look, DeviceError> {
+        self.wire.halt();
+        self.wire.flush()?;
+        self.stop_and_rest()?;
+        let look = self.look_at_rest()?;
+        if look.skew() > self.max_skew() { Err(self.skewed(look.pair())) } else { Ok(look) }
+    }
+
+    /// Looks until both counters stand at the target without speed. A pair of which nothing is seen for as long as it takes to
+    /// come apart is stopped, looked at, and sent on from where it stands.
+    fn watch(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
+        let mut until = Instant::now() + self.settings.travel_time(to - from);
         let mut doubted = false;
         let mut last = None;
         let mut standing = 0;
+        let mut blind_stops = 0;
+        let mut seen = Instant::now();
         loop {
-            let look = self.look()?;
-            if look.skew() > self.max_skew() || !look.between(from, to) {
+            let asked = Instant::now();
+            let Some(look) = self.glimpse(seen + self.settings.blind_time())? else {
+                blind_stops += 1;
+                let look = self.stop_and_look()?;
+                if look.mark != self.mark {
+                    self.check_mark()?;
+                }
+                if !look.between(from, to) {
+                    return Err(off_its_way(look, from, to));
+                }
+                if blind_stops > MOST_BLIND_STOPS {
+                    let expected = format!("answers of the module within {} ms", self.settings.blind_time().as_millis());
+                    let found = format!("later ones, {blind_stops} times in one move; both motors were stopped");
+                    return Err(DeviceError::Unexpected { device: DEVICE, expected, found });
+                }
+                let target = i32::try_from(to).unwrap_or(i32::MAX);
+                tracing::info!(device = DEVICE, at = look.after, to, "nothing was heard of the pair: it was stopped, and is sent on");
+                self.start_pair(|motor| Request::go(motor, target))?;
+                seen = Instant::now();
+                until = seen + self.settings.travel_time(to - from);
+                (doubted, last, standing) = (false, None, 0);
+                continue;
+            };
+            seen = asked;
+            if look.skew() > self.max_skew() || !look.between(from, to) || look.mark != self.mark {
                 if std::mem::replace(&mut doubted, true) {
                     return Err(self.gone_astray(look, from, to));
                 }
@@ -157,9 +234,12 @@ impl Tmcl {
                     [0, 0] => return Err(self.why_short(look, to)),
                     _ => standing = 0,
                 }
+                seen = Instant::now();
             }
             last = Some(look);
             if Instant::now() > until {
+                // Also where it stands: a pair that is apart is a person's.
+                let look = self.stop_and_look()?;
                 let expected = format!("both motors at {to} before the deadline of their speed");
                 let [first, second] = look.pair();
                 return Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("{first} and {second}") });
@@ -171,22 +251,19 @@ impl Tmcl {
     /// The pair is apart, or a counter is where its way does not lead: both are stopped before the cause is looked for.
     fn gone_astray(&mut self, look: Look, from: i64, to: i64) -> DeviceError {
         // Which motor is held shows only while the other still turns; that must not keep the pair from being stopped.
-        let speeds = self.settings.motors.map(|motor| self.wire.once(Request::get(parameter::ACTUAL_SPEED, motor), SPEED_WAIT));
+        let speeds = self.wire.try_all(self.speed_questions(), SPEED_WAIT, Instant::now() + 2 * SPEED_WAIT);
         self.wire.halt();
         let cause = self.wire.flush().and_then(|_| {
             self.check_mark()?;
             match speeds {
-                [Ok(Answer::Value(first)), Ok(Answer::Value(second))] => self.obstacle(look, to, [first, second]),
+                Ok(Heard::Told(told)) => self.obstacle(look, to, told.values),
                 _ => Ok(None),
             }
         });
         match cause {
             Err(error) | Ok(Some(error)) => error,
             Ok(None) if look.skew() > self.max_skew() => self.skewed(look.pair()),
-            Ok(None) => {
-                let [first, second] = look.pair();
-                DeviceError::Suspect { why: format!("on the way from {from} to {to} the motors count {first} and {second}") }
-            }
+            Ok(None) => off_its_way(look, from, to),
         }
     }
 
@@ -224,9 +301,7 @@ impl Tmcl {
 
     /// Ends whatever both motors are doing, targets included, and waits until they stand.
     pub(super) fn stop_and_rest(&mut self) -> Result<(), DeviceError> {
-        for motor in self.settings.motors {
-            self.wire.ask(Request::stop(motor))?;
-        }
+        self.wire.ask_all(self.settings.motors.map(Request::stop))?;
         let until = Instant::now() + self.settings.travel_time(0);
         while self.speeds()? != [0, 0] {
             if Instant::now() > until {
@@ -256,27 +331,30 @@ impl Tmcl {
     /// Counts from where the pair stands. Ends that are a little apart, as after a stop, are brought together first.
     pub(super) fn take_here(&mut self) -> Result<(), DeviceError> {
         let look = self.look_at_rest()?;
+        self.mark = look.mark;
         let [first, second] = look.pair();
         if look.skew() > self.max_skew() {
             return Err(self.skewed([first, second]));
         }
         if first != second {
-            let until = Instant::now() + self.settings.travel_time(first - second);
             self.wire.ask(Request::go(self.settings.motors[1], first as i32))?;
-            self.watch(second, first, until)?;
+            self.watch(second, first)?;
         }
         // In positioning mode a motor would follow its counter to the old target.
         self.stop_and_rest()?;
-        for motor in self.settings.motors {
-            self.wire.ask(Request::set(parameter::ACTUAL_POSITION, motor, 0))?;
-        }
+        self.wire.ask_all(self.settings.motors.map(|motor| Request::set(parameter::ACTUAL_POSITION, motor, 0)))?;
         Ok(())
     }
 
-    /// Whether a motor still searches its switch; that it does not is asked for once more before it is believed.
-    fn searches(&mut self, motor: u8) -> Result<bool, DeviceError> {
-        let request = Request::searching(motor);
-        Ok(self.wire.ask(request)? != 0 || self.wire.ask(request)? != 0)
+    /// Whether each motor still searches its switch; that one does not is asked for once more before it is believed.
+    fn searching(&mut self) -> Result<[bool; 2], DeviceError> {
+        let questions = self.settings.motors.map(Request::searching);
+        let searching = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        if searching == [true, true] {
+            return Ok(searching);
+        }
+        let again = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        Ok([searching[0] || again[0], searching[1] || again[1]])
     }
 
     /// Both motors search their switches at once. What one of them lost on the way shows here: it comes to its switch late.
@@ -284,20 +362,27 @@ impl Tmcl {
         let limit = self.max_skew();
         let until = Instant::now() + self.settings.homing_timeout();
         let began = self.look_at_rest()?;
+        // The counters are those of a reference: a pair that is apart by them is twisted. A person is told once; then the
+        // search itself shows which motor comes late.
+        if began.mark & !0xffff == super::MARK && began.skew() > limit && !self.told_of_skew {
+            return Err(self.skewed(began.pair()));
+        }
+        // From here until it has ended the counters say nothing of the pair.
+        self.mark = 0;
+        self.wire.ask(Request::set_mark(0))?;
         self.start_pair(Request::search)?;
         // Where each was first seen when the other had found its switch; twice, since one reading may be wrong.
         let mut late: [Vec<i64>; 2] = [Vec::new(), Vec::new()];
         let mut doubted = false;
         loop {
-            let [first, second] = self.settings.motors;
-            let searching = [self.searches(first)?, self.searches(second)?];
+            let searching = self.searching()?;
             let look = self.look()?;
             // The counters jump to 0 at the switch: a motor is held against itself, or against one that searches, too.
             let apart = match searching {
                 [false, false] => break,
                 [true, true] => {
-                    let travelled =
-                        Look { before: look.before - began.after, second: look.second - began.second, after: look.after - began.after };
+                    let (before, after) = (look.before - began.after, look.after - began.after);
+                    let travelled = Look { before, second: look.second - began.second, after, mark: look.mark };
                     (travelled.skew() > limit).then(|| travelled.pair())
                 }
                 [first_searches, _] => {

@@ -55,6 +55,12 @@ impl Script {
         self.say(1, "", &format!("{state} 0"))
     }
 
+    /// A state with a flag, and all flags, which are asked for then.
+    fn flagged(self, state: &str, flags: &[&str]) -> Self {
+        let all = flags.join(" ");
+        self.state(&format!("{state} {}", flags[0])).say(1, "warnings", &format!("{state} {} {:02} {all}", flags[0], flags.len()))
+    }
+
     fn get(self, setting: &str, value: i64) -> Self {
         self.say(1, &format!("get {setting}"), &format!("IDLE -- {value}"))
     }
@@ -64,7 +70,7 @@ impl Script {
     }
 
     fn opening(self) -> Self {
-        self.settings().say(0, "get system.serial", "IDLE WR 51234").say(0, "get version", "IDLE WR 7.32")
+        self.settings().flagged("IDLE", &["WR"]).say(0, "get system.serial", "IDLE WR 51234").say(0, "get version", "IDLE WR 7.32")
     }
 
     /// Opened and referenced where it stands; the encoder says 95 there.
@@ -72,16 +78,18 @@ impl Script {
         Self::default()
             .opening()
             .settings()
+            .flagged("IDLE", &["WR"])
             .say(1, "stop", "IDLE WR 0")
-            .state("IDLE WR")
+            .flagged("IDLE", &["WR"])
             .say(1, "warnings clear", "IDLE WR 0")
+            .flagged("IDLE", &["WR"])
             .say(1, "set pos 0", "IDLE WH 0")
             .get("encoder.pos", 95)
             .stands(0, 95)
     }
 
     fn stands(self, counter: i64, encoder: i64) -> Self {
-        self.state("IDLE WH").get("pos", counter).get("encoder.pos", encoder)
+        self.flagged("IDLE", &["WH"]).get("pos", counter).get("encoder.pos", encoder)
     }
 
     /// A move from 0 to 1600 up to its acceptance.
@@ -141,20 +149,28 @@ fn an_encoder_that_differs_is_a_miss_with_both_numbers() {
 
 #[test]
 fn a_flipped_bit_that_parses_is_asked_again_and_not_believed() {
-    Script::referenced().sent().state("IDLE FS").get("pos", 700).stands(1600, 1695).arrives();
-    Script::referenced().sent().state("IDLE WH").get("pos", 1600 ^ 256).stands(1600, 1695).arrives();
+    Script::referenced().sent().flagged("IDLE", &["FS"]).get("pos", 700).stands(1600, 1695).arrives();
+    Script::referenced().sent().flagged("IDLE", &["WH"]).get("pos", 1600 ^ 256).stands(1600, 1695).arrives();
 }
 
 #[test]
 fn flags_are_named_errors_and_a_stall_says_where() {
-    let stalled = Script::referenced().sent().state("IDLE FS").get("pos", 700).state("IDLE FS").get("pos", 700).halted().fails();
+    let twice = |script: Script, flags: &[&str]| script.flagged("IDLE", flags).get("pos", 700).flagged("IDLE", flags).get("pos", 700);
+    let stalled = twice(Script::referenced().sent(), &["FS", "WH"]).halted().fails();
     assert!(matches!(&stalled, DeviceError::Stalled { at: Steps(700), target: Steps(1600), .. }), "{stalled}");
-    for (flag, word) in
-        [("FE", "limit"), ("FQ", "encoder"), ("FD", "switched off"), ("WM", "displaced"), ("WR", "restarted"), ("NI", "interrupted")]
-    {
-        let state = format!("IDLE {flag}");
-        let error = Script::referenced().sent().state(&state).get("pos", 700).state(&state).get("pos", 700).halted().fails();
-        assert!(error.to_string().contains(word), "{flag}: {error}");
+    for (flags, word) in [
+        (&["FE"][..], "limit"),
+        (&["FQ"], "encoder"),
+        (&["FD"], "switched off"),
+        (&["WS"], "something holds the shaft"),
+        (&["WR"], "restarted"),
+        (&["WM"], "turned while it stood"),
+        // Under the flag of a place that was taken as it is.
+        (&["WH", "NI"], "NI: a move was interrupted by hand"),
+        (&["FS", "WH", "NC"], "knob"),
+    ] {
+        let error = twice(Script::referenced().sent(), flags).halted().fails();
+        assert!(error.to_string().contains(word), "{flags:?}: {error}");
     }
 }
 
@@ -168,7 +184,7 @@ fn a_refusal_carries_the_controllers_reason() {
 
 #[test]
 fn late_replies_alerts_and_information_answer_nothing() {
-    let script = Script::referenced().sent().state("IDLE WH");
+    let script = Script::referenced().sent().flagged("IDLE", &["WH"]);
     let id = script.id;
     // The position of an earlier question, an alert, information about this one, a reply without id: then the reply.
     let late = format!(
@@ -184,12 +200,15 @@ fn late_replies_alerts_and_information_answer_nothing() {
 
 #[test]
 fn what_is_lost_or_broken_is_asked_again_under_another_id() {
-    let script = Script::referenced().stands(0, 95).raw(1, "move abs 1600", "").say(1, "move abs 1600", "BUSY WH 0");
+    let lost = || Script::referenced().stands(0, 95).raw(1, "move abs 1600", "");
+    // A motion was heard where the axis turns; sent again it would interrupt itself.
+    lost().state("BUSY WH").stands(1600, 1695).arrives();
+    let script = lost().state("IDLE WH").say(1, "move abs 1600", "BUSY WH 0");
     // A broken checksum, and the late reply to the first of the two.
     let id = script.id;
     let script = script.raw(1, "", &format!("@01 1 {id:02} OK IDLE WH 0:00\r\n"));
     let late = line(&format!("@01 1 {id:02} OK BUSY WH 0")) + &line(&format!("@01 1 {:02} OK IDLE WH 0", id + 1));
-    script.raw(1, "", &late).get("pos", 1600).get("encoder.pos", 1695).arrives();
+    script.raw(1, "", &late).say(1, "warnings", "IDLE WH 01 WH").get("pos", 1600).get("encoder.pos", 1695).arrives();
 }
 
 #[test]
@@ -210,13 +229,14 @@ fn settings_that_differ_are_all_listed() {
 fn a_stop_reaches_the_wire_while_an_answer_is_awaited() {
     let script = Script::referenced().sent().raw(1, "", "");
     let waiting = script.steps.len() - 1;
-    let script = script.halted().halted();
+    // Then the controller is asked whether it is there; the flag of the stop is this program's own.
+    let script = script.halted().halted().say(1, "warnings", "IDLE WH 02 WH NI");
     let controller = Scripted::play(script.steps);
     // An answer time of minutes: only the stop can end this move in time.
     let mut zaber = Zaber::open(ZaberSettings { answer_timeout_ms: 600_000, ..settings(&controller.port()) }).unwrap();
     zaber.reference(&CancelToken::new()).unwrap();
     let stop = zaber.stop_handle();
-    let zaber = std::thread::scope(|scope| {
+    let mut zaber = std::thread::scope(|scope| {
         let moving = scope.spawn(|| {
             let error = zaber.move_to(Steps(1600)).unwrap_err();
             assert!(matches!(error, DeviceError::Stopped), "{error}");
@@ -227,6 +247,28 @@ fn a_stop_reaches_the_wire_while_an_answer_is_awaited() {
         moving.join().unwrap()
     });
     assert_eq!(zaber.position(), Position::Suspect { epoch: 2 });
+    zaber.check().unwrap();
+    controller.followed(zaber);
+}
+
+#[test]
+fn an_axis_that_somebody_has_is_not_turned_by_the_first_reference() {
+    let script = Script::default().opening().settings().flagged("BUSY", &["WR", "NC"]);
+    let controller = Scripted::play(script.steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    let error = zaber.reference(&CancelToken::new()).unwrap_err();
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("knob")), "{error}");
+    controller.followed(zaber);
+}
+
+#[test]
+fn a_fault_that_stays_after_it_was_cleared_refuses_the_reference() {
+    let flags = ["FN", "WR"];
+    let script = Script::default().opening().settings().flagged("IDLE", &flags).say(1, "stop", "IDLE FN 0").flagged("IDLE", &flags);
+    let controller = Scripted::play(script.say(1, "warnings clear", "IDLE FN 0").flagged("IDLE", &flags).steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    let error = zaber.reference(&CancelToken::new()).unwrap_err();
+    assert!(matches!(&error, DeviceError::Alarm { what, .. } if what.contains("peripheral is not supported")), "{error}");
     controller.followed(zaber);
 }
 

@@ -1,12 +1,17 @@
 //! Driver for Zaber controllers by their ASCII protocol.
 //!
 //! ```text
-//! reference:  checksums on ─ settings ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
+//! reference:  checksums on ─ settings ─ a person at the axis? ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
 //! move_to:    flags? ─ counter and encoder where they were left? ─ move abs ─ state, state, ... IDLE
 //!               └─ flags? ─ counter at the target? ─ encoder there too? ─► arrived
 //! ```
-//! Every reply carries a flag, so that a restart (no reference), a stall, a limit and a hand at the axis show in whatever is
-//! asked next; [`flags`] has what each means. The encoder tells where the shaft stands: steps that were lost are a miss.
+//! Every reply carries the most important flag, so that a restart (no reference), a stall, a limit and a hand at the axis show in
+//! whatever is asked next; one flag hides those below it, so all are asked for where there is one. [`flags`] has what each
+//! means. The encoder tells where the shaft stands: steps that were lost are a miss.
+//!
+//! **By hand.** A knob that was turned, a shaft that was pushed and a hardware stop are told as an intervention, once, and nothing
+//! that turns the axis is sent until the next reference. Their flags stay set until the axis moves, so the driver remembers
+//! which it has told. A stop of its own leaves the same flag as a hand in the middle of a move; that one counts as told.
 
 mod flags;
 mod packet;
@@ -21,6 +26,7 @@ use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::device::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
 use crate::units::Steps;
+use packet::Reply;
 use std::time::{Duration, Instant};
 use wire::Wire;
 
@@ -38,6 +44,10 @@ pub struct Zaber {
     encoder_origin: i64,
     /// A motion has been asked for and its end has not been seen.
     in_flight: bool,
+    /// All flags, as they were read last.
+    flags: Vec<String>,
+    /// Flags of a person's doing that were told, or are this program's own.
+    told: Vec<String>,
 }
 
 impl Zaber {
@@ -57,8 +67,14 @@ impl Zaber {
             knowledge: Knowledge::none_of("rotation axis"),
             encoder_origin: 0,
             in_flight: false,
+            flags: Vec::new(),
+            told: Vec::new(),
         };
         zaber.compare_settings()?;
+        // A stop of who drove the axis before.
+        let state = zaber.wire.ask("")?;
+        zaber.read_flags(&state)?;
+        zaber.told.extend(zaber.flags.iter().filter(|flag| *flag == flags::INTERRUPTED).cloned());
         let serial = zaber.wire.ask_device("get system.serial")?.data;
         let version = zaber.wire.ask_device("get version")?.data;
         zaber.identity = format!("Zaber {serial}, firmware {version}");
@@ -86,15 +102,40 @@ impl Zaber {
         if differences.is_empty() { Ok(()) } else { Err(DeviceError::Mismatch { device: DEVICE, differences }) }
     }
 
-    /// Waits until the axis stands; the flag that it then carries.
-    fn rest(&mut self, wait: Duration) -> Result<String, DeviceError> {
+    /// All flags, where a reply says that there are any: it carries one, which hides those below it.
+    fn read_flags(&mut self, reply: &Reply) -> Result<(), DeviceError> {
+        let list = if reply.flag == flags::NONE { String::new() } else { self.wire.ask("warnings")?.data };
+        self.take_flags(&list);
+        Ok(())
+    }
+
+    /// Takes a list of flags: their number, then each.
+    fn take_flags(&mut self, list: &str) {
+        self.flags = list.split_whitespace().skip(1).map(str::to_owned).collect();
+        self.told.retain(|flag| self.flags.contains(flag));
+    }
+
+    /// What the flags that were read last say, but for those that were told.
+    fn judge(&self) -> Result<(), DeviceError> {
+        let is_new = |flag: &&String| flags::switches_off(flag) || !self.told.contains(flag);
+        let new: Vec<String> = self.flags.iter().filter(is_new).cloned().collect();
+        flags::judge(&new, self.settings.reference)
+    }
+
+    /// Waits until the axis stands, or somebody else is seen to have it, and reads the flags that are then set.
+    fn rest(&mut self, wait: Duration) -> Result<(), DeviceError> {
         let until = Instant::now() + wait;
         loop {
             let reply = self.wire.ask("")?;
-            if !reply.moving {
-                return Ok(reply.flag);
+            let is_taken = flags::is_by_hand(&reply.flag) && !self.told.contains(&reply.flag);
+            if !reply.moving || is_taken {
+                return self.read_flags(&reply);
             }
             if Instant::now() > until {
+                self.read_flags(&reply)?;
+                if self.flags.iter().any(|flag| flags::is_by_hand(flag)) {
+                    self.judge()?;
+                }
                 let (expected, found) = (format!("the axis to stand within {} ms", wait.as_millis()), "BUSY".into());
                 return Err(DeviceError::Unexpected { device: DEVICE, expected, found });
             }
@@ -112,11 +153,12 @@ impl Zaber {
     }
 
     fn stands_at(&mut self, place: i64, wait: Duration) -> Result<Result<(), DeviceError>, DeviceError> {
-        let flag = self.rest(wait)?;
+        self.rest(wait)?;
         let missed = |achieved| Ok(Err(DeviceError::Missed { target: Steps(place), achieved: Steps(achieved) }));
         let counter = self.wire.get("pos")?;
-        if let Err(error) = flags::judge(&flag, self.settings.reference) {
-            return Ok(Err(if flag == flags::STALLED { self.stalled(counter, place) } else { error }));
+        if let Err(error) = self.judge() {
+            let is_stall = matches!(error, DeviceError::Alarm { .. }) && self.flags.iter().any(|flag| flag == flags::STALLED);
+            return Ok(Err(if is_stall { self.stalled(counter, place) } else { error }));
         }
         if counter != place {
             return missed(counter);
@@ -136,22 +178,58 @@ impl Zaber {
         if from == to {
             return Ok(());
         }
-        self.in_flight = true;
-        self.wire.ask(&format!("move abs {to}"))?;
+        self.set_going(&format!("move abs {to}"))?;
         self.confirm(to, self.settings.travel_time(to - from))?;
         self.in_flight = false;
         Ok(())
     }
 
+    /// Sends a motion, which ends what the flags say of a person.
+    fn set_going(&mut self, words: &str) -> Result<(), DeviceError> {
+        self.in_flight = true;
+        self.told.clear();
+        self.wire.begin(words)
+    }
+
+    /// Refuses an axis that a person or a safety circuit has and nobody was told of. Nothing is sent that could turn it. A driver
+    /// that was switched off, and was told so, is switched on again; a stop that is still pressed refuses that.
+    fn is_free(&mut self) -> Result<(), DeviceError> {
+        let reply = self.wire.ask("")?;
+        self.read_flags(&reply)?;
+        let by_hand: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
+        let is_new = |flag: &String| !self.told.contains(flag) || (reply.moving && flag == flags::KNOB);
+        if by_hand.iter().any(is_new) {
+            return flags::judge(&by_hand, self.settings.reference);
+        }
+        if by_hand.iter().any(|flag| flags::switches_off(flag)) {
+            if !self.wire.is_accepted("driver enable")? {
+                return flags::judge(&by_hand, self.settings.reference);
+            }
+            let reply = self.wire.ask("")?;
+            self.read_flags(&reply)?;
+            self.judge_before_a_reference()?;
+        }
+        Ok(())
+    }
+
+    /// What is set although it was cleared is not of the past, but for what the reference itself puts right.
+    fn judge_before_a_reference(&self) -> Result<(), DeviceError> {
+        let left: Vec<String> = self.flags.iter().filter(|flag| !flags::ends_with_a_reference(flag)).cloned().collect();
+        flags::judge(&left, self.settings.reference)
+    }
+
     fn find_origin(&mut self) -> Result<(), DeviceError> {
         self.compare_settings()?;
+        self.is_free()?;
         self.wire.ask("stop")?;
         self.rest(self.settings.travel_time(0))?;
         self.wire.ask("warnings clear")?;
+        let reply = self.wire.ask("")?;
+        self.read_flags(&reply)?;
+        self.judge_before_a_reference()?;
         match self.settings.reference {
             Reference::Home => {
-                self.in_flight = true;
-                self.wire.ask("home")?;
+                self.set_going("home")?;
                 self.rest(self.settings.homing_timeout())?;
                 self.in_flight = false;
             }
@@ -168,11 +246,20 @@ impl Zaber {
 
     /// Brings the axis to rest and no longer believes its position.
     fn doubt(&mut self, error: &DeviceError) {
+        if matches!(error, DeviceError::Intervention { .. }) {
+            self.tell();
+        }
         if self.in_flight {
             self.wire.halt();
             self.in_flight = false;
+            self.told.push(flags::INTERRUPTED.into());
         }
         self.knowledge.doubt(error);
+    }
+
+    /// Somebody is told of what a person did.
+    fn tell(&mut self) {
+        self.told = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
     }
 }
 
@@ -207,6 +294,16 @@ impl RotationAxis for Zaber {
                 Err(error)
             }
         }
+    }
+
+    fn check(&mut self) -> Result<(), DeviceError> {
+        let list = self.wire.probe("warnings")?.data;
+        self.take_flags(&list);
+        let new: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag) && !self.told.contains(flag)).cloned().collect();
+        if !new.is_empty() {
+            self.tell();
+        }
+        flags::judge(&new, self.settings.reference)
     }
 
     fn position(&self) -> Position {

@@ -30,6 +30,9 @@ impl RotationAxis for Idle {
     fn move_to(&mut self, steps: Steps) -> Result<Achieved, DeviceError> {
         Ok(Achieved { steps, epoch: 1 })
     }
+    fn check(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
     fn position(&self) -> Position {
         Position::Unknown
     }
