@@ -336,7 +336,7 @@ fn another(format: PixelFormat) -> PixelFormat {
     match format {
         PixelFormat::Mono8 => PixelFormat::BayerRG8,
         PixelFormat::BayerRG8 => PixelFormat::Mono8,
-        other => other,
+        PixelFormat::RGB8Packed => PixelFormat::RGB8Packed,
     }
 }
 

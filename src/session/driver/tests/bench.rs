@@ -15,7 +15,8 @@ use std::path::Path;
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-struct Idle;
+/// Devices that do nothing; the axis says this when it is next asked whether it is there.
+pub struct Idle(pub Option<DeviceError>);
 
 impl RotationAxis for Idle {
     fn identity(&self) -> &'static str {
@@ -31,7 +32,7 @@ impl RotationAxis for Idle {
         Ok(Achieved { steps, epoch: 1 })
     }
     fn check(&mut self) -> Result<(), DeviceError> {
-        Ok(())
+        self.0.take().map_or(Ok(()), Err)
     }
     fn position(&self) -> Position {
         Position::Unknown
@@ -123,7 +124,7 @@ pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle,
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap();
     let (handle, mailbox, publisher) = channel(Driver::first_status(Mode::Simulated, "boot".into()), events);
     let instrument = Instrument {
-        rig: Rig { rotation: Box::new(Idle), camera: Box::new(Idle) },
+        rig: Rig { rotation: Box::new(Idle(None)), camera: Box::new(Idle(None)) },
         second: None,
         sampler: Box::new(Arm { waits: loaded_from_outside }),
     };

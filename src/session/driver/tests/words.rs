@@ -1,8 +1,9 @@
 //! The loader's words that cross something else: a hold, the run's end, a crash; and those that mean nothing.
 
 use super::super::*;
-use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, scratch, started};
+use super::bench::{Bench, Idle, RUN, bench, count, journalled, on_this_thread, scratch, started};
 use super::loader::{IN, out};
+use crate::device::DeviceError;
 use crate::session::Phase;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::plate::HandoffIntent;
@@ -230,5 +231,27 @@ fn an_exchange_that_was_asked_for_is_taken_after_a_crash() {
             assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Execute, Some("A02"), String::new()));
             assert_eq!(b.loaded("A01", false), Ok(()), "it is out already");
         }
+    });
+}
+
+/// Told by the driver of the axis once, between runs.
+#[test]
+fn what_a_person_did_at_the_axis_is_a_fault_until_it_is_acknowledged() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        let what = "the controller reports NC: the axis was turned with the controller's knob".into();
+        let by_hand = DeviceError::Intervention { device: "axis", what, way_out: "Let go of the axis" };
+        b.d.instrument.as_mut().unwrap().rig.rotation = Box::new(Idle(Some(by_hand)));
+        for _ in 0..2 {
+            b.beat().await;
+            let status = b.status();
+            let codes: Vec<_> = status.faults.iter().map(|fault| fault.code.as_str()).collect();
+            assert_eq!((codes, status.ready, status.hardware.rotation.connected), (vec!["rotation_intervention"], false, true));
+        }
+        let seq = b.status().faults[0].seq;
+        b.ask(|answer| Command::Acknowledge { seq, answer }).unwrap();
+        b.beat().await;
+        assert!(b.status().faults.is_empty() && b.status().ready, "{:?}", b.status().not_ready_reason);
     });
 }
