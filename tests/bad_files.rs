@@ -70,7 +70,7 @@ fn a_pipe_or_a_device_in_the_place_of_a_file_is_named_and_not_waited_for() {
     std::fs::write(at("camera.json"), camera.to_string()).unwrap();
     let (pipe, views, pipes, camera, out) = (at("pipe"), at("views"), at("pipes"), at("camera.json"), at("out"));
     let config = concat!(env!("CARGO_MANIFEST_DIR"), "/config/simulated.toml");
-    let (first, link, three) = (at("views/a.png"), at("link.png"), at("three"));
+    let (first, link, three, outlines) = (at("views/a.png"), at("link.png"), at("three"), at("outlines"));
     for args in [
         &["plate", "check", text(&pipe)][..],
         &["config", "check", text(&pipe)],
@@ -80,9 +80,9 @@ fn a_pipe_or_a_device_in_the_place_of_a_file_is_named_and_not_waited_for() {
         &["import", text(&three), "--even", "--empty", text(&pipe), "--out", text(&out)],
         &["import", text(&views), "--even", "--config", text(&pipe), "--out", text(&out)],
         &["import", text(&pipes), "--even", "--out", text(&out)],
-        &["segment", "--out", text(&out), "--settings", text(&pipe), text(&first)],
-        &["segment", "--out", text(&out), "--reference", text(&pipe), text(&first)],
-        &["segment", "--out", text(&out), text(&link)],
+        &["segment", "--out", text(&outlines), "--settings", text(&pipe), text(&first)],
+        &["segment", "--out", text(&outlines), "--reference", text(&pipe), text(&first)],
+        &["segment", "--out", text(&outlines), text(&link)],
         &["reconstruct", "--views", text(&pipes), "--cameras", text(&camera)],
         &["reconstruct", "--views", text(&views), "--cameras", text(&pipe)],
         &["calibrate", "specimen", "--views", text(&pipes), "--cameras", text(&camera)],

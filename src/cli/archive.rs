@@ -98,9 +98,9 @@ impl Pruning<'_> {
                 let passed_over = !self.named && matches!(error, StoreError::NeverArchived { .. } | StoreError::Unended { .. });
                 let line = format!("{run}: left alone: {}", told(&error.into()));
                 if passed_over {
-                    self.passed_over.push(line)
+                    self.passed_over.push(line);
                 } else {
-                    self.failed.push(line)
+                    self.failed.push(line);
                 }
                 return Ok(());
             }

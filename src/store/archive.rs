@@ -186,14 +186,14 @@ pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
         let bytes = regular::read(&path).map_err(StoreError::io("read", &path))?;
         sums::same(&path, expected, &sha256_hex(&bytes))?;
         total += bytes.len() as u64;
-        if !copy.exists() {
-            durable::create_folder(durable::folder_of(&copy))?;
-            durable::write(&copy, &bytes)?;
-        } else {
+        if copy.exists() {
             own.is_apart(&copy)?;
             if hash_on_disk(&copy)? != *expected {
                 return Err(StoreError::Exists { path: copy });
             }
+        } else {
+            durable::create_folder(durable::folder_of(&copy))?;
+            durable::write(&copy, &bytes)?;
         }
     }
     let now = jiff::Timestamp::now();

@@ -55,10 +55,10 @@ pub fn seal_run(run: &Path) -> Result<(), StoreError> {
     let mut sealed = Ok(());
     for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
         let name = entry.file_name().into_string().unwrap_or_default();
-        if name.get(..3).is_some_and(is_well) {
-            if let Err(error) = seal(&entry.path()) {
-                sealed = Err(error);
-            }
+        if name.get(..3).is_some_and(is_well)
+            && let Err(error) = seal(&entry.path())
+        {
+            sealed = Err(error);
         }
     }
     sealed

@@ -2,7 +2,7 @@
 
 use super::Running;
 use crate::store::{self, StoreError};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::mpsc::channel;
 use std::time::Duration;
 
@@ -11,9 +11,9 @@ use std::time::Duration;
 const WAIT: Duration = Duration::from_secs(3);
 
 /// Hashes on a thread of its own, and waits for it as long as the driver may.
-fn within(folder: PathBuf, seal: fn(&Path) -> Result<(), StoreError>) {
+fn within(folder: &Path, seal: fn(&Path) -> Result<(), StoreError>) {
     let (tell, done) = channel();
-    let of = folder.clone();
+    let of = folder.to_owned();
     let spawned = std::thread::Builder::new().name("sums".into()).spawn(move || {
         if let Err(error) = seal(&of) {
             tracing::error!(%error, "what is kept of a well has no SHA256SUMS");
@@ -34,11 +34,11 @@ fn within(folder: PathBuf, seal: fn(&Path) -> Result<(), StoreError>) {
 impl Running {
     /// Of a well of the run under way that is over.
     pub(super) fn seal_well(&self, run: &str, well: &str) {
-        within(self.store.run_folder(run).join(well), store::seal);
+        within(&self.store.run_folder(run).join(well), store::seal);
     }
 
     /// Of every well of a run that ends.
     pub(super) fn seal_run(&self, run: &str) {
-        within(self.store.run_folder(run), store::seal_run);
+        within(&self.store.run_folder(run), store::seal_run);
     }
 }
