@@ -121,7 +121,6 @@ impl Config {
         if raw.methods.is_empty() {
             wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
         }
-        let mut too_near = Vec::new();
         for (name, method) in &raw.methods {
             if !crate::session::is_plain_name(name) {
                 wrong(&format!("methods.{name:?}"), "this name".into(), "1 to 64 letters, digits, '-', '_' or '.'");
@@ -135,13 +134,8 @@ impl Config {
             if let Err(e) = method.pipeline(&optics, false) {
                 wrong(&format!("methods.{name}.voxel_um"), method.voxel_um.to_string(), &e.to_string());
             }
-            if optics.check().is_ok()
-                && let Err(e) = method.clears(&optics)
-            {
-                too_near.push(format!("  with method {name:?}: optics.{e}"));
-            }
         }
-        breaches.extend(too_near);
+        breaches.extend(too_near(&raw.methods, "optics", &optics));
         for (name, method) in &raw.methods {
             breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
             breaches.extend(method.policy.check().iter().map(|e| format!("  methods.{name}.policy.{e}")));
@@ -164,11 +158,7 @@ impl Config {
         }
         wires(&raw, &mut breaches);
         let second = second_camera(raw.camera_second, raw.optics_second.as_ref(), &mut breaches);
-        for ((name, method), second) in raw.methods.iter().zip(second.iter().cycle()) {
-            let camera = &second.optics.camera;
-            let clears = if camera.check().is_ok() { method.clears(camera) } else { Ok(()) };
-            breaches.extend(clears.err().map(|e| format!("  with method {name:?}: optics_second.{e}")));
-        }
+        breaches.extend(second.iter().flat_map(|second| too_near(&raw.methods, "optics_second", &second.optics.camera)));
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
         let (width, height) = raw.camera.frame_size();
         if (width, height) != (o.width_px, o.height_px) {
@@ -196,6 +186,13 @@ impl Config {
             references,
         })
     }
+}
+
+/// The methods whose box a camera would stand in; one that is no camera at all is told elsewhere.
+fn too_near(methods: &BTreeMap<String, Method>, table: &str, camera: &Camera) -> Vec<String> {
+    let is_camera = camera.check().is_ok();
+    let near = methods.iter().filter(|_| is_camera).filter_map(|(name, method)| Some((name, method.clears(camera).err()?)));
+    near.map(|(name, e)| format!("  with method {name:?}: {table}.{e}")).collect()
 }
 
 /// What ends at the rotation's controller besides the rotation.

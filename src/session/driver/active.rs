@@ -44,6 +44,7 @@ impl Cause {
 }
 
 /// A run that has no outcome yet.
+#[allow(clippy::struct_excessive_bools, reason = "four facts that do not exclude one another")]
 pub(super) struct Active {
     pub record: RunRecord,
     /// None while it is held, or waits for a specimen to be taken out.

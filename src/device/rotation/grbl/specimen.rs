@@ -17,7 +17,12 @@ impl Grbl {
     fn revive(&mut self, why: &DeviceError) -> Result<(), DeviceError> {
         self.doubt(why);
         self.wake()?;
-        if self.status()?.state == State::Alarm {
+        // The stop and this wake each reset the controller: the greeting of one may come after the other is answered.
+        let status = match self.status() {
+            Err(DeviceError::Suspect { .. }) => self.status()?,
+            answered => answered?,
+        };
+        if status.state == State::Alarm {
             self.command("$X", self.settings.answer_timeout(), |_| {})?;
         }
         Ok(())
