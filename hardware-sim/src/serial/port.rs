@@ -6,9 +6,9 @@
 //! ```
 //! The thread keeps the slave open itself, so that a host may close it and come back.
 
-use super::{Button, Firmware};
 use super::faults::{Sent, SerialFaults};
 use super::plug::{Plug, point};
+use super::{Button, Firmware};
 use crate::clock::RigClock;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, ppoll};
