@@ -42,6 +42,16 @@ fn grbl_and_grblhal_are_told_apart_and_their_settings_written_down() {
 }
 
 #[test]
+fn motors_that_are_switched_off_after_a_move_are_told() {
+    for (idle_ms, told) in [(25.0, true), (255.0, false)] {
+        let mut settings = Settings::default();
+        settings.set(1, idle_ms).unwrap();
+        let said = examined(&rig(Controller::Grbl(settings)));
+        assert_eq!(said.contains("set $1=255 in the controller"), told, "{said}");
+    }
+}
+
+#[test]
 fn a_controller_that_does_not_restart_is_known_by_its_report() {
     let rig = rig(Controller::default());
     // It has started once; the greeting of the start that the doctor brings about is lost on the way.

@@ -11,9 +11,11 @@ use carved::device::{DeviceError, RotationAxis};
 use carved::units::Steps;
 use hardware_sim::grbl::Settings;
 use hardware_sim::sampler::Next;
+use hardware_sim::serial::Button;
 use hardware_sim::{Controller, Rig, RigSettings, SamplerSettings, TestCard, VendorSampler};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 const TRIGGER: TriggerSettings =
     TriggerSettings { inverted: false, debounce_ms: 30, load_timeout_ms: 1500, eject_timeout_ms: 1500, done_output: true };
@@ -163,6 +165,50 @@ fn a_stopped_run_leaves_its_specimen_to_the_next_load() {
     bench.give();
     assert!(bench.load("B01").unwrap());
     assert_eq!(bench.machine().ejected(), 1, "A01's specimen is not taken for B01's");
+}
+
+/// What comes in when no run is there to ask for it is nobody's: the next run does not take it for its first well's.
+#[test]
+fn a_specimen_that_comes_in_between_two_runs_is_seen_and_refused() {
+    let mut bench = Bench::new(Controller::default());
+    bench.sampler.begin_run();
+    bench.loaded("A01");
+    bench.eject("A01").unwrap();
+    bench.give();
+    let until = Instant::now() + Duration::from_secs(60);
+    while bench.sampler.sees_specimen() != Some(true) {
+        assert!(Instant::now() < until, "it is never seen");
+        bench.sampler.look(bench.axis.as_mut()).unwrap();
+    }
+    assert!(bench.is_filled());
+    bench.sampler.begin_run();
+    assert!(words(bench.load("A01")).contains("none was asked for"));
+}
+
+/// While a person has the controller nothing is switched: the specimen would go when the hold is over.
+#[test]
+fn a_held_controller_is_not_reset_to_eject_and_switches_nothing_when_it_is_released() {
+    for door in [false, true] {
+        let mut bench = Bench::new(Controller::default());
+        bench.loaded("A01");
+        let (hold, resume) = if door { (Button::Door, None) } else { (Button::FeedHold, Some(Button::FeedHold)) };
+        bench.rig.faults().button(hold, true);
+        assert!(matches!(bench.axis.move_to(Steps(100)), Err(DeviceError::Intervention { .. })));
+        for stopped in [false, true] {
+            if stopped {
+                bench.axis.stop_handle().stop();
+            }
+            let error = bench.eject("A01").unwrap_err();
+            assert!(matches!(error, DeviceError::Intervention { .. }), "{error}");
+            assert!(matches!(bench.load("A02"), Err(DeviceError::Intervention { .. })));
+        }
+        bench.rig.faults().button(resume.unwrap_or(Button::Door), false);
+        bench.rig.faults().button(Button::CycleStart, true);
+        bench.axis.reference(&CancelToken::new()).unwrap();
+        assert!(bench.is_filled() && bench.machine().ejected() == 0, "the specimen has been kept");
+        bench.axis.move_to(Steps(100)).unwrap();
+        bench.eject("A01").unwrap();
+    }
 }
 
 /// A fault ends a turn by a stop, and an alarm makes the controller deaf; the specimen is to be got out all the same.

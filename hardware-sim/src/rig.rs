@@ -7,7 +7,7 @@ use crate::grbl;
 use crate::motor_faults::MotorFaults;
 use crate::relay::{self, Relay};
 use crate::sampler::{SamplerSettings, VendorSampler};
-use crate::serial::{Firmware, SerialFaults, SerialPort};
+use crate::serial::{Button, Firmware, SerialFaults, SerialPort};
 use crate::shaft::{Shaft, ShaftSettings};
 use crate::sight::{PixelFormat, Sight};
 use crate::slide::{OnSlide, Slide, SlideSettings};
@@ -263,6 +263,11 @@ impl<'a> Faults<'a> {
     /// Bytes that nobody sent reach the motor controller now.
     pub fn serial_noise(&self, bytes: &[u8]) {
         self.rig.port.noise(bytes);
+    }
+
+    /// A hand presses a button at the motor controller, or lets it go (Grbl, grblHAL).
+    pub fn button(&self, button: Button, pressed: bool) {
+        self.rig.port.button(button, pressed);
     }
 
     /// Pulls the serial cable; the port is gone when this returns.

@@ -82,6 +82,8 @@ struct State {
     /// Play between motor and capillary, and where the capillary stood when a move last began or ended.
     play_steps: f64,
     capillary_steps: f64,
+    /// How far a hose pulls the capillary round when its motors lose their current.
+    pull_steps: i64,
 }
 
 impl State {
@@ -108,6 +110,7 @@ impl Shaft {
             datum_steps: settings.index_steps as f64,
             play_steps: 0.0,
             capillary_steps: steps as f64,
+            pull_steps: 0,
         };
         Self { clock, settings, state: Mutex::new(state) }
     }
@@ -149,6 +152,17 @@ impl Shaft {
         let mut state = self.lock();
         state.drives.iter_mut().for_each(|drive| drive.rest_steps += steps);
         state.capillary_steps += steps as f64;
+    }
+
+    /// A hose pulls at the capillary: each time the motors lose their current it turns by this much.
+    pub fn pull_when_released(&self, steps: i64) {
+        self.lock().pull_steps = steps;
+    }
+
+    /// The motors lose their current.
+    pub(crate) fn release(&self) {
+        let steps = self.lock().pull_steps;
+        self.push(steps);
     }
 
     pub fn steps_to_rad(&self, steps: f64) -> f64 {

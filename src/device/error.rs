@@ -60,6 +60,10 @@ pub enum DeviceError {
     NoFrame { waited_ms: u128, attempts: u32, last: String },
     #[error("camera: {what}: {why}")]
     Camera { what: String, why: String },
+    #[error(
+        "sampler: a specimen is in the capillary that no run asked for; nothing is measured of it. Empty the capillary; if it is empty, the input is stuck: look at the wire"
+    )]
+    Unasked,
     #[error("sampler: well {well}: {why}")]
     Sampler { well: String, why: String },
 }

@@ -119,6 +119,8 @@ pub trait SpecimenInput {
     fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError>;
     /// Whether the input is active at this moment; it may bounce.
     fn is_active(&mut self) -> Result<bool, DeviceError>;
+    /// The same of a controller at rest, which may be stopped or in an alarm and is left so; nothing where its answer cannot be read.
+    fn is_active_at_rest(&mut self) -> Result<Option<bool>, DeviceError>;
     /// Switches the output that says that the specimen is done with.
     fn say_done(&mut self, done: bool) -> Result<(), DeviceError>;
 }

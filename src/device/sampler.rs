@@ -30,6 +30,16 @@ pub struct Expected<'a> {
 pub trait Sampler: Send {
     /// Whether `load` waits for somebody outside.
     fn waits_for_loader(&self) -> bool;
+    /// A new run begins: a capillary that was seen empty before may have been filled since. A run that goes on is no new one.
+    fn begin_run(&mut self) {}
+    /// Looks at the wire that says that a specimen is there, while nothing runs; it moves and resets nothing.
+    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    /// Whether the looks while nothing runs have found a specimen; nothing where no wire tells, or not for long enough yet.
+    fn sees_specimen(&self) -> Option<bool> {
+        None
+    }
     /// Brings the specimen of a well into the capillary; nothing where the run was cancelled or paused meanwhile. `axis` may have the
     /// wire that says that it is there.
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;

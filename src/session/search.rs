@@ -1,4 +1,5 @@
-//! Between runs the axis is asked once a second whether it is still there, and what is lost is looked for until it answers.
+//! Between runs the axis is asked once a second whether it is still there and the sampler's wire whether a specimen is, and what is
+//! lost is looked for until it answers.
 //!
 //! ```text
 //! beat ── at rest ──► blocking thread: check the axis, reopen a lost camera ──► there: its faults are over ── ready
@@ -26,6 +27,11 @@ pub type Search = JoinHandle<(Instrument, Found)>;
 pub fn begin(mut instrument: Instrument) -> Search {
     tokio::task::spawn_blocking(move || {
         let found = Found { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
+        if found.rotation.is_ok()
+            && let Err(error) = instrument.sampler.look(instrument.rig.rotation.as_mut())
+        {
+            tracing::debug!(%error, "the sampler's wire cannot be read");
+        }
         (instrument, found)
     })
 }

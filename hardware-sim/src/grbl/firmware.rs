@@ -15,7 +15,7 @@ use super::settings::Settings;
 use super::words;
 use crate::motion::MotionProfile;
 use crate::sampler::VendorSampler;
-use crate::serial::{self, SerialFaults};
+use crate::serial::{self, Button, SerialFaults};
 use crate::shaft::Shaft;
 use crate::slide::Slide;
 use std::collections::VecDeque;
@@ -39,7 +39,15 @@ enum Mode {
     Hold,
     Jog,
     Home,
+    /// The safety door is open, or was and nobody has pressed cycle start.
+    Door,
+    /// Lines are parsed and nothing moves, until `$C` comes again.
+    Check,
+    /// Until a reset.
+    Sleep,
     Alarm,
+    /// grblHAL: the emergency stop is pressed, or was and nobody has reset.
+    EmergencyStop,
     /// After a limit: deaf to everything but a reset.
     Critical,
 }
@@ -112,6 +120,15 @@ enum Homing {
     Leave,
 }
 
+/// The control inputs.
+#[derive(Debug, Clone, Copy, Default)]
+struct Inputs {
+    hold: bool,
+    door_open: bool,
+    /// The emergency stop of grblHAL, the reset input of Grbl.
+    stop: bool,
+}
+
 pub(crate) struct Firmware {
     shaft: Arc<Shaft>,
     /// On Y, where there is one.
@@ -140,6 +157,9 @@ pub(crate) struct Firmware {
     position: [i64; 3],
     mode: Mode,
     wait: Wait,
+    inputs: Inputs,
+    /// When the motors lose their current, unless they move again.
+    release_s: Option<f64>,
     out: Vec<u8>,
 }
 
@@ -163,10 +183,10 @@ impl serial::Firmware for Firmware {
         if self.faults.take_erased_memory() {
             self.settings = Settings::factory();
             self.say("error:7\r\n");
-            let report = self.settings.report();
+            let report = self.settings.report(self.dialect);
             self.say(&report);
         }
-        self.mode = if self.settings.is_on(22) { Mode::Alarm } else { Mode::Idle };
+        self.mode = if self.settings.is_on(22) { Mode::Alarm } else { self.at_rest() };
         self.greet();
     }
 
@@ -176,14 +196,15 @@ impl serial::Firmware for Firmware {
             Wait::Dwell { until_s } => Some(until_s),
             _ => None,
         };
-        match (motion, dwell) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        }
+        [motion, dwell, self.release_s].into_iter().flatten().reduce(f64::min)
     }
 
     fn advance(&mut self, now_s: f64) {
         while let Some(at_s) = self.next_event_s().filter(|at| *at <= now_s) {
+            if self.release_s.is_some_and(|release_s| release_s <= at_s) {
+                self.release_s = None;
+                self.shaft.release();
+            }
             if let Wait::Dwell { until_s } = self.wait
                 && until_s <= at_s
             {
@@ -198,6 +219,24 @@ impl serial::Firmware for Firmware {
             }
             self.main_loop(at_s);
         }
+    }
+
+    fn button(&mut self, button: Button, pressed: bool, now_s: f64) {
+        match button {
+            Button::FeedHold => self.inputs.hold = pressed,
+            Button::CycleStart => {}
+            Button::Door => self.inputs.door_open = pressed,
+            Button::EmergencyStop => self.inputs.stop = pressed,
+        }
+        match button {
+            _ if !pressed => {}
+            Button::FeedHold => self.hold(now_s),
+            Button::CycleStart => self.resume(),
+            Button::Door => self.open_door(now_s),
+            Button::EmergencyStop if self.dialect.is_hal() => self.emergency_stop(now_s),
+            Button::EmergencyStop => self.reset(now_s),
+        }
+        self.main_loop(now_s);
     }
 
     fn receive(&mut self, bytes: &[u8], now_s: f64) {
@@ -242,6 +281,8 @@ impl Firmware {
             position: [0; 3],
             mode: Mode::Idle,
             wait: Wait::Nothing,
+            inputs: Inputs::default(),
+            release_s: None,
             out: Vec::new(),
         }
     }
@@ -262,7 +303,8 @@ impl Firmware {
         loop {
             self.start(now_s);
             self.unblock(now_s);
-            let listening = matches!(self.wait, Wait::Nothing) && !matches!(self.mode, Mode::Critical | Mode::Hold);
+            let deaf = matches!(self.mode, Mode::Critical | Mode::Hold | Mode::Door | Mode::Sleep | Mode::EmergencyStop);
+            let listening = matches!(self.wait, Wait::Nothing) && !deaf;
             let Some(byte) = listening.then(|| self.received.pop_front()).flatten() else { break };
             match self.line.push(byte) {
                 None => {}
@@ -331,6 +373,7 @@ impl Firmware {
 
     fn act(&mut self, action: Action, now_s: f64) {
         match action {
+            _ if self.mode == Mode::Check => self.ok(),
             Action::None => self.ok(),
             Action::Move { target, feed } => {
                 if self.beyond_soft_limits(target) {
@@ -351,6 +394,13 @@ impl Firmware {
         match command {
             [] => self.say("[HLP:$$ $# $G $I $N $x=val $J=line $X $H ~ ! ? ctrl-x]\r\n"),
             b"G" => self.say(&self.parser.report()),
+            b"X" | b"H" | b"HX" | b"HY" if self.inputs.door_open => return Err(13),
+            b"C" if self.mode == Mode::Check => {
+                self.mode = Mode::Idle;
+                self.ok();
+                self.restart();
+                return Ok(false);
+            }
             b"X" => {
                 if self.mode == Mode::Alarm {
                     self.mode = Mode::Idle;
@@ -360,10 +410,12 @@ impl Firmware {
             [b'J', b'=', line @ ..] => return self.jog(line),
             // Everything else touches the EEPROM or prints for long: only at rest.
             _ if !quiet => return Err(8),
-            b"$" => self.say(&self.settings.report()),
+            b"$" => self.say(&self.settings.report(self.dialect)),
             b"#" => self.say(&self.parser.report_offsets()),
             b"I" => self.say(self.dialect.version()),
             b"N" => self.say("$N0=\r\n$N1=\r\n"),
+            b"C" if self.mode == Mode::Idle => self.mode = Mode::Check,
+            b"SLP" => self.mode = Mode::Sleep,
             b"H" | b"HX" | b"HY" => {
                 if !self.settings.is_on(22) {
                     return Err(5);
@@ -469,6 +521,7 @@ impl Firmware {
     }
 
     fn run(&mut self, block: Block, start_s: f64) {
+        self.release_s = None;
         let profile = Arc::new(MotionProfile::trapezoid(block.length, block.speed, block.acceleration));
         let limit_s = (self.settings.is_on(21) && self.mode != Mode::Home).then(|| self.limit_hit_s(&block, &profile, start_s)).flatten();
         if block.steps[0] != 0 {
@@ -495,6 +548,7 @@ impl Firmware {
     fn arrived(&mut self, at_s: f64) {
         let Some(running) = self.running.take() else { return };
         let done = self.count(&running, at_s);
+        self.release_s = self.settings.idle_s(SHAFT, self.dialect).map(|idle_s| at_s + idle_s);
         match running.brake {
             None if self.mode == Mode::Home => self.homed(at_s),
             None => {}
@@ -555,14 +609,42 @@ impl Firmware {
                 self.mode = Mode::Hold;
                 self.brake(Brake::Hold, now_s);
             }
-            Mode::Hold | Mode::Home | Mode::Alarm | Mode::Critical => {}
+            _ => {}
         }
     }
 
+    fn open_door(&mut self, now_s: f64) {
+        match self.mode {
+            Mode::Idle | Mode::Run | Mode::Jog | Mode::Hold => {
+                self.mode = Mode::Door;
+                self.brake(Brake::Hold, now_s);
+            }
+            Mode::Home => {
+                self.stop_motor(now_s);
+                self.homing_failed(7);
+            }
+            _ => {}
+        }
+    }
+
+    fn emergency_stop(&mut self, now_s: f64) {
+        self.stop_motor(now_s);
+        self.forget();
+        self.homed = false;
+        self.mode = Mode::EmergencyStop;
+        self.say("ALARM:10\r\n[MSG:Emergency stop]\r\n");
+    }
+
     fn resume(&mut self) {
-        if self.mode == Mode::Hold && self.running.is_none() {
+        let may = self.mode == Mode::Hold || self.mode == Mode::Door && !self.inputs.door_open;
+        if may && self.running.is_none() {
             self.mode = Mode::Idle;
         }
+    }
+
+    /// What an unlocked controller is in where nothing moves.
+    fn at_rest(&self) -> Mode {
+        if self.inputs.door_open { Mode::Door } else { Mode::Idle }
     }
 
     fn cancel_jog(&mut self, now_s: f64) {
@@ -685,6 +767,9 @@ impl Firmware {
     }
 
     fn reset(&mut self, now_s: f64) {
+        if self.mode == Mode::EmergencyStop && self.inputs.stop {
+            return self.emergency_stop(now_s);
+        }
         let alarm = match (self.mode, &self.running) {
             (Mode::Home, _) => Some(6),
             (_, Some(_)) => Some(3),
@@ -694,8 +779,8 @@ impl Firmware {
         if let Some(number) = alarm {
             self.say(&format!("ALARM:{number}\r\n"));
         }
-        let locked = alarm.is_some() || matches!(self.mode, Mode::Alarm | Mode::Critical);
-        self.mode = if locked { Mode::Alarm } else { Mode::Idle };
+        let locked = alarm.is_some() || matches!(self.mode, Mode::Alarm | Mode::Critical | Mode::Sleep | Mode::EmergencyStop);
+        self.mode = if locked { Mode::Alarm } else { self.at_rest() };
         self.restart();
     }
 
@@ -729,10 +814,14 @@ impl Firmware {
     /// Tells every optional field at once.
     fn full_status(&mut self, now_s: f64) {
         self.reporter = Reporter::default();
-        self.status(now_s);
+        self.report(now_s, true);
     }
 
     fn status(&mut self, now_s: f64) {
+        self.report(now_s, false);
+    }
+
+    fn report(&mut self, now_s: f64, full: bool) {
         let state = match (self.mode, &self.running) {
             // A controller that waits for a reset answers nothing else.
             (Mode::Critical, _) => return,
@@ -742,7 +831,14 @@ impl Firmware {
             (Mode::Hold, None) => "Hold:0",
             (Mode::Jog, _) => "Jog",
             (Mode::Home, _) => "Home",
-            (Mode::Alarm, _) => "Alarm",
+            (Mode::Door, Some(_)) => "Door:2",
+            (Mode::Door, None) if self.inputs.door_open => "Door:1",
+            (Mode::Door, None) => "Door:0",
+            (Mode::Check, _) => "Check",
+            (Mode::Sleep, _) => "Sleep",
+            // The number of an alarm comes with a full report only, as grblHAL is set by default.
+            (Mode::EmergencyStop, _) if full => "Alarm:10",
+            (Mode::Alarm | Mode::EmergencyStop, _) => "Alarm",
         };
         let mut steps = self.position;
         let mut feed = 0.0;
@@ -759,6 +855,7 @@ impl Firmware {
             offset: self.parser.offset(),
             feed,
             at_limit: self.shaft.at_index(now_s),
+            control: self.control_inputs(),
             at_probe: self.sampler.as_ref().is_some_and(|sampler| sampler.line()),
             free: (self.free_blocks(), self.dialect.receive_bytes() - self.received.len()),
             homed: self.dialect.is_hal().then_some(self.homed),
@@ -771,6 +868,12 @@ impl Firmware {
             self.told_modes = modes;
         }
         self.say(&text);
+    }
+
+    fn control_inputs(&self) -> String {
+        let stop = if self.dialect.is_hal() { "E" } else { "R" };
+        let Inputs { hold, door_open, stop: stopped } = self.inputs;
+        [(door_open, "D"), (hold, "H"), (stopped, stop)].into_iter().filter_map(|(active, letter)| active.then_some(letter)).collect()
     }
 
     fn machine(&self, steps: [i64; 3]) -> [f32; 3] {

@@ -384,3 +384,102 @@ fn grblhal_reports_more_and_unasked() {
     assert!(b.say("?").starts_with("<Idle|"), "told once");
     assert_eq!(Bench::unlocked().send(&[0x87]), "", "Grbl drops the byte");
 }
+
+impl Bench {
+    fn button(&mut self, button: Button, pressed: bool) -> String {
+        self.firmware.advance(self.now_s);
+        self.firmware.button(button, pressed, self.now_s);
+        self.heard()
+    }
+}
+
+#[test]
+fn an_open_door_brakes_the_axis_and_only_cycle_start_behind_a_closed_one_ends_it() {
+    let mut b = Bench::unlocked();
+    b.say("G91 G1 X5 F300\n");
+    b.after(0.5);
+    b.button(Button::Door, true);
+    assert_eq!(b.state(), "Door:2");
+    b.after(3.0);
+    assert_eq!(b.state(), "Door:1");
+    assert!(b.say("?").contains("|Pn:D"));
+    assert_eq!(b.say("G4 P0\n"), "", "no line is executed");
+    b.button(Button::CycleStart, true);
+    assert_eq!(b.state(), "Door:1");
+    b.button(Button::Door, false);
+    assert_eq!(b.state(), "Door:0");
+    assert_eq!(b.say("!") + &b.after(1.0), "", "a hold changes nothing");
+    b.button(Button::CycleStart, true);
+    assert_eq!(b.after(5.0), "ok\r\n");
+    assert_eq!((b.x(), b.state()), (5.0, "Idle".to_owned()));
+    b.button(Button::Door, true);
+    assert_eq!(b.send(&[0x18]), "\r\nGrbl 1.1h ['$' for help]\r\n");
+    assert_eq!(b.state(), "Door:1", "a reset does not close it");
+}
+
+#[test]
+fn a_door_that_opens_during_homing_ends_it_and_keeps_the_axis_locked() {
+    let mut b = Bench::new();
+    b.say("$H\n");
+    b.after(0.1);
+    b.heard();
+    assert!(b.button(Button::Door, true).starts_with("ALARM:7\r\n"));
+    assert_eq!((b.say("$X\n"), b.say("$H\n")), ("error:13\r\n".to_owned(), "error:13\r\n".to_owned()));
+    assert_eq!(b.state(), "Alarm");
+}
+
+#[test]
+fn a_feed_hold_button_holds_and_shows_while_it_is_pressed() {
+    let mut b = Bench::unlocked();
+    b.button(Button::FeedHold, true);
+    assert_eq!(b.state(), "Hold:0");
+    assert!(b.say("?").contains("|Pn:H"));
+    b.button(Button::FeedHold, false);
+    b.button(Button::CycleStart, true);
+    assert_eq!(b.state(), "Idle");
+}
+
+#[test]
+fn grblhal_in_an_emergency_stop_answers_reports_and_no_reset_ends_it_before_it_is_released() {
+    let mut b = Bench::of(Dialect::GrblHal);
+    b.say("$X\n");
+    b.say("G91 G1 X5 F300\n");
+    b.after(0.5);
+    assert!(b.button(Button::EmergencyStop, true).starts_with("ALARM:10\r\n"));
+    let stands = b.shaft_steps();
+    assert!(b.say("?").contains("<Alarm|") && b.say("?").contains("|Pn:E"));
+    assert!(b.send(&[0x87]).contains("<Alarm:10|"));
+    assert!(b.send(&[0x18]).starts_with("ALARM:10\r\n"), "it does not greet");
+    b.button(Button::EmergencyStop, false);
+    assert!(b.send(&[0x18]).contains("GrblHAL 1.1f"));
+    assert_eq!(b.state(), "Alarm");
+    assert_eq!(b.shaft_steps(), stands);
+}
+
+#[test]
+fn check_mode_moves_nothing_and_sleep_lasts_until_a_reset() {
+    let mut b = Bench::unlocked();
+    b.say("$C\n");
+    assert_eq!(b.state(), "Check");
+    assert_eq!(b.say("G91 G1 X5 F300\n"), "ok\r\n");
+    b.after(5.0);
+    assert_eq!(b.x(), 0.0);
+    assert!(b.say("$C\n").contains("Grbl 1.1h"));
+    b.say("$SLP\n");
+    assert_eq!((b.state(), b.say("$$\n")), ("Sleep".to_owned(), String::new()));
+    b.send(&[0x18]);
+    assert_eq!(b.state(), "Alarm");
+}
+
+/// `$1` is what the motors do after a move: 255 keeps them powered, anything less lets the capillary go.
+#[test]
+fn motors_that_lose_their_current_let_the_capillary_be_pulled_round() {
+    for (idle_ms, slips) in [(255, 0.0), (25, 3.0)] {
+        let mut b = Bench::unlocked();
+        b.say(&format!("$1={idle_ms}\n"));
+        b.shaft.pull_when_released(3);
+        b.say("G91 G1 X1 F300\n");
+        b.after(5.0);
+        assert_eq!((b.x(), b.shaft_steps()), (1.0, 237.0 + slips), "$1={idle_ms}");
+    }
+}

@@ -26,6 +26,8 @@ pub(super) struct Snapshot<'a> {
     pub feed: f32,
     pub at_limit: bool,
     pub at_probe: bool,
+    /// Letters of the control inputs that are active.
+    pub control: String,
     /// Free planner blocks and receive bytes.
     pub free: (usize, usize),
     /// `$10`: bit 0 machine position instead of work position, bit 1 buffer state.
@@ -53,9 +55,9 @@ impl Reporter {
             let _ = write!(text, "|Bf:{},{}", s.free.0, s.free.1);
         }
         let _ = write!(text, "|FS:{:.0},0", s.feed);
-        if s.at_probe || s.at_limit {
-            let pins = [(s.at_probe, "P"), (s.at_limit, "X")].map(|(active, pin)| if active { pin } else { "" });
-            let _ = write!(text, "|Pn:{}", pins.concat());
+        let pins = [(s.at_probe, "P"), (s.at_limit, "X"), (true, &s.control)].map(|(active, pin)| if active { pin } else { "" }).concat();
+        if !pins.is_empty() {
+            let _ = write!(text, "|Pn:{pins}");
         }
         if self.wco > 0 {
             self.wco -= 1;

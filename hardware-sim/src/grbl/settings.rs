@@ -1,10 +1,16 @@
 //! The `$` settings: they live in EEPROM and survive every reset.
 
+use super::dialect::Dialect;
 use std::collections::BTreeMap;
 
 /// Settings that Grbl prints without decimals.
 const INTEGERS: [u16; 15] = [0, 1, 2, 3, 4, 5, 6, 10, 20, 21, 22, 23, 26, 30, 31];
 const LASER_MODE: u16 = 32;
+/// grblHAL: bits of the motors that keep their current after `$1`.
+const KEPT_POWERED: u16 = 37;
+
+/// `$1`, ms: with this value the motors keep their current for ever.
+const ALWAYS_POWERED_MS: f32 = 255.0;
 
 /// What the firmware was told about its machine.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,6 +45,7 @@ impl Default for Settings {
             (30, 1000.0),
             (31, 0.0),
             (LASER_MODE, 0.0),
+            (KEPT_POWERED, 0.0),
         ]
         .into();
         for axis in 0..3 {
@@ -64,6 +71,13 @@ impl Settings {
 
     pub fn get(&self, number: u16) -> f32 {
         self.values.get(&number).copied().unwrap_or(0.0)
+    }
+
+    /// How long the motor of an axis keeps its current after a move, s; none where it does for ever.
+    pub(super) fn idle_s(&self, axis: usize, dialect: Dialect) -> Option<f64> {
+        let kept = dialect.is_hal() && self.get(KEPT_POWERED) as u32 >> axis & 1 == 1;
+        let idle_ms = self.get(1);
+        (idle_ms < ALWAYS_POWERED_MS && !kept).then(|| f64::from(idle_ms) / 1000.0)
     }
 
     pub fn is_on(&self, number: u16) -> bool {
@@ -97,14 +111,15 @@ impl Settings {
     }
 
     /// `$$`
-    pub(super) fn report(&self) -> String {
+    pub(super) fn report(&self, dialect: Dialect) -> String {
         self.values
             .iter()
+            .filter(|(n, _)| **n != KEPT_POWERED || dialect.is_hal())
             .map(|(n, v)| if is_integer(*n) { format!("${n}={}\r\n", *v as i64) } else { format!("${n}={v:.3}\r\n") })
             .collect()
     }
 }
 
 fn is_integer(number: u16) -> bool {
-    number == LASER_MODE || INTEGERS.contains(&number)
+    number == LASER_MODE || number == KEPT_POWERED || INTEGERS.contains(&number)
 }

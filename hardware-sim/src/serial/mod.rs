@@ -12,6 +12,18 @@ pub use faults::SerialFaults;
 pub(crate) use faults::take_one;
 pub use port::SerialPort;
 
+/// A hand at the controller, or a safety circuit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Button {
+    FeedHold,
+    /// It resumes a motion that was held; it acts when it is pressed.
+    CycleStart,
+    /// The safety door: pressed is open.
+    Door,
+    /// A latching emergency stop. It ends at the reset input of a controller that has no other.
+    EmergencyStop,
+}
+
 /// The program of a controller, driven by bytes and rig time.
 pub trait Firmware: Send {
     /// Whether the host's opening of the port restarts the controller, as the DTR line of an Arduino does.
@@ -26,6 +38,8 @@ pub trait Firmware: Send {
     fn advance(&mut self, now_s: f64);
     /// Bytes from the host.
     fn receive(&mut self, bytes: &[u8], now_s: f64);
+    /// A button is pressed or let go; firmware without such an input does nothing.
+    fn button(&mut self, _button: Button, _pressed: bool, _now_s: f64) {}
     /// Bytes for the host since the last call; one call, one piece that leaves together.
     fn take_output(&mut self) -> Vec<u8>;
 }

@@ -6,9 +6,9 @@
 //! ```
 //! The thread keeps the slave open itself, so that a host may close it and come back.
 
-use super::Firmware;
 use super::faults::{Sent, SerialFaults};
 use super::plug::{Plug, point};
+use super::{Button, Firmware};
 use crate::clock::RigClock;
 use nix::errno::Errno;
 use nix::poll::{PollFd, PollFlags, ppoll};
@@ -29,6 +29,7 @@ const BOOT: Duration = Duration::from_millis(60);
 enum Order {
     Reboot,
     Noise(Vec<u8>),
+    Button(Button, bool),
     Unplug(mpsc::Sender<()>),
     Replug(mpsc::Sender<nix::Result<()>>),
     Quit,
@@ -94,6 +95,11 @@ impl SerialPort {
     /// Bytes that nobody sent reach the controller now.
     pub fn noise(&self, bytes: &[u8]) {
         self.order(Order::Noise(bytes.to_vec()));
+    }
+
+    /// A hand presses a button at the controller, or lets it go.
+    pub fn button(&self, button: Button, pressed: bool) {
+        self.order(Order::Button(button, pressed));
     }
 
     /// Pulls the cable: the port is gone when this returns, and the controller without power.
@@ -206,6 +212,11 @@ impl Worker {
                 let now_s = self.clock.now_s();
                 self.firmware.advance(now_s);
                 self.firmware.receive(&bytes, now_s);
+            }
+            Order::Button(button, pressed) => {
+                let now_s = self.clock.now_s();
+                self.firmware.advance(now_s);
+                self.firmware.button(button, pressed, now_s);
             }
             Order::Unplug(done) => {
                 self.pull();

@@ -20,6 +20,11 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
                     let _ = writeln!(text, "{key} = {value}   # its ${number}, for axis X; Y has ${}", number + 1);
                 }
             }
+            // grblHAL may name the motors that stay powered instead.
+            let kept = *is_hal && settings.get(&37).is_some_and(|mask| *mask != 0.0);
+            if let Some(ms) = settings.get(&1).filter(|ms| **ms != 255.0 && !kept) {
+                let _ = writeln!(text, "# set $1=255 in the controller: now its motors lose their current {ms} ms after each move");
+            }
             let homing = settings.get(&22).map(|on| *on as u32 & 1 == 1);
             match homing {
                 Some(true) => text.push_str("reference = \"home\"   # its $22 is on\n"),

@@ -57,6 +57,18 @@ impl Sampler for Outside {
         self.daemons.waits_for_loader()
     }
 
+    fn begin_run(&mut self) {
+        self.daemons.begin_run();
+    }
+
+    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        self.daemons.look(axis)
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        self.daemons.sees_specimen()
+    }
+
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (contents, truth) = self.scenery.contents(expected)?;
         if let Some(machine) = &self.machine {

@@ -53,6 +53,8 @@ struct State {
     /// None once the owner has closed the connection.
     door: Option<Door>,
     latched: bool,
+    /// What a stop sends instead while somebody else has the axis.
+    instead: Option<&'static [u8]>,
 }
 
 /// What stops the motor on this protocol.
@@ -96,6 +98,9 @@ impl Transmitter {
     }
 
     fn write_stop(&self, state: &mut State) -> Result<(), DeviceError> {
+        if let Some(bytes) = state.instead {
+            return self.write(state, bytes);
+        }
         for (i, piece) in self.stop.pieces.iter().enumerate() {
             if i > 0 {
                 std::thread::sleep(self.stop.gap);
@@ -157,7 +162,7 @@ impl Link {
             why: e.to_string(),
             remedy: "Close other programs: this computer has no file handles left",
         })?;
-        let state = Mutex::new(State { door: Some(twin), latched: false });
+        let state = Mutex::new(State { door: Some(twin), latched: false, instead: None });
         let transmitter = Transmitter { device, stop, state };
         Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
     }
@@ -192,6 +197,11 @@ impl Link {
         }
         transmitter.latched = false;
         Ok(())
+    }
+
+    /// Whatever stops the motor from now on sends these bytes instead; none: what it sends by default.
+    pub fn stop_by(&mut self, instead: Option<&'static [u8]>) {
+        self.transmitter.lock().instead = instead;
     }
 
     /// The next line without its line end; `None` when `until` has passed. Ends early when the stop is latched.

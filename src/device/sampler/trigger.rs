@@ -6,7 +6,8 @@
 //!            └ empty? ───┘ there for debounce_ms      never gone         │  gone   └
 //!  done ─────────────────────────────────────────────────────────────────┘▔▔▔▔▔▔▔▔▔┘        (done_output)
 //! ```
-//! An arrival is believed only where the capillary was seen empty since the last specimen: what lies there unasked is nobody's well.
+//! An arrival is believed only where the capillary was seen empty since the last specimen of this run: what lies there unasked is
+//! nobody's well. While nothing runs the input is looked at once a second, and a specimen that comes in then is said.
 
 use super::watched::{Watch, Watched};
 use super::{Expected, Loaded, Sampler};
@@ -73,8 +74,12 @@ enum Waited {
 pub struct TriggerSampler {
     settings: TriggerSettings,
     watch: Watch,
-    /// The capillary was seen empty after the last specimen, and nothing was waited for since.
+    /// The capillary was seen empty after the last specimen of this run, and nothing was waited for since.
     is_empty: bool,
+    /// Since when every look while nothing runs has found a specimen.
+    there_since: Option<Instant>,
+    /// What those looks have found.
+    seen: Option<bool>,
 }
 
 impl TriggerSampler {
@@ -90,7 +95,7 @@ impl TriggerSampler {
         }
         let watch = Watch::default();
         let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce() };
-        Ok((Self { settings, watch, is_empty: false }, Box::new(watched)))
+        Ok((Self { settings, watch, is_empty: false, there_since: None, seen: None }, Box::new(watched)))
     }
 
     /// Waits until the input has said `there` for as long as it may bounce.
@@ -132,6 +137,24 @@ pub(super) fn gone() -> DeviceError {
 impl Sampler for TriggerSampler {
     fn waits_for_loader(&self) -> bool {
         false
+    }
+
+    fn begin_run(&mut self) {
+        (self.is_empty, self.there_since, self.seen) = (false, None, None);
+    }
+
+    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        let Some(active) = axis.specimen_input().ok_or_else(gone)?.is_active_at_rest()? else { return Ok(()) };
+        if active == self.settings.inverted {
+            (self.there_since, self.seen) = (None, Some(false));
+        } else if self.there_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce() {
+            self.seen = Some(true);
+        }
+        Ok(())
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        self.seen
     }
 
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {

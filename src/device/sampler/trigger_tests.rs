@@ -37,6 +37,10 @@ impl SpecimenInput for Wired {
         self.last = self.levels.pop_front().unwrap_or(self.last);
         Ok(self.last)
     }
+    fn is_active_at_rest(&mut self) -> Result<Option<bool>, DeviceError> {
+        self.last = self.levels.pop_front().unwrap_or(self.last);
+        Ok(Some(self.last))
+    }
     fn say_done(&mut self, done: bool) -> Result<(), DeviceError> {
         self.done.push(done);
         if let (true, Some(level)) = (done, self.after_done) {
@@ -108,6 +112,39 @@ fn an_arrival_is_believed_after_its_bounces_and_a_blink_is_none() {
     // The next one may be there already: the capillary was seen empty in between.
     axis.last = true;
     assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+}
+
+#[test]
+fn what_comes_in_between_two_runs_is_not_the_next_runs_first_specimen() {
+    let mut sampler = sampler(QUICK);
+    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    sampler.begin_run();
+    assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+    axis.after_done = Some(false);
+    sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
+    axis.last = true;
+    sampler.begin_run();
+    let said = words(sampler.load(&mut axis, A01, &CancelToken::new()));
+    assert!(said.contains("none was asked for"), "{said}");
+}
+
+#[test]
+fn a_specimen_that_is_there_while_nothing_runs_is_seen_once_it_is_no_blink() {
+    for inverted in [false, true] {
+        let mut sampler = sampler(TriggerSettings { inverted, ..QUICK });
+        let mut axis = Wired::says(&[inverted, !inverted, inverted]);
+        assert_eq!(sampler.sees_specimen(), None, "not looked at yet");
+        for found in [Some(false), Some(false), Some(false)] {
+            sampler.look(&mut axis).unwrap();
+            assert_eq!(sampler.sees_specimen(), found, "a blink");
+        }
+        axis.last = !inverted;
+        let until = Instant::now() + Duration::from_secs(60);
+        while sampler.sees_specimen() != Some(true) {
+            assert!(Instant::now() < until, "it is never seen");
+            sampler.look(&mut axis).unwrap();
+        }
+    }
 }
 
 #[test]

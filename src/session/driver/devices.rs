@@ -1,6 +1,6 @@
 //! Whether the devices are there: looked at while nothing runs, shown while something does.
 
-use super::super::fault::{self, Lost};
+use super::super::fault::{Lost, table};
 use super::super::{CalibrationStatus, Status, gate};
 use super::super::{search, worker::Instrument};
 use super::Running;
@@ -30,6 +30,7 @@ impl Running {
 
     pub(super) fn searched(&mut self, instrument: Instrument, found: search::Found) {
         let identity = instrument.rig.rotation.identity().to_owned();
+        let specimen = instrument.sampler.sees_specimen();
         self.instrument = Some(instrument);
         let was_lost = !self.lost.is_empty();
         match found.camera {
@@ -39,19 +40,37 @@ impl Running {
         match found.rotation {
             Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity)),
             Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error),
-            // The axis is there, and a person has it: a fault until it is acknowledged.
+            // The axis is there, and a person or a safety circuit has it. For as long as that lasts the fault stands, also where it
+            // was acknowledged before it was over.
             Err(error @ DeviceError::Intervention { .. }) => {
                 self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity));
-                let code = fault::table::ROTATION_INTERVENTION.code;
-                if !self.publisher.status().faults.iter().any(|fault| fault.code == code) {
-                    self.raise(&error.into());
-                }
+                self.stands(table::ROTATION_INTERVENTION.code, error);
             }
             Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
         }
+        self.unasked(specimen);
         // A run that was held by it may go on.
         if was_lost && self.lost.is_empty() {
             self.resume_by_itself();
+        }
+    }
+
+    /// Raises what a look has found, unless a fault of that code stands already.
+    fn stands(&mut self, code: &str, error: DeviceError) {
+        if self.publisher.status().faults.iter().all(|fault| fault.code != code) {
+            self.raise(&error.into());
+        }
+    }
+
+    /// A specimen in the capillary, by the sampler's wire, while there is no run and none was left there.
+    fn unasked(&mut self, seen: Option<bool>) {
+        let Some(seen) = seen.filter(|_| self.active.is_none() && self.occupant.is_none()) else { return };
+        if self.unasked != seen {
+            self.unasked = seen;
+            self.publish(|_| ());
+        }
+        if seen {
+            self.stands(table::SAMPLER_FAILED.code, DeviceError::Unasked);
         }
     }
 

@@ -53,6 +53,8 @@ impl Running {
         let eject_first = self.occupant.clone();
         self.been_inside = eject_first.iter().cloned().collect();
         (self.asked_for, self.brought) = (None, None);
+        self.unasked = false;
+        self.instrument.iter_mut().for_each(|instrument| instrument.sampler.begin_run());
         self.active = Some(Active { eject_first, ..Active::new(record) });
         self.launch();
         self.go_with(Trigger::Start, |s| {

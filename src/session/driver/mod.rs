@@ -88,6 +88,8 @@ struct Running {
     active: Option<Active>,
     /// The well whose specimen is in the capillary, as far as is known: of the run under way, or of the newest one.
     occupant: Option<String>,
+    /// A specimen that no run asked for is in the capillary, by the sampler's wire.
+    unasked: bool,
     /// The well whose specimen the loader was last asked for, until it says that it is there.
     asked_for: Option<String>,
     /// The well whose specimen is inside for the run to go on with: the loader has brought it and nothing has been done with it since, or
@@ -216,6 +218,7 @@ impl Running {
             gate,
             active: None,
             occupant: None,
+            unasked: false,
             asked_for: None,
             brought: None,
             been_inside: BTreeSet::new(),

@@ -62,7 +62,7 @@ impl Running {
         (s.plate.take_out, s.plate.bring) = self.wanted();
         s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
         // Everything of it is on disk, and only who takes a specimen out knows that it is out. A start may yet take a run up.
-        let over = !self.starting && self.active.is_none() && self.occupant.is_none();
+        let over = !self.starting && self.active.is_none() && self.occupant.is_none() && !self.unasked;
         s.plate.removable = over && s.plate.barcode.is_some() && !self.store_failed;
         s.not_ready_reason = self.not_ready(s);
         s.ready = s.not_ready_reason.is_none();

@@ -71,7 +71,7 @@ fn code_of_device(error: &DeviceError) -> &'static FaultCode {
         DeviceError::NotController { .. } => &table::CAMERA_TAKEN,
         DeviceError::NoFrame { .. } => &table::CAMERA_NO_FRAME,
         DeviceError::Camera { .. } | DeviceError::NotArmed => &table::CAMERA_REFUSED,
-        DeviceError::Sampler { .. } => &table::SAMPLER_FAILED,
+        DeviceError::Sampler { .. } | DeviceError::Unasked => &table::SAMPLER_FAILED,
         // What the controller was told or is set to is not what its machine allows: a person has to look.
         DeviceError::Alarm { .. } | DeviceError::Skew { .. } | DeviceError::Stalled { .. } => &table::ROTATION_ALARM,
         DeviceError::Intervention { .. } => &table::ROTATION_INTERVENTION,

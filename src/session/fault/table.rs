@@ -124,7 +124,7 @@ codes! {
         "A revolution could not be planned or carried through.",
         "Read the message. If it names the method, stop the run and choose another for the next; else acknowledge the fault and let the run go on.";
     SAMPLER_FAILED = "sampler_failed", Sampler, PauseInstrument, operator: true, recoverable: true,
-        "The sampler did not bring or take away a specimen.",
+        "The sampler did not bring or take away a specimen, or brought one that no run asked for.",
         "Look whether a specimen is stuck in the tubing or the capillary, take it out and say so to the instrument. Then acknowledge the fault and let the run go on.";
     POSITION_OVERRUN = "position_overrun", Motion, PauseInstrument, operator: true, recoverable: true,
         "The reference, or bringing the specimen into view, took longer than the method's policy allows, more often than it is tried.",

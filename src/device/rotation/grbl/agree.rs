@@ -9,6 +9,11 @@ use std::collections::BTreeMap;
 /// The controller prints three decimals.
 const PRINTED: f64 = 0.0006;
 
+/// How long the motors keep their current after a move, ms; 255 is for ever.
+const IDLE_DELAY: u16 = 1;
+const FOR_EVER_MS: f64 = 255.0;
+/// grblHAL: a bit for each motor that keeps its current after that.
+const KEPT_POWERED: u16 = 37;
 const STATUS_MASK: u16 = 10;
 const INCHES: u16 = 13;
 const HOMING: u16 = 22;
@@ -54,6 +59,8 @@ impl Grbl {
 
     fn differences(&self, found: &Found) -> Vec<Difference> {
         let mut differences = Vec::new();
+        let axes = self.axes().iter().map(|axis| 1 << axis.letter.index()).sum::<u32>();
+        let kept = self.is_hal && found.get(&KEPT_POWERED).is_some_and(|mask| *mask as u32 & axes == axes);
         let mut hold = |number: u16, name: &str, configured: String, agrees: &dyn Fn(f64) -> bool| {
             let value = found.get(&number).copied();
             if !value.is_some_and(agrees) {
@@ -61,6 +68,9 @@ impl Grbl {
                 differences.push(Difference::new(format!("${number} ({name})"), configured, found));
             }
         };
+        let or_kept = if self.is_hal { format!(", or {axes} in $37") } else { String::new() };
+        let powered = format!("255{or_kept}: a motor without current does not hold the capillary while it is exposed");
+        hold(IDLE_DELAY, "step idle delay, ms", powered, &|ms| kept || ms == FOR_EVER_MS);
         hold(STATUS_MASK, "status report", "odd, to report machine positions".into(), &|mask| mask as u32 & 1 == 1);
         hold(INCHES, "report in inches", "0".into(), &|inches| inches == 0.0);
         if self.settings.reference == Reference::Home || self.slide.is_some() {

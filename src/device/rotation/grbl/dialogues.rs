@@ -11,7 +11,7 @@ use std::time::Duration;
 
 const GREETING: &str = "\r\nGrbl 1.1h ['$' for help]\r\n";
 const VERSION: &str = "[VER:1.1h.20190830:]\r\n[OPT:V,15,128]\r\nok\r\n";
-const SETTINGS: &str = "$10=1\r\n$13=0\r\n$22=1\r\n$23=0\r\n$27=0.720\r\n$100=1.389\r\n$110=3600.000\r\n$120=200.000\r\nok\r\n";
+const SETTINGS: &str = "$1=255\r\n$10=1\r\n$13=0\r\n$22=1\r\n$23=0\r\n$27=0.720\r\n$100=1.389\r\n$110=3600.000\r\n$120=200.000\r\nok\r\n";
 const RESET: &str = "\x18";
 /// Closes the controller's side of the pty.
 const HANG_UP: &str = "hang up";
@@ -28,14 +28,20 @@ fn idle(x: &str) -> String {
     format!("<Idle|MPos:{x},0.000,0.000|FS:0,0>\r\n")
 }
 
+/// The look whether somebody else has the controller, and the reset behind it.
+fn woken() -> Vec<Step<'static>> {
+    vec![("?", idle("0.000")), step(RESET, GREETING)]
+}
+
 fn opening() -> Vec<Step<'static>> {
-    vec![step(RESET, GREETING), step("$I", VERSION), step("$$", SETTINGS)]
+    [woken(), vec![step("$I", VERSION), step("$$", SETTINGS)]].concat()
 }
 
 /// Opening and a reference "here" at the controller's position `x`.
 fn referenced(x: &str) -> Vec<Step<'static>> {
     let mut steps = opening();
-    steps.extend([step(RESET, GREETING), step("$$", SETTINGS)]);
+    steps.extend(woken());
+    steps.push(step("$$", SETTINGS));
     steps.extend((0..3).map(|_| ("?", idle(x))));
     steps
 }
@@ -196,7 +202,8 @@ fn step_0_is_where_the_reference_was_taken() {
 fn homing_takes_the_reported_place_as_step_0_and_raises_the_epoch() {
     let mut script = opening();
     for _ in 0..2 {
-        script.extend([step(RESET, GREETING), step("$$", SETTINGS), step("$H", "ok\r\n")]);
+        script.extend(woken());
+        script.extend([step("$$", SETTINGS), step("$H", "ok\r\n")]);
         script.extend((0..2).map(|_| ("?", idle("-0.720"))));
     }
     let controller = Scripted::play(script);
@@ -209,7 +216,8 @@ fn homing_takes_the_reported_place_as_step_0_and_raises_the_epoch() {
 #[test]
 fn an_alarm_is_unlocked_only_by_a_reference() {
     let mut script = opening();
-    script.extend([step(RESET, GREETING), step("$$", SETTINGS), step("?", "<Alarm|MPos:0.000,0.000,0.000>\r\n")]);
+    script.extend(woken());
+    script.extend([step("$$", SETTINGS), step("?", "<Alarm|MPos:0.000,0.000,0.000>\r\n")]);
     script.push(step("$X", "[MSG:Caution: Unlocked]\r\nok\r\n"));
     script.extend((0..2).map(|_| ("?", idle("0.000"))));
     let controller = Scripted::play(script);
@@ -232,8 +240,7 @@ fn a_restart_in_the_middle_of_a_move_makes_the_position_suspect() {
 fn a_reset_that_is_answered_late_greets_again_and_that_is_no_restart() {
     // The answer to the question was lost in that reset, or follows upon the greeting.
     for rest in ["", SETTINGS] {
-        let mut script =
-            vec![step(RESET, GREETING), step("$I", GREETING), step("$I", VERSION), step("$$", SETTINGS), step(RESET, GREETING)];
+        let mut script = [woken(), vec![step("$I", GREETING), step("$I", VERSION), step("$$", SETTINGS)], woken()].concat();
         script.push(("$$", format!("{GREETING}{rest}")));
         script.push(step("$$", SETTINGS));
         script.extend((0..3).map(|_| ("?", idle("0.000"))));
@@ -261,7 +268,7 @@ fn a_restart_between_moves_is_noticed_by_its_greeting_or_by_its_place() {
         grbl.reference(&CancelToken::new()).unwrap();
         grbl.move_to(Steps(24)).unwrap();
         if greets {
-            controller.await_step(11);
+            controller.await_step(13);
         }
         let error = grbl.move_to(Steps(48)).unwrap_err();
         match error {
@@ -278,10 +285,13 @@ fn a_restart_between_moves_is_noticed_by_its_greeting_or_by_its_place() {
 fn a_late_ok_is_never_taken_for_the_answer_to_something_else() {
     let mut script = move_begins();
     script.push(step("G4P0", ""));
+    // Nor is any of the reports answered that ask what became of it.
+    script.extend((0..3).map(|_| step("?", "")));
     // The answer to the barrier comes only after the driver has given up and halted.
     script.extend([step("!", ""), step(RESET, "ok\r\n")]);
     // The next reference must not take that ok for the answer to $$.
-    script.extend([step(RESET, GREETING), step("$$", SETTINGS)]);
+    script.extend(woken());
+    script.push(step("$$", SETTINGS));
     script.extend((0..3).map(|_| ("?", idle("3.600"))));
     let mut steps = referenced("0.000");
     steps.extend(script);
@@ -289,7 +299,7 @@ fn a_late_ok_is_never_taken_for_the_answer_to_something_else() {
     let mut grbl = controller.open().unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     let error = grbl.move_to(Steps(24)).unwrap_err();
-    assert!(matches!(&error, DeviceError::Silent { request, .. } if request == "G4P0"), "{error}");
+    assert!(matches!(&error, DeviceError::Silent { request, .. } if request == "?"), "{error}");
     assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 3 });
     controller.followed(grbl);
 }
@@ -330,7 +340,7 @@ fn a_place_between_two_steps_is_no_place() {
 #[test]
 fn garbage_around_and_inside_the_answers_is_survived() {
     let mut script = referenced("0.000");
-    script.push(("?", format!("\u{1}\u{fffd}{{~\r\n<Idle|MP\r\n{}", "")));
+    script.push(("?", "\u{1}\u{fffd}{~\r\n<Idle|MP\r\n".to_owned()));
     script.push(("?", idle("0.000")));
     script.push(step(MOVE_24, "[GC:G0 G54]\r\n#%&\r\nok\r\n"));
     script.push(step("G4P0", "[MSG:'$H'|'$X' to unlock]\r\nok\r\n"));
@@ -375,10 +385,11 @@ fn a_stop_reaches_the_wire_while_a_move_waits_and_stays_until_the_reference() {
     script.extend(move_begins());
     script.push(step("G4P0", ""));
     let barrier = script.len() - 1;
-    script.extend([step("!", ""), step(RESET, GREETING)]);
+    script.extend(halted());
     // The driver's own halt after the failed move, then the reference.
-    script.extend([step("!", ""), step(RESET, GREETING)]);
-    script.extend([step(RESET, GREETING), step("$$", SETTINGS)]);
+    script.extend(halted());
+    script.extend(woken());
+    script.push(step("$$", SETTINGS));
     script.extend((0..3).map(|_| ("?", idle("3.600"))));
     let controller = Scripted::play(script);
     // A deadline of minutes: only the stop can end this move in time.
@@ -433,7 +444,8 @@ fn a_stop_handle_that_outlives_its_axis_holds_no_port_open() {
 fn every_setting_that_differs_is_named_at_once_by_both_numbers() {
     let other = SETTINGS.replace("1.389", "250.000").replace("3600.000", "500.000").replace("$10=1", "$10=0").replace("$22=1\r\n", "");
     // Asked twice: a disturbed byte is no difference.
-    let mut script = vec![step(RESET, GREETING), step("$I", VERSION)];
+    let mut script = woken();
+    script.push(step("$I", VERSION));
     script.extend((0..2).map(|_| ("$$", other.clone())));
     let controller = Scripted::play(script);
     let home = GrblSettings { reference: Reference::Home, ..settings(&controller.name) };
@@ -453,7 +465,8 @@ fn every_setting_that_differs_is_named_at_once_by_both_numbers() {
 #[test]
 fn a_setting_that_was_garbled_on_the_way_is_asked_for_again() {
     let garbled = SETTINGS.replace("$100=1.389\r\n$110", "$100=1.389$110");
-    let mut script = vec![step(RESET, GREETING), step("$I", VERSION), ("$$", garbled)];
+    let mut script = woken();
+    script.extend([step("$I", VERSION), ("$$", garbled)]);
     script.push(step("$$", SETTINGS));
     let controller = Scripted::play(script);
     let grbl = controller.open().unwrap();
@@ -464,7 +477,7 @@ fn a_setting_that_was_garbled_on_the_way_is_asked_for_again() {
 fn an_erased_memory_is_said_to_be_one() {
     let defaults = SETTINGS.replace("1.389", "250.000");
     let greeting = format!("error:7\r\n{defaults}{GREETING}");
-    let mut script = vec![step(RESET, &greeting), step("$I", VERSION)];
+    let mut script = vec![("?", idle("0.000")), step(RESET, &greeting), step("$I", VERSION)];
     script.extend((0..2).map(|_| ("$$", defaults.clone())));
     let controller = Scripted::play(script);
     let said = controller.open().err().unwrap().to_string();
@@ -474,7 +487,11 @@ fn an_erased_memory_is_said_to_be_one() {
 #[test]
 fn an_ok_to_homing_that_has_not_homed_is_not_believed() {
     let mut script = opening();
-    script.extend([step(RESET, GREETING), step("$$", SETTINGS), step("$H", "ok\r\n"), ("?", idle("3.600"))]);
+    // It is tried once more, behind another reset.
+    for _ in 0..2 {
+        script.extend(woken());
+        script.extend([step("$$", SETTINGS), step("$H", "ok\r\n"), ("?", idle("3.600"))]);
+    }
     let controller = Scripted::play(script);
     let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
     let said = grbl.reference(&CancelToken::new()).unwrap_err().to_string();
@@ -488,9 +505,11 @@ fn grblhal_is_known_by_its_greeting_and_forgets_its_last_error_before_each_line(
     const HAL: &str = "\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n";
     let full = "<Idle|MPos:-0.720,0.000,0.000|Bf:100,1023|FS:0,0|WCO:0.000,0.000,0.000|A:|H:1>\r\n";
     let script = vec![
+        ("?", idle("0.000")),
         step(RESET, HAL),
         step("$I", "[VER:1.1f.20240301:]\r\n[OPT:VNM,35,1024]\r\n[FIRMWARE:grblHAL]\r\nok\r\n"),
         step("$$", SETTINGS),
+        ("?", idle("0.000")),
         step(RESET, HAL),
         step("$$", SETTINGS),
         step("$H", "[GC:G0 G54 G17]\r\nok\r\n"),
@@ -513,22 +532,147 @@ fn grblhal_is_known_by_its_greeting_and_forgets_its_last_error_before_each_line(
 
 #[test]
 fn another_dialect_than_the_configured_one_is_refused() {
-    let controller = Scripted::play(vec![step(RESET, GREETING)]);
+    let controller = Scripted::play(woken());
     let said = Grbl::open(GrblSettings { dialect: Dialect::GrblHal, ..settings(&controller.name) }).err().unwrap().to_string();
     assert!(said.contains("grblHAL 1.1") && said.contains("Grbl 1.1h"), "{said}");
 }
 
 #[test]
 fn a_deaf_moment_at_power_up_is_waited_out_but_not_for_ever() {
-    let mut script = vec![step(RESET, ""), step(RESET, "")];
-    script.extend(opening());
+    let mut script = vec![step("?", ""), step(RESET, ""), step(RESET, "")];
+    script.extend(opening().into_iter().skip(1));
     let controller = Scripted::play(script);
     let grbl = controller.open().unwrap();
     controller.followed(grbl);
 
-    let old = Scripted::play(vec![step(RESET, "Grbl 0.9j ['$' for help]\r\n")]);
+    let old = Scripted::play(vec![("?", idle("0.000")), step(RESET, "Grbl 0.9j ['$' for help]\r\n")]);
     let said = old.open().err().unwrap().to_string();
     assert!(said.contains("Grbl 1.1") && said.contains("Grbl 0.9j"), "{said}");
+}
+
+/// Opens, references and moves to step 24, where the script has this between the report before the move and the end.
+fn moves_all_the_same(script: Vec<Step<'static>>) {
+    let mut steps = referenced("0.000");
+    steps.push(("?", idle("0.000")));
+    steps.extend(script);
+    let controller = Scripted::play(steps);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
+    assert_eq!(grbl.move_to(Steps(24)).unwrap(), Achieved { steps: Steps(24), epoch: 1 });
+    controller.followed(grbl);
+}
+
+fn running(x: &str) -> String {
+    idle(x).replace("Idle", "Run")
+}
+
+#[test]
+fn a_line_whose_ok_is_disturbed_is_asked_about_and_not_sent_again_where_the_axis_turns_or_has_arrived() {
+    for report in [running("3.000"), idle("17.280")] {
+        moves_all_the_same(vec![step(MOVE_24, "mk\r\n"), ("?", report), step("G4P0", "ok\r\n"), ("?", idle("17.280"))]);
+    }
+}
+
+#[test]
+fn a_line_that_was_lost_is_sent_again_where_the_axis_stands_where_it_stood() {
+    let rest = [step("G4P0", "ok\r\n"), ("?", idle("17.280"))];
+    for answer in ["", "errnr:2\r\n"] {
+        let lost = [step(MOVE_24, answer), ("?", idle("0.000")), step(MOVE_24, "ok\r\n")];
+        moves_all_the_same([&lost[..], &rest[..]].concat());
+    }
+    // Not for ever.
+    let mut script = vec![("?", idle("0.000"))];
+    for _ in 0..3 {
+        script.extend([step(MOVE_24, ""), ("?", idle("0.000"))]);
+    }
+    script.push(("?", idle("0.000")));
+    script.extend(halted());
+    let (error, known) = failed_move(script);
+    assert!(matches!(&error, DeviceError::Silent { request, .. } if request == MOVE_24), "{error}");
+    assert_eq!(known, Position::Suspect { epoch: 2 });
+}
+
+#[test]
+fn a_line_is_not_sent_again_where_the_axis_stands_anywhere_else() {
+    let mut script = vec![("?", idle("0.000")), step(MOVE_24, ""), ("?", idle("3.600")), step("G4P0", "ok\r\n")];
+    script.extend((0..2).map(|_| ("?", idle("3.600"))));
+    script.extend(halted());
+    let (error, _) = failed_move(script);
+    assert!(matches!(error, DeviceError::Missed { target: Steps(24), achieved: Steps(5) }), "{error}");
+}
+
+#[test]
+fn a_line_is_not_sent_again_after_a_restart() {
+    let mut script = vec![("?", idle("0.000")), step(MOVE_24, ""), ("?", GREETING.to_owned() + &idle("0.000"))];
+    script.extend(halted());
+    let (error, _) = failed_move(script);
+    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+}
+
+#[test]
+fn a_barrier_without_an_ok_is_no_loss_where_the_axis_has_arrived() {
+    // Disturbed it is asked about soon, lost when the axis is due.
+    for (answer, reports) in [("oj\r\n", vec![running("9.000"), idle("17.280")]), ("", vec![idle("17.280")])] {
+        let mut script = vec![step(MOVE_24, "ok\r\n"), step("G4P0", answer)];
+        script.extend(reports.into_iter().map(|report| ("?", report)));
+        moves_all_the_same(script);
+    }
+}
+
+#[test]
+fn a_report_that_is_lost_or_disturbed_anywhere_is_asked_for_again() {
+    for report in
+        ["", "<Jdle|MPos:17.280,0.000,0.000|FS:0,0>\r\n", "|Idle|MPos:17.280,0.000,0.000|FS:0,0>\r\n", "<Idle|MPps:17.280|FS:0,0>\r\n"]
+    {
+        moves_all_the_same(vec![step(MOVE_24, "ok\r\n"), step("G4P0", "ok\r\n"), step("?", report), ("?", idle("17.280"))]);
+    }
+}
+
+#[test]
+fn a_hold_is_asked_for_twice_and_then_left_alone_by_every_stop() {
+    let hold = "<Hold:0|MPos:9.000,0.000,0.000|FS:0,0>\r\n";
+    let mut script = referenced("0.000");
+    script.extend([("?", idle("0.000")), step(MOVE_24, "ok\r\n"), step("G4P0", ""), step("?", hold), step("?", hold)]);
+    // A stop, then the reference, which looks; no reset, no line.
+    script.extend([step("!", ""), step("?", hold), step("?", hold)]);
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
+    let error = grbl.move_to(Steps(24)).unwrap_err();
+    let DeviceError::Intervention { what, .. } = &error else { panic!("{error}") };
+    assert!(what.contains("reports Hold:0, machine position 9.000, 0.000, 0.000"), "{what}");
+    grbl.stop_handle().stop();
+    assert!(matches!(grbl.reference(&CancelToken::new()), Err(DeviceError::Intervention { .. })));
+    assert_eq!(grbl.position(), Position::Suspect { epoch: 2 });
+    controller.followed(grbl);
+}
+
+#[test]
+fn greetings_of_earlier_resets_hide_no_hold() {
+    let hold = "<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n";
+    let mut script = opening();
+    // The question is put again after each greeting, and once more for the hold.
+    script.push(("?", GREETING.repeat(5)));
+    script.extend((0..4).map(|_| step("?", "")));
+    script.extend((0..2).map(|_| step("?", hold)));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    assert!(matches!(grbl.reference(&CancelToken::new()), Err(DeviceError::Intervention { .. })));
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_greeting_before_anything_moves_makes_the_reference_try_once_more() {
+    let mut script = opening();
+    script.extend(woken());
+    script.extend([step("$$", SETTINGS), ("?", GREETING.to_owned() + &idle("0.000"))]);
+    script.extend(woken());
+    script.push(step("$$", SETTINGS));
+    script.extend((0..3).map(|_| ("?", idle("0.000"))));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    assert_eq!(grbl.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 1 });
+    controller.followed(grbl);
 }
 
 #[test]

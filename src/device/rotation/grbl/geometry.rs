@@ -1,5 +1,6 @@
 //! One axis of the controller in whole steps.
 
+use super::report::Status;
 use super::settings::{AxisLetter, GrblSettings};
 use std::time::Duration;
 
@@ -40,6 +41,12 @@ impl Geometry {
         // own rounding of steps per unit.
         let tolerance = 0.0005 * self.steps_per_unit() + steps.abs() * 3.0e-7 + 0.05;
         ((steps - steps.round()).abs() <= tolerance.min(0.45)).then(|| steps.round() as i64)
+    }
+
+    /// The machine step of a report; `None` where it has no machine position, `Some(None)` where that lies between two steps.
+    pub fn step_of(&self, status: &Status) -> Option<Option<i64>> {
+        let units = *status.machine.as_ref()?.get(usize::from(self.letter.index()))?;
+        Some(self.machine_steps(units))
     }
 
     /// Longest time a healthy controller needs for a move: trapezoid, and a tenth for rounding.

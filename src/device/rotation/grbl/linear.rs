@@ -193,9 +193,8 @@ impl Grbl {
     fn home_slide(&mut self) -> Result<(), DeviceError> {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Err(refused("the configuration has no [translation]")) };
         self.catch_up()?;
-        self.in_flight = true;
-        self.command(&format!("$H{:?}", axis.letter), self.settings.homing_timeout(), |_| {})?;
-        self.in_flight = false;
+        self.is_free()?;
+        self.home(&format!("$H{:?}", axis.letter))?;
         self.slide_has_homed()
     }
 

@@ -3,9 +3,9 @@
 //! ```text
 //! Unknown ──reference──► Referenced(epoch) ──any doubt──► Suspect(epoch + 1) ──reference──► Referenced(epoch + 2)
 //!                          │  move_to:  ?  idle at the expected step?
-//!                          │            G53 absolute line, await ok     (queued)
-//!                          │            G4 barrier, await ok            (planner drained)
-//!                          └────────    ?  idle at the target?          (re-asked once: a flipped bit can parse)
+//!                          │            G53 absolute line, await ok     (queued; no ok: ? says whether it was taken)
+//!                          │            G4 barrier, await ok            (planner drained; no ok: ? says the same)
+//!                          └────────    ?  idle at the target?          (asked again: a disturbed report can parse)
 //! ```
 //! All positions are whole machine steps: the reported units times steps per unit. Step 0 of the axis is the machine step
 //! found by the reference. Moves are absolute and in machine coordinates, their modes on the same line, because a reset
@@ -17,6 +17,7 @@
 
 mod agree;
 mod geometry;
+mod hands;
 mod linear;
 mod report;
 mod settings;
@@ -42,6 +43,8 @@ const DEVICE: &str = "rotation axis (Grbl)";
 
 /// Feed hold, then soft reset: the hold begins to brake at once, the reset ends the cycle and empties the queue.
 const STOP: &[u8] = b"!\x18";
+/// What a stop is while somebody else has the axis: it neither resets nor moves it.
+const HOLD: &[u8] = b"!";
 const SOFT_RESET: &[u8] = b"\x18";
 const STATUS: &[u8] = b"?";
 /// grblHAL alone.
@@ -108,6 +111,7 @@ impl Grbl {
             slide: translation.map(Slide::new),
             found: Found::new(),
         };
+        grbl.wait_until_free()?;
         let greeting = grbl.wake()?;
         let mut version = Vec::new();
         grbl.first(|grbl| {
@@ -121,7 +125,7 @@ impl Grbl {
         grbl.zero_at_home =
             version.iter().any(|v| v.strip_prefix("[OPT:").is_some_and(|o| o.split(',').next().is_some_and(|o| o.contains('Z'))));
         grbl.identity = format!("{greeting} {}", version.join(" "));
-        grbl.compare_settings()?;
+        grbl.first(Self::compare_settings)?;
         tracing::info!(identity = grbl.identity, port = %grbl.settings.port, "rotation axis opened");
         Ok(grbl)
     }
@@ -143,40 +147,72 @@ impl Grbl {
             return Ok(());
         }
         let wait = axis.travel_time(to - from) + self.settings.answer_timeout();
-        let until = Instant::now() + wait;
         self.in_flight = true;
-        self.code(&axis.line(to), self.settings.answer_timeout())?;
-        self.command(BARRIER, wait, |_| {})?;
+        self.send_off(axis, from, to)?;
+        let until = Instant::now() + wait;
+        // Its `ok` only ends the wait; what proves the arrival is the report.
+        self.exchange(BARRIER, wait, |_| {})?;
         self.confirm(axis, to, origin, until)?;
         self.in_flight = false;
         Ok(())
     }
 
-    /// Brings the axis to rest and no longer believes its position.
+    /// Brings the axis to rest and no longer believes its position. What somebody else has stopped is left as it is.
     fn doubt(&mut self, error: &DeviceError) {
-        if self.in_flight {
+        if matches!(error, DeviceError::Intervention { .. }) {
+            self.link.stop_by(Some(HOLD));
+        } else if self.in_flight {
             self.link.halt();
-            self.in_flight = false;
         }
+        self.in_flight = false;
         if let Some(slide) = &mut self.slide {
             slide.knowledge.doubt(error);
         }
         self.knowledge.doubt(error);
     }
 
+    /// Finds the axis, with a second try where the first was disturbed and nothing hurt: an answer that did not come, or a late
+    /// greeting before anything moved. A reset stands between the two, so that no answer to the first is taken for one to the second.
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
+        self.wait_until_free()?;
+        self.unwind()?;
+        self.wake()?;
+        match self.found_origin() {
+            Err(error) if self.was_only_disturbed(&error) => {
+                tracing::warn!(%error, "the reference is tried once more");
+                self.doubt(&error);
+                self.wait_until_free()?;
+                self.wake()?;
+                self.found_origin()
+            }
+            found => found,
+        }
+    }
+
+    fn was_only_disturbed(&self, error: &DeviceError) -> bool {
+        match error {
+            DeviceError::Silent { .. } | DeviceError::Unexpected { .. } => true,
+            DeviceError::Suspect { .. } => !self.in_flight,
+            _ => false,
+        }
+    }
+
+    /// An axis that has turned so far that its steps are about to blur is turned back first.
+    fn unwind(&mut self) -> Result<(), DeviceError> {
         if let (Reference::Here, Ok(at)) = (self.settings.reference, self.knowledge.whence())
             && (self.origin + at.0).abs() > FARTHEST_STEPS
         {
             self.travel(&self.rotation(), self.origin + at.0, 0, self.origin)?;
         }
-        self.wake()?;
+        Ok(())
+    }
+
+    /// The machine step where the axis is found, after a reset.
+    fn found_origin(&mut self) -> Result<i64, DeviceError> {
         self.first(Self::compare_settings)?;
         let axis = self.rotation();
         if self.settings.reference == Reference::Home {
-            self.in_flight = true;
-            self.command("$H", self.settings.homing_timeout(), |_| {})?;
-            self.in_flight = false;
+            self.home("$H")?;
             self.slide_has_homed()?;
             return self.homed_origin(&axis);
         }

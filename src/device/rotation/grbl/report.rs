@@ -1,5 +1,7 @@
 //! What Grbl says, line by line.
 
+use std::fmt::{self, Display};
+
 /// One line from the controller.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Line {
@@ -25,12 +27,14 @@ pub(super) enum Line {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Status {
     pub state: State,
+    /// The number behind the state: `Hold:1`, `Door:0`, grblHAL's `Alarm:10`.
+    pub detail: Option<u16>,
     /// Machine position by axis, in units; absent where the controller reports work positions.
     pub machine: Option<Vec<f64>>,
     /// Whether the axes are homed; grblHAL tells it now and then, and in its full report.
     pub homed: Option<bool>,
-    /// The probe input is active; the field of pins comes only where one is.
-    pub probe: bool,
+    /// Letters of the inputs that are active; the field comes only where one is.
+    pub inputs: String,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,9 +44,12 @@ pub(super) enum State {
     Jog,
     Home,
     Hold,
+    Door,
+    Check,
+    Sleep,
+    /// grblHAL: a change of tool.
+    Tool,
     Alarm,
-    /// `Door`, `Check`, `Sleep`: nothing this driver brings about.
-    Elsewhere,
 }
 
 impl Line {
@@ -57,7 +64,8 @@ impl Line {
             Self::Alarm(n)
         } else if text.starts_with('<') {
             Status::parse(text).map_or_else(|| Self::BrokenStatus(text.into()), Self::Status)
-        } else if text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl")) {
+        } else if text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl")) || text.ends_with("for help]") {
+            // By its end too: a character of its beginning may be disturbed.
             Self::Greeting(text.into())
         } else if let Some((number, value)) = setting(text) {
             Self::Setting { number, value }
@@ -70,21 +78,35 @@ impl Line {
 }
 
 impl Status {
+    pub fn is_active(&self, input: char) -> bool {
+        self.inputs.contains(input)
+    }
+
+    /// The probe input, which is the sampler's wire.
+    pub fn probe(&self) -> bool {
+        self.is_active('P')
+    }
+
     fn parse(text: &str) -> Option<Self> {
         let mut fields = text.strip_prefix('<')?.strip_suffix('>')?.split('|');
-        let state = match fields.next()?.split(':').next()? {
+        let mut state = fields.next()?.split(':');
+        let (name, detail) = (state.next()?, state.next().and_then(|number| number.parse().ok()));
+        let state = match name {
             "Idle" => State::Idle,
             "Run" => State::Run,
             "Jog" => State::Jog,
             "Home" => State::Home,
             "Hold" => State::Hold,
+            "Door" => State::Door,
+            "Check" => State::Check,
+            "Sleep" => State::Sleep,
+            "Tool" => State::Tool,
             "Alarm" => State::Alarm,
-            "Door" | "Check" | "Sleep" | "Tool" => State::Elsewhere,
             _ => return None,
         };
         let mut machine = None;
         let mut homed = None;
-        let mut probe = false;
+        let mut inputs = String::new();
         // Fields come and go from report to report; only these matter here.
         for field in fields {
             if let Some(list) = field.strip_prefix("MPos:") {
@@ -92,10 +114,31 @@ impl Status {
             } else if let Some(list) = field.strip_prefix("H:") {
                 homed = Some(list.starts_with('1'));
             } else if let Some(pins) = field.strip_prefix("Pn:") {
-                probe = pins.contains('P');
+                pins.clone_into(&mut inputs);
             }
         }
-        Some(Self { state, machine, homed, probe })
+        Some(Self { state, detail, machine, homed, inputs })
+    }
+}
+
+/// For people: `Hold:0, machine position 0.720, 0.000, -1.500, active inputs H`.
+impl Display for Status {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:?}", self.state)?;
+        if let Some(detail) = self.detail {
+            write!(f, ":{detail}")?;
+        }
+        match &self.machine {
+            Some(units) => {
+                let units: Vec<String> = units.iter().map(|u| format!("{u:.3}")).collect();
+                write!(f, ", machine position {}", units.join(", "))?;
+            }
+            None => write!(f, ", no machine position")?,
+        }
+        if !self.inputs.is_empty() {
+            write!(f, ", active inputs {}", self.inputs)?;
+        }
+        Ok(())
     }
 }
 
@@ -147,6 +190,9 @@ mod tests {
         assert_eq!(Line::parse("$100=17.778"), Line::Setting { number: 100, value: 17.778 });
         assert!(matches!(Line::parse("Grbl 1.1h ['$' for help]"), Line::Greeting(_)));
         assert!(matches!(Line::parse("GrblHAL 1.1f ['$' or '$HELP' for help]"), Line::Greeting(_)));
+        for disturbed in ["Grjl 1.1h ['$' for help]", "Grbl 1.1h ['$' for hulp]", "JGrbl 1.1h ['$' for help]"] {
+            assert!(matches!(Line::parse(disturbed), Line::Greeting(_)), "{disturbed}");
+        }
         assert!(matches!(Line::parse("[GC:G0 G54 G17]"), Line::Message(_)));
         for noise in ["", "o", "okk", "error:", "ALARM:x", "$100=nan", "\u{fffd}ok", "[MSG:"] {
             assert!(matches!(Line::parse(noise), Line::Other(_)), "{noise}");
@@ -155,19 +201,23 @@ mod tests {
 
     #[test]
     fn a_status_is_read_whatever_optional_fields_it_carries() {
-        let plain = Status { state: State::Idle, machine: Some(vec![0.72, 0.0, -1.5]), homed: None, probe: false };
+        let plain = Status { state: State::Idle, detail: None, machine: Some(vec![0.72, 0.0, -1.5]), homed: None, inputs: String::new() };
         for text in [
             "<Idle|MPos:0.720,0.000,-1.500|FS:0,0>",
             "<Idle|MPos:0.720,0.000,-1.500|Bf:15,128|FS:0,0|WCO:0.000,0.000,0.000|Ov:100,100,100|A:S>",
         ] {
             assert_eq!(Line::parse(text), Line::Status(plain.clone()));
         }
-        let probed = Status { probe: true, ..plain.clone() };
+        let probed = Status { inputs: "PX".into(), ..plain.clone() };
+        assert!(probed.probe() && !plain.probe());
         assert_eq!(Line::parse("<Idle|MPos:0.720,0.000,-1.500|FS:0,0|Pn:PX>"), Line::Status(probed));
         let homed = Status { homed: Some(true), ..plain };
         assert_eq!(Line::parse("<Idle|MPos:0.720,0.000,-1.500|Bf:100,1023|FS:0,0|H:1,1|A:>"), Line::Status(homed));
-        let held = Status { state: State::Hold, machine: None, homed: None, probe: false };
+        let held = Status { state: State::Hold, detail: Some(0), machine: None, homed: None, inputs: String::new() };
+        assert_eq!(held.to_string(), "Hold:0, no machine position");
         assert_eq!(Line::parse("<Hold:0|WPos:1.0,2.0,3.0>"), Line::Status(held));
+        let door = Line::parse("<Door:1|MPos:0.720,0.000,-1.500|Pn:D>");
+        assert!(matches!(door, Line::Status(s) if s.to_string() == "Door:1, machine position 0.720, 0.000, -1.500, active inputs D"));
         for broken in ["<Idle|MPos:0.7x0,0,0>", "<Idl", "<|MPos:1>", "<Idle|MPos:1.000,2.0", "<Idle|MPos:inf,0,0>", "<>"] {
             assert!(matches!(Line::parse(broken), Line::BrokenStatus(_)), "{broken}");
         }

@@ -2,7 +2,7 @@
 
 use super::geometry::Geometry;
 use super::report::{Line, State, Status, alarm_text, error_text};
-use super::{DEVICE, Dialect, FULL_STATUS, Grbl, SOFT_RESET, STATUS};
+use super::{DEVICE, Dialect, FULL_STATUS, Grbl, HOLD, SOFT_RESET, STATUS, hands};
 use crate::device::DeviceError;
 use crate::units::Steps;
 use std::time::{Duration, Instant};
@@ -13,8 +13,10 @@ const WAKE_ATTEMPTS: u32 = 8;
 const WAKE_WAIT: Duration = Duration::from_millis(500);
 /// Silence after which a greeting's messages have ended; a line of 80 bytes takes 7 ms at 115200 baud.
 const SILENCE: Duration = Duration::from_millis(20);
-/// Status reports asked for until one can be read.
-const STATUS_ATTEMPTS: u32 = 3;
+/// How often a report, or the answer to a line, is asked for until one can be read.
+const ATTEMPTS: u32 = 3;
+/// The same after a reset: each of those that were sent before has left a greeting in the way.
+const GLANCES: u32 = 16;
 /// Pause between two looks at an axis that is still turning.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
 /// What the controller says at a start on which it found its settings memory erased.
@@ -33,6 +35,11 @@ impl Grbl {
                         self.memory_erased = true;
                         continue;
                     }
+                    // An emergency stop that is pressed lets no reset through.
+                    Line::Alarm(n) => match hands::of_alarm(n) {
+                        Some(error) => return Err(error),
+                        None => continue,
+                    },
                     _ => continue,
                 };
                 self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?;
@@ -57,32 +64,150 @@ impl Grbl {
         ask(self)
     }
 
-    /// Sends one line and awaits its `ok`; everything else that is said meanwhile goes to `heard`.
-    pub(super) fn command(&mut self, line: &str, wait: Duration, mut heard: impl FnMut(Line)) -> Result<(), DeviceError> {
+    /// Sends one line and awaits its `ok`; everything else that is said meanwhile goes to `heard`. False where no `ok` came: it
+    /// was lost or disturbed on its way, or the line was.
+    pub(super) fn exchange(&mut self, line: &str, wait: Duration, mut heard: impl FnMut(Line)) -> Result<bool, DeviceError> {
         self.link.send(format!("{line}\n").as_bytes())?;
-        let until = Instant::now() + wait;
+        let mut until = Instant::now() + wait;
         while let Some(text) = self.link.line(until)? {
             match Line::parse(&text) {
-                Line::Ok => return Ok(()),
+                Line::Ok => return Ok(true),
                 Line::Error(n) => {
-                    return Err(DeviceError::Unexpected { device: DEVICE, expected: format!("ok to {line}"), found: error_text(n) });
+                    let refused = DeviceError::Unexpected { device: DEVICE, expected: format!("ok to {line}"), found: error_text(n) };
+                    return Err(hands::of_error(n).unwrap_or(refused));
                 }
+                // This may have been the answer.
+                Line::Other(noise) if !noise.is_empty() => until = until.min(Instant::now() + self.settings.answer_timeout()),
                 other => heard(unless_lost(other)?),
             }
         }
-        Err(DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms: wait.as_millis() })
+        Ok(false)
+    }
+
+    /// The same, where no `ok` is an error.
+    pub(super) fn command(&mut self, line: &str, wait: Duration, heard: impl FnMut(Line)) -> Result<(), DeviceError> {
+        if self.exchange(line, wait, heard)? { Ok(()) } else { Err(self.unanswered(line, wait)) }
+    }
+
+    /// The error of a line without an `ok`: what a report says of it, if it says anything.
+    fn unanswered(&mut self, line: &str, wait: Duration) -> DeviceError {
+        let silent = DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms: wait.as_millis() };
+        self.free_status().map_or_else(|error| error, |_status| silent)
     }
 
     /// A line of G-code. grblHAL answers each of them by the last error, whatever that was about, until an empty line
     /// has come: a disturbed byte on the line would else refuse all that follows.
-    pub(super) fn code(&mut self, line: &str, wait: Duration) -> Result<(), DeviceError> {
-        if self.is_hal {
-            self.command("", self.settings.answer_timeout(), |_| {})?;
-        }
-        self.command(line, wait, |_| {})
+    pub(super) fn code(&mut self, line: &str) -> Result<(), DeviceError> {
+        if self.code_is_taken(line)? { Ok(()) } else { Err(self.unanswered(line, self.settings.answer_timeout())) }
     }
 
-    /// Asks for a status report, again if it comes garbled.
+    fn code_is_taken(&mut self, line: &str) -> Result<bool, DeviceError> {
+        if self.is_hal {
+            // An empty line does nothing: whether its own `ok` comes is of no matter.
+            self.exchange("", self.settings.answer_timeout(), |_| {})?;
+        }
+        self.exchange(line, self.settings.answer_timeout(), |_| {})
+    }
+
+    /// Sends an axis from one machine step to another; it is on its way, or there, or nowhere else than it stood. A line without
+    /// an `ok` may have been taken or not. It is sent again only where the axis stands where it stood: it is absolute, and does
+    /// the same twice.
+    pub(super) fn send_off(&mut self, axis: &Geometry, from: i64, to: i64) -> Result<(), DeviceError> {
+        let line = axis.line(to);
+        for _ in 0..ATTEMPTS {
+            if self.code_is_taken(&line)? {
+                return Ok(());
+            }
+            let status = self.free_status()?;
+            if status.state != State::Idle || axis.step_of(&status) != Some(Some(from)) {
+                return Ok(());
+            }
+            tracing::info!(line, "no answer, and the axis stands where it stood: the line is sent again");
+        }
+        Err(self.unanswered(&line, self.settings.answer_timeout()))
+    }
+
+    /// A homing cycle. Where no `ok` comes it is made again: it ends at its switch wherever it begins.
+    pub(super) fn home(&mut self, line: &str) -> Result<(), DeviceError> {
+        self.in_flight = true;
+        if !self.exchange(line, self.settings.homing_timeout(), |_| {})? {
+            // Whoever still homes now does not get there.
+            let status = self.status()?;
+            if status.state != State::Home
+                && let Some(error) = hands::of(&status, true)
+            {
+                return Err(error);
+            }
+            if status.state != State::Idle || !self.exchange(line, self.settings.homing_timeout(), |_| {})? {
+                let waited_ms = self.settings.homing_timeout().as_millis();
+                return Err(DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms });
+            }
+        }
+        self.in_flight = false;
+        Ok(())
+    }
+
+    /// A report of a controller that nobody else has. A report that says otherwise is asked for once more before it is believed.
+    fn free_status(&mut self) -> Result<Status, DeviceError> {
+        let status = self.status()?;
+        if hands::of(&status, true).is_none() {
+            return Ok(status);
+        }
+        let status = self.status()?;
+        hands::of(&status, true).map_or(Ok(status), Err)
+    }
+
+    /// Refuses a command while somebody else has the controller.
+    pub(super) fn is_free(&mut self) -> Result<(), DeviceError> {
+        self.free_status().map(drop)
+    }
+
+    /// Refuses to go on while somebody else has the controller; it is neither moved nor reset. One that does not answer is
+    /// starting, or waits for a reset after a limit: neither is anybody's doing. Until it is free a stop is a feed hold alone.
+    pub(super) fn wait_until_free(&mut self) -> Result<(), DeviceError> {
+        let free = self.look_until_free();
+        self.link.stop_by(matches!(free, Err(DeviceError::Intervention { .. })).then_some(HOLD));
+        free
+    }
+
+    fn look_until_free(&mut self) -> Result<(), DeviceError> {
+        let until = Instant::now() + self.settings.homing_timeout();
+        let mut asked_again = false;
+        while let Some(status) = self.glance()? {
+            match hands::of(&status, true) {
+                Some(error) if asked_again => return Err(error),
+                Some(_) => asked_again = true,
+                None if status.state != State::Run => break,
+                // Somebody has let a held motion go on.
+                None if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
+                None => return Err(hands::still_turning(&status)),
+            }
+        }
+        Ok(())
+    }
+
+    /// A report, whatever was said before it; none where nobody answers.
+    fn glance(&mut self) -> Result<Option<Status>, DeviceError> {
+        let mut asked = 0;
+        'ask: while asked < GLANCES {
+            asked += 1;
+            self.link.send(STATUS)?;
+            let until = Instant::now() + WAKE_WAIT;
+            while let Some(text) = self.link.line(until)? {
+                match Line::parse(&text) {
+                    Line::Status(status) => return Ok(Some(status)),
+                    Line::Error(MEMORY_ERASED) => self.memory_erased = true,
+                    // It has started since and may not have heard the question, or its report is garbled.
+                    Line::Greeting(_) | Line::BrokenStatus(_) => continue 'ask,
+                    _ => {}
+                }
+            }
+            return Ok(None);
+        }
+        Ok(None)
+    }
+
+    /// Asks for a status report, again if it is lost or comes garbled.
     pub(super) fn status(&mut self) -> Result<Status, DeviceError> {
         self.report(STATUS)
     }
@@ -95,47 +220,46 @@ impl Grbl {
     fn report(&mut self, request: &[u8]) -> Result<Status, DeviceError> {
         let wait = self.settings.answer_timeout();
         let mut garbled = None;
-        for _ in 0..STATUS_ATTEMPTS {
+        for _ in 0..ATTEMPTS {
             self.link.send(request)?;
             let until = Instant::now() + wait;
-            loop {
-                let Some(text) = self.link.line(until)? else {
-                    let request = request.escape_ascii().to_string();
-                    return Err(DeviceError::Silent { device: DEVICE, request, waited_ms: wait.as_millis() });
-                };
+            while let Some(text) = self.link.line(until)? {
                 match unless_lost(Line::parse(&text))? {
                     Line::Status(status) => return Ok(status),
-                    Line::BrokenStatus(text) => {
-                        garbled = Some(text);
-                        break;
-                    }
-                    _ => {}
+                    Line::BrokenStatus(text) => garbled = Some(text),
+                    Line::Other(text) if !text.is_empty() => garbled = Some(text),
+                    _ => continue,
                 }
+                self.link.quiet(SILENCE, Instant::now() + wait)?;
+                break;
             }
         }
-        Err(DeviceError::Unexpected { device: DEVICE, expected: "a status report".into(), found: garbled.unwrap_or_default() })
+        let silent = || {
+            let request = request.escape_ascii().to_string();
+            DeviceError::Silent { device: DEVICE, request, waited_ms: wait.as_millis() * u128::from(ATTEMPTS) }
+        };
+        let unreadable = |found| DeviceError::Unexpected { device: DEVICE, expected: "a status report".into(), found };
+        Err(garbled.map_or_else(silent, unreadable))
     }
 
     /// Waits until the controller is idle and returns the machine step where the axis stands; `None` between two steps.
     pub(super) fn standing(&mut self, axis: &Geometry, until: Instant) -> Result<Option<i64>, DeviceError> {
+        let unexpected = |expected: String, status: Status| {
+            let found = status.to_string();
+            Err(DeviceError::Unexpected { device: DEVICE, expected, found })
+        };
+        let mut without_position = 0;
         loop {
-            let status = self.status()?;
+            let status = self.free_status()?;
             match status.state {
-                State::Idle => {
-                    let units = status.machine.as_ref().and_then(|m| m.get(usize::from(axis.letter.index())));
-                    let found = || format!("{status:?}");
-                    let units = *units.ok_or_else(|| DeviceError::Unexpected {
-                        device: DEVICE,
-                        expected: format!("a machine position of axis {:?}", axis.letter),
-                        found: found(),
-                    })?;
-                    return Ok(axis.machine_steps(units));
-                }
-                State::Run | State::Jog | State::Home if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
+                State::Idle => match axis.step_of(&status) {
+                    Some(step) => return Ok(step),
+                    None if without_position < ATTEMPTS => without_position += 1,
+                    None => return unexpected(format!("a machine position of axis {:?}", axis.letter), status),
+                },
                 State::Alarm => return Err(DeviceError::Alarm { device: DEVICE, what: "the alarm state".into() }),
-                other => {
-                    return Err(DeviceError::Unexpected { device: DEVICE, expected: "an idle axis".into(), found: format!("{other:?}") });
-                }
+                _ if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
+                _ => return unexpected("an axis at rest by now".into(), status),
             }
         }
     }
@@ -152,19 +276,35 @@ impl Grbl {
         }
     }
 
-    /// Whether the controller answers; what it says of a restart or an alarm is heard on the way.
+    /// Whether the controller answers and nobody else has it.
     pub(super) fn answers(&mut self) -> Result<(), DeviceError> {
-        let wait = self.settings.answer_timeout();
-        let lines = self.link.probe(STATUS, wait)?;
-        if lines.is_empty() {
-            return Err(DeviceError::Silent { device: DEVICE, request: "?".into(), waited_ms: wait.as_millis() });
+        let of_somebody_else = |status: Option<Status>| status.and_then(|status| hands::of(&status, false));
+        if of_somebody_else(self.report_at_rest()?).is_none() {
+            return Ok(());
         }
+        // Asked once more before a person is sent for.
+        of_somebody_else(self.report_at_rest()?).map_or(Ok(()), Err)
+    }
+
+    /// A report of a controller that may be stopped, where one can be read; a restart and an alarm are heard on the way.
+    pub(super) fn report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
+        let wait = self.settings.answer_timeout();
+        let mut lines = self.link.probe(STATUS, wait)?;
+        if lines.is_empty() {
+            lines = self.link.probe(STATUS, wait)?;
+        }
+        if lines.is_empty() {
+            return Err(DeviceError::Silent { device: DEVICE, request: "?".into(), waited_ms: 2 * wait.as_millis() });
+        }
+        let mut newest = None;
         for line in lines {
-            if let Err(error) = unless_lost(Line::parse(&line)) {
-                self.doubt(&error);
+            match unless_lost(Line::parse(&line)) {
+                Ok(Line::Status(status)) => newest = Some(status),
+                Ok(_) => {}
+                Err(error) => self.doubt(&error),
             }
         }
-        Ok(())
+        Ok(newest)
     }
 
     /// Hears what was said since the last answer: a restart or an alarm between two moves.
@@ -199,7 +339,7 @@ impl Dialect {
 fn unless_lost(line: Line) -> Result<Line, DeviceError> {
     match line {
         Line::Greeting(greeting) => Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") }),
-        Line::Alarm(n) => Err(DeviceError::Alarm { device: DEVICE, what: alarm_text(n) }),
+        Line::Alarm(n) => Err(hands::of_alarm(n).unwrap_or_else(|| DeviceError::Alarm { device: DEVICE, what: alarm_text(n) })),
         other => Ok(other),
     }
 }

@@ -1,0 +1,114 @@
+//! What looks at the devices find while nothing runs.
+
+use super::super::*;
+use super::bench::{Bench, bench, count, journalled, on_this_thread, plan, scratch};
+use crate::device::sampler::{Expected, Loaded, Sampler};
+use crate::device::{DeviceError, RotationAxis};
+use crate::session::fault::table;
+use crate::session::handle::Refusal;
+use crate::session::search::Found;
+
+/// A driven sampler whose wire the test has in its hand.
+struct Wire(Option<bool>);
+
+impl Sampler for Wire {
+    fn waits_for_loader(&self) -> bool {
+        false
+    }
+    fn sees_specimen(&self) -> Option<bool> {
+        self.0
+    }
+    fn load(
+        &mut self,
+        _axis: &mut dyn RotationAxis,
+        _expected: Expected<'_>,
+        _cancel: &CancelToken,
+    ) -> Result<Option<Loaded>, DeviceError> {
+        Ok(None)
+    }
+    fn go_on(
+        &mut self,
+        _axis: &mut dyn RotationAxis,
+        _expected: Expected<'_>,
+        _cancel: &CancelToken,
+    ) -> Result<Option<Loaded>, DeviceError> {
+        Ok(None)
+    }
+    fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+fn held() -> DeviceError {
+    DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Press cycle start" }
+}
+
+/// A look that finds this.
+fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
+    let mut instrument = b.d.instrument.take().unwrap();
+    instrument.sampler = Box::new(Wire(wire));
+    b.d.searched(instrument, Found { rotation, camera: Ok(()) });
+}
+
+#[test]
+fn somebody_who_has_the_axis_is_a_fault_once_and_until_he_lets_go() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        for _ in 0..3 {
+            look(&mut b, Err(held()), None);
+        }
+        let status = b.status();
+        assert_eq!(status.faults.len(), 1);
+        assert_eq!((status.faults[0].code.as_str(), status.ready), (table::ROTATION_INTERVENTION.code, false));
+        assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
+        // Acknowledged before it is over, it comes again.
+        b.d.acknowledge(status.faults[0].seq).unwrap();
+        look(&mut b, Err(held()), None);
+        assert_eq!(b.status().faults.len(), 1);
+        // That it is over is not enough: a person says so.
+        look(&mut b, Ok(()), None);
+        let status = b.status();
+        assert_eq!((status.faults.len(), status.ready), (1, false));
+        b.d.acknowledge(status.faults[0].seq).unwrap();
+        look(&mut b, Ok(()), None);
+        assert!(b.status().ready && b.status().faults.is_empty());
+        assert_eq!(count(&journalled(dir.path()), "fault.raised"), 2);
+    });
+}
+
+#[test]
+fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes_with_it() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        b.d.publish(|s| s.plate.barcode = Some("P-1".into()));
+        look(&mut b, Ok(()), Some(false));
+        assert!(b.status().ready && b.status().plate.removable);
+        for _ in 0..3 {
+            look(&mut b, Ok(()), Some(true));
+        }
+        let status = b.status();
+        assert!(!status.ready && !status.plate.removable, "{:?}", status.not_ready_reason);
+        assert_eq!(status.faults.len(), 1);
+        assert_eq!(status.faults[0].code, table::SAMPLER_FAILED.code);
+        assert!(status.faults[0].message.contains("no run asked for"), "{}", status.faults[0].message);
+        assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
+        look(&mut b, Ok(()), Some(false));
+        assert!(b.status().plate.removable && !b.status().ready, "somebody has to say that it is known");
+        b.d.acknowledge(status.faults[0].seq).unwrap();
+        assert!(b.status().ready);
+    });
+}
+
+/// What an aborted run has left there is known, and the next run ejects it.
+#[test]
+fn a_specimen_that_is_known_to_be_inside_is_not_one_that_nobody_asked_for() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), false);
+        b.d.occupant = Some("A01".into());
+        look(&mut b, Ok(()), Some(true));
+        assert!(b.status().faults.is_empty() && b.status().ready);
+    });
+}
