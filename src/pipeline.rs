@@ -14,9 +14,11 @@ use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
-use crate::profile::{Detection, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
+use crate::profile::{
+    Detection, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls,
+};
 use crate::quality::{
-    CalibrationOff, ClosureOff, Estimate, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled,
+    CalibrationOff, ClosureOff, ClosureSd, Estimate, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled,
 };
 use crate::reconstruction::{
     Calibrated, CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
@@ -452,6 +454,11 @@ impl Pipeline {
                 along_px: c.lie.map_or(c.shift_px[0], |l| l.along_px),
                 across_px: c.lie.map_or(c.shift_px[1], |l| l.across_px),
                 turn_deg: c.lie.map(|l| l.turn_rad.to_degrees()),
+                sd: c.lie.and_then(|l| l.sd).map(|sd| ClosureSd {
+                    along_px: sd.along_px,
+                    across_px: sd.across_px,
+                    turn_deg: sd.turn_rad.to_degrees(),
+                }),
             }),
             calibration: found.map(|c| CalibrationOff {
                 uy_px: c.camera.uy - rig.uy,

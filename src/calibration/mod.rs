@@ -33,7 +33,7 @@ pub use coherence::{coherence, seen_again};
 pub use free::{Ask, Free, Parameter, Refusal};
 pub use gate::{Gate, Verdict, gate};
 pub use least_squares::{GivenView, PASSES_MOST, Priors, Solution, solve};
-pub use lie::{Lie, lie};
+pub use lie::{Lie, LieSd, lie};
 pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
 pub use psi::{Psi, PsiLength};
 pub use screen::{Bad, Moved, ViewOff};

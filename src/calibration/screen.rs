@@ -81,12 +81,17 @@ fn jump(solution: &Solution, view: usize) -> [f64; 2] {
     [size, (left / free).sqrt()]
 }
 
-/// What edges' distances from a model look like; a row is what a px down, a px along and a radian of turn make of its distance.
-pub(super) fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
-    let mut sizes: Vec<f64> = rows.iter().map(|(_, r)| r * r).collect();
+/// Root of the mean square without the largest residuals; 0 of none.
+pub(super) fn trimmed_rms(residuals: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = residuals.map(|r| r * r).collect();
     sizes.sort_by(f64::total_cmp);
     sizes.truncate(((1.0 - TRIM) * sizes.len() as f64).ceil() as usize);
-    let rms_px = (sizes.iter().sum::<f64>() / sizes.len().max(1) as f64).sqrt();
+    (sizes.iter().sum::<f64>() / sizes.len().max(1) as f64).sqrt()
+}
+
+/// What edges' distances from a model look like; a row is what a px down, a px along and a radian of turn make of its distance.
+fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
+    let rms_px = trimmed_rms(rows.iter().map(|(_, r)| *r));
     let far = (FAR * rms_px).max(FAR_LEAST_PX);
     let far_share = rows.iter().filter(|(_, r)| r.abs() > far).count() as f64 / rows.len().max(1) as f64;
     // A px, 3 px and 3 deg are what a view is expected to be off at most: profiles without a slope tell no shift along x.

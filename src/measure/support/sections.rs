@@ -168,12 +168,12 @@ mod tests {
     fn a_hollow_slice_is_as_hollow_at_any_scale_along_the_capillary() {
         let (width, height) = (80, 60);
         let bars = |v: usize| (18..28).contains(&v) || (32..42).contains(&v);
-        let coverage: Vec<u8> = (0..width * height).map(|i| if (10..70).contains(&(i % width)) && bars(i / width) { 255 } else { 0 }).collect();
+        let coverage: Vec<u8> =
+            (0..width * height).map(|i| if (10..70).contains(&(i % width)) && bars(i / width) { 255 } else { 0 }).collect();
         let columns = Columns::from_coverage(width, height, &coverage);
         for kx in [0.09, 0.18, 0.54] {
             let (ky, f) = (0.18, 60_000.0);
-            let camera =
-                Camera { f, kx, ky, ux: 40.0, uy: 29.5, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width: 80, height: 60 };
+            let camera = Camera { f, kx, ky, ux: 40.0, uy: 29.5, s: 0.0, alpha: 0.0, gamma: 0.0, phi: FRAC_PI_2, width: 80, height: 60 };
             let views: Vec<TurnView> =
                 (0..12).map(|i| TurnView { columns: &columns, omega: TAU * f64::from(i) / 12.0, dy_px: 0.0 }).collect();
             let found = Sections::of(&Pose::new(&camera), &views, 1.0, [false; 2]).unwrap();
