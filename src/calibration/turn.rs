@@ -134,7 +134,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     let mut views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
     let mut found = solved(camera, &views, priors)?;
     let mut offs = views_off(&found.solution, &turned(&views));
-    let shifted = moved(&offs, &turned(&views), found.axis_told);
+    let mut shifted = moved(&offs, &turned(&views), found.axis_told);
     while shifted.is_none() && used.len() > least {
         let Some((at, why)) = worst(&offs) else { break };
         bad[used[at]] = Some(why);
@@ -142,6 +142,8 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         views.remove(at);
         found = solved(camera, &views, priors)?;
         offs = views_off(&found.solution, &turned(&views));
+        // An outlier scatters so far that it hides a step.
+        shifted = moved(&offs, &turned(&views), found.axis_told);
     }
     let covariance = covariance(camera, &found, &views, &offs, priors);
     let sd = |at: usize| covariance[(at, at)].sqrt();
