@@ -203,6 +203,24 @@ fn a_specimen_that_moved_is_flagged_with_what_it_did() {
     }
 }
 
+#[test]
+fn each_cause_of_a_failed_calibration_has_its_own_words() {
+    let camera = emulated::camera(&looking());
+    let bar = |from: f64, to: f64| Polygon { vertices: vec![[from, 480.0], [to, 480.0], [to, 540.0], [from, 540.0]] };
+    let why = |views: &[(f64, f64, f64)]| {
+        let columns: Vec<Columns> = views.iter().map(|&(from, to, _)| Columns::from_outlines(&[bar(from, to)], 1024, 1024)).collect();
+        let given: Vec<GivenView> = columns.iter().zip(views).map(|(columns, &(.., omega))| GivenView { columns, omega }).collect();
+        calibrate(&camera, &given, Priors::default()).unwrap_err().to_string()
+    };
+    let apart: Vec<_> = (0..5).map(|i| f64::from(i)).map(|i| (100.0 + 150.0 * i, 160.0 + 150.0 * i, 1.2 * i)).collect();
+    let said = why(&apart);
+    assert!(said.starts_with("0 of the columns") && said.contains("3 are needed") && said.contains("slid along the capillary"), "{said}");
+    let said = why(&[(400.0, 700.0, 1.0); 5]);
+    assert!(said.contains("span 0.00 deg") && said.contains("rad"), "{said}");
+    let said = why(&(0..5).map(|i| (500.5, 507.5, 1.2 * f64::from(i))).collect::<Vec<_>>());
+    assert!(said.contains("of the columns"), "{said}");
+}
+
 /// Views that jumped, at the turn's end, are no step of the specimen: they are left out by name.
 #[test]
 fn outliers_at_the_end_of_a_turn_do_not_make_a_still_specimen_move() {
