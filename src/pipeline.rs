@@ -14,9 +14,11 @@ use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
-use crate::profile::{Detection, Mask, Picture, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls};
+use crate::profile::{
+    Detection, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls,
+};
 use crate::quality::{
-    CalibrationOff, ClosureOff, Estimate, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled,
+    CalibrationOff, ClosureOff, ClosureSd, Estimate, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled,
 };
 use crate::reconstruction::{
     Calibrated, CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
@@ -175,7 +177,14 @@ impl PipelineError {
     }
 }
 
-/// A specimen under reconstruction.
+/// What the closure view shows.
+struct ClosureProfile {
+    mask: Mask,
+    edge: Vec<Polygon>,
+}
+
+/// A specimen under reconstruction. Its numbers depend only on the newest take of each view and of the closure view, not on how
+/// often or in which order views were taken again.
 pub struct Pipeline {
     settings: PipelineSettings,
     segmenters: Segmenters,
@@ -183,9 +192,11 @@ pub struct Pipeline {
     views: Vec<ViewRecord>,
     /// The views that carved, in the order of carving.
     carved: Vec<u32>,
-    /// The profile of view 0, which the closure view is compared with.
+    /// The newest profile of view 0. `None` when the newest take of view 0 has no profile.
     first: Option<Mask>,
-    closure: Option<ClosureRecord>,
+    /// The newest profile of the view at 360 deg. It is compared with `first` only when somebody asks, so that the result does not
+    /// depend on the order of the takes.
+    closure: Option<ClosureProfile>,
     /// What [`Self::judge`] found, while no view has come in since.
     calibrated: Option<Calibrated>,
 }
@@ -260,6 +271,9 @@ impl Pipeline {
             walls: seen.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera)),
             ..ViewRecord::default()
         };
+        if index == 0 {
+            self.first = seen.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).map(|p| p.mask.clone());
+        }
         match &seen.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
@@ -269,9 +283,6 @@ impl Pipeline {
                 self.carved.push(index);
                 record.area_px = Some(p.mask.area_px());
                 record.quality = Some(p.quality);
-                if index == 0 {
-                    self.first = Some(p.mask.clone());
-                }
             }
             Err(e) => record.reason = Some(e.to_string()),
         }
@@ -280,18 +291,21 @@ impl Pipeline {
         Ok(volume_um3)
     }
 
-    /// Compares the view at 360 deg with the first; it is never carved. Without both profiles there is no comparison.
+    /// Takes the view at 360 deg, which is compared with view 0 and never carved. A newer take replaces an older one, also when the
+    /// newer one has no profile.
     pub fn observe_closure(&mut self, seen: &Seen) {
-        if let (Some(first), Ok(last)) = (&self.first, &seen.profile) {
-            let shift_px = first.centroid().zip(last.mask.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
-            self.closure = Some(ClosureRecord { iou: first.iou(&last.mask), shift_px, lie: None });
-            if let Some(at) = self.carved.iter().position(|view| *view == 0) {
-                self.reconstruction.observe_closure(&last.mask, &last.edge, at);
-            }
-        }
+        let profile = seen.profile.as_ref().ok();
+        self.closure = profile.map(|p| ClosureProfile { mask: p.mask.clone(), edge: p.edge.clone() });
     }
 
-    /// Takes a view again: what it gave before is forgotten, and so is the closure view.
+    /// The closure view against view 0. `None` when either has no profile.
+    fn closure(&self) -> Option<ClosureRecord> {
+        let (first, last) = (self.first.as_ref()?, &self.closure.as_ref()?.mask);
+        let shift_px = first.centroid().zip(last.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
+        Some(ClosureRecord { iou: first.iou(last), shift_px, lie: None })
+    }
+
+    /// Replaces a view by a newer take of it.
     ///
     /// # Errors
     /// As [`Self::observe`].
@@ -301,7 +315,6 @@ impl Pipeline {
             self.carved.remove(at);
         }
         self.views.retain(|v| v.index != index);
-        self.closure = None;
         self.observe(index, omega, seen)
     }
 
@@ -323,7 +336,7 @@ impl Pipeline {
             // Of the centroids, which a fin that one of the two lacks carries by as much as a limit; the model tells it better, in the end.
             c.iou < limits.closure_overlap || along_px > 2.0 * limits.closure_along_px || across_px > 2.0 * limits.closure_across_px
         };
-        let moved = self.closure.as_ref().is_some_and(off) || calibrated.has_moved();
+        let moved = self.closure().as_ref().is_some_and(off) || calibrated.has_moved();
         let spoiled = spoiled(&strip, limits.residual_view_px);
         self.calibrated = Some(calibrated);
         TurnVerdict { moved, spoiled }
@@ -334,12 +347,13 @@ impl Pipeline {
         self.reconstruction.estimate()
     }
 
-    /// Ends the turn with the views that there are: from now on so many were planned.
+    /// Ends the turn with the views taken so far, with or without a profile: from now on this is the number of planned views. Views
+    /// may still be replaced, so that one without a profile may get one.
     ///
     /// # Errors
-    /// None once a view was observed.
+    /// When no view was taken yet.
     pub fn end_early(&mut self) -> Result<(), PipelineError> {
-        self.reconstruction.replan(self.carved.len())?;
+        self.reconstruction.replan(self.views.len())?;
         self.calibrated = None;
         self.settings.planned_views = self.views.len() as u32;
         Ok(())
@@ -382,18 +396,22 @@ impl Pipeline {
             let reason = self.views.iter().find_map(|v| v.reason.clone()).unwrap_or_else(|| "views are missing".into());
             return Err(PipelineError::TooFewViews { used, planned: self.settings.planned_views, needed, reason });
         }
-        let TurnModel { model, hull, calibration, seen_again, closure, .. } = {
+        let mut closure = self.closure();
+        if let (Some(last), Some(first)) = (&self.closure, self.carved.iter().position(|view| *view == 0)) {
+            self.reconstruction.observe_closure(&last.mask, &last.edge, first);
+        }
+        let TurnModel { model, hull, calibration, seen_again, closure: lie, .. } = {
             let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
             self.reconstruction.measure(calibrated, self.settings.sphere)?
         };
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &seen_again);
         }
-        if let Some(record) = &mut self.closure {
-            record.lie = closure;
+        if let Some(record) = &mut closure {
+            record.lie = lie;
         }
         let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
-        let quality = self.quality(found, &model.measurement);
+        let quality = self.quality(found, closure.as_ref(), &model.measurement);
         let mut flags = Vec::new();
         let mut flag = |raised: bool, name: &str| {
             if raised {
@@ -409,7 +427,7 @@ impl Pipeline {
         flag(hull.touches_box(), "outside_box");
         flag(quality.raises("few_views"), "few_views");
         flag(quality.raises("moved") || found.is_some_and(|c| c.moved.is_some()), "moved");
-        flag(self.closure.is_none(), "no_closure");
+        flag(closure.is_none(), "no_closure");
         flag(looks_dead(&self.views), "dead_looking");
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
         flag(model.measurement.is_nonconvex(), "nonconvex");
@@ -430,7 +448,7 @@ impl Pipeline {
             shape: Some(shape),
             facing,
             views: self.views,
-            closure: self.closure,
+            closure,
             calibration: calibration.as_ref().ok().map(CalibrationRecord::from),
             uncalibrated: calibration.as_ref().err().filter(|why| **why != NotCalibrated::NotAsked).map(ToString::to_string),
             quality: Some(quality),
@@ -440,7 +458,7 @@ impl Pipeline {
     }
 
     /// Holds the turn against the method's limits.
-    fn quality(&self, found: Option<&Calibration>, measured: &Measurement) -> Quality {
+    fn quality(&self, found: Option<&Calibration>, closure: Option<&ClosureRecord>, measured: &Measurement) -> Quality {
         let strip: Vec<ViewStrip> = self.views.iter().map(ViewRecord::strip).collect();
         let omegas: Vec<f64> = self.views.iter().filter(|v| v.used).map(|v| v.omega).collect();
         let rig = &self.settings.camera;
@@ -448,11 +466,16 @@ impl Pipeline {
             planned_views: self.settings.planned_views as usize,
             omegas: &omegas,
             strip: &strip,
-            closure: self.closure.as_ref().map(|c| ClosureOff {
+            closure: closure.map(|c| ClosureOff {
                 overlap: c.iou,
                 along_px: c.lie.map_or(c.shift_px[0], |l| l.along_px),
                 across_px: c.lie.map_or(c.shift_px[1], |l| l.across_px),
                 turn_deg: c.lie.map(|l| l.turn_rad.to_degrees()),
+                sd: c.lie.and_then(|l| l.sd).map(|sd| ClosureSd {
+                    along_px: sd.along_px,
+                    across_px: sd.across_px,
+                    turn_deg: sd.turn_rad.to_degrees(),
+                }),
             }),
             calibration: found.map(|c| CalibrationOff {
                 uy_px: c.camera.uy - rig.uy,

@@ -89,8 +89,8 @@ pub enum ReconstructionError {
     )]
     EmptyHull { observed: usize },
     #[error(
-        "the camera's plane cuts the voxel box: its corners lie from {nearest} to {farthest} um in front of the camera. The box must lie wholly before \
-         it: check the projection, the box and their units"
+        "the camera's plane cuts the voxel box, or the box lies behind the camera: its corners lie from {nearest} to {farthest} in front of the camera, in the \
+         unit of the box (um on an instrument). The box must lie wholly before it: check the projection, the box and their units"
     )]
     CameraInBox { nearest: f64, farthest: f64 },
     #[error(transparent)]

@@ -204,6 +204,53 @@ fn a_specimen_that_moved_is_flagged_with_what_it_did() {
 }
 
 #[test]
+fn each_cause_of_a_failed_calibration_has_its_own_words() {
+    let camera = emulated::camera(&looking());
+    let bar = |from: f64, to: f64| Polygon { vertices: vec![[from, 480.0], [to, 480.0], [to, 540.0], [from, 540.0]] };
+    let why = |views: &[(f64, f64, f64)]| {
+        let columns: Vec<Columns> = views.iter().map(|&(from, to, _)| Columns::from_outlines(&[bar(from, to)], 1024, 1024)).collect();
+        let given: Vec<GivenView> = columns.iter().zip(views).map(|(columns, &(.., omega))| GivenView { columns, omega }).collect();
+        calibrate(&camera, &given, Priors::default()).unwrap_err().to_string()
+    };
+    let apart: Vec<_> = (0..5).map(|i| f64::from(i)).map(|i| (100.0 + 150.0 * i, 160.0 + 150.0 * i, 1.2 * i)).collect();
+    let said = why(&apart);
+    assert!(said.starts_with("0 of the columns") && said.contains("3 are needed") && said.contains("slid along the capillary"), "{said}");
+    let said = why(&[(400.0, 700.0, 1.0); 5]);
+    assert!(said.contains("span 0.00 deg") && said.contains("rad"), "{said}");
+    let said = why(&(0..5).map(|i| (500.5, 507.5, 1.2 * f64::from(i))).collect::<Vec<_>>());
+    assert!(said.contains("of the columns"), "{said}");
+}
+
+/// Views that jumped, at the turn's end, are no step of the specimen: they are left out by name.
+#[test]
+fn outliers_at_the_end_of_a_turn_do_not_make_a_still_specimen_move() {
+    for (asd, jumps) in [(84, vec![(82, 30.0)]), (21, vec![(19, 30.0), (20, 25.0)]), (84, vec![(1, -20.0), (2, 30.0)])] {
+        let faults = jumps.iter().map(|&(view, u_px)| Fault::Jump { view, u_px, v_px: 0.0 }).collect();
+        let turn = Turn::of(&larva(2), &looking(), even(asd), &Disturbance { faults, ..Disturbance::drift(12) });
+        let c = turn.calibrated().unwrap();
+        let bad: Vec<usize> = (0..asd as usize).filter(|&i| c.views[i].bad.is_some()).collect();
+        let jumped: Vec<usize> = jumps.iter().map(|jump| jump.0).collect();
+        assert!(c.moved.is_none() && bad == jumped, "{asd} views, {jumped:?} jumped: {bad:?} left out, moved {:?}", c.moved);
+    }
+}
+
+/// A view that jumped far hides by its own scatter that the specimen lies elsewhere from some view on.
+#[test]
+fn an_outlier_does_not_hide_that_the_specimen_moved() {
+    for view in [5, 22] {
+        let faults = vec![
+            Fault::Jump { view, u_px: 60.0, v_px: 0.0 },
+            Fault::Moved { from: 13, by: Place { x_um: 25.0, y_um: 0.0, z_um: 0.0, roll_rad: 0.0 } },
+        ];
+        let turn = Turn::of(&larva(4), &looking(), even(28), &Disturbance { faults, ..Disturbance::drift(21) });
+        let c = turn.calibrated().unwrap();
+        let moved = c.moved.unwrap_or_else(|| panic!("view {view} jumped: the move was not seen: {:?}", c.views));
+        // 4.5 px; the model that views are held against is of both places, and takes a part of it.
+        assert!(moved.view.abs_diff(13) <= 2 && (2.0..5.5).contains(&moved.along_px), "{moved:?}");
+    }
+}
+
+#[test]
 fn too_few_views_are_refused_with_both_numbers() {
     let faults = (2..7).map(|view| Fault::Blank { view }).collect();
     let turn = Turn::of(&larva(1), &looking(), even(7), &Disturbance { faults, ..Disturbance::default() });

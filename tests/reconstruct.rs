@@ -154,7 +154,105 @@ fn matrices_of_any_origin_give_numbers_without_a_unit() {
     assert!(found["area"].is_number() && found["volume_um3"].is_null() && found["views"][1]["name"] == "v1.pgm");
     assert!(found["views"].as_array().unwrap().iter().all(|v| number(v, "overlap") > 0.98), "{found:#}");
     assert!(found["overlap_rule"].as_str().unwrap().contains("intersection over union"));
-    assert!(refusal(&carved(dir.path(), &base)).contains("--box"));
+    assert_eq!(found["mirrored_world"], false);
+
+    // Without a box: another grid over the same body. The field's surface lies where the outlines put it, between any voxels; marching
+    // cubes err by the square of a voxel over the radius: a thousandth. Voxels that are no fraction of a pixel err to either side alike.
+    let derived = report(&carved(dir.path(), &[&base[..], &["--voxel", "0.047"]].concat()));
+    for key in ["field_volume", "field_area"] {
+        assert!((number(&derived, key) / number(&found, key) - 1.0).abs() < 0.005, "{key}: {derived:#} {found:#}");
+    }
+    assert!((number(&derived, "volume") / expected - 1.0).abs() < 0.025, "{derived:#}");
+    for axis in 0..3 {
+        let [low, high] = ["min", "max"].map(|end| derived["grid"][end][axis].as_f64().unwrap());
+        // A pixel is a tenth of a unit. To either side there are a cell of 1/64 of 4.1 and a margin of 1/32 and two voxels: 2.35, and half a
+        // voxel for rounding to whole ones.
+        assert!((-2.4..-2.05).contains(&low) && (2.05..2.4).contains(&high), "axis {axis}: {low} to {high}");
+    }
+    assert_eq!(derived["touches_box"], false, "{derived:#}");
+    let untold = report(&carved(dir.path(), &base));
+    assert!((number(&untold, "volume") / expected - 1.0).abs() < 0.025, "15 million voxels: {untold:#}");
+}
+
+/// The matrices of a world that is mirrored at x = 0, moved by 5 along x there.
+fn mirrored(cameras: &str) -> String {
+    let text = std::fs::read_to_string(cameras).unwrap();
+    let lines = text.lines().map(|line| {
+        let mut m: Vec<f64> = line.split_whitespace().map(|x| x.parse().unwrap()).collect();
+        for row in m.chunks_exact_mut(4) {
+            // Its x is 5 - x of the other: P x = -P0 x' + (P3 + 5 P0).
+            row[3] += 5.0 * row[0];
+            row[0] = -row[0];
+        }
+        m.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Signed volume of a mesh, positive where the outside of its triangles is outside, and the middle of its extents.
+fn solid(ply: &Path) -> (f64, [f64; 3]) {
+    let bytes = std::fs::read(ply).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = String::from_utf8_lossy(&bytes[..end]).into_owned();
+    let count = |what: &str| header.lines().find_map(|l| l.strip_prefix(what)).unwrap().trim().parse::<usize>().unwrap();
+    let (points, faces) = bytes[end..].split_at(12 * count("element vertex "));
+    assert_eq!(faces.len(), 13 * count("element face "));
+    let points: Vec<[f64; 3]> = points
+        .chunks_exact(12)
+        .map(|p| std::array::from_fn(|a| f64::from(f32::from_le_bytes(p[4 * a..4 * a + 4].try_into().unwrap()))))
+        .collect();
+    let volume = faces.chunks_exact(13).map(|face| {
+        let corner =
+            |k: usize| nalgebra::Vector3::from(points[u32::from_le_bytes(face[1 + 4 * k..5 + 4 * k].try_into().unwrap()) as usize]);
+        corner(0).dot(&corner(1).cross(&corner(2))) / 6.0
+    });
+    let middle = std::array::from_fn(|a| {
+        let (low, high) = points.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p[a]), h.max(p[a])));
+        f64::midpoint(low, high)
+    });
+    (volume.sum(), middle)
+}
+
+#[test]
+fn a_mirrored_world_is_recognised_and_measured_as_its_image() {
+    let dir = tempfile::tempdir().unwrap();
+    let (views, cameras) = discs(dir.path());
+    std::fs::write(dir.path().join("mirrored.txt"), mirrored(&cameras)).unwrap();
+    let run = |cameras: &str, bounds: &[&str], out: &str| {
+        let base = ["--views", &views, "--cameras", cameras, "--unit", "none", "--voxel", "0.047", "--out", out];
+        carved(dir.path(), &[&base[..], bounds].concat())
+    };
+    let plain = report(&run(&cameras, &["--box", "-3,3,-3,3,-3,3"], "plain.ply"));
+    for (bounds, out) in [(&["--box", "2,8,-3,3,-3,3"][..], "given.ply"), (&[], "derived.ply")] {
+        let output = run("mirrored.txt", bounds, out);
+        let found = report(&output);
+        assert_eq!(found["mirrored_world"], true);
+        assert!(String::from_utf8_lossy(&output.stderr).contains("mirrored world"), "{output:?}");
+        for key in ["field_volume", "field_area"] {
+            assert!((number(&found, key) / number(&plain, key) - 1.0).abs() < 0.005, "{key}: {found:#} {plain:#}");
+        }
+        let (volume, middle) = solid(&dir.path().join(out));
+        let (plain_volume, _) = solid(&dir.path().join("plain.ply"));
+        assert!(plain_volume > 0.0 && (volume / plain_volume - 1.0).abs() < 0.01, "{volume} of {plain_volume}: turned inside out?");
+        for (axis, expected) in [5.0, 0.0, 0.0].into_iter().enumerate() {
+            let centroid = found["centroid"][axis].as_f64().unwrap();
+            assert!((middle[axis] - expected).abs() < 0.05 && (centroid - expected).abs() < 0.05, "axis {axis}: {middle:?} {found:#}");
+        }
+        let [low, high] = ["min", "max"].map(|end| found["grid"][end][0].as_f64().unwrap());
+        assert!((1.9..3.1).contains(&low) && (6.9..8.1).contains(&high), "{low} to {high}");
+    }
+    // One matrix of the other world among them.
+    let text = mirrored(&cameras);
+    let mut lines: Vec<String> = text.lines().map(String::from).collect();
+    let negated: Vec<String> = lines[2]
+        .split(' ')
+        .enumerate()
+        .map(|(i, x)| if i % 4 == 0 { (-x.parse::<f64>().unwrap()).to_string() } else { x.into() })
+        .collect();
+    lines[2] = negated.join(" ");
+    std::fs::write(dir.path().join("mixed.txt"), lines.join("\n")).unwrap();
+    let said = refusal(&run("mixed.txt", &["--box", "2,8,-3,3,-3,3"], "mixed.ply"));
+    assert!(said.contains("view 2 ") && said.contains("not of one world"), "{said}");
 }
 
 #[test]

@@ -15,29 +15,66 @@ const STRIDE: usize = 4;
 /// Fits, each with weights of the one before: a further one changes nothing beyond a thousandth of a px.
 const ROUNDS: usize = 4;
 
-/// `uy` and `gamma` of the camera for these profiles, everything else as given; nothing where no three columns show the turn.
-pub fn axis(camera: &Camera, views: &[(&Columns, f64)]) -> Option<Camera> {
-    let width = views.first()?.0.width();
-    let points: Vec<[f64; 2]> = (0..width).step_by(STRIDE).filter_map(|u| Some([u as f64, centre(views, u)?])).collect();
-    let (at, tilt) = line(&points, camera.ux)?;
-    Some(Camera { uy: at, gamma: (tilt * camera.kx / camera.ky).atan(), ..camera.clone() })
+/// A line needs more points than two to say how well it fits.
+const COLUMNS_LEAST: usize = 3;
+
+/// Angles that span less than this, rad, are one angle: rounding would decide.
+const SPAN_LEAST: f64 = 1e-3;
+
+/// Why profiles have no axis.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum AxisError {
+    #[error(
+        "{found} of the columns looked at (every fourth of the image) show the specimen in three quarters of the views; {COLUMNS_LEAST} are needed to find the axis. The \
+         profiles lie in different columns or are too short: look whether the specimen slid along the capillary or left the view"
+    )]
+    FewColumns { found: usize },
+    #[error(
+        "the angles of the views span {span_deg:.2} deg and tell no axis; check that the angles are those of a turn, and in rad where rad are expected"
+    )]
+    Angles { span_deg: f64 },
 }
 
-/// Where the axis is seen in column `u`.
-fn centre(views: &[(&Columns, f64)], u: usize) -> Option<f64> {
-    let middles: Vec<(f64, f64)> =
+/// `uy` and `gamma` of the camera for these profiles, everything else as given.
+///
+/// # Errors
+/// When fewer than three columns are seen by most views, or the angles are all alike.
+pub fn axis(camera: &Camera, views: &[(&Columns, f64)]) -> Result<Camera, AxisError> {
+    let width = views.first().map_or(0, |(columns, _)| columns.width());
+    let columns: Vec<(usize, Middles)> = (0..width).step_by(STRIDE).filter_map(|u| Some((u, middles(views, u)?))).collect();
+    if columns.len() < COLUMNS_LEAST {
+        return Err(AxisError::FewColumns { found: columns.len() });
+    }
+    let (low, high) = views.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (_, w)| (low.min(*w), high.max(*w)));
+    let still = AxisError::Angles { span_deg: (high - low).to_degrees() };
+    if high - low < SPAN_LEAST {
+        return Err(still);
+    }
+    let points: Vec<[f64; 2]> = columns.iter().filter_map(|(u, middles)| Some([*u as f64, centre(middles)?])).collect();
+    let (at, tilt) = line(&points, camera.ux).ok_or(still)?;
+    Ok(Camera { uy: at, gamma: (tilt * camera.kx / camera.ky).atan(), ..camera.clone() })
+}
+
+/// Of one column, each view's angle (rad) with the middle between its edges (px).
+type Middles = Vec<(f64, f64)>;
+
+/// `None` where fewer than three quarters of the views show the specimen.
+fn middles(views: &[(&Columns, f64)], u: usize) -> Option<Middles> {
+    let middles: Middles =
         views.iter().filter_map(|(columns, omega)| columns.get(u).map(|e| (*omega, f64::midpoint(e.upper, e.lower)))).collect();
     // Near the ends only some views see the specimen, and their mean is none over a turn.
-    if middles.len() < 4.max(3 * views.len() / 4) {
-        return None;
-    }
+    (middles.len() >= 4.max(3 * views.len() / 4)).then_some(middles)
+}
+
+/// Where the axis is seen. `None` where the angles are all alike.
+fn centre(middles: &[(f64, f64)]) -> Option<f64> {
     let rows: Vec<_> = middles.iter().map(|(omega, middle)| (Vector3::new(1.0, omega.cos(), omega.sin()), *middle)).collect();
     Some(fit_robust(&rows, Matrix3::zeros(), ROUNDS, 0.05)?[0])
 }
 
 /// Value at `u0` and slope of the line nearest to the points.
 fn line(points: &[[f64; 2]], u0: f64) -> Option<(f64, f64)> {
-    if points.len() < 3 {
+    if points.len() < COLUMNS_LEAST {
         return None;
     }
     let rows: Vec<_> = points.iter().map(|[u, v]| (Vector2::new(1.0, u - u0), *v)).collect();

@@ -68,6 +68,25 @@ pub struct Solution {
     pub untold: Vec<DVector<f64>>,
 }
 
+/// Slices that a turn must have in common.
+const SLICES_LEAST: usize = 8;
+
+/// Why there is no solution.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum SolveError {
+    #[error("{found} of {given} views have a profile; three quarters are needed. Look at the frames of the others")]
+    FewProfiles { found: usize, given: usize },
+    #[error(
+        "{found} slices across the capillary are seen by three quarters of the views; {SLICES_LEAST} are needed. The specimen covers too few columns that the views share: \
+         look whether it slid along the capillary or left the view, and check the scale of the camera"
+    )]
+    FewSlices { found: usize },
+    #[error(
+        "the edges do not determine the axis: the least squares have no solution. Look whether the profiles are smooth and closed, and measure with the camera as it is"
+    )]
+    Singular,
+}
+
 /// A view as it is given to the solver.
 #[derive(Debug, Clone, Copy)]
 pub struct GivenView<'a> {
@@ -81,8 +100,11 @@ pub(super) fn pivot(given: &[GivenView]) -> f64 {
     given.iter().map(|v| v.omega).min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
 }
 
-/// Starts from `camera` with `rho`, and holds gamma and alpha to the `nominal` one's; nothing where too little is seen of the specimen.
-pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Option<Solution> {
+/// Starts from `camera` with `rho`, and holds gamma and alpha to the `nominal` one's.
+///
+/// # Errors
+/// When the views show too little of the specimen, or their edges do not determine the axis.
+pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Result<Solution, SolveError> {
     let n = given.len();
     let first = pivot(given);
     let mut state = State { camera: camera.clone(), rho, dy_px: vec![0.0; n] };
@@ -107,10 +129,10 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
             matrix.view_mut((SHARED, SHARED), (n, n)).ger(HELD, direction, direction, 1.0);
             right.rows_mut(SHARED, n).axpy(HELD * off, direction, 1.0);
         }
-        let factor = matrix.clone().cholesky()?;
+        let factor = matrix.clone().cholesky().ok_or(SolveError::Singular)?;
         if converged || passes == PASSES_MOST {
             let State { camera, rho, dy_px } = state;
-            return Some(Solution {
+            return Ok(Solution {
                 camera,
                 rho,
                 dy_px,
@@ -127,7 +149,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         if tilts_too_far {
             // Edges that are wrong, as of fins that some views miss, are no tilt: it waits until those count less.
             matrix[(2, 2)] += TILT_HELD;
-            step = matrix.cholesky()?.solve(&right);
+            step = matrix.cholesky().ok_or(SolveError::Singular)?.solve(&right);
         }
         state.camera.uy -= step[0];
         state.camera.gamma -= step[1];
@@ -144,7 +166,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
 }
 
 /// The slices with the support function nearest to each, by columns that the `supports` before tell; and what residuals scatter by, which
-/// `sd_um` was before. Nothing where too few slices are seen.
+/// `sd_um` was before.
 fn fitted(
     pose: &Pose,
     views: &[TurnView],
@@ -152,7 +174,7 @@ fn fitted(
     supports: &mut [Option<Support>],
     series: usize,
     sd_um: f64,
-) -> Option<(Vec<(Slice, Fit)>, f64)> {
+) -> Result<(Vec<(Slice, Fit)>, f64), SolveError> {
     let rounds = if sd_um.is_finite() { 2 } else { 0 };
     let slices: Vec<Option<(Slice, Fit)>> = xs
         .par_iter()
@@ -167,15 +189,15 @@ fn fitted(
         *support = found.as_ref().map(|(_, fit)| fit.support.clone());
     }
     let slices: Vec<(Slice, Fit)> = slices.into_iter().flatten().collect();
-    if slices.len() < 8 {
-        return None;
+    if slices.len() < SLICES_LEAST {
+        return Err(SolveError::FewSlices { found: slices.len() });
     }
     // A series with as many coefficients as there are tangents would leave no residual: what is left is per degree of freedom.
     let tangents: usize = slices.iter().map(|(s, _)| s.sights.len()).sum();
     let free = (tangents as f64 - (slices.len() * (2 * series + 1)) as f64).max(1.0);
     let all: Vec<f64> = slices.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
     let sd_um = (mad_sd(&all) * (tangents as f64 / free).sqrt()).max(SD_LEAST_UM);
-    Some((slices, sd_um))
+    Ok((slices, sd_um))
 }
 
 /// Shifts that no slice can tell from its own shape, orthonormal: their mean is the axis', and what goes with an odd harmonic of
@@ -204,10 +226,10 @@ struct State {
 }
 
 /// Slices at even steps over what most views see of the specimen.
-fn places(camera: &Camera, given: &[GivenView]) -> Option<Vec<f64>> {
+fn places(camera: &Camera, given: &[GivenView]) -> Result<Vec<f64>, SolveError> {
     let extents: Vec<(usize, usize)> = given.iter().filter_map(|v| v.columns.extent()).collect();
-    if 4 * extents.len() < 3 * given.len() {
-        return None;
+    if extents.is_empty() || 4 * extents.len() < 3 * given.len() {
+        return Err(SolveError::FewProfiles { found: extents.len(), given: given.len() });
     }
     let middle = |mut ends: Vec<usize>| {
         ends.sort_unstable();
@@ -216,7 +238,7 @@ fn places(camera: &Camera, given: &[GivenView]) -> Option<Vec<f64>> {
     let (from, to) = (middle(extents.iter().map(|e| e.0).collect()), middle(extents.iter().map(|e| e.1).collect()));
     let pose = Pose::new(camera);
     let count = ((to - from) as usize).min(SLICES);
-    Some((0..count).map(|i| pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64)).collect())
+    Ok((0..count).map(|i| pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64)).collect())
 }
 
 /// Gauss-Newton's matrix and right side, of residuals in standard deviations.

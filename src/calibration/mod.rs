@@ -28,12 +28,12 @@ mod support;
 mod tangents;
 mod turn;
 
-pub use closed_form::axis;
+pub use closed_form::{AxisError, axis};
 pub use coherence::{coherence, seen_again};
 pub use free::{Ask, Free, Parameter, Refusal};
 pub use gate::{Gate, Verdict, gate};
-pub use least_squares::{GivenView, PASSES_MOST, Priors, Solution, solve};
-pub use lie::{Lie, lie};
+pub use least_squares::{GivenView, PASSES_MOST, Priors, Solution, SolveError, solve};
+pub use lie::{Lie, LieSd, lie};
 pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
 pub use psi::{Psi, PsiLength};
 pub use screen::{Bad, Moved, ViewOff};

@@ -81,12 +81,17 @@ fn jump(solution: &Solution, view: usize) -> [f64; 2] {
     [size, (left / free).sqrt()]
 }
 
-/// What edges' distances from a model look like; a row is what a px down, a px along and a radian of turn make of its distance.
-pub(super) fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
-    let mut sizes: Vec<f64> = rows.iter().map(|(_, r)| r * r).collect();
+/// Root of the mean square without the largest residuals; 0 of none.
+pub(super) fn trimmed_rms(residuals: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = residuals.map(|r| r * r).collect();
     sizes.sort_by(f64::total_cmp);
     sizes.truncate(((1.0 - TRIM) * sizes.len() as f64).ceil() as usize);
-    let rms_px = (sizes.iter().sum::<f64>() / sizes.len().max(1) as f64).sqrt();
+    (sizes.iter().sum::<f64>() / sizes.len().max(1) as f64).sqrt()
+}
+
+/// What edges' distances from a model look like; a row is what a px down, a px along and a radian of turn make of its distance.
+fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
+    let rms_px = trimmed_rms(rows.iter().map(|(_, r)| *r));
     let far = (FAR * rms_px).max(FAR_LEAST_PX);
     let far_share = rows.iter().filter(|(_, r)| r.abs() > far).count() as f64 / rows.len().max(1) as f64;
     // A px, 3 px and 3 deg are what a view is expected to be off at most: profiles without a slope tell no shift along x.
@@ -212,6 +217,12 @@ const TURNED: f64 = 0.03;
 /// A change counts from so many standard deviations of its own on: the best of some tens of places is looked for.
 const SURE: f64 = 5.0;
 
+/// Views that show a step, of those on its shorter side: one outlier among few views makes a step of their mean, but most of them then
+/// fit worse with it than without.
+const SHOWN: f64 = 0.75;
+/// Views on either side of a step across: it is a wave with three unknowns, which any three views fit.
+const SIDE_ACROSS: usize = 2 * SIDE;
+
 /// Looks for the view from which on the specimen lies elsewhere; a round one does not show that it turned.
 pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved> {
     let n = offs.len();
@@ -220,15 +231,15 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved
     }
     let best = (SIDE..=n - SIDE).map(|at| {
         let later = |i: usize| f64::from(u8::from(i >= at));
-        let along = step(offs, |o| o.dx_px, |_| vec![1.0], |i| vec![later(i)]);
+        let along = step(offs, at, |o| o.dx_px, |_| vec![1.0], |i| vec![later(i)]);
         // Another number of steps per revolution turns the views by more and more, not from one to the next.
-        let turn = if shows_turn { step(offs, |o| o.turn, |i| vec![1.0, omegas[i]], |i| vec![later(i)]) } else { (0.0, 0.0) };
+        let turn = if shows_turn { step(offs, at, |o| o.turn, |i| vec![1.0, omegas[i]], |i| vec![later(i)]) } else { (0.0, 0.0) };
         // A body that lies elsewhere across moves with cos and sin of omega. Of few views, most of that goes to the slices' own shapes.
         let wave = |i: usize| vec![1.0, omegas[i].cos(), omegas[i].sin()];
-        let across = if n < ACROSS_LEAST {
+        let across = if n < ACROSS_LEAST || at.min(n - at) < SIDE_ACROSS {
             (0.0, 0.0)
         } else {
-            step(offs, |o| o.dy_px, wave, |i| wave(i).into_iter().map(|w| w * later(i)).collect())
+            step(offs, at, |o| o.dy_px, wave, |i| wave(i).into_iter().map(|w| w * later(i)).collect())
         };
         let score = [(along.0 / MOVED_PX, along.1), (turn.0 / TURNED, turn.1), (across.0 / MOVED_PX, across.1)]
             .into_iter()
@@ -243,26 +254,34 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved
 /// Views from which on shifts tell whether a body moved across.
 const ACROSS_LEAST: usize = 20;
 
-/// What the later rows add to the earlier ones in explaining a value of each view: its size, and how sure, as the root of F.
+/// What the rows of the views from `at` on add in explaining a value of each view: its size, and how sure, as the root of F; 0 where
+/// most views of the shorter side do not show it.
 fn step(
     offs: &[ViewOff],
+    at: usize,
     of: impl Fn(&ViewOff) -> f64,
     always: impl Fn(usize) -> Vec<f64>,
     later: impl Fn(usize) -> Vec<f64>,
 ) -> (f64, f64) {
     let n = offs.len();
-    let fit = |rows: &dyn Fn(usize) -> Vec<f64>| -> Option<(DVector<f64>, f64)> {
+    let fit = |rows: &dyn Fn(usize) -> Vec<f64>| -> Option<(DVector<f64>, DVector<f64>)> {
         let width = rows(0).len();
         let matrix = DMatrix::from_fn(n, width, |i, j| rows(i)[j]);
         let right = DVector::from_fn(n, |i, _| of(&offs[i]));
         let normal = matrix.transpose() * &matrix + DMatrix::identity(width, width) * 1e-6;
         let solved = normal.cholesky()?.solve(&(matrix.transpose() * &right));
-        let left = (right - matrix * &solved).norm_squared();
+        let left = right - matrix * &solved;
         Some((solved, left))
     };
     let more = later(0).len();
     let both = |i: usize| always(i).into_iter().chain(later(i)).collect::<Vec<_>>();
     let (Some((_, without)), Some((found, with))) = (fit(&always), fit(&both)) else { return (0.0, 0.0) };
+    let side = if n - at <= at { at..n } else { 0..at };
+    let shown = side.clone().filter(|&i| with[i].abs() < without[i].abs()).count();
+    if (shown as f64) < SHOWN * side.len() as f64 {
+        return (0.0, 0.0);
+    }
+    let (without, with) = (without.norm_squared(), with.norm_squared());
     let added = found.rows(found.len() - more, more);
     // Of a wave, the shift and its height; of one number, itself with its sign.
     let size = if more == 1 { added[0] } else { added[0].abs().max(added[1].hypot(added[2])) };

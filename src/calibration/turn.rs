@@ -1,7 +1,7 @@
 //! The whole of a turn's calibration: which views belong, where the axis is, how far the capillary really turned.
 
-use super::closed_form::axis;
-use super::least_squares::{GivenView, Priors, Solution, pivot, solve};
+use super::closed_form::{AxisError, axis};
+use super::least_squares::{GivenView, Priors, Solution, SolveError, pivot, solve};
 use super::screen::{Bad, Moved, ViewOff, moved, short, views_off, worst, wrong_areas};
 use super::tangents::TurnView;
 use crate::geometry::{Camera, Projection};
@@ -39,8 +39,10 @@ pub enum CalibrationError {
          measure with the camera as it is"
     )]
     TooFewViews { used: usize, given: usize },
-    #[error("the views have no slices in common: their profiles lie in different columns of the image. Check the order of the views")]
-    NoSlices,
+    #[error(transparent)]
+    Axis(#[from] AxisError),
+    #[error(transparent)]
+    Solve(#[from] SolveError),
 }
 
 /// What became of a view.
@@ -116,7 +118,7 @@ impl Calibration {
 /// Finds uy, gamma, alpha, the ratio of true to planned angles and each view's shift; leaves out views that do not belong.
 ///
 /// # Errors
-/// Says so when too few views agree on a specimen.
+/// When too few views agree on a specimen, or the views do not determine the axis.
 pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result<Calibration, CalibrationError> {
     let mut bad: Vec<Option<Bad>> = given.iter().map(|v| v.columns.extent().is_none().then_some(Bad::Blank)).collect();
     let good = |bad: &[Option<Bad>]| -> Vec<usize> { (0..given.len()).filter(|&i| bad[i].is_none()).collect() };
@@ -134,7 +136,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     let mut views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
     let mut found = solved(camera, &views, priors)?;
     let mut offs = views_off(&found.solution, &turned(&views));
-    let shifted = moved(&offs, &turned(&views), found.axis_told);
+    let mut shifted = moved(&offs, &turned(&views), found.axis_told);
     while shifted.is_none() && used.len() > least {
         let Some((at, why)) = worst(&offs) else { break };
         bad[used[at]] = Some(why);
@@ -142,6 +144,8 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         views.remove(at);
         found = solved(camera, &views, priors)?;
         offs = views_off(&found.solution, &turned(&views));
+        // An outlier scatters so far that it hides a step.
+        shifted = moved(&offs, &turned(&views), found.axis_told);
     }
     let covariance = covariance(camera, &found, &views, &offs, priors);
     let sd = |at: usize| covariance[(at, at)].sqrt();
@@ -201,38 +205,37 @@ fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved
         let first = pivot(views);
         let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
         let start = axis(camera, &turned)?;
-        let free = solve(&start, camera, rho, views, priors);
+        let free = solve(&start, camera, rho, views, priors).ok();
         // Views that fit no turn are fitted best by none: all angles alike.
         let near = |s: &Solution| (s.rho / rho - 1.0).abs() < NEAR;
         let solution = match free.filter(near) {
             Some(solution) => solution,
             None => solve(&start, camera, rho, views, Priors { rho: HELD, ..priors })?,
         };
-        Some(Solved { start, solution, axis_told: true })
+        Ok::<_, CalibrationError>(Solved { start, solution, axis_told: true })
     };
     let residual = |s: &Solved| s.solution.residual_sd_um;
     let mut nominal = from(1.0, priors);
-    if nominal.as_ref().is_some_and(|s| !s.solution.converged && is_round(&s.solution)) {
+    if nominal.as_ref().is_ok_and(|s| !s.solution.converged && is_round(&s.solution)) {
         // A round specimen looks alike however the axis lies and however far it turned: nothing settles, and nothing but the axis'
         // place at the specimen is told.
         let held = from(1.0, Priors { gamma_rad: HELD, alpha_rad: HELD, rho: HELD, ..priors });
-        let explains = |held: &Solved| nominal.as_ref().is_none_or(|free| residual(held) < ROUND * residual(free));
-        if let Some(held) = held.filter(explains) {
-            nominal = Some(Solved { axis_told: false, ..held });
+        let explains = |held: &Solved| nominal.as_ref().ok().is_none_or(|free| residual(held) < ROUND * residual(free));
+        if let Some(held) = held.ok().filter(explains) {
+            nominal = Ok(Solved { axis_told: false, ..held });
         }
     }
-    if views.len() < TELLS_STEPS || nominal.as_ref().is_some_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
-        return nominal.ok_or(CalibrationError::NoSlices);
+    if views.len() < TELLS_STEPS || nominal.as_ref().is_ok_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
+        return nominal;
     }
     // Another number of steps per revolution: the angles are all in one ratio to the plan's.
-    let others = RATIOS.iter().filter_map(|&rho| from(rho, priors));
+    let others = RATIOS.iter().filter_map(|&rho| from(rho, priors).ok());
     let better = others.min_by(|a, b| residual(a).total_cmp(&residual(b)));
     match (nominal, better) {
         // What is planned stands unless another ratio explains all: a specimen that moved fits no ratio, and some a little better.
-        (Some(a), Some(b)) if residual(&b) > EXPLAINS * residual(&a) || residual(&b) * camera.ky > DOUBT_PX => Ok(a),
+        (Ok(a), Some(b)) if residual(&b) > EXPLAINS * residual(&a) || residual(&b) * camera.ky > DOUBT_PX => Ok(a),
         (_, Some(b)) => Ok(b),
-        (Some(a), None) => Ok(a),
-        (None, None) => Err(CalibrationError::NoSlices),
+        (nominal, None) => nominal,
     }
 }
 

@@ -82,7 +82,9 @@ fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)>
     }
     let file = Path::new(name);
     let text = regular::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
-    let method = toml::from_str(&text).with_context(|| format!("{name}: not the keys of a method"))?;
+    let method: Method = toml::from_str(&text).with_context(|| format!("{name}: not the keys of a method"))?;
+    let wrong = method.check();
+    ensure!(wrong.is_empty(), "{name}: {} value(s) cannot be used:\n  {}", wrong.len(), wrong.join("\n  "));
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     ensure!(is_plain_name(&stem), "{name}: its results would be named {stem:?}: use letters, digits, '-', '_' or '.', the first not a '.'");
     Ok((stem, method))

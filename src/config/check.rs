@@ -3,7 +3,7 @@
 use super::Method;
 use super::raw::{CalibrationConfig, CameraDriver, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
-use crate::acquisition::{AcquisitionSettings, RevolutionPlan, ViewOrder};
+use crate::acquisition::{AcquisitionSettings, RevolutionPlan};
 use crate::device::rotation::TranslationSettings;
 use crate::frame::{PixelFormat, RawFrame};
 use crate::geometry::{Camera, SecondOptics};
@@ -128,19 +128,10 @@ impl Config {
             if let Err(e) = RevolutionPlan::new(method.asd, raw.rig.steps_per_revolution, method.order) {
                 wrong(&format!("methods.{name}.asd"), method.asd.to_string(), &e.to_string());
             }
-            if !(0.0..0.5).contains(&method.epsilon) {
-                wrong(&format!("methods.{name}.epsilon"), method.epsilon.to_string(), "0 up to, not including, 0.5");
-            }
-            if let Err(e) = method.pipeline(&optics, false) {
-                wrong(&format!("methods.{name}.voxel_um"), method.voxel_um.to_string(), &e.to_string());
-            }
         }
         breaches.extend(too_near(&raw.methods, "optics", &optics));
         for (name, method) in &raw.methods {
-            breaches.extend(method.segment.check().iter().map(|e| format!("  methods.{name}.segment.{e}")));
-            breaches.extend(method.policy.check().iter().map(|e| format!("  methods.{name}.policy.{e}")));
-            breaches.extend(method.surface.check().iter().map(|e| format!("  methods.{name}.surface.{e}")));
-            breaches.extend(quality(name, method));
+            breaches.extend(method.check().iter().map(|e| format!("  methods.{name}.{e}")));
         }
         let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {
             let file = path.parent().unwrap_or(Path::new("")).join(named);
@@ -212,19 +203,6 @@ fn wires(raw: &Raw, breaches: &mut Vec<String>) {
         wrong("sampler.driver", "\"trigger\"".into(), "\"loader\": of the drivers of [rotation] only \"grbl\" has the wire");
     }
     breaches.extend(trigger.check().err().map(|e| format!("  {e}")));
-}
-
-/// What of a method's limits and of its early stop cannot be used.
-fn quality(name: &str, method: &Method) -> Vec<String> {
-    let mut breaches = Vec::new();
-    breaches.extend(method.quality.check().iter().map(|e| format!("  methods.{name}.quality.{e}")));
-    breaches.extend(method.quality.gate.check().iter().map(|e| format!("  methods.{name}.quality.gate.{e}")));
-    breaches.extend(method.early_stop.check().iter().map(|e| format!("  methods.{name}.early_stop.{e}")));
-    if method.early_stop.enabled && method.order == ViewOrder::Sequential {
-        let why = "true, with order = \"sequential\"; expected order = \"coarse_to_fine\": views one after the other leave the rest of the turn unseen";
-        breaches.push(format!("  methods.{name}.early_stop.enabled = {why}"));
-    }
-    breaches
 }
 
 /// Both tables of a second camera, or neither.

@@ -8,6 +8,7 @@ use crate::profile::SegmentSettings;
 use crate::quality::{EarlyStopSettings, QualitySettings};
 use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt::Display;
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -40,6 +41,11 @@ pub struct Method {
     pub quality: QualitySettings,
     #[serde(default)]
     pub early_stop: EarlyStopSettings,
+}
+
+/// The breaches of a table below the method's.
+fn below(table: &str, breaches: Vec<impl Display>) -> impl Iterator<Item = String> {
+    breaches.into_iter().map(move |breach| format!("{table}.{breach}"))
 }
 
 fn word_or_number<'de, D: Deserializer<'de>>(found: D) -> Result<Option<String>, D::Error> {
@@ -88,6 +94,34 @@ impl Method {
         if lacking_um < 0.0 { Ok(()) } else { Err(CameraTooNear { distance_um: camera.f, needed_um: camera.f + lacking_um }) }
     }
 
+    /// Every value that cannot be used, as `key = value; expected ...` below the method's table. Whether the axis can make `asd` stops is
+    /// the rig's to say.
+    pub fn check(&self) -> Vec<String> {
+        let mut breaches = Vec::new();
+        if !(0.0..0.5).contains(&self.epsilon) {
+            breaches.push(format!("epsilon = {}; expected 0 up to, not including, 0.5", self.epsilon));
+        }
+        if let Err(e) = VoxelGrid::new(self.box_um, self.voxel_um) {
+            let key = if matches!(e, GridError::Box { .. }) { "box_um".into() } else { format!("voxel_um = {}", self.voxel_um) };
+            breaches.push(format!("{key}: {e}"));
+        }
+        breaches.extend(below("segment", self.segment.check()));
+        breaches.extend(below("surface", self.surface.check()));
+        breaches.extend(below("calibration", self.calibration.check()));
+        breaches.extend(below("quality", self.quality.check()));
+        breaches.extend(below("quality.gate", self.quality.gate.check()));
+        breaches.extend(below("early_stop", self.early_stop.check()));
+        breaches.extend(below("policy", self.policy.check()));
+        if self.early_stop.enabled && self.order == ViewOrder::Sequential {
+            breaches.push(
+                "early_stop.enabled = true, with order = \"sequential\"; expected order = \"coarse_to_fine\": views one after the other leave the \
+                 rest of the turn unseen"
+                    .into(),
+            );
+        }
+        breaches
+    }
+
     /// What the numbers depend on, with the rig's camera and a sphere fitted or not.
     pub fn pipeline(&self, camera: &Camera, sphere: bool) -> Result<PipelineSettings, GridError> {
         Ok(PipelineSettings {
@@ -125,6 +159,111 @@ mod tests {
         assert_eq!(shipped::<EarlyStopSettings>("early_stop"), EarlyStopSettings::default());
         let breaches = [QualitySettings::default().check(), GateSettings::default().check(), EarlyStopSettings::default().check()];
         assert!(breaches.iter().all(Vec::is_empty), "{breaches:?}");
+    }
+
+    /// The keys of all numbers in a table, as paths.
+    fn numbers(value: &toml::Value, path: &mut Vec<String>, found: &mut Vec<Vec<String>>) {
+        let mut below = |key: String, value: &toml::Value| {
+            path.push(key);
+            numbers(value, path, found);
+            path.pop();
+        };
+        match value {
+            toml::Value::Table(table) => table.iter().for_each(|(key, value)| below(key.clone(), value)),
+            toml::Value::Array(list) => list.iter().enumerate().for_each(|(at, value)| below(at.to_string(), value)),
+            toml::Value::Integer(_) | toml::Value::Float(_) => found.push(path.clone()),
+            _ => {}
+        }
+    }
+
+    fn at<'a>(value: &'a mut toml::Value, path: &[String]) -> &'a mut toml::Value {
+        path.iter().fold(value, |value, key| match value {
+            toml::Value::Array(list) => &mut list[key.parse::<usize>().unwrap()],
+            other => other.get_mut(key).unwrap(),
+        })
+    }
+
+    /// Where 0 has a meaning: nothing is allowed, nothing is done, or nothing is known to be off.
+    const MAY_BE_ZERO: [&str; 32] = [
+        "epsilon",
+        "segment.black_below",
+        "segment.closing_px",
+        "segment.edge.stiffness",
+        "segment.fringe.bar",
+        "segment.fringe.kink",
+        "segment.fringe.least",
+        "segment.fringe.most",
+        "segment.fringe.opaque_sigma",
+        "segment.fringe.reach_bore",
+        "segment.join_gap_bore",
+        "segment.level_set.edge",
+        "segment.level_set.region",
+        "segment.level_set.steps",
+        "segment.max_saturated_share",
+        "segment.opening_px",
+        "segment.speck_bore2",
+        "segment.wall_margin_px",
+        "segment.walls.max_sag_share",
+        "segment.walls.max_tilt_deg",
+        "surface.fairing_iterations",
+        "surface.fairing_lambda",
+        "calibration.edge_sd_px",
+        "calibration.scale_sd_percent",
+        "policy.retries",
+        "quality.closure_across_px",
+        "quality.closure_along_px",
+        "quality.closure_overlap",
+        "quality.closure_turn_deg",
+        "quality.gate.cusum_slack_sd",
+        "quality.overlap_percent",
+        "quality.usable_percent",
+    ];
+
+    /// Each number of a method has a range: nothing that is negative, no number or absurd passes, and 0 only where it has a meaning.
+    #[test]
+    fn no_number_of_a_method_is_taken_unchecked() {
+        let sound: Method = toml::from_str("asd = 21\norder = \"sequential\"\nepsilon = 0.05\nvoxel_um = 10.0\n").unwrap();
+        assert_eq!(sound.check(), Vec::<String>::new());
+        let whole = toml::Value::try_from(&sound).unwrap();
+        let mut paths = Vec::new();
+        numbers(&whole, &mut Vec::new(), &mut paths);
+        assert!(paths.len() > 80, "{} numbers are not all of a method", paths.len());
+        let refused = |path: &[String], value: toml::Value| {
+            let mut changed = whole.clone();
+            *at(&mut changed, path) = value;
+            // What is not read is refused by its reader.
+            Method::deserialize(changed).map_or(true, |method| !method.check().is_empty())
+        };
+        let mut passed = Vec::new();
+        for path in &paths {
+            let key = path.join(".");
+            // The rig's steps say what `asd` may be, and the box may lie anywhere.
+            if key == "asd" {
+                continue;
+            }
+            let is_integer = at(&mut whole.clone(), path).is_integer();
+            let mut tried: Vec<(&str, toml::Value)> = vec![("NaN", f64::NAN.into()), ("1e300", 1e300.into())];
+            if is_integer {
+                tried.push(("i64::MAX", i64::MAX.into()));
+            }
+            if !key.starts_with("box_um") {
+                tried.push(("-1", if is_integer { (-1).into() } else { (-1.0).into() }));
+                if !MAY_BE_ZERO.contains(&key.as_str()) {
+                    tried.push(("0", if is_integer { 0.into() } else { 0.0.into() }));
+                }
+            }
+            passed.extend(tried.into_iter().filter(|(_, value)| !refused(path, value.clone())).map(|(said, _)| format!("{key} = {said}")));
+        }
+        assert!(passed.is_empty(), "taken: {passed:#?}");
+        let unused: Vec<&str> = MAY_BE_ZERO.iter().copied().filter(|key| !paths.iter().any(|p| p.join(".") == *key)).collect();
+        assert!(unused.is_empty(), "no such keys: {unused:?}");
+    }
+
+    #[test]
+    fn a_prior_of_nothing_is_refused_with_its_range() {
+        let text = SHIPPED.replacen("[methods.standard]\n", "[methods.standard]\ncalibration = { alpha_sd_deg = 0 }\n", 1);
+        let refused = crate::config::Config::parse(&text, std::path::Path::new("x.toml")).map(|_| ()).unwrap_err().to_string();
+        assert!(refused.contains("methods.standard.calibration.alpha_sd_deg = 0; expected 0.001 to 1 deg"), "{refused}");
     }
 
     #[test]

@@ -10,26 +10,53 @@ pub struct Check {
     pub unit: String,
     /// `null` where nothing tells it.
     pub found: Option<f64>,
+    /// Standard deviation of `found`. `None` where the check does not use one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sd: Option<f64>,
     pub limit: f64,
     /// The view that it is of, where it is the worst of the views'.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<u32>,
-    /// Beyond the limit: the flag is raised.
+    /// Beyond the limit: the flag is raised. Where there is an `sd`, the interval of two `sd` about `found` is wholly beyond it.
     pub over: bool,
+    /// That interval holds the limit: the measurement cannot tell whether the limit is exceeded. No flag is raised.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub undecided: bool,
     pub flag: String,
 }
+
+/// Standard deviations to either side of a number that has one: 95 % of readings lie within them.
+const SURE: f64 = 2.0;
 
 impl Check {
     fn new(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64, over: impl Fn(f64) -> bool) -> Self {
         // What is no number is no measure of anything: it is within no limit.
         let over = found.is_some_and(|x| !x.is_finite() || over(x));
         let found = found.filter(|x| x.is_finite());
-        Self { name: name.to_owned(), unit: unit.to_owned(), found, limit, view: None, over, flag: flag.to_owned() }
+        Self {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            found,
+            sd: None,
+            limit,
+            view: None,
+            over,
+            undecided: false,
+            flag: flag.to_owned(),
+        }
     }
 
     /// At most, whatever the sign.
     pub(super) fn at_most(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64) -> Self {
         Self::new(name, unit, flag, found, limit, |x| x.abs() > limit)
+    }
+
+    /// At most, whatever the sign, of a number with a standard deviation. Without one as [`Self::at_most`].
+    pub(super) fn at_most_surely(name: &str, unit: &str, flag: &str, found: Option<f64>, sd: Option<f64>, limit: f64) -> Self {
+        let Some(sd) = sd.filter(|sd| sd.is_finite()) else { return Self::at_most(name, unit, flag, found, limit) };
+        let check = Self::new(name, unit, flag, found, limit, |x| x.abs() - SURE * sd > limit);
+        let undecided = !check.over && check.found.is_some_and(|x| x.abs() + SURE * sd > limit);
+        Self { sd: Some(sd), undecided, ..check }
     }
 
     pub(super) fn at_least(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64) -> Self {

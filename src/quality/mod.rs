@@ -22,4 +22,4 @@ pub use early_stop::{EarlyStopSettings, has_converged, should_stop};
 pub use estimate::Estimate;
 pub use limits::QualitySettings;
 pub use strip::{Spoiled, ViewStrip, spoiled};
-pub use turn::{CalibrationOff, ClosureOff, TurnFacts, tell_little};
+pub use turn::{CalibrationOff, ClosureOff, ClosureSd, TurnFacts, tell_little};

@@ -22,6 +22,16 @@ pub struct ClosureOff {
     pub across_px: f64,
     /// Nothing where the turn's slices do not tell it.
     pub turn_deg: Option<f64>,
+    /// Of the three above. `None` where they are only the shift of the profile's centroid.
+    pub sd: Option<ClosureSd>,
+}
+
+/// Standard deviations of a [`ClosureOff`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ClosureSd {
+    pub along_px: f64,
+    pub across_px: f64,
+    pub turn_deg: f64,
 }
 
 /// The turn's own camera less the rig's.
@@ -62,14 +72,16 @@ impl Quality {
         let least = used().filter_map(|v| Some((v.overlap_percent?, v.view))).min_by(|a, b| a.0.total_cmp(&b.0)).unzip();
         let views = turn.omegas.len() as f64;
         let closure = |of: fn(&ClosureOff) -> f64| turn.closure.as_ref().map(of);
+        let sd = |of: fn(&ClosureSd) -> f64| turn.closure.and_then(|c| c.sd).as_ref().map(of);
+        let surely = |name, unit, found, sd, limit| Check::at_most_surely(name, unit, "moved", found, sd, limit);
         let off = |of: fn(&CalibrationOff) -> f64| turn.calibration.as_ref().map(of);
         // A ratio that is not told apart from 1 is none.
         let rho = turn.calibration.map(|c| if c.is_rho_told { c.rho_percent } else { 0.0 });
         Self::new(vec![
             Check::at_least("closure_overlap", "share", "moved", closure(|c| c.overlap), l.closure_overlap),
-            Check::at_most("closure_along_px", "px", "moved", closure(|c| c.along_px), l.closure_along_px),
-            Check::at_most("closure_across_px", "px", "moved", closure(|c| c.across_px), l.closure_across_px),
-            Check::at_most("closure_turn_deg", "deg", "moved", turn.closure.and_then(|c| c.turn_deg), l.closure_turn_deg),
+            surely("closure_along_px", "px", closure(|c| c.along_px), sd(|s| s.along_px), l.closure_along_px),
+            surely("closure_across_px", "px", closure(|c| c.across_px), sd(|s| s.across_px), l.closure_across_px),
+            surely("closure_turn_deg", "deg", turn.closure.and_then(|c| c.turn_deg), sd(|s| s.turn_deg), l.closure_turn_deg),
             Check::at_least("views_least", "views", "few_views", Some(views), l.views_least as f64),
             Check::at_least(
                 "usable_percent",
@@ -106,7 +118,8 @@ mod tests {
         (0..n).map(view).collect()
     }
 
-    const GOOD: ClosureOff = ClosureOff { overlap: 0.985, along_px: 0.2, across_px: -0.3, turn_deg: Some(0.4) };
+    const GOOD: ClosureOff = ClosureOff { overlap: 0.985, along_px: 0.2, across_px: -0.3, turn_deg: Some(0.4), sd: Some(KNOWN) };
+    const KNOWN: ClosureSd = ClosureSd { along_px: 0.02, across_px: 0.02, turn_deg: 0.04 };
     const NEAR: CalibrationOff = CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_told: false };
 
     fn of(omegas: &[f64], strip: &[ViewStrip], closure: Option<ClosureOff>, calibration: Option<CalibrationOff>) -> Quality {
@@ -169,6 +182,29 @@ mod tests {
         assert_eq!([Some(2.1), Some(f64::NAN), Some(1.9), None].map(uncertain), ["uncertain", "uncertain", "", ""]);
     }
 
+    /// A reading is over its limit only by more than twice its own standard deviation. One that cannot be told from the limit says so.
+    #[test]
+    fn a_closure_is_over_its_limit_only_as_far_as_it_is_known() {
+        let turned = |turn_deg: f64, sd_deg: Option<f64>| {
+            let sd = sd_deg.map(|turn_deg| ClosureSd { turn_deg, ..KNOWN });
+            let found = of(&even(21), &strip(21), Some(ClosureOff { turn_deg: Some(turn_deg), sd, ..GOOD }), Some(NEAR));
+            let check = found.check("closure_turn_deg").unwrap();
+            assert_eq!((check.over, check.sd), (found.raises("moved"), sd_deg.filter(|sd| sd.is_finite())));
+            (check.over, check.undecided)
+        };
+        let (moved, stayed, unknown) = ((true, false), (false, false), (false, true));
+        assert_eq!(turned(5.09, Some(1.2)), unknown);
+        assert_eq!(turned(-4.0, Some(1.2)), unknown);
+        assert_eq!(turned(2.0, Some(1.2)), stayed);
+        assert_eq!(turned(-10.0, Some(1.2)), moved);
+        assert_eq!(turned(0.0, Some(9.0)), unknown, "a specimen that is round");
+        assert_eq!((turned(5.1, None), turned(4.9, None)), (moved, stayed), "of the profile's centroid nothing is known");
+        assert_eq!(turned(5.1, Some(f64::NAN)), moved, "what is no number excuses nothing");
+        let old = serde_json::json!({"name": "n", "unit": "px", "found": 1.0, "limit": 2.0, "over": false, "flag": "f"});
+        let old: Check = serde_json::from_value(old).unwrap();
+        assert!(old.sd.is_none() && !old.undecided);
+    }
+
     #[test]
     fn what_is_not_known_is_null_and_no_number_is_over() {
         let found = of(&even(21), &strip(21), None, None);
@@ -209,7 +245,7 @@ mod tests {
             let (narrow, wide) = (Quality::of(&facts, &narrow), Quality::of(&facts, &wide));
             prop_assert!(wide.flags().iter().all(|f| narrow.raises(f)));
             prop_assert_eq!(narrow.passed, narrow.checks.iter().all(|c| !c.over));
-            prop_assert_eq!(narrow.raises("moved"), along.abs() > 3.0);
+            prop_assert_eq!(narrow.raises("moved"), along.abs() - 2.0 * KNOWN.along_px > 3.0);
         }
     }
 }

@@ -340,15 +340,7 @@ fn again_of(found: &Calibration, given: &[GivenView]) -> Vec<[f64; 2]> {
     seen_again(&columns, &Psi::of(found, &ledger))
 }
 
-/// Where a second look along the same direction shows the specimen, less where the first does. What the model errs by in that
-/// direction is in both.
+/// Where the closure view shows the specimen, less where view 0 does.
 fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<Lie> {
-    let of = |view: &TurnView| lie(pose, view, sections.sections.iter().map(|s| (s.x_um, &s.support)));
-    let (before, after) = (of(first)?, of(&TurnView { columns, ..*first })?);
-    Some(Lie {
-        along_px: after.along_px - before.along_px,
-        across_px: after.across_px - before.across_px,
-        turn_rad: after.turn_rad - before.turn_rad,
-        rms_px: after.rms_px,
-    })
+    lie(pose, first, &TurnView { columns, ..*first }, sections.sections.iter().map(|s| (s.x_um, &s.support)))
 }

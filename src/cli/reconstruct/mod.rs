@@ -9,8 +9,10 @@
 //! Everything is read and checked before anything is made, and everything is made before anything is written. What cannot be
 //! measured is refused on stdout as well, as `{"flags": [..], "error": ".."}` with exit code 3.
 
+mod bounds;
 pub(super) mod cameras;
 mod measured;
+mod mirror;
 mod output;
 mod report;
 mod turntable;
@@ -46,7 +48,8 @@ pub struct Args {
     /// camera.json (psi and the angles `omega`), or one 3 x 4 matrix per view: JSON, or text with 12 numbers per line
     #[arg(long, value_name = "FILE")]
     pub cameras: PathBuf,
-    /// The volume that is carved [default: the paper's -2500,2500,-500,500,-500,500 um]
+    /// The volume that is carved [default: the paper's -2500,2500,-500,500,-500,500 um; without a unit, what the silhouettes'
+    /// bounding rectangles have in common]
     #[arg(long = "box", value_name = "x0,x1,y0,y1,z0,z1", value_parser = parse_box, allow_hyphen_values = true)]
     pub bounds: Option<BoxUm>,
     /// Edge of a voxel [default: 6.93 um; without a unit, 15 million voxels in the box]
@@ -134,9 +137,11 @@ pub fn run(args: &Args) -> ExitCode {
 
 fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     let destination = output::Destination::choose(args.out.as_deref(), &args.views, args.force)?;
-    let mut grid = grid(args)?;
+    // What the command line says is judged before anything is read.
+    let mut bounds = given_box(args);
+    bounds.map(|bounds| grid(args, bounds)).transpose()?;
     let mut clock = report::Clock::new(Instant::now());
-    let cameras = cameras::read(&args.cameras)?;
+    let mut cameras = cameras::read(&args.cameras)?;
     let views = views::read(&args.views)?;
     let views = in_order(&cameras, views)?;
     let (count, what) = cameras.count();
@@ -160,29 +165,44 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
             );
         }
     }
+    let mirrored = unmirrored(&mut cameras, &views, &mut bounds)?;
+    let bounds = match (bounds, &cameras) {
+        (Some(bounds), _) => bounds,
+        (None, Cameras::Matrices { projections, .. }) => {
+            let middle = bounds::middle(projections, &views)?;
+            bounds::derived(projections, &views, middle, args.voxel.filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.0))?
+        }
+        (None, Cameras::Psi(_)) => {
+            bail!("--box: none given, and psi has no default with --unit none; give x0,x1,y0,y1,z0,z1 in psi's world")
+        }
+    };
+    let mut grid = grid(args, bounds)?;
     clock.split("read");
     let surface = SurfaceSettings { fairing_lambda: args.fairing_lambda, fairing_iterations: args.fairing_iterations };
     // Masks are taken as they are: what put their edges there is not known.
     let calibration = CalibrationSettings { enabled: !args.no_calibrate, edge_sd_px: 0.0, ..CalibrationSettings::default() };
     let settings = ReconstructionSettings { epsilon: args.epsilon, surface, calibration };
     let table = match &cameras {
-        Cameras::Matrices { projections, .. } if args.calibrate => Some(turntable::find(projections, &views, bounds(args)?, args.unit)?),
+        Cameras::Matrices { projections, .. } if args.calibrate => Some(turntable::find(projections, &views, bounds, args.unit)?),
         _ => None,
     };
-    let measured = match &cameras {
+    let mut measured = match &cameras {
         _ if views.iter().all(View::is_blank) => measured::empty(&views, &cameras),
         Cameras::Psi(psi) => measured::turn(psi, grid, &views, settings, args.sphere, &mut clock)?,
         Cameras::Matrices { projections, .. } => match &table {
             None => measured::hull(projections, grid, &views, settings, args.sphere)?,
             Some(table) => {
-                let (measured, along_axis) =
-                    turntable::measure(table, &views, bounds(args)?, grid.size(), settings, args.sphere, &mut clock)?;
+                let (measured, along_axis) = turntable::measure(table, &views, bounds, grid.size(), settings, args.sphere, &mut clock)?;
                 grid = along_axis;
                 measured
             }
         },
     };
     clock.split("reconstruct");
+    if mirrored {
+        mirror::mesh(&mut measured);
+        measured.doubts.push(mirror::SAID.into());
+    }
     let mesh_path = match &measured.mesh {
         Some(mesh) => {
             let mut ply = Vec::new();
@@ -196,7 +216,9 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
         note!("carved: {doubt}");
     }
     let report = report::report(&measured, &views, &cameras, &grid, mesh_path.as_deref(), &clock)?;
-    let report = table.iter().fold(report, turntable::told);
+    let mut report = table.iter().fold(report, turntable::told);
+    report["mirrored_world"] = mirrored.into();
+    let report = if mirrored { mirror::report(report, table.is_some()) } else { report };
     Ok(report::in_unit(report, args.unit))
 }
 
@@ -212,18 +234,30 @@ fn in_order(cameras: &Cameras, mut views: Vec<View>) -> anyhow::Result<Vec<View>
     Ok(ordered)
 }
 
-fn bounds(args: &Args) -> anyhow::Result<BoxUm> {
-    match (args.bounds, args.unit) {
-        (Some(bounds), _) => Ok(bounds),
-        (None, Unit::Um) => Ok(BoxUm::PAPER),
-        (None, Unit::None) => {
-            bail!("--box: none given, and with --unit none there is no default; give x0,x1,y0,y1,z0,z1 in the cameras' world")
-        }
-    }
+/// The box of the command line or of the unit. `None` where it is to be derived from the silhouettes.
+fn given_box(args: &Args) -> Option<BoxUm> {
+    args.bounds.or((args.unit == Unit::Um).then_some(BoxUm::PAPER))
 }
 
-fn grid(args: &Args) -> anyhow::Result<VoxelGrid> {
-    let bounds = bounds(args)?;
+/// Mirrors cameras and box where the matrices are those of a mirrored world, and says whether they are.
+fn unmirrored(cameras: &mut Cameras, views: &[View], bounds: &mut Option<BoxUm>) -> anyhow::Result<bool> {
+    let Cameras::Matrices { projections, .. } = cameras else { return Ok(false) };
+    if views.iter().all(View::is_blank) {
+        return Ok(false);
+    }
+    let at = match bounds {
+        Some(bounds) => std::array::from_fn(|a| f64::midpoint(bounds.min[a], bounds.max[a])),
+        None => bounds::middle(projections, views)?,
+    };
+    let mirrored = mirror::is_mirrored(projections, at)?;
+    if mirrored {
+        *projections = mirror::projections(projections)?;
+        *bounds = bounds.map(mirror::bounds);
+    }
+    Ok(mirrored)
+}
+
+fn grid(args: &Args, bounds: BoxUm) -> anyhow::Result<VoxelGrid> {
     let voxel = args.voxel.unwrap_or_else(|| match args.unit {
         Unit::Um => DEFAULT_VOXEL_UM,
         Unit::None => ((0..3).map(|a| bounds.max[a] - bounds.min[a]).product::<f64>() / DEFAULT_VOXELS).cbrt(),

@@ -70,7 +70,7 @@ fn ablated(seed: u64) -> anyhow::Result<[Option<Found>; 4]> {
         let ours = sections(&Pose::new(camera), &turn.as_planned(&stops), 1.0 / camera.ky);
         numbers(&turn, &stops, camera, ours.as_ref(), &views)
     };
-    let start = crate::calibration::axis(&turn.nominal, &turn.given(&stops).iter().map(|v| (v.columns, v.omega)).collect::<Vec<_>>());
+    let start = crate::calibration::axis(&turn.nominal, &turn.given(&stops).iter().map(|v| (v.columns, v.omega)).collect::<Vec<_>>()).ok();
     let solved = match calibrate(&turn.nominal, &turn.given(&stops), Priors::default()) {
         Ok(found) => {
             let given = turn.given(&stops);

@@ -1,0 +1,65 @@
+//! Matrices of a mirrored world: the specimen lies behind every camera, unless one axis is turned round.
+//!
+//! ```text
+//!   P, depth < 0 in every view ── x -> -x ── -P, depth > 0 ── reconstructed ── mesh and places: x -> -x again, triangles turned round
+//! ```
+//! A camera matrix tells its sign only together with the handedness of its world: [`Projection`] takes right-handed worlds. Matrices of a
+//! left-handed one, or of images that were mirrored, have a negative determinant where depths are positive. Volumes, areas and lengths are
+//! those of the mirror image.
+
+use super::measured::Measured;
+use crate::geometry::{BoxUm, Projection};
+use anyhow::{Context, bail};
+use serde_json::{Value, json};
+
+/// Whether the world is mirrored: `at` is a point of the specimen.
+pub(super) fn is_mirrored(projections: &[Projection], at: [f64; 3]) -> anyhow::Result<bool> {
+    let behind: Vec<usize> = (0..projections.len()).filter(|&i| projections[i].depth(at) < 0.0).collect();
+    if behind.is_empty() || behind.len() == projections.len() {
+        return Ok(!behind.is_empty());
+    }
+    let (few, rest) = if 2 * behind.len() > projections.len() { ("before", "behind") } else { ("behind", "before") };
+    let odd: Vec<usize> = if few == "behind" { behind } else { (0..projections.len()).filter(|i| !behind.contains(i)).collect() };
+    bail!(
+        "the specimen lies {few} the camera(s) of view {} (counted from 0) and {rest} all others: the matrices are not of one world. Check the \
+         sign of the determinant of their left 3 x 3 parts, and the box",
+        odd.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    )
+}
+
+/// The matrices that see the mirrored world.
+pub(super) fn projections(of: &[Projection]) -> anyhow::Result<Vec<Projection>> {
+    let mirrored = |p: &Projection| Projection::from_matrix(p.rows().map(|[x, y, z, t]| [-x, y, z, t]));
+    of.iter().map(|p| mirrored(p).context("--cameras, mirrored")).collect()
+}
+
+pub(super) fn bounds(of: BoxUm) -> BoxUm {
+    let ([x0, y0, z0], [x1, y1, z1]) = (of.min, of.max);
+    BoxUm { min: [-x1, y0, z0], max: [-x0, y1, z1] }
+}
+
+/// The mesh in the matrices' own world, its outside outside again.
+pub(super) fn mesh(measured: &mut Measured) {
+    let Some(mesh) = &mut measured.mesh else { return };
+    mesh.vertices.iter_mut().for_each(|[x, ..]| *x = -*x);
+    mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+}
+
+/// The report's places in the matrices' own world. `along_axis`: the grid is that of the turn's axis, not of the world.
+pub(super) fn report(mut report: Value, along_axis: bool) -> Value {
+    let negated = |value: &Value| value.as_f64().map_or(Value::Null, |x| json!(-x));
+    let places = ["/centroid_um", "/sphere/centre_um", "/turntable/origin", "/turntable/axes/0", "/turntable/axes/1", "/turntable/axes/2"];
+    for place in places {
+        if let Some(x) = report.pointer_mut(place).and_then(|at| at.get_mut(0)) {
+            *x = negated(x);
+        }
+    }
+    if !along_axis {
+        let [low, high] = ["min_um", "max_um"].map(|key| negated(&report["grid"][key][0]));
+        (report["grid"]["min_um"][0], report["grid"]["max_um"][0]) = (high, low);
+    }
+    report
+}
+
+pub(super) const SAID: &str = "the matrices are those of a mirrored world (or of mirrored images): it was mirrored at x = 0 to reconstruct it; mesh and \
+                               places are in the matrices' own world, volumes and areas are the same in both";
