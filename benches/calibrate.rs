@@ -2,11 +2,11 @@
 //!
 //! Profiles of the phantom larva as a day's drift leaves them: camera, angles, views and edges off.
 
-use carved::calibration::{Calibration, GivenView, Priors, Psi, Vrv, calibrate, coherence, gate};
-use carved::carver::{Leaves, Runs};
-use carved::geometry::{BoxUm, Camera, VoxelGrid};
-use carved::profile::{Columns, Mask};
-use carved::reconstruction::{Reconstruction, ReconstructionSettings};
+use carved_core::calibration::{Calibration, GivenView, Priors, Psi, Vrv, calibrate, coherence, gate};
+use carved_core::carver::{Leaves, Runs};
+use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
+use carved_core::profile::{Columns, Mask};
+use carved_core::reconstruction::{Reconstruction, ReconstructionSettings};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
 use std::f64::consts::TAU;

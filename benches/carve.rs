@@ -3,10 +3,10 @@
 //! The solid has elliptic slices and a thin fin. Its silhouettes come column by column from the slices' extents across the
 //! line of sight: parallel rays, which at 60 mm is half a pixel from the pinhole's, as good a load as any.
 
-use carved::carver::{Carver, Leaves};
-use carved::geometry::{BoxUm, Camera, Projection, VoxelGrid};
-use carved::profile::Mask;
-use carved::reconstruction::{HullModel, ReconstructionSettings};
+use carved_core::carver::{Carver, Leaves};
+use carved_core::geometry::{BoxUm, Camera, Projection, VoxelGrid};
+use carved_core::profile::Mask;
+use carved_core::reconstruction::{HullModel, ReconstructionSettings};
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 
 /// Half axes of body and fin along y and z at `x` um from the middle; the head is at the left.

@@ -3,10 +3,10 @@
 //! FOLDER holds `clean`, `rolled` and `ragged`, each with `views.json` (a list `views` of `P`, 3 x 4, and `file`) and the silhouettes.
 //! Times are medians of repeated runs, the carver's making included, and printed as lines that start with `@`.
 
-use carved::carver::{Carver, Leaves, ResidualVolume, Runs};
-use carved::geometry::{BoxUm, Projection, VoxelGrid};
-use carved::profile::Mask;
-use carved::surface::{Fairing, Occupancy, extract, fair};
+use carved_core::carver::{Carver, Leaves, ResidualVolume, Runs};
+use carved_core::geometry::{BoxUm, Projection, VoxelGrid};
+use carved_core::profile::Mask;
+use carved_core::surface::{Fairing, Occupancy, extract, fair};
 use std::path::Path;
 use std::time::Instant;
 
@@ -103,7 +103,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let (seconds, faired) = timed(|| fair(&mesh, Fairing { lambda: 0.8, iterations: 10 }));
         println!("@ fairing iterations=10 seconds={seconds:.6} vertices={}", faired?.vertices.len());
         let some: Vec<(Runs, Projection)> =
-            views.iter().step_by(4).map(|(mask, p)| Ok((Runs::new(mask)?, *p))).collect::<Result<_, carved::carver::CarveError>>()?;
+            views.iter().step_by(4).map(|(mask, p)| Ok((Runs::new(mask)?, *p))).collect::<Result<_, carved_core::carver::CarveError>>()?;
         for size in [17.1, 10.0] {
             let mut residual = ResidualVolume::new(grid(size), 0.0)?;
             let (seconds, voxels) = timed(|| residual.count(some.iter().map(|(runs, p)| (runs, *p))));

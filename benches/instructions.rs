@@ -8,11 +8,11 @@
 //! each path lies in a function of its own whose name callgrind starts and stops at: nothing else is counted.
 
 use anyhow::Context;
-use carved::carver::{CarveError, Carver, Leaves};
-use carved::frame::{PixelFormat, RawFrame};
-use carved::geometry::{BoxUm, Projection, VoxelGrid};
-use carved::profile::{Mask, Picture, Profile, ProfileError, SegmentSettings, Segmenter};
-use carved::surface::{Fairing, FairingError, Mesh, Occupancy, extract, fair};
+use carved_core::carver::{CarveError, Carver, Leaves};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::geometry::{BoxUm, Projection, VoxelGrid};
+use carved_core::profile::{Mask, Picture, Profile, ProfileError, SegmentSettings, Segmenter};
+use carved_core::surface::{Fairing, FairingError, Mesh, Occupancy, extract, fair};
 use clap::{Parser, ValueEnum};
 use serde::Deserialize;
 use std::hint::black_box;

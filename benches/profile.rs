@@ -1,7 +1,7 @@
 //! Frame to profile on the emulated rig's frames, 1024 x 1024: `cargo bench --bench profile`.
 
-use carved::frame::{PixelFormat, RawFrame};
-use carved::profile::{Method, Picture, SegmentSettings, Segmenter};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::{Method, Picture, SegmentSettings, Segmenter};
 use criterion::{Criterion, criterion_group, criterion_main};
 use hardware_sim::scene::Exposure;
 use hardware_sim::scene::frame_set::{Class, detection_set, frame_set};

@@ -10,12 +10,12 @@
 //! made before.
 
 use anyhow::Context;
-use carved::acquisition::{AcquisitionSettings, LedgerEntry, Next, RevolutionPlan, ViewOrder, revolve};
-use carved::cancel::CancelToken;
 use carved::config::{CameraDriver, Config, RotationDriver};
-use carved::device::camera::{self, CameraSelect};
-use carved::device::rotation::{Grbl, Port, Tmcl, Zaber};
-use carved::device::{self, RotationAxis};
+use carved_devices::acquisition::{AcquisitionSettings, LedgerEntry, Next, RevolutionPlan, ViewOrder, revolve};
+use carved_devices::camera::{self, CameraSelect};
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{Grbl, Port, Tmcl, Zaber};
+use carved_devices::{Rig as Devices, RotationAxis};
 use hardware_sim::motion::MotionProfile;
 use hardware_sim::{Controller, Exposure, PixelFormat, Pixels, Rig, RigSettings, ShaftSettings, Sight, TestCard, grbl, tmcl, zaber};
 use std::path::Path;
@@ -83,7 +83,7 @@ fn turn(make: &str, config: &Config, views: u32) -> anyhow::Result<()> {
     let wire_ms = packets.ceil() * f64::from(camera.packet_size) / BYTES_PER_S * 1e3;
     let exposure_ms = camera.exposure_us * 1e-3;
     let rotation = open(&config.rotation, &emulated)?;
-    let mut rig = device::Rig { rotation, camera: camera::open(camera)? };
+    let mut rig = Devices { rotation, camera: camera::open(camera)? };
     rig.camera.arm()?;
     let cancel = CancelToken::new();
     rig.rotation.reference(&cancel)?;

@@ -7,8 +7,8 @@
 //!    \_________/
 //! ```
 
-use carved::measure::shape::Shape;
-use carved::surface::Mesh;
+use carved_core::measure::shape::Shape;
+use carved_core::surface::Mesh;
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::f64::consts::{PI, TAU};
 use std::hint::black_box;

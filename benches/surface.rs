@@ -7,11 +7,11 @@
 //!    \_ yolk _____------------------|___|
 //! ```
 
-use carved::carver::{Carver, Leaves};
 use carved::export;
-use carved::geometry::{BoxUm, Camera, Projection, VoxelGrid};
-use carved::profile::Mask;
-use carved::surface::{Coarse, Contour, Distance, Fairing, Occupancy, extract, fair};
+use carved_core::carver::{Carver, Leaves};
+use carved_core::geometry::{BoxUm, Camera, Projection, VoxelGrid};
+use carved_core::profile::Mask;
+use carved_core::surface::{Coarse, Contour, Distance, Fairing, Occupancy, extract, fair};
 use criterion::{Criterion, criterion_group, criterion_main};
 use nalgebra::{Matrix3, Matrix3x4, Matrix4};
 use std::hint::black_box;

@@ -14,9 +14,9 @@
 //! ```
 
 use anyhow::Context;
-use carved::frame::{PixelFormat, RawFrame};
-use carved::hash::sha256_hex;
-use carved::profile::{Picture, SegmentSettings, Segmenter};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::{Picture, SegmentSettings, Segmenter};
+use carved_devices::hash::sha256_hex;
 use clap::Parser;
 use hardware_sim::scene::Exposure;
 use hardware_sim::scene::frame_set::{FrameSpec, frame_set};

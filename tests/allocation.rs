@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 #![allow(unsafe_code)] // an allocator cannot be written without
 
-use carved::carver::{ResidualVolume, Runs};
-use carved::frame::{PixelFormat, RawFrame};
-use carved::geometry::{BoxUm, Camera, VoxelGrid};
-use carved::profile::{EdgePoint, Mask, Picture, Polygon, Profile, SegmentSettings, Segmenter};
+use carved_core::carver::{ResidualVolume, Runs};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
+use carved_core::profile::{EdgePoint, Mask, Picture, Polygon, Profile, SegmentSettings, Segmenter};
 use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;

@@ -8,8 +8,8 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
-use carved::frame::{PixelFormat, RawFrame};
-use carved::profile::{
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::{
     EdgeSettings, FringeSettings, LevelSetSettings, MeanShiftSettings, Method, Picture, SegmentSettings, WallSettings, segment,
 };
 use proptest::prelude::*;

@@ -4,11 +4,11 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
-use carved::calibration::{Bad, Calibration, CalibrationError, GivenView, Pose, Priors, calibrate};
 use carved::cli::emulated;
-use carved::geometry::Camera;
-use carved::measure::support::{Sections, SupportEstimate, calibration_sd};
-use carved::profile::{Columns, Polygon};
+use carved_core::calibration::{Bad, Calibration, CalibrationError, GivenView, Pose, Priors, calibrate};
+use carved_core::geometry::Camera;
+use carved_core::measure::support::{Sections, SupportEstimate, calibration_sd};
+use carved_core::profile::{Columns, Polygon};
 use hardware_sim::analytic::{Disturbance, Fault, Phantom, Pose as Place};
 use rayon::prelude::*;
 use std::f64::consts::TAU;

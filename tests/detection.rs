@@ -2,8 +2,8 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
-use carved::frame::{PixelFormat, RawFrame};
-use carved::profile::{Detection, Kind, Picture, SegmentSettings, Side, segment};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::{Detection, Kind, Picture, SegmentSettings, Side, segment};
 use hardware_sim::scene::frame_set::{self, Class, FrameSpec, detection_set};
 use std::collections::BTreeMap;
 use std::sync::LazyLock;

@@ -3,7 +3,7 @@
 
 mod common;
 
-use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
 use common::{run, stderr};
 use hardware_sim::grbl::Settings;
 use hardware_sim::{Controller, Rig, RigSettings, TestCard};
@@ -102,8 +102,8 @@ fn trinamic_modules_and_zaber_controllers_are_known_without_being_moved() {
 #[cfg(feature = "aravis")]
 #[test]
 fn cameras_are_listed_with_who_has_them_and_what_to_configure() {
-    use carved::device::camera::{self, AravisSettings, CameraSelect};
-    use carved::frame::PixelFormat;
+    use carved_core::frame::PixelFormat;
+    use carved_devices::camera::{self, AravisSettings, CameraSelect};
     let rig = rig(Controller::default());
     let look = || {
         let output = run(&["doctor", "--port", "/dev/no-such-port", "--data", "/no/such/folder"]);

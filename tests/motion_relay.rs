@@ -5,11 +5,11 @@
 #[path = "common/motion.rs"]
 mod motion;
 
-use carved::acquisition::ViewOrder;
-use carved::cancel::CancelToken;
-use carved::device::rotation::{Relay, RelaySettings};
-use carved::device::{Capabilities, DeviceError, Position, RotationAxis};
-use carved::units::Steps;
+use carved_core::units::Steps;
+use carved_devices::acquisition::ViewOrder;
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{Relay, RelaySettings};
+use carved_devices::{Capabilities, DeviceError, Position, RotationAxis};
 use hardware_sim::RigSettings;
 use hardware_sim::relay::{self, Knobs};
 use motion::{SPEED_DEG_PER_S, is_suspect, true_steps, turn, until, with_camera};

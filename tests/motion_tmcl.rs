@@ -4,10 +4,10 @@
 #[path = "common/driver.rs"]
 mod driver;
 
-use carved::cancel::CancelToken;
-use carved::device::rotation::{Port, Reference, Tmcl, TmclSettings, one_sided};
-use carved::device::{Achieved, DeviceError, Position, RotationAxis};
-use carved::units::Steps;
+use carved_core::units::Steps;
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{Port, Reference, Tmcl, TmclSettings, one_sided};
+use carved_devices::{Achieved, DeviceError, Position, RotationAxis};
 use driver::{cable_pulled_at_any_byte, late_answers, stand, turns, until};
 use hardware_sim::{Controller, Rig, tmcl::Settings};
 use std::f64::consts::TAU;

@@ -10,10 +10,10 @@
 #[path = "common/driver.rs"]
 mod driver;
 
-use carved::cancel::CancelToken;
-use carved::device::RotationAxis;
-use carved::device::rotation::{Port, Reference, Tmcl, TmclSettings};
-use carved::units::Steps;
+use carved_core::units::Steps;
+use carved_devices::RotationAxis;
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{Port, Reference, Tmcl, TmclSettings};
 use driver::{stand, turns};
 use hardware_sim::{Controller, tmcl, zaber};
 use std::io::{BufRead, BufReader};

@@ -7,9 +7,9 @@
 mod truth;
 
 use carved::config::Config;
-use carved::frame::{PixelFormat, RawFrame};
-use carved::pipeline::Pipeline;
-use carved::profile::{Kind, Mask, Method, Picture, ProfileError, SegmentSettings, WallSettings, segment};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::pipeline::Pipeline;
+use carved_core::profile::{Kind, Mask, Method, Picture, ProfileError, SegmentSettings, WallSettings, segment};
 use hardware_sim::scene::frame_set::{Difficulty, frame_set};
 use hardware_sim::scene::{Placement, Scene, SceneSettings, Specimen};
 use std::path::Path;
@@ -240,7 +240,7 @@ fn a_frame_gives_the_same_whatever_came_before() {
     let low = 700;
     let cut: Vec<u8> = larva.data.chunks(larva.width as usize * 3).take(low).flatten().copied().collect();
     let empty = picture(&scene(31, 0.0, None, false), 0.0, 31);
-    let reference = carved::profile::Reference::new(empty.clone(), &SegmentSettings::default().walls).unwrap();
+    let reference = carved_core::profile::Reference::new(empty.clone(), &SegmentSettings::default().walls).unwrap();
     let steps = [
         (read(PixelFormat::BayerRG8, (bubble.width, bubble.height), bubble.to_bayer_rg8()), Method::Hybrid, None),
         (read(PixelFormat::RGB8Packed, size, larva.data.clone()), Method::MeanShift, None),
@@ -249,11 +249,11 @@ fn a_frame_gives_the_same_whatever_came_before() {
         (empty, Method::Hybrid, Some(&reference)),
         (read(PixelFormat::BayerRG8, size, larva.to_bayer_rg8()), Method::Hybrid, None),
     ];
-    let mut warm = carved::profile::Segmenter::default();
+    let mut warm = carved_core::profile::Segmenter::default();
     for round in 0..2 {
         for (n, (picture, method, reference)) in steps.iter().enumerate() {
             let settings = SegmentSettings { method: *method, ..SegmentSettings::default() };
-            let fresh = carved::profile::Segmenter::default().segment(picture, &settings, *reference);
+            let fresh = carved_core::profile::Segmenter::default().segment(picture, &settings, *reference);
             assert!(warm.segment(picture, &settings, *reference) == fresh, "round {round}, frame {n}");
         }
     }

@@ -2,16 +2,16 @@
 //! turn that ends early.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
-use carved::acquisition::{RevolutionPlan, ViewOrder};
-use carved::calibration::Lie;
-use carved::carver::Leaves;
 use carved::cli::emulated;
 use carved::config::Config;
-use carved::frame::{PixelFormat, RawFrame};
-use carved::geometry::{BoxUm, VoxelGrid};
-use carved::pipeline::{Pipeline, PipelineSettings, Seen, SpecimenRecord};
-use carved::profile::{Mask, Polygon};
-use carved::reconstruction::{Reconstruction, ReconstructionSettings};
+use carved_core::calibration::Lie;
+use carved_core::carver::Leaves;
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::geometry::{BoxUm, VoxelGrid};
+use carved_core::pipeline::{Pipeline, PipelineSettings, Seen, SpecimenRecord};
+use carved_core::profile::{Mask, Polygon};
+use carved_core::reconstruction::{Reconstruction, ReconstructionSettings};
+use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
 use hardware_sim::analytic::{self, Disturbance, Fault, Phantom, Pose};
 use hardware_sim::scene::{Camera, Contents, Exposure, Placement, Scene, SceneSettings, Specimen};
 use rayon::prelude::*;
@@ -158,7 +158,7 @@ fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
 fn a_turn_that_ends_early_is_measured_as_one_of_so_many_views() {
     let omegas = even();
     let seen = rendered(larva(6), &omegas);
-    let plan = RevolutionPlan::new(ASD, carved::units::StepsPerRevolution::new(500, 1).unwrap(), ViewOrder::CoarseToFine).unwrap();
+    let plan = RevolutionPlan::new(ASD, carved_core::units::StepsPerRevolution::new(500, 1).unwrap(), ViewOrder::CoarseToFine).unwrap();
     let order: Vec<usize> = plan.stops().iter().filter(|s| !s.closure).map(|s| s.view as usize).collect();
     let mut pipeline = Pipeline::new(settings()).unwrap();
     let mut estimates = Vec::new();

@@ -328,7 +328,7 @@ fn other_world() -> (nalgebra::Rotation3<f64>, nalgebra::Vector3<f64>) {
 fn as_matrices(cameras: &str) -> (String, [[f64; 3]; 2]) {
     const UNIT_UM: f64 = 250.0;
     let text: Value = serde_json::from_slice(&std::fs::read(cameras).unwrap()).unwrap();
-    let camera: carved::geometry::Camera = serde_json::from_value(text.clone()).unwrap();
+    let camera: carved_core::geometry::Camera = serde_json::from_value(text.clone()).unwrap();
     let (turned, shift) = other_world();
     let of = |omega: &Value| {
         let rows = *camera.projection(omega.as_f64().unwrap()).rows();

@@ -4,15 +4,15 @@
 
 mod common;
 
-use carved::acquisition::{LedgerEntry, RevolutionPlan};
 use carved::config::Config;
-use carved::frame::{PixelFormat, RawFrame};
-use carved::hash::sha256_hex;
-use carved::pipeline::{Pipeline, SpecimenRecord};
-use carved::profile::{Mask, Picture, Profile, Reference, SegmentSettings, Segmenter};
 use carved::session::{Mode, PlannedWell, SpecimenKind};
 use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
-use carved::units::Sense;
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::pipeline::{Pipeline, SpecimenRecord};
+use carved_core::profile::{Mask, Picture, Profile, Reference, SegmentSettings, Segmenter};
+use carved_core::units::Sense;
+use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
+use carved_devices::hash::sha256_hex;
 use common::{json, run, stderr};
 use hardware_sim::scene::{Exposure, Marks, Placement, Scene, SceneSettings, Specimen};
 use std::path::Path;
@@ -147,7 +147,7 @@ impl Recorded {
         let scene = dusty(5);
         let empty = frame(&scene, 0.0, 100);
         scene.load(Some(Specimen::bead(500.0).unwrap().placed(Placement::default()))).unwrap();
-        let view = |stop: &carved::acquisition::Stop| {
+        let view = |stop: &carved_devices::acquisition::Stop| {
             let omega = Sense::default().omega(stop.target, config.steps_per_revolution);
             let frame = frame(&scene, omega, u64::from(stop.view));
             let entry = LedgerEntry {

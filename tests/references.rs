@@ -4,15 +4,15 @@
 
 mod common;
 
-use carved::carver::Leaves;
 use carved::config::{Config, references};
-use carved::geometry::{BoxUm, VoxelGrid};
-use carved::measure::references::{MissingReason, Quantity, References};
-use carved::pipeline::SpecimenRecord;
-use carved::profile::Mask;
-use carved::reconstruction::{HullModel, ReconstructionSettings};
 use carved::session::{Mode, PlannedWell, SpecimenKind};
 use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
+use carved_core::carver::Leaves;
+use carved_core::geometry::{BoxUm, VoxelGrid};
+use carved_core::measure::references::{MissingReason, Quantity, References};
+use carved_core::pipeline::SpecimenRecord;
+use carved_core::profile::Mask;
+use carved_core::reconstruction::{HullModel, ReconstructionSettings};
 use std::path::{Path, PathBuf};
 
 fn shipped(name: &str) -> PathBuf {
@@ -23,7 +23,7 @@ fn config() -> Config {
     Config::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("config/simulated.toml")).unwrap()
 }
 
-fn group<'a>(all: &'a [References], name: &str) -> &'a carved::measure::references::Group {
+fn group<'a>(all: &'a [References], name: &str) -> &'a carved_core::measure::references::Group {
     all.iter().flat_map(|r| &r.groups).find(|g| g.name == name).unwrap_or_else(|| panic!("no group {name:?}"))
 }
 
@@ -105,7 +105,7 @@ fn a_configuration_names_its_references_beside_itself() {
 
 /// Numbers of a ball of this radius, of 21 views of it.
 fn ball(radius_px: f64) -> SpecimenRecord {
-    let camera = carved::geometry::Camera {
+    let camera = carved_core::geometry::Camera {
         f: 60_000.0,
         kx: 0.1,
         ky: 0.1,
@@ -169,7 +169,7 @@ fn a_recording_holds_what_its_larva_is_compared_with() {
     assert_eq!((area.group.as_str(), area.n), ("fixed ABxTL, 3 dpf, ASD 21", 12));
     let keys: Vec<_> = area.mismatches.iter().map(|m| m.key.as_str()).collect();
     assert_eq!(keys, ["voxel_um", "treatment", "strain", "mode"], "the paper's table says nothing of the first, the plan of the others");
-    let carved::measure::references::Answer::Missing(volume) = &voxel.volume else { panic!("there is no volume of 3 dpf") };
+    let carved_core::measure::references::Answer::Missing(volume) = &voxel.volume else { panic!("there is no volume of 3 dpf") };
     assert_eq!((volume.reason, volume.quantity), (MissingReason::Quantity, Quantity::Volume));
     assert!(volume.why[0].contains("table 4") && volume.why.len() == 1, "{volume:?}");
 

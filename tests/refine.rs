@@ -2,12 +2,12 @@
 //! and the end result is the same bytes either way.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
-use carved::acquisition::{RevolutionPlan, ViewOrder};
 use carved::config::Config;
-use carved::frame::{PixelFormat, RawFrame};
-use carved::pipeline::{Pipeline, PipelineSettings, Seen};
-use carved::quality::Estimate;
-use carved::surface::Mesh;
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::pipeline::{Pipeline, PipelineSettings, Seen};
+use carved_core::quality::Estimate;
+use carved_core::surface::Mesh;
+use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
 use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
 use rayon::prelude::*;
 use std::path::Path;

@@ -4,11 +4,11 @@
 
 mod common;
 
-use carved::cancel::CancelToken;
-use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
-use carved::device::sampler::{Expected, Sampler, TriggerSampler, TriggerSettings};
-use carved::device::{DeviceError, RotationAxis};
-use carved::units::Steps;
+use carved_core::units::Steps;
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+use carved_devices::sampler::{Expected, Sampler, TriggerSampler, TriggerSettings};
+use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::grbl::Settings;
 use hardware_sim::sampler::Next;
 use hardware_sim::serial::Button;

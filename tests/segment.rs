@@ -4,8 +4,8 @@
 
 mod common;
 
-use carved::frame::{PixelFormat, RawFrame};
-use carved::profile::{Mask, Picture, SegmentSettings, segment};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::{Mask, Picture, SegmentSettings, segment};
 use common::{run, stderr};
 use hardware_sim::scene::{Exposure, Placement, Rgb, Scene, SceneSettings, Specimen};
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
@@ -219,7 +219,7 @@ fn pictures_taken_amiss_are_refused_by_name() {
 fn segment_walls(frame: &Rgb) -> [f64; 2] {
     let raw = RawFrame::new(frame.width, frame.height, PixelFormat::RGB8Packed, frame.data.clone()).unwrap();
     let walls = segment(&Picture::from_frame(&raw), &SegmentSettings::default()).unwrap().walls;
-    let ends = |line: carved::profile::Line| [line.at(0.0), line.at(512.0)];
+    let ends = |line: carved_core::profile::Line| [line.at(0.0), line.at(512.0)];
     let ([a, b], [c, d]) = (ends(walls.upper.outer), ends(walls.lower.outer));
     [a.min(b), c.max(d)]
 }

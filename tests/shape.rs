@@ -6,13 +6,13 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
-use carved::carver::Leaves;
-use carved::geometry::{BoxUm, Camera, VoxelGrid};
-use carved::measure::facing::Facing;
-use carved::measure::shape::{Body, End, Shape};
-use carved::profile::Mask;
-use carved::reconstruction::{Reconstruction, ReconstructionSettings};
-use carved::surface::Mesh;
+use carved_core::carver::Leaves;
+use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
+use carved_core::measure::facing::Facing;
+use carved_core::measure::shape::{Body, End, Shape};
+use carved_core::profile::Mask;
+use carved_core::reconstruction::{Reconstruction, ReconstructionSettings};
+use carved_core::surface::Mesh;
 use hardware_sim::scene::{Larva, Placement, Scene, SceneSettings, Specimen};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 

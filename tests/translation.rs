@@ -5,10 +5,10 @@
 
 mod common;
 
-use carved::cancel::CancelToken;
-use carved::device::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference, TranslationSettings};
-use carved::device::{DeviceError, Position, RotationAxis};
-use carved::units::{Sense, Steps};
+use carved_core::units::{Sense, Steps};
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference, TranslationSettings};
+use carved_devices::{DeviceError, Position, RotationAxis};
 use common::{Daemon, configured, json, port};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Placement, Scene, SceneSettings, Specimen};

@@ -4,13 +4,13 @@
 #[path = "common/shared.rs"]
 mod shared;
 
-use carved::calibration::{
+use carved::cli::emulated::camera;
+use carved_core::calibration::{
     Ask, Calibration, Free, GivenView, Objective, Optimiser, Priors, Psi, Stop, Verdict, Vrv, calibrate, gate, optimise,
 };
-use carved::carver::Runs;
-use carved::cli::emulated::camera;
-use carved::geometry::{BoxUm, Camera, VoxelGrid};
-use carved::profile::{Columns, Mask};
+use carved_core::carver::Runs;
+use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
+use carved_core::profile::{Columns, Mask};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
 use std::f64::consts::TAU;
 use std::path::Path;

@@ -2,10 +2,10 @@
 
 use super::notify;
 use crate::config::Config;
-use crate::device::sampler::LoaderGate;
 use crate::session::{self, Driver, Heart, Instrument, MethodOffer, Mode, SessionHandle};
 use crate::store::{Claim, Store};
 use anyhow::Context;
+use carved_devices::sampler::LoaderGate;
 use std::net::TcpListener;
 use std::sync::Arc;
 use tokio::signal::unix::{Signal, SignalKind, signal};

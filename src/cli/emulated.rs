@@ -1,6 +1,6 @@
 //! The emulated rig's camera in carved's words, and back: both describe one projection, each on its own.
 
-use crate::geometry::Camera;
+use carved_core::geometry::Camera;
 use hardware_sim::scene;
 
 /// The camera that looks as the emulated one does.

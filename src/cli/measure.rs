@@ -6,14 +6,14 @@
 //! A recording that fails fails alone; its line says why.
 
 use super::told;
-use crate::acquisition::{LedgerEntry, RevolutionPlan};
 use crate::config::Method;
-use crate::pipeline::SpecimenRecord;
 use crate::regular;
 use crate::session::numbers::{self, NumbersError};
 use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError, durable};
-use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
+use carved_core::pipeline::SpecimenRecord;
+use carved_core::surface::Mesh;
+use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 
@@ -200,7 +200,7 @@ pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::Steps;
+    use carved_core::units::Steps;
 
     fn turn(angles_deg: impl Iterator<Item = f64>, closure: bool) -> Vec<LedgerEntry> {
         let mut entries: Vec<LedgerEntry> = (0..)

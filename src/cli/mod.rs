@@ -92,7 +92,7 @@ enum ConfigCommand {
 
 const LOG: &str = "Environment:
   CARVED_LOG  what the log on standard error holds: error, warn, info (the default), debug, trace or off; or by part of the program,
-              as in CARVED_LOG=info,carved::device=debug";
+              as in CARVED_LOG=info,carved_devices=debug";
 
 /// The error and its causes, each once: many an error names its cause in its own words already.
 pub fn told(error: &anyhow::Error) -> String {

@@ -11,8 +11,8 @@ use crate::export;
 use crate::regular;
 use crate::session::{Mode, is_plain_name};
 use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
-use crate::surface::Mesh;
 use anyhow::{Context, bail, ensure};
+use carved_core::surface::Mesh;
 use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, clap::Args)]

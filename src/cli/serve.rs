@@ -2,11 +2,11 @@
 
 use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
-use crate::device::sampler::{LoaderGate, LoaderSampler, Sampler, TriggerSampler};
-use crate::device::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
 use crate::session::{Instrument, Mode};
 use crate::store::Claim;
 use anyhow::Context;
+use carved_devices::sampler::{LoaderGate, LoaderSampler, Sampler, TriggerSampler};
+use carved_devices::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
 use std::path::PathBuf;
 use std::sync::Arc;
 

@@ -1,12 +1,12 @@
 //! A method: what is done to a specimen and how it is measured. It is recorded whole with every specimen.
 
 use super::Policy;
-use crate::acquisition::ViewOrder;
-use crate::geometry::{BoxUm, Camera, GridError, VoxelGrid};
-use crate::pipeline::PipelineSettings;
-use crate::profile::SegmentSettings;
-use crate::quality::{EarlyStopSettings, QualitySettings};
-use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
+use carved_core::geometry::{BoxUm, Camera, GridError, VoxelGrid};
+use carved_core::pipeline::PipelineSettings;
+use carved_core::profile::SegmentSettings;
+use carved_core::quality::{EarlyStopSettings, QualitySettings};
+use carved_core::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
+use carved_devices::acquisition::ViewOrder;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt::Display;
 
@@ -140,7 +140,7 @@ impl Method {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quality::gate::GateSettings;
+    use carved_core::quality::gate::GateSettings;
     use serde::de::DeserializeOwned;
 
     const SHIPPED: &str = include_str!("../../config/simulated.toml");

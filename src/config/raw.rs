@@ -1,14 +1,14 @@
 //! The configuration as it is written: every key with its unit in its name.
 
 use super::Method;
-use crate::acquisition::AcquisitionSettings;
-use crate::device::DeviceError;
-use crate::device::camera::AravisSettings;
-use crate::device::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
-use crate::device::sampler::TriggerSettings;
-use crate::frame::PixelFormat;
 use crate::http::HttpSettings;
-use crate::units::StepsPerRevolution;
+use carved_core::frame::PixelFormat;
+use carved_core::units::StepsPerRevolution;
+use carved_devices::DeviceError;
+use carved_devices::acquisition::AcquisitionSettings;
+use carved_devices::camera::AravisSettings;
+use carved_devices::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
+use carved_devices::sampler::TriggerSettings;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 //! Edges are collapsed in the order of what that changes (quadric errors, by meshoptimizer), onto vertices that were there. Where
 //! the shape is thin, sheets may be joined: what is measured is the mesh that was given.
 
-use crate::surface::Mesh;
+use carved_core::surface::Mesh;
 
 /// A mesh in fewer triangles.
 #[derive(Debug, Clone, PartialEq)]

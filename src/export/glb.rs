@@ -6,7 +6,7 @@
 //! The format counts in metres; ours are the mesh's own unit, named in `asset.extras.unit`, because a node scaled by a
 //! millionth helps no viewer.
 
-use crate::surface::Mesh;
+use carved_core::surface::Mesh;
 use serde_json::json;
 use std::io::{self, Write};
 

@@ -18,7 +18,7 @@ pub use ply::write_ply;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::surface::Mesh;
+    use carved_core::surface::Mesh;
 
     fn tetrahedron() -> Mesh {
         let vertices = vec![[0.0; 3], [10.5, 0.0, 0.0], [0.0, 20.0, 0.0], [0.0, 0.0, -5.25]];
@@ -91,7 +91,7 @@ mod tests {
         assert!(flat.topology().is_closed() && flat.triangles.len() == 3072);
         let Decimated { mesh, error } = decimate(&flat, 0.01);
         assert!(mesh.triangles.len() <= 24 && error <= 0.01, "{} triangles, off by {error}", mesh.triangles.len());
-        assert!((crate::measure::volume(&mesh) / 1000.0 - 1.0).abs() < 1e-3);
+        assert!((carved_core::measure::volume(&mesh) / 1000.0 - 1.0).abs() < 1e-3);
         assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < mesh.vertices.len()));
 
         // The same cube blown up to a ball of 100 um.

@@ -1,6 +1,6 @@
 //! PLY, binary little-endian: positions as f32, triangles as lists of three.
 
-use crate::surface::Mesh;
+use carved_core::surface::Mesh;
 use std::io::{self, Write};
 
 /// `unit` is that of the positions, for the header's comment.

@@ -6,8 +6,8 @@
 //! aim at new work ────────── cancelled at once, while ──────┘
 //! ```
 
-use crate::cancel::CancelToken;
-use crate::device::StopHandle;
+use carved_devices::StopHandle;
+use carved_devices::cancel::CancelToken;
 use std::sync::{Arc, Mutex, PoisonError};
 use tokio::sync::Notify;
 

@@ -2,9 +2,9 @@
 
 use super::Live;
 use crate::export;
-use crate::pipeline::Seen;
-use crate::profile::{Mask, Picture};
-use crate::surface::Mesh;
+use carved_core::pipeline::Seen;
+use carved_core::profile::{Mask, Picture};
+use carved_core::surface::Mesh;
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};

@@ -6,12 +6,12 @@
 //! ```
 
 use super::{Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus, live};
-use crate::acquisition::LedgerEntry;
 use crate::config::Method;
 use crate::export;
-use crate::pipeline::{Pipeline, PipelineError};
 use crate::store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
-use crate::surface::Mesh;
+use carved_core::pipeline::{Pipeline, PipelineError};
+use carved_core::surface::Mesh;
+use carved_devices::acquisition::LedgerEntry;
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;

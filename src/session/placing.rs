@@ -5,10 +5,10 @@
 //!   |  <======      |      carried into it, up to the margin
 //! ```
 
-use crate::cancel::CancelToken;
-use crate::device::{DeviceError, LinearAxis, Position, Rig};
-use crate::profile::Profile;
-use crate::units::Steps;
+use carved_core::profile::Profile;
+use carved_core::units::Steps;
+use carved_devices::cancel::CancelToken;
+use carved_devices::{DeviceError, LinearAxis, Position, Rig};
 
 /// Share of the picture's width that is left free beside the end of a specimen that can be seen.
 const MARGIN: f64 = 0.05;

@@ -7,11 +7,11 @@
 
 use super::worker::Instrument;
 use super::{PlannedWell, RunPlan, SpecimenKind, Status, gate};
-use crate::acquisition::{Light, grab};
-use crate::cancel::CancelToken;
 use crate::config::{BeadGate, Config, Method};
-use crate::device::DeviceError;
 use crate::store::{Budget, bytes_per_specimen, size};
+use carved_devices::DeviceError;
+use carved_devices::acquisition::{Light, grab};
+use carved_devices::cancel::CancelToken;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use utoipa::ToSchema;

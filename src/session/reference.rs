@@ -1,6 +1,6 @@
 //! The short form of a larva's place among reference larvae, as status and page show it.
 
-use crate::measure::references::{Answer, Place, Quantity, Standing, VOXEL};
+use carved_core::measure::references::{Answer, Place, Quantity, Standing, VOXEL};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

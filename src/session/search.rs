@@ -8,7 +8,7 @@
 //! ```
 
 use super::worker::Instrument;
-use crate::device::DeviceError;
+use carved_devices::DeviceError;
 use std::time::Duration;
 use tokio::task::JoinHandle;
 

@@ -4,8 +4,8 @@
 //! and the `faults`. Clocks (`server_time`, `uptime_s`, the calibration's `age_s`) are filled in when a snapshot is read and do not
 //! change its revision; `eta_s` is told anew with each well that is done.
 
-use crate::device::Position;
-use crate::units::Steps;
+use carved_core::units::Steps;
+use carved_devices::Position;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -382,11 +382,11 @@ pub struct CameraStatus {
     pub ignored_packets: u64,
     /// Light and focus of the newest view.
     #[serde(default)]
-    pub light: Option<crate::acquisition::Light>,
+    pub light: Option<carved_devices::acquisition::Light>,
 }
 
 impl CameraStatus {
-    pub fn count(&mut self, counters: &crate::device::StreamCounters) {
+    pub fn count(&mut self, counters: &carved_devices::StreamCounters) {
         self.completed_frames = counters.completed;
         self.failed_frames = counters.failed;
         self.missing_packets = counters.missing_packets;

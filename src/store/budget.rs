@@ -2,8 +2,8 @@
 
 use super::{Store, StoreError};
 use crate::config::Method;
-use crate::frame::PixelFormat;
-use crate::geometry::Camera;
+use carved_core::frame::PixelFormat;
+use carved_core::geometry::Camera;
 
 /// What the runs take, and what the configuration gives them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

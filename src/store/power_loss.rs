@@ -7,9 +7,9 @@
 //! ```
 
 use super::*;
-use crate::acquisition::LedgerEntry;
-use crate::frame::{PixelFormat, RawFrame};
 use crate::session::{Mode, PlannedWell, RunOutcome, RunPlan};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_devices::acquisition::LedgerEntry;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Records the operations of this thread's store.
@@ -120,7 +120,7 @@ pub(super) fn frame(view: u32) -> RawFrame {
 }
 
 pub(super) fn entry(view: u32) -> LedgerEntry {
-    let sha256 = crate::hash::sha256_hex(frame(view).bytes());
+    let sha256 = carved_devices::hash::sha256_hex(frame(view).bytes());
     serde_json::from_value(serde_json::json!({
         "view": view, "commanded_steps": 0, "achieved_steps": 0, "epoch": 1, "omega": f64::from(view), "moved_ms": 0.0, "settle_ms": 0.0,
         "grab_ms": 0.0, "frame_id": view, "attempts": 1, "sha256": sha256, "closure": false

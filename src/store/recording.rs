@@ -17,20 +17,20 @@
 //! ```
 
 use super::{StoreError, archive, durable, frames, schema, sums};
-use crate::acquisition::{Ledger, LedgerEntry};
 use crate::config::Method;
-use crate::frame::{PixelFormat, RawFrame};
-use crate::geometry::{Camera, SecondOptics};
-use crate::hash::sha256_hex;
-use crate::measure::Measurement;
-use crate::measure::fluorescence::{Fluorescence, SecondView};
-use crate::measure::references::{References, Specimen, Standing, estimates};
-use crate::pipeline::SpecimenRecord;
-use crate::profile::Mask;
 use crate::regular;
 use crate::session::{Mode, PlannedWell, is_plain_name, is_well};
-use crate::surface::Mesh;
-use crate::units::{Sense, StepsPerRevolution};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::geometry::{Camera, SecondOptics};
+use carved_core::measure::Measurement;
+use carved_core::measure::fluorescence::{Fluorescence, SecondView};
+use carved_core::measure::references::{References, Specimen, Standing, estimates};
+use carved_core::pipeline::SpecimenRecord;
+use carved_core::profile::Mask;
+use carved_core::surface::Mesh;
+use carved_core::units::{Sense, StepsPerRevolution};
+use carved_devices::acquisition::{Ledger, LedgerEntry};
+use carved_devices::hash::sha256_hex;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

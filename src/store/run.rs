@@ -2,9 +2,9 @@
 
 use super::{Software, StoreError, schema};
 use crate::config::Method;
-use crate::frame::RawFrame;
-use crate::hash::sha256_hex;
 use crate::session::{CalibrationStatus, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus, is_plain_name, is_well};
+use carved_core::frame::RawFrame;
+use carved_devices::hash::sha256_hex;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! `SHA256SUMS`, as `sha256sum -c` reads it.
 
 use super::{StoreError, durable};
-use crate::hash::sha256_hex;
 use crate::regular;
 use crate::session::is_well;
+use carved_devices::hash::sha256_hex;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -4,10 +4,10 @@
 mod wait;
 pub use wait::{PATIENCE, until};
 
-use carved::cancel::CancelToken;
-use carved::device::camera::{self, AravisSettings, CameraSelect};
-use carved::device::{Camera, DeviceError, Grabbed};
-use carved::frame::PixelFormat;
+use carved_core::frame::PixelFormat;
+use carved_devices::camera::{self, AravisSettings, CameraSelect};
+use carved_devices::cancel::CancelToken;
+use carved_devices::{Camera, DeviceError, Grabbed};
 use hardware_sim::{Exposure, Pixels, Rig, RigSettings, Sight};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
@@ -73,7 +73,7 @@ impl Bench {
 
     pub fn try_take(&mut self) -> Result<Grabbed, DeviceError> {
         let before = self.rig.exposures().len() as u64;
-        let grabbed = carved::acquisition::grab(self.camera.as_mut(), DEADLINE, &CancelToken::new())?;
+        let grabbed = carved_devices::acquisition::grab(self.camera.as_mut(), DEADLINE, &CancelToken::new())?;
         self.hold(&grabbed, before);
         Ok(grabbed)
     }

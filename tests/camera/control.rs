@@ -1,8 +1,8 @@
 //! Who has the camera, and whether it is there.
 
 use crate::bench::{Bench, rig, settings, until};
-use carved::device::DeviceError;
-use carved::device::camera;
+use carved_devices::DeviceError;
+use carved_devices::camera;
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
@@ -18,7 +18,8 @@ fn through(bench: &mut Bench, out: Duration, fault: impl FnOnce(&Bench)) -> Dura
             rig.faults().camera().pull_cable(false);
             rig.faults().camera().steal_control(false);
         });
-        let mut view = carved::acquisition::grab(bench.camera.as_mut(), crate::bench::DEADLINE, &carved::cancel::CancelToken::new());
+        let mut view =
+            carved_devices::acquisition::grab(bench.camera.as_mut(), crate::bench::DEADLINE, &carved_devices::cancel::CancelToken::new());
         let took = began.elapsed();
         let view = view.as_mut().unwrap();
         println!("frame {} came {:.1} s after the fault", view.frame_id, took.as_secs_f64());

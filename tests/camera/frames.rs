@@ -1,8 +1,8 @@
 //! What the network and the sensor do to frames: none of it may cost a view, or change one.
 
 use crate::bench::{Bench, DEADLINE};
-use carved::device::DeviceError;
-use carved::device::camera::AravisSettings;
+use carved_devices::DeviceError;
+use carved_devices::camera::AravisSettings;
 
 /// Frames of each loss test: at 12 packets a frame, 1 % of loss spoils one in nine.
 const FRAMES: u32 = 100;

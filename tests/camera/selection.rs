@@ -1,8 +1,8 @@
 //! How a camera is found, and what it is told.
 
 use crate::bench::{Bench, DEADLINE, rig, settings};
-use carved::device::DeviceError;
-use carved::device::camera::{self, AravisSettings, CameraSelect, Trigger};
+use carved_devices::DeviceError;
+use carved_devices::camera::{self, AravisSettings, CameraSelect, Trigger};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 

@@ -5,8 +5,8 @@
 mod wait;
 pub use wait::until;
 
-use carved::device::{DeviceError, Position, RotationAxis};
-use carved::units::Steps;
+use carved_core::units::Steps;
+use carved_devices::{DeviceError, Position, RotationAxis};
 use hardware_sim::{Controller, Rig, RigSettings, ShaftSettings, TestCard};
 use std::f64::consts::TAU;
 use std::sync::Arc;

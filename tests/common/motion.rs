@@ -5,12 +5,12 @@
 mod wait;
 pub use wait::{PATIENCE, until};
 
-use carved::acquisition::{AcquisitionSettings, Ledger, Next, RevolutionPlan, ViewOrder, revolve};
-use carved::cancel::CancelToken;
-use carved::device::camera::{self, AravisSettings, CameraSelect};
-use carved::device::{Position, Rig, RotationAxis};
-use carved::frame::{PixelFormat, RawFrame};
-use carved::units::{Sense, Steps, StepsPerRevolution};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::units::{Sense, Steps, StepsPerRevolution};
+use carved_devices::acquisition::{AcquisitionSettings, Ledger, Next, RevolutionPlan, ViewOrder, revolve};
+use carved_devices::camera::{self, AravisSettings, CameraSelect};
+use carved_devices::cancel::CancelToken;
+use carved_devices::{Position, Rig, RotationAxis};
 use hardware_sim::{Exposure, ExposureRecord, RigSettings, Sight, TestCard};
 use std::f64::consts::TAU;
 use std::sync::Arc;

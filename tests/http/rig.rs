@@ -1,13 +1,13 @@
 //! A running server, and the driver at its other end that the tests hold in their hands.
 
 use crate::wire::{self, Answer};
-use carved::acquisition::ViewOrder;
 use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::{
     Accepted, Check, Command, Event, HandoffNeeds, HardwareStatus, MethodOffer, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State,
     Status, channel,
 };
 use carved::store::StoreReader;
+use carved_devices::acquisition::ViewOrder;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;

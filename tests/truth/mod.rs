@@ -6,7 +6,7 @@
 //!   |___/ found \__|
 //! ```
 
-use carved::profile::{Mask, Profile};
+use carved_core::profile::{Mask, Profile};
 use hardware_sim::scene::Outline;
 use hardware_sim::scene::frame_set::Rendered;
 

@@ -8,12 +8,12 @@
 
 use super::keep;
 use super::measured::{self, Measured};
-use crate::calibration::rig::{self, Refraction};
-use crate::measure::references::bead::BeadScore;
 use crate::session::Mode;
-use crate::statistics::Spread;
 use crate::store::calibrations::BEADS_SCHEMA;
 use anyhow::{Context, ensure};
+use carved_core::calibration::rig::{self, Refraction};
+use carved_core::measure::references::bead::BeadScore;
+use carved_core::statistics::Spread;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -95,7 +95,7 @@ fn find(args: &Args) -> anyhow::Result<Found> {
     let aspects = each(beads, "aspect_ratio", |m| m.file.record.measurement.aspect_ratio)?;
     let rms: Vec<f64> = beads.iter().filter_map(|m| m.file.record.measurement.sphere_rms_um).collect();
     let turns: Vec<_> = beads.iter().filter_map(|m| m.file.record.calibration.as_ref()).collect();
-    let of_turns = |value: fn(&crate::reconstruction::CalibrationRecord) -> f64| turns.iter().map(|c| value(c)).collect::<Vec<_>>();
+    let of_turns = |value: fn(&carved_core::reconstruction::CalibrationRecord) -> f64| turns.iter().map(|c| value(c)).collect::<Vec<_>>();
     let squares = of_turns(|c| c.uy_sd_px * c.uy_sd_px);
     let measured = set.measured()?;
     let score = BeadScore::of(&diameters, args.nominal_um).map(serde_json::to_value).transpose()?;

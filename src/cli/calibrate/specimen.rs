@@ -6,16 +6,16 @@
 //! ```
 //! One JSON object on stdout; what is refused stands in it and on stderr.
 
-use crate::calibration::{
+use crate::cli::reconstruct::cameras::{self, Cameras};
+use crate::cli::reconstruct::views::{self, View};
+use anyhow::{Context, bail};
+use carved_core::calibration::{
     Ask, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Verdict, Vrv, calibrate, gate,
     optimise,
 };
-use crate::carver::Runs;
-use crate::cli::reconstruct::cameras::{self, Cameras};
-use crate::cli::reconstruct::views::{self, View};
-use crate::geometry::{BoxUm, VoxelGrid};
-use crate::profile::Mask;
-use anyhow::{Context, bail};
+use carved_core::carver::Runs;
+use carved_core::geometry::{BoxUm, VoxelGrid};
+use carved_core::profile::Mask;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 

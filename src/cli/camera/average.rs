@@ -1,10 +1,10 @@
 //! Some frames of a camera, and their mean: noise goes with the root of their number.
 
-use crate::acquisition::grab;
-use crate::cancel::CancelToken;
-use crate::device::camera::{self, AravisSettings};
-use crate::frame::RawFrame;
 use anyhow::Context;
+use carved_core::frame::RawFrame;
+use carved_devices::acquisition::grab;
+use carved_devices::camera::{self, AravisSettings};
+use carved_devices::cancel::CancelToken;
 use std::time::Duration;
 
 /// Time for one frame besides its exposure, with its repeated triggers.
@@ -38,7 +38,7 @@ pub fn mean(frames: &[RawFrame]) -> anyhow::Result<RawFrame> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::PixelFormat;
+    use carved_core::frame::PixelFormat;
 
     #[test]
     fn the_mean_is_rounded_and_of_one_size() {

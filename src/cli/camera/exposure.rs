@@ -6,10 +6,10 @@
 //! ```
 
 use super::{Configured, average};
-use crate::acquisition::Light;
-use crate::device::camera::AravisSettings;
-use crate::frame::RawFrame;
 use anyhow::{bail, ensure};
+use carved_core::frame::RawFrame;
+use carved_devices::acquisition::Light;
+use carved_devices::camera::AravisSettings;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
@@ -87,7 +87,7 @@ fn top(frame: &RawFrame) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::PixelFormat;
+    use carved_core::frame::PixelFormat;
 
     #[test]
     fn the_top_leaves_half_a_per_cent_above_it() {

@@ -5,7 +5,7 @@ mod exposure;
 mod reference;
 
 use crate::config::{CameraDriver, Config};
-use crate::device::camera::AravisSettings;
+use carved_devices::camera::AravisSettings;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Subcommand)]

@@ -4,14 +4,14 @@
 //! holds the lamp alone, which the segmentation models by itself and the empty capillary has better: it is stored, and applied nowhere.
 
 use super::{Configured, average};
-use crate::acquisition::Light;
 use crate::config::Config;
-use crate::frame::RawFrame;
-use crate::hash::sha256_hex;
-use crate::pipeline::Pipeline;
-use crate::profile::{Picture, Reference};
 use crate::store::{Software, durable, frames};
 use anyhow::{Context, ensure};
+use carved_core::frame::RawFrame;
+use carved_core::pipeline::Pipeline;
+use carved_core::profile::{Picture, Reference};
+use carved_devices::acquisition::Light;
+use carved_devices::hash::sha256_hex;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

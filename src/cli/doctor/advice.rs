@@ -1,6 +1,6 @@
 //! From what answered to what to write.
 
-use crate::device::rotation::{Answer, Port, UsbAdapter};
+use carved_devices::rotation::{Answer, Port, UsbAdapter};
 use std::fmt::Write;
 
 /// Who it is, and the lines for `[rotation]`.

@@ -2,7 +2,7 @@
 
 use super::computer;
 use super::indented;
-use crate::device::camera::{Controller, Listed, controller, discover};
+use carved_devices::camera::{Controller, Listed, controller, discover};
 use std::fmt::Write;
 use std::net::Ipv4Addr;
 

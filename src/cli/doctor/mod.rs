@@ -13,7 +13,7 @@ mod cameras;
 mod computer;
 mod holders;
 
-use crate::device::rotation::{Port, UsbAdapter, identify, serial_ports};
+use carved_devices::rotation::{Port, UsbAdapter, identify, serial_ports};
 use serialport::{SerialPortInfo, SerialPortType, UsbPortInfo};
 use std::path::PathBuf;
 

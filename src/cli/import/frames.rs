@@ -7,10 +7,10 @@
 use super::natural::{chunks, natural};
 use crate::cli::segment::blocks;
 use crate::cli::segment::input::{self, Kind};
-use crate::frame::{PixelFormat, RawFrame};
-use crate::hash::sha256_hex;
-use crate::profile::Picture;
 use anyhow::{Context, bail, ensure};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::Picture;
+use carved_devices::hash::sha256_hex;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

@@ -3,11 +3,11 @@
 use super::Args;
 use crate::cli::segment::{self, input::Kind};
 use crate::config::{Config, Method, references};
-use crate::frame::RawFrame;
-use crate::geometry::Camera;
-use crate::measure::references::References;
 use crate::regular;
 use anyhow::{Context, bail, ensure};
+use carved_core::frame::RawFrame;
+use carved_core::geometry::Camera;
+use carved_core::measure::references::References;
 use serde::Deserialize;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
@@ -154,16 +154,16 @@ fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Metho
         let method = Method {
             version: None,
             asd: 0,
-            order: crate::acquisition::ViewOrder::Sequential,
+            order: carved_devices::acquisition::ViewOrder::Sequential,
             epsilon: 0.05,
             voxel_um: 6.93,
-            box_um: crate::geometry::BoxUm::PAPER,
-            segment: crate::profile::SegmentSettings::default(),
-            surface: crate::reconstruction::SurfaceSettings::default(),
-            calibration: crate::reconstruction::CalibrationSettings::default(),
+            box_um: carved_core::geometry::BoxUm::PAPER,
+            segment: carved_core::profile::SegmentSettings::default(),
+            surface: carved_core::reconstruction::SurfaceSettings::default(),
+            calibration: carved_core::reconstruction::CalibrationSettings::default(),
             policy: crate::config::Policy::default(),
-            quality: crate::quality::QualitySettings::default(),
-            early_stop: crate::quality::EarlyStopSettings::default(),
+            quality: carved_core::quality::QualitySettings::default(),
+            early_stop: carved_core::quality::EarlyStopSettings::default(),
         };
         return Ok(("imported".into(), method));
     };

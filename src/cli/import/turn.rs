@@ -5,9 +5,9 @@
 //!    0 -17.143 -34.286 ..  deg  ──  the same with sense -1
 //! ```
 
-use crate::acquisition::RevolutionPlan;
-use crate::units::{Sense, Steps, StepsPerRevolution};
 use anyhow::{Context, ensure};
+use carved_core::units::{Sense, Steps, StepsPerRevolution};
+use carved_devices::acquisition::RevolutionPlan;
 
 /// Steps may be off the angles by this, deg: less than the 0.001 that is promised, more than the 0.0005 by which a list of three
 /// decimals is rounded.

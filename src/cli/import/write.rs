@@ -1,10 +1,10 @@
 //! A recording made beside its place and put there whole.
 
 use super::Imported;
-use crate::acquisition::LedgerEntry;
-use crate::hash::sha256_hex;
 use crate::store::{Recording, RecordingWriter, durable};
 use anyhow::{Context, bail, ensure};
+use carved_devices::acquisition::LedgerEntry;
+use carved_devices::hash::sha256_hex;
 use std::path::{Path, PathBuf};
 
 /// Where the recording goes; nothing that is there is touched.

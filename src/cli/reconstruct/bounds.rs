@@ -8,8 +8,8 @@
 //! Each cell that may hold a part of the specimen is kept, so that the box is never too small. A margin keeps the hull off its ends.
 
 use super::views::View;
-use crate::geometry::{BoxUm, Projection};
 use anyhow::{Context, bail, ensure};
+use carved_core::geometry::{BoxUm, Projection};
 use nalgebra::{Matrix3, Vector3};
 
 /// A cell is at most this share of the box's shortest side.
@@ -116,7 +116,7 @@ pub(super) fn derived(projections: &[Projection], views: &[View], middle: [f64; 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::{Columns, Mask};
+    use carved_core::profile::{Columns, Mask};
 
     /// A camera 100 units away, turned about y, that sees 20 px per unit; the world moved by `shift`.
     fn turned(angle: f64, shift: [f64; 3]) -> Projection {

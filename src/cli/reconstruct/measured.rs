@@ -3,14 +3,14 @@
 use super::cameras::{Cameras, Psi};
 use super::report::Clock;
 use super::views::View;
-use crate::calibration::{Bad, Calibration, Gate, Moved, VIEWS_LEAST, Verdict, directions, widest_gap};
-use crate::carver::Leaves;
-use crate::geometry::{Camera, Projection, VoxelGrid};
-use crate::measure::Measurement;
-use crate::quality::{QualitySettings, tell_little};
-use crate::reconstruction::{HullModel, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
-use crate::statistics::mean;
-use crate::surface::{self, Mesh};
+use carved_core::calibration::{Bad, Calibration, Gate, Moved, VIEWS_LEAST, Verdict, directions, widest_gap};
+use carved_core::carver::Leaves;
+use carved_core::geometry::{Camera, Projection, VoxelGrid};
+use carved_core::measure::Measurement;
+use carved_core::quality::{QualitySettings, tell_little};
+use carved_core::reconstruction::{HullModel, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
+use carved_core::statistics::mean;
+use carved_core::surface::{self, Mesh};
 use rayon::prelude::*;
 
 /// What became of a view.

@@ -8,8 +8,8 @@
 //! those of the mirror image.
 
 use super::measured::Measured;
-use crate::geometry::{BoxUm, Projection};
 use anyhow::{Context, bail};
+use carved_core::geometry::{BoxUm, Projection};
 use serde_json::{Value, json};
 
 /// Whether the world is mirrored: `at` is a point of the specimen.

@@ -20,10 +20,10 @@ pub(super) mod views;
 
 use crate::cli::output::PIPE_CLOSED;
 use crate::cli::told;
-use crate::geometry::{BoxUm, VoxelGrid};
-use crate::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use anyhow::{Context, bail};
 use cameras::Cameras;
+use carved_core::geometry::{BoxUm, VoxelGrid};
+use carved_core::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;

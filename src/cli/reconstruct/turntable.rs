@@ -11,9 +11,9 @@ use super::cameras::Psi;
 use super::measured::{self, Measured};
 use super::report::Clock;
 use super::views::View;
-use crate::geometry::{BoxUm, Projection, Turntable, VoxelGrid};
-use crate::reconstruction::ReconstructionSettings;
 use anyhow::Context;
+use carved_core::geometry::{BoxUm, Projection, Turntable, VoxelGrid};
+use carved_core::reconstruction::ReconstructionSettings;
 use serde_json::{Value, json};
 
 /// psi's unit where the world has none: that in which the scale is the published rig's, for which the estimators are made.

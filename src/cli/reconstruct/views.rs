@@ -1,9 +1,9 @@
 //! Silhouettes from a folder.
 
-use crate::carver::Leaves;
-use crate::profile::{Columns, Mask};
 use crate::regular;
 use anyhow::{Context, bail};
+use carved_core::carver::Leaves;
+use carved_core::profile::{Columns, Mask};
 use image::{ImageFormat, ImageReader};
 use rayon::prelude::*;
 use std::fs::File;

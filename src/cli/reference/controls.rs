@@ -1,10 +1,10 @@
 //! Control larvae out of recordings and tables.
 
-use crate::measure::references::{Control, VOXEL, estimates};
 use crate::regular;
 use crate::session::Mode;
 use crate::store::{MeasurementFile, Recording, RecordingReader};
 use anyhow::{Context, bail};
+use carved_core::measure::references::{Control, VOXEL, estimates};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -101,7 +101,7 @@ pub fn of_recording(reader: &RecordingReader, words: &Words, with_flagged: bool)
 
 fn of_larva(recording: &Recording, file: &MeasurementFile, dpf: f64, words: &Words) -> Vec<Control> {
     let m = &file.record.measurement;
-    let control = |e: crate::measure::references::Estimate| Control {
+    let control = |e: carved_core::measure::references::Estimate| Control {
         dpf,
         treatment: words.treatment.clone(),
         strain: words.strain.clone(),

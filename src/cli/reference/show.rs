@@ -1,7 +1,7 @@
 //! `carved reference show`: references as a table for people.
 
 use crate::config::references;
-use crate::measure::references::{Group, Moments, References};
+use carved_core::measure::references::{Group, Moments, References};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

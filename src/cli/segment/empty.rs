@@ -1,8 +1,8 @@
 //! `--reference`: the picture of the empty capillary, read once and held beside every picture.
 
 use super::input::{self, Input, Kind};
-use crate::profile::{Picture, Reference, SegmentSettings};
 use anyhow::Context;
+use carved_core::profile::{Picture, Reference, SegmentSettings};
 use std::path::Path;
 
 pub(super) struct Empty {

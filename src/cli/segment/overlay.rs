@@ -1,6 +1,6 @@
 //! The picture with what was found drawn in: the outline at its sub-pixel place, the walls as lines.
 
-use crate::profile::{Line, Picture, Profile};
+use carved_core::profile::{Line, Picture, Profile};
 
 const OUTLINE: [u8; 3] = [255, 64, 160];
 const WALL: [u8; 3] = [0, 160, 255];

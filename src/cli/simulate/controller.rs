@@ -1,12 +1,12 @@
 //! Which controller turns the emulated capillary: configured as the shipped file of such an instrument has it.
 
-use crate::cancel::CancelToken;
 use crate::config::{Config, RotationDriver};
-use crate::device::rotation::{AxisLetter, Port, TranslationSettings};
-use crate::device::sampler::{Expected, Loaded, Sampler};
-use crate::device::{DeviceError, RotationAxis};
-use crate::units::Sense;
 use anyhow::Context;
+use carved_core::units::Sense;
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{AxisLetter, Port, TranslationSettings};
+use carved_devices::sampler::{Expected, Loaded, Sampler};
+use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::{Controller, Rig, SlideSettings, bridge, grbl, relay, tmcl, zaber};
 use std::path::Path;
 

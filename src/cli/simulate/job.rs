@@ -1,8 +1,8 @@
 //! What `simulate` does once the daemon runs, as a client of it: the demo plate, a replayed recording, or nothing.
 
-use crate::pipeline::SpecimenRecord;
 use crate::session::{PlannedWell, RunPlan, RunStatus, SessionHandle, SpecimenKind, WellStatus};
 use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, durable};
+use carved_core::pipeline::SpecimenRecord;
 use std::path::Path;
 
 /// What is done after the start, as a client of the daemon.

@@ -1,17 +1,17 @@
 //! A recording in place of the scene: the emulated axis turns, the emulated camera sends the recorded frame of that angle.
 
 use super::{Before, Content, Job};
-use crate::acquisition::RevolutionPlan;
-use crate::cancel::CancelToken;
 use crate::cli::measure;
 use crate::config::{CameraDriver, Config, RotationDriver};
-use crate::device::sampler::{Expected, Loaded, Sampler};
-use crate::device::{DeviceError, RotationAxis};
-use crate::frame::{PixelFormat, RawFrame};
 use crate::session::RunPlan;
 use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, durable};
-use crate::units::Steps;
 use anyhow::Context;
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::units::Steps;
+use carved_devices::acquisition::RevolutionPlan;
+use carved_devices::cancel::CancelToken;
+use carved_devices::sampler::{Expected, Loaded, Sampler};
+use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::{Pixels, Replay};
 use std::path::Path;
 use std::sync::Arc;

@@ -7,10 +7,10 @@
 //! ```
 
 use super::scenery::Scenery;
-use crate::cancel::CancelToken;
 use crate::config::{Config, SamplerDriver};
-use crate::device::sampler::{Expected, Loaded, Sampler, TriggerSettings};
-use crate::device::{DeviceError, RotationAxis};
+use carved_devices::cancel::CancelToken;
+use carved_devices::sampler::{Expected, Loaded, Sampler, TriggerSettings};
+use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::sampler::Next;
 use hardware_sim::scene::Contents;
 use hardware_sim::{SamplerSettings, VendorSampler};

@@ -2,11 +2,11 @@
 
 use super::holds::Surprise;
 use super::{Args, Before, Content, Job};
-use crate::cancel::CancelToken;
 use crate::cli::emulated;
 use crate::config::Config;
-use crate::device::sampler::{Expected, Loaded, Sampler};
-use crate::device::{DeviceError, RotationAxis};
+use carved_devices::cancel::CancelToken;
+use carved_devices::sampler::{Expected, Loaded, Sampler};
+use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

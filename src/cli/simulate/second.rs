@@ -2,10 +2,10 @@
 
 use crate::cli::emulated;
 use crate::config::{CameraDriver, SecondCamera};
-use crate::device::camera::{AravisSettings, CameraSelect};
-use crate::frame::PixelFormat;
-use crate::geometry::SecondOptics;
 use anyhow::Context;
+use carved_core::frame::PixelFormat;
+use carved_core::geometry::SecondOptics;
+use carved_devices::camera::{AravisSettings, CameraSelect};
 use hardware_sim::Rig;
 use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene};
 use std::sync::Arc;

@@ -4,11 +4,11 @@ use super::document::{Section, table};
 use super::effort::Work;
 use super::statistics::Summary;
 use super::turn::{Turn, grid, off, sections, voxels};
-use crate::calibration::{Ask, Free, Objective, Optimiser, Pose, Priors, Psi, Stop, Vrv, calibrate, optimise};
-use crate::carver::Runs;
-use crate::geometry::Camera;
-use crate::measure::support::SupportEstimate;
-use crate::profile::Mask;
+use carved_core::calibration::{Ask, Free, Objective, Optimiser, Pose, Priors, Psi, Stop, Vrv, calibrate, optimise};
+use carved_core::carver::Runs;
+use carved_core::geometry::Camera;
+use carved_core::measure::support::SupportEstimate;
+use carved_core::profile::Mask;
 use hardware_sim::analytic::Disturbance;
 
 const ASD: usize = 21;
@@ -70,7 +70,8 @@ fn ablated(seed: u64) -> anyhow::Result<[Option<Found>; 4]> {
         let ours = sections(&Pose::new(camera), &turn.as_planned(&stops), 1.0 / camera.ky);
         numbers(&turn, &stops, camera, ours.as_ref(), &views)
     };
-    let start = crate::calibration::axis(&turn.nominal, &turn.given(&stops).iter().map(|v| (v.columns, v.omega)).collect::<Vec<_>>()).ok();
+    let start =
+        carved_core::calibration::axis(&turn.nominal, &turn.given(&stops).iter().map(|v| (v.columns, v.omega)).collect::<Vec<_>>()).ok();
     let solved = match calibrate(&turn.nominal, &turn.given(&stops), Priors::default()) {
         Ok(found) => {
             let given = turn.given(&stops);
@@ -89,7 +90,7 @@ fn numbers(
     stops: &[usize],
     camera: &Camera,
     ours: Option<&SupportEstimate>,
-    views: &[(&Mask, crate::geometry::Projection)],
+    views: &[(&Mask, carved_core::geometry::Projection)],
 ) -> anyhow::Result<Option<Found>> {
     let Some(ours) = ours else { return Ok(None) };
     let size = turn.truth.size;

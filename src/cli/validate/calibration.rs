@@ -4,7 +4,7 @@ use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::Summary;
 use super::turn::{CAPTURED, Turn, off, support};
-use crate::calibration::{Ask, Free, PASSES_MOST, Refusal};
+use carved_core::calibration::{Ask, Free, PASSES_MOST, Refusal};
 use hardware_sim::analytic::Disturbance;
 
 /// What came of one drift.

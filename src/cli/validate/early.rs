@@ -4,10 +4,10 @@ use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within};
 use super::turn::{CAPTURED, Turn, estimate, even_plan, off};
-use crate::acquisition::{RevolutionPlan, ViewOrder};
-use crate::calibration::HARMONICS_MOST;
-use crate::quality::{EarlyStopSettings, Estimate, should_stop};
-use crate::units::StepsPerRevolution;
+use carved_core::calibration::HARMONICS_MOST;
+use carved_core::quality::{EarlyStopSettings, Estimate, should_stop};
+use carved_core::units::StepsPerRevolution;
+use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::Camera;
 

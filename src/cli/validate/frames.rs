@@ -2,8 +2,8 @@
 
 use super::turn::{True, Turn};
 use crate::cli::emulated::camera;
-use crate::frame::{PixelFormat, RawFrame};
-use crate::profile::{Mask, Picture, Polygon, SegmentSettings, Segmenters};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::profile::{Mask, Picture, Polygon, SegmentSettings, Segmenters};
 use hardware_sim::scene::{Exposure, Scene, SceneSettings, Specimen};
 use rayon::prelude::*;
 

@@ -7,7 +7,7 @@ use super::plot::{Series, Style, ellipse, svg};
 use super::published::Published;
 use super::statistics::{Summary, share_within};
 use super::turn::{ASDS, CAPTURED, Turn, calibrated_views, even_plan, even_stops, grid, off, support, voxels};
-use crate::profile::Segmenters;
+use carved_core::profile::Segmenters;
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::{Camera, SceneSettings, Specimen};
 

@@ -4,9 +4,9 @@ use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::{Summary, share_within};
 use super::turn::{Turn, estimate, even_plan, off};
-use crate::acquisition::{RevolutionPlan, ViewOrder};
-use crate::quality::{EarlyStopSettings, Estimate, has_converged};
-use crate::units::StepsPerRevolution;
+use carved_core::quality::{EarlyStopSettings, Estimate, has_converged};
+use carved_core::units::StepsPerRevolution;
+use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::Camera;
 

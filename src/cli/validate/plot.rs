@@ -7,7 +7,7 @@
 //!   +-----------> label
 //! ```
 
-use crate::statistics::mean;
+use carved_core::statistics::mean;
 use std::f64::consts::TAU;
 
 const WIDTH: f64 = 640.0;

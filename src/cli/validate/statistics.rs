@@ -1,6 +1,6 @@
 //! Numbers of many phantoms in one line.
 
-use crate::statistics::Spread;
+use carved_core::statistics::Spread;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Of a sample.

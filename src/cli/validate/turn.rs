@@ -5,16 +5,16 @@
 //!   rendered frames ───────────┘   (some stops) └─ projections ── carve ─── Voxels       the paper's
 //! ```
 
-use crate::calibration::{Calibration, CalibrationError, GivenView, Pose, Priors, TurnView, calibrate};
-use crate::carver::{Carver, Leaves};
 use crate::cli::emulated::camera;
-use crate::geometry::{BoxUm, Camera, Projection, VoxelGrid};
-use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
-use crate::measure::{self, Spread, fit_sphere};
-use crate::profile::{Columns, Mask, Polygon};
-use crate::quality::Estimate;
-use crate::reconstruction::{SurfaceSettings, is_seen_around};
-use crate::surface::{self, Fairing, Occupancy};
+use carved_core::calibration::{Calibration, CalibrationError, GivenView, Pose, Priors, TurnView, calibrate};
+use carved_core::carver::{Carver, Leaves};
+use carved_core::geometry::{BoxUm, Camera, Projection, VoxelGrid};
+use carved_core::measure::support::{Sections, SupportEstimate, calibration_sd};
+use carved_core::measure::{self, Spread, fit_sphere};
+use carved_core::profile::{Columns, Mask, Polygon};
+use carved_core::quality::Estimate;
+use carved_core::reconstruction::{SurfaceSettings, is_seen_around};
+use carved_core::surface::{self, Fairing, Occupancy};
 use hardware_sim::analytic::{self, Disturbance, Phantom};
 use hardware_sim::scene::{self, Truth};
 use std::f64::consts::TAU;

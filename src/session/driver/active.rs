@@ -3,10 +3,10 @@
 use super::super::eta::UnderWay;
 use super::super::worker::{Instrument, Progress, RunEnd};
 use super::recovery::{Made, Recovery, Then};
-use crate::cancel::CancelToken;
 use crate::config::Resume;
-use crate::device::StopHandle;
 use crate::store::RunRecord;
+use carved_devices::StopHandle;
+use carved_devices::cancel::CancelToken;
 use std::collections::BTreeMap;
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinHandle};

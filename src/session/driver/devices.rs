@@ -5,8 +5,8 @@ use super::super::{CalibrationStatus, Status, gate};
 use super::super::{search, worker::Instrument};
 use super::Running;
 use super::errands::Errand;
-use crate::device::DeviceError;
 use crate::store::calibrations;
+use carved_devices::DeviceError;
 
 impl Running {
     /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.

@@ -14,9 +14,9 @@ use super::super::{Plate, Refusal, RunPlan, State, Status, gate, kind};
 use super::Running;
 use super::active::{Active, Asked, Cause, Work};
 use super::publish::run_status;
-use crate::cancel::CancelToken;
 use crate::config::Method;
 use crate::store::{RunRecord, StoreError};
+use carved_devices::cancel::CancelToken;
 use serde_json::{Value, json};
 use tokio::sync::mpsc;
 

@@ -43,7 +43,7 @@ impl Running {
                 if let Some(before) = shown {
                     self.show(&well, before + u32::from(hull_volume_um3.is_some()), live);
                 }
-                let position_deg = self.config.steps_per_revolution.angle(crate::units::Steps(achieved_steps)).to_degrees();
+                let position_deg = self.config.steps_per_revolution.angle(carved_core::units::Steps(achieved_steps)).to_degrees();
                 self.publish(|s| {
                     let Some(specimen) = s.specimen.as_mut().filter(|s| s.well == well) else { return };
                     s.hardware.rotation.position_steps = Some(achieved_steps);

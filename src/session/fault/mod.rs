@@ -4,8 +4,8 @@ pub mod table;
 
 use super::worker::{OpticsFault, RunError};
 use super::{Fault, Phase, SchedulerAction};
-use crate::acquisition::AcquisitionError;
-use crate::device::DeviceError;
+use carved_devices::DeviceError;
+use carved_devices::acquisition::AcquisitionError;
 use table::FaultCode;
 
 /// A device that does not answer any more.

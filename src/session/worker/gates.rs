@@ -1,12 +1,12 @@
 //! What keeps a well from its revolution: the frame on which it is judged, before anything turns.
 
 use crate::config::{Clipped, Policy};
-use crate::profile::Profile;
+use carved_core::profile::Profile;
 
 /// From here on the bore is full: a larva of 5 dpf covers a third of it, and no larva this much.
 const BLOCKED_SHARE: f64 = 0.9;
 
-/// Why a well with this frame is not worth a revolution: one of [`crate::profile::Kind`]'s names, `blocked` or `clipped`.
+/// Why a well with this frame is not worth a revolution: one of [`carved_core::profile::Kind`]'s names, `blocked` or `clipped`.
 pub fn skipped(profile: &Profile, policy: &Policy) -> Option<&'static str> {
     let found = &profile.detection;
     if filled_share(profile) > BLOCKED_SHARE {
@@ -26,8 +26,8 @@ fn filled_share(profile: &Profile) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::frame::{PixelFormat, RawFrame};
-    use crate::profile::{Picture, SegmentSettings, segment};
+    use carved_core::frame::{PixelFormat, RawFrame};
+    use carved_core::profile::{Picture, SegmentSettings, segment};
     use hardware_sim::scene::{Exposure, Placement, Scene, SceneSettings, Specimen};
 
     fn profile(x_um: f64) -> Profile {

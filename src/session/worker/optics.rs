@@ -17,11 +17,11 @@
 
 use super::gates;
 use super::turn::retaken_most;
-use crate::acquisition::{Light, PlanError};
 use crate::config::{CameraTooNear, Method, Policy};
-use crate::pipeline::{Pipeline, PipelineError, Seen};
-use crate::profile::{Profile, ProfileError};
 use crate::session::preflight;
+use carved_core::pipeline::{Pipeline, PipelineError, Seen};
+use carved_core::profile::{Profile, ProfileError};
+use carved_devices::acquisition::{Light, PlanError};
 use std::collections::BTreeMap;
 
 /// A picture without light: the median of its pixels. A lit one has 100 and more of 255.

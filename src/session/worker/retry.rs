@@ -15,9 +15,9 @@
 //! "Is ejected" is what a driven sampler does; a loader is asked to take the specimen out. `optics.rs` has what is light, place, scale and setup.
 
 use super::{Overrun, RunError};
-use crate::acquisition::{AcquisitionError, LedgerError};
-use crate::device::DeviceError;
 use crate::session::Phase;
+use carved_devices::DeviceError;
+use carved_devices::acquisition::{AcquisitionError, LedgerError};
 
 /// Whether a reference and another turn may do better: the specimen is there, and no person is needed first.
 pub fn may_be_tried_again(error: &RunError) -> bool {
@@ -68,8 +68,8 @@ pub fn keeps_specimen(error: &RunError) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::profile::ProfileError;
     use crate::session::worker::OpticsFault;
+    use carved_core::profile::ProfileError;
 
     fn no_frame() -> DeviceError {
         DeviceError::NoFrame { waited_ms: 3000, attempts: 3, last: "nothing".into() }

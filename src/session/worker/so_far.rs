@@ -5,9 +5,9 @@
 //!   from the rule's first views on, each view: estimate ─────┴─ newest ── volume, sd     rule ── converged, enough
 //! ```
 
-use crate::measure::Estimator;
-use crate::quality::{EarlyStopSettings, Estimate, has_converged, should_stop};
 use crate::session::{VolumeSoFar, WellStatus};
+use carved_core::measure::Estimator;
+use carved_core::quality::{EarlyStopSettings, Estimate, has_converged, should_stop};
 
 pub struct SoFar {
     rule: EarlyStopSettings,

@@ -10,11 +10,11 @@ use super::science::{NoVerdict, Science};
 use super::specimen::{Ended, Work};
 use super::watch::within;
 use super::{RunError, WellEnd, WellTimes, Worker};
-use crate::acquisition::{self, AcquisitionError, LedgerEntry, Next, RevolutionPlan, SinkClosed};
-use crate::frame::RawFrame;
-use crate::pipeline::{Pipeline, TurnVerdict};
 use crate::session::{Instrument, Phase, PlannedWell};
 use crate::store::{RecordingWriter, StoreError};
+use carved_core::frame::RawFrame;
+use carved_core::pipeline::{Pipeline, TurnVerdict};
+use carved_devices::acquisition::{self, AcquisitionError, LedgerEntry, Next, RevolutionPlan, SinkClosed};
 use std::time::{Duration, Instant};
 
 /// How an attempt at a specimen ended.

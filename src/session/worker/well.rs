@@ -12,12 +12,12 @@ use super::specimen::Work;
 use super::turn::Attempt;
 use super::watch::within;
 use super::{OpticsFault, Progress, RunError, WellEnd, WellTimes, Worker, gates, optics_fault, retry};
-use crate::acquisition::{self, Light};
-use crate::device::sampler::{Expected, Loaded};
-use crate::frame::RawFrame;
-use crate::pipeline::{Pipeline, PipelineError, Seen};
 use crate::session::{Instrument, Live, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, live, placing};
 use crate::store::{RecordingWriter, set_aside};
+use carved_core::frame::RawFrame;
+use carved_core::pipeline::{Pipeline, PipelineError, Seen};
+use carved_devices::acquisition::{self, Light};
+use carved_devices::sampler::{Expected, Loaded};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -231,7 +231,7 @@ impl Worker {
         planned: &PlannedWell,
         pipeline: &Pipeline,
         times: &mut WellTimes,
-        cancel: &crate::cancel::CancelToken,
+        cancel: &carved_devices::cancel::CancelToken,
     ) -> Result<(RawFrame, Result<Seen, PipelineError>), RunError> {
         let Self { context, instrument: Instrument { rig, .. } } = self;
         // One bad frame is no fault of the instrument's, whatever the policy.

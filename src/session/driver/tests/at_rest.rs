@@ -2,11 +2,11 @@
 
 use super::super::*;
 use super::bench::{Bench, bench, count, journalled, on_this_thread, plan, scratch};
-use crate::device::sampler::{Expected, Loaded, Sampler};
-use crate::device::{DeviceError, RotationAxis};
 use crate::session::fault::table;
 use crate::session::handle::Refusal;
 use crate::session::search::Found;
+use carved_devices::sampler::{Expected, Loaded, Sampler};
+use carved_devices::{DeviceError, RotationAxis};
 
 /// A driven sampler whose wire the test has in its hand.
 struct Wire(Option<bool>);

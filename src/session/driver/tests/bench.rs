@@ -2,15 +2,15 @@
 //! what a worker would have told.
 
 use super::super::*;
-use crate::device::sampler::{Expected, Loaded, Sampler};
-use crate::device::{
-    Achieved, Camera, Capabilities, DeviceError, Grabbed, Link as CameraLink, Position, Rig, RotationAxis, StopHandle, StreamCounters,
-};
 use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd, WellTimes};
 use crate::session::{Event, Phase, RunPlan, SpecimenOutcome, channel};
 use crate::store::{Claim, EventsAfter};
-use crate::units::Steps;
+use carved_core::units::Steps;
+use carved_devices::sampler::{Expected, Loaded, Sampler};
+use carved_devices::{
+    Achieved, Camera, Capabilities, DeviceError, Grabbed, Link as CameraLink, Position, Rig, RotationAxis, StopHandle, StreamCounters,
+};
 use std::path::Path;
 use std::time::Duration;
 use tokio::sync::oneshot;

@@ -4,12 +4,12 @@
 use super::super::*;
 use super::bench::{Bench, bench, on_this_thread, scratch, started};
 use super::loader::IN;
-use crate::device::DeviceError;
-use crate::profile::ProfileError;
 use crate::session::Phase;
 use crate::session::fault::table;
 use crate::session::handle::{Refusal, Towards};
 use crate::session::worker::{OpticsFault, Progress, RunEnd, RunError};
+use carved_core::profile::ProfileError;
+use carved_devices::DeviceError;
 
 fn dark() -> RunError {
     let fault = OpticsFault::Light(ProfileError::Black { brightest: 9, needed: 30 });

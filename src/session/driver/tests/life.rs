@@ -2,13 +2,13 @@
 
 use super::super::*;
 use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch, started};
-use crate::device::DeviceError;
 use crate::session::Phase;
 use crate::session::fault::table;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::plate::HandoffIntent;
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd, RunError};
+use carved_devices::DeviceError;
 use futures::FutureExt;
 
 /// For what takes milliseconds.

@@ -2,12 +2,12 @@
 
 use super::super::*;
 use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch, started};
-use crate::device::DeviceError;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::session::{Phase, RunOutcome};
 use crate::store::StoreError;
+use carved_devices::DeviceError;
 use std::path::PathBuf;
 use tokio::sync::oneshot;
 

@@ -2,12 +2,12 @@
 
 use super::super::*;
 use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
-use crate::device::DeviceError;
 use crate::session::handle::{Refusal, Towards};
 use crate::session::plate::HandoffIntent;
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::store::disk_trace;
+use carved_devices::DeviceError;
 use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;

@@ -1,11 +1,11 @@
 //! What is shown of a specimen belongs to it: to no other, and to no earlier attempt.
 
 use super::bench::{Bench, on_this_thread, scratch, started};
-use crate::acquisition::Light;
-use crate::device::DeviceError;
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd};
 use crate::session::{Live, Phase, VolumeSoFar};
+use carved_devices::DeviceError;
+use carved_devices::acquisition::Light;
 
 impl Bench {
     /// A view of a well has been carved; false where the run is cancelled by then.

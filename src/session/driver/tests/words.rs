@@ -3,11 +3,11 @@
 use super::super::*;
 use super::bench::{Bench, Idle, RUN, bench, count, journalled, on_this_thread, scratch, started};
 use super::loader::{IN, out};
-use crate::device::DeviceError;
 use crate::session::Phase;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::plate::HandoffIntent;
 use crate::session::worker::{Progress, RunEnd};
+use carved_devices::DeviceError;
 
 /// A driven sampler was about to bring it when the daemon died; it may be inside, and somebody has looked.
 #[test]

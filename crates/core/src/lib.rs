@@ -1,0 +1,25 @@
+//! The science of carved: from frames of a specimen that turns in a glass capillary to its volume, surface area and shape,
+//! each with its standard uncertainty.
+//!
+//! ```text
+//! units, frame, range, statistics
+//!        │
+//!    geometry ──> profile ──> carver ──> calibration ──> surface ──> measure ──> quality ──> reconstruction ──> pipeline
+//! ```
+//!
+//! The crate takes values and returns values. It uses no async runtime, files, network or clock, so the same input gives the
+//! same bytes wherever it runs.
+
+pub mod calibration;
+pub mod carver;
+pub mod frame;
+pub mod geometry;
+pub mod measure;
+pub mod pipeline;
+pub mod profile;
+pub mod quality;
+pub mod range;
+pub mod reconstruction;
+pub mod statistics;
+pub mod surface;
+pub mod units;

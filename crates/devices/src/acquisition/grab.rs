@@ -1,0 +1,103 @@
+//! One frame from the camera, however often the camera has to be opened for it.
+
+use super::{Light, SecondEntry};
+use crate::cancel::CancelToken;
+use crate::hash::sha256_hex;
+use crate::{Camera, DeviceError, Grabbed};
+use carved_core::frame::RawFrame;
+use std::time::{Duration, Instant};
+
+/// How long a lost camera is looked for before its view is given up: the axis stands, the specimen waits.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Rest between two looks.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// Takes one frame. A camera that is lost meanwhile is opened again where it comes back within ten seconds, and the frame is taken
+/// anew: nothing has moved.
+///
+/// # Errors
+/// The camera's own, or what was found last when the patience, or the run, has ended.
+pub fn grab(camera: &mut dyn Camera, deadline: Duration, cancel: &CancelToken) -> Result<Grabbed, DeviceError> {
+    let mut failed = match camera.grab(deadline) {
+        Err(e) if camera.is_lost() => e,
+        done => return done,
+    };
+    tracing::warn!(error = %failed, "the camera is lost; it is opened again when it answers");
+    let until = Instant::now() + PATIENCE;
+    while Instant::now() < until && !cancel.rest(PAUSE) {
+        match camera.arm().and_then(|()| camera.grab(deadline)) {
+            Err(e) if camera.is_lost() => failed = e,
+            done => return done,
+        }
+    }
+    Err(failed)
+}
+
+/// Takes the second camera's frame of a view, after the first's.
+///
+/// # Errors
+/// As [`grab`].
+pub fn grab_second(camera: &mut dyn Camera, deadline: Duration, cancel: &CancelToken) -> Result<(SecondEntry, RawFrame), DeviceError> {
+    let began = Instant::now();
+    let Grabbed { frame, frame_id, attempts, .. } = grab(camera, deadline, cancel)?;
+    let grab_ms = began.elapsed().as_secs_f64() * 1e3;
+    let entry = SecondEntry { grab_ms, frame_id, attempts, light: Light::of(&frame), sha256: sha256_hex(frame.bytes()) };
+    Ok((entry, frame))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Link, StreamCounters};
+    use carved_core::frame::PixelFormat;
+
+    /// Lost at once, there again at the `back`-th look.
+    struct Flaky {
+        looks: u32,
+        back: u32,
+        lost: bool,
+    }
+
+    impl Camera for Flaky {
+        fn identity(&self) -> &'static str {
+            "flaky"
+        }
+        fn arm(&mut self) -> Result<(), DeviceError> {
+            self.looks += 1;
+            self.lost = self.looks < self.back;
+            if self.lost { Err(DeviceError::ControlLost) } else { Ok(()) }
+        }
+        fn grab(&mut self, _deadline: Duration) -> Result<Grabbed, DeviceError> {
+            if self.lost {
+                return Err(DeviceError::CameraSilent { request: "the trigger".into(), why: "pulled".into() });
+            }
+            let frame = RawFrame::new(1, 1, PixelFormat::Mono8, vec![7]).unwrap();
+            Ok(Grabbed { frame, frame_id: 1, attempts: 1, trigger_ms: 0.0 })
+        }
+        fn link(&self) -> Link {
+            let lost = self.lost;
+            Link::new(move || lost)
+        }
+        fn reopen(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn counters(&self) -> StreamCounters {
+            StreamCounters::default()
+        }
+        fn disarm(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_camera_that_comes_back_gives_its_view_and_a_cancelled_run_does_not_wait() {
+        let cancel = CancelToken::new();
+        let mut camera = Flaky { looks: 0, back: 3, lost: true };
+        assert_eq!(grab(&mut camera, PAUSE, &cancel).unwrap().frame.bytes(), [7]);
+        assert_eq!(camera.looks, 3);
+        cancel.cancel();
+        let mut camera = Flaky { looks: 0, back: 3, lost: true };
+        assert!(matches!(grab(&mut camera, PAUSE, &cancel), Err(DeviceError::CameraSilent { .. })));
+        assert_eq!(camera.looks, 0);
+    }
+}

@@ -1,0 +1,72 @@
+//! The acceptance rule for frames.
+
+use super::AravisSettings;
+use aravis::{BufferPayloadType, BufferStatus};
+use carved_core::frame::{PixelFormat, RawFrame};
+
+/// What became of a buffer.
+pub(super) enum Verdict {
+    Taken {
+        frame: RawFrame,
+        frame_id: u64,
+    },
+    /// Exposed before it was asked for: its successor may still come.
+    Stale(String),
+    Lost(String),
+}
+
+/// Complete, an image, of the configured geometry, format and size, exposed since `since_ns` of the camera's clock (where it has
+/// one), and not the last one again.
+pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_frame_id: Option<u64>, since_ns: Option<u64>) -> Verdict {
+    let status = buffer.status();
+    if status != BufferStatus::Success {
+        let (_, came) = buffer.data();
+        return Verdict::Lost(format!("the frame is not whole ({status:?}): {came} of {} bytes came", settings.frame_bytes()));
+    }
+    let payload = buffer.payload_type();
+    if payload != BufferPayloadType::Image {
+        return Verdict::Lost(format!("not an image ({payload:?})"));
+    }
+    let (x, y, width, height) = buffer.image_region();
+    let format = buffer.image_pixel_format();
+    let expected = [settings.width, settings.height, settings.offset_x, settings.offset_y].map(i64::from);
+    let found = [width, height, x, y].map(i64::from);
+    if found != expected || format != on_the_wire(settings.pixel_format) {
+        return Verdict::Lost(format!(
+            "expected {} of width, height, x, y {expected:?}, got {} of {found:?}",
+            settings.pixel_format.name(),
+            name(format)
+        ));
+    }
+    let frame_id = buffer.frame_id();
+    if last_frame_id == Some(frame_id) {
+        return Verdict::Stale(format!("frame {frame_id} came again"));
+    }
+    if let Some(since_ns) = since_ns
+        && buffer.timestamp() < since_ns
+    {
+        let early_ms = (since_ns - buffer.timestamp()) as f64 * 1e-6;
+        return Verdict::Stale(format!("frame {frame_id} was exposed {early_ms:.3} ms before it was asked for"));
+    }
+    match RawFrame::new(settings.width, settings.height, settings.pixel_format, buffer.image_data()) {
+        Ok(frame) => Verdict::Taken { frame, frame_id },
+        Err(e) => Verdict::Lost(e.to_string()),
+    }
+}
+
+/// GenICam's name of a format that this program knows, else its number.
+fn name(format: aravis::PixelFormat) -> String {
+    let known = [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed];
+    known
+        .into_iter()
+        .find(|known| on_the_wire(*known) == format)
+        .map_or_else(|| format!("format {:#010x}", format.raw()), |known| known.name().to_owned())
+}
+
+fn on_the_wire(format: PixelFormat) -> aravis::PixelFormat {
+    match format {
+        PixelFormat::Mono8 => aravis::PixelFormat::MONO_8,
+        PixelFormat::BayerRG8 => aravis::PixelFormat::BAYER_RG_8,
+        PixelFormat::RGB8Packed => aravis::PixelFormat::RGB_8_PACKED,
+    }
+}

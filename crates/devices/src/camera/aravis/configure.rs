@@ -1,0 +1,81 @@
+//! What a camera is told before the first frame.
+
+use super::{AravisSettings, Trigger, refused};
+use crate::DeviceError;
+use aravis::prelude::*;
+use aravis::{AcquisitionMode, RangeCheckPolicy};
+
+/// Sets everything the configuration names and reads back what decides over a frame's layout.
+pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> Result<(), DeviceError> {
+    // Without it a value out of range is accepted and ignored.
+    camera.set_range_check_policy(RangeCheckPolicy::Enable);
+    if let Some(device) = camera.device() {
+        for (name, value) in &settings.features {
+            let what = || format!("{name} = {value}");
+            device.set_features_from_string(&format!("{name}={value}")).map_err(|e| refused(&what(), &e))?;
+        }
+    }
+    let format = settings.pixel_format.name();
+    camera.set_pixel_format_from_string(format).map_err(|e| refused(&format!("PixelFormat = {format}"), &e))?;
+    // The offsets first make room for the size, whatever the region was.
+    for (name, value) in [
+        ("OffsetX", 0),
+        ("OffsetY", 0),
+        ("Width", settings.width),
+        ("Height", settings.height),
+        ("OffsetX", settings.offset_x),
+        ("OffsetY", settings.offset_y),
+    ] {
+        camera.set_integer(name, value.into()).map_err(|e| refused(&format!("{name} = {value}"), &e))?;
+    }
+    let exposure = settings.exposure_us;
+    camera.set_exposure_time(exposure).map_err(|e| refused(&format!("exposure = {exposure} us"), &e))?;
+    set_gain(camera, settings)?;
+    let packet = settings.packet_size;
+    camera.gv_set_packet_size(packet as i32).map_err(|e| refused(&format!("packet size = {packet}"), &e))?;
+    camera.set_acquisition_mode(AcquisitionMode::Continuous).map_err(|e| refused("AcquisitionMode = Continuous", &e))?;
+    // Last: setting a frame rate switches all triggers off, among the features above and here.
+    match &settings.trigger {
+        Trigger::Software => camera.set_trigger("Software").map_err(|e| refused("TriggerSource = Software", &e))?,
+        Trigger::Line(line) => camera.set_trigger(line).map_err(|e| refused(&format!("TriggerSource = {line}"), &e))?,
+        Trigger::FixedRateHz(rate) => {
+            camera.clear_triggers().map_err(|e| refused("TriggerMode = Off", &e))?;
+            let what = format!("frame rate = {rate} Hz");
+            // Aravis brings a rate that is out of range into it, without a word.
+            let (least, most) = camera.frame_rate_bounds().map_err(|e| refused(&what, &e))?;
+            if !(least..=most).contains(rate) {
+                return Err(DeviceError::Camera { what, why: format!("this camera takes {least} to {most} Hz as it is configured") });
+            }
+            camera.set_frame_rate(*rate).map_err(|e| refused(&what, &e))?;
+        }
+    }
+
+    let payload = camera.payload().map_err(|e| refused("PayloadSize", &e))? as usize;
+    let expected = settings.frame_bytes();
+    if payload != expected {
+        let why = format!("{} x {} {format} has {expected} bytes, the camera sends {payload}", settings.width, settings.height);
+        return Err(DeviceError::Camera { what: "PayloadSize".into(), why });
+    }
+    Ok(())
+}
+
+/// A camera has the one or the other feature; the value that is configured for the one it has is used.
+fn set_gain(camera: &aravis::Camera, settings: &AravisSettings) -> Result<(), DeviceError> {
+    if settings.gain.is_none() && settings.gain_raw.is_none() {
+        return Ok(());
+    }
+    let has = |name| camera.is_feature_available(name).map_err(|e| refused(name, &e));
+    let (has_gain, has_raw) = (has("Gain")?, has("GainRaw")?);
+    match (settings.gain.filter(|_| has_gain), settings.gain_raw.filter(|_| has_raw)) {
+        (Some(gain), _) => camera.set_float("Gain", gain).map_err(|e| refused(&format!("Gain = {gain}"), &e)),
+        (None, Some(raw)) => camera.set_integer("GainRaw", raw).map_err(|e| refused(&format!("GainRaw = {raw}"), &e)),
+        (None, None) => {
+            let way_out = match (has_gain, has_raw) {
+                (true, _) => "this camera has no GainRaw; configure `gain`, in its unit",
+                (false, true) => "this camera has no Gain; configure `gain_raw`, in its integer scale",
+                (false, false) => "this camera has neither Gain nor GainRaw; leave both keys out",
+            };
+            Err(DeviceError::Camera { what: "gain".into(), why: way_out.into() })
+        }
+    }
+}

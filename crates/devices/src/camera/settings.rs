@@ -1,0 +1,249 @@
+//! The `[camera]` table of a GigE Vision camera.
+
+use crate::DeviceError;
+use carved_core::frame::PixelFormat;
+use serde::{Deserialize, Serialize};
+#[cfg(feature = "aravis")]
+use std::time::Duration;
+
+/// How a camera is found and what it is told before the first frame.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AravisSettings {
+    /// Which camera: `{ address = "192.168.1.20" }`, `{ id = "Vendor-Model-Serial" }`, `{ serial = "02-2200A-06123" }` or
+    /// `{ mac = "00:0f:31:02:12:34" }`.
+    /// An address needs no discovery and is found behind a router.
+    pub select: CameraSelect,
+    pub pixel_format: PixelFormat,
+    /// Region of the sensor, px.
+    pub width: u32,
+    pub height: u32,
+    #[serde(default)]
+    pub offset_x: u32,
+    #[serde(default)]
+    pub offset_y: u32,
+    /// Exposure, us.
+    pub exposure_us: f64,
+    /// `Gain`, in the camera's own unit, mostly dB; left as it is where absent.
+    #[serde(default)]
+    pub gain: Option<f64>,
+    /// `GainRaw`, in the camera's own integer scale; left as it is where absent.
+    #[serde(default)]
+    pub gain_raw: Option<i64>,
+    /// What begins an exposure.
+    #[serde(default)]
+    pub trigger: Trigger,
+    /// Bytes of a stream packet with its headers: 1500, or 8228 where every device on the way has an MTU of 9000.
+    #[serde(default = "default_packet_size")]
+    pub packet_size: u32,
+    /// Receive buffer of the stream's socket, bytes. The kernel grants at most `net.core.rmem_max`.
+    #[serde(default = "default_socket_buffer_bytes")]
+    pub socket_buffer_bytes: u32,
+    /// Receive through a ring of raw packets, which needs `CAP_NET_RAW` and an interface with one camera: on a shared one the
+    /// ring also sees the other cameras' packets.
+    #[serde(default)]
+    pub packet_socket: bool,
+    /// Ask the camera again for lost packets.
+    #[serde(default = "default_resend")]
+    pub resend: bool,
+    /// Longest wait for the frame of one trigger before it is triggered again, ms.
+    #[serde(default = "default_frame_timeout_ms")]
+    pub frame_timeout_ms: u32,
+    /// Further GenICam features as `[name, value]`, set in this order before everything above.
+    #[serde(default)]
+    pub features: Vec<(String, String)>,
+}
+
+/// What begins an exposure: a command of ours for each view; a pulse on a line, `{ line = "Line1" }`, as a controller gives that
+/// has arrived; or nothing, `{ fixed_rate_hz = 15.0 }`, where the first frame is taken that was exposed as a whole after the rest.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Trigger {
+    #[default]
+    Software,
+    Line(String),
+    FixedRateHz(f64),
+}
+
+/// The name under which a camera is known.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CameraSelect {
+    Address(std::net::Ipv4Addr),
+    Id(String),
+    Serial(String),
+    Mac(MacAddress),
+}
+
+/// A hardware address, as `00:0f:31:02:12:34` or with dashes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct MacAddress([u8; 6]);
+
+impl std::str::FromStr for MacAddress {
+    type Err = String;
+    fn from_str(text: &str) -> Result<Self, String> {
+        let bytes: Option<Vec<u8>> =
+            text.split([':', '-']).map(|part| u8::from_str_radix(part, 16).ok().filter(|_| part.len() == 2)).collect();
+        let bytes = bytes.and_then(|b| <[u8; 6]>::try_from(b).ok());
+        bytes.map(Self).ok_or_else(|| format!("{text:?} is no hardware address; it has six bytes, as 00:0f:31:02:12:34"))
+    }
+}
+
+impl TryFrom<String> for MacAddress {
+    type Error = String;
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<MacAddress> for String {
+    fn from(mac: MacAddress) -> Self {
+        mac.to_string()
+    }
+}
+
+impl std::fmt::Display for MacAddress {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [a, b, c, d, e, g] = self.0;
+        write!(f, "{a:02x}:{b:02x}:{c:02x}:{d:02x}:{e:02x}:{g:02x}")
+    }
+}
+
+impl std::fmt::Display for CameraSelect {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Address(address) => write!(f, "address {address}"),
+            Self::Id(id) => write!(f, "id {id:?}"),
+            Self::Serial(serial) => write!(f, "serial number {serial:?}"),
+            Self::Mac(mac) => write!(f, "hardware address {mac}"),
+        }
+    }
+}
+
+fn default_packet_size() -> u32 {
+    1500
+}
+
+/// At 15 frames a second of 1 MiB, the kernel's default of 208 KiB loses most frames; 4 MiB loses none.
+fn default_socket_buffer_bytes() -> u32 {
+    4 << 20
+}
+
+fn default_resend() -> bool {
+    true
+}
+
+fn default_frame_timeout_ms() -> u32 {
+    500
+}
+
+impl AravisSettings {
+    /// Everything but what a camera cannot do without has its default.
+    pub fn new(select: CameraSelect, pixel_format: PixelFormat, width: u32, height: u32, exposure_us: f64) -> Self {
+        Self {
+            select,
+            pixel_format,
+            width,
+            height,
+            offset_x: 0,
+            offset_y: 0,
+            exposure_us,
+            gain: None,
+            gain_raw: None,
+            trigger: Trigger::default(),
+            packet_size: default_packet_size(),
+            socket_buffer_bytes: default_socket_buffer_bytes(),
+            packet_socket: false,
+            resend: default_resend(),
+            frame_timeout_ms: default_frame_timeout_ms(),
+            features: Vec::new(),
+        }
+    }
+
+    /// # Errors
+    /// Names the first value that no camera can have.
+    pub fn check(&self) -> Result<(), DeviceError> {
+        let bad = |name, found: String, rule: &str| Err(DeviceError::Setting { device: "camera", name, found, rule: rule.into() });
+        if self.width == 0 || self.height == 0 {
+            return bad("width, height", format!("{} x {}", self.width, self.height), "both must be at least 1");
+        }
+        if !(self.exposure_us.is_finite() && self.exposure_us > 0.0) {
+            return bad("exposure_us", self.exposure_us.to_string(), "it must be above 0");
+        }
+        // GigE Vision's least, and the most that fits a jumbo frame.
+        if !(576..=9000).contains(&self.packet_size) {
+            return bad("packet_size", self.packet_size.to_string(), "it must be from 576 to 9000 bytes");
+        }
+        if i32::try_from(self.socket_buffer_bytes).is_err() || self.socket_buffer_bytes == 0 {
+            return bad("socket_buffer_bytes", self.socket_buffer_bytes.to_string(), "it must be from 1 to 2^31 - 1 bytes");
+        }
+        if let Trigger::FixedRateHz(rate) = self.trigger
+            && !(rate.is_finite() && rate > 0.0)
+        {
+            return bad("trigger.fixed_rate_hz", rate.to_string(), "it must be above 0");
+        }
+        if self.frame_timeout_ms == 0 {
+            return bad("frame_timeout_ms", "0".into(), "it must be at least 1");
+        }
+        Ok(())
+    }
+
+    #[cfg(feature = "aravis")]
+    pub(super) fn frame_timeout(&self) -> Duration {
+        Duration::from_millis(self.frame_timeout_ms.into())
+    }
+
+    #[cfg(feature = "aravis")]
+    pub(super) fn frame_bytes(&self) -> usize {
+        self.width as usize * self.height as usize * self.pixel_format.bytes_per_pixel()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEAST: &str =
+        r#"{"select": {"address": "127.0.0.2"}, "pixel_format": "BayerRG8", "width": 64, "height": 32, "exposure_us": 4000}"#;
+
+    #[test]
+    fn what_is_left_out_has_its_default_and_what_is_unknown_is_refused() {
+        let settings: AravisSettings = serde_json::from_str(LEAST).unwrap();
+        assert_eq!((settings.packet_size, settings.socket_buffer_bytes, settings.resend), (1500, 4_194_304, true));
+        assert!(settings.check().is_ok());
+        assert!(serde_json::from_str::<AravisSettings>(&LEAST.replace("width", "with")).is_err());
+    }
+
+    #[test]
+    fn values_no_camera_can_have_are_named() {
+        let good: AravisSettings = serde_json::from_str(LEAST).unwrap();
+        for (bad, name) in [
+            (AravisSettings { height: 0, ..good.clone() }, "64 x 0"),
+            (AravisSettings { exposure_us: -1.0, ..good.clone() }, "exposure_us = -1"),
+            (AravisSettings { packet_size: 100, ..good.clone() }, "packet_size = 100"),
+            (AravisSettings { socket_buffer_bytes: u32::MAX, ..good.clone() }, "socket_buffer_bytes = 4294967295"),
+            (AravisSettings { frame_timeout_ms: 0, ..good.clone() }, "frame_timeout_ms = 0"),
+            (AravisSettings { trigger: Trigger::FixedRateHz(0.0), ..good.clone() }, "trigger.fixed_rate_hz = 0"),
+        ] {
+            let said = bad.check().unwrap_err().to_string();
+            assert!(said.contains(name), "{said}");
+        }
+    }
+
+    #[test]
+    fn hardware_addresses_are_read_however_they_are_written() {
+        let named = LEAST.replace(r#"{"address": "127.0.0.2"}"#, r#"{"mac": "00-0F-31-02-12-34"}"#);
+        let settings: AravisSettings = serde_json::from_str(&named).unwrap();
+        assert_eq!(settings.select.to_string(), "hardware address 00:0f:31:02:12:34");
+        let wrong = serde_json::from_str::<AravisSettings>(&named.replace("00-0F", "00-0G")).unwrap_err().to_string();
+        assert!(wrong.contains("00:0f:31:02:12:34"), "{wrong}");
+    }
+
+    #[cfg(not(feature = "aravis"))]
+    #[test]
+    fn a_build_without_aravis_says_how_to_get_it() {
+        let said = super::super::open(serde_json::from_str(LEAST).unwrap()).err().unwrap().to_string();
+        assert!(said.contains("apt-get install libaravis-dev libusb-1.0-0-dev"), "{said}");
+    }
+}

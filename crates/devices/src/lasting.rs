@@ -1,0 +1,218 @@
+//! An axis that outlives its cable: what is lost is let go, and opened again when it is back.
+//!
+//! ```text
+//!            Gone ───────────► nothing (the port is free: a replug may take its name)
+//!  driver ──┤                    │
+//!            check: Silent ──►   │ check: opened again? ──► driver, a later epoch, to be referenced
+//! ```
+//! The port must be let go at once: while a dead tty is held open its adapter comes back under another name.
+
+use super::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
+use crate::cancel::CancelToken;
+use carved_core::units::Steps;
+
+type Open = Box<dyn FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send>;
+
+/// A rotation axis of any make.
+pub struct Lasting {
+    open: Open,
+    axis: Option<Box<dyn RotationAxis>>,
+    identity: String,
+    capabilities: Capabilities,
+    /// Each driver counts its epochs from 0; those of the drivers before are behind them.
+    epochs_before: u32,
+}
+
+impl Lasting {
+    /// Opens the axis for the first time.
+    ///
+    /// # Errors
+    /// What the driver says; whoever starts the daemon is there to read it.
+    pub fn open(mut open: impl FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send + 'static) -> Result<Self, DeviceError> {
+        let axis = open()?;
+        let (identity, capabilities) = (axis.identity().to_owned(), axis.capabilities());
+        Ok(Self { open: Box::new(open), axis: Some(axis), identity, capabilities, epochs_before: 0 })
+    }
+
+    fn with<T>(&mut self, work: impl FnOnce(&mut dyn RotationAxis) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
+        let Some(axis) = &mut self.axis else { return Err(away()) };
+        let result = work(axis.as_mut());
+        if matches!(result, Err(DeviceError::Gone { .. })) {
+            self.let_port_go();
+        }
+        result
+    }
+
+    fn let_port_go(&mut self) {
+        if let Some(axis) = self.axis.take() {
+            self.epochs_before += 1 + epoch(axis.position());
+        }
+    }
+
+    fn achieved(&self, inner: Achieved) -> Achieved {
+        Achieved { epoch: self.epochs_before + inner.epoch, ..inner }
+    }
+}
+
+fn away() -> DeviceError {
+    DeviceError::Gone { device: "rotation axis", why: "it has not come back yet".into() }
+}
+
+fn epoch(position: Position) -> u32 {
+    match position {
+        Position::Unknown => 0,
+        Position::Referenced { epoch, .. } | Position::Suspect { epoch } => epoch,
+    }
+}
+
+impl RotationAxis for Lasting {
+    fn identity(&self) -> &str {
+        &self.identity
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.capabilities
+    }
+
+    fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
+        self.with(|axis| axis.announce(stops))
+    }
+
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        let inner = self.with(|axis| axis.reference(cancel))?;
+        Ok(self.achieved(inner))
+    }
+
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        let inner = self.with(|axis| axis.move_to(target))?;
+        Ok(self.achieved(inner))
+    }
+
+    fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.with(|axis| axis.let_go(cancel))
+    }
+
+    fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
+        self.axis.as_mut()?.linear()
+    }
+
+    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        self.axis.as_mut()?.specimen_input()
+    }
+
+    /// An axis that is away is opened again, one that does not answer is let go.
+    fn check(&mut self) -> Result<(), DeviceError> {
+        if self.axis.is_some() {
+            let result = self.with(|axis| axis.check());
+            if matches!(result, Err(DeviceError::Silent { .. })) {
+                self.let_port_go();
+            }
+            return result;
+        }
+        let axis = (self.open)()?;
+        axis.identity().clone_into(&mut self.identity);
+        self.capabilities = axis.capabilities();
+        self.axis = Some(axis);
+        Ok(())
+    }
+
+    fn position(&self) -> Position {
+        match self.axis.as_ref().map(|axis| axis.position()) {
+            Some(Position::Referenced { steps, epoch }) => Position::Referenced { steps, epoch: self.epochs_before + epoch },
+            Some(Position::Suspect { epoch }) => Position::Suspect { epoch: self.epochs_before + epoch },
+            Some(Position::Unknown) => Position::Unknown,
+            None => Position::Suspect { epoch: self.epochs_before },
+        }
+    }
+
+    /// Of the axis that is open now: it is asked for when a run begins, and an axis comes back between runs only.
+    fn stop_handle(&self) -> StopHandle {
+        self.axis.as_ref().map_or_else(|| StopHandle::new(|| ()), |axis| axis.stop_handle())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+
+    #[derive(Default)]
+    struct Bench {
+        unplugged: AtomicBool,
+        opened: AtomicU32,
+        let_go: AtomicU32,
+    }
+
+    struct Fake(Arc<Bench>, Position);
+
+    impl Fake {
+        fn answers(&self) -> Result<(), DeviceError> {
+            if self.0.unplugged.load(Ordering::SeqCst) {
+                Err(DeviceError::Gone { device: "fake", why: "unplugged".into() })
+            } else {
+                Ok(())
+            }
+        }
+    }
+
+    impl Drop for Fake {
+        fn drop(&mut self) {
+            self.0.let_go.fetch_add(1, Ordering::SeqCst);
+        }
+    }
+
+    impl RotationAxis for Fake {
+        fn identity(&self) -> &'static str {
+            "fake"
+        }
+        fn capabilities(&self) -> Capabilities {
+            Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
+        }
+        fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+            self.answers()?;
+            self.1 = Position::Referenced { steps: Steps(0), epoch: 1 + epoch(self.1) };
+            Ok(Achieved { steps: Steps(0), epoch: epoch(self.1) })
+        }
+        fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+            self.answers()?;
+            Ok(Achieved { steps: target, epoch: epoch(self.1) })
+        }
+        fn check(&mut self) -> Result<(), DeviceError> {
+            self.answers()
+        }
+        fn position(&self) -> Position {
+            self.1
+        }
+        fn stop_handle(&self) -> StopHandle {
+            StopHandle::new(|| ())
+        }
+    }
+
+    #[test]
+    fn a_lost_axis_lets_its_port_go_and_comes_back_in_a_later_epoch() {
+        let bench = Arc::new(Bench::default());
+        let shared = Arc::clone(&bench);
+        let mut axis = Lasting::open(move || {
+            let fake = Fake(Arc::clone(&shared), Position::Unknown);
+            fake.answers()?;
+            shared.opened.fetch_add(1, Ordering::SeqCst);
+            Ok(Box::new(fake))
+        })
+        .unwrap();
+        let cancel = CancelToken::new();
+        assert_eq!(axis.reference(&cancel).unwrap().epoch, 1);
+        axis.check().unwrap();
+        bench.unplugged.store(true, Ordering::SeqCst);
+        assert!(matches!(axis.move_to(Steps(1)), Err(DeviceError::Gone { .. })));
+        assert_eq!(bench.let_go.load(Ordering::SeqCst), 1, "the port is free");
+        assert!(matches!(axis.position(), Position::Suspect { epoch: 2 }));
+        assert!(axis.check().is_err() && axis.move_to(Steps(1)).is_err());
+        bench.unplugged.store(false, Ordering::SeqCst);
+        assert!(axis.move_to(Steps(1)).is_err(), "nobody has opened it yet");
+        axis.check().unwrap();
+        assert_eq!(bench.opened.load(Ordering::SeqCst), 2);
+        assert_eq!(axis.position(), Position::Unknown);
+        assert_eq!(axis.reference(&cancel).unwrap().epoch, 3, "a view of before never meets one of after");
+    }
+}

@@ -1,0 +1,199 @@
+//! What is said to the bridge and what may be answered.
+//!
+//! ```text
+//!  X? ──► OK, four lines of settings       TT ──► OK ······► R1        E0 to E3 instead of an OK
+//! ```
+//! An arrival names no trigger. So each place where one is heard says what it means there: the first stop while nobody has
+//! triggered, the end of a turn while one is waited for, and nothing good anywhere else.
+
+use super::message::{self, Message};
+use super::{DEVICE, VastBridgeSettings};
+use crate::cancel::CancelToken;
+use crate::rotation::link::{Link, Stop};
+use crate::{DeviceError, StopHandle};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+
+/// Asked until it answers: a controller that restarts when its port is opened hears nothing for up to two seconds.
+const WAKE_ATTEMPTS: u32 = 8;
+/// Lines of settings after the `OK` to `X?`.
+const SETTINGS_LINES: usize = 4;
+
+pub(super) struct Dialogue {
+    link: Link,
+    answer_timeout: Duration,
+    heard: VecDeque<Message>,
+    /// Arrivals at the first stop, heard before anyone waited for them.
+    pub arrivals: u32,
+}
+
+impl Dialogue {
+    pub fn open(settings: &VastBridgeSettings) -> Result<Self, DeviceError> {
+        // Nothing on the wire stops VAST: a stop only latches.
+        let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::default())?;
+        Ok(Self { link, answer_timeout: settings.answer_timeout(), heard: VecDeque::new(), arrivals: 0 })
+    }
+
+    pub fn still_there(&mut self) -> Result<(), DeviceError> {
+        self.link.still_there()
+    }
+
+    pub fn stop_handle(&self) -> StopHandle {
+        let stopper = self.link.stopper();
+        StopHandle::new(move || stopper.stop())
+    }
+
+    pub fn is_stopped(&self) -> bool {
+        self.link.is_stopped()
+    }
+
+    pub fn release(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.link.release(cancel)
+    }
+
+    /// Forgets what has been said, and what is still said within `silence`.
+    pub fn forget(&mut self, silence: Duration) -> Result<(), DeviceError> {
+        self.link.quiet(silence, Instant::now() + self.answer_timeout.max(silence))?;
+        self.heard.clear();
+        self.arrivals = 0;
+        Ok(())
+    }
+
+    /// Asks for the bridge's settings until it answers.
+    pub fn greet(&mut self) -> Result<Vec<String>, DeviceError> {
+        let wait = self.answer_timeout;
+        let mut error = None;
+        for asked in 1..=WAKE_ATTEMPTS {
+            self.link.send(b"X?\n")?;
+            let until = Instant::now() + wait;
+            let mut lines = Vec::new();
+            while lines.len() < SETTINGS_LINES {
+                match self.next(until)? {
+                    Some(Message::Other(line)) if line.chars().all(|c| c == ' ' || c.is_ascii_graphic()) => lines.push(line),
+                    Some(Message::Arrived) => self.arrivals += 1,
+                    Some(Message::Error(number)) => error = Some(number),
+                    // A greeting, the answer's `OK`, noise: the lines tell whether it was heard.
+                    Some(_) => {}
+                    None => break,
+                }
+            }
+            if lines.len() == SETTINGS_LINES {
+                if asked > 1 {
+                    self.hear_out()?;
+                }
+                return Ok(lines);
+            }
+        }
+        let waited_ms = u128::from(WAKE_ATTEMPTS) * wait.as_millis();
+        Err(error.map_or(DeviceError::Silent { device: DEVICE, request: "X?".into(), waited_ms }, refused))
+    }
+
+    /// After a question that was asked again: the `OK` of a late answer would be taken for the next trigger's.
+    fn hear_out(&mut self) -> Result<(), DeviceError> {
+        while let Some(message) = self.next(Instant::now() + self.answer_timeout)? {
+            self.arrivals += u32::from(message == Message::Arrived);
+        }
+        Ok(())
+    }
+
+    fn next(&mut self, until: Instant) -> Result<Option<Message>, DeviceError> {
+        loop {
+            if let Some(message) = self.heard.pop_front() {
+                return Ok(Some(message));
+            }
+            let Some(line) = self.link.line(until)? else { return Ok(None) };
+            self.heard.extend(message::of(&line));
+        }
+    }
+
+    /// What has been said since the last answer.
+    fn next_now(&mut self) -> Result<Option<Message>, DeviceError> {
+        loop {
+            if let Some(message) = self.heard.pop_front() {
+                return Ok(Some(message));
+            }
+            let Some(line) = self.link.line_now()? else { return Ok(None) };
+            self.heard.extend(message::of(&line));
+        }
+    }
+
+    /// Counts arrivals while VAST is in no list.
+    pub fn listen(&mut self) -> Result<(), DeviceError> {
+        while let Some(message) = self.next_now()? {
+            match message {
+                Message::Arrived => self.arrivals += 1,
+                Message::Error(number) => return Err(refused(number)),
+                Message::Ok | Message::Second | Message::Other(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Hears what was said while VAST stood: nothing is expected then.
+    pub fn catch_up(&mut self) -> Result<(), DeviceError> {
+        while let Some(message) = self.next_now()? {
+            match message {
+                Message::Arrived => return Err(out_of_step("VAST reported an arrival that no trigger explains")),
+                Message::Ok => return Err(restarted()),
+                Message::Error(number) => return Err(refused(number)),
+                Message::Second | Message::Other(_) => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// Triggers once; returns when that was asked for.
+    pub fn trigger(&mut self) -> Result<Instant, DeviceError> {
+        self.catch_up()?;
+        let wait = self.answer_timeout;
+        let sent = Instant::now();
+        self.link.send(b"TT\n")?;
+        loop {
+            match self.next(sent + wait)? {
+                Some(Message::Ok) => return Ok(sent),
+                Some(Message::Arrived) => return Err(out_of_step("VAST reported an arrival before the trigger was acknowledged")),
+                Some(Message::Error(number)) => return Err(refused(number)),
+                Some(Message::Second | Message::Other(_)) => {}
+                None => return Err(DeviceError::Silent { device: DEVICE, request: "TT".into(), waited_ms: wait.as_millis() }),
+            }
+        }
+    }
+
+    /// Waits for the one arrival, between `soonest` and `latest` after `since`.
+    pub fn arrive(&mut self, since: Instant, soonest: Duration, latest: Duration) -> Result<(), DeviceError> {
+        loop {
+            match self.next(since + latest)? {
+                Some(Message::Arrived) => {
+                    let took = since.elapsed();
+                    if took < soonest {
+                        return Err(out_of_step(&format!(
+                            "VAST reported an arrival after {} ms, the turn takes at least {} ms at the configured speed_deg_per_s",
+                            took.as_millis(),
+                            soonest.as_millis()
+                        )));
+                    }
+                    return Ok(());
+                }
+                Some(Message::Ok) => return Err(restarted()),
+                Some(Message::Error(number)) => return Err(refused(number)),
+                Some(Message::Second | Message::Other(_)) => {}
+                None => {
+                    return Err(DeviceError::Late { device: DEVICE, what: "VAST was not in position (R1)", waited_ms: latest.as_millis() });
+                }
+            }
+        }
+    }
+}
+
+pub(super) fn out_of_step(why: &str) -> DeviceError {
+    DeviceError::OutOfStep { why: why.into() }
+}
+
+fn restarted() -> DeviceError {
+    out_of_step("the bridge said OK to nothing: it restarted, or VAST saw a trigger that was not meant")
+}
+
+/// The bridge's firmware says which of its inputs or requests it could not serve; the number is all that it tells.
+fn refused(number: u8) -> DeviceError {
+    DeviceError::Alarm { device: DEVICE, what: format!("its error E{number}: a request or VAST's answer to it failed") }
+}

@@ -1,0 +1,116 @@
+//! VAST's list of stops, `external.txt`, of whole steps.
+//!
+//! ```text
+//! tomography  x_position  degrees  ctrl_output  trigger_input  adjust_rotation  tray_LED      tabs, CR LF, no header
+//! 1           0           17,28    1            1              0                1             decimal comma
+//! ```
+//! A step must be a whole number of hundredths of a degree, 0.72 deg for VAST's 500: then the list says exactly where the
+//! axis will stand, and the ledger's steps are those that the machine makes.
+
+use super::{DEVICE, Degrees, VastBridgeSettings};
+use crate::DeviceError;
+use carved_core::units::{Steps, StepsPerRevolution};
+use std::fs;
+use std::io::{Result, Write};
+use std::path::Path;
+
+const HUNDREDTHS: u64 = 36_000;
+
+/// Hundredths of a degree per step.
+pub(super) fn hundredths_per_step(per_revolution: StepsPerRevolution) -> std::result::Result<i64, DeviceError> {
+    let [num, den] = <[u32; 2]>::from(per_revolution).map(u64::from);
+    if !(HUNDREDTHS * den).is_multiple_of(num) {
+        return Err(DeviceError::Setting {
+            device: DEVICE,
+            name: "rig.steps_per_revolution",
+            found: format!("[{num}, {den}]"),
+            rule: "VAST's list has hundredths of a degree, so 36000 * the second number must be a multiple of the first, as with [500, 1]"
+                .into(),
+        });
+    }
+    Ok((HUNDREDTHS * den / num) as i64)
+}
+
+/// The whole list.
+pub(super) fn text(stops: &[Steps], hundredths_per_step: i64, settings: &VastBridgeSettings) -> String {
+    let mut before = Steps(0);
+    let mut text = String::new();
+    for stop in stops {
+        let steps = match settings.degrees {
+            Degrees::Absolute => stop.0,
+            Degrees::Relative => stop.0 - before.0,
+        };
+        before = *stop;
+        let columns = [
+            "1".to_owned(),
+            settings.x_position_um.to_string(),
+            degrees(steps * hundredths_per_step),
+            // It pulses in position and waits for a trigger, and turns to no angle of its own choice.
+            "1\t1\t0".to_owned(),
+            u8::from(settings.tray_led).to_string(),
+        ];
+        text += &columns.join("\t");
+        text += "\r\n";
+    }
+    text
+}
+
+fn degrees(hundredths: i64) -> String {
+    let sign = if hundredths < 0 { "-" } else { "" };
+    let hundredths = hundredths.unsigned_abs();
+    format!("{sign}{},{:02}", hundredths / 100, hundredths % 100)
+}
+
+/// Puts the list in place in one piece: whoever reads it finds the old one or the new one.
+pub(super) fn write(path: &Path, text: &str) -> Result<()> {
+    // Beside the list: a rename does not cross file systems.
+    let fresh = path.with_extension("carved-new");
+    let mut file = fs::File::create(&fresh)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()?;
+    drop(file);
+    fs::rename(&fresh, path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rotation::bridge::tests::settings;
+
+    const STOPS: [Steps; 4] = [Steps(0), Steps(250), Steps(5), Steps(500)];
+
+    #[test]
+    fn degrees_are_exact_with_a_comma_as_positions_or_as_turns() {
+        let per_step = hundredths_per_step(StepsPerRevolution::new(500, 1).unwrap()).unwrap();
+        let mut settings = settings("port", Path::new("external.txt"));
+        let expected = "1\t0\t0,00\t1\t1\t0\t1\r\n1\t0\t180,00\t1\t1\t0\t1\r\n1\t0\t3,60\t1\t1\t0\t1\r\n1\t0\t360,00\t1\t1\t0\t1\r\n";
+        assert_eq!(text(&STOPS, per_step, &settings), expected);
+        settings.degrees = Degrees::Relative;
+        settings.x_position_um = -120;
+        settings.tray_led = false;
+        let turns =
+            "1\t-120\t0,00\t1\t1\t0\t0\r\n1\t-120\t180,00\t1\t1\t0\t0\r\n1\t-120\t-176,40\t1\t1\t0\t0\r\n1\t-120\t356,40\t1\t1\t0\t0\r\n";
+        assert_eq!(text(&STOPS, per_step, &settings), turns);
+    }
+
+    #[test]
+    fn steps_that_hundredths_cannot_say_are_refused() {
+        let per_step = |num, den| hundredths_per_step(StepsPerRevolution::new(num, den).unwrap());
+        assert_eq!(per_step(1000, 2).unwrap(), 72);
+        assert_eq!(per_step(36_000, 1).unwrap(), 1);
+        let said = per_step(6400, 1).unwrap_err().to_string();
+        assert!(said.contains("[6400, 1]"), "{said}");
+    }
+
+    #[test]
+    fn the_list_is_replaced_whole_and_nothing_is_left_beside_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("external.txt");
+        fs::write(&path, "old").unwrap();
+        let half_read = fs::File::open(&path).unwrap();
+        write(&path, "new\r\n").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new\r\n");
+        assert_eq!(std::io::read_to_string(half_read).unwrap(), "old", "who had begun to read reads the old list to its end");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+}

@@ -1,0 +1,224 @@
+//! Driver for a stock VAST BioImager behind its trigger bridge, an Arduino between two of VAST's plugs.
+//!
+//! ```text
+//!  announce ──► external.txt ··· VAST takes up a specimen, reads the list ···► R1   reference: stands at the first stop
+//!  move_to(next) ──► TT ── OK ······························· turns ·········► R1   stands at the next one
+//!  let_go ──► TT ... ──► TT ── OK ·· end of the list: VAST goes on with the specimen as its own program says
+//! ```
+//! VAST cannot be asked where it stands and cannot be stopped or sent anywhere but on: its angle is known from the list, as
+//! long as exactly one arrival follows each trigger, not sooner and not later than it can turn. Any arrival that no trigger
+//! explains, and any that is missing, makes the position suspect: no trigger is ever repeated, for nobody knows whether it
+//! was seen. A stop ends the triggers; VAST finishes its step by itself.
+
+mod dialogue;
+mod list;
+mod message;
+mod settings;
+
+pub use settings::{Degrees, VastBridgeSettings};
+
+use super::knowledge::Knowledge;
+use crate::cancel::CancelToken;
+use crate::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
+use carved_core::units::{Steps, StepsPerRevolution};
+use dialogue::{Dialogue, out_of_step};
+use std::time::{Duration, Instant};
+
+const DEVICE: &str = "rotation axis (VAST trigger bridge)";
+
+/// The rotation of a VAST that is stepped through a list.
+pub struct VastBridge {
+    dialogue: Dialogue,
+    settings: VastBridgeSettings,
+    per_revolution: StepsPerRevolution,
+    hundredths_per_step: i64,
+    identity: String,
+    stops: Vec<Steps>,
+    /// Unknown while VAST is not within a list, or has not come to its first stop.
+    knowledge: Knowledge,
+    /// Which of the stops it stands at, where that is known.
+    stop: usize,
+    /// Until when the arrival of the last trigger may still come.
+    due: Instant,
+}
+
+impl VastBridge {
+    /// Opens the port and asks the bridge for its settings. Nothing moves.
+    ///
+    /// # Errors
+    /// A bad setting, a port that cannot be opened, a bridge that does not answer.
+    pub fn open(settings: VastBridgeSettings, per_revolution: StepsPerRevolution) -> Result<Self, DeviceError> {
+        settings.check(per_revolution)?;
+        let hundredths_per_step = list::hundredths_per_step(per_revolution)?;
+        let dialogue = Dialogue::open(&settings)?;
+        let mut bridge = Self {
+            dialogue,
+            settings,
+            per_revolution,
+            hundredths_per_step,
+            identity: String::new(),
+            stops: Vec::new(),
+            knowledge: Knowledge::none_of("rotation axis"),
+            stop: 0,
+            due: Instant::now(),
+        };
+        bridge.identity = format!("VAST trigger bridge ({})", bridge.dialogue.greet()?.join(", "));
+        tracing::info!(identity = bridge.identity, port = %bridge.settings.port, "rotation axis opened");
+        Ok(bridge)
+    }
+
+    /// Steps on to the next stop.
+    fn step(&mut self) -> Result<Achieved, DeviceError> {
+        let next = self.stops[self.stop + 1];
+        let way = Steps(next.0 - self.stops[self.stop].0);
+        let deg = self.per_revolution.angle(way).to_degrees();
+        let pace = self.settings.pace();
+        self.due = Instant::now() + pace.longest(deg);
+        let since = self.dialogue.trigger()?;
+        self.dialogue.arrive(since, pace.shortest(deg), pace.longest(deg))?;
+        self.stop += 1;
+        Ok(self.knowledge.arrived(next))
+    }
+
+    /// Waits until VAST stands at the first stop.
+    fn take_up(&mut self) -> Result<Steps, DeviceError> {
+        let Some(first) = self.stops.first().copied() else {
+            return Err(out_of_step("no list has been announced, so VAST has none to go by"));
+        };
+        if self.knowledge.is_known() || self.knowledge.is_suspect() {
+            self.begin_anew()?;
+        }
+        self.dialogue.listen()?;
+        self.dialogue.greet()?;
+        match std::mem::take(&mut self.dialogue.arrivals) {
+            0 => self.dialogue.arrive(Instant::now(), Duration::ZERO, self.settings.first_arrival_timeout())?,
+            1 => {}
+            many => return Err(out_of_step(&format!("VAST reported {many} arrivals for one specimen and no trigger"))),
+        }
+        Ok(first)
+    }
+
+    /// Puts the list in place, unless VAST has it already.
+    fn put_list(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
+        let path = self.settings.list.clone();
+        let text = list::text(stops, self.hundredths_per_step, &self.settings);
+        let is_there = std::fs::read(&path).is_ok_and(|there| there == text.as_bytes());
+        let stopped = self.dialogue.is_stopped();
+        if is_there && self.stops == stops && !stopped && self.knowledge.is_known() {
+            return Ok(());
+        }
+        if stopped || self.knowledge.is_known() || self.knowledge.is_suspect() {
+            self.begin_anew()?;
+        }
+        if is_there {
+            return Ok(());
+        }
+        if !stopped {
+            self.dialogue.listen()?;
+        }
+        if std::mem::take(&mut self.dialogue.arrivals) > 0 {
+            return Err(out_of_step("VAST was in position before its list was written, so it goes by another"));
+        }
+        list::write(&path, &text).map_err(|e| DeviceError::List { device: DEVICE, path, why: e.to_string() })?;
+        tracing::info!(stops = stops.len(), list = %self.settings.list.display(), "VAST's list written");
+        Ok(())
+    }
+
+    /// After a stop or a fault somebody ends VAST's list; what was said until now says nothing of the next specimen, and
+    /// what is still to be said of the last trigger is waited for, or it would be taken for the next specimen's arrival.
+    fn begin_anew(&mut self) -> Result<(), DeviceError> {
+        let still_due = self.due.saturating_duration_since(Instant::now());
+        self.dialogue.forget(still_due)?;
+        self.knowledge.forget();
+        Ok(())
+    }
+
+    /// Goes through what is left of the list and out of its end.
+    fn finish(&mut self) -> Result<(), DeviceError> {
+        if !self.knowledge.is_known() {
+            return Ok(());
+        }
+        while self.stop + 1 < self.stops.len() {
+            self.step()?;
+        }
+        if self.settings.end_with_trigger {
+            self.dialogue.trigger()?;
+        }
+        self.knowledge.forget();
+        self.dialogue.arrivals = 0;
+        Ok(())
+    }
+
+    fn unless_doubtful<T>(&mut self, outcome: Result<T, DeviceError>) -> Result<T, DeviceError> {
+        if let Err(error) = &outcome {
+            self.knowledge.doubt(error);
+        }
+        outcome
+    }
+}
+
+impl RotationAxis for VastBridge {
+    fn identity(&self) -> &str {
+        &self.identity
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { has_position: false, has_encoder: false, has_stall: false, can_stop: false, absolute: false, trigger_only: true }
+    }
+
+    fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
+        self.put_list(stops)?;
+        self.stops = stops.to_vec();
+        Ok(())
+    }
+
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        self.dialogue.release(cancel)?;
+        let taken_up = self.take_up();
+        let steps = self.unless_doubtful(taken_up)?;
+        self.stop = 0;
+        self.knowledge.begin_epoch();
+        Ok(self.knowledge.arrived(steps))
+    }
+
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        let at = self.knowledge.whence()?;
+        let moved = if at == target {
+            self.dialogue.catch_up().map(|()| self.knowledge.arrived(at))
+        } else {
+            let next = self.stops.get(self.stop + 1).copied();
+            if next != Some(target) {
+                return Err(DeviceError::NotNext { target, next });
+            }
+            self.step()
+        };
+        self.unless_doubtful(moved)
+    }
+
+    fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.dialogue.release(cancel)?;
+        let finished = self.finish();
+        self.unless_doubtful(finished)
+    }
+
+    /// The bridge has one question, and its answer begins with the same `OK` as a trigger's: a late one would be taken for that.
+    /// So it is asked only while no trigger may follow; within a list, and after a stop, the connection is all that is looked at.
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.dialogue.still_there()?;
+        if self.knowledge.is_known() || self.dialogue.is_stopped() {
+            return Ok(());
+        }
+        self.dialogue.greet().map(|_settings| ())
+    }
+
+    fn position(&self) -> Position {
+        self.knowledge.position()
+    }
+
+    fn stop_handle(&self) -> StopHandle {
+        self.dialogue.stop_handle()
+    }
+}
+
+#[cfg(test)]
+mod tests;

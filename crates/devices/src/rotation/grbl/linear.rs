@@ -1,0 +1,210 @@
+//! The second axis of a Grbl controller: it moves the capillary along the picture.
+//!
+//! ```text
+//! $H ─┬─ rotation: step 0, a new epoch
+//!     └─ translation: step 0                 reference = "here" for the rotation: $H and its letter alone
+//! ```
+//! One owner per port: both axes are one [`Grbl`], and a doubt about the controller is a doubt about both.
+
+use super::geometry::Geometry;
+use super::{Grbl, Knowledge, Reference};
+use crate::cancel::CancelToken;
+use crate::rotation::AxisLetter;
+use crate::{Achieved, DeviceError, LinearAxis, Position};
+use carved_core::units::{Sense, Steps};
+use serde::{Deserialize, Serialize};
+use std::time::Instant;
+
+/// The `[translation]` table; lengths count from the reference.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TranslationSettings {
+    /// The axis that moves the capillary.
+    pub axis: AxisLetter,
+    /// Motor steps per um as an exact ratio `[num, den]`.
+    pub steps_per_um: [u32; 2],
+    /// um of the controller's unit: the controller speaks of thousandths of a unit, and a step must be told from its neighbour.
+    pub um_per_unit: u32,
+    /// Speed of every move, units/min; the controller must allow it ($111 for Y).
+    pub max_rate_units_per_min: f64,
+    /// Acceleration the controller must reach, units/s^2 ($121 for Y).
+    pub acceleration_units_per_s2: f64,
+    /// No move is commanded beyond these.
+    pub limits_um: [f64; 2],
+    /// Where the specimen is in view.
+    pub position_um: f64,
+    /// Whether positive positions carry the capillary to the right of the picture.
+    #[serde(default)]
+    pub sense: Sense,
+}
+
+impl TranslationSettings {
+    /// # Errors
+    /// Names the first value that no axis can have.
+    pub fn check(&self) -> Result<(), DeviceError> {
+        let bad =
+            |name, found: String, rule: &str| Err(DeviceError::Setting { device: "translation axis", name, found, rule: rule.into() });
+        let [num, den] = self.steps_per_um;
+        let per_unit = f64::from(num) * f64::from(self.um_per_unit) / f64::from(den.max(1));
+        if num == 0 || den == 0 || self.um_per_unit == 0 || per_unit > super::settings::MOST_STEPS_PER_UNIT || self.ratio().is_none() {
+            let found = format!("[{num}, {den}] with um_per_unit = {}", self.um_per_unit);
+            return bad("steps_per_um", found, "all must be at least 1 and a unit at most 400 steps");
+        }
+        for (name, value) in
+            [("max_rate_units_per_min", self.max_rate_units_per_min), ("acceleration_units_per_s2", self.acceleration_units_per_s2)]
+        {
+            if !(value.is_finite() && value > 0.0) {
+                return bad(name, value.to_string(), "it must be above 0");
+            }
+        }
+        let [low, high] = self.limits_um;
+        if !(low.is_finite() && high.is_finite() && low < high) {
+            return bad("limits_um", format!("[{low}, {high}]"), "the first must be below the second");
+        }
+        if !(low..=high).contains(&self.position_um) {
+            return bad("position_um", self.position_um.to_string(), "it must be within limits_um");
+        }
+        Ok(())
+    }
+
+    fn ratio(&self) -> Option<[u32; 2]> {
+        Some([self.steps_per_um[0].checked_mul(self.um_per_unit)?, self.steps_per_um[1]])
+    }
+
+    fn geometry(&self) -> Geometry {
+        Geometry {
+            letter: self.axis,
+            // `check` has refused what overflows.
+            steps_per_unit: self.ratio().unwrap_or([u32::MAX, 1]),
+            max_rate_units_per_min: self.max_rate_units_per_min,
+            acceleration_units_per_s2: self.acceleration_units_per_s2,
+        }
+    }
+
+    /// The place of a step, um from the reference.
+    pub fn um(&self, steps: Steps) -> f64 {
+        steps.0 as f64 * f64::from(self.steps_per_um[1]) / f64::from(self.steps_per_um[0])
+    }
+
+    fn steps(&self, um: f64) -> Steps {
+        Steps((um * f64::from(self.steps_per_um[0]) / f64::from(self.steps_per_um[1])).round() as i64)
+    }
+}
+
+/// The axis as this driver knows it.
+pub(super) struct Slide {
+    settings: TranslationSettings,
+    pub knowledge: Knowledge,
+    /// The machine step of step 0.
+    origin: i64,
+}
+
+impl Slide {
+    pub fn new(settings: TranslationSettings) -> Self {
+        Self { settings, knowledge: Knowledge::none_of("translation axis"), origin: 0 }
+    }
+
+    pub fn geometry(&self) -> Geometry {
+        self.settings.geometry()
+    }
+}
+
+fn refused(why: &(impl ToString + ?Sized)) -> DeviceError {
+    DeviceError::Translation { why: why.to_string() }
+}
+
+impl Grbl {
+    /// Takes the place where a homing cycle has left the second axis, where there is one, as its step 0.
+    pub(super) fn slide_has_homed(&mut self) -> Result<(), DeviceError> {
+        let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Ok(()) };
+        let origin = self.homed_origin(&axis)?;
+        if let Some(slide) = &mut self.slide {
+            slide.origin = origin;
+            slide.knowledge.begin_epoch();
+        }
+        Ok(())
+    }
+
+    fn slide(&mut self) -> Result<&mut Slide, DeviceError> {
+        self.slide.as_mut().ok_or_else(|| refused("the configuration has no [translation]"))
+    }
+
+    fn slide_from(&mut self) -> Result<(TranslationSettings, i64, Steps), DeviceError> {
+        let slide = self.slide()?;
+        match slide.knowledge.whence() {
+            Ok(at) => Ok((slide.settings, slide.origin, at)),
+            Err(DeviceError::Suspect { why }) => Err(refused(&format!("its position cannot be trusted ({why})"))),
+            Err(_) => Err(refused("not referenced; its position is not known, so it refuses to move")),
+        }
+    }
+}
+
+impl LinearAxis for Grbl {
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        if let Ok((_, _, at)) = self.slide_from() {
+            return Ok(self.slide()?.knowledge.arrived(at));
+        }
+        // Where all axes home together, the rotation's reference has done it, or has failed.
+        if self.settings.reference == Reference::Home {
+            self.slide_from()?;
+        }
+        self.link.release(cancel)?;
+        match self.home_slide() {
+            Ok(()) => Ok(self.slide()?.knowledge.arrived(Steps(0))),
+            Err(error) => {
+                self.doubt(&error);
+                Err(error)
+            }
+        }
+    }
+
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        let (settings, origin, from) = self.slide_from()?;
+        let [low, high] = settings.limits_um.map(|um| settings.steps(um));
+        if !(low..=high).contains(&target) {
+            return Err(refused(&format!("sent to {target}, its limits are {low} and {high}")));
+        }
+        match self.travel(&settings.geometry(), origin + from.0, origin + target.0, origin) {
+            Ok(()) => Ok(self.slide()?.knowledge.arrived(target)),
+            Err(error) => {
+                self.doubt(&error);
+                Err(match error {
+                    DeviceError::Missed { .. } | DeviceError::Suspect { .. } => refused(&error),
+                    other => other,
+                })
+            }
+        }
+    }
+
+    fn limits(&self) -> [Steps; 2] {
+        self.slide.as_ref().map_or([Steps(0); 2], |s| s.settings.limits_um.map(|um| s.settings.steps(um)))
+    }
+
+    fn position(&self) -> Position {
+        self.slide.as_ref().map_or(Position::Unknown, |slide| slide.knowledge.position())
+    }
+
+    fn steps_of(&self, um: f64) -> Steps {
+        self.slide.as_ref().map_or(Steps(0), |s| s.settings.steps(um))
+    }
+}
+
+impl Grbl {
+    fn home_slide(&mut self) -> Result<(), DeviceError> {
+        let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Err(refused("the configuration has no [translation]")) };
+        self.catch_up()?;
+        self.is_free()?;
+        self.home(&format!("$H{:?}", axis.letter))?;
+        self.slide_has_homed()
+    }
+
+    /// The machine step where a homing cycle has left an axis.
+    pub(super) fn homed_origin(&mut self, axis: &Geometry) -> Result<i64, DeviceError> {
+        let until = Instant::now() + self.settings.answer_timeout();
+        let origin = self.origin(axis, until)?;
+        self.has_homed(axis, origin)?;
+        // Read twice: every later place hangs on this number.
+        self.confirm(axis, origin, origin, until)?;
+        Ok(origin)
+    }
+}

@@ -1,0 +1,345 @@
+//! Requests and their answers: one line under way at a time, each with its deadline.
+
+use super::geometry::Geometry;
+use super::report::{Line, State, Status, alarm_text, error_text};
+use super::{DEVICE, Dialect, FULL_STATUS, Grbl, HOLD, SOFT_RESET, STATUS, hands};
+use crate::DeviceError;
+use carved_core::units::Steps;
+use std::time::{Duration, Instant};
+
+/// Soft resets sent until a greeting comes. A controller that restarts when its port is opened spends up to two seconds
+/// in its boot loader and hears none of them.
+const WAKE_ATTEMPTS: u32 = 8;
+const WAKE_WAIT: Duration = Duration::from_millis(500);
+/// Silence after which a greeting's messages have ended; a line of 80 bytes takes 7 ms at 115200 baud.
+const SILENCE: Duration = Duration::from_millis(20);
+/// How often a report, or the answer to a line, is asked for until one can be read.
+const ATTEMPTS: u32 = 3;
+/// The same after a reset: each of those that were sent before has left a greeting in the way.
+const GLANCES: u32 = 16;
+/// Pause between two looks at an axis that is still turning.
+const LOOK_AGAIN: Duration = Duration::from_millis(5);
+/// What the controller says at a start on which it found its settings memory erased.
+const MEMORY_ERASED: u16 = 7;
+
+impl Grbl {
+    /// Soft reset until the controller greets. Answers to what was asked before are behind us then.
+    pub(super) fn wake(&mut self) -> Result<String, DeviceError> {
+        for _ in 0..WAKE_ATTEMPTS {
+            self.link.send(SOFT_RESET)?;
+            let until = Instant::now() + WAKE_WAIT;
+            while let Some(text) = self.link.line(until)? {
+                let greeting = match Line::parse(&text) {
+                    Line::Greeting(greeting) => greeting,
+                    Line::Error(MEMORY_ERASED) => {
+                        self.memory_erased = true;
+                        continue;
+                    }
+                    // An emergency stop that is pressed lets no reset through.
+                    Line::Alarm(n) => match hands::of_alarm(n) {
+                        Some(error) => return Err(error),
+                        None => continue,
+                    },
+                    _ => continue,
+                };
+                self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?;
+                let greeting = greeting.split(" [").next().unwrap_or_default().to_owned();
+                self.is_hal = self.settings.dialect.of(&greeting)?;
+                return Ok(greeting);
+            }
+        }
+        let waited_ms = u128::from(WAKE_ATTEMPTS) * WAKE_WAIT.as_millis();
+        Err(DeviceError::Silent { device: DEVICE, request: "soft reset".into(), waited_ms })
+    }
+
+    /// The first question after [`Self::wake`]. A reset that was answered late has one more greeting under way; nothing has been
+    /// asked of the axis yet, so that is no restart to fear, and the question is put again.
+    pub(super) fn first(&mut self, mut ask: impl FnMut(&mut Self) -> Result<(), DeviceError>) -> Result<(), DeviceError> {
+        for _ in 1..WAKE_ATTEMPTS {
+            match ask(self) {
+                Err(DeviceError::Suspect { .. }) => self.link.quiet(SILENCE, Instant::now() + self.settings.answer_timeout())?,
+                answered => return answered,
+            }
+        }
+        ask(self)
+    }
+
+    /// Sends one line and awaits its `ok`; everything else that is said meanwhile goes to `heard`. False where no `ok` came: it
+    /// was lost or disturbed on its way, or the line was.
+    pub(super) fn exchange(&mut self, line: &str, wait: Duration, mut heard: impl FnMut(Line)) -> Result<bool, DeviceError> {
+        self.link.send(format!("{line}\n").as_bytes())?;
+        let mut until = Instant::now() + wait;
+        while let Some(text) = self.link.line(until)? {
+            match Line::parse(&text) {
+                Line::Ok => return Ok(true),
+                Line::Error(n) => {
+                    let refused = DeviceError::Unexpected { device: DEVICE, expected: format!("ok to {line}"), found: error_text(n) };
+                    return Err(hands::of_error(n).unwrap_or(refused));
+                }
+                // This may have been the answer.
+                Line::Other(noise) if !noise.is_empty() => until = until.min(Instant::now() + self.settings.answer_timeout()),
+                other => heard(unless_lost(other)?),
+            }
+        }
+        Ok(false)
+    }
+
+    /// The same, where no `ok` is an error.
+    pub(super) fn command(&mut self, line: &str, wait: Duration, heard: impl FnMut(Line)) -> Result<(), DeviceError> {
+        if self.exchange(line, wait, heard)? { Ok(()) } else { Err(self.unanswered(line, wait)) }
+    }
+
+    /// The error of a line without an `ok`: what a report says of it, if it says anything.
+    fn unanswered(&mut self, line: &str, wait: Duration) -> DeviceError {
+        let silent = DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms: wait.as_millis() };
+        self.free_status().map_or_else(|error| error, |_status| silent)
+    }
+
+    /// A line of G-code. grblHAL answers each of them by the last error, whatever that was about, until an empty line
+    /// has come: a disturbed byte on the line would else refuse all that follows.
+    pub(super) fn code(&mut self, line: &str) -> Result<(), DeviceError> {
+        if self.code_is_taken(line)? { Ok(()) } else { Err(self.unanswered(line, self.settings.answer_timeout())) }
+    }
+
+    fn code_is_taken(&mut self, line: &str) -> Result<bool, DeviceError> {
+        if self.is_hal {
+            // An empty line does nothing: whether its own `ok` comes is of no matter.
+            self.exchange("", self.settings.answer_timeout(), |_| {})?;
+        }
+        self.exchange(line, self.settings.answer_timeout(), |_| {})
+    }
+
+    /// Sends an axis from one machine step to another; it is on its way, or there, or nowhere else than it stood. A line without
+    /// an `ok` may have been taken or not. It is sent again only where the axis stands where it stood: it is absolute, and does
+    /// the same twice.
+    pub(super) fn send_off(&mut self, axis: &Geometry, from: i64, to: i64) -> Result<(), DeviceError> {
+        let line = axis.line(to);
+        for _ in 0..ATTEMPTS {
+            if self.code_is_taken(&line)? {
+                return Ok(());
+            }
+            let status = self.free_status()?;
+            if status.state != State::Idle || axis.step_of(&status) != Some(Some(from)) {
+                return Ok(());
+            }
+            tracing::info!(line, "no answer, and the axis stands where it stood: the line is sent again");
+        }
+        Err(self.unanswered(&line, self.settings.answer_timeout()))
+    }
+
+    /// A homing cycle. Where no `ok` comes it is made again: it ends at its switch wherever it begins.
+    pub(super) fn home(&mut self, line: &str) -> Result<(), DeviceError> {
+        self.in_flight = true;
+        if !self.exchange(line, self.settings.homing_timeout(), |_| {})? {
+            // Whoever still homes now does not get there.
+            let status = self.status()?;
+            if status.state != State::Home
+                && let Some(error) = hands::of(&status, true)
+            {
+                return Err(error);
+            }
+            if status.state != State::Idle || !self.exchange(line, self.settings.homing_timeout(), |_| {})? {
+                let waited_ms = self.settings.homing_timeout().as_millis();
+                return Err(DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms });
+            }
+        }
+        self.in_flight = false;
+        Ok(())
+    }
+
+    /// A report of a controller that nobody else has. A report that says otherwise is asked for once more before it is believed.
+    fn free_status(&mut self) -> Result<Status, DeviceError> {
+        let status = self.status()?;
+        if hands::of(&status, true).is_none() {
+            return Ok(status);
+        }
+        let status = self.status()?;
+        hands::of(&status, true).map_or(Ok(status), Err)
+    }
+
+    /// Refuses a command while somebody else has the controller.
+    pub(super) fn is_free(&mut self) -> Result<(), DeviceError> {
+        self.free_status().map(drop)
+    }
+
+    /// Refuses to go on while somebody else has the controller; it is neither moved nor reset. One that does not answer is
+    /// starting, or waits for a reset after a limit: neither is anybody's doing. Until it is free a stop is a feed hold alone.
+    pub(super) fn wait_until_free(&mut self) -> Result<(), DeviceError> {
+        let free = self.look_until_free();
+        self.link.stop_by(matches!(free, Err(DeviceError::Intervention { .. })).then_some(HOLD));
+        free
+    }
+
+    fn look_until_free(&mut self) -> Result<(), DeviceError> {
+        let until = Instant::now() + self.settings.homing_timeout();
+        let mut asked_again = false;
+        while let Some(status) = self.glance()? {
+            match hands::of(&status, true) {
+                Some(error) if asked_again => return Err(error),
+                Some(_) => asked_again = true,
+                None if status.state != State::Run => break,
+                // Somebody has let a held motion go on.
+                None if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
+                None => return Err(hands::still_turning(&status)),
+            }
+        }
+        Ok(())
+    }
+
+    /// A report, whatever was said before it; none where nobody answers.
+    fn glance(&mut self) -> Result<Option<Status>, DeviceError> {
+        let mut asked = 0;
+        'ask: while asked < GLANCES {
+            asked += 1;
+            self.link.send(STATUS)?;
+            let until = Instant::now() + WAKE_WAIT;
+            while let Some(text) = self.link.line(until)? {
+                match Line::parse(&text) {
+                    Line::Status(status) => return Ok(Some(status)),
+                    Line::Error(MEMORY_ERASED) => self.memory_erased = true,
+                    // It has started since and may not have heard the question, or its report is garbled.
+                    Line::Greeting(_) | Line::BrokenStatus(_) => continue 'ask,
+                    _ => {}
+                }
+            }
+            return Ok(None);
+        }
+        Ok(None)
+    }
+
+    /// Asks for a status report, again if it is lost or comes garbled.
+    pub(super) fn status(&mut self) -> Result<Status, DeviceError> {
+        self.report(STATUS)
+    }
+
+    /// The report with every field that grblHAL has.
+    pub(super) fn full_status(&mut self) -> Result<Status, DeviceError> {
+        self.report(FULL_STATUS)
+    }
+
+    fn report(&mut self, request: &[u8]) -> Result<Status, DeviceError> {
+        let wait = self.settings.answer_timeout();
+        let mut garbled = None;
+        for _ in 0..ATTEMPTS {
+            self.link.send(request)?;
+            let until = Instant::now() + wait;
+            while let Some(text) = self.link.line(until)? {
+                match unless_lost(Line::parse(&text))? {
+                    Line::Status(status) => return Ok(status),
+                    Line::BrokenStatus(text) => garbled = Some(text),
+                    Line::Other(text) if !text.is_empty() => garbled = Some(text),
+                    _ => continue,
+                }
+                self.link.quiet(SILENCE, Instant::now() + wait)?;
+                break;
+            }
+        }
+        let silent = || {
+            let request = request.escape_ascii().to_string();
+            DeviceError::Silent { device: DEVICE, request, waited_ms: wait.as_millis() * u128::from(ATTEMPTS) }
+        };
+        let unreadable = |found| DeviceError::Unexpected { device: DEVICE, expected: "a status report".into(), found };
+        Err(garbled.map_or_else(silent, unreadable))
+    }
+
+    /// Waits until the controller is idle and returns the machine step where the axis stands; `None` between two steps.
+    pub(super) fn standing(&mut self, axis: &Geometry, until: Instant) -> Result<Option<i64>, DeviceError> {
+        let unexpected = |expected: String, status: Status| {
+            let found = status.to_string();
+            Err(DeviceError::Unexpected { device: DEVICE, expected, found })
+        };
+        let mut without_position = 0;
+        loop {
+            let status = self.free_status()?;
+            match status.state {
+                State::Idle => match axis.step_of(&status) {
+                    Some(step) => return Ok(step),
+                    None if without_position < ATTEMPTS => without_position += 1,
+                    None => return unexpected(format!("a machine position of axis {:?}", axis.letter), status),
+                },
+                State::Alarm => return Err(DeviceError::Alarm { device: DEVICE, what: "the alarm state".into() }),
+                _ if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
+                _ => return unexpected("an axis at rest by now".into(), status),
+            }
+        }
+    }
+
+    /// Sure that the axis stands at `expected`? A reading that says otherwise is asked for once more before it is believed.
+    pub(super) fn confirm(&mut self, axis: &Geometry, expected: i64, origin: i64, until: Instant) -> Result<(), DeviceError> {
+        if self.standing(axis, until)? == Some(expected) {
+            return Ok(());
+        }
+        match self.standing(axis, until)? {
+            Some(found) if found == expected => Ok(()),
+            Some(found) => Err(DeviceError::Missed { target: Steps(expected - origin), achieved: Steps(found - origin) }),
+            None => Err(DeviceError::Suspect { why: "the controller reports a place between two steps".into() }),
+        }
+    }
+
+    /// Whether the controller answers and nobody else has it.
+    pub(super) fn answers(&mut self) -> Result<(), DeviceError> {
+        let of_somebody_else = |status: Option<Status>| status.and_then(|status| hands::of(&status, false));
+        if of_somebody_else(self.report_at_rest()?).is_none() {
+            return Ok(());
+        }
+        // Asked once more before a person is sent for.
+        of_somebody_else(self.report_at_rest()?).map_or(Ok(()), Err)
+    }
+
+    /// A report of a controller that may be stopped, where one can be read; a restart and an alarm are heard on the way.
+    pub(super) fn report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
+        let wait = self.settings.answer_timeout();
+        let mut lines = self.link.probe(STATUS, wait)?;
+        if lines.is_empty() {
+            lines = self.link.probe(STATUS, wait)?;
+        }
+        if lines.is_empty() {
+            return Err(DeviceError::Silent { device: DEVICE, request: "?".into(), waited_ms: 2 * wait.as_millis() });
+        }
+        let mut newest = None;
+        for line in lines {
+            match unless_lost(Line::parse(&line)) {
+                Ok(Line::Status(status)) => newest = Some(status),
+                Ok(_) => {}
+                Err(error) => self.doubt(&error),
+            }
+        }
+        Ok(newest)
+    }
+
+    /// Hears what was said since the last answer: a restart or an alarm between two moves.
+    pub(super) fn catch_up(&mut self) -> Result<(), DeviceError> {
+        while let Some(text) = self.link.line_now()? {
+            unless_lost(Line::parse(&text))?;
+        }
+        Ok(())
+    }
+}
+
+impl Dialect {
+    /// Whether `greeting` is grblHAL's; refuses what is not spoken here, or not what was configured.
+    fn of(self, greeting: &str) -> Result<bool, DeviceError> {
+        let mut words = greeting.split(' ');
+        let (name, version) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+        let is_hal = name.eq_ignore_ascii_case("grblHAL");
+        let expected = match self {
+            Self::Auto => "Grbl 1.1 or grblHAL 1.1",
+            Self::Grbl => "Grbl 1.1",
+            Self::GrblHal => "grblHAL 1.1",
+        };
+        let other = if is_hal { Self::Grbl } else { Self::GrblHal };
+        if version.starts_with("1.1") && self != other {
+            return Ok(is_hal);
+        }
+        Err(DeviceError::Unexpected { device: DEVICE, expected: expected.into(), found: greeting.into() })
+    }
+}
+
+/// Lines after which the position is no longer known, as errors.
+fn unless_lost(line: Line) -> Result<Line, DeviceError> {
+    match line {
+        Line::Greeting(greeting) => Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") }),
+        Line::Alarm(n) => Err(hands::of_alarm(n).unwrap_or_else(|| DeviceError::Alarm { device: DEVICE, what: alarm_text(n) })),
+        other => Ok(other),
+    }
+}

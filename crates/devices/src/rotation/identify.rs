@@ -1,0 +1,171 @@
+//! What answers on a serial port, found without moving or resetting anything.
+//!
+//! ```text
+//! listen ── a greeting? ──► Grbl, grblHAL
+//!   ?        <...>      ──► Grbl, grblHAL      then $I and $$
+//!   / alone  @...       ──► Zaber ASCII
+//!   X?       OK, ...    ──► VAST trigger bridge
+//!   zeros, GFV  9 bytes ──► TMCL
+//! ```
+//! The order keeps one protocol's question from being another's command:
+//!
+//! | to | `?` | LF `/` LF | `X?` LF | zeros, `01 88 01 .. 8a` |
+//! |---|---|---|---|---|
+//! | Grbl | status | empty lines | not asked any more | not asked any more |
+//! | Zaber | a line without `/` | status, on a line of its own | not asked any more | not asked any more |
+//! | bridge | an unknown line | unknown line | settings | not asked any more |
+//! | TMCL | 7 bytes whose sum is none, made a frame of 9 by zeros | | | version |
+//!
+//! Opening a port raises its DTR line, which restarts an Arduino; its position was of no use to anybody, because a port that
+//! another program has open is left alone.
+
+use super::link::{Link, Stop};
+use super::port::Port;
+use super::tmcl::frame::{BYTES, Version};
+use crate::DeviceError;
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+const DEVICE: &str = "serial port";
+/// An Arduino's boot loader and its greeting.
+const BOOT: Duration = Duration::from_millis(2500);
+/// The slowest answer to a question.
+const ANSWER: Duration = Duration::from_millis(400);
+const SILENCE: Duration = Duration::from_millis(50);
+/// TMCL modules leave the factory with this address.
+const TMCL_MODULE: u8 = 1;
+
+/// What answered.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Answer {
+    Grbl {
+        /// By its greeting or its version.
+        is_hal: bool,
+        version: String,
+        /// `$$`, where it was idle enough to print them.
+        settings: BTreeMap<u16, f64>,
+    },
+    Zaber {
+        /// Its answer to an empty command: address, axis, state, warning.
+        status: String,
+    },
+    VastBridge {
+        settings: Vec<String>,
+    },
+    Tmcl {
+        /// Type of the module, such as 1140 for TMCM-1140, and its firmware's version.
+        module: String,
+        version: String,
+    },
+}
+
+/// Opens a port exclusively and asks who is there; nothing where nobody answers.
+///
+/// # Errors
+/// A port that cannot be opened, another program's included, or that goes away meanwhile.
+pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
+    let mut line = Wire(Link::serial(DEVICE, port, baud, Stop::default())?);
+    // Grbl says its name when it starts; a bridge says OK, which others say as well.
+    let greeting = line.hear(BOOT, |text| is_grbl(text).then(|| text.to_owned()))?;
+    if greeting.is_some() || line.ask(b"?", |text| text.starts_with('<').then_some(()))?.is_some() {
+        return line.grbl(greeting).map(Some);
+    }
+    if let Some(status) = line.ask(b"\n/\n", |text| text.strip_prefix('@').map(str::to_owned))? {
+        return Ok(Some(Answer::Zaber { status }));
+    }
+    if let Some(settings) = line.bridge()? {
+        return Ok(Some(Answer::VastBridge { settings }));
+    }
+    line.tmcl()
+}
+
+fn is_grbl(text: &str) -> bool {
+    text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl"))
+}
+
+struct Wire(Link);
+
+impl Wire {
+    /// The first line within `wait` that `take` makes something of.
+    fn hear<T>(&mut self, wait: Duration, take: impl Fn(&str) -> Option<T>) -> Result<Option<T>, DeviceError> {
+        let until = Instant::now() + wait;
+        while let Some(text) = self.0.line(until)? {
+            if let Some(taken) = take(text.trim()) {
+                return Ok(Some(taken));
+            }
+        }
+        Ok(None)
+    }
+
+    fn ask<T>(&mut self, question: &[u8], take: impl Fn(&str) -> Option<T>) -> Result<Option<T>, DeviceError> {
+        self.0.send(question)?;
+        self.hear(ANSWER, take)
+    }
+
+    fn quiet(&mut self) -> Result<(), DeviceError> {
+        self.0.quiet(SILENCE, Instant::now() + ANSWER)
+    }
+
+    /// All lines of an answer up to its `ok` or error.
+    fn listing(&mut self, question: &[u8]) -> Result<Vec<String>, DeviceError> {
+        self.0.send(question)?;
+        let until = Instant::now() + ANSWER;
+        let mut lines = Vec::new();
+        while let Some(text) = self.0.line(until)? {
+            let text = text.trim().to_owned();
+            if text == "ok" || text.starts_with("error:") {
+                break;
+            }
+            lines.push(text);
+        }
+        Ok(lines)
+    }
+
+    fn grbl(&mut self, greeting: Option<String>) -> Result<Answer, DeviceError> {
+        self.quiet()?;
+        let build: Vec<String> = self.listing(b"$I\n")?.into_iter().filter(|l| l.starts_with('[')).collect();
+        let settings = self.listing(b"$$\n")?.iter().filter_map(|l| setting(l)).collect();
+        let name = greeting.and_then(|g| Some(g.split(" [").next()?.to_owned()));
+        let version = name.into_iter().chain(build).collect::<Vec<_>>().join(" ");
+        Ok(Answer::Grbl { is_hal: version.to_ascii_lowercase().contains("grblhal"), version, settings })
+    }
+
+    fn bridge(&mut self) -> Result<Option<Vec<String>>, DeviceError> {
+        if self.ask(b"X?\n", |text| (text == "OK").then_some(()))?.is_none() {
+            return Ok(None);
+        }
+        let until = Instant::now() + ANSWER;
+        let mut settings = Vec::new();
+        while settings.len() < 4
+            && let Some(text) = self.0.line(until)?
+        {
+            settings.push(text.trim().to_owned());
+        }
+        Ok(Some(settings))
+    }
+
+    /// The module may have taken the questions before for the head of a frame: zeros fill it up, byte by byte, until it
+    /// has answered that it is none.
+    fn tmcl(&mut self) -> Result<Option<Answer>, DeviceError> {
+        self.quiet()?;
+        let mut zeros = 0;
+        while zeros < BYTES && self.0.exact::<BYTES>(Instant::now() + SILENCE)?.is_none() {
+            self.0.send(&[0])?;
+            zeros += 1;
+        }
+        if zeros == BYTES {
+            // One that keeps silent about frames of others has now had 16 bytes: the next frame begins two later.
+            self.0.send(&[0; 2])?;
+        }
+        self.quiet()?;
+        self.0.send(&Version::question(TMCL_MODULE))?;
+        let reply = self.0.exact::<BYTES>(Instant::now() + ANSWER)?;
+        let version = reply.and_then(Version::told);
+        Ok(version.map(|version| Answer::Tmcl { module: format!("TMCM-{}", version.module), version: version.firmware() }))
+    }
+}
+
+fn setting(line: &str) -> Option<(u16, f64)> {
+    let (number, value) = line.strip_prefix('$')?.split_once('=')?;
+    Some((number.parse().ok()?, value.parse().ok()?))
+}

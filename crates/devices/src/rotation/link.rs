@@ -1,0 +1,374 @@
+//! One connection to a controller, what arrives on it and its stop.
+//!
+//! ```text
+//! rig worker ── send / line / exact ──► reader ◄── door (tty, TCP)
+//!                  │
+//!                  ▼
+//!           transmitter (mutex: door, latch) ──► door
+//!                  ▲
+//! any thread ── Stopper
+//! ```
+//! The one owner of a port is the rig worker, which blocks anyway; there is no thread per port. Reading needs no lock.
+//! Every write takes the transmitter's lock for one request, which the kernel's buffer of 4096 bytes takes at once, so a stop
+//! is on the wire at once even while the owner waits for an answer. Latch and bytes change under the same lock: a command
+//! either precedes the stop on the wire, and the stop ends it, or it finds the latch and is never sent. A stop of several
+//! pieces keeps the lock until the last of them: nothing comes between them.
+//!
+//! A serial port is opened exclusively. Closing the owner closes the connection, whatever stop handles are still about.
+
+use super::door::Door;
+use super::port::Port;
+use crate::DeviceError;
+use crate::cancel::CancelToken;
+use serialport::SerialPort;
+use std::io::ErrorKind;
+use std::net::{TcpStream, ToSocketAddrs};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// How often a wait looks at the latch. Bytes wake it at once.
+const LATCH_LOOK: Duration = Duration::from_millis(50);
+/// Longest wait for the kernel to take a few bytes; it takes them at once unless the device is dead.
+const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
+/// Longest wait for the other computer to take a connection.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
+/// No controller sends longer lines; more without a line end is noise.
+const LONGEST_LINE: usize = 512;
+
+pub(super) struct Link {
+    device: &'static str,
+    reader: Door,
+    /// Bytes that nobody has asked for yet.
+    pending: Vec<u8>,
+    transmitter: Arc<Transmitter>,
+}
+
+struct Transmitter {
+    device: &'static str,
+    stop: Stop,
+    state: Mutex<State>,
+}
+
+struct State {
+    /// None once the owner has closed the connection.
+    door: Option<Door>,
+    latched: bool,
+    /// What a stop sends instead while somebody else has the axis.
+    instead: Option<&'static [u8]>,
+}
+
+/// What stops the motor on this protocol.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Stop {
+    pub pieces: Vec<Vec<u8>>,
+    /// From one piece to the next: on a wire for both directions the answer to a piece would fall upon the next one.
+    pub gap: Duration,
+}
+
+impl Stop {
+    pub fn of(bytes: &[u8]) -> Self {
+        Self { pieces: vec![bytes.to_vec()], gap: Duration::ZERO }
+    }
+}
+
+/// Stops the motor from any thread and keeps it stopped until the owner lifts the latch.
+#[derive(Clone)]
+pub(super) struct Stopper(Arc<Transmitter>);
+
+impl Stopper {
+    pub fn stop(&self) {
+        let mut state = self.0.lock();
+        state.latched = true;
+        if let Err(e) = self.0.write_stop(&mut state) {
+            tracing::error!(device = self.0.device, error = %e, "stop could not be sent");
+        }
+    }
+}
+
+impl Transmitter {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn write(&self, state: &mut State, bytes: &[u8]) -> Result<(), DeviceError> {
+        tracing::trace!(device = self.device, "> {}", bytes.escape_ascii());
+        let gone = |why| DeviceError::Gone { device: self.device, why };
+        let door = state.door.as_mut().ok_or_else(|| gone("the connection has been closed".into()))?;
+        door.send(bytes).map_err(|e| gone(e.to_string()))
+    }
+
+    fn write_stop(&self, state: &mut State) -> Result<(), DeviceError> {
+        if let Some(bytes) = state.instead {
+            return self.write(state, bytes);
+        }
+        for (i, piece) in self.stop.pieces.iter().enumerate() {
+            if i > 0 {
+                std::thread::sleep(self.stop.gap);
+            }
+            self.write(state, piece)?;
+        }
+        Ok(())
+    }
+}
+
+impl Link {
+    /// Opens a serial port, exclusively.
+    pub fn serial(device: &'static str, port: &Port, baud: u32, stop: Stop) -> Result<Self, DeviceError> {
+        let path = &port.resolve(device)?;
+        let refused = |e: &serialport::Error| {
+            let why = e.to_string();
+            let remedy = match e.kind() {
+                serialport::ErrorKind::Io(ErrorKind::PermissionDenied) => "Add the daemon's user to the group dialout",
+                serialport::ErrorKind::NoDevice => "Close the other program that has the port open",
+                _ => "Check the cable and the name of the port in the configuration",
+            };
+            DeviceError::Open { device, address: path.clone(), why, remedy }
+        };
+        let mut port = serialport::new(path, baud).exclusive(true).timeout(WRITE_TIMEOUT).open_native().map_err(|e| refused(&e))?;
+        // A pty has no modem lines; on an Arduino this line may restart the controller, which the handshake awaits.
+        if let Err(e) = port.write_data_terminal_ready(true) {
+            tracing::debug!(device, error = %e, "the port has no DTR line");
+        }
+        Self::through(device, path, Door::Serial(port), stop)
+    }
+
+    /// Connects to a program that speaks for the controller, `host:port`.
+    pub fn tcp(device: &'static str, address: &str, stop: Stop) -> Result<Self, DeviceError> {
+        let refused = |e: std::io::Error| DeviceError::Open {
+            device,
+            address: address.into(),
+            why: e.to_string(),
+            remedy: "Check that the program is started on that computer, the address in the configuration and the firewall",
+        };
+        let mut last = std::io::Error::new(ErrorKind::NotFound, "the name has no address");
+        for candidate in address.to_socket_addrs().map_err(refused)? {
+            match TcpStream::connect_timeout(&candidate, CONNECT_TIMEOUT) {
+                Ok(stream) => {
+                    // Requests are a few bytes each and wait for their answers.
+                    stream.set_nodelay(true).map_err(refused)?;
+                    stream.set_write_timeout(Some(WRITE_TIMEOUT)).map_err(refused)?;
+                    return Self::through(device, address, Door::Tcp(stream), stop);
+                }
+                Err(e) => last = e,
+            }
+        }
+        Err(refused(last))
+    }
+
+    fn through(device: &'static str, address: &str, reader: Door, stop: Stop) -> Result<Self, DeviceError> {
+        let twin = reader.twin().map_err(|e| DeviceError::Open {
+            device,
+            address: address.into(),
+            why: e.to_string(),
+            remedy: "Close other programs: this computer has no file handles left",
+        })?;
+        let state = Mutex::new(State { door: Some(twin), latched: false, instead: None });
+        let transmitter = Transmitter { device, stop, state };
+        Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
+    }
+
+    pub fn stopper(&self) -> Stopper {
+        Stopper(Arc::clone(&self.transmitter))
+    }
+
+    /// Sends bytes unless the stop is latched.
+    pub fn send(&mut self, bytes: &[u8]) -> Result<(), DeviceError> {
+        let mut state = self.transmitter.lock();
+        if state.latched {
+            return Err(DeviceError::Stopped);
+        }
+        self.transmitter.write(&mut state, bytes)
+    }
+
+    /// Stops the motor without latching: the owner's own reaction to a fault.
+    pub fn halt(&mut self) {
+        let mut state = self.transmitter.lock();
+        if let Err(e) = self.transmitter.write_stop(&mut state) {
+            tracing::warn!(device = self.device, error = %e, "halt could not be sent");
+        }
+    }
+
+    /// Lifts a latched stop, unless the work that wants to go on was cancelled. Whoever stops cancels first: seen under the
+    /// lock, either the cancellation comes before the release, or the stop comes after it and latches again.
+    pub fn release(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        let mut transmitter = self.transmitter.lock();
+        if cancel.is_cancelled() {
+            return Err(DeviceError::Stopped);
+        }
+        transmitter.latched = false;
+        Ok(())
+    }
+
+    /// Whatever stops the motor from now on sends these bytes instead; none: what it sends by default.
+    pub fn stop_by(&mut self, instead: Option<&'static [u8]>) {
+        self.transmitter.lock().instead = instead;
+    }
+
+    /// The next line without its line end; `None` when `until` has passed. Ends early when the stop is latched.
+    pub fn line(&mut self, until: Instant) -> Result<Option<String>, DeviceError> {
+        self.await_some(until, Self::take_line)
+    }
+
+    /// The next `N` bytes; `None` when `until` has passed, and then what came of them waits for the next call. Ends early
+    /// when the stop is latched.
+    pub fn exact<const N: usize>(&mut self, until: Instant) -> Result<Option<[u8; N]>, DeviceError> {
+        self.await_some(until, |link| {
+            let bytes = *link.pending.first_chunk()?;
+            link.pending.drain(..N);
+            tracing::trace!(device = link.device, "< {}", bytes.escape_ascii());
+            Some(bytes)
+        })
+    }
+
+    /// The next `count` bytes, as [`Self::exact`].
+    pub fn bytes(&mut self, count: usize, until: Instant) -> Result<Option<Vec<u8>>, DeviceError> {
+        self.await_some(until, |link| {
+            let bytes: Vec<u8> = (link.pending.len() >= count).then(|| link.pending.drain(..count).collect())?;
+            tracing::trace!(device = link.device, "< {}", bytes.escape_ascii());
+            Some(bytes)
+        })
+    }
+
+    /// Whether a stop is latched.
+    pub fn is_stopped(&self) -> bool {
+        self.transmitter.lock().latched
+    }
+
+    /// Whether nothing has arrived that nobody has asked for.
+    pub fn is_silent(&mut self) -> Result<bool, DeviceError> {
+        self.receive(Duration::ZERO)?;
+        Ok(self.pending.is_empty())
+    }
+
+    /// Goes on through another connection; stop handles and a latched stop stay as they are.
+    pub fn go_on_through(&mut self, mut fresh: Self) {
+        std::mem::swap(&mut self.reader, &mut fresh.reader);
+        self.pending.clear();
+        self.transmitter.lock().door = fresh.transmitter.lock().door.take();
+    }
+
+    fn await_some<T>(&mut self, until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
+        loop {
+            // Before anything is taken: what a controller says after a stop is of no use to a request that the stop has ended.
+            if self.transmitter.lock().latched {
+                return Err(DeviceError::Stopped);
+            }
+            if let Some(taken) = take(self) {
+                return Ok(Some(taken));
+            }
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return Ok(None);
+            }
+            self.receive(left.min(LATCH_LOOK))?;
+        }
+    }
+
+    /// A line that has already arrived, or `None`.
+    pub fn line_now(&mut self) -> Result<Option<String>, DeviceError> {
+        if self.transmitter.lock().latched {
+            return Err(DeviceError::Stopped);
+        }
+        self.receive(Duration::ZERO)?;
+        Ok(self.take_line())
+    }
+
+    /// Whether the connection stands, told by the kernel: nothing is sent, and whatever has come is kept.
+    pub fn still_there(&mut self) -> Result<(), DeviceError> {
+        self.receive(Duration::ZERO).map(|_came| ())
+    }
+
+    /// Asks for a sign of life, of a stopped controller too: `question` must be one that moves nothing. The lines that came,
+    /// none where nobody answered.
+    pub fn probe(&mut self, question: &[u8], wait: Duration) -> Result<Vec<String>, DeviceError> {
+        {
+            let mut state = self.transmitter.lock();
+            self.transmitter.write(&mut state, question)?;
+        }
+        let until = Instant::now() + wait;
+        let mut lines = Vec::new();
+        while lines.is_empty() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            self.receive(left)?;
+            lines.extend(std::iter::from_fn(|| self.take_line()));
+        }
+        Ok(lines)
+    }
+
+    /// Like [`Self::probe`], for answers that are not lines: what came, nothing where nobody answered.
+    pub fn probe_bytes(&mut self, question: &[u8], wait: Duration) -> Result<Vec<u8>, DeviceError> {
+        self.unasked()?;
+        {
+            let mut state = self.transmitter.lock();
+            self.transmitter.write(&mut state, question)?;
+        }
+        let until = Instant::now() + wait;
+        while self.pending.is_empty() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            self.receive(left)?;
+        }
+        Ok(std::mem::take(&mut self.pending))
+    }
+
+    /// What has arrived that nobody has asked for; it is forgotten.
+    pub fn unasked(&mut self) -> Result<Vec<u8>, DeviceError> {
+        self.receive(Duration::ZERO)?;
+        if !self.pending.is_empty() {
+            tracing::trace!(device = self.device, "< (unasked) {}", self.pending.escape_ascii());
+        }
+        Ok(std::mem::take(&mut self.pending))
+    }
+
+    /// Forgets whatever arrives until the line has been silent for `silence`, at most until `until`.
+    pub fn quiet(&mut self, silence: Duration, until: Instant) -> Result<(), DeviceError> {
+        while Instant::now() < until && self.receive(silence)? {
+            tracing::trace!(device = self.device, "< (dropped) {}", self.pending.escape_ascii());
+            self.pending.clear();
+        }
+        self.pending.clear();
+        Ok(())
+    }
+
+    fn take_line(&mut self) -> Option<String> {
+        let end = self.pending.iter().position(|b| *b == b'\n')?;
+        let line: Vec<u8> = self.pending.drain(..=end).collect();
+        tracing::trace!(device = self.device, "< {}", line.escape_ascii());
+        // Noise need not be UTF-8; what replaces it matches no answer.
+        Some(String::from_utf8_lossy(&line).trim_end_matches(['\r', '\n']).to_owned())
+    }
+
+    /// Waits at most `wait` for bytes and keeps them; false when none came.
+    fn receive(&mut self, wait: Duration) -> Result<bool, DeviceError> {
+        let gone = |device, why| Err(DeviceError::Gone { device, why });
+        let mut bytes = [0; LONGEST_LINE];
+        if let Err(e) = self.reader.wait_at_most(wait) {
+            return gone(self.device, e.to_string());
+        }
+        match self.reader.receive(&mut bytes) {
+            // A tty at its end reads as empty, at once and for ever.
+            Ok(0) => gone(self.device, "end of file".into()),
+            Ok(n) => {
+                if self.pending.len() + n > 2 * LONGEST_LINE {
+                    tracing::debug!(device = self.device, "noise without a line end dropped: {}", self.pending.escape_ascii());
+                    self.pending.clear();
+                }
+                self.pending.extend_from_slice(&bytes[..n]);
+                Ok(true)
+            }
+            Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock) => Ok(false),
+            Err(e) => gone(self.device, e.to_string()),
+        }
+    }
+}
+
+impl Drop for Link {
+    fn drop(&mut self) {
+        self.transmitter.lock().door = None;
+    }
+}

@@ -1,0 +1,155 @@
+//! Backlash taken up: every stop is approached from the same side.
+//!
+//! ```text
+//!   target ahead:    ────────────────►│
+//!   target behind:            ┌──────►│       one backlash beyond it, and back
+//!                             └───────────────
+//! ```
+//! It stands before any driver. What the gear has of play is then always on the same side, and angles between views hold.
+
+use crate::cancel::CancelToken;
+use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
+use carved_core::units::Steps;
+
+/// An axis that arrives turning forward, whatever way it came.
+pub struct OneSided {
+    axis: Box<dyn RotationAxis>,
+    backlash_steps: i64,
+}
+
+/// `axis` itself where there is no backlash to take up.
+///
+/// # Errors
+/// An axis that steps through a list cannot go back for it.
+pub fn one_sided(axis: Box<dyn RotationAxis>, backlash_steps: u32) -> Result<Box<dyn RotationAxis>, DeviceError> {
+    if backlash_steps == 0 {
+        return Ok(axis);
+    }
+    if axis.capabilities().trigger_only {
+        let rule = "an axis that steps through a list is led nowhere else: it must be 0".into();
+        return Err(DeviceError::Setting { device: "rotation axis", name: "rig.backlash_steps", found: backlash_steps.to_string(), rule });
+    }
+    Ok(Box::new(OneSided { axis, backlash_steps: backlash_steps.into() }))
+}
+
+impl OneSided {
+    fn approach(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        self.axis.move_to(target + Steps(-self.backlash_steps))?;
+        self.axis.move_to(target)
+    }
+}
+
+impl RotationAxis for OneSided {
+    fn identity(&self) -> &str {
+        self.axis.identity()
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.axis.capabilities()
+    }
+
+    fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
+        self.axis.announce(stops)
+    }
+
+    /// A reference may have been found turning either way: its place, too, is taken from behind.
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        let origin = self.axis.reference(cancel)?;
+        self.approach(origin.steps)
+    }
+
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        match self.axis.position() {
+            Position::Referenced { steps, .. } if target < steps => self.approach(target),
+            _ => self.axis.move_to(target),
+        }
+    }
+
+    fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.axis.let_go(cancel)
+    }
+
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.axis.check()
+    }
+
+    fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
+        self.axis.linear()
+    }
+
+    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        self.axis.specimen_input()
+    }
+
+    fn position(&self) -> Position {
+        self.axis.position()
+    }
+
+    fn stop_handle(&self) -> StopHandle {
+        self.axis.stop_handle()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::{Arc, Mutex};
+
+    struct Recorder {
+        moves: Arc<Mutex<Vec<i64>>>,
+        at: Steps,
+        trigger_only: bool,
+    }
+
+    impl RotationAxis for Recorder {
+        fn identity(&self) -> &'static str {
+            "recorder"
+        }
+        fn capabilities(&self) -> Capabilities {
+            let trigger_only = self.trigger_only;
+            Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only }
+        }
+        fn reference(&mut self, _: &CancelToken) -> Result<Achieved, DeviceError> {
+            self.at = Steps(0);
+            Ok(Achieved { steps: self.at, epoch: 1 })
+        }
+        fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+            self.moves.lock().unwrap().push(target.0);
+            self.at = target;
+            Ok(Achieved { steps: target, epoch: 1 })
+        }
+        fn check(&mut self) -> Result<(), DeviceError> {
+            Ok(())
+        }
+        fn position(&self) -> Position {
+            Position::Referenced { steps: self.at, epoch: 1 }
+        }
+        fn stop_handle(&self) -> StopHandle {
+            StopHandle::new(|| ())
+        }
+    }
+
+    fn recorder(trigger_only: bool) -> (Box<dyn RotationAxis>, Arc<Mutex<Vec<i64>>>) {
+        let moves = Arc::default();
+        (Box::new(Recorder { moves: Arc::clone(&moves), at: Steps(0), trigger_only }), moves)
+    }
+
+    #[test]
+    fn every_stop_is_reached_turning_forward() {
+        let (axis, moves) = recorder(false);
+        let mut axis = one_sided(axis, 7).unwrap();
+        assert_eq!(axis.reference(&CancelToken::new()).unwrap().steps, Steps(0));
+        for target in [250, 125, 375, 375, 62] {
+            assert_eq!(axis.move_to(Steps(target)).unwrap().steps, Steps(target));
+        }
+        assert_eq!(*moves.lock().unwrap(), [-7, 0, 250, 118, 125, 375, 375, 55, 62]);
+    }
+
+    #[test]
+    fn what_cannot_go_back_refuses_and_no_backlash_adds_nothing() {
+        assert!(matches!(one_sided(recorder(true).0, 7), Err(DeviceError::Setting { .. })));
+        let (axis, moves) = recorder(true);
+        one_sided(axis, 0).unwrap().reference(&CancelToken::new()).unwrap();
+        assert!(moves.lock().unwrap().is_empty());
+    }
+}

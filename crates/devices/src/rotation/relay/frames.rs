@@ -1,0 +1,38 @@
+//! Frames of the relay: a length of four bytes, little endian, and as many ASCII characters.
+//!
+//! An answer does not name its request. So nothing may be left over when a request is sent, and after any failure the
+//! connection is of no use: what is still under way on it would be taken for the answer to something else.
+
+use super::DEVICE;
+use crate::DeviceError;
+use crate::rotation::link::Link;
+use std::time::{Duration, Instant};
+
+/// The longest answer is a folder's name.
+const LONGEST: u32 = 512;
+
+/// Sends a request and waits for its answer.
+pub(super) fn ask(link: &mut Link, request: &str, wait: Duration) -> Result<String, DeviceError> {
+    let unexpected = |expected: String, found: String| Err(DeviceError::Unexpected { device: DEVICE, expected, found });
+    if !link.is_silent()? {
+        return unexpected(format!("silence before {request:?}"), "an answer to nothing".into());
+    }
+    let mut frame = (request.len() as u32).to_le_bytes().to_vec();
+    frame.extend_from_slice(request.as_bytes());
+    link.send(&frame)?;
+    let until = Instant::now() + wait;
+    let silent = || DeviceError::Silent { device: DEVICE, request: request.into(), waited_ms: wait.as_millis() };
+    let length = u32::from_le_bytes(link.exact(until)?.ok_or_else(silent)?);
+    if length > LONGEST {
+        return unexpected(format!("an answer of at most {LONGEST} bytes to {request:?}"), format!("one of {length} bytes"));
+    }
+    let bytes = link.bytes(length as usize, until)?.ok_or_else(silent)?;
+    if !bytes.iter().all(|b| *b == b' ' || b.is_ascii_graphic()) {
+        return unexpected(format!("an answer in ASCII to {request:?}"), bytes.escape_ascii().to_string());
+    }
+    let text: String = bytes.into_iter().map(char::from).collect();
+    if text.to_ascii_lowercase().starts_with("err") {
+        return Err(DeviceError::Alarm { device: DEVICE, what: format!("{text:?} to {request:?}") });
+    }
+    Ok(text)
+}

@@ -1,0 +1,109 @@
+//! The `[rotation]` table of a VAST behind a relay.
+
+use super::DEVICE;
+use crate::DeviceError;
+use crate::rotation::pace::Pace;
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// Where the relay listens, and how fast its VAST turns.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RelaySettings {
+    /// `host:port` of the program on VAST's computer.
+    pub address: String,
+    /// Whether to send `boot` as the connection is opened, which starts VAST's own library and may move everything; false
+    /// where the program's user has done so.
+    #[serde(default)]
+    pub boot: bool,
+    /// Longest wait for the answer to `boot`, ms.
+    #[serde(default = "default_boot_timeout_ms")]
+    pub boot_timeout_ms: u32,
+    /// How fast VAST turns, deg/s: measure. A turn is not believed to be over in less than half its time, and has failed a
+    /// margin after one and a half.
+    pub speed_deg_per_s: f64,
+    /// Time beyond one and a half of a turn's until it counts as failed, ms.
+    #[serde(default = "default_turn_margin_ms")]
+    pub turn_margin_ms: u32,
+    /// Longest wait for any other answer, ms.
+    #[serde(default = "default_answer_timeout_ms")]
+    pub answer_timeout_ms: u32,
+}
+
+fn default_boot_timeout_ms() -> u32 {
+    60_000
+}
+
+fn default_turn_margin_ms() -> u32 {
+    2000
+}
+
+fn default_answer_timeout_ms() -> u32 {
+    1000
+}
+
+impl RelaySettings {
+    /// # Errors
+    /// Names the first value that no relay can have.
+    pub fn check(&self) -> Result<(), DeviceError> {
+        let bad =
+            |name, found: &str, rule: &str| Err(DeviceError::Setting { device: DEVICE, name, found: found.into(), rule: rule.into() });
+        let port = self.address.rsplit_once(':').filter(|(host, _)| !host.is_empty()).and_then(|(_, port)| port.parse::<u16>().ok());
+        if port.is_none_or(|port| port == 0) {
+            return bad("address", &format!("{:?}", self.address), "it must be host:port, such as \"192.168.10.3:5000\"");
+        }
+        self.pace().check(DEVICE, "turn_margin_ms")?;
+        for (name, value) in [("boot_timeout_ms", self.boot_timeout_ms), ("answer_timeout_ms", self.answer_timeout_ms)] {
+            if value == 0 {
+                return bad(name, "0", "it must be at least 1");
+            }
+        }
+        Ok(())
+    }
+
+    pub(super) fn pace(&self) -> Pace {
+        Pace { speed_deg_per_s: self.speed_deg_per_s, margin: Duration::from_millis(self.turn_margin_ms.into()) }
+    }
+
+    pub(super) fn answer_timeout(&self) -> Duration {
+        Duration::from_millis(self.answer_timeout_ms.into())
+    }
+
+    pub(super) fn boot_timeout(&self) -> Duration {
+        Duration::from_millis(self.boot_timeout_ms.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_that_no_relay_can_have_are_named_with_their_value() {
+        let said = |change: fn(&mut RelaySettings)| {
+            let mut settings = RelaySettings {
+                address: "vast:5000".into(),
+                boot: false,
+                boot_timeout_ms: 1,
+                speed_deg_per_s: 90.0,
+                turn_margin_ms: 1,
+                answer_timeout_ms: 1,
+            };
+            settings.check().unwrap();
+            change(&mut settings);
+            settings.check().unwrap_err().to_string()
+        };
+        for (said, word) in [
+            (said(|s| s.address = "vast".into()), "\"vast\""),
+            (said(|s| s.address = "vast:0".into()), "\"vast:0\""),
+            (said(|s| s.address = ":5000".into()), "\":5000\""),
+            (said(|s| s.address = "vast:70000".into()), "70000"),
+            (said(|s| s.speed_deg_per_s = 0.0), "speed_deg_per_s = 0"),
+            (said(|s| s.turn_margin_ms = 0), "turn_margin_ms = 0"),
+            (said(|s| s.answer_timeout_ms = 0), "answer_timeout_ms = 0"),
+            (said(|s| s.boot_timeout_ms = 0), "boot_timeout_ms = 0"),
+        ] {
+            assert!(said.contains(word), "{word} is not in: {said}");
+        }
+    }
+}

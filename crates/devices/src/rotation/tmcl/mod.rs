@@ -1,0 +1,197 @@
+//! Driver for Trinamic modules (TMCL): two motors that hold the capillary at both ends and turn it as a pair.
+//!
+//! ```text
+//! reference:  flush ─ settings ─ stop ─ arm the stall stop ─ apart? ─ search (both) | here ─ counters to 0 ─ mark
+//! move_to:    both counters where they were left, and the mark? ─ absolute target to both
+//!               └─ look, look, ... : apart? out of the way? standing short? reset? ─► both stopped, position suspect
+//!               └─ no look in time ─► both stopped, looked at, sent on
+//!               └─ both counters at the target, both speeds 0, the mark ─► arrived
+//! ```
+//! One motor is told before the other, and is stopped again where the module has not acknowledged both in the time in which the
+//! pair comes apart by what is allowed. A look asks the first counter before and after the second, so that the skew of a turning pair is told without a clock.
+//! Where no look is to be had for as long as the pair needs to come apart, both motors are stopped, looked at where they stand,
+//! and sent on: a late answer costs time. A pair that was seen apart is told as an alarm before it is homed again.
+//! Parameter 8, "position reached", is not asked: a stop leaves it at 0. A reading that says something is wrong is asked
+//! again before it is believed: bits flip, and the sum with them.
+//!
+//! **The mark.** A module that was reset says nothing and counts from 0, which may be where it is expected. At every
+//! reference a number is written into a variable that a reset clears; it is read with every look.
+//!
+//! **Stalls.** Arming the stall stop on a stalled motor lets its old move go on, so that it is armed only by a reference and
+//! after a stop, which forgets the move. The module counts what it sent: steps that are lost without a stall show where
+//! the pair is referenced at its switches, as skew, or in the pictures.
+
+pub(super) mod frame;
+mod settings;
+mod travel;
+mod wire;
+
+pub use settings::{ClockDivisors, TmclSettings};
+
+use super::Reference;
+use super::knowledge::Knowledge;
+use super::link::{Link, Stop};
+use crate::cancel::CancelToken;
+use crate::{Achieved, Capabilities, DeviceError, Difference, Position, RotationAxis, StopHandle};
+use carved_core::units::Steps;
+use frame::{Request, Version, parameter, stop_pieces};
+use wire::Wire;
+
+const DEVICE: &str = "rotation axis (TMCL)";
+/// Upper half of every mark; the lower one is the epoch.
+const MARK: i32 = 0x0CA7_0000;
+
+/// A rotation axis of two motors on one Trinamic module.
+pub struct Tmcl {
+    wire: Wire,
+    settings: TmclSettings,
+    identity: String,
+    knowledge: Knowledge,
+    mark: i32,
+    /// A motion has been asked for and its end has not been seen.
+    in_flight: bool,
+    /// Somebody was told that the pair is apart, and no reference has been found since.
+    told_of_skew: bool,
+}
+
+impl Tmcl {
+    /// Opens the port and holds the module's settings against the configured ones. Nothing moves.
+    ///
+    /// # Errors
+    /// A bad setting, a port that cannot be opened, a silent module, or one with other settings.
+    pub fn open(settings: TmclSettings) -> Result<Self, DeviceError> {
+        settings.check()?;
+        let stop = Stop { pieces: stop_pieces(settings.module_address, settings.motors), gap: settings.exchange_time() };
+        let link = Link::serial(DEVICE, &settings.port, settings.baud, stop)?;
+        let mut wire = Wire::new(link, &settings);
+        let version = wire.flush()?;
+        let version = Version::of(version);
+        let identity = format!("TMCM-{} {}", version.module, version.firmware());
+        let knowledge = Knowledge::none_of("rotation axis");
+        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, told_of_skew: false };
+        tmcl.compare_settings()?;
+        tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");
+        Ok(tmcl)
+    }
+
+    fn compare_settings(&mut self) -> Result<(), DeviceError> {
+        let settings = &self.settings;
+        let mut expected = vec![
+            (parameter::MICROSTEP_RESOLUTION, "microstep resolution", i64::from(settings.microstep_resolution)),
+            (parameter::MAX_SPEED, "maximum speed", settings.max_speed.into()),
+            (parameter::MAX_ACCELERATION, "maximum acceleration", settings.max_acceleration.into()),
+        ];
+        if let Some(divisors) = settings.clock_divisors {
+            expected.push((parameter::PULSE_DIVISOR, "pulse divisor", divisors.pulse.into()));
+            expected.push((parameter::RAMP_DIVISOR, "ramp divisor", divisors.ramp.into()));
+        }
+        let mut differences = Vec::new();
+        for motor in self.settings.motors {
+            for (number, name, expected) in &expected {
+                let request = Request::get(*number, motor);
+                let mut found = self.wire.ask(request)?;
+                if i64::from(found) != *expected {
+                    found = self.wire.ask(request)?;
+                }
+                if i64::from(found) != *expected {
+                    let name = format!("motor {motor}, parameter {number} ({name})");
+                    differences.push(Difference::new(name, expected.to_string(), found.to_string()));
+                }
+            }
+        }
+        if differences.is_empty() { Ok(()) } else { Err(DeviceError::Mismatch { device: DEVICE, differences }) }
+    }
+
+    fn find_origin(&mut self) -> Result<(), DeviceError> {
+        // Until the pair is seen to stand at its origin, one motor may turn: from an earlier owner, or from a search whose end
+        // was misread.
+        self.in_flight = true;
+        self.wire.flush()?;
+        self.compare_settings()?;
+        self.stop_and_rest()?;
+        if let Some(speed) = self.settings.stop_on_stall {
+            self.wire.ask_all(self.settings.motors.map(|motor| Request::set(parameter::STOP_ON_STALL, motor, speed as i32)))?;
+        }
+        match self.settings.reference {
+            Reference::Home => self.search()?,
+            Reference::Here => self.take_here()?,
+        }
+        self.mark = MARK | (self.knowledge.next_epoch() & 0xffff) as i32;
+        self.wire.ask(Request::set_mark(self.mark))?;
+        // Every later angle hangs on these counters.
+        self.confirm(0)?;
+        (self.in_flight, self.told_of_skew) = (false, false);
+        Ok(())
+    }
+
+    /// Brings the axis to rest and no longer believes its position.
+    fn doubt(&mut self, error: &DeviceError) {
+        if self.in_flight {
+            self.wire.halt();
+            self.in_flight = false;
+        }
+        self.told_of_skew |= matches!(error, DeviceError::Skew { .. });
+        self.knowledge.doubt(error);
+    }
+}
+
+impl RotationAxis for Tmcl {
+    fn identity(&self) -> &str {
+        &self.identity
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        let has_stall = self.settings.stop_on_stall.is_some();
+        Capabilities { has_position: true, has_encoder: false, has_stall, can_stop: true, absolute: true, trigger_only: false }
+    }
+
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        self.wire.release(cancel)?;
+        match self.find_origin() {
+            Ok(()) => Ok(self.knowledge.begin_epoch()),
+            Err(error) => {
+                self.doubt(&error);
+                Err(error)
+            }
+        }
+    }
+
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        let from = self.knowledge.whence()?;
+        match self.travel(from.0, target.0) {
+            Ok(()) => Ok(self.knowledge.arrived(target)),
+            Err(error) => {
+                self.doubt(&error);
+                Err(error)
+            }
+        }
+    }
+
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.wire.still_there()?;
+        if self.wire.is_stopped() {
+            return self.wire.sign_of_life();
+        }
+        self.wire.ask(Request::get(parameter::ACTUAL_POSITION, self.settings.motors[0])).map(|_position| ())
+    }
+
+    fn position(&self) -> Position {
+        self.knowledge.position()
+    }
+
+    fn stop_handle(&self) -> StopHandle {
+        let stopper = self.wire.stopper();
+        StopHandle::new(move || stopper.stop())
+    }
+}
+
+impl Drop for Tmcl {
+    fn drop(&mut self) {
+        if self.in_flight {
+            self.wire.halt();
+        }
+    }
+}
+
+#[cfg(test)]
+mod dialogues;

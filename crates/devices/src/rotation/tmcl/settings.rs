@@ -1,0 +1,233 @@
+//! The `[rotation]` table of a Trinamic module with a pair of motors.
+
+use crate::DeviceError;
+use crate::rotation::knowledge::travel_time;
+use crate::rotation::{Port, Reference};
+use serde::{Deserialize, Serialize};
+use std::time::Duration;
+
+/// How a Trinamic module is reached and what it must say of itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TmclSettings {
+    /// Serial port, by its name or by its USB adapter's serial number.
+    pub port: Port,
+    /// Baud; without meaning on USB. The factory's 9600 make every look at the pair take 0.1 s.
+    #[serde(default = "default_baud")]
+    pub baud: u32,
+    /// The module's serial address, and the one that it answers to.
+    #[serde(default = "default_module_address")]
+    pub module_address: u8,
+    #[serde(default = "default_host_address")]
+    pub host_address: u8,
+    /// The two motors at the ends of the capillary.
+    #[serde(default = "default_motors")]
+    pub motors: [u8; 2],
+    /// Parameter 140: 2^n microsteps per full step.
+    pub microstep_resolution: u8,
+    /// Parameter 4, in the module's own unit: microsteps/s, or a fraction of its clock.
+    pub max_speed: u32,
+    /// Parameter 5, in the module's own unit.
+    pub max_acceleration: u32,
+    /// Parameters 154 and 153 of a module that counts in fractions of its clock; left out: it counts in microsteps/s.
+    #[serde(default)]
+    pub clock_divisors: Option<ClockDivisors>,
+    /// How far the two motors may be apart, microsteps: what the glass is twisted by at most.
+    pub max_skew_steps: u32,
+    /// Parameter 181, the least speed at which a stall stops a motor; left out: stalls are not noticed.
+    #[serde(default)]
+    pub stop_on_stall: Option<u32>,
+    /// Where step 0 is.
+    pub reference: Reference,
+    /// Longest wait for an answer, ms.
+    #[serde(default = "default_answer_timeout_ms")]
+    pub answer_timeout_ms: u32,
+    /// Longest reference search, ms.
+    #[serde(default = "default_homing_timeout_ms")]
+    pub homing_timeout_ms: u32,
+}
+
+/// What a module of the TMC428/429 family divides its 16 MHz by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ClockDivisors {
+    /// Parameter 154.
+    pub pulse: u8,
+    /// Parameter 153.
+    pub ramp: u8,
+}
+
+fn default_baud() -> u32 {
+    115_200
+}
+
+fn default_module_address() -> u8 {
+    1
+}
+
+fn default_host_address() -> u8 {
+    2
+}
+
+fn default_motors() -> [u8; 2] {
+    [0, 1]
+}
+
+fn default_answer_timeout_ms() -> u32 {
+    200
+}
+
+fn default_homing_timeout_ms() -> u32 {
+    30_000
+}
+
+/// What a module may take from a request to its answer.
+const MODULE_TIME: Duration = Duration::from_millis(3);
+/// Two looks at the pair: three counters and the mark each.
+const EXCHANGES_OF_TWO_LOOKS: u32 = 8;
+/// Both motors are told, and one is stopped again.
+const EXCHANGES_APART: u32 = 3;
+/// Clock of the TMC428/429, Hz.
+const CLOCK_HZ: f64 = 16.0e6;
+/// 256 microsteps.
+const FINEST_RESOLUTION: u8 = 8;
+const LARGEST_DIVISOR: u8 = 13;
+
+impl TmclSettings {
+    /// # Errors
+    /// Names the first value that no module can have.
+    pub fn check(&self) -> Result<(), DeviceError> {
+        let bad = |name, found: String, rule: String| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule });
+        if self.motors[0] == self.motors[1] {
+            return bad("motors", format!("{:?}", self.motors), "the two ends of the capillary have a motor each".into());
+        }
+        if self.microstep_resolution > FINEST_RESOLUTION {
+            return bad("microstep_resolution", self.microstep_resolution.to_string(), "it must be 0 to 8".into());
+        }
+        for (name, value) in [
+            ("baud", self.baud),
+            ("max_speed", self.max_speed),
+            ("max_acceleration", self.max_acceleration),
+            ("stop_on_stall", self.stop_on_stall.unwrap_or(1)),
+            ("max_skew_steps", self.max_skew_steps),
+            ("answer_timeout_ms", self.answer_timeout_ms),
+            ("homing_timeout_ms", self.homing_timeout_ms),
+        ] {
+            if !(1..=i32::MAX as u32).contains(&value) {
+                return bad(name, value.to_string(), "it must be 1 to 2147483647".into());
+            }
+        }
+        if let Some(divisors) = self.clock_divisors
+            && (divisors.pulse > LARGEST_DIVISOR || divisors.ramp > LARGEST_DIVISOR)
+        {
+            return bad("clock_divisors", format!("{divisors:?}"), "both must be 0 to 13".into());
+        }
+        let (apart_ms, needed_ms) = (self.apart_s() * 1e3, (EXCHANGES_APART * self.exchange_time()).as_secs_f64() * 1e3);
+        if apart_ms < needed_ms {
+            let found = format!("{}, which one motor turns in {apart_ms:.1} ms at max_speed", self.max_skew_steps);
+            let rule = format!(
+                "to tell both motors and to stop one again takes {needed_ms:.1} ms at {} baud: allow {:.0} steps, or lower max_speed or \
+                 raise baud",
+                self.baud,
+                (needed_ms * 1e-3 * self.rates().0).ceil()
+            );
+            return bad("max_skew_steps", found, rule);
+        }
+        Ok(())
+    }
+    /// Microsteps/s and microsteps/s^2, by the formulas of the TMC429's data sheet where it counts in fractions of its clock.
+    fn rates(&self) -> (f64, f64) {
+        let (speed, acceleration) = (f64::from(self.max_speed), f64::from(self.max_acceleration));
+        match self.clock_divisors {
+            None => (speed, acceleration),
+            Some(ClockDivisors { pulse, ramp }) => {
+                let (pulse, ramp) = (i32::from(pulse), i32::from(ramp));
+                (speed * CLOCK_HZ / (2_f64.powi(pulse) * 2048.0 * 32.0), acceleration * CLOCK_HZ.powi(2) / 2_f64.powi(pulse + ramp + 29))
+            }
+        }
+    }
+
+    /// Longest time a healthy module needs for a move.
+    pub(super) fn travel_time(&self, steps: i64) -> Duration {
+        let (steps_per_s, steps_per_s2) = self.rates();
+        travel_time(steps, steps_per_s, steps_per_s2) + self.answer_timeout()
+    }
+
+    /// How long one motor may turn alone: at full speed it is then as far ahead as the pair may be apart.
+    fn apart_s(&self) -> f64 {
+        f64::from(self.max_skew_steps) / self.rates().0
+    }
+
+    /// How long both acknowledgements may take, so that there is time left to stop the pair again.
+    pub(super) fn start_time(&self) -> Duration {
+        let apart = Duration::try_from_secs_f64(self.apart_s()).unwrap_or(Duration::MAX);
+        apart.saturating_sub(self.exchange_time()).min(self.answer_timeout())
+    }
+
+    /// How long nothing may be seen of a turning pair before it is stopped: as long as it takes to come apart, and no shorter than
+    /// two looks take.
+    pub(super) fn blind_time(&self) -> Duration {
+        self.start_time().max(EXCHANGES_OF_TWO_LOOKS * self.exchange_time())
+    }
+
+    /// A request on the wire, its answer, and what the module takes between them.
+    pub(super) fn exchange_time(&self) -> Duration {
+        let bits = 2.0 * 10.0 * super::frame::BYTES as f64;
+        Duration::from_secs_f64(bits / f64::from(self.baud)) + MODULE_TIME
+    }
+
+    pub(super) fn answer_timeout(&self) -> Duration {
+        Duration::from_millis(self.answer_timeout_ms.into())
+    }
+
+    pub(super) fn homing_timeout(&self) -> Duration {
+        Duration::from_millis(self.homing_timeout_ms.into())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    pub fn settings() -> TmclSettings {
+        toml::from_str(
+            "port = \"p\"\nmicrostep_resolution = 5\nmax_speed = 1000\nmax_acceleration = 500\nmax_skew_steps = 80\nreference = \"here\"",
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn a_module_that_counts_in_its_clock_is_given_the_time_that_its_data_sheet_says() {
+        // 1000 * 16e6 / (2^5 * 65536) = 7629.4 microsteps/s; 500 * 2.56e14 / 2^(5 + 7 + 29) = 58 208 microsteps/s^2.
+        let clocked = TmclSettings { clock_divisors: Some(ClockDivisors { pulse: 5, ramp: 7 }), ..settings() };
+        let (speed, acceleration) = clocked.rates();
+        assert!((speed - 7629.4).abs() < 0.1 && (acceleration - 58_207.7).abs() < 0.1, "{speed} {acceleration}");
+        assert!(clocked.travel_time(6400) < settings().travel_time(6400));
+    }
+
+    #[test]
+    fn what_no_module_can_have_is_named() {
+        settings().check().unwrap();
+        for (broken, name) in [
+            (TmclSettings { motors: [1, 1], ..settings() }, "motors"),
+            (TmclSettings { microstep_resolution: 9, ..settings() }, "microstep_resolution"),
+            (TmclSettings { max_skew_steps: 0, ..settings() }, "max_skew_steps"),
+            (TmclSettings { stop_on_stall: Some(0), ..settings() }, "stop_on_stall"),
+            (TmclSettings { clock_divisors: Some(ClockDivisors { pulse: 14, ramp: 0 }), ..settings() }, "clock_divisors"),
+            (TmclSettings { baud: 0, ..settings() }, "baud"),
+        ] {
+            assert!(matches!(broken.check(), Err(DeviceError::Setting { name: found, .. }) if found == name), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_pair_that_comes_apart_before_both_can_be_told_is_refused_with_both_times() {
+        // 8 steps at 1000 steps/s are 8 ms; three exchanges at 115200 baud are 3 * (180 bits + 3 ms).
+        let said = TmclSettings { max_skew_steps: 8, ..settings() }.check().unwrap_err().to_string();
+        for part in ["max_skew_steps = 8,", "8.0 ms", "13.7 ms", "115200 baud", "14 steps"] {
+            assert!(said.contains(part), "{part} is not in: {said}");
+        }
+        TmclSettings { max_skew_steps: 14, ..settings() }.check().unwrap();
+        assert!(TmclSettings { max_skew_steps: 14, baud: 9600, ..settings() }.check().is_err());
+    }
+}

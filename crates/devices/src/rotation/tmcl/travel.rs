@@ -1,0 +1,413 @@
+//! Moves of the pair, and what is held against their plan while they last.
+
+use super::frame::{Request, parameter};
+use super::wire::{Answer, Heard, Told, refused};
+use super::{DEVICE, Tmcl};
+use crate::DeviceError;
+use carved_core::units::Steps;
+use std::time::{Duration, Instant};
+
+/// Pause between two looks at a turning pair.
+const LOOK_AGAIN: Duration = Duration::from_millis(1);
+/// Longest wait for each speed of a pair that must be stopped.
+const SPEED_WAIT: Duration = Duration::from_millis(15);
+/// Looks at a motor without speed, short of its target, until it counts as standing: a ramp takes a moment to begin.
+const STANDING_LOOKS: u32 = 4;
+/// How often one move may be stopped and sent on because nothing was seen of the pair.
+const MOST_BLIND_STOPS: u32 = 4;
+
+/// Both counters at one moment: the first was asked before and after the second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Look {
+    before: i64,
+    second: i64,
+    after: i64,
+    /// What was read behind them of the number that a reset clears.
+    mark: i32,
+}
+
+impl From<Told<3>> for Look {
+    fn from(Told { values: [before, second, after], mark }: Told<3>) -> Self {
+        Self { before: before.into(), second: second.into(), after: after.into(), mark }
+    }
+}
+
+impl Look {
+    fn pair(self) -> [i64; 2] {
+        [self.after, self.second]
+    }
+
+    fn both_at(self, place: i64) -> bool {
+        [self.before, self.second, self.after] == [place; 3]
+    }
+
+    fn between(self, from: i64, to: i64) -> bool {
+        [self.before, self.second, self.after].iter().all(|p| (from.min(to)..=from.max(to)).contains(p))
+    }
+
+    /// What the pair is apart by at least, whenever in between the second was asked.
+    fn skew(self) -> u64 {
+        let (low, high) = (self.before.min(self.after), self.before.max(self.after));
+        self.second.abs_diff(self.second.clamp(low, high))
+    }
+}
+
+fn was_reset() -> DeviceError {
+    DeviceError::Suspect { why: "the module was reset: what was written into it at the last reference is gone".into() }
+}
+
+fn off_its_way(look: Look, from: i64, to: i64) -> DeviceError {
+    let [first, second] = look.pair();
+    DeviceError::Suspect { why: format!("on the way from {from} to {to} the motors count {first} and {second}") }
+}
+
+impl Tmcl {
+    fn questions(&self) -> [Request; 3] {
+        let [first, second] = self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_POSITION, motor));
+        [first, second, first]
+    }
+
+    /// A look at a pair that stands.
+    fn look(&mut self) -> Result<Look, DeviceError> {
+        Ok(self.wire.ask_all(self.questions())?.into())
+    }
+
+    /// A look at a pair that turns; none where nothing that can be believed came until `until`.
+    fn glimpse(&mut self, until: Instant) -> Result<Option<Look>, DeviceError> {
+        while Instant::now() < until {
+            match self.wire.try_all(self.questions(), self.settings.answer_timeout(), until)? {
+                Heard::Told(told) => return Ok(Some(told.into())),
+                Heard::Refused(request, status) => return Err(refused(request, status)),
+                Heard::Void(why) => tracing::debug!(device = DEVICE, why, "asked again"),
+                Heard::Lost(why) => {
+                    tracing::debug!(device = DEVICE, why, "asked again");
+                    if Instant::now() >= until || !self.wire.resync(until)? {
+                        return Ok(None);
+                    }
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn speed_questions(&self) -> [Request; 2] {
+        self.settings.motors.map(|motor| Request::get(parameter::ACTUAL_SPEED, motor))
+    }
+
+    fn speeds(&mut self) -> Result<[i32; 2], DeviceError> {
+        Ok(self.wire.ask_all(self.speed_questions())?.values)
+    }
+
+    fn max_skew(&self) -> u64 {
+        self.settings.max_skew_steps.into()
+    }
+
+    fn skewed(&self, [first, second]: [i64; 2]) -> DeviceError {
+        DeviceError::Skew { device: DEVICE, first: Steps(first), second: Steps(second), limit: self.settings.max_skew_steps }
+    }
+
+    /// Was the module reset since the reference?
+    fn check_mark(&mut self) -> Result<(), DeviceError> {
+        if self.wire.mark()? == self.mark || self.wire.mark()? == self.mark { Ok(()) } else { Err(was_reset()) }
+    }
+
+    /// Sure that both motors stand at `place`?
+    pub(super) fn confirm(&mut self, place: i64) -> Result<(), DeviceError> {
+        let stands = |look: Look, mark| look.both_at(place) && look.mark == mark;
+        if stands(self.look()?, self.mark) {
+            return Ok(());
+        }
+        let look = self.look()?;
+        if stands(look, self.mark) {
+            return Ok(());
+        }
+        if look.mark != self.mark {
+            return Err(was_reset());
+        }
+        if look.skew() > self.max_skew() {
+            return Err(self.skewed(look.pair()));
+        }
+        let off = look.pair().into_iter().find(|p| *p != place).unwrap_or(look.before);
+        Err(DeviceError::Missed { target: Steps(place), achieved: Steps(off) })
+    }
+
+    /// Turns the pair from one place to another and returns once it stands there.
+    pub(super) fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
+        self.confirm(from)?;
+        if from == to {
+            return Ok(());
+        }
+        let beyond = |_| DeviceError::Unexpected {
+            device: DEVICE,
+            expected: format!("a target within {} of the reference", Steps(i32::MAX.into())),
+            found: Steps(to).to_string(),
+        };
+        let target = i32::try_from(to).map_err(beyond)?;
+        self.in_flight = true;
+        self.start_pair(|motor| Request::go(motor, target))?;
+        self.watch(from, to)?;
+        self.in_flight = false;
+        Ok(())
+    }
+
+    /// Sets both motors going, one after the other. One alone goes no farther than the skew allows: where its answer takes
+    /// longer, both are stopped, and started once more.
+    fn start_pair(&mut self, request: impl Fn(u8) -> Request) -> Result<(), DeviceError> {
+        let mut lost = String::new();
+        for _ in 0..2 {
+            let mut started = 0;
+            // One time for both: the first turns alone from its command to the second's.
+            let until = Instant::now() + self.settings.start_time();
+            for motor in self.settings.motors {
+                match self.wire.once(request(motor), until)? {
+                    Answer::Value(_) => started += 1,
+                    Answer::Refused(status) => return Err(refused(request(motor), status)),
+                    Answer::Lost(why) => {
+                        self.wire.halt();
+                        self.wire.flush()?;
+                        lost = why;
+                        break;
+                    }
+                }
+            }
+            if started == self.settings.motors.len() {
+                return Ok(());
+            }
+        }
+        Err(DeviceError::Unexpected { device: DEVICE, expected: "both motors to start".into(), found: lost })
+    }
+
+    /// Stops a pair of which nothing was seen, and looks at it where it stands.
+    fn stop_and_look(&mut self) -> Result<Look, DeviceError> {
+        self.wire.halt();
+        self.wire.flush()?;
+        self.stop_and_rest()?;
+        let look = self.look_at_rest()?;
+        if look.skew() > self.max_skew() { Err(self.skewed(look.pair())) } else { Ok(look) }
+    }
+
+    /// Looks until both counters stand at the target without speed. A pair of which nothing is seen for as long as it takes to
+    /// come apart is stopped, looked at, and sent on from where it stands.
+    fn watch(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
+        let mut until = Instant::now() + self.settings.travel_time(to - from);
+        let mut doubted = false;
+        let mut last = None;
+        let mut standing = 0;
+        let mut blind_stops = 0;
+        let mut seen = Instant::now();
+        loop {
+            let asked = Instant::now();
+            let Some(look) = self.glimpse(seen + self.settings.blind_time())? else {
+                blind_stops += 1;
+                let look = self.stop_and_look()?;
+                if look.mark != self.mark {
+                    self.check_mark()?;
+                }
+                if !look.between(from, to) {
+                    return Err(off_its_way(look, from, to));
+                }
+                if blind_stops > MOST_BLIND_STOPS {
+                    let expected = format!("answers of the module within {} ms", self.settings.blind_time().as_millis());
+                    let found = format!("later ones, {blind_stops} times in one move; both motors were stopped");
+                    return Err(DeviceError::Unexpected { device: DEVICE, expected, found });
+                }
+                let target = i32::try_from(to).unwrap_or(i32::MAX);
+                tracing::info!(device = DEVICE, at = look.after, to, "nothing was heard of the pair: it was stopped, and is sent on");
+                self.start_pair(|motor| Request::go(motor, target))?;
+                seen = Instant::now();
+                until = seen + self.settings.travel_time(to - from);
+                (doubted, last, standing) = (false, None, 0);
+                continue;
+            };
+            seen = asked;
+            if look.skew() > self.max_skew() || !look.between(from, to) || look.mark != self.mark {
+                if std::mem::replace(&mut doubted, true) {
+                    return Err(self.gone_astray(look, from, to));
+                }
+                continue;
+            }
+            doubted = false;
+            standing = if last == Some(look) { standing + 1 } else { 0 };
+            if look.both_at(to) || standing >= STANDING_LOOKS {
+                match self.speeds()? {
+                    [0, 0] if look.both_at(to) => return Ok(()),
+                    [0, 0] => return Err(self.why_short(look, to)),
+                    _ => standing = 0,
+                }
+                seen = Instant::now();
+            }
+            last = Some(look);
+            if Instant::now() > until {
+                // Also where it stands: a pair that is apart is a person's.
+                let look = self.stop_and_look()?;
+                let expected = format!("both motors at {to} before the deadline of their speed");
+                let [first, second] = look.pair();
+                return Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("{first} and {second}") });
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+    }
+
+    /// The pair is apart, or a counter is where its way does not lead: both are stopped before the cause is looked for.
+    fn gone_astray(&mut self, look: Look, from: i64, to: i64) -> DeviceError {
+        // Which motor is held shows only while the other still turns; that must not keep the pair from being stopped.
+        let speeds = self.wire.try_all(self.speed_questions(), SPEED_WAIT, Instant::now() + 2 * SPEED_WAIT);
+        self.wire.halt();
+        let cause = self.wire.flush().and_then(|_| {
+            self.check_mark()?;
+            match speeds {
+                Ok(Heard::Told(told)) => self.obstacle(look, to, told.values),
+                _ => Ok(None),
+            }
+        });
+        match cause {
+            Err(error) | Ok(Some(error)) => error,
+            Ok(None) if look.skew() > self.max_skew() => self.skewed(look.pair()),
+            Ok(None) => off_its_way(look, from, to),
+        }
+    }
+
+    /// Both motors stand, and not at the target.
+    fn why_short(&mut self, look: Look, to: i64) -> DeviceError {
+        match self.check_mark().and_then(|()| self.obstacle(look, to, [0, 0])) {
+            Err(error) | Ok(Some(error)) => error,
+            Ok(None) => {
+                let off = look.pair().into_iter().find(|p| *p != to).unwrap_or(look.before);
+                DeviceError::Missed { target: Steps(to), achieved: Steps(off) }
+            }
+        }
+    }
+
+    /// What holds a motor that stands short of its target: a limit switch, or a stall.
+    fn obstacle(&mut self, look: Look, to: i64, speeds: [i32; 2]) -> Result<Option<DeviceError>, DeviceError> {
+        for ((motor, at), speed) in self.settings.motors.into_iter().zip(look.pair()).zip(speeds) {
+            if at == to || speed != 0 {
+                continue;
+            }
+            for (number, side) in [(parameter::RIGHT_LIMIT, "right"), (parameter::LEFT_LIMIT, "left")] {
+                if self.wire.ask(Request::get(number, motor))? != 0 {
+                    let what = format!("that motor {motor} stands on its {side} limit switch, at {at} on its way to {to}");
+                    return Ok(Some(DeviceError::Alarm { device: DEVICE, what }));
+                }
+            }
+            if self.settings.stop_on_stall.is_some() {
+                let evidence = format!("load value {}", self.wire.ask(Request::get(parameter::LOAD, motor))?);
+                let (at, target) = (Steps(at), Steps(to));
+                return Ok(Some(DeviceError::Stalled { device: DEVICE, motor: format!("motor {motor}"), at, target, evidence }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Ends whatever both motors are doing, targets included, and waits until they stand.
+    pub(super) fn stop_and_rest(&mut self) -> Result<(), DeviceError> {
+        self.wire.ask_all(self.settings.motors.map(Request::stop))?;
+        let until = Instant::now() + self.settings.travel_time(0);
+        while self.speeds()? != [0, 0] {
+            if Instant::now() > until {
+                let expected = "both motors to stand after a stop".into();
+                return Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("speeds {:?}", self.speeds()?) });
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        Ok(())
+    }
+
+    /// A look at a pair that stands, believed once another agrees with it.
+    fn look_at_rest(&mut self) -> Result<Look, DeviceError> {
+        let mut before = self.look()?;
+        for _ in 0..STANDING_LOOKS {
+            let look = self.look()?;
+            if look == before && look.before == look.after {
+                return Ok(look);
+            }
+            before = look;
+        }
+        let [first, second] = before.pair();
+        let found = format!("{first} and {second}, and something else in each of {} looks", STANDING_LOOKS + 1);
+        Err(DeviceError::Unexpected { device: DEVICE, expected: "motors that stand".into(), found })
+    }
+
+    /// Counts from where the pair stands. Ends that are a little apart, as after a stop, are brought together first.
+    pub(super) fn take_here(&mut self) -> Result<(), DeviceError> {
+        let look = self.look_at_rest()?;
+        self.mark = look.mark;
+        let [first, second] = look.pair();
+        if look.skew() > self.max_skew() {
+            return Err(self.skewed([first, second]));
+        }
+        if first != second {
+            self.wire.ask(Request::go(self.settings.motors[1], first as i32))?;
+            self.watch(second, first)?;
+        }
+        // In positioning mode a motor would follow its counter to the old target.
+        self.stop_and_rest()?;
+        self.wire.ask_all(self.settings.motors.map(|motor| Request::set(parameter::ACTUAL_POSITION, motor, 0)))?;
+        Ok(())
+    }
+
+    /// Whether each motor still searches its switch; that one does not is asked for once more before it is believed.
+    fn searching(&mut self) -> Result<[bool; 2], DeviceError> {
+        let questions = self.settings.motors.map(Request::searching);
+        let searching = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        if searching == [true, true] {
+            return Ok(searching);
+        }
+        let again = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        Ok([searching[0] || again[0], searching[1] || again[1]])
+    }
+
+    /// Both motors search their switches at once. What one of them lost on the way shows here: it comes to its switch late.
+    pub(super) fn search(&mut self) -> Result<(), DeviceError> {
+        let limit = self.max_skew();
+        let until = Instant::now() + self.settings.homing_timeout();
+        let began = self.look_at_rest()?;
+        // The counters are those of a reference: a pair that is apart by them is twisted. A person is told once; then the
+        // search itself shows which motor comes late.
+        if began.mark & !0xffff == super::MARK && began.skew() > limit && !self.told_of_skew {
+            return Err(self.skewed(began.pair()));
+        }
+        // From here until it has ended the counters say nothing of the pair.
+        self.mark = 0;
+        self.wire.ask(Request::set_mark(0))?;
+        self.start_pair(Request::search)?;
+        // Where each was first seen when the other had found its switch; twice, since one reading may be wrong.
+        let mut late: [Vec<i64>; 2] = [Vec::new(), Vec::new()];
+        let mut doubted = false;
+        loop {
+            let searching = self.searching()?;
+            let look = self.look()?;
+            // The counters jump to 0 at the switch: a motor is held against itself, or against one that searches, too.
+            let apart = match searching {
+                [false, false] => break,
+                [true, true] => {
+                    let (before, after) = (look.before - began.after, look.after - began.after);
+                    let travelled = Look { before, second: look.second - began.second, after, mark: look.mark };
+                    (travelled.skew() > limit).then(|| travelled.pair())
+                }
+                [first_searches, _] => {
+                    let motor = usize::from(!first_searches);
+                    let at = look.pair()[motor];
+                    if late[motor].len() < 2 {
+                        late[motor].push(at);
+                    }
+                    let since = late[motor].iter().copied().min_by_key(|since| at.abs_diff(*since)).unwrap_or(at);
+                    (at.abs_diff(since) > limit).then(|| if first_searches { [at - since, 0] } else { [0, at - since] })
+                }
+            };
+            if let Some(pair) = apart {
+                if std::mem::replace(&mut doubted, true) {
+                    return Err(self.skewed(pair));
+                }
+                continue;
+            }
+            doubted = false;
+            if Instant::now() > until {
+                let waited_ms = self.settings.homing_timeout().as_millis();
+                return Err(DeviceError::Late { device: DEVICE, what: "the motors did not find their reference switches", waited_ms });
+            }
+            std::thread::sleep(LOOK_AGAIN);
+        }
+        Ok(())
+    }
+}

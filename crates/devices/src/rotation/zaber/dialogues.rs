@@ -1,0 +1,282 @@
+//! Dialogues with a scripted controller: what the driver says, line by line, and what it makes of each answer.
+
+#![allow(clippy::decimal_bitwise_operands, reason = "what is flipped is a bit of a place")]
+
+use super::*;
+use crate::rotation::Port;
+use crate::rotation::scripted::{Scripted, Step};
+
+fn settings(port: &str) -> ZaberSettings {
+    ZaberSettings {
+        port: Port::Path(port.into()),
+        baud: 115_200,
+        device: 1,
+        axis: 1,
+        resolution: 32,
+        maxspeed: 5243,
+        accel: 5,
+        encoder_tolerance_steps: Some(8),
+        reference: Reference::Here,
+        answer_timeout_ms: 1000,
+        homing_timeout_ms: 5000,
+    }
+}
+
+/// A controller's half of a dialogue, with the ids of the driver's.
+#[derive(Default)]
+struct Script {
+    steps: Vec<Step>,
+    id: u8,
+}
+
+fn line(content: &str) -> String {
+    let sum = content[1..].bytes().fold(0_u8, u8::wrapping_add).wrapping_neg();
+    format!("{content}:{sum:02X}\r\n")
+}
+
+impl Script {
+    /// A command and raw bytes as its answer; `{id}` stands for the command's.
+    fn raw(mut self, axis: u8, words: &str, answer: &str) -> Self {
+        let id = format!("{:02}", self.id);
+        let heard = packet::command(1, axis, self.id, words).into_bytes();
+        let answer: String = answer.split_inclusive('\n').map(|l| if l.ends_with('\n') { l.to_owned() } else { line(l) }).collect();
+        self.steps.push((heard, answer.replace("{id}", &id).into_bytes()));
+        self.id = (self.id + 1) % 100;
+        self
+    }
+
+    /// A command and the reply to it: state, flag, data.
+    fn say(self, axis: u8, words: &str, reply: &str) -> Self {
+        let id = self.id;
+        self.raw(axis, words, &format!("@01 {axis} {id:02} OK {reply}"))
+    }
+
+    fn state(self, state: &str) -> Self {
+        self.say(1, "", &format!("{state} 0"))
+    }
+
+    /// A state with a flag, and all flags, which are asked for then.
+    fn flagged(self, state: &str, flags: &[&str]) -> Self {
+        let all = flags.join(" ");
+        self.state(&format!("{state} {}", flags[0])).say(1, "warnings", &format!("{state} {} {:02} {all}", flags[0], flags.len()))
+    }
+
+    fn get(self, setting: &str, value: i64) -> Self {
+        self.say(1, &format!("get {setting}"), &format!("IDLE -- {value}"))
+    }
+
+    fn settings(self) -> Self {
+        self.say(0, "set comm.checksum 1", "IDLE WR 0").get("resolution", 32).get("maxspeed", 5243).get("accel", 5).get("encoder.pos", 90)
+    }
+
+    fn opening(self) -> Self {
+        self.settings().flagged("IDLE", &["WR"]).say(0, "get system.serial", "IDLE WR 51234").say(0, "get version", "IDLE WR 7.32")
+    }
+
+    /// Opened and referenced where it stands; the encoder says 95 there.
+    fn referenced() -> Self {
+        Self::default()
+            .opening()
+            .settings()
+            .flagged("IDLE", &["WR"])
+            .say(1, "stop", "IDLE WR 0")
+            .flagged("IDLE", &["WR"])
+            .say(1, "warnings clear", "IDLE WR 0")
+            .flagged("IDLE", &["WR"])
+            .say(1, "set pos 0", "IDLE WH 0")
+            .get("encoder.pos", 95)
+            .stands(0, 95)
+    }
+
+    fn stands(self, counter: i64, encoder: i64) -> Self {
+        self.flagged("IDLE", &["WH"]).get("pos", counter).get("encoder.pos", encoder)
+    }
+
+    /// A move from 0 to 1600 up to its acceptance.
+    fn sent(self) -> Self {
+        self.stands(0, 95).say(1, "move abs 1600", "BUSY WH 0")
+    }
+
+    fn halted(mut self) -> Self {
+        self.steps.push((packet::stop(1, 1).into_bytes(), Vec::new()));
+        self
+    }
+
+    fn axis(self) -> (Scripted, Zaber) {
+        let controller = Scripted::play(self.steps);
+        let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+        assert_eq!(zaber.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 1 });
+        (controller, zaber)
+    }
+
+    fn arrives(self) {
+        let (controller, mut zaber) = self.axis();
+        assert_eq!(zaber.move_to(Steps(1600)).unwrap(), Achieved { steps: Steps(1600), epoch: 1 });
+        controller.followed(zaber);
+    }
+
+    fn fails(self) -> DeviceError {
+        let (controller, mut zaber) = self.axis();
+        let error = zaber.move_to(Steps(1600)).unwrap_err();
+        assert_eq!(zaber.position(), Position::Suspect { epoch: 2 });
+        assert!(matches!(zaber.move_to(Steps(0)), Err(DeviceError::Suspect { .. })));
+        controller.followed(zaber);
+        error
+    }
+}
+
+#[test]
+fn a_move_is_absolute_and_believed_at_rest_by_counter_and_encoder() {
+    // The encoder's own zero is where the reference found it, and 8 steps are tolerated.
+    Script::referenced().sent().state("BUSY WH").stands(1600, 1695 + 8).arrives();
+}
+
+#[test]
+fn the_controller_is_named_and_nothing_moves_before_the_reference() {
+    let controller = Scripted::play(Script::default().opening().steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    assert_eq!(zaber.identity(), "Zaber 51234, firmware 7.32");
+    assert!(zaber.capabilities().has_encoder);
+    assert!(matches!(zaber.move_to(Steps(1)), Err(DeviceError::NotReferenced)));
+    controller.followed(zaber);
+}
+
+#[test]
+fn an_encoder_that_differs_is_a_miss_with_both_numbers() {
+    let error = Script::referenced().sent().stands(1600, 1695 - 9).stands(1600, 1695 - 9).halted().fails();
+    assert!(matches!(error, DeviceError::Missed { target: Steps(1600), achieved: Steps(1591) }), "{error}");
+}
+
+#[test]
+fn a_flipped_bit_that_parses_is_asked_again_and_not_believed() {
+    Script::referenced().sent().flagged("IDLE", &["FS"]).get("pos", 700).stands(1600, 1695).arrives();
+    Script::referenced().sent().flagged("IDLE", &["WH"]).get("pos", 1600 ^ 256).stands(1600, 1695).arrives();
+}
+
+#[test]
+fn flags_are_named_errors_and_a_stall_says_where() {
+    let twice = |script: Script, flags: &[&str]| script.flagged("IDLE", flags).get("pos", 700).flagged("IDLE", flags).get("pos", 700);
+    let stalled = twice(Script::referenced().sent(), &["FS", "WH"]).halted().fails();
+    assert!(matches!(&stalled, DeviceError::Stalled { at: Steps(700), target: Steps(1600), .. }), "{stalled}");
+    for (flags, word) in [
+        (&["FE"][..], "limit"),
+        (&["FQ"], "encoder"),
+        (&["FD"], "switched off"),
+        (&["WS"], "something holds the shaft"),
+        (&["WR"], "restarted"),
+        (&["WM"], "turned while it stood"),
+        // Under the flag of a place that was taken as it is.
+        (&["WH", "NI"], "NI: a move was interrupted by hand"),
+        (&["FS", "WH", "NC"], "knob"),
+    ] {
+        let error = twice(Script::referenced().sent(), flags).halted().fails();
+        assert!(error.to_string().contains(word), "{flags:?}: {error}");
+    }
+}
+
+#[test]
+fn a_refusal_carries_the_controllers_reason() {
+    let script = Script::referenced().stands(0, 95);
+    let id = script.id;
+    let error = script.raw(1, "move abs 1600", &format!("@01 1 {id:02} RJ IDLE -- BADDATA")).halted().fails();
+    assert!(error.to_string().contains("RJ BADDATA") && error.to_string().contains("move abs 1600"), "{error}");
+}
+
+#[test]
+fn late_replies_alerts_and_information_answer_nothing() {
+    let script = Script::referenced().sent().flagged("IDLE", &["WH"]);
+    let id = script.id;
+    // The position of an earlier question, an alert, information about this one, a reply without id: then the reply.
+    let late = format!(
+        "{}{}{}{}",
+        line(&format!("@01 1 {:02} OK IDLE -- 7", id - 1)),
+        line("!01 1 IDLE --"),
+        line(&format!("#01 1 {id:02} x")),
+        line("@01 1 OK IDLE -- 8")
+    );
+    let answer = late + &line(&format!("@01 1 {id:02} OK IDLE -- 1600"));
+    script.raw(1, "get pos", &answer).get("encoder.pos", 1695).arrives();
+}
+
+#[test]
+fn what_is_lost_or_broken_is_asked_again_under_another_id() {
+    let lost = || Script::referenced().stands(0, 95).raw(1, "move abs 1600", "");
+    // A motion was heard where the axis turns; sent again it would interrupt itself.
+    lost().state("BUSY WH").stands(1600, 1695).arrives();
+    let script = lost().state("IDLE WH").say(1, "move abs 1600", "BUSY WH 0");
+    // A broken checksum, and the late reply to the first of the two.
+    let id = script.id;
+    let script = script.raw(1, "", &format!("@01 1 {id:02} OK IDLE WH 0:00\r\n"));
+    let late = line(&format!("@01 1 {id:02} OK BUSY WH 0")) + &line(&format!("@01 1 {:02} OK IDLE WH 0", id + 1));
+    script.raw(1, "", &late).say(1, "warnings", "IDLE WH 01 WH").get("pos", 1600).get("encoder.pos", 1695).arrives();
+}
+
+#[test]
+fn settings_that_differ_are_all_listed() {
+    let script =
+        Script::default().say(0, "set comm.checksum 1", "IDLE -- 0").get("resolution", 64).get("resolution", 64).get("maxspeed", 5243);
+    let controller = Scripted::play(script.get("accel", 205).get("accel", 205).get("encoder.pos", 0).steps);
+    let error = Zaber::open(settings(&controller.port())).err().unwrap();
+    let text = error.to_string();
+    assert!(matches!(&error, DeviceError::Mismatch { differences, .. } if differences.len() == 2), "{text}");
+    for part in ["resolution", "configured 32", "found 64", "accel", "found 205"] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
+    controller.followed(());
+}
+
+#[test]
+fn a_stop_reaches_the_wire_while_an_answer_is_awaited() {
+    let script = Script::referenced().sent().raw(1, "", "");
+    let waiting = script.steps.len() - 1;
+    // Then the controller is asked whether it is there; the flag of the stop is this program's own.
+    let script = script.halted().halted().say(1, "warnings", "IDLE WH 02 WH NI");
+    let controller = Scripted::play(script.steps);
+    // An answer time of minutes: only the stop can end this move in time.
+    let mut zaber = Zaber::open(ZaberSettings { answer_timeout_ms: 600_000, ..settings(&controller.port()) }).unwrap();
+    zaber.reference(&CancelToken::new()).unwrap();
+    let stop = zaber.stop_handle();
+    let mut zaber = std::thread::scope(|scope| {
+        let moving = scope.spawn(|| {
+            let error = zaber.move_to(Steps(1600)).unwrap_err();
+            assert!(matches!(error, DeviceError::Stopped), "{error}");
+            zaber
+        });
+        controller.await_step(waiting);
+        stop.stop();
+        moving.join().unwrap()
+    });
+    assert_eq!(zaber.position(), Position::Suspect { epoch: 2 });
+    zaber.check().unwrap();
+    controller.followed(zaber);
+}
+
+#[test]
+fn an_axis_that_somebody_has_is_not_turned_by_the_first_reference() {
+    let script = Script::default().opening().settings().flagged("BUSY", &["WR", "NC"]);
+    let controller = Scripted::play(script.steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    let error = zaber.reference(&CancelToken::new()).unwrap_err();
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("knob")), "{error}");
+    controller.followed(zaber);
+}
+
+#[test]
+fn a_fault_that_stays_after_it_was_cleared_refuses_the_reference() {
+    let flags = ["FN", "WR"];
+    let script = Script::default().opening().settings().flagged("IDLE", &flags).say(1, "stop", "IDLE FN 0").flagged("IDLE", &flags);
+    let controller = Scripted::play(script.say(1, "warnings clear", "IDLE FN 0").flagged("IDLE", &flags).steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    let error = zaber.reference(&CancelToken::new()).unwrap_err();
+    assert!(matches!(&error, DeviceError::Alarm { what, .. } if what.contains("peripheral is not supported")), "{error}");
+    controller.followed(zaber);
+}
+
+#[test]
+fn a_controller_that_has_forgotten_its_checksums_was_restarted() {
+    let script = Script::referenced();
+    let id = script.id;
+    let bare = |id| format!("@01 1 {id:02} OK IDLE -- 0\r\n");
+    let error = script.raw(1, "", &bare(id)).raw(1, "", &bare(id + 1)).fails();
+    assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
+}

@@ -1,0 +1,148 @@
+//! Commands and their replies, by message id.
+//!
+//! ```text
+//! ask ──► the reply of this id ──► accepted: data and flag
+//!     │                        └─► refused: the controller's reason, as an error
+//!     ├─► replies of other ids, alerts, information, noise: passed over
+//!     └─► nothing in time, or without a checksum ──► asked once more, under another id
+//! ```
+//! A late reply carries the id of its own command and answers no other. Every command of this driver may be sent twice:
+//! absolute targets, readings, settings, stops. A motion, though, would interrupt itself: it is sent again to an axis that stands.
+
+use super::packet::{self, Line, Reply};
+use super::{DEVICE, ZaberSettings};
+use crate::DeviceError;
+use crate::cancel::CancelToken;
+use crate::rotation::link::{Link, Stopper};
+use std::time::{Duration, Instant};
+
+const IDS: u8 = 100;
+
+fn request(words: &str) -> String {
+    if words.is_empty() { "its state".to_owned() } else { words.to_owned() }
+}
+
+fn accepted(reply: Reply, words: &str) -> Result<Reply, DeviceError> {
+    if reply.accepted {
+        return Ok(reply);
+    }
+    let expected = format!("OK to {:?}", request(words));
+    Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("RJ {}", reply.data) })
+}
+
+pub(super) struct Wire {
+    link: Link,
+    device: u8,
+    axis: u8,
+    wait: Duration,
+    id: u8,
+    /// The last answer had no checksum.
+    bare: bool,
+}
+
+impl Wire {
+    pub fn new(link: Link, settings: &ZaberSettings) -> Self {
+        // The first command is number 0.
+        Self { link, device: settings.device, axis: settings.axis, wait: settings.answer_timeout(), id: IDS - 1, bare: false }
+    }
+
+    pub fn stopper(&self) -> Stopper {
+        self.link.stopper()
+    }
+
+    pub fn release(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.link.release(cancel)
+    }
+
+    pub fn halt(&mut self) {
+        self.link.halt();
+    }
+
+    /// The reply to a command of the axis that was accepted.
+    pub fn ask(&mut self, words: &str) -> Result<Reply, DeviceError> {
+        self.ask_of(self.axis, words)
+    }
+
+    /// The reply to a command that is the whole device's.
+    pub fn ask_device(&mut self, words: &str) -> Result<Reply, DeviceError> {
+        self.ask_of(0, words)
+    }
+
+    /// Whether the axis accepts a command.
+    pub fn is_accepted(&mut self, words: &str) -> Result<bool, DeviceError> {
+        Ok(self.reply_to(self.axis, words)?.accepted)
+    }
+
+    /// Sends a motion; again only where its reply is lost and the axis stands.
+    pub fn begin(&mut self, words: &str) -> Result<(), DeviceError> {
+        match self.once(self.axis, words)? {
+            Some(reply) => accepted(reply, words).map(|_reply| ()),
+            None if self.ask("")?.moving => Ok(()),
+            None => self.ask(words).map(|_reply| ()),
+        }
+    }
+
+    /// Asks the axis for what moves nothing, also where a stop is latched; a reply without a checksum is one too.
+    pub fn probe(&mut self, words: &str) -> Result<Reply, DeviceError> {
+        for _ in 0..2 {
+            self.id = (self.id + 1) % IDS;
+            let mine = (self.device, self.axis, Some(self.id));
+            let lines = self.link.probe(packet::command(self.device, self.axis, self.id, words).as_bytes(), self.wait)?;
+            for line in &lines {
+                if let Line::Reply(reply) | Line::Bare(reply) = Line::parse(line)
+                    && (reply.device, reply.axis, reply.id) == mine
+                {
+                    return accepted(reply, words);
+                }
+            }
+        }
+        Err(self.silent(words))
+    }
+
+    fn ask_of(&mut self, axis: u8, words: &str) -> Result<Reply, DeviceError> {
+        accepted(self.reply_to(axis, words)?, words)
+    }
+
+    fn reply_to(&mut self, axis: u8, words: &str) -> Result<Reply, DeviceError> {
+        let reply = match self.once(axis, words)? {
+            Some(reply) => Some(reply),
+            None => self.once(axis, words)?,
+        };
+        match reply {
+            Some(reply) => Ok(reply),
+            None if self.bare => Err(DeviceError::Suspect {
+                why: "the controller answers without checksums, which it was told to send: it was restarted".into(),
+            }),
+            None => Err(self.silent(words)),
+        }
+    }
+
+    fn silent(&self, words: &str) -> DeviceError {
+        DeviceError::Silent { device: DEVICE, request: request(words), waited_ms: 2 * self.wait.as_millis() }
+    }
+
+    fn once(&mut self, axis: u8, words: &str) -> Result<Option<Reply>, DeviceError> {
+        self.id = (self.id + 1) % IDS;
+        self.link.send(packet::command(self.device, axis, self.id, words).as_bytes())?;
+        let until = Instant::now() + self.wait;
+        self.bare = false;
+        let mine = (self.device, axis, Some(self.id));
+        while let Some(text) = self.link.line(until)? {
+            match Line::parse(&text) {
+                Line::Reply(reply) if (reply.device, reply.axis, reply.id) == mine => return Ok(Some(reply)),
+                Line::Bare(reply) if (reply.device, reply.axis, reply.id) == mine => {
+                    self.bare = true;
+                    return Ok(None);
+                }
+                Line::Reply(_) | Line::Bare(_) | Line::Aside => {}
+                Line::Noise => tracing::debug!(device = DEVICE, noise = text),
+            }
+        }
+        Ok(None)
+    }
+
+    pub fn get(&mut self, setting: &str) -> Result<i64, DeviceError> {
+        let data = self.ask(&format!("get {setting}"))?.data;
+        data.parse().map_err(|_| DeviceError::Unexpected { device: DEVICE, expected: format!("a whole number as {setting}"), found: data })
+    }
+}

@@ -1,0 +1,238 @@
+//! A sampler of somebody else's that says by a wire whether a specimen is in the capillary.
+//!
+//! ```text
+//!            load                        turn                     eject
+//!  input ────┐  bounces  ┌───────────────────────────────────────────────┐ bounces ┌────
+//!            └ empty? ───┘ there for debounce_ms      never gone         │  gone   └
+//!  done ─────────────────────────────────────────────────────────────────┘▔▔▔▔▔▔▔▔▔┘        (done_output)
+//! ```
+//! An arrival is believed only where the capillary was seen empty since the last specimen of this run: what lies there unasked is
+//! nobody's well. While nothing runs the input is looked at once a second, and a specimen that comes in then is said.
+
+use super::watched::{Watch, Watched};
+use super::{Expected, Loaded, Sampler};
+use crate::cancel::CancelToken;
+use crate::{DeviceError, RotationAxis};
+use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
+
+/// The `[sampler]` table of `driver = "trigger"`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TriggerSettings {
+    /// The input is active while the capillary is empty.
+    pub inverted: bool,
+    /// How long the input must say the same to be believed.
+    pub debounce_ms: u32,
+    /// Longest wait for a specimen.
+    pub load_timeout_ms: u32,
+    /// Longest wait for an empty capillary.
+    pub eject_timeout_ms: u32,
+    /// The controller's output is switched on when a specimen is done with, until it is gone.
+    pub done_output: bool,
+}
+
+impl Default for TriggerSettings {
+    fn default() -> Self {
+        Self { inverted: false, debounce_ms: 50, load_timeout_ms: 120_000, eject_timeout_ms: 30_000, done_output: false }
+    }
+}
+
+impl TriggerSettings {
+    /// # Errors
+    /// Names the first value that no sampler can have.
+    pub fn check(&self) -> Result<(), DeviceError> {
+        let bad = |name, found: u32, rule: String| Err(DeviceError::Setting { device: "sampler", name, found: found.to_string(), rule });
+        if !(1..=10_000).contains(&self.debounce_ms) {
+            return bad("debounce_ms", self.debounce_ms, "it must be from 1 to 10000".into());
+        }
+        let least = self.debounce_ms * BOUNCES;
+        for (name, found) in [("load_timeout_ms", self.load_timeout_ms), ("eject_timeout_ms", self.eject_timeout_ms)] {
+            if found < least {
+                return bad(name, found, format!("it must be at least {least}, {BOUNCES} times debounce_ms"));
+            }
+        }
+        Ok(())
+    }
+
+    fn debounce(&self) -> Duration {
+        Duration::from_millis(self.debounce_ms.into())
+    }
+}
+
+/// How often the input is looked at while it is waited for.
+pub(super) const POLL: Duration = Duration::from_millis(5);
+/// Time that an input which bounces is given to say the same for `debounce_ms`, in as many of them.
+const BOUNCES: u32 = 4;
+
+enum Waited {
+    Reached,
+    TimedOut,
+    Cancelled,
+}
+
+pub struct TriggerSampler {
+    settings: TriggerSettings,
+    watch: Watch,
+    /// The capillary was seen empty after the last specimen of this run, and nothing was waited for since.
+    is_empty: bool,
+    /// Since when every look while nothing runs has found a specimen.
+    there_since: Option<Instant>,
+    /// What those looks have found.
+    seen: Option<bool>,
+}
+
+impl TriggerSampler {
+    /// Takes the axis whose controller has the wires, and gives it back watched.
+    ///
+    /// # Errors
+    /// A bad setting, or a controller that has no such input.
+    pub fn beside(mut axis: Box<dyn RotationAxis>, settings: TriggerSettings) -> Result<(Self, Box<dyn RotationAxis>), DeviceError> {
+        settings.check()?;
+        if axis.specimen_input().is_none() {
+            let rule = format!("{} has no input for it: take \"loader\"", axis.identity());
+            return Err(DeviceError::Setting { device: "sampler", name: "driver", found: "\"trigger\"".into(), rule });
+        }
+        let watch = Watch::default();
+        let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce() };
+        Ok((Self { settings, watch, is_empty: false, there_since: None, seen: None }, Box::new(watched)))
+    }
+
+    /// Waits until the input has said `there` for as long as it may bounce.
+    fn wait_for(
+        &self,
+        there: bool,
+        axis: &mut dyn RotationAxis,
+        within_ms: u32,
+        cancel: Option<&CancelToken>,
+    ) -> Result<Waited, DeviceError> {
+        let until = Instant::now() + Duration::from_millis(within_ms.into());
+        let mut since: Option<Instant> = None;
+        loop {
+            if cancel.is_some_and(CancelToken::is_cancelled) {
+                return Ok(Waited::Cancelled);
+            }
+            let says_so = (axis.specimen_input().ok_or_else(gone)?.is_active()? != self.settings.inverted) == there;
+            let now = Instant::now();
+            since = says_so.then(|| since.unwrap_or(now));
+            match since {
+                Some(since) if now.duration_since(since) >= self.settings.debounce() => return Ok(Waited::Reached),
+                None if now >= until => return Ok(Waited::TimedOut),
+                // What began to say so in time may end to.
+                _ => std::thread::sleep(POLL),
+            }
+        }
+    }
+
+    fn failed(well: &str, why: String) -> DeviceError {
+        DeviceError::Sampler { well: well.to_owned(), why }
+    }
+}
+
+/// The driver that had the input was let go.
+pub(super) fn gone() -> DeviceError {
+    DeviceError::Gone { device: "rotation axis", why: "the sampler's wire ends at it".into() }
+}
+
+impl Sampler for TriggerSampler {
+    fn waits_for_loader(&self) -> bool {
+        false
+    }
+
+    fn begin_run(&mut self) {
+        (self.is_empty, self.there_since, self.seen) = (false, None, None);
+    }
+
+    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        let Some(active) = axis.specimen_input().ok_or_else(gone)?.is_active_at_rest()? else { return Ok(()) };
+        if active == self.settings.inverted {
+            (self.there_since, self.seen) = (None, Some(false));
+        } else if self.there_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce() {
+            self.seen = Some(true);
+        }
+        Ok(())
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        self.seen
+    }
+
+    fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let well = expected.well;
+        axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
+        if let Some(left) = self.watch.of() {
+            // A stop kept it from being ejected.
+            self.eject(axis, &left, cancel)?;
+        }
+        if !std::mem::take(&mut self.is_empty) {
+            match self.wait_for(false, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
+                Waited::Reached => {}
+                Waited::Cancelled => return Ok(None),
+                Waited::TimedOut => {
+                    let why = "its input says that a specimen is there, but none was asked for, and nobody knows its well. Empty the \
+                               capillary; if it is empty, the input is stuck: look at the wire";
+                    return Err(Self::failed(well, why.into()));
+                }
+            }
+        }
+        match self.wait_for(true, axis, self.settings.load_timeout_ms, Some(cancel))? {
+            Waited::Cancelled => Ok(None),
+            Waited::TimedOut => {
+                let why = format!(
+                    "no specimen within {} ms (load_timeout_ms). Look at the sampler, its plate and the wire of its input",
+                    self.settings.load_timeout_ms
+                );
+                Err(Self::failed(well, why))
+            }
+            Waited::Reached => {
+                self.watch.set(Some(well));
+                Ok(Some(Loaded::default()))
+            }
+        }
+    }
+
+    fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
+        let well = expected.well;
+        axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
+        match self.wait_for(true, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
+            Waited::Cancelled => Ok(None),
+            Waited::TimedOut => {
+                let why = "its specimen was left in the capillary, and the input says that it is not there any more. If it is out, say so to the \
+                           instrument; if it is still inside, look at the wire";
+                Err(Self::failed(well, why.into()))
+            }
+            Waited::Reached => {
+                self.is_empty = false;
+                self.watch.set(Some(well));
+                Ok(Some(Loaded::default()))
+            }
+        }
+    }
+
+    fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
+        // A fault has stopped the axis too; but who stops for good gets nothing moved any more, specimens included.
+        axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
+        if self.settings.done_output {
+            axis.specimen_input().ok_or_else(gone)?.say_done(true)?;
+        }
+        let waited = self.wait_for(false, axis, self.settings.eject_timeout_ms, None)?;
+        if self.settings.done_output {
+            axis.specimen_input().ok_or_else(gone)?.say_done(false)?;
+        }
+        if matches!(waited, Waited::TimedOut) {
+            let why = format!(
+                "its input still says that the specimen is there, {} ms (eject_timeout_ms) after it was done with. Look whether the \
+                 capillary is empty: the sampler has not ejected it, or the input is stuck",
+                self.settings.eject_timeout_ms
+            );
+            return Err(Self::failed(well, why));
+        }
+        self.watch.set(None);
+        self.is_empty = true;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[path = "trigger_tests.rs"]
+pub(super) mod tests;

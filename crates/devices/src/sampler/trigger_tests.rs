@@ -1,0 +1,239 @@
+//! The sampler's logic over a scripted wire: the last level stays.
+
+use super::*;
+use crate::{Achieved, Capabilities, Position, SpecimenInput, StopHandle};
+use carved_core::units::Steps;
+use std::collections::VecDeque;
+
+/// An axis whose input says what the script has, one look after the other.
+#[derive(Default)]
+pub(crate) struct Wired {
+    levels: VecDeque<bool>,
+    last: bool,
+    done: Vec<bool>,
+    stopped: bool,
+    /// What the input says once it was told that the specimen is done with.
+    after_done: Option<bool>,
+}
+
+impl Wired {
+    fn says(levels: &[bool]) -> Self {
+        Self { levels: levels.iter().copied().collect(), ..Self::default() }
+    }
+}
+
+impl SpecimenInput for Wired {
+    fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        if cancel.is_cancelled() {
+            return Err(DeviceError::Stopped);
+        }
+        self.stopped = false;
+        Ok(())
+    }
+    fn is_active(&mut self) -> Result<bool, DeviceError> {
+        if self.stopped {
+            return Err(DeviceError::Stopped);
+        }
+        self.last = self.levels.pop_front().unwrap_or(self.last);
+        Ok(self.last)
+    }
+    fn is_active_at_rest(&mut self) -> Result<Option<bool>, DeviceError> {
+        self.last = self.levels.pop_front().unwrap_or(self.last);
+        Ok(Some(self.last))
+    }
+    fn say_done(&mut self, done: bool) -> Result<(), DeviceError> {
+        self.done.push(done);
+        if let (true, Some(level)) = (done, self.after_done) {
+            self.last = level;
+            self.levels.clear();
+        }
+        Ok(())
+    }
+}
+
+impl RotationAxis for Wired {
+    fn identity(&self) -> &'static str {
+        "wired"
+    }
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
+    }
+    fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        Ok(Achieved { steps: Steps(0), epoch: 1 })
+    }
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        Ok(Achieved { steps: target, epoch: 1 })
+    }
+    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        Some(self)
+    }
+    fn check(&mut self) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn position(&self) -> Position {
+        Position::Unknown
+    }
+    fn stop_handle(&self) -> StopHandle {
+        StopHandle::new(|| ())
+    }
+}
+
+const QUICK: TriggerSettings =
+    TriggerSettings { inverted: false, debounce_ms: 20, load_timeout_ms: 400, eject_timeout_ms: 300, done_output: true };
+const A01: Expected<'static> = Expected { well: "A01", bead: false, dpf: None };
+
+fn sampler(settings: TriggerSettings) -> TriggerSampler {
+    TriggerSampler::beside(Box::new(Wired::default()), settings).unwrap().0
+}
+
+fn words(result: Result<impl std::fmt::Debug, DeviceError>) -> String {
+    let error = result.unwrap_err();
+    assert!(matches!(error, DeviceError::Sampler { .. }), "{error}");
+    error.to_string()
+}
+
+/// Looks that a level lasting for `debounce_ms` takes at most; the machine may make them fewer.
+const FOR_LONG: usize = 20;
+
+#[test]
+fn an_arrival_is_believed_after_its_bounces_and_a_blink_is_none() {
+    let mut sampler = sampler(QUICK);
+    let mut levels = vec![false; FOR_LONG];
+    // One look long each: never for the 20 ms that are four looks.
+    levels.extend([true, false, true, false, false, true, false]);
+    levels.push(true);
+    let bounces = levels.len() - 1;
+    let mut axis = Wired::says(&levels);
+    assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+    assert!(axis.levels.is_empty(), "believed {} looks early, of {bounces}", axis.levels.len());
+    axis.after_done = Some(false);
+    sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
+    assert_eq!(axis.done, [true, false], "the output is on until it is gone");
+    // The next one may be there already: the capillary was seen empty in between.
+    axis.last = true;
+    assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+}
+
+#[test]
+fn what_comes_in_between_two_runs_is_not_the_next_runs_first_specimen() {
+    let mut sampler = sampler(QUICK);
+    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    sampler.begin_run();
+    assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
+    axis.after_done = Some(false);
+    sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
+    axis.last = true;
+    sampler.begin_run();
+    let said = words(sampler.load(&mut axis, A01, &CancelToken::new()));
+    assert!(said.contains("none was asked for"), "{said}");
+}
+
+#[test]
+fn a_specimen_that_is_there_while_nothing_runs_is_seen_once_it_is_no_blink() {
+    for inverted in [false, true] {
+        let mut sampler = sampler(TriggerSettings { inverted, ..QUICK });
+        let mut axis = Wired::says(&[inverted, !inverted, inverted]);
+        assert_eq!(sampler.sees_specimen(), None, "not looked at yet");
+        for found in [Some(false), Some(false), Some(false)] {
+            sampler.look(&mut axis).unwrap();
+            assert_eq!(sampler.sees_specimen(), found, "a blink");
+        }
+        axis.last = !inverted;
+        let until = Instant::now() + Duration::from_secs(60);
+        while sampler.sees_specimen() != Some(true) {
+            assert!(Instant::now() < until, "it is never seen");
+            sampler.look(&mut axis).unwrap();
+        }
+    }
+}
+
+#[test]
+fn what_nobody_asked_for_and_what_does_not_come_or_go_is_said() {
+    let mut sampler = sampler(QUICK);
+    let mut axis = Wired::says(&[true]);
+    let said = words(sampler.load(&mut axis, A01, &CancelToken::new()));
+    assert!(said.contains("A01") && said.contains("none was asked for"), "{said}");
+    let said = words(sampler.load(&mut Wired::says(&[false]), A01, &CancelToken::new()));
+    assert!(said.contains("no specimen within 400 ms"), "{said}");
+    // It came too late, for nobody.
+    let said = words(sampler.load(&mut Wired::says(&[true]), A01, &CancelToken::new()));
+    assert!(said.contains("none was asked for"), "{said}");
+    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
+    let said = words(sampler.eject(&mut axis, "A01", &CancelToken::new()));
+    assert!(said.contains("still says") && said.contains("stuck"), "{said}");
+    assert_eq!(axis.done, [true, false]);
+}
+
+#[test]
+fn an_input_that_bounces_for_ever_is_neither_there_nor_gone() {
+    let mut sampler = sampler(QUICK);
+    let restless: Vec<bool> = [vec![false; FOR_LONG], (0..200).map(|i| i % 2 == 0).collect()].concat();
+    let said = words(sampler.load(&mut Wired::says(&restless), A01, &CancelToken::new()));
+    assert!(said.contains("no specimen within"), "{said}");
+}
+
+#[test]
+fn a_stop_leaves_the_specimen_to_the_next_load_and_a_cancel_ends_the_wait() {
+    let mut sampler = sampler(QUICK);
+    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
+    axis.stopped = true;
+    let cancel = CancelToken::new();
+    cancel.cancel();
+    assert!(matches!(sampler.eject(&mut axis, "A01", &cancel), Err(DeviceError::Stopped)));
+    assert!(axis.done.is_empty(), "nothing moves any more");
+    axis.after_done = Some(false);
+    let said = words(sampler.load(&mut axis, Expected { well: "A02", ..A01 }, &CancelToken::new()));
+    assert!(said.contains("A02") && said.contains("no specimen"), "{said}");
+    assert_eq!(axis.done, [true, false], "the last run's specimen is ejected first");
+    let waits = CancelToken::new();
+    std::thread::scope(|scope| {
+        scope.spawn(|| waits.cancel());
+        assert_eq!(sampler.load(&mut axis, A01, &waits).unwrap_or_default(), None);
+    });
+}
+
+#[test]
+fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
+    let levels = [[false; FOR_LONG], [true; FOR_LONG]].concat();
+    for (then, leaves) in [(vec![false, true], false), (vec![false], true)] {
+        let wire = Wired::says(&[levels.clone(), then].concat());
+        let (mut sampler, mut axis) = TriggerSampler::beside(Box::new(wire), TriggerSettings { debounce_ms: 20, ..QUICK }).unwrap();
+        axis.move_to(Steps(1)).unwrap();
+        let mut looks = 0;
+        sampler.load(axis.as_mut(), A01, &CancelToken::new()).unwrap();
+        let turned = loop {
+            match axis.move_to(Steps(2)) {
+                Ok(_) if looks < 2 * FOR_LONG => looks += 1,
+                other => break other,
+            }
+        };
+        assert_eq!(turned.is_err(), leaves);
+        if let Err(error) = turned {
+            assert!(error.to_string().contains("mid-turn"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn an_inverted_input_is_active_while_it_is_empty() {
+    let mut sampler = sampler(TriggerSettings { inverted: true, done_output: false, ..QUICK });
+    let mut axis = Wired::says(&[[true; FOR_LONG], [false; FOR_LONG]].concat());
+    sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
+    axis.last = true;
+    axis.levels.clear();
+    sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
+    assert!(axis.done.is_empty(), "no such wire");
+}
+
+#[test]
+fn settings_that_no_sampler_can_have_are_refused() {
+    for (bad, name) in [
+        (TriggerSettings { debounce_ms: 0, ..QUICK }, "debounce_ms"),
+        (TriggerSettings { load_timeout_ms: 79, ..QUICK }, "load_timeout_ms"),
+        (TriggerSettings { eject_timeout_ms: 10, ..QUICK }, "eject_timeout_ms"),
+    ] {
+        assert!(bad.check().unwrap_err().to_string().contains(name));
+    }
+}

@@ -1,0 +1,102 @@
+//! An axis that does not go on turning a capillary whose specimen is gone.
+//!
+//! ```text
+//!   load ──► watch: A01 ──► move_to ─ arrived ─ input? ─ active ──► the view is taken
+//!                                                 └─ not for as long as it may bounce ──► the run ends: sampler_failed
+//! ```
+//! It is looked at after each move, so that no view is taken of what went before the move.
+
+use super::trigger::{POLL, gone};
+use crate::cancel::CancelToken;
+use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
+use carved_core::units::Steps;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Whose specimen should be in the capillary.
+#[derive(Clone, Default)]
+pub(super) struct Watch(Arc<Mutex<Option<String>>>);
+
+impl Watch {
+    pub fn of(&self) -> Option<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    pub fn set(&self, well: Option<&str>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = well.map(str::to_owned);
+    }
+}
+
+pub(super) struct Watched {
+    pub axis: Box<dyn RotationAxis>,
+    pub watch: Watch,
+    pub inverted: bool,
+    pub debounce: Duration,
+}
+
+impl Watched {
+    /// One look that finds it there is enough; what finds it gone is held against bounces.
+    fn specimen_is_there(&mut self) -> Result<(), DeviceError> {
+        let Some(well) = self.watch.of() else { return Ok(()) };
+        let until = Instant::now() + self.debounce;
+        loop {
+            let input = self.axis.specimen_input().ok_or_else(gone)?;
+            if input.is_active()? != self.inverted {
+                return Ok(());
+            }
+            if Instant::now() >= until {
+                let why = "the specimen left the capillary in mid-turn, or its wire is off: the input fell. Look at both".into();
+                return Err(DeviceError::Sampler { well, why });
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+}
+
+impl RotationAxis for Watched {
+    fn identity(&self) -> &str {
+        self.axis.identity()
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.axis.capabilities()
+    }
+
+    fn announce(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
+        self.axis.announce(stops)
+    }
+
+    fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
+        self.axis.reference(cancel)
+    }
+
+    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
+        let achieved = self.axis.move_to(target)?;
+        self.specimen_is_there()?;
+        Ok(achieved)
+    }
+
+    fn let_go(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.axis.let_go(cancel)
+    }
+
+    fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
+        self.axis.linear()
+    }
+
+    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
+        self.axis.specimen_input()
+    }
+
+    fn check(&mut self) -> Result<(), DeviceError> {
+        self.axis.check()
+    }
+
+    fn position(&self) -> Position {
+        self.axis.position()
+    }
+
+    fn stop_handle(&self) -> StopHandle {
+        self.axis.stop_handle()
+    }
+}
