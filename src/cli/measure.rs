@@ -158,7 +158,7 @@ pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Resu
     })
 }
 
-/// Every so manieth view around the turn from view 0, and the closure view.
+/// Every (captured / asd)-th view, starting at view 0, and the closure view.
 fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> anyhow::Result<Vec<&'a LedgerEntry>> {
     let possible: Vec<u32> = (RevolutionPlan::LEAST_ASD..=captured).filter(|n| captured.is_multiple_of(*n)).collect();
     if !possible.contains(&asd) {
