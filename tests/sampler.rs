@@ -196,7 +196,7 @@ fn a_held_controller_is_not_reset_to_eject_and_switches_nothing_when_it_is_relea
         assert!(matches!(bench.axis.move_to(Steps(100)), Err(DeviceError::Intervention { .. })));
         for stopped in [false, true] {
             if stopped {
-                bench.axis.stop_handle().stop();
+                bench.axis.stop_handle().end_motion();
             }
             let error = bench.eject("A01").unwrap_err();
             assert!(matches!(error, DeviceError::Intervention { .. }), "{error}");

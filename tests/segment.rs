@@ -204,8 +204,8 @@ fn pictures_taken_amiss_are_refused_by_name() {
         ("mosaic", "--bayer"),
         ("turned", "turn the picture by 90 degrees"),
         ("tight", "4 px of what is beyond the capillary's walls"),
-        ("folder", "found a folder"),
-        ("pipe", "found a pipe"),
+        ("folder", "it is a folder"),
+        ("pipe", "it is a pipe"),
     ];
     let images: Vec<String> = refusals.iter().map(|(name, _)| format!("{name}.png")).collect();
     let output = segment_files(dir.path(), &[], &images.iter().map(String::as_str).collect::<Vec<_>>());

@@ -110,7 +110,7 @@ impl Pruning<'_> {
         let gb = pruned.bytes as f64 / 1e9;
         let copy = pruned.archived.map_or_else(String::new, |copy| format!("; they are in {}", copy.display()));
         if pruned.files == 0 && of.is_empty() {
-            say!("{run}: nothing to remove{}", copy.replace("they", "its raw frames"));
+            say!("{run}: nothing to remove{}", copy.replace("they are in", "its raw frames were archived to"));
         } else {
             say!("{run}: {what} {} files{of}, {gb:.3} GB{copy}", pruned.files);
         }

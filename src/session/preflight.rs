@@ -36,6 +36,13 @@ pub struct Seen {
     light: Result<Light, DeviceError>,
 }
 
+impl Seen {
+    /// What a person or a safety circuit has done to the axis; some controllers say so once only.
+    pub fn intervention(&self) -> Option<&DeviceError> {
+        self.axis.as_ref().err().filter(|error| matches!(error, DeviceError::Intervention { .. }))
+    }
+}
+
 /// Asks the axis and takes a frame; nothing moves.
 pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Seen) {
     let rig = &mut instrument.rig;

@@ -27,7 +27,8 @@ pub type Search = JoinHandle<(Instrument, Found)>;
 pub fn begin(mut instrument: Instrument) -> Search {
     tokio::task::spawn_blocking(move || {
         let found = Found { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
-        if found.rotation.is_ok()
+        // The wire is watched also while a person has the axis: specimens may be exchanged by hand then.
+        if matches!(found.rotation, Ok(()) | Err(DeviceError::Intervention { .. }))
             && let Err(error) = instrument.sampler.look(instrument.rig.rotation.as_mut())
         {
             tracing::debug!(%error, "the sampler's wire cannot be read");

@@ -130,16 +130,33 @@ pub trait SpecimenInput {
 
 /// Stops a motor from any thread.
 #[derive(Clone)]
-pub struct StopHandle(std::sync::Arc<dyn Fn() + Send + Sync>);
+pub struct StopHandle {
+    stop: std::sync::Arc<dyn Fn() + Send + Sync>,
+    end_motion: std::sync::Arc<dyn Fn() + Send + Sync>,
+}
 
 impl StopHandle {
+    /// A handle whose two stops are the same.
     pub fn new(stop: impl Fn() + Send + Sync + 'static) -> Self {
-        Self(std::sync::Arc::new(stop))
+        let stop: std::sync::Arc<dyn Fn() + Send + Sync> = std::sync::Arc::new(stop);
+        Self { end_motion: std::sync::Arc::clone(&stop), stop }
     }
 
-    /// Puts the stop on the wire; the axis then refuses to move until it is referenced again.
+    /// A handle for a controller on which a stop also ends what a person has done there, such as a feed hold.
+    pub fn with_end_of_motion(self, end_motion: impl Fn() + Send + Sync + 'static) -> Self {
+        Self { end_motion: std::sync::Arc::new(end_motion), ..self }
+    }
+
+    /// Puts the stop on the wire, whatever the axis does; it then refuses to move until it is referenced again. For a stop that
+    /// a person asks for.
     pub fn stop(&self) {
-        (self.0)();
+        (self.stop)();
+    }
+
+    /// Ends a motion that the program has begun, if there is one; the axis then refuses to move until it is referenced again. For
+    /// stops that the program decides on: they leave alone what a person has done at the controller.
+    pub fn end_motion(&self) {
+        (self.end_motion)();
     }
 }
 

@@ -30,6 +30,8 @@ pub struct Expected<'a> {
 pub trait Sampler: Send {
     /// Whether `load` waits for somebody outside.
     fn waits_for_loader(&self) -> bool;
+    /// Whether a specimen that was taken out can be brought again: whoever brings what lies next on a plate cannot.
+    fn brings_again(&self) -> bool;
     /// A new run begins: a capillary that was seen empty before may have been filled since. A run that goes on is no new one.
     fn begin_run(&mut self) {}
     /// Looks at the wire that says that a specimen is there, while nothing runs; it moves and resets nothing.
@@ -110,6 +112,10 @@ impl LoaderSampler {
 
 impl Sampler for LoaderSampler {
     fn waits_for_loader(&self) -> bool {
+        true
+    }
+
+    fn brings_again(&self) -> bool {
         true
     }
 

@@ -138,6 +138,10 @@ impl Sampler for TakenUp {
         self.sampler.waits_for_loader()
     }
 
+    fn brings_again(&self) -> bool {
+        self.sampler.brings_again()
+    }
+
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let loaded = self.sampler.load(axis, expected, cancel)?;
         if loaded.is_some() {

@@ -108,6 +108,10 @@ impl Sampler for ReplaySampler {
         false
     }
 
+    fn brings_again(&self) -> bool {
+        true
+    }
+
     fn load(
         &mut self,
         _axis: &mut dyn RotationAxis,

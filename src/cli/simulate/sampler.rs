@@ -57,6 +57,10 @@ impl Sampler for Outside {
         self.daemons.waits_for_loader()
     }
 
+    fn brings_again(&self) -> bool {
+        self.daemons.brings_again()
+    }
+
     fn begin_run(&mut self) {
         self.daemons.begin_run();
     }

@@ -82,6 +82,10 @@ impl Sampler for SceneSampler {
         false
     }
 
+    fn brings_again(&self) -> bool {
+        true
+    }
+
     fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, _cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (contents, loaded) = self.0.contents(expected)?;
         self.0.fill(expected.well, contents)?;

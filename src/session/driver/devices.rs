@@ -40,18 +40,22 @@ impl Running {
         match found.rotation {
             Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity)),
             Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error),
-            // The axis is there, and a person or a safety circuit has it. For as long as that lasts the fault stands, also where it
-            // was acknowledged before it was over.
-            Err(error @ DeviceError::Intervention { .. }) => {
-                self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity));
-                self.stands(table::ROTATION_INTERVENTION.code, error);
-            }
+            Err(ref error @ DeviceError::Intervention { .. }) => self.axis_is_taken(Some(error)),
             Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
         }
         self.unasked(specimen);
         // A run that was held by it may go on.
         if was_lost && self.lost.is_empty() {
             self.resume_by_itself();
+        }
+    }
+
+    /// A person or a safety circuit has the axis. For as long as that lasts the fault stands, also where it was acknowledged before
+    /// it was over. An axis that was lost is not back by this: it is opened again once it is free.
+    pub(super) fn axis_is_taken(&mut self, intervention: Option<&DeviceError>) {
+        if let Some(DeviceError::Intervention { device, what, way_out }) = intervention {
+            let error = DeviceError::Intervention { device, what: what.clone(), way_out };
+            self.stands(table::ROTATION_INTERVENTION.code, error);
         }
     }
 

@@ -16,10 +16,21 @@ use crate::config::Interrupted;
 use crate::store::RunRecord;
 use serde_json::{Value, json};
 
+/// What becomes of a specimen that is under way when its run is cut short.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Fate {
+    /// Its pose is lost: the method's policy says whether it is begun anew.
+    PoseLost,
+    /// The instrument is to blame, and the specimen must be brought again.
+    BroughtAgain,
+    /// The instrument is to blame, and the run goes on with the specimen where it is.
+    Stays,
+}
+
 impl Running {
     /// The specimen under way has no end: its pose is lost. By the method's policy it is begun anew, or its well is over; unless it was
-    /// accepted, which only lacks its numbers. One that `stays` is neither taken out nor given up: the run goes on with it.
-    pub(super) fn interrupt_specimen(&mut self, reason: &str, stays: bool) {
+    /// accepted, which only lacks its numbers. A specimen that has left the capillary of a sampler that brings none twice is given up.
+    pub(super) fn interrupt_specimen(&mut self, reason: &str, fate: Fate) {
         let accepted = self.accepted();
         let Some(active) = &mut self.active else { return };
         let policy = active.record.method.policy.interrupted;
@@ -30,7 +41,10 @@ impl Running {
             let Some(active) = &mut self.active else { return };
             let inside = self.occupant.as_ref() == Some(&well);
             let accepted = accepted.iter().any(|accepted| accepted.well == well);
-            let kept = stays && inside && !accepted;
+            let kept = fate == Fate::Stays && inside && !accepted;
+            // One that has not come yet is still to come.
+            let came = inside || self.been_inside.contains(&well);
+            let given_up = came && !kept && (!self.brings_again || policy == Interrupted::Skip && fate == Fate::PoseLost);
             if kept {
                 self.brought = Some(well.clone());
             } else if inside && self.loaded_from_outside {
@@ -41,10 +55,7 @@ impl Running {
             if accepted {
                 continue;
             }
-            if policy == Interrupted::Skip
-                && !kept
-                && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none())
-            {
+            if given_up && let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none()) {
                 slot.end(SpecimenOutcome::Interrupted, Some(reason));
                 let run = active.record.id.clone();
                 self.seal_well(&run, &well);
@@ -57,6 +68,20 @@ impl Running {
         if let (Some(active), Some(stuck)) = (&mut self.active, stuck) {
             active.eject_first.get_or_insert(stuck);
         }
+    }
+
+    /// Ends a well whose specimen cannot be measured any more.
+    pub(super) fn give_up(&mut self, well: &str, reason: &str) {
+        let Some(active) = &mut self.active else { return };
+        let policy = active.record.method.policy.interrupted;
+        let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == well && w.outcome.is_none()) else { return };
+        slot.end(SpecimenOutcome::Interrupted, Some(reason));
+        let record = active.record.clone();
+        self.seal_well(&record.id, well);
+        let status = run_status(&record);
+        self.save(record);
+        self.publish(|s| s.run = Some(status));
+        self.event(kind::SPECIMEN_INTERRUPTED, Some(well), json!({ "reason": reason, "policy": policy, "kept": false }));
     }
 
     /// Between two wells nothing is under way; what the loader brought in the same moment stays until the run goes on.

@@ -53,6 +53,7 @@ impl Running {
             Done::Searched(instrument, found) => self.searched(instrument, found),
             Done::Preflight(instrument, seen, plan, answer) => {
                 self.instrument = Some(instrument);
+                self.axis_is_taken(seen.intervention());
                 let status = self.publisher.status();
                 let inside = self.plate_inside.as_deref();
                 let checks = preflight::checks(&self.config, &plan, &seen, &status, inside, self.store.free_bytes(), self.disk_budget());

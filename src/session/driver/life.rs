@@ -13,6 +13,7 @@ use super::super::worker::{self, Instrument, RunContext, RunEnd};
 use super::super::{Plate, Refusal, RunPlan, State, Status, gate, kind};
 use super::Running;
 use super::active::{Active, Asked, Cause, Work};
+use super::ends::Fate;
 use super::publish::run_status;
 use crate::config::Method;
 use crate::store::{RunRecord, StoreError};
@@ -125,7 +126,11 @@ impl Running {
                 self.gate.give_up();
             }
             // Motors first; the worker then ends by itself.
-            Asked::Halt | Asked::Abort | Asked::ShutDown => {
+            Asked::Halt => {
+                work.cancel.cancel();
+                work.stop.end_motion();
+            }
+            Asked::Abort | Asked::ShutDown => {
                 work.cancel.cancel();
                 work.stop.stop();
             }
@@ -260,10 +265,14 @@ impl Running {
             }
             RunEnd::AllWells if asked != Asked::Halt => self.finish(),
             RunEnd::Failed(error) => {
-                // A stock VAST takes no specimen up twice: it is brought to it again.
-                let stays = worker::keeps_specimen(&error) && !self.steps_through_a_list();
+                let fate = match worker::keeps_specimen(&error) {
+                    false => Fate::PoseLost,
+                    // A stock VAST takes no specimen up twice.
+                    true if self.steps_through_a_list() => Fate::BroughtAgain,
+                    true => Fate::Stays,
+                };
                 self.fault(&error);
-                self.interrupt_specimen(&error.to_string(), stays);
+                self.interrupt_specimen(&error.to_string(), fate);
                 self.rest(true);
             }
             RunEnd::Paused if asked == Asked::Hold => {
@@ -272,7 +281,7 @@ impl Running {
             }
             // Also where it was to stop after its specimen: `rest` then ends it.
             RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt || asked == Asked::Stop && halted => {
-                self.interrupt_specimen("the run could not be stored", false);
+                self.interrupt_specimen("the run could not be stored", Fate::PoseLost);
                 self.rest(true);
             }
             // Nobody asked the driver: the emergency stop has cancelled it, past the mailbox.
@@ -321,7 +330,7 @@ impl Running {
             s.plate.barcode = Some(barcode);
             s.plate.present = true;
         });
-        self.interrupt_specimen("the daemon ended before this specimen was done", false);
+        self.interrupt_specimen("the daemon ended before this specimen was done", Fate::PoseLost);
         if let Some(active) = &self.active {
             // What is given up stays so, whatever comes before the run goes on.
             let (record, status) = (active.record.clone(), run_status(&active.record));

@@ -86,8 +86,11 @@ impl Running {
         }
         self.promise_of(self.told_in(run).as_deref(), kind::WELL_UNLOADED, Some(well), Value::Null)?;
         self.occupant = None;
-        self.brought = None;
+        let was_kept = self.brought.take().is_some();
         self.been_inside.insert(well.to_owned());
+        if was_kept && !self.brings_again {
+            self.give_up(well, "somebody took its specimen out, and the sampler brings none twice");
+        }
         let waited = self.active.as_mut().is_some_and(|a| {
             a.eject_first.take_if(|x| x == well);
             a.take_out.take_if(|x| x == well).is_some()

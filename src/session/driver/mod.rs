@@ -83,6 +83,8 @@ struct Running {
     gate: LoaderGate,
     /// Whether the loader fills the capillary.
     loaded_from_outside: bool,
+    /// Whether a specimen that was taken out can be brought again.
+    brings_again: bool,
     /// At rest while there is no worker and no errand.
     instrument: Option<Instrument>,
     active: Option<Active>,
@@ -205,6 +207,7 @@ impl Running {
         Self {
             fault_seq: journal.last_fault(),
             loaded_from_outside: instrument.sampler.waits_for_loader(),
+            brings_again: instrument.sampler.brings_again(),
             camera: instrument.rig.camera.link(),
             plate_inside: recall::plate_inside(remembered.iter()),
             paces: eta::learned(&remembered),

@@ -280,6 +280,7 @@ impl Running {
             slot.clone_from(&result);
         }
         active.resumed_by_itself = 0;
+        active.holds.clear();
         active.recoveries.remove(&result.well);
         let record = active.record.clone();
         // Closed already where it has numbers.

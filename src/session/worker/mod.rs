@@ -178,7 +178,7 @@ pub fn run(instrument: Instrument, context: &RunContext) -> (Instrument, RunEnd)
     // Whoever has taken the axis over by hand has stopped it.
     let stops = ended.as_ref().is_err_and(|e| !retry::is_intervention(e));
     if stops || context.cancel.is_cancelled() {
-        worker.instrument.rig.rotation.stop_handle().stop();
+        worker.instrument.rig.rotation.stop_handle().end_motion();
     }
     // What was accepted before is measured and kept, however the run ends.
     let settled = context.settle(&mut numbers);

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //!                                     tried again   and if that fails too   the specimen
-//! a frame that did not come                x         the well fails          is ejected
+//! a frame that did not come                x         the run is held         stays: the run goes on with it
+//! the second camera, whatever it is        frame     the run is held         stays: the run goes on with it
 //! detect, revolve overran                  x         the well fails          is ejected
 //! reconstruct, measure overran                       the well fails          is ejected
 //! a lost position, position overran        x         the run is held         is ejected
@@ -45,7 +46,15 @@ pub fn costs_its_well_only(error: &RunError) -> bool {
         RunError::Overrun(Overrun { phase, .. }) => {
             matches!(phase, Phase::Detect | Phase::Revolve | Phase::Reconstruct | Phase::Measure)
         }
-        RunError::Second(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => matches!(e, DeviceError::NoFrame { .. }),
+        _ => false,
+    }
+}
+
+/// Whether a camera did not give its frame, which says nothing against the specimen.
+fn is_camera(error: &RunError) -> bool {
+    match error {
+        RunError::Second(_) => true,
+        RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => matches!(e, DeviceError::NoFrame { .. }),
         _ => false,
     }
 }
@@ -62,7 +71,7 @@ pub fn is_intervention(error: &RunError) -> bool {
 
 /// Whether the specimen stays in the capillary, and the run goes on with it once a person has seen to the cause.
 pub fn keeps_specimen(error: &RunError) -> bool {
-    matches!(error, RunError::Optics { .. }) || is_intervention(error)
+    matches!(error, RunError::Optics { .. }) || is_camera(error) || is_intervention(error)
 }
 
 #[cfg(test)]
@@ -80,11 +89,13 @@ mod tests {
     }
 
     #[test]
-    fn a_lost_frame_is_tried_again_and_costs_a_well_and_an_alarm_or_a_lost_device_is_neither() {
+    fn a_lost_frame_is_tried_again_and_then_holds_the_run_and_an_alarm_or_a_lost_device_is_not_tried_again() {
         let in_view = |source| RunError::from(AcquisitionError::Device { view: 3, source });
-        assert!(may_be_tried_again(&in_view(no_frame())) && costs_its_well_only(&in_view(no_frame())));
-        // Before the first view it is the camera's, which the next well needs as well.
-        assert!(may_be_tried_again(&no_frame().into()) && !costs_its_well_only(&no_frame().into()));
+        // The next well needs the camera as well.
+        for lost in [in_view(no_frame()), no_frame().into(), RunError::Second(no_frame())] {
+            assert!(may_be_tried_again(&lost) && !costs_its_well_only(&lost) && keeps_specimen(&lost), "{lost}");
+        }
+        assert!(keeps_specimen(&RunError::Second(DeviceError::ControlLost)));
         let suspect = || DeviceError::Suspect { why: "it was restarted".into() };
         assert!(may_be_tried_again(&in_view(suspect())) && !costs_its_well_only(&in_view(suspect())));
         for error in [
@@ -111,7 +122,7 @@ mod tests {
             assert!(keeps_specimen(error) && !costs_its_well_only(error), "{error}");
         }
         assert!(hands.iter().all(|e| is_intervention(e) && !may_be_tried_again(e)) && !is_intervention(&dark));
-        for error in [no_frame().into(), overrun(Phase::Position), DeviceError::Alarm { device: "grbl", what: "ALARM:1".into() }.into()] {
+        for error in [overrun(Phase::Position), DeviceError::Alarm { device: "grbl", what: "ALARM:1".into() }.into()] {
             assert!(!keeps_specimen(&error), "{error}");
         }
     }

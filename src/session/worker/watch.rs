@@ -47,7 +47,7 @@ pub fn within<T, E: From<Overrun>>(
             let overran = is_done.recv_timeout(allowed) == Err(RecvTimeoutError::Timeout);
             if overran {
                 token.cancel();
-                stop.stop();
+                stop.end_motion();
             }
             overran
         });

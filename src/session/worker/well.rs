@@ -81,10 +81,11 @@ impl Worker {
                 true
             }
         };
-        self.take_out(planned, somebody, &mut times)?;
+        let out = self.take_out(planned, somebody, &mut times);
         self.context.hardware(&mut self.instrument);
+        // The verdict stands also where the specimen could not be taken out: the well is not begun again.
         self.context.tell(Progress::WellDone { result, seconds: began.elapsed().as_secs_f64(), times });
-        Ok(ControlFlow::Continue(()))
+        out.map(ControlFlow::Continue)
     }
 
     /// What is known of the specimen, once it is there; nothing where the run was cancelled or paused first.

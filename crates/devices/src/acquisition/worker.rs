@@ -168,7 +168,7 @@ impl StopUnlessDone {
 impl Drop for StopUnlessDone {
     fn drop(&mut self) {
         if let Some(stop) = self.0.take() {
-            stop.stop();
+            stop.end_motion();
         }
     }
 }

@@ -53,8 +53,8 @@ struct State {
     /// None once the owner has closed the connection.
     door: Option<Door>,
     latched: bool,
-    /// What a stop sends instead while somebody else has the axis.
-    instead: Option<&'static [u8]>,
+    /// The owner has sent the motor somewhere and has not seen the end of it.
+    moving: bool,
 }
 
 /// What stops the motor on this protocol.
@@ -77,8 +77,20 @@ pub(super) struct Stopper(Arc<Transmitter>);
 
 impl Stopper {
     pub fn stop(&self) {
+        self.latch(true);
+    }
+
+    /// The same, with nothing on the wire where the owner has no motion under way.
+    pub fn end_motion(&self) {
+        self.latch(false);
+    }
+
+    fn latch(&self, at_rest_too: bool) {
         let mut state = self.0.lock();
         state.latched = true;
+        if !state.moving && !at_rest_too {
+            return;
+        }
         if let Err(e) = self.0.write_stop(&mut state) {
             tracing::error!(device = self.0.device, error = %e, "stop could not be sent");
         }
@@ -98,9 +110,6 @@ impl Transmitter {
     }
 
     fn write_stop(&self, state: &mut State) -> Result<(), DeviceError> {
-        if let Some(bytes) = state.instead {
-            return self.write(state, bytes);
-        }
         for (i, piece) in self.stop.pieces.iter().enumerate() {
             if i > 0 {
                 std::thread::sleep(self.stop.gap);
@@ -162,7 +171,7 @@ impl Link {
             why: e.to_string(),
             remedy: "Close other programs: this computer has no file handles left",
         })?;
-        let state = Mutex::new(State { door: Some(twin), latched: false, instead: None });
+        let state = Mutex::new(State { door: Some(twin), latched: false, moving: false });
         let transmitter = Transmitter { device, stop, state };
         Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
     }
@@ -199,9 +208,13 @@ impl Link {
         Ok(())
     }
 
-    /// Whatever stops the motor from now on sends these bytes instead; none: what it sends by default.
-    pub fn stop_by(&mut self, instead: Option<&'static [u8]>) {
-        self.transmitter.lock().instead = instead;
+    /// Says whether the owner has sent the motor somewhere and has not seen the end of it.
+    pub fn set_moving(&mut self, moving: bool) {
+        self.transmitter.lock().moving = moving;
+    }
+
+    pub fn is_moving(&self) -> bool {
+        self.transmitter.lock().moving
     }
 
     /// The next line without its line end; `None` when `until` has passed. Ends early when the stop is latched.

@@ -78,6 +78,10 @@ pub struct TriggerSampler {
     is_empty: bool,
     /// Since when every look while nothing runs has found a specimen.
     there_since: Option<Instant>,
+    /// Since when every look while nothing runs has found none.
+    gone_since: Option<Instant>,
+    /// Those looks have seen the capillary empty since its last specimen came: what is there now may be another.
+    left: bool,
     /// What those looks have found.
     seen: Option<bool>,
 }
@@ -95,7 +99,7 @@ impl TriggerSampler {
         }
         let watch = Watch::default();
         let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce() };
-        Ok((Self { settings, watch, is_empty: false, there_since: None, seen: None }, Box::new(watched)))
+        Ok((Self { settings, watch, is_empty: false, there_since: None, gone_since: None, left: false, seen: None }, Box::new(watched)))
     }
 
     /// Waits until the input has said `there` for as long as it may bounce.
@@ -139,15 +143,23 @@ impl Sampler for TriggerSampler {
         false
     }
 
+    fn brings_again(&self) -> bool {
+        false
+    }
+
     fn begin_run(&mut self) {
-        (self.is_empty, self.there_since, self.seen) = (false, None, None);
+        (self.is_empty, self.there_since, self.gone_since, self.left, self.seen) = (false, None, None, false, None);
     }
 
     fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
         let Some(active) = axis.specimen_input().ok_or_else(gone)?.is_active_at_rest()? else { return Ok(()) };
         if active == self.settings.inverted {
             (self.there_since, self.seen) = (None, Some(false));
-        } else if self.there_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce() {
+            self.left |= self.gone_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce();
+            return Ok(());
+        }
+        self.gone_since = None;
+        if self.there_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce() {
             self.seen = Some(true);
         }
         Ok(())
@@ -185,6 +197,7 @@ impl Sampler for TriggerSampler {
                 Err(Self::failed(well, why))
             }
             Waited::Reached => {
+                self.left = false;
                 self.watch.set(Some(well));
                 Ok(Some(Loaded::default()))
             }
@@ -194,6 +207,11 @@ impl Sampler for TriggerSampler {
     fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let well = expected.well;
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
+        if self.left {
+            let why = "its specimen was left in the capillary, and the input said meanwhile that the capillary was empty: what is there now may be \
+                       another specimen. Empty the capillary, then say to the instrument that the specimen is out";
+            return Err(Self::failed(well, why.into()));
+        }
         match self.wait_for(true, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
             Waited::Cancelled => Ok(None),
             Waited::TimedOut => {

@@ -15,6 +15,10 @@ impl Sampler for Wire {
     fn waits_for_loader(&self) -> bool {
         false
     }
+
+    fn brings_again(&self) -> bool {
+        false
+    }
     fn sees_specimen(&self) -> Option<bool> {
         self.0
     }

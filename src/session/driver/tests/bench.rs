@@ -75,6 +75,10 @@ impl Sampler for Arm {
     fn waits_for_loader(&self) -> bool {
         self.waits
     }
+
+    fn brings_again(&self) -> bool {
+        true
+    }
     fn load(
         &mut self,
         _axis: &mut dyn RotationAxis,

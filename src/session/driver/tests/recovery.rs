@@ -1,6 +1,7 @@
 //! Numbers that are made from frames, where making them takes too long or costs the daemon its life.
 
 use super::super::active::word_of;
+use super::super::ends::Fate;
 use super::super::recovery::{Recovery, Then};
 use super::super::*;
 use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch, started};
@@ -72,7 +73,7 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
         active.under_way.insert("A01".into(), crate::session::eta::UnderWay::default());
         let recording = a_recording(RUN, &active.record.plan.plate_map[0]);
         drop(RecordingWriter::create(&b.d.store.run_folder(RUN).join("A01"), recording, None).unwrap());
-        b.d.interrupt_specimen("the power was cut", false);
+        b.d.interrupt_specimen("the power was cut", Fate::PoseLost);
         assert!(has_sums(&b, "A01"), "skipped by policy");
 
         // Left by a crash and never begun again: the run's end seals it, whatever that is.

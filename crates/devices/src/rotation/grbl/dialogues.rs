@@ -629,21 +629,26 @@ fn a_report_that_is_lost_or_disturbed_anywhere_is_asked_for_again() {
 }
 
 #[test]
-fn a_hold_is_asked_for_twice_and_then_left_alone_by_every_stop() {
+fn a_hold_is_asked_for_twice_and_then_left_alone_until_a_person_asks_for_a_stop() {
     let hold = "<Hold:0|MPos:9.000,0.000,0.000|FS:0,0>\r\n";
     let mut script = referenced("0.000");
     script.extend([("?", idle("0.000")), step(MOVE_24, "ok\r\n"), step("G4P0", ""), step("?", hold), step("?", hold)]);
-    // A stop, then the reference, which looks; no reset, no line.
-    script.extend([step("!", ""), step("?", hold), step("?", hold)]);
+    // The program's stop writes nothing; the reference looks: no reset, no line. A person's stop is a reset in the hold.
+    script.extend([step("?", hold), step("?", hold)]);
+    script.extend(halted());
+    let last = script.len() - 1;
     let controller = Scripted::play(script);
     let mut grbl = controller.open().unwrap();
     grbl.reference(&CancelToken::new()).unwrap();
     let error = grbl.move_to(Steps(24)).unwrap_err();
     let DeviceError::Intervention { what, .. } = &error else { panic!("{error}") };
     assert!(what.contains("reports Hold:0, machine position 9.000, 0.000, 0.000"), "{what}");
-    grbl.stop_handle().stop();
+    grbl.stop_handle().end_motion();
+    assert!(matches!(grbl.link.send(b"G1X1F1\n"), Err(DeviceError::Stopped)), "it is latched all the same");
     assert!(matches!(grbl.reference(&CancelToken::new()), Err(DeviceError::Intervention { .. })));
     assert_eq!(grbl.position(), Position::Suspect { epoch: 2 });
+    grbl.stop_handle().stop();
+    controller.await_step(last);
     controller.followed(grbl);
 }
 

@@ -5,9 +5,10 @@
 //!           ├─ input E (emergency stop), R (reset) or H (feed hold) is active              ├─ read twice ─► Intervention
 //!           └─ input D (door) is active, and the axis is to move or is locked ─────────────┘
 //!
-//!   Intervention ── a stop is a feed hold alone, without a reset ── a report that says it is over ──► a stop resets again
 //! ```
-//! carved's own stop is a feed hold and a reset, and the reset ends the hold. So a hold that stands is somebody else's.
+//! carved's own stop is a feed hold and a reset, and the reset ends the hold. So a hold that stands is somebody else's. Stops that the
+//! program decides on write nothing to an axis at rest ([`StopHandle::end_motion`](crate::StopHandle::end_motion)): they would end a
+//! hold that nobody has read yet. A stop that a person asks for resets always: what was held in mid-move does not move later.
 
 use super::DEVICE;
 use super::report::{State, Status};

@@ -43,8 +43,6 @@ const DEVICE: &str = "rotation axis (Grbl)";
 
 /// Feed hold, then soft reset: the hold begins to brake at once, the reset ends the cycle and empties the queue.
 const STOP: &[u8] = b"!\x18";
-/// What a stop is while somebody else has the axis: it neither resets nor moves it.
-const HOLD: &[u8] = b"!";
 const SOFT_RESET: &[u8] = b"\x18";
 const STATUS: &[u8] = b"?";
 /// grblHAL alone.
@@ -66,7 +64,6 @@ pub struct Grbl {
     /// The machine step of step 0; machine steps count from the controller's own zero.
     origin: i64,
     /// A motion has been asked for and its end has not been seen.
-    in_flight: bool,
     /// By its greeting.
     is_hal: bool,
     /// It said at a start that its settings memory was erased, and has not agreed with the configuration since.
@@ -104,7 +101,6 @@ impl Grbl {
             identity: String::new(),
             knowledge: Knowledge::none_of("rotation axis"),
             origin: 0,
-            in_flight: false,
             is_hal: false,
             memory_erased: false,
             zero_at_home: false,
@@ -147,24 +143,22 @@ impl Grbl {
             return Ok(());
         }
         let wait = axis.travel_time(to - from) + self.settings.answer_timeout();
-        self.in_flight = true;
+        self.link.set_moving(true);
         self.send_off(axis, from, to)?;
         let until = Instant::now() + wait;
         // Its `ok` only ends the wait; what proves the arrival is the report.
         self.exchange(BARRIER, wait, |_| {})?;
         self.confirm(axis, to, origin, until)?;
-        self.in_flight = false;
+        self.link.set_moving(false);
         Ok(())
     }
 
     /// Brings the axis to rest and no longer believes its position. What somebody else has stopped is left as it is.
     fn doubt(&mut self, error: &DeviceError) {
-        if matches!(error, DeviceError::Intervention { .. }) {
-            self.link.stop_by(Some(HOLD));
-        } else if self.in_flight {
+        if !matches!(error, DeviceError::Intervention { .. }) && self.link.is_moving() {
             self.link.halt();
         }
-        self.in_flight = false;
+        self.link.set_moving(false);
         if let Some(slide) = &mut self.slide {
             slide.knowledge.doubt(error);
         }
@@ -192,7 +186,7 @@ impl Grbl {
     fn was_only_disturbed(&self, error: &DeviceError) -> bool {
         match error {
             DeviceError::Silent { .. } | DeviceError::Unexpected { .. } => true,
-            DeviceError::Suspect { .. } => !self.in_flight,
+            DeviceError::Suspect { .. } => !self.link.is_moving(),
             _ => false,
         }
     }
@@ -309,13 +303,14 @@ impl RotationAxis for Grbl {
 
     fn stop_handle(&self) -> StopHandle {
         let stopper = self.link.stopper();
-        StopHandle::new(move || stopper.stop())
+        let twin = stopper.clone();
+        StopHandle::new(move || stopper.stop()).with_end_of_motion(move || twin.end_motion())
     }
 }
 
 impl Drop for Grbl {
     fn drop(&mut self) {
-        if self.in_flight {
+        if self.link.is_moving() {
             self.link.halt();
         }
     }

@@ -2,7 +2,7 @@
 
 use super::geometry::Geometry;
 use super::report::{Line, State, Status, alarm_text, error_text};
-use super::{DEVICE, Dialect, FULL_STATUS, Grbl, HOLD, SOFT_RESET, STATUS, hands};
+use super::{DEVICE, Dialect, FULL_STATUS, Grbl, SOFT_RESET, STATUS, hands};
 use crate::DeviceError;
 use carved_core::units::Steps;
 use std::time::{Duration, Instant};
@@ -129,7 +129,7 @@ impl Grbl {
 
     /// A homing cycle. Where no `ok` comes it is made again: it ends at its switch wherever it begins.
     pub(super) fn home(&mut self, line: &str) -> Result<(), DeviceError> {
-        self.in_flight = true;
+        self.link.set_moving(true);
         if !self.exchange(line, self.settings.homing_timeout(), |_| {})? {
             // Whoever still homes now does not get there.
             let status = self.status()?;
@@ -143,7 +143,7 @@ impl Grbl {
                 return Err(DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms });
             }
         }
-        self.in_flight = false;
+        self.link.set_moving(false);
         Ok(())
     }
 
@@ -163,14 +163,8 @@ impl Grbl {
     }
 
     /// Refuses to go on while somebody else has the controller; it is neither moved nor reset. One that does not answer is
-    /// starting, or waits for a reset after a limit: neither is anybody's doing. Until it is free a stop is a feed hold alone.
+    /// starting, or waits for a reset after a limit: neither is anybody's doing.
     pub(super) fn wait_until_free(&mut self) -> Result<(), DeviceError> {
-        let free = self.look_until_free();
-        self.link.stop_by(matches!(free, Err(DeviceError::Intervention { .. })).then_some(HOLD));
-        free
-    }
-
-    fn look_until_free(&mut self) -> Result<(), DeviceError> {
         let until = Instant::now() + self.settings.homing_timeout();
         let mut asked_again = false;
         while let Some(status) = self.glance()? {
