@@ -212,7 +212,7 @@ fn each_cause_of_a_failed_calibration_has_its_own_words() {
         let given: Vec<GivenView> = columns.iter().zip(views).map(|(columns, &(.., omega))| GivenView { columns, omega }).collect();
         calibrate(&camera, &given, Priors::default()).unwrap_err().to_string()
     };
-    let apart: Vec<_> = (0..5).map(|i| f64::from(i)).map(|i| (100.0 + 150.0 * i, 160.0 + 150.0 * i, 1.2 * i)).collect();
+    let apart: Vec<_> = (0..5).map(f64::from).map(|i| (100.0 + 150.0 * i, 160.0 + 150.0 * i, 1.2 * i)).collect();
     let said = why(&apart);
     assert!(said.starts_with("0 of the columns") && said.contains("3 are needed") && said.contains("slid along the capillary"), "{said}");
     let said = why(&[(400.0, 700.0, 1.0); 5]);

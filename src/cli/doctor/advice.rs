@@ -22,7 +22,7 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
             }
             // grblHAL may name the motors that stay powered instead.
             let kept = *is_hal && settings.get(&37).is_some_and(|mask| *mask != 0.0);
-            if let Some(ms) = settings.get(&1).filter(|ms| **ms != 255.0 && !kept) {
+            if let Some(ms) = settings.get(&1).filter(|ms| **ms as u32 != 255 && !kept) {
                 let _ = writeln!(text, "# set $1=255 in the controller: now its motors lose their current {ms} ms after each move");
             }
             let homing = settings.get(&22).map(|on| *on as u32 & 1 == 1);

@@ -11,7 +11,7 @@ const PRINTED: f64 = 0.0006;
 
 /// How long the motors keep their current after a move, ms; 255 is for ever.
 const IDLE_DELAY: u16 = 1;
-const FOR_EVER_MS: f64 = 255.0;
+const FOR_EVER_MS: u32 = 255;
 /// grblHAL: a bit for each motor that keeps its current after that.
 const KEPT_POWERED: u16 = 37;
 const STATUS_MASK: u16 = 10;
@@ -70,7 +70,7 @@ impl Grbl {
         };
         let or_kept = if self.is_hal { format!(", or {axes} in $37") } else { String::new() };
         let powered = format!("255{or_kept}: a motor without current does not hold the capillary while it is exposed");
-        hold(IDLE_DELAY, "step idle delay, ms", powered, &|ms| kept || ms == FOR_EVER_MS);
+        hold(IDLE_DELAY, "step idle delay, ms", powered, &|ms| kept || ms as u32 == FOR_EVER_MS);
         hold(STATUS_MASK, "status report", "odd, to report machine positions".into(), &|mask| mask as u32 & 1 == 1);
         hold(INCHES, "report in inches", "0".into(), &|inches| inches == 0.0);
         if self.settings.reference == Reference::Home || self.slide.is_some() {

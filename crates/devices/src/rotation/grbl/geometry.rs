@@ -43,10 +43,9 @@ impl Geometry {
         ((steps - steps.round()).abs() <= tolerance.min(0.45)).then(|| steps.round() as i64)
     }
 
-    /// The machine step of a report; `None` where it has no machine position, `Some(None)` where that lies between two steps.
-    pub fn step_of(&self, status: &Status) -> Option<Option<i64>> {
-        let units = *status.machine.as_ref()?.get(usize::from(self.letter.index()))?;
-        Some(self.machine_steps(units))
+    /// The machine position of a report, in units; `None` where it has none.
+    pub fn units_of(&self, status: &Status) -> Option<f64> {
+        status.machine.as_ref()?.get(usize::from(self.letter.index())).copied()
     }
 
     /// Longest time a healthy controller needs for a move: trapezoid, and a tenth for rounding.

@@ -119,7 +119,7 @@ impl Grbl {
                 return Ok(());
             }
             let status = self.free_status()?;
-            if status.state != State::Idle || axis.step_of(&status) != Some(Some(from)) {
+            if status.state != State::Idle || axis.units_of(&status).and_then(|units| axis.machine_steps(units)) != Some(from) {
                 return Ok(());
             }
             tracing::info!(line, "no answer, and the axis stands where it stood: the line is sent again");
@@ -246,8 +246,8 @@ impl Grbl {
         loop {
             let status = self.free_status()?;
             match status.state {
-                State::Idle => match axis.step_of(&status) {
-                    Some(step) => return Ok(step),
+                State::Idle => match axis.units_of(&status) {
+                    Some(units) => return Ok(axis.machine_steps(units)),
                     None if without_position < ATTEMPTS => without_position += 1,
                     None => return unexpected(format!("a machine position of axis {:?}", axis.letter), status),
                 },
