@@ -143,6 +143,7 @@ impl StopHandle {
     }
 
     /// A handle for a controller on which a stop also ends what a person has done there, such as a feed hold.
+    #[must_use]
     pub fn with_end_of_motion(self, end_motion: impl Fn() + Send + Sync + 'static) -> Self {
         Self { end_motion: std::sync::Arc::new(end_motion), ..self }
     }
