@@ -436,7 +436,7 @@ fn grblhal_that_did_not_home_is_homed_once_more() {
 fn is_left_alone(bench: &Bench, grbl: &mut Grbl, reads: &str) {
     let stands = bench.settled();
     // What the daemon does when a run ends by a fault.
-    grbl.stop_handle().stop();
+    grbl.stop_handle().end_motion();
     for _ in 0..2 {
         let found = [grbl.reference(&CancelToken::new()).unwrap_err(), grbl.check().unwrap_err()];
         for error in found {

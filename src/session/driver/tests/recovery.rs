@@ -72,6 +72,7 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
         active.record.method.policy.interrupted = crate::config::Interrupted::Skip;
         active.under_way.insert("A01".into(), crate::session::eta::UnderWay::default());
         let recording = a_recording(RUN, &active.record.plan.plate_map[0]);
+        b.d.been_inside.insert("A01".into());
         drop(RecordingWriter::create(&b.d.store.run_folder(RUN).join("A01"), recording, None).unwrap());
         b.d.interrupt_specimen("the power was cut", Fate::PoseLost);
         assert!(has_sums(&b, "A01"), "skipped by policy");
