@@ -1,47 +1,10 @@
 //! What looks at the devices find while nothing runs.
 
-use super::super::*;
-use super::bench::{Bench, bench, count, journalled, on_this_thread, plan, scratch};
+use super::bench::{Arm, Bench, bench, count, journalled, on_this_thread, plan, scratch};
 use crate::session::fault::table;
 use crate::session::handle::Refusal;
 use crate::session::search::Found;
-use carved_devices::sampler::{Expected, Loaded, Sampler};
-use carved_devices::{DeviceError, RotationAxis};
-
-/// A driven sampler whose wire the test has in its hand.
-struct Wire(Option<bool>);
-
-impl Sampler for Wire {
-    fn waits_for_loader(&self) -> bool {
-        false
-    }
-
-    fn brings_again(&self) -> bool {
-        false
-    }
-    fn sees_specimen(&self) -> Option<bool> {
-        self.0
-    }
-    fn load(
-        &mut self,
-        _axis: &mut dyn RotationAxis,
-        _expected: Expected<'_>,
-        _cancel: &CancelToken,
-    ) -> Result<Option<Loaded>, DeviceError> {
-        Ok(None)
-    }
-    fn go_on(
-        &mut self,
-        _axis: &mut dyn RotationAxis,
-        _expected: Expected<'_>,
-        _cancel: &CancelToken,
-    ) -> Result<Option<Loaded>, DeviceError> {
-        Ok(None)
-    }
-    fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
-        Ok(())
-    }
-}
+use carved_devices::DeviceError;
 
 fn held() -> DeviceError {
     DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Press cycle start" }
@@ -50,7 +13,7 @@ fn held() -> DeviceError {
 /// A look that finds this.
 fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
     let mut instrument = b.d.instrument.take().unwrap();
-    instrument.sampler = Box::new(Wire(wire));
+    instrument.sampler = Box::new(Arm { waits: false, brings_again: false, wire });
     b.d.searched(instrument, Found { rotation, camera: Ok(()) });
 }
 

@@ -66,9 +66,12 @@ impl Camera for Idle {
     }
 }
 
-/// Of a loader, or driven.
-struct Arm {
-    waits: bool,
+/// A sampler that brings nothing: of a loader, or driven.
+pub struct Arm {
+    pub waits: bool,
+    pub brings_again: bool,
+    /// What its wire has shown while nothing ran.
+    pub wire: Option<bool>,
 }
 
 impl Sampler for Arm {
@@ -77,8 +80,13 @@ impl Sampler for Arm {
     }
 
     fn brings_again(&self) -> bool {
-        true
+        self.brings_again
     }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        self.wire
+    }
+
     fn load(
         &mut self,
         _axis: &mut dyn RotationAxis,
@@ -130,7 +138,7 @@ pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle,
     let instrument = Instrument {
         rig: Rig { rotation: Box::new(Idle(None)), camera: Box::new(Idle(None)) },
         second: None,
-        sampler: Box::new(Arm { waits: loaded_from_outside }),
+        sampler: Box::new(Arm { waits: loaded_from_outside, brings_again: true, wire: None }),
     };
     let driver = Driver {
         config: Arc::new(config),

@@ -134,7 +134,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
             if !outside {
                 b.put("r2").unwrap();
                 b.tell(Progress::Ready);
-                // Another plate's A02 is not taken for it: what is inside is ejected first.
+                // The larva inside is not used as the new plate's A02.
                 assert_eq!((b.d.occupant.as_deref(), b.d.brought.as_deref()), (Some("A02"), None));
             }
         }
