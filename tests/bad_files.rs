@@ -4,7 +4,7 @@
 
 mod common;
 
-use carved::session::RunOutcome;
+use carved_records::RunOutcome;
 use common::stored::stored;
 use common::{PATIENCE, carved, json};
 use serde_json::{Value, json};

@@ -5,7 +5,6 @@
 mod common;
 
 use carved::config::Config;
-use carved::session::{Mode, PlannedWell, SpecimenKind};
 use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::{Pipeline, SpecimenRecord};
@@ -13,6 +12,7 @@ use carved_core::profile::{Mask, Picture, Profile, Reference, SegmentSettings, S
 use carved_core::units::Sense;
 use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
 use carved_devices::hash::sha256_hex;
+use carved_records::{Mode, PlannedWell, SpecimenKind};
 use common::{json, run, stderr};
 use hardware_sim::scene::{Exposure, Marks, Placement, Scene, SceneSettings, Specimen};
 use std::path::Path;

@@ -5,7 +5,6 @@
 mod common;
 
 use carved::config::{Config, references};
-use carved::session::{Mode, PlannedWell, SpecimenKind};
 use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use carved_core::carver::Leaves;
 use carved_core::geometry::{BoxUm, VoxelGrid};
@@ -13,6 +12,7 @@ use carved_core::measure::references::{MissingReason, Quantity, References};
 use carved_core::pipeline::SpecimenRecord;
 use carved_core::profile::Mask;
 use carved_core::reconstruction::{HullModel, ReconstructionSettings};
+use carved_records::{Mode, PlannedWell, SpecimenKind};
 use std::path::{Path, PathBuf};
 
 fn shipped(name: &str) -> PathBuf {

@@ -4,8 +4,8 @@
 
 mod common;
 
-use carved::session::RunOutcome;
 use carved::store::{Claim, Store};
+use carved_records::RunOutcome;
 use common::stored::stored;
 use common::{carved, run, stderr};
 use std::path::{Path, PathBuf};

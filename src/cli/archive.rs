@@ -55,7 +55,7 @@ pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
 pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
     ensure!(args.data.join("runs").is_dir(), "{}: no data folder: it has no folder runs", args.data.display());
     let named = !args.runs.is_empty();
-    if let Some(run) = args.runs.iter().find(|run| !crate::session::is_plain_name(run)) {
+    if let Some(run) = args.runs.iter().find(|run| !carved_records::is_plain_name(run)) {
         bail!("{run:?} is no run's name");
     }
     let mut pruning = Pruning { args, named, failed: Vec::new(), passed_over: Vec::new(), bytes: 0 };

@@ -2,10 +2,11 @@
 
 use super::notify;
 use crate::config::Config;
-use crate::session::{self, Driver, Heart, Instrument, MethodOffer, Mode, SessionHandle};
+use crate::session::{self, Driver, Heart, Instrument, MethodOffer, SessionHandle};
 use crate::store::{Claim, Store};
 use anyhow::Context;
 use carved_devices::sampler::LoaderGate;
+use carved_records::Mode;
 use std::net::TcpListener;
 use std::sync::Arc;
 use tokio::signal::unix::{Signal, SignalKind, signal};

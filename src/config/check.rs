@@ -122,7 +122,7 @@ impl Config {
             wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
         }
         for (name, method) in &raw.methods {
-            if !crate::session::is_plain_name(name) {
+            if !carved_records::is_plain_name(name) {
                 wrong(&format!("methods.{name:?}"), "this name".into(), "1 to 64 letters, digits, '-', '_' or '.'");
             }
             if let Err(e) = RevolutionPlan::new(method.asd, raw.rig.steps_per_revolution, method.order) {

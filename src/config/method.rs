@@ -1,12 +1,12 @@
 //! A method: what is done to a specimen and how it is measured. It is recorded whole with every specimen.
 
-use super::Policy;
 use carved_core::geometry::{BoxUm, Camera, GridError, VoxelGrid};
 use carved_core::pipeline::PipelineSettings;
 use carved_core::profile::SegmentSettings;
 use carved_core::quality::{EarlyStopSettings, QualitySettings};
 use carved_core::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use carved_devices::acquisition::ViewOrder;
+use carved_records::{Policy, Versioned};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::fmt::Display;
 
@@ -134,6 +134,12 @@ impl Method {
             quality: self.quality,
             sphere,
         })
+    }
+}
+
+impl Versioned for Method {
+    fn version(&self) -> Option<&str> {
+        self.version.as_deref()
     }
 }
 

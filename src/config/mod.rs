@@ -6,11 +6,10 @@
 
 mod check;
 mod method;
-mod policy;
 mod raw;
 pub mod references;
 
+pub use carved_records::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
 pub use method::{CameraTooNear, Method};
-pub use policy::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};

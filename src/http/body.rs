@@ -5,10 +5,10 @@
 
 use super::AppState;
 use super::problem::Problem;
-use crate::session::FieldError;
-use crate::session::plate_map::Format;
 use axum::extract::{FromRequest, Request};
 use axum::http::{HeaderMap, StatusCode, header};
+use carved_records::FieldError;
+use carved_records::plate_map::Format;
 use futures::StreamExt;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -233,7 +233,7 @@ fn kind(value: &Value) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::{PlannedWell, RunPlan, SpecimenKind};
+    use carved_records::{PlannedWell, RunPlan, SpecimenKind};
     use serde_json::json;
     use utoipa::PartialSchema;
 

@@ -9,11 +9,12 @@
 //! the client reads the status anew and goes on.
 
 use super::{AppState, closed};
-use crate::session::{Event, Missed};
+use crate::session::Missed;
 use crate::store::EventsAfter;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event as Sent, KeepAlive, Sse};
+use carved_records::Event;
 use futures::stream::{self, Stream};
 use std::collections::VecDeque;
 use std::convert::Infallible;

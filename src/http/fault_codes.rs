@@ -1,7 +1,7 @@
 //! `GET /v1/fault-codes`: every code that a fault can have, so that a scheduler can be written against the list.
 
-use crate::session::{FAULT_CODES, FaultCode};
 use axum::Json;
+use carved_records::{FAULT_CODES, FaultCode};
 
 /// Every code that a fault can have, and what is done about it.
 #[utoipa::path(get, path = "/v1/fault-codes", tag = "contract", responses((status = 200, description = "The whole list", body = [FaultCode])))]

@@ -5,10 +5,11 @@ use super::body::{self, Body};
 use super::problem::Problem;
 use super::runs::refused;
 use super::safety::{Noted, noted};
-use crate::session::{Check, Handoff, HandoffEnd, HandoffNeeds, RunPlan};
+use crate::session::Check;
 use axum::Json;
 use axum::extract::State;
 use axum::http::HeaderMap;
+use carved_records::{Handoff, HandoffEnd, HandoffNeeds, RunPlan};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

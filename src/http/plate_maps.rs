@@ -2,10 +2,10 @@
 
 use super::body::PlateMapFile;
 use super::problem::Problem;
-use crate::session::plate_map::{self, PlateMap};
 use axum::Json;
 use axum::extract::Query;
 use axum::extract::rejection::QueryRejection;
+use carved_records::plate_map::{self, PlateMap};
 use serde::Deserialize;
 use utoipa::IntoParams;
 

@@ -1,12 +1,13 @@
 //! Every error that leaves the server: `application/problem+json` (RFC 9457) with what the scheduler does about it.
 
 use super::lease::LeaseStatus;
-use crate::session::plate_map::Mistake;
-use crate::session::{Refusal, SchedulerAction, State, Status};
+use crate::session::{Refusal, State, Status};
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use carved_records::SchedulerAction;
+use carved_records::plate_map::Mistake;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

@@ -7,13 +7,13 @@
 
 mod files;
 
+use carved_records::{RunOutcome, RunPlan, WellCounts, WellStatus};
 use files::DETECTION;
 pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, mesh, model, profile, view};
 
 use super::conditional;
 use super::problem::Problem;
 use super::{App, AppState};
-use crate::session::{RunOutcome, RunPlan, WellCounts, WellStatus};
 use crate::store::{Cursor, RunRow, RunsQuery, SpecimenFile, StoreError, StoreReader};
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};

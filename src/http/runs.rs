@@ -3,13 +3,14 @@
 use super::AppState;
 use super::body::{self, Body};
 use super::problem::Problem;
-use crate::session::plate_map::Mistake;
-use crate::session::{Accepted, Refusal, RunPlan, Towards, is_plain_name};
+use crate::session::{Accepted, Refusal, Towards};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
+use carved_records::plate_map::Mistake;
+use carved_records::{RunPlan, is_plain_name};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

@@ -1,39 +1,19 @@
 //! The daily beads as a run asks for them: kept after a run that had some, and asked for before numbers are taken for sound.
 
-use super::{CalibrationStatus, FieldError, Mode, RunPlan, SpecimenKind, SpecimenOutcome, WellStatus};
 use crate::config::{BeadGate, Config, Method};
 use crate::store::gates::{self, GateFile};
-use serde::{Deserialize, Serialize};
+use carved_records::{CalibrationStatus, FieldError, GateStatus, Mode, RunPlan, SpecimenKind, SpecimenOutcome, WellStatus};
 use std::path::Path;
-use utoipa::ToSchema;
 
-/// The newest gate of this rig.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct GateStatus {
-    pub id: String,
-    /// `passed`, `no_history` (passed, with too few earlier gates to tell a change), `failed` or `too_few_beads`.
-    pub verdict: String,
-    /// When its last bead was recorded, RFC 3339, UTC.
-    pub measured: String,
-    /// From this age on it does not stand.
-    pub max_age_s: f64,
-    /// It passed, and is not too old yet.
-    pub stands: bool,
-    /// What was found and what to do.
-    pub words: Vec<String>,
-}
-
-impl GateStatus {
-    fn of(file: &GateFile, now: jiff::Timestamp) -> Self {
-        let verdict = serde_json::to_value(file.found.gate.verdict).ok();
-        Self {
-            id: file.id.clone(),
-            verdict: verdict.and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default(),
-            measured: file.found.measured.to_string(),
-            max_age_s: file.found.settings.max_age_h * 3600.0,
-            stands: file.stands(now),
-            words: file.found.gate.words.clone(),
-        }
+fn status_of(file: &GateFile, now: jiff::Timestamp) -> GateStatus {
+    let verdict = serde_json::to_value(file.found.gate.verdict).ok();
+    GateStatus {
+        id: file.id.clone(),
+        verdict: verdict.and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default(),
+        measured: file.found.measured.to_string(),
+        max_age_s: file.found.settings.max_age_h * 3600.0,
+        stands: file.stands(now),
+        words: file.found.gate.words.clone(),
     }
 }
 
@@ -43,7 +23,7 @@ pub fn newest(config: &Config, mode: Mode) -> Option<GateStatus> {
         tracing::warn!(%error, "the rig's bead gates are not read");
         None
     })?;
-    Some(GateStatus::of(&found, jiff::Timestamp::now()))
+    Some(status_of(&found, jiff::Timestamp::now()))
 }
 
 /// The rig's calibration with its gate; a gate alone where no calibration of the rig's size is kept.
@@ -107,7 +87,7 @@ pub fn keep(config: &Config, run_folder: &Path) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::PlannedWell;
+    use carved_records::PlannedWell;
 
     fn method(gate: BeadGate) -> Method {
         let config = Config::parse(include_str!("../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();

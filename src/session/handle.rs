@@ -2,8 +2,9 @@
 //! snapshots. The driver is the only one that changes anything.
 
 use super::halt::Halt;
-use super::{Check, Event, FieldError, Handoff, HandoffEnd, HandoffNeeds, MethodOffer, RunOutcome, RunPlan, State, Status};
+use super::{Check, MethodOffer, State, Status};
 use crate::store::{StoreError, size};
+use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffNeeds, RunOutcome, RunPlan};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -370,9 +371,10 @@ pub fn channel(first: Status, tail: Vec<Event>) -> (SessionHandle, mpsc::Receive
 #[cfg(test)]
 mod tests {
     use super::*;
+    use carved_records::EventData;
 
     fn event(id: u64) -> Event {
-        Event { id, time: "2026-01-01T00:00:00Z".into(), kind: "test".into(), run: None, well: None, data: serde_json::Value::Null }
+        Event { id, body: crate::store::now(None, None, EventData::RunStarted) }
     }
 
     #[test]

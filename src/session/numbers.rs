@@ -5,13 +5,14 @@
 //!   live run: the same pipeline, frame by frame as they are taken ───────────────────────────┘    └─> the well's line of the status
 //! ```
 
-use super::{Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus, live};
+use super::live;
 use crate::config::Method;
 use crate::export;
 use crate::store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
 use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::LedgerEntry;
+use carved_records::{Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;

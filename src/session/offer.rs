@@ -1,8 +1,8 @@
 //! What a run may be asked for by name: the methods of the configuration, in short.
 
-use super::plan::Versioned;
 use crate::config::Method;
 use carved_devices::acquisition::ViewOrder;
+use carved_records::Versioned;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

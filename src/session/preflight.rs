@@ -6,12 +6,13 @@
 //! ```
 
 use super::worker::Instrument;
-use super::{PlannedWell, RunPlan, SpecimenKind, Status, gate};
+use super::{Status, gate};
 use crate::config::{BeadGate, Config, Method};
 use crate::store::{Budget, bytes_per_specimen, size};
 use carved_devices::DeviceError;
 use carved_devices::acquisition::{Light, grab};
 use carved_devices::cancel::CancelToken;
+use carved_records::{PlannedWell, RunPlan, SpecimenKind};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use utoipa::ToSchema;
@@ -216,7 +217,7 @@ mod tests {
     fn beads_need_no_gate_of_beads() {
         let mut config = Config::parse(include_str!("../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
         config.methods.get_mut("standard").unwrap().policy.bead_gate = BeadGate::Refuse;
-        let status = crate::session::driver::Driver::first_status(crate::session::Mode::Hardware, "b".into());
+        let status = crate::session::driver::Driver::first_status(carved_records::Mode::Hardware, "b".into());
         let calibration = |specimen| {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
             let seen = Seen { axis: Ok(()), light: Ok(Light { background: 200.0, saturated: 0.0, focus: 1.0 }) };

@@ -6,6 +6,7 @@
 
 use carved_core::units::Steps;
 use carved_devices::Position;
+use carved_records::{CalibrationStatus, Eta, Fault, LiveEstimate, Mode, Phase, RunOutcome, WellCounts, WellStatus};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -31,121 +32,6 @@ pub enum State {
     Resetting,
 }
 
-/// Phase within one specimen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Phase {
-    Load,
-    Detect,
-    Position,
-    Revolve,
-    Reconstruct,
-    Measure,
-    Eject,
-    Wash,
-}
-
-impl Phase {
-    /// The word for it in files and events.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Load => "load",
-            Self::Detect => "detect",
-            Self::Position => "position",
-            Self::Revolve => "revolve",
-            Self::Reconstruct => "reconstruct",
-            Self::Measure => "measure",
-            Self::Eject => "eject",
-            Self::Wash => "wash",
-        }
-    }
-}
-
-/// How a run ended. `null` until it has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum RunOutcome {
-    Succeeded,
-    Partial,
-    Failed,
-    Aborted,
-    Interrupted,
-}
-
-impl RunOutcome {
-    /// An empty or skipped well is honest work; a failed one makes the run partial, or failed where none succeeded.
-    pub fn of_wells(wells: &[WellStatus]) -> Self {
-        let failed = wells.iter().any(|w| w.outcome != Some(SpecimenOutcome::Succeeded) && w.outcome != Some(SpecimenOutcome::Skipped));
-        let succeeded = wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded));
-        match (failed, succeeded) {
-            (false, _) => Self::Succeeded,
-            (true, true) => Self::Partial,
-            (true, false) => Self::Failed,
-        }
-    }
-
-    /// Of a run that was stopped before all its wells: what has a number stands.
-    pub fn of_stopped(wells: &[WellStatus]) -> Self {
-        match wells.iter().any(|w| w.outcome == Some(SpecimenOutcome::Succeeded)) {
-            _ if wells.iter().all(|w| w.outcome != Some(SpecimenOutcome::Aborted)) => Self::of_wells(wells),
-            true => Self::Partial,
-            false => Self::Aborted,
-        }
-    }
-}
-
-/// How a specimen ended. `null` until it has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SpecimenOutcome {
-    Succeeded,
-    Failed,
-    Aborted,
-    Interrupted,
-    Skipped,
-}
-
-/// What the scheduler does about a fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum SchedulerAction {
-    Retry,
-    SkipWell,
-    RejectPlate,
-    AbortPlate,
-    PauseInstrument,
-    EscalateOperator,
-}
-
-/// Whether numbers come from an instrument, from the emulated rig or from imported pictures, of whose origin carved knows
-/// nothing; stamped into every output. A daemon's is one of the first two.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Mode {
-    Hardware,
-    Simulated,
-    Imported,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Fault {
-    pub seq: u64,
-    pub code: String,
-    pub category: String,
-    pub message: String,
-    pub recoverable: bool,
-    pub scheduler_action: SchedulerAction,
-    pub operator_required: bool,
-    /// What its code means, in plain words; `message` has what was found this time.
-    #[serde(default)]
-    pub meaning: String,
-    /// What the operator does about it, in plain words.
-    #[serde(default)]
-    pub what_to_do: String,
-    /// RFC 3339, UTC.
-    pub since: String,
-}
-
 /// Commands that were accepted and are still under way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
 pub struct Pending {
@@ -168,114 +54,6 @@ pub struct Plate {
     /// The well whose specimen is to be brought, after what is to be taken out.
     #[serde(default)]
     pub bring: Option<String>,
-}
-
-/// Disjoint counts of a run's wells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
-pub struct WellCounts {
-    pub succeeded: u32,
-    pub flagged: u32,
-    pub failed: u32,
-    pub skipped: u32,
-    pub interrupted: u32,
-    pub pending: u32,
-    pub total: u32,
-}
-
-/// Seconds until the run is done.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct Eta {
-    pub p50: f64,
-    pub p90: f64,
-}
-
-/// One well of the run, as far as it has come.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct WellStatus {
-    pub well: String,
-    /// What the plate map says is in it.
-    pub specimen: super::SpecimenKind,
-    pub dpf: Option<f64>,
-    pub outcome: Option<SpecimenOutcome>,
-    /// Why a skipped or failed well has no number.
-    pub reason: Option<String>,
-    pub flags: Vec<String>,
-    /// What made the numbers to trust: `support` (slices of the outlines) or `voxel` (the paper's).
-    #[serde(default)]
-    pub estimator: Option<String>,
-    pub volume_um3: Option<f64>,
-    /// Standard deviation.
-    #[serde(default)]
-    pub volume_sd_um3: Option<f64>,
-    pub area_um2: Option<f64>,
-    #[serde(default)]
-    pub area_sd_um2: Option<f64>,
-    /// Of the surface where the outlines put it, which is the one that is shown.
-    pub field_volume_um3: Option<f64>,
-    pub field_area_um2: Option<f64>,
-    /// Of the fitted sphere, for beads.
-    pub diameter_um: Option<f64>,
-    /// Views that count; fewer than planned where some did not belong, or the method ended the turn early.
-    #[serde(default)]
-    pub views: Option<u32>,
-    /// By the method: `views` of so many.
-    #[serde(default)]
-    pub views_planned: Option<u32>,
-    /// Fluorescence in the second camera per volume: grey levels times px per nl.
-    #[serde(default)]
-    pub signal_per_nl: Option<f64>,
-    /// Where a larva of known age stands among reference larvae.
-    #[serde(default)]
-    pub reference: Option<Box<super::ReferenceStatus>>,
-}
-
-impl WellStatus {
-    /// A well that is still to come.
-    pub fn pending(planned: &super::PlannedWell) -> Self {
-        Self {
-            well: planned.well.clone(),
-            specimen: planned.specimen,
-            dpf: planned.dpf,
-            outcome: None,
-            reason: None,
-            flags: Vec::new(),
-            estimator: None,
-            volume_um3: None,
-            volume_sd_um3: None,
-            area_um2: None,
-            area_sd_um2: None,
-            field_volume_um3: None,
-            field_area_um2: None,
-            diameter_um: None,
-            views: None,
-            views_planned: None,
-            signal_per_nl: None,
-            reference: None,
-        }
-    }
-
-    pub fn end(&mut self, outcome: SpecimenOutcome, reason: Option<&str>) {
-        self.outcome = Some(outcome);
-        self.reason = reason.map(str::to_owned);
-    }
-}
-
-impl WellCounts {
-    /// Counts each well once: a measured one with flags is `flagged`, not `succeeded`.
-    pub fn of(wells: &[WellStatus]) -> Self {
-        let mut counts = Self { total: wells.len() as u32, ..Self::default() };
-        for well in wells {
-            *match well.outcome {
-                None => &mut counts.pending,
-                Some(SpecimenOutcome::Succeeded) if well.flags.is_empty() => &mut counts.succeeded,
-                Some(SpecimenOutcome::Succeeded) => &mut counts.flagged,
-                Some(SpecimenOutcome::Failed) => &mut counts.failed,
-                Some(SpecimenOutcome::Skipped) => &mut counts.skipped,
-                Some(SpecimenOutcome::Aborted | SpecimenOutcome::Interrupted) => &mut counts.interrupted,
-            } += 1;
-        }
-        counts
-    }
 }
 
 /// Why a run is held, and what lets it go on.
@@ -339,15 +117,6 @@ pub struct SpecimenStatus {
     pub hull_volumes_um3: Vec<f64>,
 }
 
-/// The volume of a specimen as far as it is known.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct VolumeSoFar {
-    pub volume_um3: Option<f64>,
-    pub volume_sd_um3: Option<f64>,
-    pub volume_views: Option<u32>,
-    pub converged: Option<bool>,
-}
-
 impl SpecimenStatus {
     /// A specimen of which nothing is known yet; the driver knows what is in the capillary.
     pub fn new(well: &str, phase: Phase, views_planned: u32) -> Self {
@@ -365,8 +134,8 @@ impl SpecimenStatus {
         }
     }
 
-    pub fn tell(&mut self, known: VolumeSoFar) {
-        let VolumeSoFar { volume_um3, volume_sd_um3, volume_views, converged } = known;
+    pub fn tell(&mut self, known: LiveEstimate) {
+        let LiveEstimate { volume_um3, volume_sd_um3, volume_views, converged } = known;
         (self.volume_um3, self.volume_sd_um3, self.volume_views, self.converged) = (volume_um3, volume_sd_um3, volume_views, converged);
     }
 }
@@ -465,66 +234,6 @@ impl HardwareStatus {
             translation.identity = Some(identity.to_owned());
         }
     }
-}
-
-/// The newest calibration of this rig, by beads or by scale; looked up when the daemon and when a run starts.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
-pub struct CalibrationStatus {
-    pub id: String,
-    /// `beads` or `scale`; `gate` where neither is kept, and only daily beads are.
-    pub kind: String,
-    /// When its last recording was made, RFC 3339, UTC.
-    pub measured: String,
-    pub age_s: f64,
-    /// From this age on it is not valid.
-    pub max_age_s: f64,
-    /// Of the beads' mean diameter against what it should be; `null` of a scale.
-    pub bead_bias_percent: Option<f64>,
-    pub valid: bool,
-    /// The rig's newest daily beads; `null` where none were kept.
-    #[serde(default)]
-    pub gate: Option<super::gate::GateStatus>,
-}
-
-impl CalibrationStatus {
-    /// As it is at a moment.
-    pub fn new(found: crate::store::calibrations::RigCalibration, max_age_days: f64, now: jiff::Timestamp) -> Self {
-        let age_s = now.duration_since(found.measured).as_secs_f64();
-        let max_age_s = max_age_days * 86400.0;
-        Self {
-            id: found.id,
-            kind: found.kind.to_owned(),
-            measured: found.measured.to_string(),
-            age_s,
-            max_age_s,
-            bead_bias_percent: found.bead_bias_percent,
-            valid: age_s < max_age_s,
-            gate: None,
-        }
-    }
-
-    /// Its age at a moment.
-    pub fn age_s(&self, now: jiff::Timestamp) -> Option<f64> {
-        age_s(&self.measured, now)
-    }
-
-    /// Notes what is too old from this moment on; whether anything is that was not before.
-    pub fn grows_too_old(&mut self, now: jiff::Timestamp) -> bool {
-        let passes = |good: &mut bool, measured: &str, max_age_s: f64| {
-            *good && {
-                *good = age_s(measured, now).is_some_and(|age_s| age_s < max_age_s);
-                !*good
-            }
-        };
-        let size = passes(&mut self.valid, &self.measured, self.max_age_s);
-        let gate = self.gate.as_mut().is_some_and(|gate| passes(&mut gate.stands, &gate.measured, gate.max_age_s));
-        size || gate
-    }
-}
-
-/// Seconds from a moment as it is told to another.
-fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
-    Some(now.duration_since(measured.parse().ok()?).as_secs_f64())
 }
 
 /// `GET /v1/status`.

@@ -7,7 +7,7 @@
 //! ```
 
 use super::{StoreError, durable};
-use crate::session::Mode;
+use carved_records::{CalibrationStatus, Mode};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -52,6 +52,24 @@ pub struct RigCalibration {
     pub measured: jiff::Timestamp,
     /// Of the beads' mean diameter against what it should be; none of a scale.
     pub bead_bias_percent: Option<f64>,
+}
+
+impl RigCalibration {
+    /// As the status shows it at a moment.
+    pub fn status(self, max_age_days: f64, now: jiff::Timestamp) -> CalibrationStatus {
+        let age_s = now.duration_since(self.measured).as_secs_f64();
+        let max_age_s = max_age_days * 86400.0;
+        CalibrationStatus {
+            id: self.id,
+            kind: self.kind.to_owned(),
+            measured: self.measured.to_string(),
+            age_s,
+            max_age_s,
+            bead_bias_percent: self.bead_bias_percent,
+            valid: age_s < max_age_s,
+            gate: None,
+        }
+    }
 }
 
 /// The newest calibration of this rig in the folder. A file that cannot be read is told in the log, and is none.

@@ -7,10 +7,10 @@
 //! ```
 
 use super::{RecordingReader, Software, StoreError, durable};
-use crate::session::{Mode, SpecimenKind};
 use carved_core::quality::gate::{BeadGate, BeadMeasured, GateNumbers, GateSettings, GateVerdict};
 use carved_core::statistics::median;
 use carved_devices::hash::sha256_hex;
+use carved_records::{Mode, SpecimenKind};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -14,7 +14,7 @@ use super::index::Index;
 use super::lines::Lines;
 use super::{StoreError, durable};
 use crate::regular;
-use crate::session::{Event, is_plain_name, kind};
+use carved_records::{Event, EventBody, EventData, is_plain_name, kind};
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
@@ -22,36 +22,12 @@ use std::sync::Arc;
 
 pub(super) const FILE: &str = "events.jsonl";
 
-/// What still means something however long ago it was.
-const LASTING: [&str; 8] = [
-    kind::FAULT_RAISED,
-    kind::FAULT_ACKNOWLEDGED,
-    kind::FAULT_CLEARED,
-    kind::PLATE_ANNOUNCED,
-    kind::PLATE_LOADED,
-    kind::PLATE_UNLOADED,
-    kind::PLATE_HANDOFF_ABORTED,
-    kind::RUN_ACCEPTED,
-];
-
 /// Events that are read at a start, for readers that come back.
 const TAIL: usize = 2000;
 
-/// What happened, as it is to be written; at its own time, not at the one when the disk took it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Happening {
-    time: String,
-    kind: String,
-    run: Option<String>,
-    well: Option<String>,
-    data: serde_json::Value,
-}
-
-impl Happening {
-    pub fn now(kind: &str, run: Option<&str>, well: Option<&str>, data: serde_json::Value) -> Self {
-        let time = jiff::Timestamp::now().to_string();
-        Self { time, kind: kind.to_owned(), run: run.map(str::to_owned), well: well.map(str::to_owned), data }
-    }
+/// What happens now.
+pub fn now(run: Option<&str>, well: Option<&str>, data: EventData) -> EventBody {
+    EventBody { time: jiff::Timestamp::now().to_string(), run: run.map(str::to_owned), well: well.map(str::to_owned), data }
 }
 
 pub struct Journal {
@@ -90,14 +66,14 @@ impl Journal {
 
     /// Adds the last event to its run's file where a crash came between the two.
     fn mend(&mut self, last: &Event) -> Result<(), StoreError> {
-        let Some(run) = last.run.as_deref() else { return Ok(()) };
+        let Some(run) = last.body.run.as_deref() else { return Ok(()) };
         if !is_plain_name(run) {
             tracing::warn!(run, id = last.id, "the journal's last event names no run, and is in no run's file");
             return Ok(());
         }
         let folder = self.runs.join(run);
         // Runs of before the files of runs have none; one that was taken away is not to come back.
-        if !folder.is_dir() || !folder.join(FILE).exists() && last.kind != kind::RUN_ACCEPTED {
+        if !folder.is_dir() || !folder.join(FILE).exists() && !matches!(last.body.data, EventData::RunAccepted(_)) {
             return Ok(());
         }
         let newest = self.of_run(run)?.tail(1)?.first().and_then(|line| serde_json::from_slice::<Event>(line).ok());
@@ -125,15 +101,14 @@ impl Journal {
     }
 
     /// Writes what happens now, as [`Self::write`] does.
-    pub fn append(&mut self, kind: &str, run: Option<&str>, well: Option<&str>, data: serde_json::Value) -> Result<Event, StoreError> {
-        self.write(&Happening::now(kind, run, well, data))
+    pub fn append(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) -> Result<Event, StoreError> {
+        self.write(&now(run, well, data))
     }
 
     /// Writes an event and syncs it; the id it got comes back with it.
-    pub fn write(&mut self, happening: &Happening) -> Result<Event, StoreError> {
-        let Happening { time, kind, run, well, data } = happening.clone();
-        let event = Event { id: self.next_id, time, kind, run, well, data };
-        let run = event.run.as_deref();
+    pub fn write(&mut self, body: &EventBody) -> Result<Event, StoreError> {
+        let event = Event { id: self.next_id, body: body.clone() };
+        let run = event.body.run.as_deref();
         let line = line_of(&event)?;
         self.all.append(&line).and_then(|()| run.map_or(Ok(()), |run| self.append_of_run(run, &line))).inspect_err(|_| {
             // Not acknowledged, so it is better gone; where that fails too the next line takes its place.
@@ -206,8 +181,7 @@ pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
     let (mut lines, mut changed, mut newest) = (Vec::new(), BTreeMap::<String, Vec<(&[u8], Vec<u8>)>>::new(), 0);
     let mut renumbered = 0;
     for line in text.split_inclusive(|&b| b == b'\n') {
-        let event = serde_json::from_slice::<Event>(line).ok();
-        let Some(event) = event else {
+        let Ok(event) = serde_json::from_slice::<Event>(line) else {
             lines.extend_from_slice(line);
             continue;
         };
@@ -221,7 +195,7 @@ pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
         let event = Event { id: newest, ..event };
         let new = line_of(&event)?;
         lines.extend_from_slice(&new);
-        if let Some(run) = event.run.filter(|run| is_plain_name(run)) {
+        if let Some(run) = event.body.run.filter(|run| is_plain_name(run)) {
             changed.entry(run).or_default().push((line, new));
         }
     }
@@ -279,7 +253,11 @@ pub(super) fn each(path: &Path, mut take: impl FnMut(Event)) -> Result<(), Store
 /// Where the index cannot say it: the newest fault of the whole journal.
 fn last_fault(path: &Path) -> Result<u64, StoreError> {
     let mut newest = 0;
-    each(path, |e| newest = newest.max(if e.kind == kind::FAULT_RAISED { e.data["seq"].as_u64().unwrap_or(0) } else { 0 }))?;
+    each(path, |e| {
+        if let EventData::FaultRaised(fault) = e.body.data {
+            newest = newest.max(fault.seq);
+        }
+    })?;
     Ok(newest)
 }
 
@@ -287,11 +265,11 @@ fn last_fault(path: &Path) -> Result<u64, StoreError> {
 pub(super) fn remembered(path: &Path, most: usize) -> Result<Vec<Event>, StoreError> {
     let (mut lasting, mut newest) = (Vec::new(), VecDeque::new());
     each(path, |event| {
-        if event.kind == kind::VIEW_TAKEN {
+        if event.body.data.kind() == kind::VIEW_TAKEN {
             return;
         }
         if newest.len() == most {
-            lasting.extend(newest.pop_front().filter(|e: &Event| LASTING.contains(&e.kind.as_str())));
+            lasting.extend(newest.pop_front().filter(|e: &Event| e.body.data.is_lasting()));
         }
         newest.push_back(event);
     })?;
@@ -302,9 +280,15 @@ pub(super) fn remembered(path: &Path, most: usize) -> Result<Vec<Event>, StoreEr
 #[cfg(test)]
 mod tests {
     use crate::store::{Claim, Store};
-    use serde_json::{Value, json};
+    use carved_records::{Event, EventData, Fault, fault_table};
+    use serde_json::json;
     use std::fs::OpenOptions;
     use std::io::Write;
+
+    /// Of a kind that nobody knows.
+    fn other(kind: &str) -> EventData {
+        EventData::of(kind, json!({"x": 1}))
+    }
 
     #[test]
     fn ids_last_across_restarts_and_a_torn_line_is_cut() {
@@ -312,26 +296,27 @@ mod tests {
         let path = dir.path().join("events.jsonl");
         let (store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert!(events.is_empty());
-        journal.append("a", None, None, json!({"x": 1})).unwrap();
-        journal.append("b", Some("r"), Some("A01"), Value::Null).unwrap();
+        journal.append(None, None, other("a")).unwrap();
+        journal.append(Some("r"), Some("A01"), other("b")).unwrap();
         drop((store, journal));
         OpenOptions::new().append(true).open(&path).unwrap().write_all(b"{\"id\": 3, \"tim").unwrap();
 
         let (store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!(events.iter().map(|e| e.id).collect::<Vec<_>>(), [1, 2]);
-        assert_eq!(journal.append("c", None, None, Value::Null).unwrap().id, 3);
+        assert_eq!(journal.append(None, None, other("c")).unwrap().id, 3);
         drop((store, journal));
         let (_store, _journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!(events.len(), 3);
-        assert_eq!(events[2].kind, "c");
+        assert_eq!(events[2].body.data.kind(), "c");
     }
 
     /// The newest fault may lie far before the tail.
     #[test]
     fn a_start_reads_the_end_of_a_long_journal_and_knows_its_newest_fault() {
         let dir = tempfile::tempdir().unwrap();
+        let fault = Fault::new(41, &fault_table::CAMERA_LOST, "gone".into(), "2026-01-01T00:00:00Z".into());
         let line = |id: u64, kind: &str| {
-            format!("{}\n", json!({"id": id, "time": "2026-01-01T00:00:00Z", "kind": kind, "run": null, "well": null, "data": {"seq": 41}}))
+            format!("{}\n", json!({"id": id, "time": "2026-01-01T00:00:00Z", "kind": kind, "run": null, "well": null, "data": fault}))
         };
         let text: String = (1..=5000).map(|id| line(id, if id == 7 { "fault.raised" } else { "x" })).collect();
         std::fs::write(dir.path().join("events.jsonl"), &text).unwrap();
@@ -340,7 +325,7 @@ mod tests {
         std::fs::write(dir.path().join("events.jsonl"), text.replacen("fault.raised", "xxxxx.xxxxxx", 1)).unwrap();
         let (_store, mut journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
         assert_eq!((journal.last_fault(), events.len(), events[0].id), (41, 2000, 3001));
-        assert_eq!(journal.append("y", None, None, Value::Null).unwrap().id, 5001);
+        assert_eq!(journal.append(None, None, other("y")).unwrap().id, 5001);
     }
 
     fn line(id: u64, kind: &str, run: Option<&str>) -> String {
@@ -374,11 +359,11 @@ mod tests {
                     std::fs::write(file, &text).unwrap();
                 }
                 let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
-                let next = journal.append("next", Some("r1"), None, Value::Null).unwrap().id;
+                let next = journal.append(Some("r1"), None, other("next")).unwrap().id;
                 let read = |path: &std::path::Path| -> Vec<(u64, String)> {
                     let events = std::fs::read_to_string(path).unwrap();
-                    let events = events.lines().map(|l| serde_json::from_str::<crate::session::Event>(l).unwrap());
-                    events.map(|e| (e.id, e.kind)).collect()
+                    let events = events.lines().map(|l| serde_json::from_str::<Event>(l).unwrap());
+                    events.map(|e| (e.id, e.body.data.kind().to_owned())).collect()
                 };
                 let mut all: Vec<(u64, String)> = expected.iter().enumerate().map(|(at, &id)| (id, format!("k{at}"))).collect();
                 let repaired = *all.last().map(|(id, _)| id).unwrap() + 1;

@@ -37,7 +37,7 @@ pub use budget::{Budget, bytes_per_specimen, size};
 pub use error::StoreError;
 pub use index::{Cursor, EventsAfter, Found, RunRow, RunsQuery, Unreadable};
 use journal::Repaired;
-pub use journal::{Happening, Journal};
+pub use journal::{Journal, now};
 #[cfg(test)]
 pub(crate) use power_loss::{recording as a_recording, trace as disk_trace};
 pub use reader::{SpecimenFile, StoreReader, StoredFile, StoredSpecimen};
@@ -48,7 +48,7 @@ pub use replay::ReplayWriter;
 pub use run::RunRecord;
 pub use sums::{seal, seal_run};
 
-use crate::session::{Event, Mode, kind};
+use carved_records::{Event, EventData, JournalRepaired, Mode, RunUnreadable, kind};
 use index::Index;
 use lines::Lines;
 use recording::RECORDING;
@@ -137,13 +137,12 @@ impl Store {
         let (mut journal, mut events) = Journal::open(root, lines, index.clone())?;
         if let Some(Repaired { kept, renumbered }) = repaired {
             tracing::error!(renumbered, kept = %kept.display(), "ids in the journal did not rise; its events were numbered on, none is lost");
-            let kept = kept.file_name().unwrap_or_default().to_string_lossy();
-            let data = serde_json::json!({ "renumbered": renumbered, "kept": kept });
-            events.push(journal.append(kind::JOURNAL_REPAIRED, None, None, data)?);
+            let kept = kept.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            events.push(journal.append(None, None, EventData::JournalRepaired(JournalRepaired { renumbered, kept }))?);
         }
         for Unreadable { run, why } in found.unreadable {
             tracing::error!(run, why, "a run cannot be read; it is left alone");
-            events.push(journal.append(kind::RUN_UNREADABLE, None, None, serde_json::json!({ "run": run, "why": why }))?);
+            events.push(journal.append(None, None, EventData::RunUnreadable(RunUnreadable { run, why }))?);
         }
         Ok((Self { root: root.to_owned(), index, open: found.open, _claim: claim }, journal, events))
     }
@@ -162,7 +161,8 @@ impl Store {
         // Runs of before the files of runs have none.
         let path = if own.exists() { own } else { self.root.join(journal::FILE) };
         journal::each(&path, |event| {
-            events.extend(Some(event).filter(|e| e.run.as_deref() == Some(run) && e.kind != kind::VIEW_TAKEN));
+            let is_meant = event.body.run.as_deref() == Some(run) && event.body.data.kind() != kind::VIEW_TAKEN;
+            events.extend(is_meant.then_some(event));
         })?;
         Ok(events)
     }

@@ -7,9 +7,9 @@
 //! ```
 
 use super::*;
-use crate::session::{Mode, PlannedWell, RunOutcome, RunPlan};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_devices::acquisition::LedgerEntry;
+use carved_records::{EventData, Fault, Mode, PlannedWell, RunAccepted, RunOutcome, RunPlan, fault_table};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Records the operations of this thread's store.
@@ -138,6 +138,15 @@ struct Told {
     closed: bool,
 }
 
+/// Data of an event; only of a fault and of an accepted run it matters here what they say.
+fn event_data(kind: &str) -> EventData {
+    match kind {
+        "fault.raised" => EventData::FaultRaised(Fault::new(1, &fault_table::CAMERA_LOST, "gone".into(), "2026-01-01T00:00:00Z".into())),
+        "run.accepted" => EventData::RunAccepted(RunAccepted { plate_barcode: "P".into(), method: "m".into(), left_in_capillary: None }),
+        _ => EventData::of(kind, serde_json::Value::Null),
+    }
+}
+
 /// A run of one specimen; `told` hears after each acknowledgement.
 fn life(root: &Path, mut told: impl FnMut(&Told)) -> Result<(), StoreError> {
     let (store, mut journal, _) = Claim::on(root).and_then(Store::open)?;
@@ -147,7 +156,7 @@ fn life(root: &Path, mut told: impl FnMut(&Told)) -> Result<(), StoreError> {
     now.run = true;
     told(&now);
     let mut event = |now: &mut Told, kind: &str| {
-        journal.append(kind, Some("r1"), Some("A01"), serde_json::json!({"seq": 1}))?;
+        journal.append(Some("r1"), Some("A01"), event_data(kind))?;
         now.events += 1;
         Ok::<(), StoreError>(())
     };
@@ -250,9 +259,9 @@ impl Disk {
 /// Opens the store on what is left, and holds it against what was told.
 fn check(root: &Path, told: &Told, when: &str) {
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap_or_else(|e| panic!("{when}: {e}"));
-    let ids: Vec<u64> = events.iter().filter(|e| e.kind != "run.unreadable").map(|e| e.id).collect();
+    let ids: Vec<u64> = events.iter().filter(|e| e.body.data.kind() != "run.unreadable").map(|e| e.id).collect();
     assert!(ids.len() >= told.events && ids.iter().zip(1..).all(|(id, n)| *id == n), "{when}: {ids:?}, told {told:?}");
-    assert_eq!(journal.last_fault(), u64::from(events.iter().any(|e| e.kind == "fault.raised")), "{when}");
+    assert_eq!(journal.last_fault(), u64::from(events.iter().any(|e| e.body.data.kind() == "fault.raised")), "{when}");
     if told.run {
         let run = store.run("r1").unwrap_or_else(|e| panic!("{when}: {e}")).unwrap_or_else(|| panic!("{when}: the run is gone"));
         assert!(told.outcome.is_none() || run.outcome == told.outcome, "{when}: {:?}", run.outcome);
@@ -313,11 +322,11 @@ fn any_operation_may_fail_once_and_nothing_is_lost_or_doubled() {
         };
         until_taken(Box::new(|| store.save_run(&record)));
         for _ in 0..3 {
-            until_taken(Box::new(|| journal.append("view.taken", Some("r1"), None, serde_json::Value::Null).map(|_| ())));
+            until_taken(Box::new(|| journal.append(Some("r1"), None, event_data("view.taken")).map(|_| ())));
         }
         record.end(RunOutcome::Failed);
         until_taken(Box::new(|| store.save_run(&record)));
-        until_taken(Box::new(|| journal.append("run.ended", Some("r1"), None, serde_json::Value::Null).map(|_| ())));
+        until_taken(Box::new(|| journal.append(Some("r1"), None, event_data("run.ended")).map(|_| ())));
         let operations = trace::end().len();
         drop((store, journal));
         let text = std::fs::read_to_string(dir.path().join("events.jsonl")).unwrap();

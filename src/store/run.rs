@@ -2,9 +2,9 @@
 
 use super::{Software, StoreError, schema};
 use crate::config::Method;
-use crate::session::{CalibrationStatus, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus, is_plain_name, is_well};
 use carved_core::frame::RawFrame;
 use carved_devices::hash::sha256_hex;
+use carved_records::{CalibrationStatus, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus, is_plain_name, is_well};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 

@@ -2,8 +2,8 @@
 
 use super::{StoreError, durable};
 use crate::regular;
-use crate::session::is_well;
 use carved_devices::hash::sha256_hex;
+use carved_records::is_well;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -2,9 +2,8 @@
 
 use crate::rig::Rig;
 use crate::wire::PATIENCE;
-use carved::session::{
-    Fault, PlannedWell, RunOutcome, RunStatus, SchedulerAction, SpecimenKind, SpecimenOutcome, State, WellCounts, WellStatus,
-};
+use carved::session::{RunStatus, State};
+use carved_records::{Fault, PlannedWell, RunOutcome, SchedulerAction, SpecimenKind, SpecimenOutcome, WellCounts, WellStatus};
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::process::{Command, Output};

@@ -3,9 +3,10 @@
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{connect, read_answer};
 use carved::http::HttpSettings;
-use carved::session::{Fault, FieldError, Refusal, SchedulerAction, State};
+use carved::session::{Refusal, State};
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
+use carved_records::{Fault, FieldError, SchedulerAction};
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};

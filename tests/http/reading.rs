@@ -2,9 +2,9 @@
 
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
-use carved::session::{CalibrationStatus, Mode, RunOutcome, RunStatus, Shown, State, WellCounts};
+use carved::session::{RunStatus, Shown, State};
 use carved::store::{Claim, Store};
-use serde_json::Value;
+use carved_records::{CalibrationStatus, Mode, RunOutcome, WellCounts};
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::sync::Arc;
@@ -138,7 +138,7 @@ fn events_are_replayed_from_the_id_on_and_go_on_live() {
     let replayed = next_event(&mut stream);
     assert_eq!(id_of(&replayed), 6);
     let data = replayed.iter().find_map(|f| f.strip_prefix("data: ")).unwrap();
-    assert_eq!(serde_json::from_str::<carved::session::Event>(data).unwrap(), event(6));
+    assert_eq!(serde_json::from_str::<carved_records::Event>(data).unwrap(), event(6));
     assert_eq!(id_of(&next_event(&mut stream)), 7);
     rig.driver.announce(event(8));
     assert_eq!(id_of(&next_event(&mut stream)), 8);
@@ -175,7 +175,7 @@ fn a_reader_that_was_long_away_gets_every_event_once() {
     let rig = Rig::with(settings(), (1101..=1102).map(event).collect());
     let (_store, mut journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     for _ in 0..1102 {
-        journal.append("view.taken", None, None, Value::Null).unwrap();
+        journal.append(None, None, event(1).body.data).unwrap();
     }
     let mut stream = ask(&rig, "/v1/events", "Last-Event-ID: 5\r\n");
     for id in 6..=1102 {

@@ -2,9 +2,9 @@
 
 use crate::client::{carved, text, url};
 use crate::rig::Rig;
-use carved::session::{Mode, RunOutcome, SpecimenOutcome};
 use carved::store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
 use carved_core::frame::{PixelFormat, RawFrame};
+use carved_records::{EventData, Mode, RunOutcome, SpecimenOutcome};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -106,7 +106,7 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
         ("A01", "view.taken", json!({"hull_volume_um3": 3e8})),
         ("A01", "view.taken", json!({"hull_volume_um3": null, "closure": true})),
     ] {
-        journal.append(kind, Some("r1"), Some(well), data).unwrap();
+        journal.append(Some("r1"), Some(well), EventData::of(kind, data)).unwrap();
     }
     let mut run = record("r1", "2026-01-01T00:00:00Z", "P-1");
     let (earlier, _) = recorded(&store, &run, 0);

@@ -2,12 +2,10 @@
 
 use crate::wire::{self, Answer};
 use carved::http::{HttpError, HttpSettings, serve};
-use carved::session::{
-    Accepted, Check, Command, Event, HandoffNeeds, HardwareStatus, MethodOffer, Mode, Pending, Plate, Publisher, Refusal, RunPlan, State,
-    Status, channel,
-};
+use carved::session::{Accepted, Check, Command, HardwareStatus, MethodOffer, Pending, Plate, Publisher, Refusal, State, Status, channel};
 use carved::store::StoreReader;
 use carved_devices::acquisition::ViewOrder;
+use carved_records::{Event, EventBody, EventData, HandoffNeeds, Mode, RunPlan, ViewTaken};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -64,7 +62,8 @@ pub fn status() -> Status {
 }
 
 pub fn event(id: u64) -> Event {
-    Event { id, time: "2026-01-01T00:00:00Z".into(), kind: "view.taken".into(), run: None, well: None, data: Value::Null }
+    let data = EventData::ViewTaken(ViewTaken::default());
+    Event { id, body: EventBody { time: "2026-01-01T00:00:00Z".into(), run: None, well: None, data } }
 }
 
 pub fn settings() -> HttpSettings {

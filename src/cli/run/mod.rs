@@ -11,7 +11,9 @@ mod show;
 mod start;
 mod watch;
 
-use crate::session::{RunOutcome, Status};
+use crate::session::Status;
+
+use carved_records::RunOutcome;
 use client::{Client, Failure};
 use std::process::ExitCode;
 

@@ -1,6 +1,8 @@
 //! The status in words and lines.
 
-use crate::session::{Fault, Mode, RunStatus, SpecimenKind, Status, WellStatus};
+use crate::session::{RunStatus, Status};
+use carved_records::{Fault, Mode, SpecimenKind, WellStatus};
+
 use serde::Serialize;
 
 /// The word that a value has in the API.

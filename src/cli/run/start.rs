@@ -3,7 +3,7 @@
 use super::client::{Client, Daemon, segment};
 use super::watch;
 use crate::cli::plate;
-use crate::session::RunPlan;
+use carved_records::RunPlan;
 use std::path::PathBuf;
 use std::process::ExitCode;
 

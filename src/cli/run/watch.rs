@@ -2,8 +2,9 @@
 
 use super::client::{Client, segment};
 use super::{code_of, show};
-use crate::session::{Fault, Mode, RunStatus};
+use crate::session::RunStatus;
 use anyhow::{Context, bail};
+use carved_records::{Fault, Mode};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::process::ExitCode;

@@ -1,6 +1,6 @@
 //! What a well of a simulated plate holds instead of what the plate map says.
 
-use crate::session::is_well;
+use carved_records::is_well;
 use hardware_sim::scene::{Contents, Placement, Specimen};
 use std::str::FromStr;
 

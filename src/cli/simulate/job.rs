@@ -1,6 +1,8 @@
 //! What `simulate` does once the daemon runs, as a client of it: the demo plate, a replayed recording, or nothing.
 
-use crate::session::{PlannedWell, RunPlan, RunStatus, SessionHandle, SpecimenKind, WellStatus};
+use crate::session::{RunStatus, SessionHandle};
+use carved_records::{PlannedWell, RunPlan, SpecimenKind, WellStatus};
+
 use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, durable};
 use carved_core::pipeline::SpecimenRecord;
 use std::path::Path;

@@ -3,7 +3,6 @@
 use super::{Before, Content, Job};
 use crate::cli::measure;
 use crate::config::{CameraDriver, Config, RotationDriver};
-use crate::session::RunPlan;
 use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, durable};
 use anyhow::Context;
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -12,6 +11,7 @@ use carved_devices::acquisition::RevolutionPlan;
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
+use carved_records::RunPlan;
 use hardware_sim::{Pixels, Replay};
 use std::path::Path;
 use std::sync::Arc;

@@ -1,12 +1,11 @@
 //! Commands: who may ask for what in which state. What was done by a repeat answers as the first did.
 
 use super::super::handle::{Accepted, Command, Refusal, Towards};
-use super::super::plan::is_plain_name;
 use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
-use super::super::{FieldError, RunOutcome, RunPlan, State, gate, preflight};
+use super::super::{State, gate, preflight};
 use super::Running;
-use super::life::BY_OPERATOR;
 use crate::store::Budget;
+use carved_records::{FieldError, ResumedBy, RunOutcome, RunPlan, is_plain_name};
 use tokio::sync::oneshot;
 
 /// A client that hung up before its answer is no reason to stop: what was decided stands.
@@ -50,11 +49,11 @@ impl Running {
         if let Some(left) = self.left_for_the_loader() {
             return Err(self.capillary_full(left.to_owned()));
         }
-        if let Some(open) = &self.handoff {
+        if let Some(open) = self.state.plate.open() {
             return Err(Refusal::HandoffOpen { barcode: open.barcode.clone() });
         }
-        if let Some(inside) = self.plate_inside.as_ref().filter(|inside| **inside != plan.plate_barcode) {
-            return Err(Refusal::OtherBarcode { expected: inside.clone(), found: plan.plate_barcode });
+        if let Some(inside) = self.state.plate.inside().filter(|inside| *inside != plan.plate_barcode) {
+            return Err(Refusal::OtherBarcode { expected: inside.to_owned(), found: plan.plate_barcode });
         }
         // `check` has looked it up; a plan that names no method never comes here.
         let method = self.config.methods.get(&plan.method).cloned();
@@ -118,7 +117,7 @@ impl Running {
             // What a fault holds an operator may hold as well: it then does not go on by itself.
             (Towards::Hold, state) if HOLDABLE.contains(&state) || matches!(state, State::Holding | State::Held) => self.hold(state),
             (Towards::Hold, _) => wrong(&HOLDABLE),
-            (Towards::Unhold, State::Held) => self.unhold(BY_OPERATOR),
+            (Towards::Unhold, State::Held) => self.unhold(ResumedBy::Operator),
             (Towards::Unhold, _) => wrong(&[State::Held]),
         }
     }

@@ -1,12 +1,12 @@
 //! Whether the devices are there: looked at while nothing runs, shown while something does.
 
-use super::super::fault::{Lost, table};
-use super::super::{CalibrationStatus, Status, gate};
+use super::super::{Status, gate};
 use super::super::{search, worker::Instrument};
 use super::Running;
 use super::errands::Errand;
 use crate::store::calibrations;
 use carved_devices::DeviceError;
+use carved_records::{CalibrationStatus, Device, fault_table};
 
 impl Running {
     /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.
@@ -23,7 +23,7 @@ impl Running {
             return;
         }
         if self.camera.is_lost() {
-            self.lose(Lost::Camera, DeviceError::ControlLost);
+            self.lose(Device::Camera, DeviceError::ControlLost);
         }
         self.errand = self.instrument.take().map(|instrument| Errand::Search(search::begin(instrument)));
     }
@@ -34,12 +34,12 @@ impl Running {
         self.instrument = Some(instrument);
         let was_lost = !self.lost.is_empty();
         match found.camera {
-            Ok(()) => self.regain(Lost::Camera, |s| s.hardware.camera.connected = true),
+            Ok(()) => self.regain(Device::Camera, |s| s.hardware.camera.connected = true),
             Err(error) => tracing::debug!(%error, "the camera is not back yet"),
         }
         match found.rotation {
-            Ok(()) => self.regain(Lost::Rotation, |s| s.hardware.find_axes(&identity)),
-            Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Lost::Rotation, error),
+            Ok(()) => self.regain(Device::Rotation, |s| s.hardware.find_axes(&identity)),
+            Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Device::Rotation, error),
             Err(ref error @ DeviceError::Intervention { .. }) => self.axis_is_taken(Some(error)),
             Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
         }
@@ -55,38 +55,38 @@ impl Running {
     pub(super) fn axis_is_taken(&mut self, intervention: Option<&DeviceError>) {
         if let Some(DeviceError::Intervention { device, what, way_out }) = intervention {
             let error = DeviceError::Intervention { device, what: what.clone(), way_out };
-            self.stands(table::ROTATION_INTERVENTION.code, error);
+            self.stands(fault_table::ROTATION_INTERVENTION.code, error);
         }
     }
 
     /// Raises what a look has found, unless a fault of that code stands already.
     fn stands(&mut self, code: &str, error: DeviceError) {
-        if self.publisher.status().faults.iter().all(|fault| fault.code != code) {
+        if self.state.faults.open().iter().all(|fault| fault.code != code) {
             self.raise(&error.into());
         }
     }
 
     /// A specimen in the capillary, by the sampler's wire, while there is no run and none was left there.
     fn unasked(&mut self, seen: Option<bool>) {
-        let Some(seen) = seen.filter(|_| self.active.is_none() && self.occupant.is_none()) else { return };
+        let Some(seen) = seen.filter(|_| self.active.is_none() && self.capillary().inside().is_none()) else { return };
         if self.unasked != seen {
             self.unasked = seen;
             self.publish(|_| ());
         }
         if seen {
-            self.stands(table::SAMPLER_FAILED.code, DeviceError::Unasked);
+            self.stands(fault_table::SAMPLER_FAILED.code, DeviceError::Unasked);
         }
     }
 
     /// A loss at rest is a fault of its own, raised once.
-    fn lose(&mut self, device: Lost, error: DeviceError) {
+    fn lose(&mut self, device: Device, error: DeviceError) {
         if !self.lost.contains(&device) {
             self.raise(&error.into());
         }
     }
 
     /// What is back is a fault no more.
-    fn regain(&mut self, device: Lost, connected: impl FnOnce(&mut Status)) {
+    fn regain(&mut self, device: Device, connected: impl FnOnce(&mut Status)) {
         if self.lost.contains(&device) {
             self.lost.retain(|lost| *lost != device);
             self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
@@ -100,7 +100,7 @@ impl Running {
             tracing::warn!(%error, "the rig's calibrations are not read");
             None
         });
-        let size = found.map(|found| CalibrationStatus::new(found, config.calibration.max_age_days, jiff::Timestamp::now()));
+        let size = found.map(|found| found.status(config.calibration.max_age_days, jiff::Timestamp::now()));
         gate::beside(size, gate::newest(config, self.mode))
     }
 

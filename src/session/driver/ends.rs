@@ -7,14 +7,14 @@
 //! ```
 
 use super::super::state::Trigger;
-use super::super::{RunOutcome, SpecimenOutcome, State, Status, gate, kind};
+use super::super::{State, Status, gate};
 use super::Running;
-use super::active::{Asked, Cause};
+use super::active::Asked;
 use super::publish::run_status;
 use super::recovery::Then;
 use crate::config::Interrupted;
 use crate::store::RunRecord;
-use serde_json::{Value, json};
+use carved_records::{EventData, HeldBy, HoldCause, RunEnded, RunHeld, RunOutcome, SpecimenInterrupted, SpecimenOutcome, WellCounts};
 
 /// What becomes of a specimen that is under way when its run is cut short.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,24 +32,23 @@ impl Running {
     /// accepted, which only lacks its numbers. A specimen that has left the capillary of a sampler that brings none twice is given up.
     pub(super) fn interrupt_specimen(&mut self, reason: &str, fate: Fate) {
         let accepted = self.accepted();
-        let Some(active) = &mut self.active else { return };
+        let Some(active) = &self.active else { return };
         let policy = active.record.method.policy.interrupted;
-        let mut wells: Vec<String> = std::mem::take(&mut active.under_way).into_keys().collect();
+        let mut wells = self.state.run.as_ref().map_or_else(Vec::new, |run| run.begun().to_vec());
         // What the loader has brought is not begun: it stays, and is used when the run goes on.
-        wells.retain(|well| self.brought.as_ref() != Some(well));
+        wells.retain(|well| self.capillary().brought() != Some(well));
+        wells.sort_unstable();
         for well in wells {
+            let inside = self.capillary().inside() == Some(&well);
+            // One that has not come yet is still to come.
+            let came = inside || self.capillary().has_held(&well);
             let Some(active) = &mut self.active else { return };
-            let inside = self.occupant.as_ref() == Some(&well);
             let accepted = accepted.iter().any(|accepted| accepted.well == well);
             let kept = fate == Fate::Stays && inside && !accepted;
-            // One that has not come yet is still to come.
-            let came = inside || self.been_inside.contains(&well);
             let given_up = came && !kept && (!self.brings_again || policy == Interrupted::Skip && fate == Fate::PoseLost);
-            if kept {
-                self.brought = Some(well.clone());
-            } else if inside && self.loaded_from_outside {
+            if inside && !kept && self.loaded_from_outside {
                 active.take_out = Some(well.clone());
-            } else if inside {
+            } else if inside && !kept {
                 active.eject_first = Some(well.clone());
             }
             if accepted {
@@ -60,11 +59,12 @@ impl Running {
                 let run = active.record.id.clone();
                 self.seal_well(&run, &well);
             }
-            let data = json!({ "reason": reason, "policy": policy, "kept": kept });
-            self.event(kind::SPECIMEN_INTERRUPTED, Some(&well), data);
+            let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept };
+            self.event(Some(&well), EventData::SpecimenInterrupted(interrupted));
         }
         // One whose well is done is still there where it could not be taken out.
-        let stuck = self.occupant.clone().filter(|inside| !self.loaded_from_outside && self.brought.as_ref() != Some(inside));
+        let stuck = self.capillary().inside().filter(|inside| !self.loaded_from_outside && self.capillary().brought() != Some(inside));
+        let stuck = stuck.map(str::to_owned);
         if let (Some(active), Some(stuck)) = (&mut self.active, stuck) {
             active.eject_first.get_or_insert(stuck);
         }
@@ -80,13 +80,9 @@ impl Running {
         self.seal_well(&record.id, well);
         let status = run_status(&record);
         self.save(record);
+        let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: false };
+        self.event(Some(well), EventData::SpecimenInterrupted(interrupted));
         self.publish(|s| s.run = Some(status));
-        self.event(kind::SPECIMEN_INTERRUPTED, Some(well), json!({ "reason": reason, "policy": policy, "kept": false }));
-    }
-
-    /// Between two wells nothing is under way; what the loader brought in the same moment stays until the run goes on.
-    pub(super) fn set_down(&mut self) {
-        self.active.iter_mut().for_each(|active| active.under_way.clear());
     }
 
     /// To Held, from wherever the run was: the worker has handed the instrument back.
@@ -102,16 +98,14 @@ impl Running {
         let Some(active) = &mut self.active else { return };
         active.then = None;
         active.may_go_on = false;
-        let newest = self.publisher.status().faults.last().filter(|_| by_fault).map(|f| (f.code.clone(), f.plainly().to_owned()));
-        let cause = newest.map_or_else(Cause::operator, |(code, words)| Cause { code, words });
-        *active.holds.entry(cause.code.clone()).or_default() += 1;
-        let (code, words) = (cause.code.clone(), cause.words.clone());
-        active.cause = Some(cause);
         let record = active.record.clone();
         let status = run_status(&record);
+        let newest = self.state.faults.open().last().filter(|_| by_fault);
+        let cause = newest.map_or_else(HoldCause::operator, |f| HoldCause { code: f.code.clone(), words: f.plainly().to_owned() });
+        let by = if by_fault { HeldBy::Fault } else { HeldBy::Operator };
         self.save(record);
+        self.event(None, EventData::RunHeld(RunHeld { by, code: Some(cause.code), cause: Some(cause.words) }));
         self.go_with(Trigger::Rested, |s| s.run = Some(status));
-        self.event(kind::RUN_HELD, None, json!({ "by": if by_fault { "fault" } else { "operator" }, "code": code, "cause": words }));
     }
 
     /// All wells are done, but for numbers that are still made from frames.
@@ -131,7 +125,7 @@ impl Running {
         self.seal_run(&record.id);
         gate::keep(&self.config, &self.store.run_folder(&record.id));
         let told = self.flush().and_then(|()| self.store.save_run(&record));
-        let told = told.and_then(|()| self.promise(kind::RUN_ENDED, None, ended(&record)));
+        let told = told.and_then(|()| self.promise(None, ended(&record)));
         if told.is_err() {
             self.keep(told);
             return self.rest(true);
@@ -169,7 +163,7 @@ impl Running {
         self.seal_run(&record.id);
         gate::keep(&self.config, &self.store.run_folder(&record.id));
         self.save(record.clone());
-        self.event(kind::RUN_ENDED, None, ended(&record));
+        self.event(None, ended(&record));
         self.active = None;
         self.no_room = self.lacks_room();
         let change = self.over(&record);
@@ -193,6 +187,6 @@ impl Running {
 }
 
 /// What the journal says of a run's end.
-fn ended(record: &RunRecord) -> Value {
-    json!({ "outcome": record.outcome, "wells": run_status(record).wells })
+fn ended(record: &RunRecord) -> EventData {
+    EventData::RunEnded(RunEnded { outcome: record.outcome, wells: WellCounts::of(&record.wells) })
 }

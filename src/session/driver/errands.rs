@@ -1,12 +1,12 @@
 //! What takes the instrument for a moment while no run has it: a look at the devices, or a whole preflight.
 
-use super::super::RunPlan;
 use super::super::handle::Refusal;
 use super::super::preflight::{self, Check, Seen};
 use super::super::search::{Found, Search};
 use super::super::state::STARTABLE;
 use super::super::worker::Instrument;
 use super::Running;
+use carved_records::RunPlan;
 use tokio::sync::oneshot;
 use tokio::task::{JoinError, JoinHandle};
 
@@ -55,7 +55,7 @@ impl Running {
                 self.instrument = Some(instrument);
                 self.axis_is_taken(seen.intervention());
                 let status = self.publisher.status();
-                let inside = self.plate_inside.as_deref();
+                let inside = self.state.plate.inside();
                 let checks = preflight::checks(&self.config, &plan, &seen, &status, inside, self.store.free_bytes(), self.disk_budget());
                 // A run would be taken again, before the client can ask for one.
                 self.publish(|_| ());

@@ -1,23 +1,15 @@
 //! Faults: raised, over by themselves, acknowledged; and what they keep from running.
 
-use super::super::fault::{self, Lost, table};
+use super::super::fault;
 use super::super::state::{HOLDABLE, Trigger};
 use super::super::worker::RunError;
-use super::super::{Fault, Refusal, State, Status, kind};
+use super::super::{Refusal, State, Status};
 use super::{Asked, Running};
 use crate::store::StoreError;
-use serde_json::json;
-
-/// Category of what a disk did, which is over once the disk takes writes again.
-pub(super) const STORAGE: &str = "storage";
+use carved_records::{Device, EventData, Fault, FaultAcknowledged, FaultsCleared, fault_table};
 
 /// Free space below which a disk that was full is not tried again, bytes: a few frames and their record.
 const ROOM_BYTES: u64 = 64 << 20;
-
-/// Whether a fault ends when its cause does; the others stay until somebody has acknowledged them.
-pub(super) fn ends_by_itself(fault: &Fault) -> bool {
-    fault.category == STORAGE || [Lost::Camera, Lost::Rotation].iter().any(|device| device.is_all_of(fault))
-}
 
 impl Running {
     /// A write that fails holds the run: motors first, then the fault. What could not be written is shown all the same, and the
@@ -47,32 +39,24 @@ impl Running {
     }
 
     pub(super) fn raise(&mut self, error: &RunError) {
-        self.fault_seq += 1;
-        let raised = fault::of(self.fault_seq, error);
+        let raised = fault::of(self.state.faults.newest() + 1, error);
         let lost = fault::lost_device(error);
         if let Some(lost) = lost.filter(|lost| !self.lost.contains(lost)) {
             self.lost.push(lost);
         }
-        let shown = raised.clone();
-        self.publish(|s| {
-            match lost {
-                Some(Lost::Camera) => s.hardware.camera.connected = false,
-                Some(Lost::Rotation) => s.hardware.lose_axes(),
-                None => {}
-            }
-            s.faults.push(shown);
+        self.event(None, EventData::FaultRaised(raised));
+        self.publish(|s| match lost {
+            Some(Device::Camera) => s.hardware.camera.connected = false,
+            Some(Device::Rotation) => s.hardware.lose_axes(),
+            None => {}
         });
-        self.event(kind::FAULT_RAISED, None, serde_json::to_value(&raised).unwrap_or_default());
     }
 
     /// Takes out of the list what is over, in one revision with what shows that it is.
     pub(super) fn fault_over(&mut self, is_over: impl Fn(&Fault) -> bool, why: &str, change: impl FnOnce(&mut Status)) {
-        let over: Vec<u64> = self.publisher.status().faults.iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
-        self.event(kind::FAULT_CLEARED, None, json!({ "seq": over, "why": why }));
-        self.publish(|s| {
-            change(s);
-            s.faults.retain(|f| !over.contains(&f.seq));
-        });
+        let seq = self.state.faults.open().iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
+        self.event(None, EventData::FaultsCleared(FaultsCleared { seq, why: why.to_owned() }));
+        self.publish(change);
     }
 
     /// A disk that failed is tried until it takes writes; what is not on it yet goes first.
@@ -84,13 +68,13 @@ impl Running {
         let written = self
             .flush()
             .and_then(|()| self.active.as_ref().map_or(Ok(()), |active| self.store.save_run(&active.record)))
-            .and_then(|()| self.promise(kind::STORE_REGAINED, None, serde_json::Value::Null));
+            .and_then(|()| self.promise(None, EventData::StoreRegained));
         if let Err(error) = written {
             tracing::warn!(%error, "the disk does not take writes yet");
             return;
         }
         self.store_failed = false;
-        self.fault_over(|fault| fault.category == STORAGE, "the disk takes writes again", |_| ());
+        self.fault_over(Fault::is_of_storage, "the disk takes writes again", |_| ());
         self.resume_by_itself();
     }
 
@@ -99,24 +83,23 @@ impl Running {
         if let Some(lost) = self.lost.first() {
             return Err(Refusal::DeviceLost { why: lost.way_out().to_owned() });
         }
-        let status = self.publisher.status();
-        match status.faults.iter().find(|f| f.operator_required) {
-            Some(f) if f.category == STORAGE => self.disk_fault().map_or(Ok(()), Err),
+        match self.state.faults.open().iter().find(|f| f.operator_required) {
+            Some(f) if f.is_of_storage() => self.disk_fault().map_or(Ok(()), Err),
             Some(f) => Err(Refusal::FaultStands { seq: f.seq, code: f.code.clone(), message: f.message.clone() }),
             None => Ok(()),
         }
     }
 
     pub(super) fn acknowledge(&mut self, seq: u64) -> Result<(), Refusal> {
-        let status = self.publisher.status();
-        let Some(fault) = status.faults.iter().find(|f| f.seq == seq) else {
+        let newest = self.state.faults.newest();
+        let Some(fault) = self.state.faults.open().iter().find(|f| f.seq == seq) else {
             // Over already, by itself or by somebody's word.
-            return if (1..=self.fault_seq).contains(&seq) { Ok(()) } else { Err(Refusal::UnknownFault { seq, newest: self.fault_seq }) };
+            return if (1..=newest).contains(&seq) { Ok(()) } else { Err(Refusal::UnknownFault { seq, newest }) };
         };
-        self.promise(kind::FAULT_ACKNOWLEDGED, None, json!({ "seq": seq, "code": fault.code }))?;
-        // Somebody knows; but it goes with its cause.
-        if !ends_by_itself(fault) {
-            self.publish(|s| s.faults.retain(|f| f.seq != seq));
+        let (code, goes_with_its_cause) = (fault.code.clone(), fault.ends_by_itself());
+        self.promise(None, EventData::FaultAcknowledged(FaultAcknowledged { seq, code }))?;
+        if !goes_with_its_cause {
+            self.publish(|_| ());
         }
         Ok(())
     }
@@ -132,13 +115,12 @@ impl Running {
         if !self.publisher.halt().take() {
             return;
         }
-        let latched = self.publisher.status().faults.iter().any(|f| f.code == table::EMERGENCY_STOP.code);
+        let latched = self.state.faults.open().iter().any(|f| f.code == fault_table::EMERGENCY_STOP.code);
         if !latched {
-            self.fault_seq += 1;
-            let fault = Fault::new(self.fault_seq, &table::EMERGENCY_STOP, table::EMERGENCY_STOP.meaning.into());
-            let shown = fault.clone();
-            self.publish(|s| s.faults.push(shown));
-            self.event(kind::FAULT_RAISED, None, serde_json::to_value(&fault).unwrap_or_default());
+            let (seq, since) = (self.state.faults.newest() + 1, jiff::Timestamp::now().to_string());
+            let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
+            self.event(None, EventData::FaultRaised(fault));
+            self.publish(|_| ());
         }
         let state = self.publisher.status().state;
         if self.active.is_some() && state != State::Aborting {

@@ -7,23 +7,18 @@
 //!             └──────────── unhold (operator, or by itself) ◄─────────────────────────┘
 //! ```
 
-use super::super::eta::UnderWay;
 use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd};
-use super::super::{Plate, Refusal, RunPlan, State, Status, gate, kind};
+use super::super::{Plate, Refusal, State, Status, gate};
 use super::Running;
-use super::active::{Active, Asked, Cause, Work};
+use super::active::{Active, Asked, Work};
 use super::ends::Fate;
 use super::publish::run_status;
 use crate::config::Method;
 use crate::store::{RunRecord, StoreError};
 use carved_devices::cancel::CancelToken;
-use serde_json::{Value, json};
+use carved_records::{EndRequest, EventData, LoadedBy, ResumedBy, RunAccepted, RunInterrupted, RunPlan, RunResumed, RunState};
 use tokio::sync::mpsc;
-
-/// Who lets a run go on, in the journal.
-pub(super) const BY_ITSELF: &str = "instrument";
-pub(super) const BY_OPERATOR: &str = "operator";
 
 impl Running {
     /// Journals the run, then lets the worker go.
@@ -34,13 +29,20 @@ impl Running {
             ..RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref())
         };
         // What is left in the capillary here is taken out by a driven sampler before the first well.
-        let accepted =
-            json!({"plate_barcode": record.plan.plate_barcode, "method": record.plan.method, "left_in_capillary": self.occupant});
+        let left = self.capillary().inside().map(str::to_owned);
+        let accepted = EventData::RunAccepted(RunAccepted {
+            plate_barcode: record.plan.plate_barcode.clone(),
+            method: record.plan.method.clone(),
+            left_in_capillary: left.clone(),
+        });
         // What waits for the disk comes first.
         self.flush()?;
-        let journalled = self.store.save_run(&record).and_then(|()| self.journal.append(kind::RUN_ACCEPTED, Some(id), None, accepted));
+        let journalled = self.store.save_run(&record).and_then(|()| self.journal.append(Some(id), None, accepted));
         match journalled {
-            Ok(event) => self.publisher.announce(event),
+            Ok(event) => {
+                self.state.apply(&event.body);
+                self.publisher.announce(event);
+            }
             Err(e) => {
                 // Not accepted: the same request must not read as known when it comes again.
                 if let Err(error) = self.store.forget_run(id) {
@@ -51,19 +53,14 @@ impl Running {
         }
         let status = run_status(&record);
         let barcode = record.plan.plate_barcode.clone();
-        let eject_first = self.occupant.clone();
-        self.been_inside = eject_first.iter().cloned().collect();
-        (self.asked_for, self.brought) = (None, None);
         self.unasked = false;
         self.instrument.iter_mut().for_each(|instrument| instrument.sampler.begin_run());
-        self.active = Some(Active { eject_first, ..Active::new(record) });
+        self.active = Some(Active { eject_first: left, ..Active::new(record) });
         self.launch();
         self.go_with(Trigger::Start, |s| {
             s.calibration = calibration;
             s.run = Some(status);
             s.specimen = None;
-            // What asked to be tried again is.
-            s.faults.retain(|f| f.operator_required);
             s.plate = Plate { barcode: Some(barcode), present: true, ..Plate::default() };
         });
         Ok(())
@@ -73,6 +70,8 @@ impl Running {
     fn launch(&mut self) {
         let lacks_gate = self.lacks_gate();
         let accepted = self.accepted();
+        // A loader's is told through the gate.
+        let inside = self.capillary().brought().filter(|_| !self.loaded_from_outside).map(str::to_owned);
         let (Some(active), Some(instrument)) = (&mut self.active, self.instrument.take()) else {
             tracing::error!("there is no run, or no instrument for it");
             return;
@@ -91,8 +90,7 @@ impl Running {
             run: record.id.clone(),
             wells: wells.map(|(planned, _)| planned.clone()).collect(),
             eject_first: active.eject_first.take(),
-            // A loader's is told through the gate.
-            inside: self.brought.clone().filter(|_| !self.loaded_from_outside),
+            inside,
             method_name: record.plan.method.clone(),
             method: record.method.clone(),
             folder: self.store.run_folder(&record.id),
@@ -139,13 +137,10 @@ impl Running {
 
     /// An operator's hold, which outlasts what else holds the run.
     pub(super) fn hold(&mut self, state: State) -> Result<(), Refusal> {
-        if self.active.as_ref().is_some_and(|a| a.held_by_operator) {
+        if self.is_held_by_operator() {
             return Ok(());
         }
-        self.promise(kind::RUN_HOLD_REQUESTED, None, Value::Null)?;
-        if let Some(active) = &mut self.active {
-            active.held_by_operator = true;
-        }
+        self.promise(None, EventData::RunHoldRequested)?;
         if matches!(state, State::Holding | State::Held) {
             self.publish(|_| ());
             return Ok(());
@@ -159,7 +154,7 @@ impl Running {
     }
 
     pub(super) fn stop(&mut self) -> Result<(), Refusal> {
-        self.promise(kind::RUN_STOP_REQUESTED, None, Value::Null)?;
+        self.promise(None, EventData::RunStopRequested)?;
         self.ask(Asked::Stop);
         self.go(Trigger::Stop);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
@@ -172,14 +167,14 @@ impl Running {
     pub(super) fn abort(&mut self) {
         self.ask(Asked::Abort);
         self.go(Trigger::Abort);
-        self.event(kind::RUN_ABORT_REQUESTED, None, Value::Null);
+        self.event(None, EventData::RunAbortRequested);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
             self.end_run();
         }
     }
 
     /// Lets a held run go on, once what held it is over.
-    pub(super) fn unhold(&mut self, by: &str) -> Result<(), Refusal> {
+    pub(super) fn unhold(&mut self, by: ResumedBy) -> Result<(), Refusal> {
         self.nothing_stands_in_the_way()?;
         let Some(active) = &self.active else { return Ok(()) };
         if self.instrument.is_none() {
@@ -188,17 +183,12 @@ impl Running {
         let record = active.record.clone();
         self.flush()?;
         self.store.save_run(&record)?;
-        self.promise(kind::RUN_RESUMED, None, json!({ "by": by }))?;
+        self.promise(None, EventData::RunResumed(RunResumed { by }))?;
         let status = run_status(&record);
         if let Some(active) = &mut self.active {
-            active.held_by_operator = false;
             active.may_go_on = false;
-            active.resumed_by_itself = if by == BY_ITSELF { active.resumed_by_itself + 1 } else { 0 };
         }
-        self.go_with(Trigger::Unhold, |s| {
-            s.run = Some(status);
-            s.faults.retain(|f| f.operator_required);
-        });
+        self.go_with(Trigger::Unhold, |s| s.run = Some(status));
         self.proceed();
         Ok(())
     }
@@ -224,19 +214,18 @@ impl Running {
 
     /// What held the run is over: it goes on by itself where its method says so and no operator holds it.
     pub(super) fn resume_by_itself(&mut self) {
-        if let Some(active) = &mut self.active {
-            active.may_go_on = active.resumes_by_itself();
-        }
+        let may_go_on = self.resumes_by_itself();
+        self.active.iter_mut().for_each(|active| active.may_go_on = may_go_on);
         self.go_on_if_it_may();
     }
 
     /// At once, or when the errand that has the instrument is done.
     pub(super) fn go_on_if_it_may(&mut self) {
-        let may = self.active.as_ref().is_some_and(|a| a.may_go_on && !a.held_by_operator);
+        let may = self.active.as_ref().is_some_and(|a| a.may_go_on) && !self.is_held_by_operator();
         if !may || self.publisher.status().state != State::Held {
             return;
         }
-        match self.unhold(BY_ITSELF) {
+        match self.unhold(ResumedBy::Instrument) {
             // Who has the instrument gives it back; a disk that did not take it is asked again.
             Ok(()) | Err(Refusal::Busy | Refusal::Store { .. }) => {}
             Err(refusal) => {
@@ -276,7 +265,6 @@ impl Running {
                 self.rest(true);
             }
             RunEnd::Paused if asked == Asked::Hold => {
-                self.set_down();
                 self.rest(false);
             }
             // Also where it was to stop after its specimen: `rest` then ends it.
@@ -294,36 +282,28 @@ impl Running {
     }
 
     /// Takes up a run that an earlier life of the daemon left open.
-    pub(super) fn take_up(&mut self, record: RunRecord, memory: super::recall::RunMemory) {
-        let mut active = Active::new(record);
-        active.held_by_operator = memory.held_by_operator;
-        active.resumed_by_itself = memory.resumed_by_itself;
-        active.recoveries = memory.recoveries;
-        active.holds = memory.holds;
-        active.cause = Some(memory.held_by.map_or_else(Cause::restart, |(code, words)| Cause { code, words }));
-        // A driven sampler may have been about to bring it; a loader says what it has brought, which is used where it was not begun.
-        let mut begun = memory.begun;
-        if self.loaded_from_outside {
-            begun.retain(|well| memory.looked_at.contains(well));
-            self.occupant.clone_from(&memory.in_capillary);
-            active.take_out = memory.in_capillary.filter(|inside| memory.brought.as_ref() != Some(inside));
-        } else {
-            // One that a fault of the instrument has left inside stays there.
-            let stays = memory.in_capillary.clone().filter(|inside| memory.brought.as_ref() == Some(inside));
-            let eject_first = if stays.is_some() { None } else { begun.last().cloned().or(memory.in_capillary) };
-            self.occupant = stays.or_else(|| eject_first.clone());
-            active.eject_first = eject_first;
+    pub(super) fn take_up(&mut self, record: RunRecord, run: RunState) {
+        let asd = record.method.asd;
+        let (status, barcode) = (run_status(&record), record.plan.plate_barcode.clone());
+        let end_request = run.end_request();
+        self.state.run = Some(run);
+        self.active = Some(Active::new(record));
+        let loaded_by = if self.loaded_from_outside { LoadedBy::Loader } else { LoadedBy::Sampler };
+        self.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }));
+        let may_go_on = end_request.is_none() && self.resumes_by_itself();
+        // What is there for the run to go on with stays.
+        let to_be_taken_out = self.capillary().inside().filter(|inside| self.capillary().brought() != Some(inside)).map(str::to_owned);
+        if let Some(active) = &mut self.active {
+            // Known before it is shown: who reads in between is not to take the run for one that waits for somebody.
+            active.asked = match end_request {
+                Some(EndRequest::Abort) => Asked::Abort,
+                Some(EndRequest::Stop) => Asked::Stop,
+                None => Asked::Nothing,
+            };
+            active.may_go_on = may_go_on;
+            *(if self.loaded_from_outside { &mut active.take_out } else { &mut active.eject_first }) = to_be_taken_out;
         }
-        (self.asked_for, self.brought, self.been_inside) = (memory.asked_for, memory.brought, memory.been_inside);
-        // Known before it is shown: who reads in between is not to take the run for one that waits for somebody.
-        active.asked = memory.asked.unwrap_or(Asked::Nothing);
-        active.may_go_on = memory.asked.is_none() && active.resumes_by_itself();
-        active.under_way = begun.into_iter().map(|well| (well, UnderWay::default())).collect();
-        let asd = active.record.method.asd;
         let left = self.left_specimen(asd);
-        let (status, barcode) = (run_status(&active.record), active.record.plan.plate_barcode.clone());
-        self.active = Some(active);
-        self.event(kind::RUN_INTERRUPTED, None, json!({ "found": "at start" }));
         self.go_with(Trigger::TakeUp, |s: &mut Status| {
             s.run = Some(status);
             s.specimen = left;
@@ -338,9 +318,9 @@ impl Running {
             self.publish(|s| s.run = Some(status));
         }
         self.recover();
-        match memory.asked {
+        match end_request {
             Some(end) => {
-                self.go(if end == Asked::Stop { Trigger::Stop } else { Trigger::Abort });
+                self.go(if end == EndRequest::Stop { Trigger::Stop } else { Trigger::Abort });
                 self.end_run();
             }
             None => self.resume_by_itself(),

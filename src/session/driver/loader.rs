@@ -9,9 +9,9 @@
 //! A word is taken once it is journalled, whatever became of the run since it was asked for: the larva is where the loader says.
 
 use super::super::state::Trigger;
-use super::super::{Phase, Refusal, State, kind};
+use super::super::{Refusal, State};
 use super::Running;
-use serde_json::{Value, json};
+use carved_records::{EventData, Phase, WellLoaded};
 
 impl Running {
     pub(super) fn loaded(&mut self, run: &str, well: &str) -> Result<(), Refusal> {
@@ -21,10 +21,10 @@ impl Running {
             return Err(Refusal::UnknownRun { id: run.to_owned(), newest: newest.map(|r| r.id.clone()) });
         };
         // Said again: nothing has been done with it since.
-        if self.brought.as_deref() == Some(well) {
+        if self.capillary().brought() == Some(well) {
             return Ok(());
         }
-        let asked_for = self.asked_for.as_deref() == Some(well);
+        let asked_for = self.capillary().asked_for() == Some(well);
         let over = !self.is(run);
         let waits_for_another = self.active.as_ref().is_some_and(|a| a.waiting_for.is_some());
         if let Some(inside) = self.to_be_taken_out()
@@ -33,7 +33,7 @@ impl Running {
         {
             return Err(self.capillary_full(inside.to_owned()));
         }
-        if self.occupant.as_deref() == Some(well) {
+        if self.capillary().inside() == Some(well) {
             return Ok(());
         }
         if !asked_for {
@@ -41,11 +41,8 @@ impl Running {
             return Err(if over { ended } else { self.unexpected(run, well) });
         }
         // A loader that exchanges specimens in one go says only what it has brought: the former is out.
-        self.promise_of(self.told_in(run).as_deref(), kind::WELL_LOADED, Some(well), json!({ "in_place_of": self.occupant }))?;
-        // From the loader's word on, not from when the worker takes it up: an abort may come before.
-        self.occupant = Some(well.to_owned());
-        self.been_inside.insert(well.to_owned());
-        self.brought = self.asked_for.take();
+        let in_place_of = self.capillary().inside().map(str::to_owned);
+        self.promise_of(self.told_in(run).as_deref(), Some(well), EventData::WellLoaded(WellLoaded { in_place_of }))?;
         let (mut waits, mut waited_for_the_former) = (false, false);
         if let Some(active) = &mut self.active {
             waits = active.waiting_for.take().is_some();
@@ -76,18 +73,16 @@ impl Running {
         if newest.as_deref() != Some(run) {
             return Err(Refusal::UnknownRun { id: run.to_owned(), newest });
         }
-        if self.occupant.as_deref() != Some(well) {
+        if self.capillary().inside() != Some(well) {
             // Said again, or said of a specimen that another has taken the place of; of one that never was inside it is a mistake.
-            return if self.been_inside.contains(well) { Ok(()) } else { Err(self.unexpected(run, well)) };
+            return if self.capillary().has_held(well) { Ok(()) } else { Err(self.unexpected(run, well)) };
         }
         let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
         if works && status.specimen.as_ref().is_some_and(|s| s.well == well && s.phase != Phase::Eject) {
             return Err(self.unexpected(run, well));
         }
-        self.promise_of(self.told_in(run).as_deref(), kind::WELL_UNLOADED, Some(well), Value::Null)?;
-        self.occupant = None;
-        let was_kept = self.brought.take().is_some();
-        self.been_inside.insert(well.to_owned());
+        let was_kept = self.capillary().brought() == Some(well);
+        self.promise_of(self.told_in(run).as_deref(), Some(well), EventData::WellUnloaded)?;
         if was_kept && !self.brings_again {
             self.give_up(well, "somebody took its specimen out, and the sampler brings none twice");
         }
@@ -108,7 +103,7 @@ impl Running {
 
     /// The well whose specimen somebody is asked to take out now.
     fn to_be_taken_out(&self) -> Option<&str> {
-        let inside = self.occupant.as_deref();
+        let inside = self.capillary().inside();
         match &self.active {
             Some(active) => active.take_out.as_deref().or_else(|| inside.filter(|_| active.waiting_for.is_some())),
             None => inside,
@@ -130,7 +125,7 @@ impl Running {
     fn unexpected(&self, run: &str, well: &str) -> Refusal {
         let say = |well: &str, loaded: bool| format!("PUT /v1/runs/{run}/wells/{well} {{\"loaded\": {loaded}}}");
         let waiting_for = self.active.as_ref().and_then(|a| a.waiting_for.as_deref());
-        let instead = match (waiting_for, self.to_be_taken_out(), self.occupant.as_deref()) {
+        let instead = match (waiting_for, self.to_be_taken_out(), self.capillary().inside()) {
             (Some(next), ..) => format!("that of well {next} is waited for; once it is in the capillary, say {}", say(next, true)),
             (None, Some(inside), _) => format!("that of well {inside} is to be taken out; once it is, say {}", say(inside, false)),
             (None, None, Some(inside)) => format!("that of well {inside} is in the capillary; wait until plate.needs asks for one"),

@@ -21,7 +21,6 @@ mod loader;
 mod plates;
 mod progress;
 mod publish;
-mod recall;
 mod recovery;
 mod sealing;
 mod start;
@@ -29,25 +28,22 @@ mod start;
 mod tests;
 mod unwritten;
 
-use super::eta::{self, Pace};
-use super::fault::Lost;
 use super::handle::{Command, Publisher};
 use super::heart::{self, Heart};
-use super::plate::{Handoff, HandoffEnd};
 use super::state::Trigger;
 use super::worker::Instrument;
-use super::{Event, Fault, Mode, Plate, State, Status, kind, search};
+use super::{Plate, State, Status, search};
 use crate::config::Config;
 use crate::store::{Journal, Store, StoreError};
 use active::{Active, Asked, Word, word_of};
 use carved_devices::Link;
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::LoaderGate;
+use carved_records::{Capillary, Device, Event, EventData, InstrumentState, Mode, RunState};
 use errands::Errand;
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::VecDeque;
 use std::future::Future;
 use std::sync::Arc;
-use std::time::Instant;
 use tokio::sync::mpsc;
 use unwritten::Unwritten;
 
@@ -88,18 +84,10 @@ struct Running {
     /// At rest while there is no worker and no errand.
     instrument: Option<Instrument>,
     active: Option<Active>,
-    /// The well whose specimen is in the capillary, as far as is known: of the run under way, or of the newest one.
-    occupant: Option<String>,
+    /// What the events say: changed by [`Self::event`] and [`Self::promise`] alone.
+    state: InstrumentState,
     /// A specimen that no run asked for is in the capillary, by the sampler's wire.
     unasked: bool,
-    /// The well whose specimen the loader was last asked for, until it says that it is there.
-    asked_for: Option<String>,
-    /// The well whose specimen is inside for the run to go on with: the loader has brought it and nothing has been done with it since, or
-    /// a fault of the instrument has left it there.
-    brought: Option<String>,
-    /// The wells of the newest run whose specimens were in the capillary at any time.
-    been_inside: BTreeSet<String>,
-    fault_seq: u64,
     /// Why not even one well would fit on the disk.
     no_room: Option<String>,
     /// A write failed: what is shown is not all on disk.
@@ -107,21 +95,11 @@ struct Running {
     /// What is not on disk yet, oldest first.
     unwritten: VecDeque<Unwritten>,
     /// Devices that do not answer any more; nothing runs without them.
-    lost: Vec<Lost>,
+    lost: Vec<Device>,
     /// Whether the camera is there, wherever the instrument is now.
     camera: Link,
     /// A look at the devices without a run, which has the instrument.
     errand: Option<Errand>,
-    /// A plate on its way in or out, and how the one before ended.
-    handoff: Option<Handoff>,
-    handed_over: Option<HandoffEnd>,
-    /// The plate that was handed over, where the loader hands plates over.
-    plate_inside: Option<String>,
-    /// Faults of an earlier life that wait for somebody, until the first word has told them.
-    standing: Vec<Fault>,
-    /// What each method took so far.
-    paces: BTreeMap<String, Pace>,
-    booted: Instant,
     /// What an earlier life left is not looked at yet.
     starting: bool,
     stopping: bool,
@@ -203,15 +181,15 @@ impl Running {
             tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
             publisher.tail().iter().map(|event| Event::clone(event)).collect()
         });
-        let (handoff, handed_over) = recall::handoff(remembered.iter());
+        let mut state = InstrumentState::after(&remembered);
+        state.faults.number_from(journal.last_fault());
+        // A run is known once it is taken up or shown again, from its own file.
+        state.run = None;
         Self {
-            fault_seq: journal.last_fault(),
+            state,
             loaded_from_outside: instrument.sampler.waits_for_loader(),
             brings_again: instrument.sampler.brings_again(),
             camera: instrument.rig.camera.link(),
-            plate_inside: recall::plate_inside(remembered.iter()),
-            paces: eta::learned(&remembered),
-            standing: recall::standing_faults(remembered.iter()),
             instrument: Some(instrument),
             config,
             mode,
@@ -220,27 +198,21 @@ impl Running {
             publisher,
             gate,
             active: None,
-            occupant: None,
             unasked: false,
-            asked_for: None,
-            brought: None,
-            been_inside: BTreeSet::new(),
             no_room: None,
             store_failed: false,
             unwritten: VecDeque::new(),
             lost: Vec::new(),
             errand: None,
-            handoff,
-            handed_over,
-            booted: Instant::now(),
             starting: true,
             stopping: false,
         }
     }
 
-    /// Seconds on the clock that no one sets.
-    fn now_s(&self) -> f64 {
-        self.booted.elapsed().as_secs_f64()
+    /// What is in the capillary, as far as is known: in the run under way, or since the newest one.
+    fn capillary(&self) -> &Capillary {
+        const NOTHING: &Capillary = &Capillary::empty();
+        self.state.run.as_ref().map_or(NOTHING, RunState::capillary)
     }
 
     fn beat(&mut self) {
@@ -258,7 +230,7 @@ impl Running {
         self.ask(Asked::ShutDown);
         self.go(Trigger::ShutDown);
         if self.active.is_some() {
-            self.event(kind::DAEMON_STOPPING, None, serde_json::Value::Null);
+            self.event(None, EventData::DaemonStopping);
         }
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
             self.end_run();

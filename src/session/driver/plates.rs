@@ -1,13 +1,10 @@
 //! Plates handed over by the loader. The instrument does not see them; it holds the loader to its word.
 
-use super::super::FieldError;
-use super::super::plan::is_plain_name;
-use super::super::plate::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
 use super::super::state::STARTABLE;
-use super::super::{Plate, Refusal, kind};
+use super::super::{Plate, Refusal};
 use super::Running;
 use super::publish::to_be_taken_out;
-use serde_json::json;
+use carved_records::{EventData, FieldError, Handoff, HandoffEnd, HandoffIntent, HandoffNeeds, PlateNamed, is_plain_name};
 
 impl Running {
     /// Announces that a plate is to be moved, and says what has to happen first.
@@ -24,10 +21,8 @@ impl Running {
         if plate.intent == HandoffIntent::Load && (self.active.is_some() || !STARTABLE.contains(&status.state)) {
             return Err(Refusal::WrongState { state: status.state, accepted_in: STARTABLE.to_vec() });
         }
-        if self.handoff.as_ref() != Some(&plate) {
-            self.promise(kind::PLATE_ANNOUNCED, None, json!({ "intent": plate.intent, "barcode": plate.barcode }))?;
-            self.handoff = Some(plate.clone());
-            self.handed_over = None;
+        if self.state.plate.open() != Some(&plate) {
+            self.promise(None, EventData::PlateAnnounced(plate.clone()))?;
             self.publish(|_| ());
         }
         Ok(HandoffNeeds { intent: plate.intent, needs: self.before_the_plate(), barcode: plate.barcode })
@@ -41,28 +36,26 @@ impl Running {
         if self.store_failed {
             return Some("the disk to take what is not written yet".into());
         }
-        self.occupant.as_deref().map(to_be_taken_out)
+        self.capillary().inside().map(to_be_taken_out)
     }
 
     pub(super) fn end_handoff(&mut self, end: HandoffEnd) -> Result<(), Refusal> {
-        let Some(plate) = self.handoff.clone() else {
-            return if self.handed_over == Some(end) { Ok(()) } else { Err(Refusal::NoHandoff) };
+        let Some(plate) = self.state.plate.open().cloned() else {
+            return if self.state.plate.ended() == Some(end) { Ok(()) } else { Err(Refusal::NoHandoff) };
         };
         let moved = end == HandoffEnd::Completed;
         if let Some(needs) = self.before_the_plate().filter(|_| moved) {
             return Err(Refusal::PlateNeeded { needs });
         }
-        let kind = match (end, plate.intent) {
-            (HandoffEnd::Aborted, _) => kind::PLATE_HANDOFF_ABORTED,
-            (HandoffEnd::Completed, HandoffIntent::Load) => kind::PLATE_LOADED,
-            (HandoffEnd::Completed, HandoffIntent::Unload) => kind::PLATE_UNLOADED,
+        let named = PlateNamed { barcode: plate.barcode };
+        let data = match (end, plate.intent) {
+            (HandoffEnd::Aborted, _) => EventData::PlateHandoffAborted(named),
+            (HandoffEnd::Completed, HandoffIntent::Load) => EventData::PlateLoaded(named),
+            (HandoffEnd::Completed, HandoffIntent::Unload) => EventData::PlateUnloaded(named),
         };
-        self.promise(kind, None, json!({ "barcode": plate.barcode }))?;
-        self.handoff = None;
-        self.handed_over = Some(end);
+        self.promise(None, data)?;
         if moved {
-            self.plate_inside = (plate.intent == HandoffIntent::Load).then_some(plate.barcode);
-            let inside = self.plate_inside.clone();
+            let inside = self.state.plate.inside().map(str::to_owned);
             self.publish(|s| s.plate = Plate { present: inside.is_some(), barcode: inside, ..Plate::default() });
         } else {
             self.publish(|_| ());

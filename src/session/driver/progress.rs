@@ -1,25 +1,12 @@
 //! What the worker tells, as journal and status.
 
-use super::super::eta::UnderWay;
 use super::super::state::Trigger;
-use super::super::worker::{Progress, WellTimes};
-use super::super::{Live, Phase, Shown, SpecimenOutcome, SpecimenStatus, State, VolumeSoFar, WellStatus, gate, kind};
+use super::super::worker::Progress;
+use super::super::{Live, Shown, SpecimenStatus, State, gate};
 use super::Running;
 use super::active::Asked;
 use super::publish::run_status;
-use serde::Serialize;
-use serde_json::json;
-
-/// The data of `view.taken`.
-#[derive(Serialize)]
-struct ViewTaken {
-    index: u32,
-    closure: bool,
-    achieved_steps: i64,
-    hull_volume_um3: Option<f64>,
-    #[serde(flatten)]
-    so_far: VolumeSoFar,
-}
+use carved_records::{AttemptFailed, EventData, Phase, PhaseEntered, SpecimenDone, ViewTaken, WellStatus, WellTimes};
 
 impl Running {
     pub(super) fn progress(&mut self, progress: Progress) {
@@ -30,14 +17,14 @@ impl Running {
             Progress::Detected { well, found, live } => {
                 self.show(&well, 0, live);
                 self.publish(|_| ());
-                self.event(kind::SPECIMEN_DETECTED, Some(&well), serde_json::to_value(found).unwrap_or_default());
+                self.event(Some(&well), EventData::SpecimenDetected(found));
             }
             Progress::TriedAgain { well, attempt, why } => {
                 let views_planned = self.active.as_ref().map_or(0, |active| active.record.method.asd);
                 self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, views_planned)));
-                self.event(kind::SPECIMEN_TRIED_AGAIN, Some(&well), json!({"attempt": attempt, "why": why}));
+                self.event(Some(&well), EventData::SpecimenTriedAgain(AttemptFailed { attempt, why }));
             }
-            Progress::View { well, index, closure, achieved_steps, hull_volume_um3, so_far, light, live } => {
+            Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, light, live } => {
                 let shown = self.publisher.status().specimen.as_ref().filter(|s| s.well == well).map(|s| s.view);
                 // One that comes late belongs to a specimen that has made room for the next: it is journalled, and that is all.
                 if let Some(before) = shown {
@@ -49,14 +36,14 @@ impl Running {
                     s.hardware.rotation.position_steps = Some(achieved_steps);
                     s.hardware.rotation.position_deg = Some(position_deg);
                     s.hardware.camera.light = light;
-                    specimen.tell(so_far);
+                    specimen.tell(estimate);
                     if let Some(hull_volume_um3) = hull_volume_um3 {
                         specimen.view += 1;
                         specimen.hull_volumes_um3.push(hull_volume_um3);
                     }
                 });
-                let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, so_far };
-                self.event(kind::VIEW_TAKEN, Some(&well), serde_json::to_value(view).unwrap_or_default());
+                let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, estimate };
+                self.event(Some(&well), EventData::ViewTaken(view));
             }
             Progress::Measured { well, glb, end } => {
                 // Once the next specimen is looked at, the pictures are that one's.
@@ -83,7 +70,7 @@ impl Running {
                     }
                 });
             }
-            Progress::WellDone { result, seconds, times } => self.well_done(result, seconds, &times),
+            Progress::WellDone { result, seconds, times } => self.well_done(result, seconds, times),
         }
     }
 
@@ -101,18 +88,18 @@ impl Running {
                 s.hardware.rotation.connected = true;
             });
         }
-        self.event(kind::RUN_STARTED, None, serde_json::Value::Null);
+        self.event(None, EventData::RunStarted);
     }
 
     fn waits_for_loader(&mut self, well: &str) {
-        if self.brought.as_deref() == Some(well) {
+        if self.capillary().brought() == Some(well) {
             // Brought before the run went on. Not over a hold's word to the one who waits: it then stays until the run goes on again.
             if self.active.as_ref().is_some_and(|a| a.asked == Asked::Nothing) {
                 self.gate.say_loaded(well);
             }
             return;
         }
-        self.asked_for = Some(well.to_owned());
+        self.event(Some(well), EventData::WellAwaited);
         if let Some(active) = &mut self.active {
             active.waiting_for = Some(well.to_owned());
         }
@@ -121,70 +108,43 @@ impl Running {
         } else {
             self.publish(|_| ());
         }
-        self.event(kind::WELL_AWAITED, Some(well), serde_json::Value::Null);
     }
 
     fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) {
-        let now_s = self.now_s();
-        // Another's specimen stays inside while this one is awaited: what a loader brings tells that the former is out.
-        // So does what a loader has brought before it was asked again.
-        let begun = phase != Phase::Load;
-        self.brought.take_if(|brought| begun && brought == well);
-        if in_capillary {
-            self.occupant = Some(well.to_owned());
-            self.been_inside.insert(well.to_owned());
-        } else if self.brought.as_deref() != Some(well) {
-            self.occupant.take_if(|inside| inside == well);
-        }
-        let Some(active) = &mut self.active else { return };
-        let planned = active.record.wells.iter().any(|w| w.well == well && w.outcome.is_none());
-        // What is taken out before the first well, of an earlier attempt, is no specimen under way.
-        let taken_out = matches!(phase, Phase::Eject | Phase::Wash);
-        if planned && (!taken_out || active.under_way.contains_key(well)) {
-            // One has the rig; the numbers of the others are made beside.
-            active.under_way.iter_mut().filter(|(other, _)| *other != well).for_each(|(_, clock)| clock.leave(now_s));
-            active.under_way.entry(well.to_owned()).or_insert_with(|| UnderWay::at(now_s)).enter(phase, now_s);
-        }
+        self.event(Some(well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary }));
+        let Some(active) = &self.active else { return };
         let views_planned = active.record.method.asd;
         self.publish(|s| match &mut s.specimen {
             // Loaded, it begins anew: what an earlier attempt has shown is over.
             Some(specimen) if specimen.well == well && phase != Phase::Load => specimen.phase = phase,
             _ => s.specimen = Some(SpecimenStatus::new(well, phase, views_planned)),
         });
-        self.event(kind::SPECIMEN_PHASE, Some(well), json!({ "phase": phase, "in_capillary": in_capillary }));
     }
 
     /// All of a well is on disk; the next may be under way.
-    fn well_done(&mut self, mut result: WellStatus, seconds: f64, times: &WellTimes) {
-        let now_s = self.now_s();
+    fn well_done(&mut self, mut result: WellStatus, seconds: f64, times: WellTimes) {
         let Some(active) = &mut self.active else { return };
         gate::flag(&mut result, active.lacks_gate);
         if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
             slot.clone_from(&result);
-        }
-        active.resumed_by_itself = 0;
-        active.holds.clear();
-        if let (Some(clock), true) = (active.under_way.remove(&result.well), result.outcome != Some(SpecimenOutcome::Failed)) {
-            self.paces.entry(active.record.plan.method.clone()).or_default().learn(clock, now_s, seconds);
         }
         let record = active.record.clone();
         let status = run_status(&record);
         // One revision: counters and phase change together, so that no reader sees a gap between two wells.
         let views_planned = active.record.method.asd;
         // A loader takes it out before it brings the next; where that is a sampler's work, one that is still there could not be taken out.
-        let stuck = self.occupant.as_ref() == Some(&result.well) && !self.loaded_from_outside;
         let next = active.record.wells.iter().find(|w| w.outcome.is_none()).map(|w| w.well.clone());
+        let stuck = self.capillary().inside() == Some(&result.well) && !self.loaded_from_outside;
         self.save(record);
+        let well = result.well.clone();
+        let done = SpecimenDone { result, times: Some(times), seconds: Some(seconds) };
+        self.event(Some(&well), EventData::SpecimenDone(Box::new(done)));
         self.publish(|s| {
             s.run = Some(status);
             // Where another is shown, it is brought already while the numbers of this one were made.
-            if let Some(next) = next.filter(|_| !stuck && s.specimen.as_ref().is_none_or(|x| x.well == result.well)) {
+            if let Some(next) = next.filter(|_| !stuck && s.specimen.as_ref().is_none_or(|x| x.well == well)) {
                 s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, views_planned));
             }
         });
-        let mut data = serde_json::to_value(&result).unwrap_or_default();
-        data["times"] = serde_json::to_value(times).unwrap_or_default();
-        data["seconds"] = seconds.into();
-        self.event(kind::SPECIMEN_DONE, Some(&result.well), data);
     }
 }

@@ -1,11 +1,14 @@
 //! How a change is told: journalled, then published as one revision whose derived parts are computed anew.
 
 use super::super::state::{self, Trigger};
-use super::super::{Fault, Hold, Pending, Phase, Refusal, RunStatus, SpecimenStatus, State, Status, WellCounts, sentence};
-use super::faults::ends_by_itself;
+use super::super::{Hold, Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
 use super::recovery::Recovery;
 use super::{Active, Asked, Errand, Running};
 use crate::store::RunRecord;
+use carved_records::{Fault, Phase, Resume, RunState, WellCounts};
+
+/// A run that has gone on this often without finishing a well waits for a person: something is wrong that comes back.
+const RESUMED_BY_ITSELF: u32 = 3;
 
 impl Running {
     /// Follows the state table; every state on the way is published as a revision of its own.
@@ -51,44 +54,56 @@ impl Running {
             stop: self.stopping || asked == Asked::Stop,
             abort: asked == Asked::Abort,
         };
+        s.faults = self.state.faults.open().to_vec();
         if let Some(specimen) = &mut s.specimen {
-            specimen.in_capillary = self.occupant.as_ref() == Some(&specimen.well);
+            specimen.in_capillary = self.capillary().inside() == Some(&specimen.well);
         }
         if let Some(run) = &mut s.run {
-            run.held_by_operator = self.active.as_ref().is_some_and(|a| a.held_by_operator);
+            run.held_by_operator = self.active.is_some() && self.is_held_by_operator();
             run.goes_on_by_itself = matches!(s.state, State::Holding | State::Held) && self.goes_on_by_itself(&s.faults);
             run.hold = if s.state == State::Held { self.hold_of(&s.faults, run.goes_on_by_itself) } else { None };
         }
         (s.plate.take_out, s.plate.bring) = self.wanted();
         s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
         // Everything of it is on disk, and only who takes a specimen out knows that it is out. A start may yet take a run up.
-        let over = !self.starting && self.active.is_none() && self.occupant.is_none() && !self.unasked;
+        let over = !self.starting && self.active.is_none() && self.capillary().inside().is_none() && !self.unasked;
         s.plate.removable = over && s.plate.barcode.is_some() && !self.store_failed;
         s.not_ready_reason = self.not_ready(s);
         s.ready = s.not_ready_reason.is_none();
         if let (Some(active), Some(run)) = (&self.active, &mut s.run) {
-            let pace = self.paces.get(&active.record.plan.method);
-            let begun = active.under_way.len() + active.recovery.as_ref().map_or(0, Recovery::wells_left);
-            let waiting = run.wells.pending.saturating_sub(begun as u32);
-            let has_the_rig = s.specimen.as_ref().and_then(|x| active.under_way.get(&x.well));
-            run.eta_s = pace.and_then(|pace| pace.remaining(has_the_rig, waiting, self.now_s()));
+            let begun = self.state.run.as_ref().map_or(&[][..], RunState::begun);
+            let recovering = active.recovery.iter().flat_map(Recovery::wells).filter(|well| !begun.iter().any(|b| b == well)).count();
+            let waiting = run.wells.pending.saturating_sub((begun.len() + recovering) as u32);
+            let shown = s.specimen.as_ref().map(|specimen| specimen.well.as_str());
+            run.eta_s = self.state.paces.remaining(&active.record.plan.method, shown, waiting, jiff::Timestamp::now());
         }
         s.doing = sentence::of(s);
+    }
+
+    pub(super) fn is_held_by_operator(&self) -> bool {
+        self.state.run.as_ref().is_some_and(RunState::is_held_by_operator)
+    }
+
+    /// Whether the run's method lets it go on once what holds it is over; not for ever where no well gets done.
+    pub(super) fn resumes_by_itself(&self) -> bool {
+        let resumed = self.state.run.as_ref().map_or(0, RunState::resumed_by_itself);
+        resumed < RESUMED_BY_ITSELF && self.active.as_ref().is_some_and(|a| a.record.method.policy.resume == Resume::Automatic)
     }
 
     /// Whether a held run goes on without anybody's word: nothing holds it but what ends by itself, and its method lets it.
     fn goes_on_by_itself(&self, faults: &[Fault]) -> bool {
         let Some(active) = &self.active else { return false };
         let held_by_something = active.may_go_on || !faults.is_empty();
-        held_by_something && !active.held_by_operator && active.resumes_by_itself() && faults.iter().all(ends_by_itself)
+        held_by_something && !self.is_held_by_operator() && self.resumes_by_itself() && faults.iter().all(Fault::ends_by_itself)
     }
 
     /// Why the run is held, and what is to be done next: by the same rule by which it goes on.
     fn hold_of(&self, faults: &[Fault], goes_on_by_itself: bool) -> Option<Hold> {
         let active = self.active.as_ref()?;
-        let cause = active.cause.as_ref()?;
-        let times = active.holds.get(&cause.code).copied().unwrap_or(1).max(1);
-        let comes_back = active.resumed_by_itself > 0 && !active.resumes_by_itself();
+        let run = self.state.run.as_ref()?;
+        let cause = run.held_by()?;
+        let times = run.times_held_by(&cause.code).max(1);
+        let comes_back = run.resumed_by_itself() > 0 && !self.resumes_by_itself();
         let next_action = match faults.last() {
             Some(fault) => Some(fault.what_to_do.clone()),
             None if goes_on_by_itself || matches!(active.asked, Asked::Stop | Asked::Abort | Asked::ShutDown) => None,
@@ -111,13 +126,13 @@ impl Running {
     /// The well whose specimen is in the capillary and that nobody but the loader takes out: a driven sampler does so itself, before
     /// the next one.
     pub(super) fn left_for_the_loader(&self) -> Option<&str> {
-        self.occupant.as_deref().filter(|_| self.loaded_from_outside)
+        self.capillary().inside().filter(|_| self.loaded_from_outside)
     }
 
     /// The specimen that stays shown at rest: the one that is still in the capillary.
     pub(super) fn left_specimen(&self, views_planned: u32) -> Option<SpecimenStatus> {
-        let well = self.occupant.as_ref()?;
-        let shown = self.publisher.status().specimen.clone().filter(|shown| shown.well == *well);
+        let well = self.capillary().inside()?;
+        let shown = self.publisher.status().specimen.clone().filter(|shown| shown.well == well);
         Some(shown.unwrap_or_else(|| SpecimenStatus::new(well, Phase::Eject, views_planned)))
     }
 
@@ -137,7 +152,7 @@ impl Running {
                 self.left_for_the_loader()
                     .map(|well| format!("the specimen of well {well} is still in the capillary; take it out and say so"))
             })
-            .or_else(|| self.handoff.as_ref().map(|open| format!("plate {} is being handed over", open.barcode)))
+            .or_else(|| self.state.plate.open().map(|open| format!("plate {} is being handed over", open.barcode)))
             .or_else(|| matches!(self.errand, Some(Errand::Preflight { .. })).then(|| Refusal::Busy.to_string()))
             .or_else(|| self.no_room.clone())
     }

@@ -9,14 +9,14 @@
 //! ```
 //! Each attempt is journalled before it is made, where the disk takes it: one on which the daemon dies each time must not be made for ever.
 
-use super::super::worker::{self, Overrun, WellTimes};
-use super::super::{Phase, PlannedWell, SpecimenOutcome, WellStatus, gate, kind, numbers};
+use super::super::worker::{self, Overrun};
+use super::super::{gate, numbers};
 use super::Running;
 use super::publish::run_status;
 use crate::store::{MeasurementFile, RecordingReader, RecordingWriter, StoreError};
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::LedgerEntry;
-use serde_json::json;
+use carved_records::{EventData, Phase, PlannedWell, RecoveryBegun, SpecimenDone, SpecimenOutcome, WellStatus, WellTimes};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -91,8 +91,9 @@ impl Recovery {
         Self { wells, run: run.to_owned(), done, decided: Arc::default(), until: Instant::now() + allowed, allowed }
     }
 
-    pub fn wells_left(&self) -> usize {
-        self.wells.len()
+    /// The wells whose numbers are not there yet.
+    pub fn wells(&self) -> impl Iterator<Item = &str> {
+        self.wells.iter().map(|planned| planned.well.as_str())
     }
 
     /// Waits for the numbers, as long as they may take; may be asked again where it was given up half way.
@@ -201,22 +202,21 @@ impl Running {
     fn recover_next(&mut self, mut wells: VecDeque<PlannedWell>) {
         while let Some(planned) = wells.front() {
             let well = planned.well.clone();
-            let Some(active) = &mut self.active else { return };
-            let tried = active.recoveries.entry(well.clone()).or_default();
-            if *tried >= ATTEMPTS {
+            let Some(active) = &self.active else { return };
+            let tried = self.state.run.as_ref().map_or(0, |run| run.recoveries_of(&well));
+            if tried >= ATTEMPTS {
                 let why = format!("the daemon has ended in each of {ATTEMPTS} attempts to make its numbers from its frames");
                 let failed = without_numbers(&self.store.run_folder(&active.record.id), planned, &why);
                 wells.pop_front();
                 self.well_recovered(failed);
                 continue;
             }
-            *tried += 1;
-            let attempt = *tried;
+            let attempt = tried + 1;
             let allowed = active.record.method.policy.deadlines_s.of(Phase::Measure);
             tracing::info!(well, attempt, "the numbers of a specimen that was let go are made from its frames");
             // Of an end that was asked for nobody dies, however short the time that is left.
             if !self.stopping {
-                self.event(kind::SPECIMEN_RECOVERING, Some(&well), json!({ "attempt": attempt }));
+                self.event(Some(&well), EventData::SpecimenRecovering(RecoveryBegun { attempt }));
             }
             let Some(active) = &mut self.active else { return };
             active.recovery = Recovery::begin(wells, &self.store.run_folder(&active.record.id), allowed);
@@ -252,8 +252,6 @@ impl Running {
             }
             // As where a live run cannot write them: it is held, and they are made when it goes on.
             Err(error) => {
-                // Nobody died of it: it may be tried as often as before.
-                active.recoveries.remove(&planned.well);
                 self.keep(Err(error));
                 match self.active.as_mut().and_then(|a| a.then.take()) {
                     Some(Then::Finish) => self.rest(true),
@@ -279,18 +277,15 @@ impl Running {
         if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
             slot.clone_from(&result);
         }
-        active.resumed_by_itself = 0;
-        active.holds.clear();
-        active.recoveries.remove(&result.well);
         let record = active.record.clone();
         // Closed already where it has numbers.
         self.seal_well(&record.id, &result.well);
         let status = run_status(&record);
         self.save(record);
+        let well = result.well.clone();
+        self.event(Some(&well), EventData::SpecimenRecovered);
+        let done = SpecimenDone { result, times: Some(times), seconds: None };
+        self.event(Some(&well), EventData::SpecimenDone(Box::new(done)));
         self.publish(|s| s.run = Some(status));
-        self.event(kind::SPECIMEN_RECOVERED, Some(&result.well), serde_json::Value::Null);
-        let mut data = serde_json::to_value(&result).unwrap_or_default();
-        data["times"] = serde_json::to_value(&times).unwrap_or_default();
-        self.event(kind::SPECIMEN_DONE, Some(&result.well), data);
     }
 }

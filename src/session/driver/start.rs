@@ -1,8 +1,10 @@
 //! A start: the devices' first word, and what an earlier life of the daemon left.
 
+use super::super::State;
 use super::super::status::{CameraStatus, TranslationStatus};
-use super::{Event, Running, kind, recall};
+use super::Running;
 use crate::store::RunRecord;
+use carved_records::{DaemonStarted, EndRequest, Event, EventData, InstrumentState, RunInterrupted, RunOutcome, RunState};
 
 impl Running {
     /// Puts the first word into the status. A disk that takes nothing is a fault, not the end of the daemon.
@@ -12,9 +14,9 @@ impl Running {
         let has_translation = self.config.translation.is_some();
         let disk_free_bytes = self.store.free_bytes();
         let calibration = self.calibration();
-        let standing = std::mem::take(&mut self.standing);
-        let inside = self.plate_inside.clone();
+        let inside = self.state.plate.inside().map(str::to_owned);
         let open = self.open_runs();
+        self.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: self.mode }));
         self.publish(|s| {
             s.calibration = calibration;
             if let Some((rotation, camera)) = identities {
@@ -26,16 +28,13 @@ impl Running {
             s.hardware.camera_second =
                 second.map(|identity| CameraStatus { identity: Some(identity), connected: true, ..CameraStatus::default() });
             s.hardware.disk_free_bytes = disk_free_bytes;
-            s.faults = standing;
             s.plate.present = inside.is_some();
             s.plate.barcode = inside;
         });
-        let started = serde_json::json!({"version": env!("CARGO_PKG_VERSION"), "mode": self.mode});
-        self.event(kind::DAEMON_STARTED, None, started);
         self.starting = false;
         if let Some(record) = open {
-            let memory = recall::run(self.events_of(&record.id).iter(), &record.id);
-            self.take_up(record, memory);
+            let run = run_after(&record.id, &self.events_of(&record.id));
+            self.take_up(record, run);
         } else if let Some(record) = self.ended_run() {
             self.show_again(&record);
         } else {
@@ -62,14 +61,13 @@ impl Running {
     /// An ended run as it was shown before the daemon ended: until the next one starts.
     fn show_again(&mut self, record: &RunRecord) {
         let events = self.events_of(&record.id);
-        let memory = recall::run(events.iter(), &record.id);
+        let run = run_after(&record.id, &events);
         // No plate is taken away while a run goes on; the loader's word may come after both.
         let accepted = events.first().map_or(0, |event| event.id);
         let tail = self.publisher.tail();
-        let plate_is_away = tail.iter().any(|event| event.kind == kind::PLATE_UNLOADED && event.id > accepted);
-        let state = memory.rests_in(record.outcome);
-        self.occupant = memory.in_capillary;
-        (self.asked_for, self.brought, self.been_inside) = (memory.asked_for, memory.brought, memory.been_inside);
+        let plate_is_away = tail.iter().any(|event| matches!(event.body.data, EventData::PlateUnloaded(_)) && event.id > accepted);
+        let state = rests_in(record.outcome, run.end_request());
+        self.state.run = Some(run);
         let barcode = record.plan.plate_barcode.clone();
         let change = self.over(record);
         self.publish(|s| {
@@ -97,8 +95,41 @@ impl Running {
             run.end_interrupted();
             let id = run.id.clone();
             self.save(run);
-            self.event_of(Some(&id), kind::RUN_INTERRUPTED, None, serde_json::json!({"found": "at start"}));
+            self.event_of(Some(&id), None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: None }));
         }
         newest
+    }
+}
+
+/// What a run's events say of it.
+fn run_after(id: &str, events: &[Event]) -> RunState {
+    // A file of which only the end could be read lacks the run's acceptance.
+    let mut state = InstrumentState { run: Some(RunState::new(id)), ..InstrumentState::default() };
+    events.iter().filter(|event| event.body.run.as_deref() == Some(id)).for_each(|event| state.apply(&event.body));
+    state.run.unwrap_or_default()
+}
+
+/// The state in which a run ended.
+fn rests_in(outcome: Option<RunOutcome>, asked: Option<EndRequest>) -> State {
+    match (outcome, asked) {
+        (Some(RunOutcome::Interrupted), _) | (_, Some(EndRequest::Stop)) => State::Stopped,
+        (Some(RunOutcome::Aborted), _) => State::Aborted,
+        _ => State::Complete,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ended_run_is_shown_in_the_state_in_which_it_ended() {
+        let rests = |asked, outcome| rests_in(Some(outcome), asked);
+        assert_eq!(rests(None, RunOutcome::Partial), State::Complete);
+        assert_eq!(rests(Some(EndRequest::Stop), RunOutcome::Partial), State::Stopped);
+        assert_eq!(rests(Some(EndRequest::Stop), RunOutcome::Aborted), State::Stopped, "stopped before its first number");
+        assert_eq!(rests(Some(EndRequest::Abort), RunOutcome::Aborted), State::Aborted);
+        assert_eq!(rests(Some(EndRequest::Abort), RunOutcome::Interrupted), State::Stopped, "a signal came before");
+        assert_eq!(rests(None, RunOutcome::Interrupted), State::Stopped);
     }
 }

@@ -8,27 +8,29 @@
 //! promise ──► flush ──► journal, or the command is refused and nothing has happened
 //! ```
 
-use super::super::fault::table;
-use super::super::{Refusal, kind};
+use super::super::Refusal;
 use super::Running;
-use super::faults::STORAGE;
-use crate::store::{Happening, RunRecord, StoreError};
+use crate::store::{self, RunRecord, StoreError};
+use carved_records::{EventBody, EventData, fault_table};
 
 /// What a write that failed keeps from the disk.
 pub(super) enum Unwritten {
-    Event(Happening),
+    Event(EventBody),
     Run(Box<RunRecord>),
 }
 
 impl Running {
     /// Tells what has happened in the run under way, if there is one.
-    pub(super) fn event(&mut self, kind: &str, well: Option<&str>, data: serde_json::Value) {
+    pub(super) fn event(&mut self, well: Option<&str>, data: EventData) {
         let run = self.active.as_ref().map(|a| a.record.id.clone());
-        self.event_of(run.as_deref(), kind, well, data);
+        self.event_of(run.as_deref(), well, data);
     }
 
-    pub(super) fn event_of(&mut self, run: Option<&str>, kind: &str, well: Option<&str>, data: serde_json::Value) {
-        self.write(Unwritten::Event(Happening::now(kind, run, well, data)));
+    /// It has happened, whenever the disk takes it.
+    pub(super) fn event_of(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) {
+        let body = store::now(run, well, data);
+        self.state.apply(&body);
+        self.write(Unwritten::Event(body));
     }
 
     /// Writes a run's record, behind all that happened before.
@@ -43,20 +45,15 @@ impl Running {
     }
 
     /// Tells what somebody asks for, which has not happened where it cannot be written.
-    pub(super) fn promise(&mut self, kind: &str, well: Option<&str>, data: serde_json::Value) -> Result<(), StoreError> {
+    pub(super) fn promise(&mut self, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         let run = self.active.as_ref().map(|a| a.record.id.clone());
-        self.promise_of(run.as_deref(), kind, well, data)
+        self.promise_of(run.as_deref(), well, data)
     }
 
-    pub(super) fn promise_of(
-        &mut self,
-        run: Option<&str>,
-        kind: &str,
-        well: Option<&str>,
-        data: serde_json::Value,
-    ) -> Result<(), StoreError> {
+    pub(super) fn promise_of(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
         self.flush()?;
-        let event = self.journal.append(kind, run, well, data)?;
+        let event = self.journal.append(run, well, data)?;
+        self.state.apply(&event.body);
         self.publisher.announce(event);
         Ok(())
     }
@@ -65,7 +62,7 @@ impl Running {
     pub(super) fn flush(&mut self) -> Result<(), StoreError> {
         while let Some(next) = self.unwritten.front() {
             match next {
-                Unwritten::Event(happening) => self.publisher.announce(self.journal.write(happening)?),
+                Unwritten::Event(body) => self.publisher.announce(self.journal.write(body)?),
                 Unwritten::Run(record) => self.store.save_run(record)?,
             }
             self.unwritten.pop_front();
@@ -80,14 +77,13 @@ impl Running {
 
     /// What the disk's fault says, while it stands.
     pub(super) fn disk_fault(&self) -> Option<Refusal> {
-        let status = self.publisher.status();
-        let fault = status.faults.iter().find(|f| f.category == STORAGE)?;
-        Some(Refusal::Store { why: fault.message.clone(), full: fault.code == table::DISK_FULL.code })
+        let fault = self.state.faults.open().iter().find(|f| f.is_of_storage())?;
+        Some(Refusal::Store { why: fault.message.clone(), full: fault.code == fault_table::DISK_FULL.code })
     }
 
     /// The daemon's last word, and one more try for what is not on disk.
     pub(super) fn last_word(&mut self) -> Result<(), StoreError> {
-        let told = self.promise(kind::DAEMON_STOPPED, None, serde_json::Value::Null);
+        let told = self.promise(None, EventData::DaemonStopped);
         if !self.unwritten.is_empty() {
             tracing::error!(unwritten = self.unwritten.len(), "the daemon ends with events and records that the disk did not take");
         }

@@ -6,49 +6,17 @@
 //! own_s = all of them - motors, exposures, loader and sampler (devices_s)
 //! ```
 
-use crate::session::Phase;
 use crate::store::{RecordingWriter, StoreError};
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
-use utoipa::ToSchema;
+use carved_records::WellTimes;
+use serde::Serialize;
+use std::time::Instant;
 
-/// Where the time of a well went, s. Phases add up to more than the well took where two of them went on side by side.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
-pub struct WellTimes {
-    /// By the phase's name.
-    pub phases_s: BTreeMap<String, f64>,
-    /// Of that, what motors, rests, exposures and who brings and takes specimens took.
-    pub devices_s: f64,
-    /// The rest: what the program itself took.
-    pub own_s: f64,
-    /// Turns that were begun of the specimen.
-    pub attempts: u32,
-}
-
-impl WellTimes {
-    /// Adds the time of a phase.
-    pub fn phase(&mut self, phase: Phase, took: Duration) {
-        *self.phases_s.entry(phase.name().into()).or_default() += took.as_secs_f64();
-        if matches!(phase, Phase::Load | Phase::Eject | Phase::Wash) {
-            self.devices_s += took.as_secs_f64();
-        }
-        self.own_s = self.phases_s.values().sum::<f64>() - self.devices_s;
-    }
-
-    /// Says that so much of a phase was a device's.
-    pub fn device(&mut self, took: Duration) {
-        self.devices_s += took.as_secs_f64();
-        self.own_s -= took.as_secs_f64();
-    }
-
-    /// Does what a device takes its time for.
-    pub fn of_device<T>(&mut self, work: impl FnOnce() -> T) -> T {
-        let began = Instant::now();
-        let result = work();
-        self.device(began.elapsed());
-        result
-    }
+/// Does what a device takes its time for.
+pub fn of_device<T>(times: &mut WellTimes, work: impl FnOnce() -> T) -> T {
+    let began = Instant::now();
+    let result = work();
+    times.device(began.elapsed());
+    result
 }
 
 /// Per view and for the surface, ms.
@@ -104,22 +72,5 @@ impl Times {
         let result = work();
         self.0.push(began.elapsed().as_secs_f64() * 1e3);
         result
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn own_time_is_what_devices_leave() {
-        let mut times = WellTimes::default();
-        let s = Duration::from_secs;
-        times.phase(Phase::Load, s(30));
-        times.device(s(3));
-        times.phase(Phase::Revolve, s(4));
-        times.phase(Phase::Measure, s(2));
-        times.phase(Phase::Eject, s(5));
-        assert!((times.own_s - 3.0).abs() < 1e-9 && (times.devices_s - 38.0).abs() < 1e-9, "{times:?}");
     }
 }

@@ -7,23 +7,23 @@
 //! ```
 
 mod clock;
+mod estimator;
 mod gates;
 mod optics;
 mod retry;
 mod science;
-mod so_far;
 mod specimen;
 mod turn;
 mod watch;
 mod well;
 
-pub use clock::{WellTimes, add_timings};
+pub use clock::add_timings;
 pub use optics::OpticsFault;
 pub use retry::keeps_specimen;
 pub use science::CLOSING;
 pub use watch::Overrun;
 
-use super::{Live, Mode, Phase, PlannedWell, RotationStatus, SpecimenKind, TranslationStatus, VolumeSoFar, WellStatus, placing};
+use super::{Live, RotationStatus, TranslationStatus, placing};
 use crate::config::{Config, Method};
 use crate::store::{Recording, RigRecord, SecondRecord, StoreError};
 use carved_core::pipeline::{Pipeline, PipelineError};
@@ -32,6 +32,7 @@ use carved_devices::acquisition::{AcquisitionError, Light, RevolutionPlan};
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::Sampler;
 use carved_devices::{Camera, DeviceError, Position, Rig, StreamCounters};
+use carved_records::{LiveEstimate, Mode, Phase, PlannedWell, SpecimenKind, WellStatus, WellTimes};
 use science::Science;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -79,7 +80,7 @@ pub enum Progress {
         closure: bool,
         achieved_steps: i64,
         hull_volume_um3: Option<f64>,
-        so_far: VolumeSoFar,
+        estimate: LiveEstimate,
         light: Option<Light>,
         live: Live,
     },
@@ -87,7 +88,7 @@ pub enum Progress {
     Measured {
         well: String,
         glb: Option<Arc<Vec<u8>>>,
-        end: VolumeSoFar,
+        end: LiveEstimate,
     },
     /// Everything of this well is on disk; the next may be under way already.
     WellDone {

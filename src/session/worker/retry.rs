@@ -16,9 +16,9 @@
 //! "Is ejected" is what a driven sampler does; a loader is asked to take the specimen out. `optics.rs` has what is light, place, scale and setup.
 
 use super::{Overrun, RunError};
-use crate::session::Phase;
 use carved_devices::DeviceError;
 use carved_devices::acquisition::{AcquisitionError, LedgerError};
+use carved_records::Phase;
 
 /// Whether a reference and another turn may do better: the specimen is there, and no person is needed first.
 pub fn may_be_tried_again(error: &RunError) -> bool {

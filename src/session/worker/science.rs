@@ -1,15 +1,15 @@
 //! The rig thread's end of a specimen thread: what it is handed, what it answers, and how long its end is waited for.
 
 use super::clock::StageClock;
+use super::estimator::LiveEstimator;
 use super::optics::Blind;
-use super::so_far::SoFar;
 use super::specimen::{Ended, Specimen, Work};
-use super::{Overrun, Progress, RunContext, RunError, WellTimes};
-use crate::session::{Phase, PlannedWell, SpecimenOutcome, WellStatus};
+use super::{Overrun, Progress, RunContext, RunError};
 use crate::store::{RecordingWriter, StoreError};
 use carved_core::pipeline::{Pipeline, TurnVerdict};
 use carved_devices::acquisition::SinkClosed;
 use carved_devices::cancel::CancelToken;
+use carved_records::{Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, channel, sync_channel};
@@ -62,7 +62,7 @@ impl Science {
             stages: StageClock::default(),
             unwanted: Arc::clone(&unwanted),
             told: Arc::clone(&told),
-            so_far: SoFar::new(context.method.early_stop),
+            estimator: LiveEstimator::new(context.method.early_stop),
             enough: Arc::clone(&enough),
             blind: Blind::default(),
         };
@@ -154,7 +154,7 @@ impl Science {
 mod tests {
     use super::*;
     use crate::config::Config;
-    use crate::session::Mode;
+    use carved_records::Mode;
     use std::path::Path;
 
     #[test]

@@ -9,16 +9,16 @@
 //! ```
 
 use super::clock::{StageClock, TIMINGS, Timings};
+use super::estimator::LiveEstimator;
 use super::optics::Blind;
-use super::so_far::SoFar;
-use super::{OpticsFault, Progress, RunContext, RunError, WellTimes, optics_fault};
-use crate::session::{Phase, PlannedWell, SpecimenOutcome, WellStatus};
+use super::{OpticsFault, Progress, RunContext, RunError, optics_fault};
 use crate::session::{live, numbers};
 use crate::store::{self, MeasurementFile, RecordingWriter};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::{LedgerEntry, Light};
+use carved_records::{Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
@@ -69,7 +69,7 @@ pub struct Specimen {
     /// Whoever sets it tells the well's result.
     pub told: Arc<AtomicBool>,
     /// Of the volume, while views come in.
-    pub so_far: SoFar,
+    pub estimator: LiveEstimator,
     /// The rule has ended it: the rig thread goes to the closure view.
     pub enough: Arc<AtomicBool>,
     pub blind: Blind,
@@ -139,7 +139,7 @@ impl Specimen {
         second: Option<RawFrame>,
         waiting: impl FnOnce() -> Option<T>,
     ) -> Result<Result<Option<T>, PipelineError>, RunError> {
-        let Self { planned, pipeline, writer, stages, so_far, blind, .. } = self;
+        let Self { planned, pipeline, writer, stages, estimator, blind, .. } = self;
         // What the instrument is to blame for ends the turn as its fault, the rest as this well's.
         let failed = |e| match OpticsFault::of_pipeline(e) {
             Ok(fault) => Err(optics_fault(planned, fault)),
@@ -188,15 +188,15 @@ impl Specimen {
         let asked = !closure && retake == 0 && rule.asks(pipeline.live().views) && (rule.enabled || has_time);
         if refines || asked {
             let found = if refines { stages.refine.time(|| pipeline.refine()) } else { stages.estimate.time(|| pipeline.estimate()) };
-            so_far.take(found, found.is_some_and(|e| !pipeline.is_hollow(&e)));
-            if asked && so_far.is_enough() {
+            estimator.take(found, found.is_some_and(|e| !pipeline.is_hollow(&e)));
+            if asked && estimator.is_enough() {
                 self.enough.store(true, Ordering::Release);
             }
         }
         let hull_volume_um3 = (!closure && retake == 0).then(|| pipeline.live().volume_um3);
-        let (well, so_far) = (self.planned.well.clone(), so_far.known());
+        let (well, estimate) = (self.planned.well.clone(), estimator.known());
         let live = stages.live.time(|| live::of_view(&seen, &pipeline.live_mesh()));
-        self.context.tell(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, so_far, light, live });
+        self.context.tell(Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, light, live });
         Ok(Ok(waiting))
     }
 
@@ -213,12 +213,12 @@ impl Specimen {
 
     /// Measures, waits until the specimen is out, closes the record and tells the result.
     fn measured(self, work: &Receiver<Work>) -> Result<Ended, RunError> {
-        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, so_far, .. } = self;
+        let Self { context, planned, pipeline, mut writer, seconds, mut stages, told, estimator, .. } = self;
         let began = Instant::now();
         let mut result = WellStatus::pending(&planned);
         let numbers = match stages.surface.time(|| pipeline.finish()) {
             Ok((mesh, record)) => written(&context, &mut writer, &mesh, record, &seconds, &mut result).map(|glb| {
-                context.tell(Progress::Measured { well: planned.well, glb, end: so_far.end(&result) });
+                context.tell(Progress::Measured { well: planned.well, glb, end: estimator.end(&result) });
             }),
             Err(e) => {
                 result.end(SpecimenOutcome::Failed, Some(&e.to_string()));

@@ -5,9 +5,9 @@
 //! watch        ├── waits for the deadline ──X    cancels the token, puts the stop on the wire
 //! ```
 
-use crate::session::Phase;
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
+use carved_records::Phase;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
 

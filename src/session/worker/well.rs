@@ -7,17 +7,19 @@
 //!   └── the numbers of the well before are made until here
 //! ```
 
+use super::clock::of_device;
 use super::science::Science;
 use super::specimen::Work;
 use super::turn::Attempt;
 use super::watch::within;
-use super::{OpticsFault, Progress, RunError, WellEnd, WellTimes, Worker, gates, optics_fault, retry};
-use crate::session::{Instrument, Live, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, live, placing};
+use super::{OpticsFault, Progress, RunError, WellEnd, Worker, gates, optics_fault, retry};
+use crate::session::{Instrument, Live, live, placing};
 use crate::store::{RecordingWriter, set_aside};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, Seen};
 use carved_devices::acquisition::{self, Light};
 use carved_devices::sampler::{Expected, Loaded};
+use carved_records::{Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -238,7 +240,7 @@ impl Worker {
         // One bad frame is no fault of the instrument's, whatever the policy.
         let (mut retries, mut placings) = (context.method.policy.retries.max(1), PLACINGS);
         loop {
-            let frame = times.of_device(|| acquisition::grab(rig.camera.as_mut(), context.deadline(), cancel))?.frame;
+            let frame = of_device(times, || acquisition::grab(rig.camera.as_mut(), context.deadline(), cancel))?.frame;
             let seen = pipeline.look(&frame);
             let again = match seen.as_ref().map(|seen| &seen.profile) {
                 Ok(Err(error)) if retries > 0 && !cancel.is_cancelled() => {
@@ -249,7 +251,7 @@ impl Worker {
                 Ok(Ok(profile)) if placings > 0 => {
                     placings -= 1;
                     match context.out_of_view_um(planned, profile) {
-                        Some(by_um) => times.of_device(|| placing::shift(rig, by_um))?,
+                        Some(by_um) => of_device(times, || placing::shift(rig, by_um))?,
                         None => false,
                     }
                 }

@@ -25,7 +25,7 @@ pub use refresh::{Found, Unreadable};
 pub(super) use rows::word;
 
 use super::{RunRecord, StoreError, durable};
-use crate::session::Event;
+use carved_records::Event;
 use rusqlite::{Connection, Transaction, TransactionBehavior};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};

@@ -1,8 +1,8 @@
 //! What is asked of the index. Every question has a connection of its own, which cannot write.
 
 use super::{BUSY, FILE, failed};
-use crate::session::{Event, WellCounts, WellStatus, kind};
 use crate::store::StoreError;
+use carved_records::{Event, EventBody, EventData, Phase, WellCounts, WellStatus, kind};
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, params};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -139,26 +139,31 @@ pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
 /// The volume of the live hull after each view of the newest attempt at a well, oldest first.
 pub fn hull_volumes(root: &Path, run: &str, well: &str) -> Result<Vec<f64>, StoreError> {
     ask(root, |c| {
-        let mut select =
-            c.prepare("SELECT data FROM events INDEXED BY events_by_run WHERE run = ?1 AND well = ?2 AND kind IN (?3, ?4) ORDER BY id")?;
+        let mut select = c.prepare(
+            "SELECT kind, data FROM events INDEXED BY events_by_run WHERE run = ?1 AND well = ?2 AND kind IN (?3, ?4) ORDER BY id",
+        )?;
         let mut found = select.query([run, well, kind::SPECIMEN_PHASE, kind::VIEW_TAKEN])?;
         let mut volumes = Vec::new();
         while let Some(row) = found.next()? {
-            let data: serde_json::Value = serde_json::from_str(&row.get::<_, String>(0)?).unwrap_or_default();
-            // Each attempt begins with a reference. The closure view and a view that is taken again have no volume.
-            if data["phase"] == "position" {
-                volumes.clear();
+            match data_of(&row.get::<_, String>(0)?, &row.get::<_, String>(1)?) {
+                // Each attempt begins with a reference.
+                EventData::SpecimenPhase(entered) if entered.phase == Phase::Position => volumes.clear(),
+                // The closure view and a view that is taken again have no volume.
+                EventData::ViewTaken(view) => volumes.extend(view.hull_volume_um3),
+                _ => {}
             }
-            volumes.extend(data["hull_volume_um3"].as_f64());
         }
         Ok(volumes)
     })
 }
 
 fn event_row(row: &Row) -> rusqlite::Result<Event> {
-    let data: String = row.get(5)?;
-    let data = serde_json::from_str(&data).unwrap_or_default();
-    Ok(Event { id: row.get(0)?, time: row.get(1)?, kind: row.get(2)?, run: row.get(3)?, well: row.get(4)?, data })
+    let data = data_of(&row.get::<_, String>(2)?, &row.get::<_, String>(5)?);
+    Ok(Event { id: row.get(0)?, body: EventBody { time: row.get(1)?, run: row.get(3)?, well: row.get(4)?, data } })
+}
+
+fn data_of(kind: &str, json: &str) -> EventData {
+    EventData::of(kind, serde_json::from_str(json).unwrap_or_default())
 }
 
 /// The newest `most` events without the views, and those of before that still mean something: faults that nothing has ended, the newest

@@ -2,8 +2,8 @@
 
 use super::rows;
 use crate::regular;
-use crate::session::Event;
 use crate::store::{RunRecord, StoreError, journal, run};
+use carved_records::Event;
 use rusqlite::Connection;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};

@@ -1,9 +1,9 @@
 //! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
 
 use crate::regular;
-use crate::session::{Event, WellStatus, kind};
 use crate::store::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
 use carved_devices::hash::sha256_hex;
+use carved_records::{Event, EventData, WellStatus};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
 use std::os::unix::fs::MetadataExt;
@@ -154,32 +154,35 @@ fn bytes_of(folder: &Path) -> u64 {
 
 /// An event, what it says of faults, and how long the journal is with it.
 pub(super) fn put_event(c: &Connection, event: &Event, journal_bytes: u64) -> rusqlite::Result<()> {
-    let data = event.data.to_string();
-    c.prepare_cached("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?)")?
-        .execute(params![event.id, event.time, event.kind, event.run, event.well, data])?;
-    let d = &event.data;
-    // One number, or a list of them.
-    let seqs = || d["seq"].as_array().map_or_else(|| vec![d["seq"].as_u64()], |all| all.iter().map(Value::as_u64).collect());
-    match event.kind.as_str() {
-        kind::FAULT_RAISED => {
-            if let Some(seq) = d["seq"].as_u64() {
-                c.prepare_cached("INSERT OR REPLACE INTO faults VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, NULL)")?.execute(params![
-                    seq,
-                    event.id,
-                    event.run,
-                    event.well,
-                    d["code"].as_str(),
-                    d["category"].as_str(),
-                    d["message"].as_str(),
-                    event.time,
-                ])?;
+    let body = &event.body;
+    c.prepare_cached("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
+        event.id,
+        body.time,
+        body.data.kind(),
+        body.run,
+        body.well,
+        body.data.to_json().to_string()
+    ])?;
+    match &body.data {
+        EventData::FaultRaised(fault) => {
+            c.prepare_cached("INSERT OR REPLACE INTO faults VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, NULL)")?.execute(params![
+                fault.seq,
+                event.id,
+                body.run,
+                body.well,
+                fault.code,
+                fault.category,
+                fault.message,
+                body.time,
+            ])?;
+        }
+        EventData::FaultsCleared(over) => {
+            for seq in &over.seq {
+                c.prepare_cached("UPDATE faults SET cleared = ? WHERE seq = ?")?.execute(params![body.time, seq])?;
             }
         }
-        kind::FAULT_CLEARED | kind::FAULT_ACKNOWLEDGED => {
-            let column = &event.kind["fault.".len()..];
-            for seq in seqs().into_iter().flatten() {
-                c.execute(&format!("UPDATE faults SET {column} = ? WHERE seq = ?"), params![event.time, seq])?;
-            }
+        EventData::FaultAcknowledged(known) => {
+            c.prepare_cached("UPDATE faults SET acknowledged = ? WHERE seq = ?")?.execute(params![body.time, known.seq])?;
         }
         _ => {}
     }

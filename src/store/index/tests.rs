@@ -1,7 +1,7 @@
 use super::*;
-use crate::session::{RunOutcome, SpecimenOutcome};
 use crate::store::power_loss::{entry, frame, record, recording};
 use crate::store::{Claim, Journal, MEASUREMENT, RecordingWriter, Store, rebuild_index, set_aside};
+use carved_records::{EventData, Fault, RunOutcome, SpecimenOutcome, fault_table};
 use serde_json::json;
 
 mod start;
@@ -41,7 +41,11 @@ fn measured(store: &Store, run: &RunRecord, well: usize, diameter_um: Option<f64
 }
 
 fn say(journal: &mut Journal, kind: &str, run: Option<&str>, data: serde_json::Value) {
-    journal.append(kind, run, run.map(|_| "A01"), data).unwrap();
+    journal.append(run, run.map(|_| "A01"), EventData::of(kind, data)).unwrap();
+}
+
+fn fault(seq: u64) -> serde_json::Value {
+    json!(Fault::new(seq, &fault_table::CAMERA_LOST, "gone".into(), "2026-01-01T00:00:00Z".into()))
 }
 
 /// Two runs, one of them still open, faults that are over and one that is not.
@@ -49,13 +53,13 @@ fn live(root: &Path) -> (Store, Journal) {
     let (store, mut journal, _) = Claim::on(root).and_then(Store::open).unwrap();
     let mut first = record("r1");
     store.save_run(&first).unwrap();
-    say(&mut journal, "run.accepted", Some("r1"), json!({"plate_barcode": "P-1"}));
+    say(&mut journal, "run.accepted", Some("r1"), json!({"plate_barcode": "P-1", "method": "m"}));
     measured(&store, &first, 0, None);
     first.wells[0].end(SpecimenOutcome::Succeeded, None);
     first.wells[0].volume_um3 = Some(2.5e8);
     store.save_run(&first).unwrap();
     for seq in 1..=3 {
-        say(&mut journal, "fault.raised", Some("r1"), json!({"seq": seq, "code": "camera_lost", "category": "device", "message": "gone"}));
+        say(&mut journal, "fault.raised", Some("r1"), fault(seq));
     }
     say(&mut journal, "fault.cleared", None, json!({"seq": [1, 2], "why": "it is back"}));
     say(&mut journal, "fault.acknowledged", None, json!({"seq": 3}));
@@ -66,7 +70,7 @@ fn live(root: &Path) -> (Store, Journal) {
     store.save_run(&first).unwrap();
     say(&mut journal, "run.ended", Some("r1"), json!({}));
     store.save_run(&record("r2")).unwrap();
-    say(&mut journal, "run.accepted", Some("r2"), json!({}));
+    say(&mut journal, "run.accepted", Some("r2"), json!({"plate_barcode": "P-2", "method": "m"}));
     (store, journal)
 }
 
@@ -149,7 +153,7 @@ fn an_index_that_fails_stops_no_run_and_catches_up() {
     store.save_run(&record("r1")).unwrap();
     let other = connect(&dir.path().join(FILE)).unwrap();
     other.execute_batch("ALTER TABLE events RENAME TO elsewhere").unwrap();
-    assert_eq!(journal.append("a", Some("r1"), None, json!(null)).unwrap().id, 1);
+    assert_eq!(journal.append(Some("r1"), None, EventData::of("a", json!(null))).unwrap().id, 1);
     assert!(store.index_trouble().unwrap().contains("events"), "{:?}", store.index_trouble());
     let mut run = record("r1");
     run.end(RunOutcome::Failed);
@@ -157,7 +161,7 @@ fn an_index_that_fails_stops_no_run_and_catches_up() {
     assert!(store.index_trouble().is_some());
     other.execute_batch("ALTER TABLE elsewhere RENAME TO events").unwrap();
     store.index.state.lock().unwrap().again = std::time::Instant::now();
-    assert_eq!(journal.append("b", Some("r1"), None, json!(null)).unwrap().id, 2);
+    assert_eq!(journal.append(Some("r1"), None, EventData::of("b", json!(null))).unwrap().id, 2);
     assert_eq!(store.index_trouble(), None);
     drop((store, journal, other));
     let caught_up = rows(dir.path());
@@ -187,7 +191,8 @@ fn a_run_that_cannot_be_read_is_told_and_left_alone() {
     }
     for _ in 0..2 {
         let (store, journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
-        let told: Vec<String> = events[events.len() - 2..].iter().map(|e| format!("{} {}", e.kind, e.data)).collect();
+        let told: Vec<String> =
+            events[events.len() - 2..].iter().map(|e| format!("{} {}", e.body.data.kind(), e.body.data.to_json())).collect();
         assert!(told[0].starts_with("run.unreadable") && told[0].contains("broken/run.json"), "{told:?}");
         assert!(told[1].contains("carved.run/77") && told[1].contains("carved.run/1"), "{told:?}");
         assert!(store.run("newer").unwrap_err().to_string().contains("carved.run/77"));

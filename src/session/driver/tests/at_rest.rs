@@ -1,10 +1,11 @@
 //! What looks at the devices find while nothing runs.
 
-use super::bench::{Arm, Bench, bench, count, journalled, on_this_thread, plan, scratch};
-use crate::session::fault::table;
-use crate::session::handle::Refusal;
+use super::bench::{Arm, Bench, bench, count, journalled, on_this_thread, plan, scratch, started};
+use crate::session::handle::{Refusal, Towards};
 use crate::session::search::Found;
+use crate::session::worker::RunEnd;
 use carved_devices::DeviceError;
+use carved_records::{Phase, fault_table};
 
 fn held() -> DeviceError {
     DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Press cycle start" }
@@ -27,7 +28,7 @@ fn somebody_who_has_the_axis_is_a_fault_once_and_until_he_lets_go() {
         }
         let status = b.status();
         assert_eq!(status.faults.len(), 1);
-        assert_eq!((status.faults[0].code.as_str(), status.ready), (table::ROTATION_INTERVENTION.code, false));
+        assert_eq!((status.faults[0].code.as_str(), status.ready), (fault_table::ROTATION_INTERVENTION.code, false));
         assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
         // Acknowledged before it is over, it comes again.
         b.d.acknowledge(status.faults[0].seq).unwrap();
@@ -58,7 +59,7 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
         let status = b.status();
         assert!(!status.ready && !status.plate.removable, "{:?}", status.not_ready_reason);
         assert_eq!(status.faults.len(), 1);
-        assert_eq!(status.faults[0].code, table::SAMPLER_FAILED.code);
+        assert_eq!(status.faults[0].code, fault_table::SAMPLER_FAILED.code);
         assert!(status.faults[0].message.contains("no run asked for"), "{}", status.faults[0].message);
         assert!(matches!(b.put_run(&plan(&["A01"])), Err(Refusal::FaultStands { .. })));
         look(&mut b, Ok(()), Some(false));
@@ -73,8 +74,11 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
 fn a_specimen_that_is_known_to_be_inside_is_not_one_that_nobody_asked_for() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = bench(dir.path(), false);
-        b.d.occupant = Some("A01".into());
+        let mut b = started(dir.path(), false, &["A01"]);
+        b.phase("A01", Phase::Position, true);
+        b.steer(Towards::Abort).unwrap();
+        b.ends(RunEnd::Cancelled).await;
+        assert_eq!(b.inside_by_status().as_deref(), Some("A01"));
         look(&mut b, Ok(()), Some(true));
         assert!(b.status().faults.is_empty() && b.status().ready);
     });

@@ -2,15 +2,16 @@
 //! what a worker would have told.
 
 use super::super::*;
+use crate::session::channel;
 use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
-use crate::session::worker::{Progress, RunEnd, WellTimes};
-use crate::session::{Event, Phase, RunPlan, SpecimenOutcome, channel};
+use crate::session::worker::{Progress, RunEnd};
 use crate::store::{Claim, EventsAfter};
 use carved_core::units::Steps;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{
     Achieved, Camera, Capabilities, DeviceError, Grabbed, Link as CameraLink, Position, Rig, RotationAxis, StopHandle, StreamCounters,
 };
+use carved_records::{Event, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
 use std::path::Path;
 use std::time::Duration;
 use tokio::sync::oneshot;
@@ -248,7 +249,7 @@ pub fn indexed(bench: &Bench) -> Vec<Event> {
 }
 
 pub fn count(events: &[Event], kind: &str) -> usize {
-    events.iter().filter(|e| e.kind == kind).count()
+    events.iter().filter(|e| e.body.data.kind() == kind).count()
 }
 
 /// Runs a test that waits for a worker, on the thread whose disk is watched.

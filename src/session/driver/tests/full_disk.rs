@@ -8,8 +8,9 @@
 use super::bench::{Bench, RUN, bench, count, indexed, journalled, on_this_thread, plan, scratch};
 use crate::session::handle::{SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
-use crate::session::{Phase, RunOutcome, State, Status};
+use crate::session::{State, Status};
 use crate::store::disk_trace;
+use carved_records::{EventData, Phase, RunOutcome};
 use std::path::Path;
 
 const WELLS: [&str; 2] = ["A01", "A02"];
@@ -17,7 +18,7 @@ const WELLS: [&str; 2] = ["A01", "A02"];
 /// Nobody is told that all is done before all of it is on disk.
 fn is_true(root: &Path, status: &Status) {
     if status.state == State::Complete || status.plate.removable {
-        let kinds: Vec<String> = journalled(root).into_iter().map(|e| e.kind).collect();
+        let kinds: Vec<String> = journalled(root).into_iter().map(|e| e.body.data.kind().to_owned()).collect();
         assert!(kinds.iter().any(|kind| kind == "run.ended"), "{:?}, removable: {}: {kinds:?}", status.state, status.plate.removable);
         let run = std::fs::read(root.join("runs").join(RUN).join("run.json")).unwrap();
         let run: serde_json::Value = serde_json::from_slice(&run).unwrap();
@@ -99,26 +100,28 @@ fn is_remembered(b: &Bench, when: &str) {
 /// Journal, the run's own file, index and `run.json` say the same, each thing once.
 fn is_whole(b: &Bench, root: &Path, outcome: RunOutcome, when: &str) {
     let events = journalled(root);
-    let kinds: Vec<&str> = events.iter().map(|e| e.kind.as_str()).collect();
+    let kinds: Vec<&str> = events.iter().map(|e| e.body.data.kind()).collect();
     assert!(events.iter().map(|e| e.id).eq(1..=events.len() as u64), "{when}");
     assert_eq!(indexed(b), events, "{when}");
-    let of_run: Vec<_> = events.iter().filter(|e| e.run.as_deref() == Some(RUN)).cloned().collect();
+    let of_run: Vec<_> = events.iter().filter(|e| e.body.run.as_deref() == Some(RUN)).cloned().collect();
     assert_eq!(journalled(&root.join("runs").join(RUN)), of_run, "{when}");
     for once in ["run.accepted", "run.ended"] {
         assert_eq!(count(&events, once), 1, "{when}: {once}: {kinds:?}");
     }
-    let seqs = |kind: &str| -> Vec<u64> {
-        let of = events.iter().filter(|e| e.kind == kind);
-        of.flat_map(|e| e.data["seq"].as_array().cloned().unwrap_or_else(|| vec![e.data["seq"].clone()]))
-            .map(|s| s.as_u64().unwrap())
-            .collect()
-    };
-    assert_eq!(seqs("fault.raised"), seqs("fault.cleared"), "{when}: {kinds:?}");
+    let (mut raised, mut cleared): (Vec<u64>, Vec<u64>) = (Vec::new(), Vec::new());
+    for event in &events {
+        match &event.body.data {
+            EventData::FaultRaised(fault) => raised.push(fault.seq),
+            EventData::FaultsCleared(over) => cleared.extend(&over.seq),
+            _ => {}
+        }
+    }
+    assert_eq!(raised, cleared, "{when}: {kinds:?}");
     let run = b.d.store.run(RUN).unwrap().unwrap();
     assert_eq!((run.outcome, b.status().run.unwrap().outcome), (Some(outcome), Some(outcome)), "{when}");
     for well in &run.wells {
-        let done = events.iter().filter(|e| e.kind == "specimen.done" && e.well.as_ref() == Some(&well.well)).count();
-        assert_eq!(done, usize::from(well.outcome == Some(crate::session::SpecimenOutcome::Succeeded)), "{when}: {kinds:?}");
+        let done = events.iter().filter(|e| e.body.data.kind() == "specimen.done" && e.body.well.as_ref() == Some(&well.well)).count();
+        assert_eq!(done, usize::from(well.outcome == Some(carved_records::SpecimenOutcome::Succeeded)), "{when}: {kinds:?}");
     }
     assert!(b.d.unwritten.is_empty() && b.status().faults.is_empty(), "{when}: {:?}", b.status().faults);
 }

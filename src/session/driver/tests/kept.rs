@@ -4,12 +4,11 @@
 use super::super::*;
 use super::bench::{Bench, bench, on_this_thread, scratch, started};
 use super::loader::IN;
-use crate::session::Phase;
-use crate::session::fault::table;
 use crate::session::handle::{Refusal, Towards};
 use crate::session::worker::{OpticsFault, Progress, RunEnd, RunError};
 use carved_core::profile::ProfileError;
 use carved_devices::DeviceError;
+use carved_records::{Phase, fault_table};
 
 fn dark() -> RunError {
     let fault = OpticsFault::Light(ProfileError::Black { brightest: 9, needed: 30 });
@@ -56,9 +55,9 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
     on_this_thread(async {
         for outside in [true, false] {
             for (crash, error, code) in [
-                (false, dark as fn() -> RunError, table::PICTURE_LIGHT.code),
-                (true, dark, table::PICTURE_LIGHT.code),
-                (false, hand, table::ROTATION_INTERVENTION.code),
+                (false, dark as fn() -> RunError, fault_table::PICTURE_LIGHT.code),
+                (true, dark, fault_table::PICTURE_LIGHT.code),
+                (false, hand, fault_table::ROTATION_INTERVENTION.code),
             ] {
                 let (dir, when) = (scratch(), format!("a loader: {outside}, a crash: {crash}, {code}"));
                 let mut b = started(dir.path(), outside, &["A01", "A02"]);
@@ -89,8 +88,8 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 drop(b);
                 let b = bench(dir.path(), outside);
                 let active = b.d.active.as_ref().unwrap();
-                let taken_out = if outside { &active.take_out } else { &b.d.occupant };
-                assert_eq!(taken_out.as_deref(), Some("A02"), "{when}");
+                let taken_out = if outside { active.take_out.as_deref() } else { b.d.capillary().inside() };
+                assert_eq!(taken_out, Some("A02"), "{when}");
             }
         }
     });
@@ -135,7 +134,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
                 b.put("r2").unwrap();
                 b.tell(Progress::Ready);
                 // The larva inside is not used as the new plate's A02.
-                assert_eq!((b.d.occupant.as_deref(), b.d.brought.as_deref()), (Some("A02"), None));
+                assert_eq!((b.d.capillary().inside(), b.d.capillary().brought()), (Some("A02"), None));
             }
         }
     });

@@ -2,13 +2,11 @@
 
 use super::super::*;
 use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch, started};
-use crate::session::Phase;
-use crate::session::fault::table;
 use crate::session::handle::{Accepted, Refusal, Towards};
-use crate::session::plate::HandoffIntent;
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
+use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
 use futures::FutureExt;
 
 /// For what takes milliseconds.
@@ -44,7 +42,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             // It is taken out before the run ends, too.
             let seq = status.faults[0].seq;
             b.d.acknowledge(seq).unwrap();
-            b.d.unhold("operator").unwrap();
+            b.d.unhold(ResumedBy::Operator).unwrap();
             assert!(b.works(), "the run has ended with a specimen in the capillary");
         });
     }
@@ -86,7 +84,7 @@ fn an_emergency_stop_that_comes_while_a_run_is_launched_ends_it_and_latches() {
         b.d.emergency_pressed();
         b.ends(RunEnd::Cancelled).await;
         let status = b.status();
-        assert_eq!((status.state, status.faults[0].code.as_str()), (State::Aborted, table::EMERGENCY_STOP.code));
+        assert_eq!((status.state, status.faults[0].code.as_str()), (State::Aborted, fault_table::EMERGENCY_STOP.code));
         assert_eq!(b.d.emergency_stopped(), Ok(()), "the word in the mailbox comes after all");
         assert_eq!(count(&journalled(dir.path()), "fault.raised"), 1);
         let seq = status.faults[0].seq;
@@ -114,7 +112,7 @@ fn an_emergency_stop_that_never_got_into_the_mailbox_latches() {
             ended = driver.run(mailbox, std::future::pending()) => panic!("{ended:?}"),
             status = tokio::time::timeout(PATIENCE, latched) => status.unwrap(),
         };
-        assert_eq!(status.faults[0].code, table::EMERGENCY_STOP.code);
+        assert_eq!(status.faults[0].code, fault_table::EMERGENCY_STOP.code);
     });
 }
 
@@ -140,15 +138,15 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
         b.d.raise(&RunError::SpecimenThread);
         b.steer(Towards::Hold).unwrap();
         for view in 0..2100 {
-            b.d.event(kind::VIEW_TAKEN, Some("A02"), serde_json::json!({ "index": view }));
+            b.d.event(Some("A02"), EventData::ViewTaken(ViewTaken { index: view, ..ViewTaken::default() }));
         }
         drop(b);
         let b = bench(dir.path(), true);
         let status = b.status();
-        assert_eq!((status.plate.present, b.d.plate_inside.as_deref()), (true, Some("P-1")));
-        assert_eq!(status.faults.iter().map(|f| f.code.as_str()).collect::<Vec<_>>(), [table::INTERNAL_ERROR.code]);
+        assert_eq!((status.plate.present, b.d.state.plate.inside()), (true, Some("P-1")));
+        assert_eq!(status.faults.iter().map(|f| f.code.as_str()).collect::<Vec<_>>(), [fault_table::INTERNAL_ERROR.code]);
         let active = b.d.active.as_ref().unwrap();
-        assert!(active.held_by_operator && active.take_out.as_deref() == Some("A02"), "{:?}", active.take_out);
+        assert!(b.d.is_held_by_operator() && active.take_out.as_deref() == Some("A02"), "{:?}", active.take_out);
         assert!(status.run.unwrap().eta_s.is_some(), "what A01 took is forgotten");
     });
 }
@@ -166,11 +164,9 @@ fn what_comes_with_a_step_that_the_table_lacks_is_told_all_the_same() {
 #[test]
 fn a_full_disk_is_told_from_one_that_fails() {
     on_this_thread(async {
-        let dir = scratch();
-        let mut b = bench(dir.path(), false);
         for (kind, full) in [(std::io::ErrorKind::StorageFull, true), (std::io::ErrorKind::PermissionDenied, false)] {
-            b.d.store_failed = false;
-            b.d.publish(|s| s.faults.clear());
+            let dir = scratch();
+            let mut b = bench(dir.path(), false);
             b.d.keep(Err(StoreError::Io { what: "write", path: "/data".into(), source: kind.into() }));
             let refused = b.put_run(&plan(&["A01"])).unwrap_err();
             assert!(matches!(refused, Refusal::Store { full: found, .. } if found == full), "{RUN}: {refused:?}");

@@ -5,9 +5,9 @@ use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch,
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd, RunError};
-use crate::session::{Phase, RunOutcome};
 use crate::store::StoreError;
 use carved_devices::DeviceError;
+use carved_records::{EventData, Phase, RunOutcome, WellLoaded, kind};
 use std::path::PathBuf;
 use tokio::sync::oneshot;
 
@@ -80,8 +80,8 @@ fn a_specimen_is_inside_until_the_loader_says_otherwise_or_brings_the_next() {
         b.asks_for("A03");
         // Exchanged in one go.
         b.loaded("A03", true).unwrap();
-        let loaded = journalled(dir.path()).into_iter().rfind(|e| e.kind == kind::WELL_LOADED).unwrap();
-        assert_eq!(loaded.data["in_place_of"], "A02");
+        let loaded = journalled(dir.path()).into_iter().rfind(|e| e.body.data.kind() == kind::WELL_LOADED).unwrap();
+        assert_eq!(loaded.body.data, EventData::WellLoaded(WellLoaded { in_place_of: Some("A02".into()) }));
         assert_eq!(b.loaded("A02", false), Ok(()), "it is out already");
         assert_eq!(b.inside_by_status().as_deref(), Some("A03"));
 
@@ -142,9 +142,9 @@ fn what_an_aborted_run_left_is_ejected_by_the_next_where_a_sampler_is_driven() {
         assert_eq!(b.put("r2"), Ok(Accepted::Created));
         drop(b);
         let mut b = bench(dir.path(), false);
-        assert_eq!((b.d.occupant.as_deref(), b.works()), (Some("A01"), true), "a crash before it was ejected");
+        assert_eq!((b.d.capillary().inside(), b.works()), (Some("A01"), true), "a crash before it was ejected");
         b.phase("A01", Phase::Wash, false);
-        assert_eq!(b.d.occupant, None);
+        assert_eq!(b.d.capillary().inside(), None);
     });
 }
 
@@ -188,10 +188,10 @@ fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
         b.d.look();
         b.d.try_the_store();
         let status = b.status();
-        assert_eq!((status.state, status.faults.len(), b.d.active.as_ref().unwrap().resumed_by_itself), (State::Held, 0, 0));
+        assert_eq!((status.state, status.faults.len(), b.d.state.run.as_ref().unwrap().resumed_by_itself()), (State::Held, 0, 0));
         b.errand_ends().await;
         assert!(b.works() && b.status().state == State::Unholding, "{:?}", b.status().state);
-        assert_eq!(b.d.active.as_ref().unwrap().resumed_by_itself, 1);
+        assert_eq!(b.d.state.run.as_ref().unwrap().resumed_by_itself(), 1);
     });
 }
 

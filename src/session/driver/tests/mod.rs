@@ -7,6 +7,7 @@ mod kept;
 mod life;
 mod loader;
 mod recovery;
+mod replayed;
 mod restart;
 mod shown;
 mod words;

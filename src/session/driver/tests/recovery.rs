@@ -6,8 +6,8 @@ use super::super::recovery::{Recovery, Then};
 use super::super::*;
 use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch, started};
 use crate::session::worker::RunEnd;
-use crate::session::{RunOutcome, SpecimenOutcome, WellStatus};
 use crate::store::{RecordingWriter, a_recording};
+use carved_records::{Phase, RunOutcome, SpecimenOutcome, WellStatus, kind};
 use std::path::Path;
 use std::time::Duration;
 use tokio::sync::oneshot;
@@ -68,11 +68,12 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
         // Cut off in the middle of its turn, and given up by the method's policy.
         let dir = scratch();
         let mut b = started(dir.path(), true, &["A01", "A02"]);
+        b.asks_for("A01");
+        b.loaded("A01", true).unwrap();
+        b.phase("A01", Phase::Position, true);
         let active = b.d.active.as_mut().unwrap();
         active.record.method.policy.interrupted = crate::config::Interrupted::Skip;
-        active.under_way.insert("A01".into(), crate::session::eta::UnderWay::default());
         let recording = a_recording(RUN, &active.record.plan.plate_map[0]);
-        b.d.been_inside.insert("A01".into());
         drop(RecordingWriter::create(&b.d.store.run_folder(RUN).join("A01"), recording, None).unwrap());
         b.d.interrupt_specimen("the power was cut", Fate::PoseLost);
         assert!(has_sums(&b, "A01"), "skipped by policy");

@@ -3,11 +3,11 @@
 use super::super::*;
 use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Refusal, Towards};
-use crate::session::plate::HandoffIntent;
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::store::disk_trace;
 use carved_devices::DeviceError;
+use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent};
 use std::cell::RefCell;
 use std::path::Path;
 use std::rc::Rc;
@@ -65,7 +65,7 @@ fn a_run_that_is_taken_up_and_goes_on_is_never_shown_as_waiting_for_somebody() {
         let mut b = bench(dir.path(), true);
         let seq = b.status().faults[0].seq;
         b.d.acknowledge(seq).unwrap();
-        b.d.event(kind::RUN_STOP_REQUESTED, None, serde_json::Value::Null);
+        b.d.event(None, EventData::RunStopRequested);
         drop(b);
         for status in snapshots(dir.path()).iter().filter(|s| s.state == State::Held) {
             assert!(status.pending.stop && status.doing.contains("ends"), "{}", status.doing);
@@ -179,5 +179,25 @@ fn an_operators_hold_and_an_acknowledged_fault_are_named_too() {
         let hold = status.run.unwrap().hold.unwrap();
         assert_eq!((hold.code.as_str(), hold.times), ("internal_error", 1));
         assert!(status.doing.contains("should not have") && status.doing.contains("Let the run go on"), "{}", status.doing);
+    });
+}
+
+/// A folder that an earlier build left in mid-run, by kill -9: its last specimen is still inside.
+#[test]
+fn a_data_folder_of_an_earlier_build_is_taken_up() {
+    on_this_thread(async {
+        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/records/tests/data/loader-crash");
+        let dir = scratch();
+        std::fs::create_dir_all(dir.path().join("runs/old-1")).unwrap();
+        for file in ["events.jsonl", "runs/old-1/events.jsonl", "runs/old-1/run.json"] {
+            std::fs::copy(from.join(file), dir.path().join(file)).unwrap();
+        }
+        let b = bench(dir.path(), true);
+        let status = b.status();
+        assert_eq!((status.plate.barcode.as_deref(), status.plate.take_out.as_deref()), (Some("OLD-1"), Some("B01")));
+        let run = status.run.unwrap();
+        assert_eq!((run.id.as_str(), run.wells.succeeded, run.wells.pending), ("old-1", 3, 1));
+        assert_eq!(status.state, State::Suspended, "it waits for B01 to be taken out, and goes on with it");
+        assert!(run.eta_s.is_some(), "what the first three took is forgotten");
     });
 }

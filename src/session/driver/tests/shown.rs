@@ -1,11 +1,12 @@
 //! What is shown of a specimen belongs to it: to no other, and to no earlier attempt.
 
 use super::bench::{Bench, on_this_thread, scratch, started};
+use crate::session::Live;
 use crate::session::search::Found;
 use crate::session::worker::{Progress, RunEnd};
-use crate::session::{Live, Phase, VolumeSoFar};
 use carved_devices::DeviceError;
 use carved_devices::acquisition::Light;
+use carved_records::{LiveEstimate, Phase};
 
 impl Bench {
     /// A view of a well has been carved; false where the run is cancelled by then.
@@ -16,7 +17,7 @@ impl Bench {
             closure: false,
             achieved_steps: 100 + i64::from(index),
             hull_volume_um3: Some(3e8),
-            so_far: VolumeSoFar { volume_um3: Some(2e8), volume_sd_um3: Some(1e6), volume_views: Some(7), converged: Some(false) },
+            estimate: LiveEstimate { volume_um3: Some(2e8), volume_sd_um3: Some(1e6), volume_views: Some(7), converged: Some(false) },
             light: Some(Light { background: 190.0, saturated: 0.0, focus: 0.01 }),
             live: Live::default(),
         })

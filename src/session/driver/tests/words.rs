@@ -3,11 +3,10 @@
 use super::super::*;
 use super::bench::{Bench, Idle, RUN, bench, count, journalled, on_this_thread, scratch, started};
 use super::loader::{IN, out};
-use crate::session::Phase;
 use crate::session::handle::{Accepted, Refusal, Towards};
-use crate::session::plate::HandoffIntent;
 use crate::session::worker::{Progress, RunEnd};
 use carved_devices::DeviceError;
+use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, WellLoaded, kind};
 
 /// A driven sampler was about to bring it when the daemon died; it may be inside, and somebody has looked.
 #[test]
@@ -219,8 +218,9 @@ fn an_exchange_that_was_asked_for_is_taken_after_a_crash() {
             let state = if held { State::Held } else { State::Suspended };
             assert_eq!((b.status().state, b.needs()), (state, out("A01")));
             assert_eq!(b.loaded("A02", true), Ok(()));
-            let loaded = journalled(dir.path()).into_iter().rfind(|e| e.kind == kind::WELL_LOADED).unwrap();
-            assert_eq!((loaded.well.as_deref(), &loaded.data["in_place_of"]), (Some("A02"), &serde_json::json!("A01")));
+            let loaded = journalled(dir.path()).into_iter().rfind(|e| e.body.data.kind() == kind::WELL_LOADED).unwrap();
+            let expected = EventData::WellLoaded(WellLoaded { in_place_of: Some("A01".into()) });
+            assert_eq!((loaded.body.well.as_deref(), loaded.body.data), (Some("A02"), expected));
             if held {
                 assert_eq!((b.status().state, b.needs()), (State::Held, String::new()));
                 b.steer(Towards::Unhold).unwrap();

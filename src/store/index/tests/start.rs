@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::store::journal;
+use carved_records::Event;
 
 /// With an index and without one.
 #[test]
@@ -12,9 +13,9 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
         ("plate.loaded", None, json!({"barcode": "P-0"})),
         ("plate.unloaded", None, json!({"barcode": "P-0"})),
         ("plate.loaded", None, json!({"barcode": "P-1"})),
-        ("run.accepted", Some("r1"), json!({"method": "m"})),
-        ("fault.raised", Some("r1"), json!({"seq": 1})),
-        ("fault.raised", Some("r1"), json!({"seq": 2})),
+        ("run.accepted", Some("r1"), json!({"plate_barcode": "P", "method": "m"})),
+        ("fault.raised", Some("r1"), fault(1)),
+        ("fault.raised", Some("r1"), fault(2)),
         ("fault.acknowledged", Some("r1"), json!({"seq": 1})),
         ("plate.announced", None, json!({"intent": "unload", "barcode": "P-1"})),
     ];
@@ -31,7 +32,7 @@ fn what_lies_before_the_newest_events_is_remembered_where_it_still_means_somethi
     let by_lines = journal::remembered(&dir.path().join("events.jsonl"), 3).unwrap();
     assert_eq!(ids(by_lines), [&[1, 2, 3, 4, 5, 6, 7, 8][..], &newest].concat());
     let of_run = store.events_of("r1").unwrap();
-    assert!(of_run.len() == 24 && of_run.iter().all(|e| e.kind != "view.taken"), "{}", of_run.len());
+    assert!(of_run.len() == 24 && of_run.iter().all(|e| e.body.data.kind() != "view.taken"), "{}", of_run.len());
 }
 
 /// A refresh looks at every run folder: one that has just failed is not tried again with each event of a run.

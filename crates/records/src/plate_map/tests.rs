@@ -1,5 +1,5 @@
 use super::*;
-use crate::session::{ConcentrationUnit, Control, SpecimenKind};
+use crate::{ConcentrationUnit, Control, SpecimenKind};
 use proptest::prelude::*;
 
 const FULL: &str = "well,compound,concentration,concentration_unit,dpf,strain,treatment,control,replicate\n\
@@ -225,7 +225,7 @@ fn check(bytes: &[u8], format: Format) -> Result<(), TestCaseError> {
         Ok(map) => {
             prop_assert!(!map.plate_map.is_empty());
             for well in &map.plate_map {
-                prop_assert!(crate::session::is_well(&well.well) && well.mistakes().is_empty(), "{well:?}");
+                prop_assert!(crate::is_well(&well.well) && well.mistakes().is_empty(), "{well:?}");
             }
         }
         Err(mistakes) => {
@@ -279,9 +279,9 @@ proptest! {
 
 #[test]
 fn the_example_of_the_documents_is_sound() {
-    let map = csv(include_str!("../../../config/plate-map.csv")).unwrap();
+    let map = csv(include_str!("../../../../config/plate-map.csv")).unwrap();
     assert_eq!((map.plate_map.len(), map.notes.len()), (7, 0));
-    let documents = include_str!("../../../docs/plate-map.md");
+    let documents = include_str!("../../../../docs/plate-map.md");
     for column in cell::Column::ALL {
         assert!(documents.contains(&format!("`{}`", column.name())), "docs/plate-map.md lacks {}", column.name());
     }

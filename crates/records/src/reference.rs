@@ -1,4 +1,4 @@
-//! The short form of a larva's place among reference larvae, as status and page show it.
+//! The short form of a larva's place among reference larvae, as the status and the page show it.
 
 use carved_core::measure::references::{Answer, Place, Quantity, Standing, VOXEL};
 use serde::{Deserialize, Serialize};
@@ -29,7 +29,8 @@ pub struct PlaceStatus {
 }
 
 impl ReferenceStatus {
-    pub(super) fn of(standing: &Standing) -> Option<Self> {
+    /// `None` where the standing has no voxel estimate, which is the one that the reference larvae were measured by.
+    pub fn of(standing: &Standing) -> Option<Self> {
         let papers = standing.by(VOXEL)?;
         let place = |answer, quantity| PlaceStatus::of(answer, quantity, standing.dpf);
         Some(Self { volume: place(&papers.volume, Quantity::Volume), area: place(&papers.area, Quantity::Area) })

@@ -2,7 +2,7 @@
 
 use super::Place;
 use super::number::{self, Decimal};
-use crate::session::{ConcentrationUnit, Control, PlannedWell, SpecimenKind, is_well};
+use crate::{ConcentrationUnit, Control, PlannedWell, SpecimenKind, is_well};
 
 /// A column that carved knows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! What is done when a well does not go as it should: how long a phase may take, what is tried again, how a run goes on.
 
-use crate::session::Phase;
+use crate::Phase;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -147,7 +147,7 @@ mod tests {
 
     #[test]
     fn the_defaults_are_those_that_the_shipped_file_names() {
-        let text = include_str!("../../config/simulated.toml");
+        let text = include_str!("../../../config/simulated.toml");
         let (_, block) = text.split_once("# [methods.standard.policy]").unwrap();
         let keys: String = block.lines().skip(1).take_while(|l| !l.starts_with("# [")).map(|l| format!("{}\n", &l[2..])).collect();
         assert_eq!(toml::from_str::<Policy>(&keys).unwrap(), Policy::default(), "{keys}");

@@ -1,8 +1,7 @@
 //! What a client asks for: the whole plan of a run, checked before anything moves.
 
-use super::ConcentrationUnit;
-use super::plate_map::Metadata;
-use crate::config::Method;
+use crate::ConcentrationUnit;
+use crate::plate_map::Metadata;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use utoipa::ToSchema;
@@ -173,13 +172,8 @@ pub fn is_well(name: &str) -> bool {
 
 /// What the configuration calls the state of a method, where it says.
 pub trait Versioned {
+    /// `None` where the configuration names none.
     fn version(&self) -> Option<&str>;
-}
-
-impl Versioned for Method {
-    fn version(&self) -> Option<&str> {
-        self.version.as_deref()
-    }
 }
 
 impl<T: Versioned> Versioned for &T {

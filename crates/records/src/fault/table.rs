@@ -1,14 +1,14 @@
 //! Every fault this program can raise, once: what it means, what the scheduler does, what the operator does.
 //!
 //! ```text
-//! table ─┬─> faults in the status and the journal (mod.rs: which error is which code)
+//! table ─┬─> faults in the status and the journal
 //!        ├─> GET /v1/fault-codes
 //!        └─> the table of codes in docs/faults.md, held against it by a test
 //! ```
 //! A fault is `recoverable` where the daemon goes on without being started again, by itself or once the operator has done
 //! what stands here.
 
-use crate::session::SchedulerAction::{self, EscalateOperator, PauseInstrument, Retry};
+use crate::SchedulerAction::{self, EscalateOperator, PauseInstrument, Retry};
 use serde::Serialize;
 use utoipa::ToSchema;
 
@@ -149,8 +149,7 @@ codes! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::Fault;
-    use crate::session::fault::Lost;
+    use crate::Fault;
     use std::collections::BTreeSet;
 
     #[test]
@@ -171,8 +170,7 @@ mod tests {
     #[test]
     fn a_remedy_does_not_contradict_the_hold() {
         for c in ALL {
-            let fault = Fault::new(1, c, String::new());
-            let ends_by_itself = c.category == Category::Storage || [Lost::Camera, Lost::Rotation].iter().any(|d| d.is_all_of(&fault));
+            let ends_by_itself = Fault::new(1, c, String::new(), String::new()).ends_by_itself();
             let says = |words: &[&str]| words.iter().any(|word| c.what_to_do.contains(word));
             let expected: &[&str] = match (c.scheduler_action == Retry, ends_by_itself, c.recoverable) {
                 (true, ..) => &["Let the run go on"],
@@ -202,7 +200,7 @@ mod tests {
 
     #[test]
     fn the_documents_table_is_this_one() {
-        let documents = include_str!("../../../docs/faults.md");
+        let documents = include_str!("../../../../docs/faults.md");
         let section = documents.split("\n## All codes\n").nth(1).expect("docs/faults.md has a section `All codes`");
         let section = section.split("\n## ").next().unwrap();
         let found: Vec<&str> = section.lines().filter(|l| l.starts_with("| `")).collect();
@@ -213,7 +211,7 @@ mod tests {
     /// Every code that the documents name elsewhere in a row is one that can be raised.
     #[test]
     fn no_row_of_the_documents_names_a_code_that_is_none() {
-        let documents = include_str!("../../../docs/faults.md");
+        let documents = include_str!("../../../../docs/faults.md");
         let prefixes = ["camera_", "second_camera_", "picture_", "scale_", "setup_", "rotation_", "revolution_", "sampler_", "store_"];
         let words = documents.split('`').skip(1).step_by(2).filter(|w| w.bytes().all(|b| b.is_ascii_lowercase() || b == b'_'));
         for word in words.filter(|w| prefixes.iter().any(|p| w.starts_with(p))) {

@@ -5,18 +5,18 @@
 //!   from the rule's first views on, each view: estimate ─────┴─ newest ── volume, sd     rule ── converged, enough
 //! ```
 
-use crate::session::{VolumeSoFar, WellStatus};
 use carved_core::measure::Estimator;
 use carved_core::quality::{EarlyStopSettings, Estimate, has_converged, should_stop};
+use carved_records::{LiveEstimate, WellStatus};
 
-pub struct SoFar {
+pub struct LiveEstimator {
     rule: EarlyStopSettings,
     /// In the order of their views.
     estimates: Vec<Estimate>,
     newest: Option<Estimate>,
 }
 
-impl SoFar {
+impl LiveEstimator {
     pub fn new(rule: EarlyStopSettings) -> Self {
         Self { rule, estimates: Vec::new(), newest: None }
     }
@@ -37,8 +37,8 @@ impl SoFar {
         should_stop(&self.estimates, &self.rule)
     }
 
-    pub fn known(&self) -> VolumeSoFar {
-        VolumeSoFar {
+    pub fn known(&self) -> LiveEstimate {
+        LiveEstimate {
             volume_um3: self.newest.map(|e| e.volume_um3),
             volume_sd_um3: self.newest.map(|e| e.stated_sd_um3),
             volume_views: self.newest.map(|e| e.views as u32),
@@ -47,9 +47,9 @@ impl SoFar {
     }
 
     /// Once the specimen is measured.
-    pub fn end(&self, measured: &WellStatus) -> VolumeSoFar {
+    pub fn end(&self, measured: &WellStatus) -> LiveEstimate {
         let of_slices = measured.estimator.as_deref() == Some(Estimator::Support.name());
-        VolumeSoFar {
+        LiveEstimate {
             volume_um3: measured.volume_um3,
             volume_sd_um3: measured.volume_sd_um3,
             volume_views: measured.views,
@@ -71,27 +71,27 @@ mod tests {
 
     #[test]
     fn nothing_is_known_until_something_is_told_and_trusted() {
-        let mut so_far = SoFar::new(RULE);
-        let nothing = VolumeSoFar { volume_um3: None, volume_sd_um3: None, volume_views: None, converged: None };
-        assert_eq!(so_far.known(), nothing);
-        so_far.take(None, true);
-        assert_eq!(so_far.known(), nothing);
-        so_far.take(Some(estimate(7, 100.0)), true);
-        let told = VolumeSoFar { volume_um3: Some(100.0), volume_sd_um3: Some(0.3), volume_views: Some(7), converged: Some(false) };
-        assert_eq!(so_far.known(), told, "with the rig's share of the spread");
-        so_far.take(Some(estimate(8, 100.0)), false);
-        assert_eq!(so_far.known(), nothing, "the hull says that the end will trust the voxels");
-        so_far.take(Some(estimate(9, 100.1)), true);
-        so_far.take(None, true);
-        assert_eq!(so_far.known(), nothing, "what was told no longer holds");
+        let mut estimator = LiveEstimator::new(RULE);
+        let nothing = LiveEstimate { volume_um3: None, volume_sd_um3: None, volume_views: None, converged: None };
+        assert_eq!(estimator.known(), nothing);
+        estimator.take(None, true);
+        assert_eq!(estimator.known(), nothing);
+        estimator.take(Some(estimate(7, 100.0)), true);
+        let told = LiveEstimate { volume_um3: Some(100.0), volume_sd_um3: Some(0.3), volume_views: Some(7), converged: Some(false) };
+        assert_eq!(estimator.known(), told, "with the rig's share of the spread");
+        estimator.take(Some(estimate(8, 100.0)), false);
+        assert_eq!(estimator.known(), nothing, "the hull says that the end will trust the voxels");
+        estimator.take(Some(estimate(9, 100.1)), true);
+        estimator.take(None, true);
+        assert_eq!(estimator.known(), nothing, "what was told no longer holds");
     }
 
     #[test]
     fn it_has_converged_by_the_rule_whether_or_not_that_ends_the_turn() {
         let of = |rule: EarlyStopSettings, volumes: [f64; 3]| {
-            let mut so_far = SoFar::new(rule);
-            (7..).zip(volumes).for_each(|(views, volume)| so_far.take(Some(estimate(views, volume)), true));
-            (so_far.known().converged, so_far.is_enough())
+            let mut estimator = LiveEstimator::new(rule);
+            (7..).zip(volumes).for_each(|(views, volume)| estimator.take(Some(estimate(views, volume)), true));
+            (estimator.known().converged, estimator.is_enough())
         };
         assert_eq!(of(RULE, [100.0, 100.1, 100.2]), (Some(true), false), "not enabled");
         assert_eq!(of(EarlyStopSettings { enabled: true, ..RULE }, [100.0, 100.1, 100.2]), (Some(true), true));
@@ -101,11 +101,11 @@ mod tests {
 
     #[test]
     fn a_view_taken_again_replaces_what_it_told() {
-        let mut so_far = SoFar::new(RULE);
+        let mut estimator = LiveEstimator::new(RULE);
         for (views, volume) in [(7, 100.0), (8, 100.0), (9, 103.0), (9, 100.1)] {
-            so_far.take(Some(estimate(views, volume)), true);
+            estimator.take(Some(estimate(views, volume)), true);
         }
-        let known = so_far.known();
+        let known = estimator.known();
         assert_eq!((known.volume_um3, known.converged), (Some(100.1), Some(true)));
     }
 }

@@ -1,0 +1,508 @@
+//! One line of the event journal, with its data typed.
+//!
+//! ```text
+//! {"id": 7, "time": "...", "kind": "run.held", "run": "P-1", "well": null, "data": {"by": "fault", "code": "camera_lost", ...}}
+//!      │                       └──────────────── EventData::RunHeld(RunHeld { .. }) ────────────────┘
+//!      └ Event { id, body: EventBody { time, run, well, data: EventData } }
+//! ```
+//! A line of a kind that this version does not know, or whose data has another form, is read as [`EventData::Other`]: it is kept and
+//! served as it is, and changes no state.
+
+use crate::{Fault, Handoff, Interrupted, LiveEstimate, Mode, Phase, RunOutcome, WellCounts, WellStatus, WellTimes};
+use carved_core::profile::Detection;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde_json::Value;
+use utoipa::ToSchema;
+
+/// Something that happened, as it is to be written: it has no id yet.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EventBody {
+    /// RFC 3339, UTC: when it happened, not when the disk took it.
+    pub time: String,
+    /// The run that it happened in.
+    pub run: Option<String>,
+    /// The well that it concerns, `A01` to `P24`.
+    pub well: Option<String>,
+    /// What happened.
+    pub data: EventData,
+}
+
+/// Something that happened and is written. Ids rise by one and last across restarts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// Its place in the journal, from 1.
+    pub id: u64,
+    /// What happened.
+    pub body: EventBody,
+}
+
+/// The same as JSON has it.
+#[derive(Serialize, Deserialize, ToSchema)]
+#[schema(as = Event)]
+struct Line {
+    id: u64,
+    /// RFC 3339, UTC.
+    time: String,
+    /// One of the kinds that `docs/files.md` lists.
+    kind: String,
+    run: Option<String>,
+    well: Option<String>,
+    /// By its kind.
+    data: Value,
+}
+
+impl Serialize for Event {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let EventBody { time, run, well, data } = self.body.clone();
+        Line { id: self.id, time, kind: data.kind().to_owned(), run, well, data: data.to_json() }.serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Event {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let Line { id, time, kind, run, well, data } = Line::deserialize(deserializer)?;
+        Ok(Self { id, body: EventBody { time, run, well, data: EventData::of(&kind, data) } })
+    }
+}
+
+impl utoipa::PartialSchema for Event {
+    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
+        Line::schema()
+    }
+}
+
+impl ToSchema for Event {
+    fn name() -> std::borrow::Cow<'static, str> {
+        "Event".into()
+    }
+}
+
+/// Reads one variant: without data, or with data of a type.
+macro_rules! read {
+    ($variant:ident, $data:ident) => {
+        Some(EventData::$variant)
+    };
+    ($variant:ident, $data:ident, $payload:ty) => {
+        <$payload>::deserialize(&$data).ok().map(EventData::$variant)
+    };
+}
+
+/// The data of one variant as JSON.
+macro_rules! json_of {
+    ($event:expr, $variant:ident) => {
+        Value::Null
+    };
+    ($event:expr, $variant:ident, $payload:ty) => {
+        if let EventData::$variant(data) = $event { serde_json::to_value(data).unwrap_or_default() } else { Value::Null }
+    };
+}
+
+/// Makes the enum, the words of its kinds and both conversions of one list.
+macro_rules! events {
+    ($($(#[$doc:meta])* $name:ident: $variant:ident $(($payload:ty))? = $word:literal;)*) => {
+        /// What happened, by its kind. `docs/files.md` describes the data of each.
+        #[derive(Debug, Clone, PartialEq)]
+        pub enum EventData {
+            $($(#[$doc])* $variant $(($payload))?,)*
+            /// A kind that this version does not know, or data of another form.
+            Other {
+                /// Its kind.
+                kind: String,
+                /// Its data as they were read.
+                data: Value,
+            },
+        }
+
+        /// The words of the kinds.
+        pub mod kind {
+            $($(#[$doc])* pub const $name: &str = $word;)*
+            /// All of them.
+            pub const ALL: &[&str] = &[$($name),*];
+        }
+
+        impl EventData {
+            /// The word of its kind.
+            pub fn kind(&self) -> &str {
+                match self {
+                    $(Self::$variant { .. } => $word,)*
+                    Self::Other { kind, .. } => kind,
+                }
+            }
+
+            /// Data of a kind, as they stand in a line.
+            pub fn of(kind: &str, data: Value) -> Self {
+                let known = match kind {
+                    $($word => read!($variant, data $(, $payload)?),)*
+                    _ => None,
+                };
+                known.unwrap_or_else(|| Self::Other { kind: kind.to_owned(), data })
+            }
+
+            /// Its data, as they stand in a line.
+            pub fn to_json(&self) -> Value {
+                match self {
+                    $(Self::$variant { .. } => json_of!(self, $variant $(, $payload)?),)*
+                    Self::Other { data, .. } => data.clone(),
+                }
+            }
+        }
+    };
+}
+
+events! {
+    /// The daemon started.
+    DAEMON_STARTED: DaemonStarted(DaemonStarted) = "daemon.started";
+    /// The daemon was told to end while a run was open.
+    DAEMON_STOPPING: DaemonStopping = "daemon.stopping";
+    /// The daemon ended in order.
+    DAEMON_STOPPED: DaemonStopped = "daemon.stopped";
+    /// A run was accepted.
+    RUN_ACCEPTED: RunAccepted(RunAccepted) = "run.accepted";
+    /// The instrument is ready and the wells follow; also each time the run goes on.
+    RUN_STARTED: RunStarted = "run.started";
+    /// An operator asked to hold the run.
+    RUN_HOLD_REQUESTED: RunHoldRequested = "run.hold_requested";
+    /// Somebody asked to stop the run.
+    RUN_STOP_REQUESTED: RunStopRequested = "run.stop_requested";
+    /// Somebody asked to abort the run.
+    RUN_ABORT_REQUESTED: RunAbortRequested = "run.abort_requested";
+    /// The run is held.
+    RUN_HELD: RunHeld(RunHeld) = "run.held";
+    /// A held run goes on.
+    RUN_RESUMED: RunResumed(RunResumed) = "run.resumed";
+    /// A start of the daemon found the run open.
+    RUN_INTERRUPTED: RunInterrupted(RunInterrupted) = "run.interrupted";
+    /// The run ended.
+    RUN_ENDED: RunEnded(RunEnded) = "run.ended";
+    /// A start of the daemon could not read a run's `run.json`.
+    RUN_UNREADABLE: RunUnreadable(RunUnreadable) = "run.unreadable";
+    /// The loader is asked for the specimen of a well.
+    WELL_AWAITED: WellAwaited = "well.awaited";
+    /// The loader says that the specimen of a well is in the capillary.
+    WELL_LOADED: WellLoaded(WellLoaded) = "well.loaded";
+    /// The loader says that the specimen of a well was taken out.
+    WELL_UNLOADED: WellUnloaded = "well.unloaded";
+    /// A specimen entered a phase.
+    SPECIMEN_PHASE: SpecimenPhase(PhaseEntered) = "specimen.phase";
+    /// What the first frame shows; no data where it cannot be judged.
+    SPECIMEN_DETECTED: SpecimenDetected(Option<Detection>) = "specimen.detected";
+    /// An attempt at a specimen failed, and another follows.
+    SPECIMEN_TRIED_AGAIN: SpecimenTriedAgain(AttemptFailed) = "specimen.tried_again";
+    /// A specimen that was begun has no end.
+    SPECIMEN_INTERRUPTED: SpecimenInterrupted(SpecimenInterrupted) = "specimen.interrupted";
+    /// An attempt to make the numbers of a specimen from its stored frames begins.
+    SPECIMEN_RECOVERING: SpecimenRecovering(RecoveryBegun) = "specimen.recovering";
+    /// That attempt has ended; `specimen.done` follows.
+    SPECIMEN_RECOVERED: SpecimenRecovered = "specimen.recovered";
+    /// All of a well is on disk.
+    SPECIMEN_DONE: SpecimenDone(Box<SpecimenDone>) = "specimen.done";
+    /// A view was taken.
+    VIEW_TAKEN: ViewTaken(ViewTaken) = "view.taken";
+    /// A fault was raised.
+    FAULT_RAISED: FaultRaised(Fault) = "fault.raised";
+    /// Somebody acknowledged a fault.
+    FAULT_ACKNOWLEDGED: FaultAcknowledged(FaultAcknowledged) = "fault.acknowledged";
+    /// Faults whose cause is over.
+    FAULT_CLEARED: FaultsCleared(FaultsCleared) = "fault.cleared";
+    /// The disk takes writes again.
+    STORE_REGAINED: StoreRegained = "store.regained";
+    /// A start of the daemon numbered events anew whose ids did not rise.
+    JOURNAL_REPAIRED: JournalRepaired(JournalRepaired) = "journal.repaired";
+    /// The loader announced a plate.
+    PLATE_ANNOUNCED: PlateAnnounced(Handoff) = "plate.announced";
+    /// The plate is in the instrument.
+    PLATE_LOADED: PlateLoaded(PlateNamed) = "plate.loaded";
+    /// The plate was taken away.
+    PLATE_UNLOADED: PlateUnloaded(PlateNamed) = "plate.unloaded";
+    /// The handover of a plate was called off.
+    PLATE_HANDOFF_ABORTED: PlateHandoffAborted(PlateNamed) = "plate.handoff_aborted";
+}
+
+impl EventData {
+    /// Whether it still means something to a start of the daemon, however long ago it was.
+    pub fn is_lasting(&self) -> bool {
+        matches!(
+            self,
+            Self::FaultRaised(_)
+                | Self::FaultAcknowledged(_)
+                | Self::FaultsCleared(_)
+                | Self::PlateAnnounced(_)
+                | Self::PlateLoaded(_)
+                | Self::PlateUnloaded(_)
+                | Self::PlateHandoffAborted(_)
+                | Self::RunAccepted(_)
+        )
+    }
+}
+
+/// Data of `daemon.started`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DaemonStarted {
+    /// Version of the program.
+    pub version: String,
+    /// What the daemon drives.
+    pub mode: Mode,
+}
+
+/// Data of `run.accepted`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunAccepted {
+    /// Barcode of its plate.
+    pub plate_barcode: String,
+    /// Name of its method.
+    pub method: String,
+    /// The well of an earlier run whose specimen is still in the capillary.
+    pub left_in_capillary: Option<String>,
+}
+
+/// Who holds a run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HeldBy {
+    /// A fault.
+    Fault,
+    /// An operator. The instrument is between two specimens.
+    Operator,
+}
+
+/// Data of `run.held`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunHeld {
+    /// Who holds it.
+    pub by: HeldBy,
+    /// Code of the fault, or `operator`; journals of before 0.1.0 lack it.
+    pub code: Option<String>,
+    /// The same in words.
+    pub cause: Option<String>,
+}
+
+/// Who lets a run go on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ResumedBy {
+    /// The instrument: what held it is over.
+    Instrument,
+    /// An operator.
+    Operator,
+}
+
+/// Data of `run.resumed`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunResumed {
+    /// Who lets it go on.
+    pub by: ResumedBy,
+}
+
+/// Who fills the capillary.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LoadedBy {
+    /// A loader or a person outside of the instrument, who says what is inside.
+    Loader,
+    /// A sampler that the daemon drives.
+    Sampler,
+}
+
+/// Data of `run.interrupted`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunInterrupted {
+    /// When it was found: `at start`.
+    pub found: String,
+    /// Who fills the capillary now, where the run is taken up. It decides what is taken to be in the capillary.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub loaded_by: Option<LoadedBy>,
+}
+
+/// Data of `run.ended`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunEnded {
+    /// How it ended.
+    pub outcome: Option<RunOutcome>,
+    /// Its wells by their outcome.
+    pub wells: WellCounts,
+}
+
+/// Data of `run.unreadable`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RunUnreadable {
+    /// Name of its folder.
+    pub run: String,
+    /// Why it cannot be read.
+    pub why: String,
+}
+
+/// Data of `well.loaded`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WellLoaded {
+    /// The well whose specimen was taken out for it.
+    pub in_place_of: Option<String>,
+}
+
+/// Data of `specimen.phase`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PhaseEntered {
+    /// The phase.
+    pub phase: Phase,
+    /// Whether its specimen is in the capillary.
+    #[serde(default)]
+    pub in_capillary: bool,
+}
+
+/// Data of `specimen.tried_again`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct AttemptFailed {
+    /// The attempt that failed, from 1.
+    pub attempt: u32,
+    /// Why it failed.
+    pub why: String,
+}
+
+/// Data of `specimen.interrupted`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SpecimenInterrupted {
+    /// What interrupted it.
+    pub reason: String,
+    /// What the method says of such a specimen.
+    #[serde(default)]
+    pub policy: Interrupted,
+    /// It stays in the capillary, and the run goes on with it.
+    #[serde(default)]
+    pub kept: bool,
+}
+
+/// Data of `specimen.recovering`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecoveryBegun {
+    /// The attempt, from 1.
+    pub attempt: u32,
+}
+
+/// Data of `specimen.done`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SpecimenDone {
+    /// Its outcome and numbers.
+    #[serde(flatten)]
+    pub result: WellStatus,
+    /// Where its time went.
+    pub times: Option<WellTimes>,
+    /// How long it had the instrument, s; none where its numbers were made from stored frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+}
+
+/// Data of `view.taken`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ViewTaken {
+    /// Place of the view in the plan of the revolution, from 0.
+    pub index: u32,
+    /// The view after a whole turn.
+    pub closure: bool,
+    /// Angle in motor steps from the reference.
+    pub achieved_steps: i64,
+    /// Volume of the hull of all views until now; none for the closure and for a view that is taken again.
+    pub hull_volume_um3: Option<f64>,
+    /// The estimate of all views until now.
+    #[serde(flatten)]
+    pub estimate: LiveEstimate,
+}
+
+/// Data of `fault.acknowledged`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FaultAcknowledged {
+    /// Number of the fault.
+    pub seq: u64,
+    /// Its code.
+    #[serde(default)]
+    pub code: String,
+}
+
+/// Data of `fault.cleared`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FaultsCleared {
+    /// Numbers of the faults; early journals have one number instead of a list.
+    #[serde(deserialize_with = "one_or_more")]
+    pub seq: Vec<u64>,
+    /// Why they are over.
+    #[serde(default)]
+    pub why: String,
+}
+
+fn one_or_more<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u64>, D::Error> {
+    #[derive(Deserialize)]
+    #[serde(untagged)]
+    enum Seq {
+        One(u64),
+        More(Vec<u64>),
+    }
+    Ok(match Seq::deserialize(deserializer)? {
+        Seq::One(seq) => vec![seq],
+        Seq::More(all) => all,
+    })
+}
+
+/// Data of `journal.repaired`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct JournalRepaired {
+    /// Events that have another id now.
+    pub renumbered: usize,
+    /// File name of the journal as it was.
+    pub kept: String,
+}
+
+/// Data of `plate.loaded`, `plate.unloaded` and `plate.handoff_aborted`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PlateNamed {
+    /// Barcode of the plate.
+    pub barcode: String,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn the_documents_list_every_kind_of_event_and_no_other() {
+        let documents = include_str!("../../../docs/files.md");
+        let list = documents.split("* `events.jsonl`:").nth(1).expect("docs/files.md lists the events").split("\n* ").next().unwrap();
+        let words = list.split('`').skip(1).step_by(2);
+        let mut listed: Vec<&str> = words.filter(|w| w.contains('.') && !w.contains(".json")).collect();
+        let mut known = kind::ALL.to_vec();
+        listed.sort_unstable();
+        known.sort_unstable();
+        assert_eq!(listed, known);
+    }
+
+    fn reads(kind: &str, data: &Value) -> EventData {
+        let line = json!({ "id": 3, "time": "2026-01-01T00:00:00Z", "kind": kind, "run": "r", "well": "A01", "data": data });
+        let event: Event = serde_json::from_value(line.clone()).unwrap();
+        assert_eq!(serde_json::to_value(&event).unwrap(), line, "it is written as it was read");
+        event.body.data
+    }
+
+    #[test]
+    fn a_line_keeps_its_form() {
+        let held = json!({ "by": "fault", "code": "camera_lost", "cause": "gone" });
+        assert!(matches!(reads("run.held", &held), EventData::RunHeld(RunHeld { by: HeldBy::Fault, .. })));
+        assert_eq!(reads("run.started", &Value::Null), EventData::RunStarted);
+        let view = json!({ "index": 3, "closure": false, "achieved_steps": 12, "hull_volume_um3": 0.1, "volume_um3": null,
+            "volume_sd_um3": null, "volume_views": null, "converged": null });
+        assert!(matches!(reads("view.taken", &view), EventData::ViewTaken(ViewTaken { index: 3, .. })));
+    }
+
+    #[test]
+    fn what_is_not_known_is_kept_as_it_is() {
+        for (kind, data) in [("moon.rises", json!({ "at": 7 })), ("run.held", json!("a word")), ("view.taken", json!({ "index": -1 }))] {
+            assert_eq!(reads(kind, &data), EventData::Other { kind: kind.into(), data });
+        }
+    }
+
+    #[test]
+    fn one_cleared_fault_or_a_list_of_them() {
+        for (seq, expected) in [(json!(4), vec![4]), (json!([4, 5]), vec![4, 5])] {
+            let data = EventData::of("fault.cleared", json!({ "seq": seq, "why": "over" }));
+            assert_eq!(data, EventData::FaultsCleared(FaultsCleared { seq: expected, why: "over".into() }));
+        }
+    }
+}

@@ -1,0 +1,98 @@
+//! A fault as people, schedulers and the journal read it.
+
+pub mod table;
+
+use crate::SchedulerAction;
+use serde::{Deserialize, Serialize};
+use table::{Category, FaultCode};
+use utoipa::ToSchema;
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Fault {
+    /// Its number; numbers rise and last across restarts.
+    pub seq: u64,
+    pub code: String,
+    pub category: String,
+    pub message: String,
+    pub recoverable: bool,
+    pub scheduler_action: SchedulerAction,
+    pub operator_required: bool,
+    /// What its code means, in plain words; `message` has what was found this time.
+    #[serde(default)]
+    pub meaning: String,
+    /// What the operator does about it, in plain words.
+    #[serde(default)]
+    pub what_to_do: String,
+    /// RFC 3339, UTC.
+    pub since: String,
+}
+
+impl Fault {
+    /// A fault as the table describes its code. `since`: RFC 3339, UTC.
+    pub fn new(seq: u64, code: &FaultCode, message: String, since: String) -> Self {
+        Self {
+            seq,
+            code: code.code.into(),
+            category: code.category.word().into(),
+            message,
+            recoverable: code.recoverable,
+            scheduler_action: code.scheduler_action,
+            operator_required: code.operator_required,
+            meaning: code.meaning.into(),
+            what_to_do: code.what_to_do.into(),
+            since,
+        }
+    }
+
+    /// What is wrong, for people: what the code means, or what was found where an early journal did not keep the meaning.
+    pub fn plainly(&self) -> &str {
+        if self.meaning.is_empty() { &self.message } else { &self.meaning }
+    }
+
+    /// Whether it concerns the disk.
+    pub fn is_of_storage(&self) -> bool {
+        self.category == Category::Storage.word()
+    }
+
+    /// Whether it ends when its cause does. The others stay until somebody has acknowledged them.
+    pub fn ends_by_itself(&self) -> bool {
+        self.is_of_storage() || [Device::Camera, Device::Rotation].iter().any(|device| device.is_all_of(self))
+    }
+}
+
+/// A device that can be lost and found again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Device {
+    /// The camera of the axial views.
+    Camera,
+    /// The controller of the rotation axis.
+    Rotation,
+}
+
+impl Device {
+    /// What to do where it is lost.
+    pub fn way_out(self) -> &'static str {
+        match self {
+            Self::Camera => {
+                "the camera is lost: check its power and cable, and that no other program has it; it is opened again when it answers"
+            }
+            Self::Rotation => "the rotation axis is lost: check its power and cable; it is opened again when it answers",
+        }
+    }
+
+    /// That it is found again, in words.
+    pub fn is_back(self) -> &'static str {
+        match self {
+            Self::Camera => "the camera is back",
+            Self::Rotation => "the rotation axis is back",
+        }
+    }
+
+    /// Whether a fault says no more than that this device is lost, so that it is over once the device is back.
+    pub fn is_all_of(self, fault: &Fault) -> bool {
+        match self {
+            Self::Camera => [table::CAMERA_LOST.code, table::CAMERA_TAKEN.code].contains(&fault.code.as_str()),
+            Self::Rotation => fault.code == table::ROTATION_LOST.code,
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! What carved writes down and says: plans and plate maps, wells and their numbers, faults, events, and the state that follows from them.
+//!
+//! ```text
+//!  plate map ──► RunPlan ──► a run ──► Event, Event, Event ...   one line each in events.jsonl
+//!                                          │
+//!                                          ▼  InstrumentState::apply, a pure function
+//!              what is in the capillary, what holds the run, which faults are open, how long a run takes
+//! ```
+//! The driver of a live run, a restart of the daemon and the index all read events through this crate, so they cannot disagree on what
+//! an event means. The crate opens no file and reads no clock.
+
+mod calibration;
+mod concentration;
+mod event;
+mod fault;
+mod handover;
+mod outcome;
+mod plan;
+pub mod plate_map;
+mod policy;
+mod reference;
+mod state;
+mod well;
+
+pub use calibration::{CalibrationStatus, GateStatus};
+pub use concentration::ConcentrationUnit;
+pub use event::{
+    AttemptFailed, DaemonStarted, Event, EventBody, EventData, FaultAcknowledged, FaultsCleared, HeldBy, JournalRepaired, LoadedBy,
+    PhaseEntered, PlateNamed, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld, RunInterrupted, RunResumed, RunUnreadable,
+    SpecimenDone, SpecimenInterrupted, ViewTaken, WellLoaded, kind,
+};
+pub use fault::table::{self as fault_table, ALL as FAULT_CODES, Category, FaultCode};
+pub use fault::{Device, Fault};
+pub use handover::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
+pub use outcome::{Mode, Phase, RunOutcome, SchedulerAction, SpecimenOutcome};
+pub use plan::{Control, FieldError, PlannedWell, RunPlan, SpecimenKind, Versioned, is_plain_name, is_well};
+pub use policy::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
+pub use reference::{PlaceStatus, ReferenceStatus};
+pub use state::{Capillary, EndRequest, Eta, HoldCause, InstrumentState, OpenFaults, Paces, PlateHandover, RunState};
+pub use well::{LiveEstimate, WellCounts, WellStatus, WellTimes};

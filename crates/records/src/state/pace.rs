@@ -1,0 +1,281 @@
+//! How long a run still takes, from what this instrument took before.
+//!
+//! ```text
+//! events ──► seconds per phase of finished specimens (the newest) ─┬─ the rest of the specimen under way: its phases, less what
+//!                                                                 │  the one under way has taken
+//!                                                                 └─ wells that wait: whole specimens, skipped ones among them
+//! ```
+//! Medians add up. What lies above them does not: long specimens are not all long at once, so the spreads add in squares.
+//! Times are those of the events, so a restart learns what the live run learned.
+
+use crate::{EventBody, EventData, Phase, SpecimenOutcome};
+use jiff::Timestamp;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, VecDeque};
+use utoipa::ToSchema;
+
+/// Seconds until the run is done.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Eta {
+    /// Median, s.
+    pub p50: f64,
+    /// Nine runs in ten are done by then, s.
+    pub p90: f64,
+}
+
+/// Specimens that are remembered per method.
+const KEPT: usize = 200;
+
+/// In which order a specimen goes through its phases.
+const ORDER: [Phase; 8] =
+    [Phase::Load, Phase::Position, Phase::Detect, Phase::Revolve, Phase::Reconstruct, Phase::Measure, Phase::Eject, Phase::Wash];
+
+/// What the specimens of one method took, oldest first.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct Pace {
+    phases_s: [VecDeque<f64>; ORDER.len()],
+    wells_s: VecDeque<f64>,
+}
+
+/// A specimen on its way. Times in s since 1970.
+#[derive(Debug, Clone, Default, PartialEq)]
+struct UnderWay {
+    began_s: f64,
+    phase: Option<(Phase, f64)>,
+    phases: Vec<(Phase, f64)>,
+}
+
+/// What the specimens of each method took, and what those under way have taken.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Paces {
+    methods: BTreeMap<String, Pace>,
+    /// Of the newest run.
+    method: String,
+    /// By well.
+    under_way: BTreeMap<String, UnderWay>,
+}
+
+fn keep(list: &mut VecDeque<f64>, value: f64) {
+    if list.len() == KEPT {
+        list.pop_front();
+    }
+    list.push_back(value);
+}
+
+/// Quantile of a list, by its nearest rank.
+fn quantile(values: &VecDeque<f64>, q: f64) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.iter().copied().collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(((sorted.len() as f64 * q) as usize).min(sorted.len().saturating_sub(1))).copied()
+}
+
+impl UnderWay {
+    fn at(now_s: f64) -> Self {
+        Self { began_s: now_s, ..Self::default() }
+    }
+
+    /// The specimen is in this phase from now on.
+    fn enter(&mut self, phase: Phase, now_s: f64) {
+        // A wait for the loader is told twice; the phase goes on.
+        if self.phase.is_some_and(|(now, _)| now == phase) {
+            return;
+        }
+        self.leave(now_s);
+        self.phase = Some((phase, now_s));
+    }
+
+    /// It does not have the instrument any more.
+    fn leave(&mut self, now_s: f64) {
+        if let Some((phase, since_s)) = self.phase.take() {
+            // The wall clock may have been set back.
+            self.phases.push((phase, (now_s - since_s).max(0.0)));
+        }
+    }
+}
+
+impl Pace {
+    /// `had_s`: how long the specimen had the instrument, which is what the next one waits for.
+    fn learn(&mut self, mut specimen: UnderWay, now_s: f64, had_s: f64) {
+        specimen.leave(now_s);
+        for (phase, seconds) in specimen.phases {
+            keep(&mut self.phases_s[place(phase)], seconds);
+        }
+        keep(&mut self.wells_s, had_s);
+    }
+
+    /// Seconds until the specimen under way and `waiting` further wells are done; nothing before this instrument's first specimen.
+    fn remaining(&self, specimen: Option<&UnderWay>, waiting: u32, now_s: f64) -> Option<Eta> {
+        let well = (quantile(&self.wells_s, 0.5)?, quantile(&self.wells_s, 0.9)?);
+        let (mut p50, mut squares) = (well.0 * f64::from(waiting), (well.1 - well.0).powi(2) * f64::from(waiting));
+        if let Some(specimen) = specimen {
+            let (at, spent_s) = specimen.phase.map_or((0, 0.0), |(phase, since_s)| (place(phase), now_s - since_s));
+            for (phase, seconds) in self.phases_s.iter().enumerate().skip(at) {
+                let (Some(middle), Some(long)) = (quantile(seconds, 0.5), quantile(seconds, 0.9)) else { continue };
+                p50 += if phase == at { (middle - spent_s).max(0.0) } else { middle };
+                squares += (long - middle).powi(2);
+            }
+        }
+        Some(Eta { p50, p90: p50 + squares.sqrt() })
+    }
+}
+
+fn place(phase: Phase) -> usize {
+    ORDER.iter().position(|p| *p == phase).unwrap_or_default()
+}
+
+impl Paces {
+    /// Time until the specimen of `well`, if it has the instrument, and `waiting` further wells are done at the pace of a method;
+    /// `None` before this instrument's first specimen by it.
+    pub fn remaining(&self, method: &str, well: Option<&str>, waiting: u32, now: Timestamp) -> Option<Eta> {
+        let specimen = well.and_then(|well| self.under_way.get(well));
+        self.methods.get(method)?.remaining(specimen, waiting, seconds(now))
+    }
+
+    pub(super) fn apply(&mut self, event: &EventBody) {
+        let Ok(now) = event.time.parse::<Timestamp>() else { return };
+        let now_s = seconds(now);
+        match (&event.data, event.well.as_deref()) {
+            (EventData::RunAccepted(accepted), _) => {
+                self.method.clone_from(&accepted.method);
+                self.under_way.clear();
+            }
+            // One that was interrupted teaches nothing.
+            (EventData::RunInterrupted(_), _) => self.under_way.clear(),
+            (EventData::SpecimenPhase(entered), Some(well)) => {
+                // One has the instrument; the numbers of the others are made beside.
+                self.under_way.iter_mut().filter(|(other, _)| *other != well).for_each(|(_, specimen)| specimen.leave(now_s));
+                if entered.phase == Phase::Load {
+                    self.under_way.entry(well.to_owned()).or_insert_with(|| UnderWay::at(now_s));
+                }
+                if let Some(specimen) = self.under_way.get_mut(well) {
+                    specimen.enter(entered.phase, now_s);
+                }
+            }
+            // Its numbers were made from its frames, whenever that was.
+            (EventData::SpecimenRecovered | EventData::SpecimenInterrupted(_), Some(well)) => drop(self.under_way.remove(well)),
+            (EventData::SpecimenDone(done), Some(well)) => {
+                let specimen = self.under_way.remove(well);
+                if let Some(specimen) = specimen.filter(|_| done.result.outcome != Some(SpecimenOutcome::Failed)) {
+                    let had_s = done.seconds.unwrap_or((now_s - specimen.began_s).max(0.0));
+                    self.methods.entry(self.method.clone()).or_default().learn(specimen, now_s, had_s);
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+fn seconds(time: Timestamp) -> f64 {
+    time.as_millisecond() as f64 / 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{PhaseEntered, PlannedWell, RunAccepted, SpecimenDone, SpecimenKind, WellStatus};
+
+    /// A specimen that loads for 2 s and turns for `revolve_s`.
+    fn specimen(began_s: f64, revolve_s: f64) -> (UnderWay, f64) {
+        let mut s = UnderWay::at(began_s);
+        s.enter(Phase::Load, began_s);
+        s.enter(Phase::Load, began_s + 1.0);
+        s.enter(Phase::Revolve, began_s + 2.0);
+        (s, began_s + 2.0 + revolve_s)
+    }
+
+    fn of(revolve_s: &[f64]) -> Pace {
+        let mut pace = Pace::default();
+        for seconds in revolve_s {
+            let (s, ended_s) = specimen(0.0, *seconds);
+            pace.learn(s, ended_s, ended_s);
+        }
+        pace
+    }
+
+    #[test]
+    fn nothing_is_promised_before_the_first_specimen() {
+        assert_eq!(Pace::default().remaining(None, 5, 0.0), None);
+    }
+
+    #[test]
+    fn wells_that_wait_cost_the_median_and_their_spreads_add_in_squares() {
+        let pace = of(&[8.0, 8.0, 8.0, 8.0, 8.0, 8.0, 8.0, 8.0, 8.0, 18.0]);
+        assert_eq!(pace.remaining(None, 1, 0.0), Some(Eta { p50: 10.0, p90: 20.0 }));
+        assert_eq!(pace.remaining(None, 4, 0.0), Some(Eta { p50: 40.0, p90: 60.0 }));
+        assert_eq!(pace.remaining(None, 0, 0.0), Some(Eta { p50: 0.0, p90: 0.0 }));
+    }
+
+    #[test]
+    fn of_the_specimen_under_way_only_what_is_left_counts() {
+        let pace = of(&[8.0, 8.0]);
+        let (turning, _) = specimen(100.0, 0.0);
+        let left = |now_s: f64| pace.remaining(Some(&turning), 0, now_s).unwrap().p50;
+        assert!((left(102.0) - 8.0).abs() < 1e-9, "it has just begun to turn");
+        assert!((left(105.0) - 5.0).abs() < 1e-9);
+        assert!(left(1000.0).abs() < f64::EPSILON, "late, but never less than nothing");
+    }
+
+    fn event(second: u32, well: Option<&str>, data: EventData) -> EventBody {
+        let time = format!("2026-01-01T00:00:{second:02}.500Z");
+        EventBody { time, run: Some("r".into()), well: well.map(Into::into), data }
+    }
+
+    fn phase(second: u32, well: &str, phase: Phase) -> EventBody {
+        event(second, Some(well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary: false }))
+    }
+
+    fn done(second: u32, well: &str, outcome: SpecimenOutcome) -> EventBody {
+        let mut result = WellStatus::pending(&PlannedWell::new(well, SpecimenKind::Larva, None));
+        result.end(outcome, None);
+        event(second, Some(well), EventData::SpecimenDone(Box::new(SpecimenDone { result, times: None, seconds: None })))
+    }
+
+    fn after(events: &[EventBody]) -> Paces {
+        let mut paces = Paces::default();
+        events.iter().for_each(|event| paces.apply(event));
+        paces
+    }
+
+    #[test]
+    fn each_method_is_learned_from_specimens_that_were_loaded_and_ended() {
+        let accepted = RunAccepted { plate_barcode: "P".into(), method: "fast".into(), left_in_capillary: None };
+        let events = [
+            event(0, None, EventData::RunAccepted(accepted)),
+            phase(1, "A01", Phase::Load),
+            phase(3, "A01", Phase::Revolve),
+            event(
+                4,
+                Some("A01"),
+                EventData::SpecimenInterrupted(crate::SpecimenInterrupted {
+                    reason: String::new(),
+                    policy: crate::Interrupted::Redo,
+                    kept: false,
+                }),
+            ),
+            phase(20, "A01", Phase::Load),
+            phase(22, "A01", Phase::Revolve),
+            done(30, "A01", SpecimenOutcome::Succeeded),
+            phase(40, "A02", Phase::Revolve),
+            done(50, "A02", SpecimenOutcome::Succeeded),
+            phase(51, "A03", Phase::Load),
+            event(58, Some("A03"), EventData::SpecimenRecovered),
+            done(58, "A03", SpecimenOutcome::Succeeded),
+            phase(59, "A04", Phase::Load),
+            done(59, "A04", SpecimenOutcome::Failed),
+        ];
+        let paces = after(&events);
+        assert_eq!(paces.methods.keys().collect::<Vec<_>>(), ["fast"]);
+        assert_eq!(paces.methods["fast"], of(&[8.0]));
+        let now = "2026-01-01T00:01:00Z".parse().unwrap();
+        assert_eq!(paces.remaining("fast", None, 2, now), Some(Eta { p50: 20.0, p90: 20.0 }));
+        assert_eq!(paces.remaining("slow", None, 2, now), None);
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_takes_no_time_away() {
+        let back = [phase(10, "A01", Phase::Load), phase(2, "A01", Phase::Revolve), done(5, "A01", SpecimenOutcome::Succeeded)];
+        let paces = after(&back);
+        assert_eq!(paces.methods[""].wells_s, [0.0]);
+        assert!(paces.methods[""].phases_s.iter().flatten().all(|s| *s >= 0.0));
+    }
+}

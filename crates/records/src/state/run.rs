@@ -1,0 +1,351 @@
+//! What the events say of one run.
+
+use super::Capillary;
+use crate::{EventBody, EventData, HeldBy, LoadedBy, Phase, ResumedBy};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What holds a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct HoldCause {
+    /// A fault's code, `operator`, or `restart`.
+    pub code: String,
+    /// The same in words.
+    pub words: String,
+}
+
+impl HoldCause {
+    /// An operator holds it.
+    pub fn operator() -> Self {
+        Self { code: "operator".into(), words: "An operator asked for it.".into() }
+    }
+
+    fn restart() -> Self {
+        Self { code: "restart".into(), words: "The daemon ended while the run was under way, and was started again.".into() }
+    }
+}
+
+/// An end before the last well that somebody asked for; the later one wins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum EndRequest {
+    /// After the specimen under way.
+    Stop,
+    /// At once.
+    Abort,
+}
+
+/// What the events say of one run.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RunState {
+    id: String,
+    capillary: Capillary,
+    held_by_operator: bool,
+    held_by: Option<HoldCause>,
+    holds: BTreeMap<String, u32>,
+    resumed_by_itself: u32,
+    recoveries: BTreeMap<String, u32>,
+    end_request: Option<EndRequest>,
+    begun: Vec<String>,
+    worked_on: BTreeSet<String>,
+}
+
+impl RunState {
+    /// A run that nothing is known of but its name.
+    pub fn new(id: &str) -> Self {
+        Self { id: id.to_owned(), ..Self::default() }
+    }
+
+    /// `left`: the well of an earlier run whose specimen is still in the capillary.
+    pub(super) fn accepted(id: &str, left: Option<String>) -> Self {
+        Self { capillary: Capillary::with(left), ..Self::new(id) }
+    }
+
+    /// Name of the run.
+    pub fn id(&self) -> &str {
+        &self.id
+    }
+
+    /// What is in the capillary.
+    pub fn capillary(&self) -> &Capillary {
+        &self.capillary
+    }
+
+    /// An operator has held it, and nobody but an operator lets it go on.
+    pub fn is_held_by_operator(&self) -> bool {
+        self.held_by_operator
+    }
+
+    /// What has held it last; `None` once it went on.
+    pub fn held_by(&self) -> Option<&HoldCause> {
+        self.held_by.as_ref()
+    }
+
+    /// How often a cause has held it since a well was done.
+    pub fn times_held_by(&self, code: &str) -> u32 {
+        self.holds.get(code).copied().unwrap_or_default()
+    }
+
+    /// How often it has gone on by itself since a well was done.
+    pub fn resumed_by_itself(&self) -> u32 {
+        self.resumed_by_itself
+    }
+
+    /// Attempts at the numbers of a well from its frames that the daemon did not survive, as far as is known.
+    pub fn recoveries_of(&self, well: &str) -> u32 {
+        self.recoveries.get(well).copied().unwrap_or_default()
+    }
+
+    /// The end that somebody asked for.
+    pub fn end_request(&self) -> Option<EndRequest> {
+        self.end_request
+    }
+
+    /// The wells whose specimens were begun and have no end, the one that had the instrument last at the end.
+    pub fn begun(&self) -> &[String] {
+        &self.begun
+    }
+
+    /// Takes in what happened in this run.
+    pub fn apply(&mut self, event: &EventBody) {
+        let well = event.well.as_deref();
+        match (&event.data, well) {
+            (EventData::RunHoldRequested, _) => self.held_by_operator = true,
+            (EventData::RunStopRequested, _) => self.end_request = self.end_request.max(Some(EndRequest::Stop)),
+            (EventData::RunAbortRequested, _) => self.end_request = self.end_request.max(Some(EndRequest::Abort)),
+            (EventData::RunHeld(held), _) => {
+                if let (Some(code), Some(words)) = (held.code.clone(), held.cause.clone()) {
+                    *self.holds.entry(code.clone()).or_default() += 1;
+                    self.held_by = Some(HoldCause { code, words });
+                }
+                // An operator's hold comes between two specimens.
+                if held.by == HeldBy::Operator {
+                    self.begun.clear();
+                    self.worked_on.clear();
+                }
+            }
+            (EventData::RunResumed(resumed), _) => {
+                (self.held_by, self.held_by_operator) = (None, false);
+                self.resumed_by_itself = if resumed.by == ResumedBy::Instrument { self.resumed_by_itself + 1 } else { 0 };
+            }
+            (EventData::RunInterrupted(interrupted), _) => {
+                self.held_by.get_or_insert_with(HoldCause::restart);
+                match interrupted.loaded_by {
+                    // What was only waited for is asked for again.
+                    Some(LoadedBy::Loader) => self.begun.retain(|well| self.worked_on.contains(well)),
+                    Some(LoadedBy::Sampler) => self.capillary.assume(self.begun.last()),
+                    None => {}
+                }
+            }
+            (EventData::WellAwaited, Some(well)) => self.capillary.ask(well),
+            (EventData::WellLoaded(_), Some(well)) => self.capillary.bring(well),
+            (EventData::WellUnloaded, Some(well)) => self.capillary.take_out(well),
+            (EventData::SpecimenPhase(entered), Some(well)) => self.enter(well, entered.phase, entered.in_capillary),
+            (EventData::SpecimenRecovering(_), Some(well)) => *self.recoveries.entry(well.to_owned()).or_default() += 1,
+            // It was the disk that kept the numbers from being made, or somebody who would not wait.
+            (EventData::StoreRegained | EventData::DaemonStopping, _) => self.recoveries.clear(),
+            (EventData::SpecimenDone(_), Some(well)) => {
+                self.resumed_by_itself = 0;
+                self.holds.clear();
+                self.recoveries.remove(well);
+                self.end(well);
+            }
+            (EventData::SpecimenInterrupted(interrupted), Some(well)) => {
+                if interrupted.kept {
+                    self.capillary.keep(well);
+                }
+                self.end(well);
+            }
+            _ => {}
+        }
+    }
+
+    fn enter(&mut self, well: &str, phase: Phase, in_capillary: bool) {
+        // What is taken out before the first well, of an earlier attempt, is no specimen under way.
+        let is_taken_out = matches!(phase, Phase::Eject | Phase::Wash);
+        if !is_taken_out && !self.begun.iter().any(|begun| begun == well) {
+            self.begun.push(well.to_owned());
+        }
+        if phase != Phase::Load {
+            self.capillary.begin(well);
+            if !is_taken_out {
+                self.worked_on.insert(well.to_owned());
+            }
+        }
+        if in_capillary {
+            self.capillary.put(well);
+        } else {
+            self.capillary.lacks(well);
+        }
+    }
+
+    fn end(&mut self, well: &str) {
+        self.begun.retain(|begun| begun != well);
+        self.worked_on.remove(well);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Event, InstrumentState};
+    use crate::{
+        Interrupted, PhaseEntered, PlannedWell, RunAccepted, RunHeld, RunInterrupted, RunResumed, SpecimenDone, SpecimenInterrupted,
+        SpecimenKind, WellLoaded, WellStatus,
+    };
+
+    fn event(well: Option<&str>, data: EventData) -> EventBody {
+        EventBody { time: "2026-01-01T00:00:00Z".into(), run: Some("r".into()), well: well.map(Into::into), data }
+    }
+
+    fn phase(well: &str, phase: Phase, in_capillary: bool) -> EventBody {
+        event(Some(well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary }))
+    }
+
+    fn done(well: &str) -> EventBody {
+        let result = WellStatus::pending(&PlannedWell::new(well, SpecimenKind::Larva, None));
+        event(Some(well), EventData::SpecimenDone(Box::new(SpecimenDone { result, times: None, seconds: None })))
+    }
+
+    fn loaded(well: &str) -> EventBody {
+        event(Some(well), EventData::WellLoaded(WellLoaded { in_place_of: None }))
+    }
+
+    fn unloaded(well: &str) -> EventBody {
+        event(Some(well), EventData::WellUnloaded)
+    }
+
+    fn interrupted(well: &str, kept: bool) -> EventBody {
+        let data = SpecimenInterrupted { reason: "x".into(), policy: Interrupted::Redo, kept };
+        event(Some(well), EventData::SpecimenInterrupted(data))
+    }
+
+    fn restart(loaded_by: LoadedBy) -> EventBody {
+        event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }))
+    }
+
+    fn after(events: &[EventBody]) -> RunState {
+        let mut run = RunState::new("r");
+        events.iter().for_each(|event| run.apply(event));
+        run
+    }
+
+    fn inside(events: &[EventBody]) -> Option<String> {
+        after(events).capillary().inside().map(str::to_owned)
+    }
+
+    #[test]
+    fn the_specimen_under_way_is_the_one_that_was_begun_and_not_done() {
+        let a = [phase("A01", Phase::Load, false), phase("A01", Phase::Revolve, true)];
+        assert_eq!((after(&a).begun(), inside(&a).as_deref()), (&["A01".to_owned()][..], Some("A01")));
+        let done = [&a[..], &[done("A01")]].concat();
+        assert!(after(&done).begun().is_empty());
+        let next = [&done[..], &[phase("A02", Phase::Load, false)]].concat();
+        assert_eq!((after(&next).begun(), inside(&next).as_deref()), (&["A02".to_owned()][..], Some("A01")));
+        // The numbers of the first are made while the second is brought.
+        let both = [&a[..], &[phase("A01", Phase::Wash, false), phase("A02", Phase::Load, false)]].concat();
+        assert_eq!(after(&both).begun(), ["A01", "A02"]);
+        let brought = [&next[..], &[loaded("A02")]].concat();
+        assert_eq!(inside(&brought).as_deref(), Some("A02"));
+        assert_eq!(inside(&[&brought[..], &[unloaded("A02")]].concat()), None);
+    }
+
+    /// A loader is asked again for what it was only waited for, never for what was looked at and taken out since.
+    #[test]
+    fn after_a_restart_a_loader_is_asked_again_for_what_was_only_waited_for() {
+        let awaited = [phase("A01", Phase::Load, false), loaded("A01")];
+        let gone = [&awaited[..], &[phase("A01", Phase::Measure, true), phase("A01", Phase::Eject, true), unloaded("A01")]].concat();
+        let next = [&gone[..], &[phase("A02", Phase::Load, false)]].concat();
+        let begun = |events: &[EventBody]| after(&[events, &[restart(LoadedBy::Loader)]].concat()).begun().to_vec();
+        assert!(begun(&awaited).is_empty());
+        assert_eq!((begun(&gone), begun(&next)), (vec!["A01".to_owned()], vec!["A01".to_owned()]));
+        assert!(begun(&[&next[..], &[done("A01")]].concat()).is_empty());
+    }
+
+    /// A driven sampler may have been about to bring what was begun last.
+    #[test]
+    fn after_a_restart_a_sampler_is_taken_to_have_brought_what_was_begun_last() {
+        let restarted = |events: &[EventBody]| inside(&[events, &[restart(LoadedBy::Sampler)]].concat());
+        assert_eq!(restarted(&[phase("A01", Phase::Load, false)]).as_deref(), Some("A01"));
+        assert_eq!(restarted(&[phase("A01", Phase::Eject, true), done("A01")]).as_deref(), Some("A01"));
+        assert_eq!(restarted(&[phase("A01", Phase::Revolve, true), done("A01"), phase("A01", Phase::Wash, false)]), None);
+        let kept = [phase("A01", Phase::Revolve, true), interrupted("A01", true)];
+        let state = after(&[&kept[..], &[restart(LoadedBy::Sampler)]].concat());
+        assert_eq!((state.capillary().inside(), state.capillary().brought()), (Some("A01"), Some("A01")));
+    }
+
+    #[test]
+    fn a_specimen_stays_inside_while_the_next_is_awaited_until_somebody_says_otherwise() {
+        let awaited = [phase("A01", Phase::Eject, true), done("A01"), phase("A02", Phase::Load, false)];
+        assert_eq!(inside(&awaited).as_deref(), Some("A01"));
+        assert_eq!(after(&awaited).begun(), ["A02"], "the one inside is measured");
+        let then = |last: EventBody| inside(&[&awaited[..], &[last]].concat());
+        assert_eq!(then(unloaded("A01")), None);
+        assert_eq!(then(loaded("A02")).as_deref(), Some("A02"));
+        assert_eq!(then(phase("A01", Phase::Eject, false)), None, "the frame shows that nothing was there");
+    }
+
+    #[test]
+    fn a_run_begins_with_what_an_earlier_one_left_inside() {
+        let accepted = RunAccepted { plate_barcode: "P".into(), method: "m".into(), left_in_capillary: Some("H12".into()) };
+        let events = [Event { id: 1, body: event(None, EventData::RunAccepted(accepted)) }];
+        let run = InstrumentState::after(&events).run.unwrap();
+        assert_eq!((run.id(), run.capillary().inside(), run.capillary().has_held("H12")), ("r", Some("H12"), true));
+    }
+
+    #[test]
+    fn what_the_loader_was_asked_for_and_what_it_brought_is_known_until_work_on_it_begins() {
+        let awaited = [phase("A01", Phase::Load, false), event(Some("A01"), EventData::WellAwaited)];
+        let of = |events: &[EventBody]| after(events).capillary().clone();
+        assert_eq!((of(&awaited).asked_for(), of(&awaited).brought()), (Some("A01"), None));
+        let brought = [&awaited[..], &[loaded("A01")]].concat();
+        // The run goes on: it is loaded already, and nobody is asked.
+        let again = [&brought[..], &[phase("A01", Phase::Load, false)]].concat();
+        for events in [&brought, &again] {
+            assert_eq!((of(events).asked_for(), of(events).brought(), of(events).inside()), (None, Some("A01"), Some("A01")));
+        }
+        assert_eq!(of(&[&brought[..], &[phase("A01", Phase::Position, true)]].concat()).brought(), None);
+        assert_eq!(of(&[&brought[..], &[unloaded("A01")]].concat()).brought(), None);
+    }
+
+    /// After two crashes the second start must not take the specimen that the first one threw out for one that was begun.
+    #[test]
+    fn an_attempt_that_was_thrown_out_is_over() {
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
+        let revolve = phase("A01", Phase::Revolve, true);
+        let ejected = [phase("A01", Phase::Eject, true), phase("A01", Phase::Eject, false)];
+        let state = after(&[&[revolve, interrupted("A01", false), resumed][..], &ejected].concat());
+        assert_eq!((state.begun(), state.capillary().inside(), state.capillary().has_held("A01")), (&[][..], None, true));
+    }
+
+    #[test]
+    fn an_operators_hold_and_an_end_that_was_asked_for_outlast_a_crash() {
+        let hold = event(None, EventData::RunHoldRequested);
+        let held =
+            event(None, EventData::RunHeld(RunHeld { by: HeldBy::Operator, code: Some("operator".into()), cause: Some("x".into()) }));
+        let resumed = event(None, EventData::RunResumed(RunResumed { by: ResumedBy::Operator }));
+        let state = after(&[hold.clone(), phase("A01", Phase::Load, false), held.clone()]);
+        assert_eq!((state.is_held_by_operator(), state.times_held_by("operator"), state.begun()), (true, 1, &[][..]));
+        assert_eq!(state.held_by().map(|cause| cause.code.as_str()), Some("operator"));
+        let state = after(&[hold, held, resumed]);
+        assert_eq!((state.is_held_by_operator(), state.held_by()), (false, None));
+        let ends = [event(None, EventData::RunAbortRequested), event(None, EventData::RunStopRequested)];
+        assert_eq!(after(&ends).end_request(), Some(EndRequest::Abort));
+    }
+
+    /// A specimen on which the daemon dies each time must not be begun for ever.
+    #[test]
+    fn going_on_by_itself_is_counted_over_crashes_until_a_well_is_done() {
+        let resumed = |by| event(None, EventData::RunResumed(RunResumed { by }));
+        let twice = [resumed(ResumedBy::Instrument), resumed(ResumedBy::Instrument)];
+        assert_eq!(after(&twice).resumed_by_itself(), 2);
+        assert_eq!(after(&[&twice[..], &[resumed(ResumedBy::Operator)]].concat()).resumed_by_itself(), 0);
+        assert_eq!(after(&[&twice[..], &[done("A01")]].concat()).resumed_by_itself(), 0);
+    }
+
+    #[test]
+    fn events_of_another_run_change_nothing() {
+        let mut state = InstrumentState { run: Some(RunState::new("q")), ..InstrumentState::default() };
+        let before = state.clone();
+        state.apply(&event(None, EventData::RunStopRequested));
+        assert_eq!(state, before);
+    }
+}

@@ -1,0 +1,159 @@
+//! Whatever happens: what the live driver believes is what its journal says, and what a restart believes is the same.
+
+use super::super::*;
+use super::bench::{Bench, bench, journalled, on_this_thread, plan, scratch};
+use crate::session::handle::Towards;
+use crate::session::worker::{Progress, RunEnd, RunError};
+use carved_devices::DeviceError;
+use carved_records::{Handoff, HandoffEnd, HandoffIntent, LiveEstimate, Phase};
+use proptest::prelude::*;
+use std::path::Path;
+
+const WELLS: [&str; 3] = ["A01", "A02", "A03"];
+const PHASES: [Phase; 8] =
+    [Phase::Load, Phase::Position, Phase::Detect, Phase::Revolve, Phase::Reconstruct, Phase::Measure, Phase::Eject, Phase::Wash];
+
+/// One thing that happens to the driver. What cannot happen now is passed over, or refused by it.
+#[derive(Debug, Clone)]
+enum Step {
+    Put,
+    Ready,
+    Awaits(usize),
+    Enters(usize, usize, bool),
+    View(usize),
+    Done(usize),
+    WorkerEnds(u8),
+    Steer(u8),
+    Loader(usize, bool),
+    Plate(u8),
+    Fault(u8),
+    Acknowledge(u64),
+    DiskFails,
+    Beat,
+    Crash,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    let well = 0..WELLS.len();
+    prop_oneof![
+        2 => Just(Step::Put),
+        1 => Just(Step::Ready),
+        3 => well.clone().prop_map(Step::Awaits),
+        6 => (well.clone(), 0..PHASES.len(), any::<bool>()).prop_map(|(w, p, inside)| Step::Enters(w, p, inside)),
+        1 => well.clone().prop_map(Step::View),
+        2 => well.clone().prop_map(Step::Done),
+        2 => (0..6_u8).prop_map(Step::WorkerEnds),
+        3 => (0..4_u8).prop_map(Step::Steer),
+        4 => (well, any::<bool>()).prop_map(|(w, loaded)| Step::Loader(w, loaded)),
+        2 => (0..4_u8).prop_map(Step::Plate),
+        1 => (0..4_u8).prop_map(Step::Fault),
+        2 => (1..6_u64).prop_map(Step::Acknowledge),
+        1 => Just(Step::DiskFails),
+        2 => Just(Step::Beat),
+        2 => Just(Step::Crash),
+    ]
+}
+
+fn error(which: u8) -> RunError {
+    let intervention = DeviceError::Intervention { device: "axis", what: "feed hold".into(), way_out: "Release it." };
+    match which {
+        0 => RunError::SpecimenThread,
+        1 => RunError::Device(intervention),
+        2 => RunError::Device(DeviceError::ControlLost),
+        _ => RunError::Store(StoreError::Vanished { path: "/data".into() }),
+    }
+}
+
+async fn takes(b: &mut Bench, step: &Step) {
+    let open = |b: &Bench, well: usize| {
+        let wells = b.d.active.as_ref().map(|active| active.record.wells.clone()).unwrap_or_default();
+        wells.iter().any(|w| w.well == WELLS[well] && w.outcome.is_none())
+    };
+    match *step {
+        Step::Put => drop(b.put_run(&plan(&WELLS))),
+        Step::Ready if b.works() => drop(b.tell(Progress::Ready)),
+        Step::Awaits(well) if b.works() && open(b, well) => drop(b.tell(Progress::WaitingForLoader { well: WELLS[well].into() })),
+        Step::Enters(well, phase, inside) if b.works() => drop(b.phase(WELLS[well], PHASES[phase], inside)),
+        Step::View(well) if b.works() => {
+            let (well, live) = (WELLS[well].to_owned(), crate::session::Live::default());
+            let estimate = LiveEstimate::default();
+            b.tell(Progress::View {
+                well,
+                index: 0,
+                closure: false,
+                achieved_steps: 0,
+                hull_volume_um3: None,
+                estimate,
+                light: None,
+                live,
+            });
+        }
+        Step::Done(well) if b.works() && open(b, well) => drop(b.done(WELLS[well])),
+        Step::WorkerEnds(how) if b.works() => {
+            let end = match how {
+                0 => RunEnd::Paused,
+                1 => RunEnd::Cancelled,
+                how => RunEnd::Failed(error(how - 2)),
+            };
+            b.ends(end).await;
+        }
+        Step::Steer(towards) => {
+            drop(b.steer([Towards::Hold, Towards::Unhold, Towards::Stop, Towards::Abort][usize::from(towards)]));
+        }
+        Step::Loader(well, loaded) => drop(b.loaded(WELLS[well], loaded)),
+        Step::Plate(what) => drop(match what {
+            0 => b.d.handoff(Handoff { intent: HandoffIntent::Load, barcode: "P-1".into() }).map(|_| ()),
+            1 => b.d.handoff(Handoff { intent: HandoffIntent::Unload, barcode: "P-1".into() }).map(|_| ()),
+            2 => b.d.end_handoff(HandoffEnd::Completed),
+            _ => b.d.end_handoff(HandoffEnd::Aborted),
+        }),
+        Step::Fault(which) => b.d.raise(&error(which)),
+        Step::Acknowledge(seq) => drop(b.d.acknowledge(seq)),
+        Step::DiskFails => b.d.keep(Err(StoreError::Vanished { path: "/data".into() })),
+        Step::Beat => b.beat().await,
+        _ => {}
+    }
+}
+
+/// The state that the journal and what waits for the disk say.
+fn replayed(b: &Bench, root: &Path) -> InstrumentState {
+    let mut state = InstrumentState::after(&journalled(root));
+    for waits in &b.d.unwritten {
+        if let Unwritten::Event(body) = waits {
+            state.apply(body);
+        }
+    }
+    state
+}
+
+fn check(loaded_from_outside: bool, steps: &[Step]) {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), loaded_from_outside);
+        for (at, step) in steps.iter().enumerate() {
+            if matches!(step, Step::Crash) {
+                drop(b);
+                b = bench(dir.path(), loaded_from_outside);
+            } else {
+                takes(&mut b, step).await;
+            }
+            let when = format!("after step {at} of {steps:?}");
+            assert_eq!(b.d.state, replayed(&b, dir.path()), "{when}");
+            assert_eq!(b.status().faults, b.d.state.faults.open(), "{when}");
+            let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
+            assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
+        }
+    });
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 96, max_shrink_iters: 200, ..ProptestConfig::default() })]
+
+    #[test]
+    fn what_the_driver_believes_is_what_its_journal_says(
+        loaded_from_outside in any::<bool>(),
+        steps in proptest::collection::vec(step(), 1..60),
+    ) {
+        check(loaded_from_outside, &steps);
+    }
+}

@@ -1,0 +1,105 @@
+//! What ended a run, as the fault that people and schedulers read: which error is which code of the table.
+
+use super::worker::{OpticsFault, RunError};
+use carved_devices::DeviceError;
+use carved_devices::acquisition::AcquisitionError;
+use carved_records::{Device, Fault, FaultCode, Phase, SchedulerAction, fault_table};
+
+fn device_error(error: &RunError) -> Option<&DeviceError> {
+    match error {
+        RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => Some(e),
+        _ => None,
+    }
+}
+
+/// Which device this error says is gone, if any.
+pub fn lost_device(error: &RunError) -> Option<Device> {
+    match device_error(error)? {
+        DeviceError::ControlLost
+        | DeviceError::CameraSilent { .. }
+        | DeviceError::NotController { .. }
+        | DeviceError::Open { device: "camera", .. } => Some(Device::Camera),
+        DeviceError::Gone { .. } | DeviceError::Silent { .. } => Some(Device::Rotation),
+        _ => None,
+    }
+}
+
+/// Whether nothing here ends what the machine is in, so that a person has to, whatever the table says of the code.
+fn needs_a_person(error: &DeviceError) -> bool {
+    matches!(error, DeviceError::OutOfStep { .. } | DeviceError::Late { .. })
+}
+
+fn code_of_device(error: &DeviceError) -> &'static FaultCode {
+    match error {
+        DeviceError::ControlLost | DeviceError::CameraSilent { .. } | DeviceError::Open { device: "camera", .. } => &fault_table::CAMERA_LOST,
+        DeviceError::NotController { .. } => &fault_table::CAMERA_TAKEN,
+        DeviceError::NoFrame { .. } => &fault_table::CAMERA_NO_FRAME,
+        DeviceError::Camera { .. } | DeviceError::NotArmed => &fault_table::CAMERA_REFUSED,
+        DeviceError::Sampler { .. } | DeviceError::Unasked => &fault_table::SAMPLER_FAILED,
+        // What the controller was told or is set to is not what its machine allows: a person has to look.
+        DeviceError::Alarm { .. } | DeviceError::Skew { .. } | DeviceError::Stalled { .. } => &fault_table::ROTATION_ALARM,
+        DeviceError::Intervention { .. } => &fault_table::ROTATION_INTERVENTION,
+        DeviceError::Mismatch { .. } => &fault_table::ROTATION_SETTINGS,
+        DeviceError::Gone { .. } | DeviceError::Silent { .. } | DeviceError::Open { .. } => &fault_table::ROTATION_LOST,
+        DeviceError::OutOfStep { .. }
+        | DeviceError::Late { .. }
+        // The next reference finds the axis again.
+        | DeviceError::Translation { .. }
+        | DeviceError::Suspect { .. }
+        | DeviceError::Missed { .. }
+        | DeviceError::Unexpected { .. } => &fault_table::ROTATION_SUSPECT,
+        _ => &fault_table::ROTATION_FAILED,
+    }
+}
+
+pub fn of(seq: u64, error: &RunError) -> Fault {
+    let code = match error {
+        RunError::Device(e) | RunError::Acquisition(AcquisitionError::Device { source: e, .. }) => code_of_device(e),
+        RunError::Acquisition(_) => &fault_table::REVOLUTION_FAILED,
+        RunError::Overrun(e) if matches!(e.phase, Phase::Load | Phase::Eject | Phase::Wash) => &fault_table::SAMPLER_OVERRUN,
+        RunError::Overrun(_) => &fault_table::POSITION_OVERRUN,
+        RunError::Second(_) => &fault_table::SECOND_CAMERA_FAILED,
+        RunError::Optics { fault, .. } => match fault {
+            OpticsFault::Level(_) | OpticsFault::Light(_) => &fault_table::PICTURE_LIGHT,
+            OpticsFault::Capillary(_) => &fault_table::CAPILLARY_NOT_SEEN,
+            OpticsFault::Scale { .. } | OpticsFault::Zoom { .. } => &fault_table::SCALE_OFF,
+            OpticsFault::Frame(_) | OpticsFault::Near(_) | OpticsFault::Plan(_) | OpticsFault::Pipeline(_) => &fault_table::SETUP_UNUSABLE,
+        },
+        RunError::Store(e) if e.is_full() => &fault_table::DISK_FULL,
+        RunError::Store(_) => &fault_table::STORE_FAILED,
+        RunError::SpecimenThread => &fault_table::INTERNAL_ERROR,
+    };
+    let fault = Fault::new(seq, code, error.to_string(), jiff::Timestamp::now().to_string());
+    if device_error(error).is_some_and(needs_a_person) {
+        return Fault { scheduler_action: SchedulerAction::EscalateOperator, operator_required: true, ..fault };
+    }
+    fault
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::StoreError;
+
+    fn full(kind: std::io::ErrorKind) -> RunError {
+        RunError::Store(StoreError::Io { what: "write", path: "/data".into(), source: kind.into() })
+    }
+
+    #[test]
+    fn an_error_has_its_code_and_all_that_the_table_says_of_it() {
+        let fault = of(7, &full(std::io::ErrorKind::StorageFull));
+        assert_eq!((fault.seq, fault.code.as_str(), fault.category.as_str()), (7, "disk_full", "storage"));
+        assert_eq!(fault.what_to_do, fault_table::DISK_FULL.what_to_do);
+        assert_eq!(of(8, &full(std::io::ErrorKind::PermissionDenied)).code, "store_failed");
+        let unarmed = of(9, &RunError::Device(DeviceError::NotArmed));
+        assert_eq!((unarmed.code.as_str(), unarmed.recoverable), ("camera_refused", false));
+    }
+
+    #[test]
+    fn a_machine_that_may_be_out_of_step_asks_for_a_person() {
+        let late = DeviceError::Late { device: "rotation axis", what: "at rest", waited_ms: 5 };
+        let fault = of(1, &RunError::Device(late));
+        assert_eq!((fault.code.as_str(), fault.operator_required), ("rotation_suspect", true));
+        assert_eq!(fault.scheduler_action, SchedulerAction::EscalateOperator);
+    }
+}
