@@ -1,5 +1,6 @@
 //! Who puts a specimen into the capillary and takes it out again.
 
+mod clock;
 mod trigger;
 mod watched;
 

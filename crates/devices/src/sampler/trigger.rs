@@ -9,6 +9,7 @@
 //! An arrival is believed only where the capillary was seen empty since the last specimen of this run: what lies there unasked is
 //! nobody's well. While nothing runs the input is looked at once a second, and a specimen that comes in then is said.
 
+use super::clock::Clock;
 use super::watched::{Watch, Watched};
 use super::{Expected, Loaded, Sampler};
 use crate::cancel::CancelToken;
@@ -73,6 +74,7 @@ enum Waited {
 
 pub struct TriggerSampler {
     settings: TriggerSettings,
+    clock: Clock,
     watch: Watch,
     /// The capillary was seen empty after the last specimen of this run, and nothing was waited for since.
     is_empty: bool,
@@ -91,15 +93,24 @@ impl TriggerSampler {
     ///
     /// # Errors
     /// A bad setting, or a controller that has no such input.
-    pub fn beside(mut axis: Box<dyn RotationAxis>, settings: TriggerSettings) -> Result<(Self, Box<dyn RotationAxis>), DeviceError> {
+    pub fn beside(axis: Box<dyn RotationAxis>, settings: TriggerSettings) -> Result<(Self, Box<dyn RotationAxis>), DeviceError> {
+        Self::with_clock(axis, settings, Clock::REAL)
+    }
+
+    fn with_clock(
+        mut axis: Box<dyn RotationAxis>,
+        settings: TriggerSettings,
+        clock: Clock,
+    ) -> Result<(Self, Box<dyn RotationAxis>), DeviceError> {
         settings.check()?;
         if axis.specimen_input().is_none() {
             let rule = format!("{} has no input for it: take \"loader\"", axis.identity());
             return Err(DeviceError::Setting { device: "sampler", name: "driver", found: "\"trigger\"".into(), rule });
         }
         let watch = Watch::default();
-        let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce() };
-        Ok((Self { settings, watch, is_empty: false, there_since: None, gone_since: None, left: false, seen: None }, Box::new(watched)))
+        let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce(), clock };
+        let sampler = Self { settings, clock, watch, is_empty: false, there_since: None, gone_since: None, left: false, seen: None };
+        Ok((sampler, Box::new(watched)))
     }
 
     /// Waits until the input has said `there` for as long as it may bounce.
@@ -110,20 +121,20 @@ impl TriggerSampler {
         within_ms: u32,
         cancel: Option<&CancelToken>,
     ) -> Result<Waited, DeviceError> {
-        let until = Instant::now() + Duration::from_millis(within_ms.into());
+        let until = (self.clock.now)() + Duration::from_millis(within_ms.into());
         let mut since: Option<Instant> = None;
         loop {
             if cancel.is_some_and(CancelToken::is_cancelled) {
                 return Ok(Waited::Cancelled);
             }
             let says_so = (axis.specimen_input().ok_or_else(gone)?.is_active()? != self.settings.inverted) == there;
-            let now = Instant::now();
+            let now = (self.clock.now)();
             since = says_so.then(|| since.unwrap_or(now));
             match since {
                 Some(since) if now.duration_since(since) >= self.settings.debounce() => return Ok(Waited::Reached),
                 None if now >= until => return Ok(Waited::TimedOut),
                 // What began to say so in time may end to.
-                _ => std::thread::sleep(POLL),
+                _ => (self.clock.pause)(POLL),
             }
         }
     }
@@ -155,11 +166,13 @@ impl Sampler for TriggerSampler {
         let Some(active) = axis.specimen_input().ok_or_else(gone)?.is_active_at_rest()? else { return Ok(()) };
         if active == self.settings.inverted {
             (self.there_since, self.seen) = (None, Some(false));
-            self.left |= self.gone_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce();
+            let gone_since = *self.gone_since.get_or_insert_with(self.clock.now);
+            self.left |= self.clock.since(gone_since) >= self.settings.debounce();
             return Ok(());
         }
         self.gone_since = None;
-        if self.there_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce() {
+        let there_since = *self.there_since.get_or_insert_with(self.clock.now);
+        if self.clock.since(there_since) >= self.settings.debounce() {
             self.seen = Some(true);
         }
         Ok(())

@@ -6,12 +6,13 @@
 //! ```
 //! It is looked at after each move, so that no view is taken of what went before the move.
 
+use super::clock::Clock;
 use super::trigger::{POLL, gone};
 use crate::cancel::CancelToken;
 use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Whose specimen should be in the capillary.
 #[derive(Clone, Default)]
@@ -32,23 +33,24 @@ pub(super) struct Watched {
     pub watch: Watch,
     pub inverted: bool,
     pub debounce: Duration,
+    pub clock: Clock,
 }
 
 impl Watched {
     /// One look that finds it there is enough; what finds it gone is held against bounces.
     fn specimen_is_there(&mut self) -> Result<(), DeviceError> {
         let Some(well) = self.watch.of() else { return Ok(()) };
-        let until = Instant::now() + self.debounce;
+        let until = (self.clock.now)() + self.debounce;
         loop {
             let input = self.axis.specimen_input().ok_or_else(gone)?;
             if input.is_active()? != self.inverted {
                 return Ok(());
             }
-            if Instant::now() >= until {
+            if (self.clock.now)() >= until {
                 let why = "the specimen left the capillary in mid-turn, or its wire is off: the input fell. Look at both".into();
                 return Err(DeviceError::Sampler { well, why });
             }
-            std::thread::sleep(POLL);
+            (self.clock.pause)(POLL);
         }
     }
 }
