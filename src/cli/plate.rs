@@ -1,8 +1,8 @@
 //! `carved plate check`: a plate map's file, read as the instrument would read it.
 
-use crate::regular;
 use crate::session::plate_map::{self, Format, Mistake, PlateMap};
 use anyhow::Context;
+use carved_devices::regular;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 

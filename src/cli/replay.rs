@@ -8,11 +8,11 @@
 use super::{measure, told};
 use crate::config::{Config, Method};
 use crate::export;
-use crate::regular;
 use crate::session::{Mode, is_plain_name};
 use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
 use anyhow::{Context, bail, ensure};
 use carved_core::surface::Mesh;
+use carved_devices::regular;
 use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, clap::Args)]

@@ -9,9 +9,9 @@
 
 use super::index;
 use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
-use crate::regular;
 use crate::session::is_plain_name;
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use nix::fcntl::{PosixFadviseAdvice, posix_fadvise};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};

@@ -13,8 +13,8 @@
 use super::index::Index;
 use super::lines::Lines;
 use super::{StoreError, durable};
-use crate::regular;
 use crate::session::{Event, is_plain_name, kind};
+use carved_devices::regular;
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};

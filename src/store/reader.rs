@@ -8,9 +8,9 @@
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
 use super::{RunRecord, StoreError, attempts, durable, run, sums};
-use crate::regular;
 use crate::session::{WellStatus, is_plain_name, is_well};
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

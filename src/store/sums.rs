@@ -1,9 +1,9 @@
 //! `SHA256SUMS`, as `sha256sum -c` reads it.
 
 use super::{StoreError, durable};
-use crate::regular;
 use crate::session::is_well;
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -10,6 +10,7 @@ pub mod acquisition;
 pub mod camera;
 pub mod cancel;
 pub mod hash;
+pub mod regular;
 pub mod rotation;
 pub mod sampler;
 

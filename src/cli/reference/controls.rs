@@ -1,10 +1,10 @@
 //! Control larvae out of recordings and tables.
 
-use crate::regular;
 use crate::session::Mode;
 use crate::store::{MeasurementFile, Recording, RecordingReader};
 use anyhow::{Context, bail};
 use carved_core::measure::references::{Control, VOXEL, estimates};
+use carved_devices::regular;
 use serde::Deserialize;
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! Bringing the index up to what is on disk; from an empty one that is a rebuild.
 
 use super::rows;
-use crate::regular;
 use crate::session::Event;
 use crate::store::{RunRecord, StoreError, journal, run};
+use carved_devices::regular;
 use rusqlite::Connection;
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};

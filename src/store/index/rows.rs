@@ -1,9 +1,9 @@
 //! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
 
-use crate::regular;
 use crate::session::{Event, WellStatus, kind};
 use crate::store::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;
 use std::os::unix::fs::MetadataExt;

@@ -102,7 +102,8 @@ impl VastBridge {
     fn put_list(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
         let path = self.settings.list.clone();
         let text = list::text(stops, self.hundredths_per_step, &self.settings);
-        let is_there = std::fs::read(&path).is_ok_and(|there| there == text.as_bytes());
+        let unusable = |e: std::io::Error| DeviceError::List { device: DEVICE, path: path.clone(), why: e.to_string() };
+        let is_there = list::is(&path, &text).map_err(unusable)?;
         let stopped = self.dialogue.is_stopped();
         if is_there && self.stops == stops && !stopped && self.knowledge.is_known() {
             return Ok(());
@@ -119,7 +120,7 @@ impl VastBridge {
         if std::mem::take(&mut self.dialogue.arrivals) > 0 {
             return Err(out_of_step("VAST was in position before its list was written, so it goes by another"));
         }
-        list::write(&path, &text).map_err(|e| DeviceError::List { device: DEVICE, path, why: e.to_string() })?;
+        list::write(&path, &text).map_err(unusable)?;
         tracing::info!(stops = stops.len(), list = %self.settings.list.display(), "VAST's list written");
         Ok(())
     }
