@@ -198,17 +198,65 @@ fn late_replies_alerts_and_information_answer_nothing() {
     script.raw(1, "get pos", &answer).get("encoder.pos", 1695).arrives();
 }
 
+/// A move from 0 to 1600 whose reply is lost.
+fn lost() -> Script {
+    Script::referenced().stands(0, 95).raw(1, "move abs 1600", "")
+}
+
+impl Script {
+    /// A look at the state and the counter of an axis that stands.
+    fn rests_at(self, counter: i64) -> Self {
+        self.flagged("IDLE", &["WH"]).get("pos", counter)
+    }
+}
+
 #[test]
 fn what_is_lost_or_broken_is_asked_again_under_another_id() {
-    let lost = || Script::referenced().stands(0, 95).raw(1, "move abs 1600", "");
-    // A motion was heard where the axis turns; sent again it would interrupt itself.
-    lost().state("BUSY WH").stands(1600, 1695).arrives();
-    let script = lost().state("IDLE WH").say(1, "move abs 1600", "BUSY WH 0");
+    let script = lost().rests_at(0).say(1, "move abs 1600", "BUSY WH 0");
     // A broken checksum, and the late reply to the first of the two.
     let id = script.id;
     let script = script.raw(1, "", &format!("@01 1 {id:02} OK IDLE WH 0:00\r\n"));
     let late = line(&format!("@01 1 {id:02} OK BUSY WH 0")) + &line(&format!("@01 1 {:02} OK IDLE WH 0", id + 1));
     script.raw(1, "", &late).say(1, "warnings", "IDLE WH 01 WH").get("pos", 1600).get("encoder.pos", 1695).arrives();
+}
+
+#[test]
+fn a_motion_is_sent_again_only_to_an_axis_that_has_not_heard_it() {
+    // It turns, or has already arrived.
+    lost().state("BUSY WH").stands(1600, 1695).arrives();
+    lost().rests_at(1600).stands(1600, 1695).arrives();
+    // The second reply is lost as well, and the axis has heard that one.
+    let twice = || lost().rests_at(0).raw(1, "move abs 1600", "");
+    twice().state("BUSY WH").stands(1600, 1695).arrives();
+    // Each attempt comes after a look of its own, and there is an end to them.
+    let error = twice().rests_at(0).raw(1, "move abs 1600", "").rests_at(0).halted().fails();
+    assert!(matches!(&error, DeviceError::Silent { request, waited_ms: 3000, .. } if request == "move abs 1600"), "{error}");
+}
+
+#[test]
+fn a_motion_that_a_person_may_have_interrupted_is_not_sent_again() {
+    // Its reply was lost; then the axis was held at once, or on its way.
+    let taken = |script: Script| script.flagged("IDLE", &["WH", "NI"]).get("pos", 0);
+    let error = taken(taken(lost().flagged("IDLE", &["WH", "NI"]))).halted().fails();
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("NI")), "{error}");
+    let error = lost().rests_at(700).rests_at(700).rests_at(700).halted().fails();
+    assert!(matches!(error, DeviceError::Missed { target: Steps(1600), achieved: Steps(700) }), "{error}");
+}
+
+#[test]
+fn a_homing_whose_reply_is_lost_is_not_sent_to_an_axis_that_homes() {
+    let before = || {
+        let script = Script::default().opening().settings().flagged("IDLE", &["WR"]).say(1, "stop", "IDLE WR 0");
+        script.flagged("IDLE", &["WR"]).say(1, "warnings clear", "IDLE WR 0").flagged("IDLE", &["WR"]).raw(1, "home", "")
+    };
+    let after = |script: Script| script.state("IDLE --").get("encoder.pos", 95).state("IDLE --").get("pos", 0).get("encoder.pos", 95);
+    // It was heard; or it was not, and the reply to the second one is lost.
+    for script in [before(), before().flagged("IDLE", &["WR"]).raw(1, "home", "")] {
+        let controller = Scripted::play(after(script.state("BUSY --")).steps);
+        let mut zaber = Zaber::open(ZaberSettings { reference: Reference::Home, ..settings(&controller.port()) }).unwrap();
+        zaber.reference(&CancelToken::new()).unwrap();
+        controller.followed(zaber);
+    }
 }
 
 #[test]

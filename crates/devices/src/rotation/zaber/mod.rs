@@ -3,6 +3,7 @@
 //! ```text
 //! reference:  checksums on ─ settings ─ a person at the axis? ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
 //! move_to:    flags? ─ counter and encoder where they were left? ─ move abs ─ state, state, ... IDLE
+//!               │                                                    └─ no reply: state, flags, counter ─ not heard: move abs
 //!               └─ flags? ─ counter at the target? ─ encoder there too? ─► arrived
 //! ```
 //! Every reply carries the most important flag, so that a restart (no reference), a stall, a limit and a hand at the axis show in
@@ -33,6 +34,8 @@ use wire::Wire;
 const DEVICE: &str = "rotation axis (Zaber)";
 /// Pause between two looks at an axis that turns.
 const LOOK_AGAIN: Duration = Duration::from_millis(1);
+/// How often a motion is sent that the axis has not heard.
+const MOTION_ATTEMPTS: u32 = 3;
 
 /// A rotation axis on a Zaber controller.
 pub struct Zaber {
@@ -178,17 +181,43 @@ impl Zaber {
         if from == to {
             return Ok(());
         }
-        self.set_going(&format!("move abs {to}"))?;
+        self.set_going(&format!("move abs {to}"), Some(from))?;
         self.confirm(to, self.settings.travel_time(to - from))?;
         self.in_flight = false;
         Ok(())
     }
 
-    /// Sends a motion, which ends what the flags say of a person.
-    fn set_going(&mut self, words: &str) -> Result<(), DeviceError> {
+    /// Sends a motion to an axis that stands at `from`, where that is known. A motion ends what the flags say of a person.
+    ///
+    /// Where no reply comes the motion may have been heard. It is sent again only if it was not: a motion that is sent to an axis in
+    /// motion interrupts it, and the controller then reports NI as if a person had done it.
+    fn set_going(&mut self, words: &str, from: Option<i64>) -> Result<(), DeviceError> {
         self.in_flight = true;
-        self.told.clear();
-        self.wire.begin(words)
+        for _ in 0..MOTION_ATTEMPTS {
+            if self.wire.begin(words)? || self.was_heard(from)? {
+                self.told.clear();
+                return Ok(());
+            }
+            tracing::info!(words, "no reply, and the axis stands where it stood: the motion is sent again");
+        }
+        Err(self.wire.silent(words, MOTION_ATTEMPTS))
+    }
+
+    /// Whether a motion without a reply was heard: the axis moves, stands elsewhere, or a person has it now. In the last case the
+    /// motion may have been heard and interrupted at once; who waits for its end reads the flags.
+    fn was_heard(&mut self, from: Option<i64>) -> Result<bool, DeviceError> {
+        let state = self.wire.ask("")?;
+        if state.moving {
+            return Ok(true);
+        }
+        self.read_flags(&state)?;
+        if self.flags.iter().any(|flag| flags::is_by_hand(flag) && !self.told.contains(flag)) {
+            return Ok(true);
+        }
+        match from {
+            Some(from) => Ok(self.wire.get("pos")? != from),
+            None => Ok(false),
+        }
     }
 
     /// Refuses an axis that a person or a safety circuit has and nobody was told of. Nothing is sent that could turn it. A driver
@@ -229,7 +258,7 @@ impl Zaber {
         self.judge_before_a_reference()?;
         match self.settings.reference {
             Reference::Home => {
-                self.set_going("home")?;
+                self.set_going("home", None)?;
                 self.rest(self.settings.homing_timeout())?;
                 self.in_flight = false;
             }

@@ -6,8 +6,8 @@
 //!     ├─► replies of other ids, alerts, information, noise: passed over
 //!     └─► nothing in time, or without a checksum ──► asked once more, under another id
 //! ```
-//! A late reply carries the id of its own command and answers no other. Every command of this driver may be sent twice:
-//! absolute targets, readings, settings, stops. A motion, though, would interrupt itself: it is sent again to an axis that stands.
+//! A late reply carries the id of its own command and answers no other. Readings, settings and stops may be sent twice. A motion
+//! is sent once ([`Wire::begin`]): a second one would interrupt the first, and the controller would report a person's doing.
 
 use super::packet::{self, Line, Reply};
 use super::{DEVICE, ZaberSettings};
@@ -73,12 +73,14 @@ impl Wire {
         Ok(self.reply_to(self.axis, words)?.accepted)
     }
 
-    /// Sends a motion; again only where its reply is lost and the axis stands.
-    pub fn begin(&mut self, words: &str) -> Result<(), DeviceError> {
+    /// Sends a motion once. False where no reply came: it may have been heard or not.
+    ///
+    /// # Errors
+    /// The controller refuses it.
+    pub fn begin(&mut self, words: &str) -> Result<bool, DeviceError> {
         match self.once(self.axis, words)? {
-            Some(reply) => accepted(reply, words).map(|_reply| ()),
-            None if self.ask("")?.moving => Ok(()),
-            None => self.ask(words).map(|_reply| ()),
+            Some(reply) => accepted(reply, words).map(|_reply| true),
+            None => Ok(false),
         }
     }
 
@@ -96,7 +98,7 @@ impl Wire {
                 }
             }
         }
-        Err(self.silent(words))
+        Err(self.silent(words, 2))
     }
 
     fn ask_of(&mut self, axis: u8, words: &str) -> Result<Reply, DeviceError> {
@@ -113,12 +115,13 @@ impl Wire {
             None if self.bare => Err(DeviceError::Suspect {
                 why: "the controller answers without checksums, which it was told to send: it was restarted".into(),
             }),
-            None => Err(self.silent(words)),
+            None => Err(self.silent(words, 2)),
         }
     }
 
-    fn silent(&self, words: &str) -> DeviceError {
-        DeviceError::Silent { device: DEVICE, request: request(words), waited_ms: 2 * self.wait.as_millis() }
+    /// The error of a command that was sent `times` and never answered.
+    pub fn silent(&self, words: &str, times: u32) -> DeviceError {
+        DeviceError::Silent { device: DEVICE, request: request(words), waited_ms: u128::from(times) * self.wait.as_millis() }
     }
 
     fn once(&mut self, axis: u8, words: &str) -> Result<Option<Reply>, DeviceError> {
