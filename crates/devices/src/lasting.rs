@@ -17,6 +17,7 @@ type Open = Box<dyn FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send
 pub struct Lasting {
     open: Open,
     axis: Option<Box<dyn RotationAxis>>,
+    /// Of the axis that was let go last.
     identity: String,
     capabilities: Capabilities,
     /// Each driver counts its epochs from 0; those of the drivers before are behind them.
@@ -27,11 +28,11 @@ impl Lasting {
     /// Opens the axis for the first time.
     ///
     /// # Errors
-    /// What the driver says; whoever starts the daemon is there to read it.
+    /// What the driver says; whoever starts the daemon is there to read it. An axis that a person has is no error: `check` reports that.
     pub fn open(mut open: impl FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send + 'static) -> Result<Self, DeviceError> {
         let axis = open()?;
-        let (identity, capabilities) = (axis.identity().to_owned(), axis.capabilities());
-        Ok(Self { open: Box::new(open), axis: Some(axis), identity, capabilities, epochs_before: 0 })
+        let capabilities = axis.capabilities();
+        Ok(Self { open: Box::new(open), axis: Some(axis), identity: String::new(), capabilities, epochs_before: 0 })
     }
 
     fn with<T>(&mut self, work: impl FnOnce(&mut dyn RotationAxis) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
@@ -45,6 +46,7 @@ impl Lasting {
 
     fn let_port_go(&mut self) {
         if let Some(axis) = self.axis.take() {
+            axis.identity().clone_into(&mut self.identity);
             self.epochs_before += 1 + epoch(axis.position());
         }
     }
@@ -67,7 +69,7 @@ fn epoch(position: Position) -> u32 {
 
 impl RotationAxis for Lasting {
     fn identity(&self) -> &str {
-        &self.identity
+        self.axis.as_ref().map_or(&self.identity, |axis| axis.identity())
     }
 
     fn capabilities(&self) -> Capabilities {
@@ -100,20 +102,19 @@ impl RotationAxis for Lasting {
         self.axis.as_mut()?.specimen_input()
     }
 
-    /// An axis that is away is opened again, one that does not answer is let go.
+    /// An axis that is away is opened again first; one that does not answer is let go.
     fn check(&mut self) -> Result<(), DeviceError> {
-        if self.axis.is_some() {
-            let result = self.with(|axis| axis.check());
-            if matches!(result, Err(DeviceError::Silent { .. })) {
-                self.let_port_go();
-            }
-            return result;
+        if self.axis.is_none() {
+            let axis = (self.open)()?;
+            self.capabilities = axis.capabilities();
+            self.axis = Some(axis);
         }
-        let axis = (self.open)()?;
-        axis.identity().clone_into(&mut self.identity);
-        self.capabilities = axis.capabilities();
-        self.axis = Some(axis);
-        Ok(())
+        // Opened is not free: a person may have the axis, which only its own check tells.
+        let result = self.with(|axis| axis.check());
+        if matches!(result, Err(DeviceError::Silent { .. })) {
+            self.let_port_go();
+        }
+        result
     }
 
     fn position(&self) -> Position {
@@ -140,6 +141,7 @@ mod tests {
     #[derive(Default)]
     struct Bench {
         unplugged: AtomicBool,
+        held: AtomicBool,
         opened: AtomicU32,
         let_go: AtomicU32,
     }
@@ -147,9 +149,22 @@ mod tests {
     struct Fake(Arc<Bench>, Position);
 
     impl Fake {
+        /// Opened also while it is held.
+        fn open(bench: &Arc<Bench>) -> Result<Box<dyn RotationAxis>, DeviceError> {
+            let fake = Self(Arc::clone(bench), Position::Unknown);
+            match fake.answers() {
+                Ok(()) | Err(DeviceError::Intervention { .. }) => {}
+                Err(error) => return Err(error),
+            }
+            bench.opened.fetch_add(1, Ordering::SeqCst);
+            Ok(Box::new(fake))
+        }
+
         fn answers(&self) -> Result<(), DeviceError> {
             if self.0.unplugged.load(Ordering::SeqCst) {
                 Err(DeviceError::Gone { device: "fake", why: "unplugged".into() })
+            } else if self.0.held.load(Ordering::SeqCst) {
+                Err(DeviceError::Intervention { device: "fake", what: "feed hold".into(), way_out: "Press cycle start" })
             } else {
                 Ok(())
             }
@@ -193,13 +208,7 @@ mod tests {
     fn a_lost_axis_lets_its_port_go_and_comes_back_in_a_later_epoch() {
         let bench = Arc::new(Bench::default());
         let shared = Arc::clone(&bench);
-        let mut axis = Lasting::open(move || {
-            let fake = Fake(Arc::clone(&shared), Position::Unknown);
-            fake.answers()?;
-            shared.opened.fetch_add(1, Ordering::SeqCst);
-            Ok(Box::new(fake))
-        })
-        .unwrap();
+        let mut axis = Lasting::open(move || Fake::open(&shared)).unwrap();
         let cancel = CancelToken::new();
         assert_eq!(axis.reference(&cancel).unwrap().epoch, 1);
         axis.check().unwrap();
@@ -214,5 +223,23 @@ mod tests {
         assert_eq!(bench.opened.load(Ordering::SeqCst), 2);
         assert_eq!(axis.position(), Position::Unknown);
         assert_eq!(axis.reference(&cancel).unwrap().epoch, 3, "a view of before never meets one of after");
+    }
+
+    #[test]
+    fn an_axis_that_comes_back_while_a_person_has_it_says_so_and_keeps_its_port() {
+        let bench = Arc::new(Bench::default());
+        let shared = Arc::clone(&bench);
+        let mut axis = Lasting::open(move || Fake::open(&shared)).unwrap();
+        bench.unplugged.store(true, Ordering::SeqCst);
+        assert!(matches!(axis.check(), Err(DeviceError::Gone { .. })));
+        assert_eq!(axis.identity(), "fake", "known while it is away");
+        bench.unplugged.store(false, Ordering::SeqCst);
+        bench.held.store(true, Ordering::SeqCst);
+        for _ in 0..2 {
+            assert!(matches!(axis.check(), Err(DeviceError::Intervention { .. })));
+        }
+        bench.held.store(false, Ordering::SeqCst);
+        axis.check().unwrap();
+        assert_eq!((bench.opened.load(Ordering::SeqCst), bench.let_go.load(Ordering::SeqCst)), (2, 1));
     }
 }

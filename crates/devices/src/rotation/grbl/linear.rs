@@ -192,6 +192,7 @@ impl LinearAxis for Grbl {
 impl Grbl {
     fn home_slide(&mut self) -> Result<(), DeviceError> {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Err(refused("the configuration has no [translation]")) };
+        self.introduce()?;
         self.catch_up()?;
         self.is_free()?;
         self.home(&format!("$H{:?}", axis.letter))?;

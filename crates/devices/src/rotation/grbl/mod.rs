@@ -60,11 +60,12 @@ pub struct Grbl {
     link: Link,
     settings: GrblSettings,
     identity: String,
+    /// The version was read since the port was opened.
+    is_introduced: bool,
     knowledge: Knowledge,
     /// The machine step of step 0; machine steps count from the controller's own zero.
     origin: i64,
-    /// A motion has been asked for and its end has not been seen.
-    /// By its greeting.
+    /// It is grblHAL, by its greeting.
     is_hal: bool,
     /// It said at a start that its settings memory was erased, and has not agreed with the configuration since.
     memory_erased: bool,
@@ -77,7 +78,10 @@ pub struct Grbl {
 }
 
 impl Grbl {
-    /// Opens the port, wakes the controller and holds its settings against the configured ones. Nothing moves.
+    /// Opens the port, resets the controller and compares its settings with the configured ones. Nothing moves.
+    ///
+    /// A controller that somebody has (feed hold, open door, emergency stop) is opened and left alone: nothing is sent to it that moves
+    /// or resets it. [`RotationAxis::check`] reports that, and asks for version and settings once the controller is free.
     ///
     /// # Errors
     /// A bad setting, a port that cannot be opened, a silent controller, one of another kind or with other settings.
@@ -98,7 +102,8 @@ impl Grbl {
         let mut grbl = Self {
             link,
             settings,
-            identity: String::new(),
+            identity: "Grbl controller whose version was not read yet".into(),
+            is_introduced: false,
             knowledge: Knowledge::none_of("rotation axis"),
             origin: 0,
             is_hal: false,
@@ -107,10 +112,28 @@ impl Grbl {
             slide: translation.map(Slide::new),
             found: Found::new(),
         };
-        grbl.wait_until_free()?;
-        let greeting = grbl.wake()?;
+        match grbl.introduce() {
+            // The instrument can start and show this: `check` reports it again.
+            Err(error @ DeviceError::Intervention { .. }) => tracing::warn!(%error, "the rotation axis is opened, but somebody has it"),
+            introduced => introduced?,
+        }
+        tracing::info!(identity = grbl.identity, port = %grbl.settings.port, "rotation axis opened");
+        Ok(grbl)
+    }
+
+    /// Resets the controller, reads its version and compares its settings; once for each open port. Nothing moves.
+    ///
+    /// # Errors
+    /// While somebody has the controller it is not reset, and this is an [`DeviceError::Intervention`]. It is tried again by the next
+    /// check, reference or specimen.
+    fn introduce(&mut self) -> Result<(), DeviceError> {
+        if self.is_introduced {
+            return Ok(());
+        }
+        self.wait_until_free()?;
+        self.identity = self.wake()?;
         let mut version = Vec::new();
-        grbl.first(|grbl| {
+        self.first(|grbl| {
             version.clear();
             grbl.command("$I", grbl.settings.answer_timeout(), |line| {
                 if let Line::Message(text) = line {
@@ -118,12 +141,11 @@ impl Grbl {
                 }
             })
         })?;
-        grbl.zero_at_home =
+        self.zero_at_home =
             version.iter().any(|v| v.strip_prefix("[OPT:").is_some_and(|o| o.split(',').next().is_some_and(|o| o.contains('Z'))));
-        grbl.identity = format!("{greeting} {}", version.join(" "));
-        grbl.first(Self::compare_settings)?;
-        tracing::info!(identity = grbl.identity, port = %grbl.settings.port, "rotation axis opened");
-        Ok(grbl)
+        self.identity = format!("{} {}", self.identity, version.join(" "));
+        self.is_introduced = true;
+        self.first(Self::compare_settings)
     }
 
     fn rotation(&self) -> Geometry {
@@ -168,6 +190,7 @@ impl Grbl {
     /// Finds the axis, with a second try where the first was disturbed and nothing hurt: an answer that did not come, or a late
     /// greeting before anything moved. A reset stands between the two, so that no answer to the first is taken for one to the second.
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
+        self.introduce()?;
         self.wait_until_free()?;
         self.unwind()?;
         self.wake()?;
@@ -282,7 +305,7 @@ impl RotationAxis for Grbl {
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {
-        let result = self.answers();
+        let result = self.answers().and_then(|()| if self.link.is_stopped() { Ok(()) } else { self.introduce() });
         if let Err(error) = &result {
             self.doubt(error);
         }

@@ -70,7 +70,12 @@ impl Script {
     }
 
     fn opening(self) -> Self {
-        self.settings().flagged("IDLE", &["WR"]).say(0, "get system.serial", "IDLE WR 51234").say(0, "get version", "IDLE WR 7.32")
+        self.opening_with(&["WR"])
+    }
+
+    /// Opened while these flags are set.
+    fn opening_with(self, flags: &[&str]) -> Self {
+        self.settings().flagged("IDLE", flags).say(0, "get system.serial", "IDLE WR 51234").say(0, "get version", "IDLE WR 7.32")
     }
 
     /// Opened and referenced where it stands; the encoder says 95 there.
@@ -306,6 +311,32 @@ fn an_axis_that_somebody_has_is_not_turned_by_the_first_reference() {
     let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
     let error = zaber.reference(&CancelToken::new()).unwrap_err();
     assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("knob")), "{error}");
+    controller.followed(zaber);
+}
+
+#[test]
+fn an_axis_that_somebody_has_is_opened_and_the_check_tells_of_it() {
+    for (flags, word) in [(&["FH", "WR"][..], "FH: the hardware emergency stop"), (&["NC", "NI"], "NC: the axis was turned with")] {
+        let all = format!("IDLE {} {:02} {}", flags[0], flags.len(), flags.join(" "));
+        // Asked twice, told once; nothing but questions is sent.
+        let script = Script::default().opening_with(flags).say(1, "warnings", &all).say(1, "warnings", &all);
+        let controller = Scripted::play(script.steps);
+        let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+        assert_eq!((zaber.position(), zaber.identity()), (Position::Unknown, "Zaber 51234, firmware 7.32"));
+        let error = zaber.check().unwrap_err();
+        assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains(word)), "{error}");
+        zaber.check().unwrap();
+        assert_eq!(zaber.position(), Position::Unknown);
+        controller.followed(zaber);
+    }
+}
+
+#[test]
+fn a_move_that_was_interrupted_before_the_port_was_opened_is_a_stop_of_the_driver_before() {
+    let script = Script::default().opening_with(&["NI"]).say(1, "warnings", "IDLE NI 01 NI");
+    let controller = Scripted::play(script.steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    zaber.check().unwrap();
     controller.followed(zaber);
 }
 
