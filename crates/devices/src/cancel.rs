@@ -15,7 +15,7 @@ pub struct CancelToken(Arc<Shared>);
 struct Shared {
     cancelled: AtomicBool,
     /// Those that are cancelled with it. The lock also orders the flag against those who are about to rest.
-    gate: Mutex<Vec<Weak<Shared>>>,
+    children: Mutex<Vec<Weak<Shared>>>,
     woken: Condvar,
 }
 
@@ -28,7 +28,7 @@ impl CancelToken {
     #[must_use]
     pub fn child(&self) -> Self {
         let child = Self::new();
-        let mut children = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = self.0.children.lock().unwrap_or_else(PoisonError::into_inner);
         if self.is_cancelled() {
             child.cancel();
         } else {
@@ -39,7 +39,7 @@ impl CancelToken {
     }
 
     pub fn cancel(&self) {
-        let mut children = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = self.0.children.lock().unwrap_or_else(PoisonError::into_inner);
         self.0.cancelled.store(true, Ordering::Release);
         self.0.woken.notify_all();
         for child in children.drain(..).filter_map(|c| c.upgrade()) {
@@ -54,13 +54,13 @@ impl CancelToken {
     /// Rests for `duration`; returns true as soon as the token is cancelled.
     pub fn rest(&self, duration: Duration) -> bool {
         let until = Instant::now() + duration;
-        let mut gate = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = self.0.children.lock().unwrap_or_else(PoisonError::into_inner);
         while !self.is_cancelled() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return false;
             }
-            gate = self.0.woken.wait_timeout(gate, left).unwrap_or_else(PoisonError::into_inner).0;
+            children = self.0.woken.wait_timeout(children, left).unwrap_or_else(PoisonError::into_inner).0;
         }
         true
     }

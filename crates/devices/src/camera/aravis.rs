@@ -43,7 +43,7 @@ const HEARTBEAT: u64 = 0x938;
 const HEARTBEAT_SLACK: Duration = Duration::from_millis(500);
 
 /// Longer than Aravis needs to find out that a camera does not answer its heartbeat.
-const LAST_WORD: Duration = Duration::from_secs(15);
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(15);
 
 /// Held while a camera is opened: libaravis 0.8.26 reads a camera's description with a parser that two threads must not
 /// enter at once (seen: its nodes freed under it).
@@ -56,7 +56,7 @@ pub(super) struct AravisCamera {
     /// Absent while it is taken apart, and after a loss until it is opened again.
     open: Option<Open>,
     /// What other threads may know.
-    seen: Arc<Mutex<Seen>>,
+    link_state: Arc<Mutex<LinkState>>,
     armed: Option<Armed>,
     /// What the streams before the present one counted.
     counted: StreamCounters,
@@ -70,7 +70,7 @@ struct Open {
 }
 
 /// What tells other threads whether the camera is there.
-struct Seen {
+struct LinkState {
     /// The flag of what is open now.
     control_lost: Arc<AtomicBool>,
     /// Since when a request waits for its answer.
@@ -170,8 +170,8 @@ impl AravisCamera {
         settings.check()?;
         let (open, identity) = Open::new(&settings, Predecessor::MayHaveCrashed)?;
         warn_of_a_small_receive_buffer(settings.socket_buffer_bytes);
-        let seen = Arc::new(Mutex::new(Seen { control_lost: Arc::clone(&open.control_lost), asked: None }));
-        Ok(Self { settings, identity, open: Some(open), seen, armed: None, counted: StreamCounters::default() })
+        let link_state = Arc::new(Mutex::new(LinkState { control_lost: Arc::clone(&open.control_lost), asked: None }));
+        Ok(Self { settings, identity, open: Some(open), link_state, armed: None, counted: StreamCounters::default() })
     }
 
     fn device(&self) -> Result<&Open, DeviceError> {
@@ -194,8 +194,8 @@ impl AravisCamera {
         }
     }
 
-    fn seen(&self) -> std::sync::MutexGuard<'_, Seen> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    fn link_state(&self) -> std::sync::MutexGuard<'_, LinkState> {
+        self.link_state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn note_loss(&self) {
@@ -228,9 +228,9 @@ impl AravisCamera {
         if since_ns.is_none() {
             armed.drop_what_is_owed(late);
         }
-        self.seen().asked = Some(Instant::now());
+        self.link_state().asked = Some(Instant::now());
         let triggered = self.trigger();
-        self.seen().asked = None;
+        self.link_state().asked = None;
         let now_ns = triggered?;
         *since_ns = since_ns.or(now_ns);
         let trigger_ms = began.elapsed().as_secs_f64() * 1e3;
@@ -272,10 +272,10 @@ impl Camera for AravisCamera {
     }
 
     fn link(&self) -> Link {
-        let seen = Arc::clone(&self.seen);
+        let state = Arc::clone(&self.link_state);
         Link::new(move || {
-            let seen = seen.lock().unwrap_or_else(PoisonError::into_inner);
-            seen.control_lost.load(Ordering::Acquire) || seen.asked.is_some_and(|asked| asked.elapsed() > SLOW_ANSWER)
+            let state = state.lock().unwrap_or_else(PoisonError::into_inner);
+            state.control_lost.load(Ordering::Acquire) || state.asked.is_some_and(|asked| asked.elapsed() > SLOW_ANSWER)
         })
     }
 
@@ -290,7 +290,7 @@ impl Camera for AravisCamera {
             let why = format!("{identity} answers now; put the first one back, or start carved again");
             return Err(DeviceError::Camera { what: format!("expected {}", self.identity), why });
         }
-        self.seen().control_lost = Arc::clone(&open.control_lost);
+        self.link_state().control_lost = Arc::clone(&open.control_lost);
         self.open = Some(open);
         Ok(())
     }
@@ -390,7 +390,7 @@ fn refused(what: &str, error: &glib::Error) -> DeviceError {
 fn take_apart(armed: Option<Armed>, open: Option<Open>) {
     let work = move || {
         drop(armed);
-        let until = Instant::now() + LAST_WORD;
+        let until = Instant::now() + CLOSE_TIMEOUT;
         while open.as_ref().and_then(Open::gv).is_some_and(|gv| gv.is_controller()) && Instant::now() < until {
             std::thread::sleep(Duration::from_millis(50));
         }

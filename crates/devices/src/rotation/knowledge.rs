@@ -68,7 +68,7 @@ impl Knowledge {
     ///
     /// # Errors
     /// An axis whose position is not known does not move.
-    pub fn whence(&self) -> Result<Steps, DeviceError> {
+    pub fn known_steps(&self) -> Result<Steps, DeviceError> {
         match &self.known {
             Known::Unknown => Err(DeviceError::NotReferenced),
             Known::Suspect { why } => Err(DeviceError::Suspect { why: why.clone() }),

@@ -1,10 +1,10 @@
 //! One connection to a controller, what arrives on it and its stop.
 //!
 //! ```text
-//! rig worker ── send / line / exact ──► reader ◄── door (tty, TCP)
+//! rig worker ── send / line / exact ──► reader ◄── transport (tty, TCP)
 //!                  │
 //!                  ▼
-//!           transmitter (mutex: door, latch) ──► door
+//!           transmitter (mutex: transport, latch) ──► transport
 //!                  ▲
 //! any thread ── Stopper
 //! ```
@@ -16,8 +16,8 @@
 //!
 //! A serial port is opened exclusively. Closing the owner closes the connection, whatever stop handles are still about.
 
-use super::door::Door;
 use super::port::Port;
+use super::transport::Transport;
 use crate::DeviceError;
 use crate::cancel::CancelToken;
 use serialport::SerialPort;
@@ -37,7 +37,7 @@ const LONGEST_LINE: usize = 512;
 
 pub(super) struct Link {
     device: &'static str,
-    reader: Door,
+    reader: Transport,
     /// Bytes that nobody has asked for yet.
     pending: Vec<u8>,
     transmitter: Arc<Transmitter>,
@@ -51,7 +51,7 @@ struct Transmitter {
 
 struct State {
     /// None once the owner has closed the connection.
-    door: Option<Door>,
+    transport: Option<Transport>,
     latched: bool,
     /// The owner has sent the motor somewhere and has not seen the end of it.
     moving: bool,
@@ -105,8 +105,8 @@ impl Transmitter {
     fn write(&self, state: &mut State, bytes: &[u8]) -> Result<(), DeviceError> {
         tracing::trace!(device = self.device, "> {}", bytes.escape_ascii());
         let gone = |why| DeviceError::Gone { device: self.device, why };
-        let door = state.door.as_mut().ok_or_else(|| gone("the connection has been closed".into()))?;
-        door.send(bytes).map_err(|e| gone(e.to_string()))
+        let transport = state.transport.as_mut().ok_or_else(|| gone("the connection has been closed".into()))?;
+        transport.send(bytes).map_err(|e| gone(e.to_string()))
     }
 
     fn write_stop(&self, state: &mut State) -> Result<(), DeviceError> {
@@ -138,7 +138,7 @@ impl Link {
         if let Err(e) = port.write_data_terminal_ready(true) {
             tracing::debug!(device, error = %e, "the port has no DTR line");
         }
-        Self::through(device, path, Door::Serial(port), stop)
+        Self::through(device, path, Transport::Serial(port), stop)
     }
 
     /// Connects to a program that speaks for the controller, `host:port`.
@@ -156,7 +156,7 @@ impl Link {
                     // Requests are a few bytes each and wait for their answers.
                     stream.set_nodelay(true).map_err(refused)?;
                     stream.set_write_timeout(Some(WRITE_TIMEOUT)).map_err(refused)?;
-                    return Self::through(device, address, Door::Tcp(stream), stop);
+                    return Self::through(device, address, Transport::Tcp(stream), stop);
                 }
                 Err(e) => last = e,
             }
@@ -164,14 +164,14 @@ impl Link {
         Err(refused(last))
     }
 
-    fn through(device: &'static str, address: &str, reader: Door, stop: Stop) -> Result<Self, DeviceError> {
-        let twin = reader.twin().map_err(|e| DeviceError::Open {
+    fn through(device: &'static str, address: &str, reader: Transport, stop: Stop) -> Result<Self, DeviceError> {
+        let twin = reader.duplicate().map_err(|e| DeviceError::Open {
             device,
             address: address.into(),
             why: e.to_string(),
             remedy: "Close other programs: this computer has no file handles left",
         })?;
-        let state = Mutex::new(State { door: Some(twin), latched: false, moving: false });
+        let state = Mutex::new(State { transport: Some(twin), latched: false, moving: false });
         let transmitter = Transmitter { device, stop, state };
         Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
     }
@@ -257,7 +257,7 @@ impl Link {
     pub fn go_on_through(&mut self, mut fresh: Self) {
         std::mem::swap(&mut self.reader, &mut fresh.reader);
         self.pending.clear();
-        self.transmitter.lock().door = fresh.transmitter.lock().door.take();
+        self.transmitter.lock().transport = fresh.transmitter.lock().transport.take();
     }
 
     fn await_some<T>(&mut self, until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
@@ -382,6 +382,6 @@ impl Link {
 
 impl Drop for Link {
     fn drop(&mut self) {
-        self.transmitter.lock().door = None;
+        self.transmitter.lock().transport = None;
     }
 }

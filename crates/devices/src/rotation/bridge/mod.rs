@@ -183,7 +183,7 @@ impl RotationAxis for VastBridge {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let at = self.knowledge.whence()?;
+        let at = self.knowledge.known_steps()?;
         let moved = if at == target {
             self.dialogue.catch_up().map(|()| self.knowledge.arrived(at))
         } else {

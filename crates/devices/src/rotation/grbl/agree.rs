@@ -24,7 +24,7 @@ const MAX_RATE: u16 = 110;
 const ACCELERATION: u16 = 120;
 const TRAVEL: u16 = 130;
 
-pub(super) type Found = BTreeMap<u16, f64>;
+pub(super) type ControllerSettings = BTreeMap<u16, f64>;
 
 impl Grbl {
     /// Holds `$$` against the configuration. What differs is asked for once more before it is believed: on a disturbed line a
@@ -36,7 +36,7 @@ impl Grbl {
             differences = self.differences(&found);
             if differences.is_empty() {
                 self.memory_erased = false;
-                self.found = found;
+                self.controller_settings = found;
                 return Ok(());
             }
         }
@@ -47,8 +47,8 @@ impl Grbl {
         Err(DeviceError::Mismatch { device: DEVICE, differences })
     }
 
-    fn read_settings(&mut self) -> Result<Found, DeviceError> {
-        let mut found = Found::new();
+    fn read_settings(&mut self) -> Result<ControllerSettings, DeviceError> {
+        let mut found = ControllerSettings::new();
         self.command("$$", self.settings.answer_timeout(), |line| {
             if let Line::Setting { number, value } = line {
                 found.insert(number, value);
@@ -57,7 +57,7 @@ impl Grbl {
         Ok(found)
     }
 
-    fn differences(&self, found: &Found) -> Vec<Difference> {
+    fn differences(&self, found: &ControllerSettings) -> Vec<Difference> {
         let mut differences = Vec::new();
         let axes = self.axes().iter().map(|axis| 1 << axis.letter.index()).sum::<u32>();
         let kept = self.is_hal && found.get(&KEPT_POWERED).is_some_and(|mask| *mask as u32 & axes == axes);
@@ -91,7 +91,8 @@ impl Grbl {
     /// tell all of them.
     pub(super) fn homed_at(&self, axis: &Geometry) -> Option<i64> {
         let n = axis.letter.index();
-        let [pull_off, directions, travel] = [PULL_OFF, HOMING_DIRECTIONS, TRAVEL + n].map(|number| self.found.get(&number).copied());
+        let [pull_off, directions, travel] =
+            [PULL_OFF, HOMING_DIRECTIONS, TRAVEL + n].map(|number| self.controller_settings.get(&number).copied());
         let units = if self.zero_at_home {
             0.0
         } else if directions? as u32 >> n & 1 == 1 {

@@ -131,7 +131,7 @@ impl Grbl {
 
     fn slide_from(&mut self) -> Result<(TranslationSettings, i64, Steps), DeviceError> {
         let slide = self.slide()?;
-        match slide.knowledge.whence() {
+        match slide.knowledge.known_steps() {
             Ok(at) => Ok((slide.settings, slide.origin, at)),
             Err(DeviceError::Suspect { why }) => Err(refused(&format!("its position cannot be trusted ({why})"))),
             Err(_) => Err(refused("not referenced; its position is not known, so it refuses to move")),
@@ -192,7 +192,7 @@ impl LinearAxis for Grbl {
 impl Grbl {
     fn home_slide(&mut self) -> Result<(), DeviceError> {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Err(refused("the configuration has no [translation]")) };
-        self.introduce()?;
+        self.identify()?;
         self.catch_up()?;
         self.is_free()?;
         self.home(&format!("$H{:?}", axis.letter))?;

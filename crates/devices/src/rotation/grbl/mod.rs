@@ -17,7 +17,7 @@
 
 mod agree;
 mod geometry;
-mod hands;
+mod intervention;
 mod linear;
 mod report;
 mod settings;
@@ -32,7 +32,7 @@ use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
-use agree::Found;
+use agree::ControllerSettings;
 use carved_core::units::Steps;
 use geometry::Geometry;
 use linear::Slide;
@@ -61,7 +61,7 @@ pub struct Grbl {
     settings: GrblSettings,
     identity: String,
     /// The version was read since the port was opened.
-    is_introduced: bool,
+    is_identified: bool,
     knowledge: Knowledge,
     /// The machine step of step 0; machine steps count from the controller's own zero.
     origin: i64,
@@ -74,7 +74,7 @@ pub struct Grbl {
     /// The axis that moves the capillary along, where this controller has it.
     slide: Option<Slide>,
     /// Its settings when they last agreed with the configuration.
-    found: Found,
+    controller_settings: ControllerSettings,
 }
 
 impl Grbl {
@@ -103,19 +103,19 @@ impl Grbl {
             link,
             settings,
             identity: "Grbl controller whose version was not read yet".into(),
-            is_introduced: false,
+            is_identified: false,
             knowledge: Knowledge::none_of("rotation axis"),
             origin: 0,
             is_hal: false,
             memory_erased: false,
             zero_at_home: false,
             slide: translation.map(Slide::new),
-            found: Found::new(),
+            controller_settings: ControllerSettings::new(),
         };
-        match grbl.introduce() {
+        match grbl.identify() {
             // The instrument can start and show this: `check` reports it again.
             Err(error @ DeviceError::Intervention { .. }) => tracing::warn!(%error, "the rotation axis is opened, but somebody has it"),
-            introduced => introduced?,
+            identified => identified?,
         }
         tracing::info!(identity = grbl.identity, port = %grbl.settings.port, "rotation axis opened");
         Ok(grbl)
@@ -126,8 +126,8 @@ impl Grbl {
     /// # Errors
     /// While somebody has the controller it is not reset, and this is an [`DeviceError::Intervention`]. It is tried again by the next
     /// check, reference or specimen.
-    fn introduce(&mut self) -> Result<(), DeviceError> {
-        if self.is_introduced {
+    fn identify(&mut self) -> Result<(), DeviceError> {
+        if self.is_identified {
             return Ok(());
         }
         self.wait_until_free()?;
@@ -144,7 +144,7 @@ impl Grbl {
         self.zero_at_home =
             version.iter().any(|v| v.strip_prefix("[OPT:").is_some_and(|o| o.split(',').next().is_some_and(|o| o.contains('Z'))));
         self.identity = format!("{} {}", self.identity, version.join(" "));
-        self.is_introduced = true;
+        self.is_identified = true;
         self.first(Self::compare_settings)
     }
 
@@ -190,7 +190,7 @@ impl Grbl {
     /// Finds the axis, with a second try where the first was disturbed and nothing hurt: an answer that did not come, or a late
     /// greeting before anything moved. A reset stands between the two, so that no answer to the first is taken for one to the second.
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
-        self.introduce()?;
+        self.identify()?;
         self.wait_until_free()?;
         self.unwind()?;
         self.wake()?;
@@ -216,7 +216,7 @@ impl Grbl {
 
     /// An axis that has turned so far that its steps are about to blur is turned back first.
     fn unwind(&mut self) -> Result<(), DeviceError> {
-        if let (Reference::Here, Ok(at)) = (self.settings.reference, self.knowledge.whence())
+        if let (Reference::Here, Ok(at)) = (self.settings.reference, self.knowledge.known_steps())
             && (self.origin + at.0).abs() > FARTHEST_STEPS
         {
             self.travel(&self.rotation(), self.origin + at.0, 0, self.origin)?;
@@ -294,7 +294,7 @@ impl RotationAxis for Grbl {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let (origin, from) = (self.origin, self.knowledge.whence()?);
+        let (origin, from) = (self.origin, self.knowledge.known_steps()?);
         match self.travel(&self.rotation(), origin + from.0, origin + target.0, origin) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
@@ -305,7 +305,7 @@ impl RotationAxis for Grbl {
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {
-        let result = self.answers().and_then(|()| if self.link.is_stopped() { Ok(()) } else { self.introduce() });
+        let result = self.answers().and_then(|()| if self.link.is_stopped() { Ok(()) } else { self.identify() });
         if let Err(error) = &result {
             self.doubt(error);
         }

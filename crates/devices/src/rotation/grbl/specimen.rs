@@ -50,7 +50,7 @@ impl SpecimenInput for Grbl {
     fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
         let was_stopped = self.link.is_stopped();
         self.link.release(cancel)?;
-        self.introduce()?;
+        self.identify()?;
         self.wait_until_free()?;
         if was_stopped { self.revive(&DeviceError::Stopped) } else { Ok(()) }
     }

@@ -2,7 +2,7 @@
 
 use super::geometry::Geometry;
 use super::report::{Line, State, Status, alarm_text, error_text};
-use super::{DEVICE, Dialect, FULL_STATUS, Grbl, SOFT_RESET, STATUS, hands};
+use super::{DEVICE, Dialect, FULL_STATUS, Grbl, SOFT_RESET, STATUS, intervention};
 use crate::DeviceError;
 use carved_core::units::Steps;
 use std::time::{Duration, Instant};
@@ -36,7 +36,7 @@ impl Grbl {
                         continue;
                     }
                     // An emergency stop that is pressed lets no reset through.
-                    Line::Alarm(n) => match hands::of_alarm(n) {
+                    Line::Alarm(n) => match intervention::of_alarm(n) {
                         Some(error) => return Err(error),
                         None => continue,
                     },
@@ -74,7 +74,7 @@ impl Grbl {
                 Line::Ok => return Ok(true),
                 Line::Error(n) => {
                     let refused = DeviceError::Unexpected { device: DEVICE, expected: format!("ok to {line}"), found: error_text(n) };
-                    return Err(hands::of_error(n).unwrap_or(refused));
+                    return Err(intervention::of_error(n).unwrap_or(refused));
                 }
                 // This may have been the answer.
                 Line::Other(noise) if !noise.is_empty() => until = until.min(Instant::now() + self.settings.answer_timeout()),
@@ -134,7 +134,7 @@ impl Grbl {
             // Whoever still homes now does not get there.
             let status = self.status()?;
             if status.state != State::Home
-                && let Some(error) = hands::of(&status, true)
+                && let Some(error) = intervention::of(&status, true)
             {
                 return Err(error);
             }
@@ -150,11 +150,11 @@ impl Grbl {
     /// A report of a controller that nobody else has. A report that says otherwise is asked for once more before it is believed.
     fn free_status(&mut self) -> Result<Status, DeviceError> {
         let status = self.status()?;
-        if hands::of(&status, true).is_none() {
+        if intervention::of(&status, true).is_none() {
             return Ok(status);
         }
         let status = self.status()?;
-        hands::of(&status, true).map_or(Ok(status), Err)
+        intervention::of(&status, true).map_or(Ok(status), Err)
     }
 
     /// Refuses a command while somebody else has the controller.
@@ -168,13 +168,13 @@ impl Grbl {
         let until = Instant::now() + self.settings.homing_timeout();
         let mut asked_again = false;
         while let Some(status) = self.glance()? {
-            match hands::of(&status, true) {
+            match intervention::of(&status, true) {
                 Some(error) if asked_again => return Err(error),
                 Some(_) => asked_again = true,
                 None if status.state != State::Run => break,
                 // Somebody has let a held motion go on.
                 None if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
-                None => return Err(hands::still_turning(&status)),
+                None => return Err(intervention::still_turning(&status)),
             }
         }
         Ok(())
@@ -272,7 +272,7 @@ impl Grbl {
 
     /// Whether the controller answers and nobody else has it.
     pub(super) fn answers(&mut self) -> Result<(), DeviceError> {
-        let of_somebody_else = |status: Option<Status>| status.and_then(|status| hands::of(&status, false));
+        let of_somebody_else = |status: Option<Status>| status.and_then(|status| intervention::of(&status, false));
         if of_somebody_else(self.report_at_rest()?).is_none() {
             return Ok(());
         }
@@ -333,7 +333,7 @@ impl Dialect {
 fn unless_lost(line: Line) -> Result<Line, DeviceError> {
     match line {
         Line::Greeting(greeting) => Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") }),
-        Line::Alarm(n) => Err(hands::of_alarm(n).unwrap_or_else(|| DeviceError::Alarm { device: DEVICE, what: alarm_text(n) })),
+        Line::Alarm(n) => Err(intervention::of_alarm(n).unwrap_or_else(|| DeviceError::Alarm { device: DEVICE, what: alarm_text(n) })),
         other => Ok(other),
     }
 }

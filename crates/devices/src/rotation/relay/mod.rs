@@ -134,7 +134,7 @@ impl RotationAxis for Relay {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let from = self.knowledge.whence()?;
+        let from = self.knowledge.known_steps()?;
         let turned = self.turn(Steps(target.0 - from.0));
         self.unless_doubtful(turned)?;
         Ok(self.knowledge.arrived(target))

@@ -51,7 +51,7 @@ pub struct Tmcl {
     /// A motion has been asked for and its end has not been seen.
     in_flight: bool,
     /// Somebody was told that the pair is apart, and no reference has been found since.
-    told_of_skew: bool,
+    skew_reported: bool,
 }
 
 impl Tmcl {
@@ -68,7 +68,7 @@ impl Tmcl {
         let version = Version::of(version);
         let identity = format!("TMCM-{} {}", version.module, version.firmware());
         let knowledge = Knowledge::none_of("rotation axis");
-        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, told_of_skew: false };
+        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, skew_reported: false };
         tmcl.compare_settings()?;
         tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");
         Ok(tmcl)
@@ -120,7 +120,7 @@ impl Tmcl {
         self.wire.ask(Request::set_mark(self.mark))?;
         // Every later angle hangs on these counters.
         self.confirm(0)?;
-        (self.in_flight, self.told_of_skew) = (false, false);
+        (self.in_flight, self.skew_reported) = (false, false);
         Ok(())
     }
 
@@ -130,7 +130,7 @@ impl Tmcl {
             self.wire.halt();
             self.in_flight = false;
         }
-        self.told_of_skew |= matches!(error, DeviceError::Skew { .. });
+        self.skew_reported |= matches!(error, DeviceError::Skew { .. });
         self.knowledge.doubt(error);
     }
 }
@@ -157,7 +157,7 @@ impl RotationAxis for Tmcl {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let from = self.knowledge.whence()?;
+        let from = self.knowledge.known_steps()?;
         match self.travel(from.0, target.0) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {

@@ -1,7 +1,7 @@
 //! Moves of the pair, and what is held against their plan while they last.
 
 use super::frame::{Request, parameter};
-use super::wire::{Answer, Heard, Told, refused};
+use super::wire::{Answer, Answers, GroupReply, refused};
 use super::{DEVICE, Tmcl};
 use crate::DeviceError;
 use carved_core::units::Steps;
@@ -26,8 +26,8 @@ struct Look {
     mark: i32,
 }
 
-impl From<Told<3>> for Look {
-    fn from(Told { values: [before, second, after], mark }: Told<3>) -> Self {
+impl From<Answers<3>> for Look {
+    fn from(Answers { values: [before, second, after], mark }: Answers<3>) -> Self {
         Self { before: before.into(), second: second.into(), after: after.into(), mark }
     }
 }
@@ -76,10 +76,10 @@ impl Tmcl {
     fn glimpse(&mut self, until: Instant) -> Result<Option<Look>, DeviceError> {
         while Instant::now() < until {
             match self.wire.try_all(self.questions(), self.settings.answer_timeout(), until)? {
-                Heard::Told(told) => return Ok(Some(told.into())),
-                Heard::Refused(request, status) => return Err(refused(request, status)),
-                Heard::Void(why) => tracing::debug!(device = DEVICE, why, "asked again"),
-                Heard::Lost(why) => {
+                GroupReply::Answered(told) => return Ok(Some(told.into())),
+                GroupReply::Refused(request, status) => return Err(refused(request, status)),
+                GroupReply::Void(why) => tracing::debug!(device = DEVICE, why, "asked again"),
+                GroupReply::Lost(why) => {
                     tracing::debug!(device = DEVICE, why, "asked again");
                     if Instant::now() >= until || !self.wire.resync(until)? {
                         return Ok(None);
@@ -256,7 +256,7 @@ impl Tmcl {
         let cause = self.wire.flush().and_then(|_| {
             self.check_mark()?;
             match speeds {
-                Ok(Heard::Told(told)) => self.obstacle(look, to, told.values),
+                Ok(GroupReply::Answered(told)) => self.obstacle(look, to, told.values),
                 _ => Ok(None),
             }
         });
@@ -364,7 +364,7 @@ impl Tmcl {
         let began = self.look_at_rest()?;
         // The counters are those of a reference: a pair that is apart by them is twisted. A person is told once; then the
         // search itself shows which motor comes late.
-        if began.mark & !0xffff == super::MARK && began.skew() > limit && !self.told_of_skew {
+        if began.mark & !0xffff == super::MARK && began.skew() > limit && !self.skew_reported {
             return Err(self.skewed(began.pair()));
         }
         // From here until it has ended the counters say nothing of the pair.

@@ -58,14 +58,14 @@ pub(super) enum Answer {
 
 /// The answers to a group of requests, and the mark that was read behind them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Told<const N: usize> {
+pub(super) struct Answers<const N: usize> {
     pub values: [i32; N],
     pub mark: i32,
 }
 
 /// What comes of a group of requests.
-pub(super) enum Heard<const N: usize> {
-    Told(Told<N>),
+pub(super) enum GroupReply<const N: usize> {
+    Answered(Answers<N>),
     Refused(Request, u8),
     /// Answers came twice or late; both ends are in step again.
     Void(String),
@@ -116,16 +116,16 @@ impl Wire {
 
     /// The values that the module answers with. What was lost is waited for longer when it is asked for again: the pair stands, or
     /// stands at its target.
-    pub fn ask_all<const N: usize>(&mut self, requests: [Request; N]) -> Result<Told<N>, DeviceError> {
+    pub fn ask_all<const N: usize>(&mut self, requests: [Request; N]) -> Result<Answers<N>, DeviceError> {
         let mut found = String::new();
         let mut wait = self.wait;
         for _ in 0..ATTEMPTS {
             let until = Instant::now() + wait * (N as u32 + 1);
             found = match self.try_all(requests, wait, until)? {
-                Heard::Told(told) => return Ok(told),
-                Heard::Refused(request, status) => return Err(refused(request, status)),
-                Heard::Void(why) => why,
-                Heard::Lost(why) => {
+                GroupReply::Answered(told) => return Ok(told),
+                GroupReply::Refused(request, status) => return Err(refused(request, status)),
+                GroupReply::Void(why) => why,
+                GroupReply::Lost(why) => {
                     self.flush()?;
                     wait = self.wait.mul_f64(LATE_ANSWER_TIMES);
                     why
@@ -138,7 +138,12 @@ impl Wire {
     }
 
     /// Asks a group once, all of it until `until`.
-    pub fn try_all<const N: usize>(&mut self, requests: [Request; N], wait: Duration, until: Instant) -> Result<Heard<N>, DeviceError> {
+    pub fn try_all<const N: usize>(
+        &mut self,
+        requests: [Request; N],
+        wait: Duration,
+        until: Instant,
+    ) -> Result<GroupReply<N>, DeviceError> {
         // What has come since the last group belongs to none.
         self.link.unasked()?;
         (self.disturbed, self.last) = (false, [0; BYTES]);
@@ -147,19 +152,19 @@ impl Wire {
         for (value, request) in values.iter_mut().zip(requests) {
             *value = match self.once(request, until.min(Instant::now() + wait))? {
                 Answer::Value(value) => value,
-                Answer::Refused(status) => return Ok(Heard::Refused(request, status)),
-                Answer::Lost(why) => return Ok(Heard::Lost(why)),
+                Answer::Refused(status) => return Ok(GroupReply::Refused(request, status)),
+                Answer::Lost(why) => return Ok(GroupReply::Lost(why)),
             };
         }
         let mark = match self.once(Request::mark(), until.min(Instant::now() + wait))? {
             Answer::Value(mark) => mark,
-            Answer::Refused(status) => return Ok(Heard::Refused(Request::mark(), status)),
-            Answer::Lost(why) => return Ok(Heard::Lost(why)),
+            Answer::Refused(status) => return Ok(GroupReply::Refused(Request::mark(), status)),
+            Answer::Lost(why) => return Ok(GroupReply::Lost(why)),
         };
         if self.disturbed || requests.iter().any(|request| self.passed.contains(&request.command)) {
-            return Ok(Heard::Void("an answer too many: one came twice, or late".into()));
+            return Ok(GroupReply::Void("an answer too many: one came twice, or late".into()));
         }
-        Ok(Heard::Told(Told { values, mark }))
+        Ok(GroupReply::Answered(Answers { values, mark }))
     }
 
     /// What comes of one request; after [`Answer::Lost`] nothing may be asked but a flush.

@@ -50,7 +50,7 @@ pub struct Zaber {
     /// All flags, as they were read last.
     flags: Vec<String>,
     /// Flags of a person's doing that were told, or are this program's own.
-    told: Vec<String>,
+    reported: Vec<String>,
 }
 
 impl Zaber {
@@ -71,13 +71,13 @@ impl Zaber {
             encoder_origin: 0,
             in_flight: false,
             flags: Vec::new(),
-            told: Vec::new(),
+            reported: Vec::new(),
         };
         zaber.compare_settings()?;
         // A stop of who drove the axis before.
         let state = zaber.wire.ask("")?;
         zaber.read_flags(&state)?;
-        zaber.told.extend(zaber.flags.iter().filter(|flag| *flag == flags::INTERRUPTED).cloned());
+        zaber.reported.extend(zaber.flags.iter().filter(|flag| *flag == flags::INTERRUPTED).cloned());
         let serial = zaber.wire.ask_device("get system.serial")?.data;
         let version = zaber.wire.ask_device("get version")?.data;
         zaber.identity = format!("Zaber {serial}, firmware {version}");
@@ -115,12 +115,12 @@ impl Zaber {
     /// Takes a list of flags: their number, then each.
     fn take_flags(&mut self, list: &str) {
         self.flags = list.split_whitespace().skip(1).map(str::to_owned).collect();
-        self.told.retain(|flag| self.flags.contains(flag));
+        self.reported.retain(|flag| self.flags.contains(flag));
     }
 
     /// What the flags that were read last say, but for those that were told.
     fn judge(&self) -> Result<(), DeviceError> {
-        let is_new = |flag: &&String| flags::switches_off(flag) || !self.told.contains(flag);
+        let is_new = |flag: &&String| flags::switches_off(flag) || !self.reported.contains(flag);
         let new: Vec<String> = self.flags.iter().filter(is_new).cloned().collect();
         flags::judge(&new, self.settings.reference)
     }
@@ -130,7 +130,7 @@ impl Zaber {
         let until = Instant::now() + wait;
         loop {
             let reply = self.wire.ask("")?;
-            let is_taken = flags::is_by_hand(&reply.flag) && !self.told.contains(&reply.flag);
+            let is_taken = flags::is_by_hand(&reply.flag) && !self.reported.contains(&reply.flag);
             if !reply.moving || is_taken {
                 return self.read_flags(&reply);
             }
@@ -195,7 +195,7 @@ impl Zaber {
         self.in_flight = true;
         for _ in 0..MOTION_ATTEMPTS {
             if self.wire.begin(words)? || self.was_heard(from)? {
-                self.told.clear();
+                self.reported.clear();
                 return Ok(());
             }
             tracing::info!(words, "no reply, and the axis stands where it stood: the motion is sent again");
@@ -211,7 +211,7 @@ impl Zaber {
             return Ok(true);
         }
         self.read_flags(&state)?;
-        if self.flags.iter().any(|flag| flags::is_by_hand(flag) && !self.told.contains(flag)) {
+        if self.flags.iter().any(|flag| flags::is_by_hand(flag) && !self.reported.contains(flag)) {
             return Ok(true);
         }
         match from {
@@ -226,7 +226,7 @@ impl Zaber {
         let reply = self.wire.ask("")?;
         self.read_flags(&reply)?;
         let by_hand: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
-        let is_new = |flag: &String| !self.told.contains(flag) || (reply.moving && flag == flags::KNOB);
+        let is_new = |flag: &String| !self.reported.contains(flag) || (reply.moving && flag == flags::KNOB);
         if by_hand.iter().any(is_new) {
             return flags::judge(&by_hand, self.settings.reference);
         }
@@ -276,19 +276,19 @@ impl Zaber {
     /// Brings the axis to rest and no longer believes its position.
     fn doubt(&mut self, error: &DeviceError) {
         if matches!(error, DeviceError::Intervention { .. }) {
-            self.tell();
+            self.mark_reported();
         }
         if self.in_flight {
             self.wire.halt();
             self.in_flight = false;
-            self.told.push(flags::INTERRUPTED.into());
+            self.reported.push(flags::INTERRUPTED.into());
         }
         self.knowledge.doubt(error);
     }
 
     /// Somebody is told of what a person did.
-    fn tell(&mut self) {
-        self.told = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
+    fn mark_reported(&mut self) {
+        self.reported = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
     }
 }
 
@@ -315,7 +315,7 @@ impl RotationAxis for Zaber {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let from = self.knowledge.whence()?;
+        let from = self.knowledge.known_steps()?;
         match self.travel(from.0, target.0) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
@@ -328,9 +328,9 @@ impl RotationAxis for Zaber {
     fn check(&mut self) -> Result<(), DeviceError> {
         let list = self.wire.probe("warnings")?.data;
         self.take_flags(&list);
-        let new: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag) && !self.told.contains(flag)).cloned().collect();
+        let new: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag) && !self.reported.contains(flag)).cloned().collect();
         if !new.is_empty() {
-            self.tell();
+            self.mark_reported();
         }
         flags::judge(&new, self.settings.reference)
     }

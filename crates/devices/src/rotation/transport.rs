@@ -5,14 +5,14 @@ use std::io::{Read, Result, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-pub(super) enum Door {
+pub(super) enum Transport {
     Serial(TTYPort),
     Tcp(TcpStream),
 }
 
-impl Door {
+impl Transport {
     /// A second hold on the same connection, for the one who stops.
-    pub fn twin(&self) -> Result<Self> {
+    pub fn duplicate(&self) -> Result<Self> {
         Ok(match self {
             Self::Serial(port) => Self::Serial(port.try_clone_native()?),
             Self::Tcp(stream) => Self::Tcp(stream.try_clone()?),
