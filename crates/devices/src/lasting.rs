@@ -1,11 +1,11 @@
-//! An axis that outlives its cable: what is lost is let go, and opened again when it is back.
+//! An axis that survives a lost connection. A lost driver is closed, and opened again when the controller is back.
 //!
 //! ```text
-//!            Gone ───────────► nothing (the port is free: a replug may take its name)
+//!            Gone ───────────► no driver (the port is free, so that a replugged adapter gets its name again)
 //!  driver ──┤                    │
-//!            check: Silent ──►   │ check: opened again? ──► driver, a later epoch, to be referenced
+//!            check: Silent ──►   │ check: opened again? ──► driver, a later epoch; it needs a reference
 //! ```
-//! The port must be let go at once: while a dead tty is held open its adapter comes back under another name.
+//! The port must be closed at once. While a dead tty is held open its adapter comes back under another name.
 
 use super::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use crate::cancel::CancelToken;
@@ -17,10 +17,10 @@ type Open = Box<dyn FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send
 pub struct Lasting {
     open: Open,
     axis: Option<Box<dyn RotationAxis>>,
-    /// Of the axis that was let go last.
+    /// Identity of the axis that was closed last.
     identity: String,
     capabilities: Capabilities,
-    /// Each driver counts its epochs from 0; those of the drivers before are behind them.
+    /// Each driver counts its epochs from 0. This is the number of epochs of the drivers before.
     epochs_before: u32,
 }
 
@@ -28,7 +28,7 @@ impl Lasting {
     /// Opens the axis for the first time.
     ///
     /// # Errors
-    /// What the driver says; whoever starts the daemon is there to read it. An axis that a person has is no error: `check` reports that.
+    /// The driver's error. An axis that a person holds is not an error here: `check` reports it.
     pub fn open(mut open: impl FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send + 'static) -> Result<Self, DeviceError> {
         let axis = open()?;
         let capabilities = axis.capabilities();
@@ -39,12 +39,12 @@ impl Lasting {
         let Some(axis) = &mut self.axis else { return Err(away()) };
         let result = work(axis.as_mut());
         if matches!(result, Err(DeviceError::Gone { .. })) {
-            self.let_port_go();
+            self.close_port();
         }
         result
     }
 
-    fn let_port_go(&mut self) {
+    fn close_port(&mut self) {
         if let Some(axis) = self.axis.take() {
             axis.identity().clone_into(&mut self.identity);
             self.epochs_before += 1 + epoch(axis.position());
@@ -102,17 +102,17 @@ impl RotationAxis for Lasting {
         self.axis.as_mut()?.specimen_input()
     }
 
-    /// An axis that is away is opened again first; one that does not answer is let go.
+    /// Opens a lost axis again, and closes one that does not answer.
     fn check(&mut self) -> Result<(), DeviceError> {
         if self.axis.is_none() {
             let axis = (self.open)()?;
             self.capabilities = axis.capabilities();
             self.axis = Some(axis);
         }
-        // Opened is not free: a person may have the axis, which only its own check tells.
+        // A driver also opens an axis that a person holds. Only its check tells.
         let result = self.with(|axis| axis.check());
         if matches!(result, Err(DeviceError::Silent { .. })) {
-            self.let_port_go();
+            self.close_port();
         }
         result
     }
@@ -126,7 +126,7 @@ impl RotationAxis for Lasting {
         }
     }
 
-    /// Of the axis that is open now: it is asked for when a run begins, and an axis comes back between runs only.
+    /// The handle of the axis that is open now. A run asks for it at its beginning, and an axis is opened again between runs only.
     fn stop_handle(&self) -> StopHandle {
         self.axis.as_ref().map_or_else(|| StopHandle::new(|| ()), |axis| axis.stop_handle())
     }

@@ -1,11 +1,11 @@
-//! VAST's list of stops, `external.txt`, of whole steps.
+//! VAST's list of stops, `external.txt`.
 //!
 //! ```text
 //! tomography  x_position  degrees  ctrl_output  trigger_input  adjust_rotation  tray_LED      tabs, CR LF, no header
 //! 1           0           17,28    1            1              0                1             decimal comma
 //! ```
-//! A step must be a whole number of hundredths of a degree, 0.72 deg for VAST's 500: then the list says exactly where the
-//! axis will stand, and the ledger's steps are those that the machine makes.
+//! A step must be a whole number of hundredths of a degree; it is 0.72 deg with VAST's 500 steps per revolution. The list is then
+//! exact, and the ledger's steps are those that the machine makes.
 
 use super::{DEVICE, Degrees, VastBridgeSettings};
 use crate::{DeviceError, regular};
@@ -45,7 +45,8 @@ pub(super) fn text(stops: &[Steps], hundredths_per_step: i64, settings: &VastBri
             "1".to_owned(),
             settings.x_position_um.to_string(),
             degrees(steps * hundredths_per_step),
-            // It pulses in position and waits for a trigger, and turns to no angle of its own choice.
+            // ctrl_output and trigger_input: VAST pulses in position and waits for a trigger. adjust_rotation: VAST does not change the
+            // angle.
             "1\t1\t0".to_owned(),
             u8::from(settings.tray_led).to_string(),
         ];

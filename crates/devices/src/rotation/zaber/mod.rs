@@ -1,18 +1,18 @@
-//! Driver for Zaber controllers by their ASCII protocol.
+//! Driver for Zaber controllers with the ASCII protocol.
 //!
 //! ```text
-//! reference:  checksums on ─ settings ─ a person at the axis? ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
+//! reference:  checksums on ─ settings ─ intervention? ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
 //! move_to:    flags? ─ counter and encoder where they were left? ─ move abs ─ state, state, ... IDLE
 //!               │                                                    └─ no reply: state, flags, counter ─ not heard: move abs
 //!               └─ flags? ─ counter at the target? ─ encoder there too? ─► arrived
 //! ```
-//! Every reply carries the most important flag, so that a restart (no reference), a stall, a limit and a hand at the axis show in
-//! whatever is asked next; one flag hides those below it, so all are asked for where there is one. [`flags`] has what each
-//! means. The encoder tells where the shaft stands: steps that were lost are a miss.
+//! Every reply carries the most important warning flag. So a restart, a stall, a limit and an intervention show in the next reply.
+//! One flag hides those below it, so all are read if there is one. [`flags`] has their meanings. The encoder measures the angle of
+//! the shaft, so that lost steps are detected.
 //!
-//! **By hand.** A knob that was turned, a shaft that was pushed and a hardware stop are told as an intervention, once, and nothing
-//! that turns the axis is sent until the next reference. Their flags stay set until the axis moves, so the driver remembers
-//! which it has told. A stop of its own leaves the same flag as a hand in the middle of a move; that one counts as told.
+//! **Interventions.** A turned knob, a pushed shaft and a hardware stop are reported once, and nothing that turns the axis is sent
+//! until the next reference. Their flags stay set until the axis moves, so the driver remembers the reported ones. Its own stop sets
+//! the same flag (NI) as a person who interrupts a move. After an own stop this flag counts as reported.
 
 mod flags;
 mod packet;
@@ -32,9 +32,9 @@ use std::time::{Duration, Instant};
 use wire::Wire;
 
 const DEVICE: &str = "rotation axis (Zaber)";
-/// Pause between two looks at an axis that turns.
+/// Pause between two readings of a turning axis.
 const LOOK_AGAIN: Duration = Duration::from_millis(1);
-/// How often a motion is sent that the axis has not heard.
+/// How often a motion is sent that the controller has not received.
 const MOTION_ATTEMPTS: u32 = 3;
 
 /// A rotation axis on a Zaber controller.
@@ -43,18 +43,19 @@ pub struct Zaber {
     settings: ZaberSettings,
     identity: String,
     knowledge: Knowledge,
-    /// What the encoder said where the counter was 0.
+    /// The encoder's reading at counter 0.
     encoder_origin: i64,
-    /// A motion has been asked for and its end has not been seen.
+    /// A motion was requested and its end was not seen.
     in_flight: bool,
-    /// All flags, as they were read last.
+    /// All flags at the last reading.
     flags: Vec<String>,
-    /// Flags of a person's doing that were told, or are this program's own.
+    /// Flags of an intervention that were reported, or that this program's own stop has set.
     reported: Vec<String>,
 }
 
 impl Zaber {
-    /// Opens the port and holds the controller's settings against the configured ones. Nothing moves.
+    /// Opens the port and compares the controller's settings with the configured ones. Nothing moves. A controller that a person holds is
+    /// opened too: its settings can be read, and [`RotationAxis::check`] reports the intervention.
     ///
     /// # Errors
     /// A bad setting, a port that cannot be opened, a silent controller, or one with other settings.
@@ -74,7 +75,7 @@ impl Zaber {
             reported: Vec::new(),
         };
         zaber.compare_settings()?;
-        // A stop of who drove the axis before.
+        // NI alone comes from the stop of the program that drove the axis before.
         let state = zaber.wire.ask("")?;
         zaber.read_flags(&state)?;
         zaber.reported.extend(zaber.flags.iter().filter(|flag| *flag == flags::INTERRUPTED).cloned());
@@ -86,7 +87,7 @@ impl Zaber {
     }
 
     fn compare_settings(&mut self) -> Result<(), DeviceError> {
-        // A controller that restarted has forgotten it; its answer may come without.
+        // A restart switches checksums off. The answer to this command may still come without one.
         self.wire.ask_device("set comm.checksum 1")?;
         let expected = [("resolution", self.settings.resolution), ("maxspeed", self.settings.maxspeed), ("accel", self.settings.accel)];
         let mut differences = Vec::new();
@@ -105,27 +106,27 @@ impl Zaber {
         if differences.is_empty() { Ok(()) } else { Err(DeviceError::Mismatch { device: DEVICE, differences }) }
     }
 
-    /// All flags, where a reply says that there are any: it carries one, which hides those below it.
+    /// Reads all flags if `reply` carries one, which hides those below it.
     fn read_flags(&mut self, reply: &Reply) -> Result<(), DeviceError> {
         let list = if reply.flag == flags::NONE { String::new() } else { self.wire.ask("warnings")?.data };
         self.take_flags(&list);
         Ok(())
     }
 
-    /// Takes a list of flags: their number, then each.
+    /// Keeps a list of flags as the controller prints it: their number, then each.
     fn take_flags(&mut self, list: &str) {
         self.flags = list.split_whitespace().skip(1).map(str::to_owned).collect();
         self.reported.retain(|flag| self.flags.contains(flag));
     }
 
-    /// What the flags that were read last say, but for those that were told.
+    /// The error that the last flags show, without the reported ones.
     fn judge(&self) -> Result<(), DeviceError> {
         let is_new = |flag: &&String| flags::switches_off(flag) || !self.reported.contains(flag);
         let new: Vec<String> = self.flags.iter().filter(is_new).cloned().collect();
         flags::judge(&new, self.settings.reference)
     }
 
-    /// Waits until the axis stands, or somebody else is seen to have it, and reads the flags that are then set.
+    /// Waits until the axis rests or an intervention shows, and reads the flags.
     fn rest(&mut self, wait: Duration) -> Result<(), DeviceError> {
         let until = Instant::now() + wait;
         loop {
@@ -146,29 +147,30 @@ impl Zaber {
         }
     }
 
-    /// Sure that the axis stands at `place` within `wait`, unflagged, by its counter and by its encoder? What says otherwise
-    /// is asked for once more before it is believed.
-    fn confirm(&mut self, place: i64, wait: Duration) -> Result<(), DeviceError> {
-        if self.stands_at(place, wait)?.is_ok() {
+    /// Confirms that the axis rests at `position` within `wait`, without a flag, by its counter and by its encoder. Anything else must be
+    /// read twice before it is an error.
+    fn confirm(&mut self, position: i64, wait: Duration) -> Result<(), DeviceError> {
+        if self.rests_at(position, wait)?.is_ok() {
             return Ok(());
         }
-        self.stands_at(place, wait)?
+        self.rests_at(position, wait)?
     }
 
-    fn stands_at(&mut self, place: i64, wait: Duration) -> Result<Result<(), DeviceError>, DeviceError> {
+    /// One reading of flags, counter and encoder: the inner error if it differs, the outer one if it failed.
+    fn rests_at(&mut self, position: i64, wait: Duration) -> Result<Result<(), DeviceError>, DeviceError> {
         self.rest(wait)?;
-        let missed = |achieved| Ok(Err(DeviceError::Missed { target: Steps(place), achieved: Steps(achieved) }));
+        let missed = |achieved| Ok(Err(DeviceError::Missed { target: Steps(position), achieved: Steps(achieved) }));
         let counter = self.wire.get("pos")?;
         if let Err(error) = self.judge() {
             let is_stall = matches!(error, DeviceError::Alarm { .. }) && self.flags.iter().any(|flag| flag == flags::STALLED);
-            return Ok(Err(if is_stall { self.stalled(counter, place) } else { error }));
+            return Ok(Err(if is_stall { self.stalled(counter, position) } else { error }));
         }
-        if counter != place {
+        if counter != position {
             return missed(counter);
         }
         let Some(tolerance) = self.settings.encoder_tolerance_steps else { return Ok(Ok(())) };
         let measured = self.wire.get("encoder.pos")? - self.encoder_origin;
-        if measured.abs_diff(place) > u64::from(tolerance) { missed(measured) } else { Ok(Ok(())) }
+        if measured.abs_diff(position) > u64::from(tolerance) { missed(measured) } else { Ok(Ok(())) }
     }
 
     fn stalled(&self, at: i64, target: i64) -> DeviceError {
@@ -187,25 +189,26 @@ impl Zaber {
         Ok(())
     }
 
-    /// Sends a motion to an axis that stands at `from`, where that is known. A motion ends what the flags say of a person.
+    /// Sends a motion to an axis that rests at `from`; `None` for a motion from an unknown position. The motion clears the flags of an
+    /// earlier intervention.
     ///
-    /// Where no reply comes the motion may have been heard. It is sent again only if it was not: a motion that is sent to an axis in
-    /// motion interrupts it, and the controller then reports NI as if a person had done it.
+    /// Without a reply, the controller may have received the motion or not. It is sent again only if it was not received: a motion that is
+    /// sent to a moving axis interrupts it, and the controller then reports NI as after an intervention.
     fn set_going(&mut self, words: &str, from: Option<i64>) -> Result<(), DeviceError> {
         self.in_flight = true;
         for _ in 0..MOTION_ATTEMPTS {
-            if self.wire.begin(words)? || self.was_heard(from)? {
+            if self.wire.begin(words)? || self.was_received(from)? {
                 self.reported.clear();
                 return Ok(());
             }
-            tracing::info!(words, "no reply, and the axis stands where it stood: the motion is sent again");
+            tracing::info!(words, "no reply, and the axis has not moved: the motion is sent again");
         }
         Err(self.wire.silent(words, MOTION_ATTEMPTS))
     }
 
-    /// Whether a motion without a reply was heard: the axis moves, stands elsewhere, or a person has it now. In the last case the
-    /// motion may have been heard and interrupted at once; who waits for its end reads the flags.
-    fn was_heard(&mut self, from: Option<i64>) -> Result<bool, DeviceError> {
+    /// Whether the controller has received a motion without a reply: the axis moves, rests elsewhere, or a new flag shows an intervention,
+    /// which may have interrupted the motion at once. The wait for its end then reads the flags.
+    fn was_received(&mut self, from: Option<i64>) -> Result<bool, DeviceError> {
         let state = self.wire.ask("")?;
         if state.moving {
             return Ok(true);
@@ -220,9 +223,9 @@ impl Zaber {
         }
     }
 
-    /// Refuses an axis that a person or a safety circuit has and nobody was told of. Nothing is sent that could turn it. A driver
-    /// that was switched off, and was told so, is switched on again; a stop that is still pressed refuses that.
-    fn is_free(&mut self) -> Result<(), DeviceError> {
+    /// An error for an intervention that was not reported yet. Nothing is sent that could turn the axis. A motor driver that was switched
+    /// off, and reported so, is switched on again. The controller refuses that while a stop is pressed.
+    fn require_free(&mut self) -> Result<(), DeviceError> {
         let reply = self.wire.ask("")?;
         self.read_flags(&reply)?;
         let by_hand: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
@@ -241,7 +244,7 @@ impl Zaber {
         Ok(())
     }
 
-    /// What is set although it was cleared is not of the past, but for what the reference itself puts right.
+    /// The error of flags that are still set after `warnings clear`, without those that a reference clears.
     fn judge_before_a_reference(&self) -> Result<(), DeviceError> {
         let left: Vec<String> = self.flags.iter().filter(|flag| !flags::ends_with_a_reference(flag)).cloned().collect();
         flags::judge(&left, self.settings.reference)
@@ -249,7 +252,7 @@ impl Zaber {
 
     fn find_origin(&mut self) -> Result<(), DeviceError> {
         self.compare_settings()?;
-        self.is_free()?;
+        self.require_free()?;
         self.wire.ask("stop")?;
         self.rest(self.settings.travel_time(0))?;
         self.wire.ask("warnings clear")?;
@@ -269,11 +272,11 @@ impl Zaber {
         if self.settings.encoder_tolerance_steps.is_some() {
             self.encoder_origin = self.wire.get("encoder.pos")?;
         }
-        // Every later angle hangs on these.
+        // Every later angle depends on these readings.
         self.confirm(0, Duration::ZERO)
     }
 
-    /// Brings the axis to rest and no longer believes its position.
+    /// Stops the axis and makes its position suspect.
     fn doubt(&mut self, error: &DeviceError) {
         if matches!(error, DeviceError::Intervention { .. }) {
             self.mark_reported();
@@ -286,7 +289,7 @@ impl Zaber {
         self.knowledge.doubt(error);
     }
 
-    /// Somebody is told of what a person did.
+    /// Remembers the flags of an intervention as reported.
     fn mark_reported(&mut self) {
         self.reported = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
     }
@@ -299,7 +302,7 @@ impl RotationAxis for Zaber {
 
     fn capabilities(&self) -> Capabilities {
         let has_encoder = self.settings.encoder_tolerance_steps.is_some();
-        // A stall is told by the encoder.
+        // The controller detects a stall by its encoder.
         Capabilities { has_position: true, has_encoder, has_stall: has_encoder, can_stop: true, absolute: true, trigger_only: false }
     }
 

@@ -1,13 +1,13 @@
-//! Commands and their replies, by message id.
+//! Commands and their replies, matched by message id.
 //!
 //! ```text
 //! ask ──► the reply of this id ──► accepted: data and flag
 //!     │                        └─► refused: the controller's reason, as an error
-//!     ├─► replies of other ids, alerts, information, noise: passed over
-//!     └─► nothing in time, or without a checksum ──► asked once more, under another id
+//!     ├─► replies of other ids, alerts, information, noise: ignored
+//!     └─► nothing in time, or without a checksum ──► sent once more, with another id
 //! ```
 //! A late reply carries the id of its own command and answers no other. Readings, settings and stops may be sent twice. A motion
-//! is sent once ([`Wire::begin`]): a second one would interrupt the first, and the controller would report a person's doing.
+//! is sent once ([`Wire::begin`]): a second one would interrupt the first, and the controller would report an intervention.
 
 use super::packet::{self, Line, Reply};
 use super::{DEVICE, ZaberSettings};
@@ -18,10 +18,12 @@ use std::time::{Duration, Instant};
 
 const IDS: u8 = 100;
 
+/// The name of a command in messages. The empty command asks for the state.
 fn request(words: &str) -> String {
     if words.is_empty() { "its state".to_owned() } else { words.to_owned() }
 }
 
+/// A refusal as an error, with the controller's reason.
 fn accepted(reply: Reply, words: &str) -> Result<Reply, DeviceError> {
     if reply.accepted {
         return Ok(reply);
@@ -30,6 +32,7 @@ fn accepted(reply: Reply, words: &str) -> Result<Reply, DeviceError> {
     Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("RJ {}", reply.data) })
 }
 
+/// The requests of the driver over one link.
 pub(super) struct Wire {
     link: Link,
     device: u8,
@@ -58,12 +61,12 @@ impl Wire {
         self.link.halt();
     }
 
-    /// The reply to a command of the axis that was accepted.
+    /// The reply to a command to the axis. A refusal is an error.
     pub fn ask(&mut self, words: &str) -> Result<Reply, DeviceError> {
         self.ask_of(self.axis, words)
     }
 
-    /// The reply to a command that is the whole device's.
+    /// The reply to a command to the whole device. A refusal is an error.
     pub fn ask_device(&mut self, words: &str) -> Result<Reply, DeviceError> {
         self.ask_of(0, words)
     }
@@ -73,7 +76,7 @@ impl Wire {
         Ok(self.reply_to(self.axis, words)?.accepted)
     }
 
-    /// Sends a motion once. False where no reply came: it may have been heard or not.
+    /// Sends a motion once. False if no reply came: the controller may have received it or not.
     ///
     /// # Errors
     /// The controller refuses it.
@@ -84,7 +87,7 @@ impl Wire {
         }
     }
 
-    /// Asks the axis for what moves nothing, also where a stop is latched; a reply without a checksum is one too.
+    /// Asks the axis a question that moves nothing, also while a stop is latched. A reply without a checksum counts.
     pub fn probe(&mut self, words: &str) -> Result<Reply, DeviceError> {
         for _ in 0..2 {
             self.id = (self.id + 1) % IDS;
@@ -144,6 +147,7 @@ impl Wire {
         Ok(None)
     }
 
+    /// The value of a setting.
     pub fn get(&mut self, setting: &str) -> Result<i64, DeviceError> {
         let data = self.ask(&format!("get {setting}"))?.data;
         data.parse().map_err(|_| DeviceError::Unexpected { device: DEVICE, expected: format!("a whole number as {setting}"), found: data })
