@@ -30,7 +30,8 @@ pub enum DeviceError {
     Mismatch { device: &'static str, differences: Vec<Difference> },
     /// The two motors of a pair are further apart than allowed.
     #[error(
-        "{device}: the two motors of the pair stand at {first} and {second}; they may be {limit} steps apart. Both were stopped. Look for a blocked motor, turn the capillary free of twist, then reference the axis again"
+        "{device}: the two motors of the pair stand at {first} and {second}; they may be {limit} steps apart. Both were stopped. Look for a \
+         blocked motor, turn the capillary free of twist, then reference the axis again"
     )]
     Skew { device: &'static str, first: Steps, second: Steps, limit: u32 },
     /// A motor does not follow its steps.
@@ -89,7 +90,8 @@ pub enum DeviceError {
     Camera { what: String, why: String },
     /// A specimen came in while no run was there to ask for it.
     #[error(
-        "sampler: a specimen is in the capillary that no run asked for. It is not measured. Empty the capillary. If it is empty, the input is stuck: check the wire"
+        "sampler: a specimen is in the capillary that no run asked for. It is not measured. Empty the capillary. If it is empty, the input \
+         is stuck: check the wire"
     )]
     Unasked,
     /// The sampler did not do its part for a well.

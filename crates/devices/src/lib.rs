@@ -1,7 +1,7 @@
 //! The instrument's devices behind narrow traits. They use units and raw frames, and no science. All calls block.
 //!
 //! ```text
-//!             ┌─ RotationAxis ── one_sided ── Lasting ── Grbl, Tmcl, Zaber, VastBridge, Relay ── link ── serial port, TCP
+//!             ┌─ RotationAxis ── Lasting ── one_sided ── Grbl, Tmcl, Zaber, VastBridge, Relay ── link ── serial port, TCP
 //! acquisition ┤     ├─ LinearAxis      a second axis of the same controller
 //!             │     └─ SpecimenInput   the sampler's two wires at the same controller ◄── TriggerSampler
 //!             └─ Camera ──────── AravisCamera ── libaravis ── GigE Vision
@@ -9,6 +9,8 @@
 //! any thread ── StopHandle ──► the stop on the wire, also while a move is waited for
 //! ```
 //! Every serial port, connection and camera has exactly one owner.
+
+#![warn(missing_docs)]
 
 pub mod acquisition;
 pub mod camera;

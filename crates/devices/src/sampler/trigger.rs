@@ -231,15 +231,15 @@ impl Sampler for TriggerSampler {
         let well = expected.well;
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
         if self.left {
-            let why = "its specimen was left in the capillary. Meanwhile the input said that the capillary was empty, so the specimen that is \
-                       there now may be another one. Empty the capillary, then tell the instrument that the specimen is out";
+            let why = "its specimen was left in the capillary. Meanwhile the input said that the capillary was empty, so the specimen that \
+                       is there now may be another one. Empty the capillary, then tell the instrument that the specimen is out";
             return Err(Self::failed(well, why.into()));
         }
         match self.wait_for(true, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
             Waited::Cancelled => Ok(None),
             Waited::TimedOut => {
-                let why = "its specimen was left in the capillary, and the input says that it is not there any more. If it is out, tell the \
-                           instrument so. If it is still inside, check the wire";
+                let why = "its specimen was left in the capillary, and the input says that it is not there any more. If it is out, tell \
+                           the instrument so. If it is still inside, check the wire";
                 Err(Self::failed(well, why.into()))
             }
             Waited::Reached => {

@@ -125,8 +125,8 @@ impl VastBridge {
         Ok(())
     }
 
-    /// Drops what the bridge has sent before. After a stop or a fault a person ends VAST's list. An arrival after the last trigger may still
-    /// come. It is waited for, because it would count as the arrival of the next specimen.
+    /// Drops what the bridge has sent before. After a stop or a fault a person ends VAST's list. An arrival after the last trigger may
+    /// still come. It is waited for, because it would count as the arrival of the next specimen.
     fn begin_anew(&mut self) -> Result<(), DeviceError> {
         let still_due = self.due.saturating_duration_since(Instant::now());
         self.dialogue.forget(still_due)?;

@@ -287,7 +287,8 @@ impl Grbl {
         by_a_person(self.report_at_rest()?).map_or(Ok(()), Err)
     }
 
-    /// A report of a controller that may be stopped; `None` if none can be read. A restart or an alarm before it makes the position suspect.
+    /// A report of a controller that may be stopped; `None` if none can be read. A restart or an alarm before it makes the position
+    /// suspect.
     pub(super) fn report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
         let wait = self.settings.answer_timeout();
         let mut lines = self.link.probe(STATUS, wait)?;
