@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 0 ──── shortest = 0.5 deg / speed ──── deg / speed ──── longest = 1.5 deg / speed + margin
-//!   an end is not believed │              an end is believed              │ the turn has failed
+//!   an end does not count  │                an end counts                 │ the turn has failed
 //! ```
 
 use crate::DeviceError;

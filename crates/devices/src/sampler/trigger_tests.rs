@@ -1,5 +1,5 @@
-//! The sampler's logic over a scripted wire and a scripted clock. The last level of the wire stays; the clock moves only where
-//! the sampler pauses and where a test moves it, so that the number of looks is exact.
+//! Tests of the sampler with a scripted wire and a scripted clock. The wire keeps its last level. The clock moves only when the sampler
+//! pauses or a test moves it, so the number of readings is exact.
 
 use super::*;
 use crate::{Achieved, Capabilities, Position, SpecimenInput, StopHandle};
@@ -8,7 +8,7 @@ use std::cell::Cell;
 use std::collections::VecDeque;
 
 thread_local! {
-    /// Of the test that runs in this thread.
+    /// The time of the test in this thread.
     static NOW: Cell<Instant> = Cell::new(Instant::now());
 }
 
@@ -18,16 +18,16 @@ fn pass(time: Duration) {
     NOW.set(NOW.get() + time);
 }
 
-/// An axis whose input says what the script has, one look after the other.
+/// An axis whose input has one level of the script after the other, one per reading.
 #[derive(Default)]
 pub(crate) struct Wired {
     levels: VecDeque<bool>,
     last: bool,
     done: Vec<bool>,
     stopped: bool,
-    /// What the input says once it was told that the specimen is done with.
+    /// The level of the input after the output "done" was switched on.
     after_done: Option<bool>,
-    /// Cancelled at the first look after the script.
+    /// Cancelled at the first reading after the script.
     cancels: Option<CancelToken>,
 }
 
@@ -110,15 +110,15 @@ fn words(result: Result<impl std::fmt::Debug, DeviceError>) -> String {
     error.to_string()
 }
 
-/// Looks that a level needs to last for `debounce_ms`: both ends count.
+/// Number of equal readings that last for `debounce_ms`, counting both ends.
 const FOR_LONG: usize = 1 + 20 / POLL.as_millis() as usize;
-/// While nothing runs the daemon looks once a second.
+/// While nothing runs the daemon reads the input once a second.
 const BETWEEN_LOOKS: Duration = Duration::from_secs(1);
 
 #[test]
 fn an_arrival_is_believed_after_its_bounces_and_a_blink_is_none() {
     let mut sampler = sampler(QUICK);
-    // The longest blink is one look too short.
+    // The longest blink is one reading too short.
     let blinks = [&[true, false, false][..], &[true; FOR_LONG - 1], &[false]].concat();
     let levels = [&[false; FOR_LONG], &blinks[..], &[true; FOR_LONG]].concat();
     let mut axis = Wired::says(&levels);
@@ -232,8 +232,7 @@ fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
     }
 }
 
-/// A sampler whose specimen was left in the capillary, and the axis. Then the input says these levels, a second apart, to looks
-/// while nothing runs.
+/// A sampler whose specimen was left in the capillary, and its axis. While nothing runs the input then has these levels, a second apart.
 fn looked_at(levels: &[bool]) -> (TriggerSampler, Wired) {
     let mut sampler = sampler(QUICK);
     let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
@@ -264,7 +263,7 @@ fn a_specimen_that_every_look_has_seen_is_gone_on_with() {
 
 #[test]
 fn a_blink_while_the_run_was_held_does_not_make_it_another_specimen() {
-    // Each time one look alone: it may have met a bounce.
+    // Each is a single reading, which may be a bounce.
     let (mut sampler, mut axis) = looked_at(&[true, false, true, false, true]);
     assert_eq!(sampler.go_on(&mut axis, A01, &CancelToken::new()).unwrap(), Some(Loaded::default()));
 }

@@ -1,4 +1,4 @@
-//! Dialogues with a scripted controller on a pty: what the driver says, and what it makes of each answer.
+//! Tests with a scripted controller: the exact bytes that the driver sends, and its reaction to each answer.
 
 use super::*;
 use crate::cancel::CancelToken;
@@ -720,6 +720,16 @@ fn settings_that_differ_are_told_once_a_hold_that_stood_at_the_opening_is_over()
     let controller = Scripted::play(script);
     let mut grbl = controller.open().unwrap();
     assert!(matches!(grbl.check(), Err(DeviceError::Mismatch { .. })));
+    grbl.check().unwrap();
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_check_neither_resets_nor_awaits_a_motion_that_goes_on_after_a_hold() {
+    let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+    script.push(("?", running("3.600")));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
     grbl.check().unwrap();
     controller.followed(grbl);
 }

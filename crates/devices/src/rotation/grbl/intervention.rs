@@ -1,7 +1,7 @@
 //! Detection of an intervention: a person at the controller, or a safety circuit, holds the axis.
 //!
 //! ```text
-//!   report ─┬─ Hold, Door, Jog, Home, Check, Sleep, Tool, and carved has not asked for it ─┐
+//!   report ─┬─ Hold, Door, Jog, Home, Check, Sleep, Tool, and carved did not request it ───┐
 //!           ├─ input E (emergency stop), R (reset) or H (feed hold) is active              ├─ read twice ─► Intervention
 //!           └─ input D (door) is active, and the axis is to move or is locked ─────────────┘
 //! ```

@@ -3,9 +3,9 @@
 //! ```text
 //! Unknown ──reference──► Referenced(epoch) ──any doubt──► Suspect(epoch + 1) ──reference──► Referenced(epoch + 2)
 //!                          │  move_to:  ?  idle at the expected step?
-//!                          │            G53 absolute line, await ok     (queued; no ok: ? says whether it was taken)
-//!                          │            G4 barrier, await ok            (planner drained; no ok: ? says the same)
-//!                          └────────    ?  idle at the target?          (asked again: a disturbed report can parse)
+//!                          │            G53 absolute line, await ok     (queued; no ok: ? tells whether it was taken)
+//!                          │            G4 barrier, await ok            (planner drained; no ok: ? tells the same)
+//!                          └────────    ?  idle at the target?          (read again: a disturbed report can parse)
 //! ```
 //! All positions are whole machine steps: the reported units times steps per unit. Step 0 of the axis is the machine step that
 //! the reference found. Moves are absolute and in machine coordinates. Their modes stand on the same line, because a reset restores
@@ -154,6 +154,14 @@ impl Grbl {
         self.first(Self::compare_settings)
     }
 
+    /// Asks for a report, and identifies the controller if that was not possible before. A motion that continues after a hold is not waited
+    /// for, and a stopped controller is not reset: a later check, or the reference, identifies it.
+    fn check_at_rest(&mut self) -> Result<(), DeviceError> {
+        let report = self.free_report_at_rest()?;
+        let is_moving = report.is_none_or(|status| status.state == State::Run);
+        if self.is_identified || is_moving || self.link.is_stopped() { Ok(()) } else { self.identify() }
+    }
+
     fn rotation(&self) -> Geometry {
         Geometry::of(&self.settings)
     }
@@ -163,7 +171,7 @@ impl Grbl {
         std::iter::once(self.rotation()).chain(self.slide.as_ref().map(Slide::geometry)).collect()
     }
 
-    /// Moves an axis from one machine step to another and returns once it stands there.
+    /// Moves an axis from one machine step to another and returns once it has arrived.
     fn travel(&mut self, axis: &Geometry, from: i64, to: i64, origin: i64) -> Result<(), DeviceError> {
         self.catch_up()?;
         self.confirm(axis, from, origin, Instant::now())?;
@@ -311,7 +319,7 @@ impl RotationAxis for Grbl {
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {
-        let result = self.answers().and_then(|()| if self.link.is_stopped() { Ok(()) } else { self.identify() });
+        let result = self.check_at_rest();
         if let Err(error) = &result {
             self.doubt(error);
         }

@@ -277,14 +277,15 @@ impl Grbl {
         }
     }
 
-    /// Checks at rest that the controller answers and no person holds it.
-    pub(super) fn answers(&mut self) -> Result<(), DeviceError> {
-        let by_a_person = |status: Option<Status>| status.and_then(|status| intervention::of(&status, false));
-        if by_a_person(self.report_at_rest()?).is_none() {
-            return Ok(());
+    /// The report of a controller at rest that no person holds; `None` if it cannot be read. An intervention must be read twice.
+    pub(super) fn free_report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
+        let intervention_in = |report: &Option<Status>| report.as_ref().and_then(|status| intervention::of(status, false));
+        let report = self.report_at_rest()?;
+        if intervention_in(&report).is_none() {
+            return Ok(report);
         }
-        // Read twice before a person is called.
-        by_a_person(self.report_at_rest()?).map_or(Ok(()), Err)
+        let report = self.report_at_rest()?;
+        intervention_in(&report).map_or(Ok(report), Err)
     }
 
     /// A report of a controller that may be stopped; `None` if none can be read. A restart or an alarm before it makes the position

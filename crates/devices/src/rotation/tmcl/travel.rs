@@ -138,7 +138,7 @@ impl Tmcl {
         Err(DeviceError::Missed { target: Steps(place), achieved: Steps(off) })
     }
 
-    /// Turns the pair from one place to another and returns once it stands there.
+    /// Turns the pair from one position to another and returns once it has arrived.
     pub(super) fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
         self.confirm(from)?;
         if from == to {

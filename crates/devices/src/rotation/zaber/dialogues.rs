@@ -1,6 +1,6 @@
-//! Dialogues with a scripted controller: what the driver says, line by line, and what it makes of each answer.
+//! Tests with a scripted controller: the exact bytes that the driver sends, and its reaction to each answer.
 
-#![allow(clippy::decimal_bitwise_operands, reason = "what is flipped is a bit of a place")]
+#![allow(clippy::decimal_bitwise_operands, reason = "the tests flip bits of positions")]
 
 use super::*;
 use crate::rotation::Port;

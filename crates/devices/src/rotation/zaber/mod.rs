@@ -3,7 +3,7 @@
 //! ```text
 //! reference:  checksums on ─ settings ─ intervention? ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
 //! move_to:    flags? ─ counter and encoder where they were left? ─ move abs ─ state, state, ... IDLE
-//!               │                                                    └─ no reply: state, flags, counter ─ not heard: move abs
+//!               │                                                    └─ no reply: state, flags, counter ─ not received: move abs
 //!               └─ flags? ─ counter at the target? ─ encoder there too? ─► arrived
 //! ```
 //! Every reply carries the most important warning flag. So a restart, a stall, a limit and an intervention show in the next reply.
