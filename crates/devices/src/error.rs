@@ -31,7 +31,7 @@ pub enum DeviceError {
     /// The two motors of a pair are further apart than allowed.
     #[error(
         "{device}: the two motors of the pair stand at {first} and {second}; they may be {limit} steps apart. Both were stopped. Look for a \
-         blocked motor, turn the capillary free of twist, then reference the axis again"
+         blocked motor, remove the twist of the capillary, then reference the axis again"
     )]
     Skew { device: &'static str, first: Steps, second: Steps, limit: u32 },
     /// A motor does not follow its steps.
@@ -41,7 +41,7 @@ pub enum DeviceError {
     #[error("{device}: the controller reports {what}. Clear the cause, then reference the axis again")]
     Alarm { device: &'static str, what: String },
     /// A person, or a safety circuit that a person resets, holds the axis: feed hold, knob, emergency stop, door.
-    #[error("{device}: {what}. The axis was stopped there and the instrument waits. {way_out}")]
+    #[error("{device}: {what}. The instrument waits and does not turn the axis. {way_out}")]
     Intervention { device: &'static str, what: String, way_out: &'static str },
     /// The axis was not referenced since it was opened.
     #[error("rotation axis: not referenced; its position is not known, so it refuses to move")]
@@ -53,13 +53,16 @@ pub enum DeviceError {
     #[error("rotation axis: sent to {target}, stands at {achieved}. Look for a slipping or blocked shaft, then reference the axis again")]
     Missed { target: Steps, achieved: Steps },
     /// A trigger-stepped machine may be at another entry of its list.
-    #[error("rotation axis: VAST may be out of step with its list ({why}). End the list at VAST, then begin the specimen anew")]
+    #[error("rotation axis: VAST may be out of step with its list ({why}). End the list at VAST, then start the specimen again")]
     OutOfStep { why: String },
     /// The machine did not finish in time.
-    #[error("{device}: {what} within {waited_ms} ms. Look at the machine, then begin the specimen anew")]
+    #[error("{device}: {what} within {waited_ms} ms. Check the machine, then start the specimen again")]
     Late { device: &'static str, what: &'static str, waited_ms: u128 },
     /// A trigger-stepped axis was sent elsewhere than to its next stop.
-    #[error("rotation axis: sent to {target}, but its list goes on at {}; a trigger leads nowhere else", next.map_or("its end".into(), |n| n.to_string()))]
+    #[error(
+        "rotation axis: sent to {target}, but the next entry of its list is {}. A trigger cannot lead elsewhere",
+        next.map_or("the end".into(), |n| n.to_string())
+    )]
     NotNext { target: Steps, next: Option<Steps> },
     /// The list of a trigger-stepped axis cannot be read or written.
     #[error("{device}: {}: {why}. Check the folder, its share and the right to write there", path.display())]

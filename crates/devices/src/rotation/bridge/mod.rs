@@ -86,7 +86,7 @@ impl VastBridge {
             return Err(out_of_step("no list has been announced, so VAST has no list to follow"));
         };
         if self.knowledge.is_known() || self.knowledge.is_suspect() {
-            self.begin_anew()?;
+            self.discard_old_state()?;
         }
         self.dialogue.listen()?;
         self.dialogue.greet()?;
@@ -109,7 +109,7 @@ impl VastBridge {
             return Ok(());
         }
         if stopped || self.knowledge.is_known() || self.knowledge.is_suspect() {
-            self.begin_anew()?;
+            self.discard_old_state()?;
         }
         if is_there {
             return Ok(());
@@ -127,7 +127,7 @@ impl VastBridge {
 
     /// Drops what the bridge has sent before. After a stop or a fault a person ends VAST's list. An arrival after the last trigger may
     /// still come. It is waited for, because it would count as the arrival of the next specimen.
-    fn begin_anew(&mut self) -> Result<(), DeviceError> {
+    fn discard_old_state(&mut self) -> Result<(), DeviceError> {
         let still_due = self.due.saturating_duration_since(Instant::now());
         self.dialogue.forget(still_due)?;
         self.knowledge.forget();
