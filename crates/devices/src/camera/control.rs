@@ -45,8 +45,8 @@ fn asked(address: Ipv4Addr, port: u16) -> Option<Controller> {
             Some(Controller::Nobody)
         }
         Err(ACCESS_DENIED) => {
-            let told = transact(&socket, 3, READ_REGISTER, &PRIMARY_APPLICATION.to_be_bytes()).and_then(Result::ok);
-            let bits = told.as_deref().and_then(|data| data.first_chunk()).map(|b| u32::from_be_bytes(*b));
+            let register = transact(&socket, 3, READ_REGISTER, &PRIMARY_APPLICATION.to_be_bytes()).and_then(Result::ok);
+            let bits = register.as_deref().and_then(|data| data.first_chunk()).map(|b| u32::from_be_bytes(*b));
             Some(Controller::Somebody(bits.filter(|bits| *bits != 0).map(Ipv4Addr::from)))
         }
         Err(_) => None,
@@ -63,8 +63,8 @@ fn transact(socket: &UdpSocket, id: u16, command: u8, data: &[u8]) -> Option<Res
         socket.send(&request).ok()?;
         let mut answer = [0; 576];
         while let Ok(n) = socket.recv(&mut answer) {
-            let [status_high, status_low, _, told, _, _, a, b, ref rest @ ..] = answer;
-            if n >= 8 && (told, a, b) == (command + 1, id_high, id_low) {
+            let [status_high, status_low, _, acknowledged, _, _, a, b, ref rest @ ..] = answer;
+            if n >= 8 && (acknowledged, a, b) == (command + 1, id_high, id_low) {
                 let status = u16::from_be_bytes([status_high, status_low]);
                 return Some(if status == 0 { Ok(rest[..n - 8].to_vec()) } else { Err(status) });
             }

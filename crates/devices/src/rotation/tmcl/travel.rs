@@ -83,7 +83,7 @@ impl Tmcl {
     fn glimpse(&mut self, until: Instant) -> Result<Option<Look>, DeviceError> {
         while Instant::now() < until {
             match self.wire.try_all(self.questions(), self.settings.answer_timeout(), until)? {
-                GroupReply::Answered(told) => return Ok(Some(told.into())),
+                GroupReply::Answered(answers) => return Ok(Some(answers.into())),
                 GroupReply::Refused(request, status) => return Err(refused(request, status)),
                 GroupReply::Void(why) => tracing::debug!(device = DEVICE, why, "asked again"),
                 GroupReply::Lost(why) => {
@@ -263,7 +263,7 @@ impl Tmcl {
         let cause = self.wire.flush().and_then(|_| {
             self.check_mark()?;
             match speeds {
-                Ok(GroupReply::Answered(told)) => self.obstacle(look, to, told.values),
+                Ok(GroupReply::Answered(answers)) => self.obstacle(look, to, answers.values),
                 _ => Ok(None),
             }
         });
@@ -356,11 +356,11 @@ impl Tmcl {
     /// Whether each motor still searches its switch. The end of a search must be read twice.
     fn searching(&mut self) -> Result<[bool; 2], DeviceError> {
         let questions = self.settings.motors.map(Request::searching);
-        let searching = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        let searching = self.wire.ask_all(questions)?.values.map(|state| state != 0);
         if searching == [true, true] {
             return Ok(searching);
         }
-        let again = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        let again = self.wire.ask_all(questions)?.values.map(|state| state != 0);
         Ok([searching[0] || again[0], searching[1] || again[1]])
     }
 

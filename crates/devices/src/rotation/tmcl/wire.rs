@@ -121,7 +121,7 @@ impl Wire {
         for _ in 0..ATTEMPTS {
             let until = Instant::now() + wait * (N as u32 + 1);
             found = match self.try_all(requests, wait, until)? {
-                GroupReply::Answered(told) => return Ok(told),
+                GroupReply::Answered(answers) => return Ok(answers),
                 GroupReply::Refused(request, status) => return Err(refused(request, status)),
                 GroupReply::Void(why) => why,
                 GroupReply::Lost(why) => {

@@ -194,16 +194,16 @@ impl Zaber {
     ///
     /// Without a reply, the controller may have received the motion or not. It is sent again only if it was not received: a motion that is
     /// sent to a moving axis interrupts it, and the controller then reports NI as after an intervention.
-    fn set_going(&mut self, words: &str, from: Option<i64>) -> Result<(), DeviceError> {
+    fn set_going(&mut self, command: &str, from: Option<i64>) -> Result<(), DeviceError> {
         self.in_flight = true;
         for _ in 0..MOTION_ATTEMPTS {
-            if self.wire.begin(words)? || self.was_received(from)? {
+            if self.wire.begin(command)? || self.was_received(from)? {
                 self.reported.clear();
                 return Ok(());
             }
-            tracing::info!(words, "no reply, and the axis has not moved: the motion is sent again");
+            tracing::info!(command, "no reply, and the axis has not moved: the motion is sent again");
         }
-        Err(self.wire.silent(words, MOTION_ATTEMPTS))
+        Err(self.wire.silent(command, MOTION_ATTEMPTS))
     }
 
     /// Whether the controller has received a motion without a reply: the axis moves, rests elsewhere, or a new flag shows an intervention,
