@@ -13,6 +13,5 @@ pub mod cli;
 pub mod config;
 pub mod export;
 pub mod http;
-pub mod regular;
 pub mod session;
 pub mod store;

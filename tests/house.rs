@@ -8,12 +8,11 @@ use std::path::{Path, PathBuf};
 /// Every module of the daemon with the daemon's own modules that it may use. Cargo's manifests hold the arrows between crates.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("export", &[]),
-    ("regular", &[]),
-    ("config", &["http", "regular", "store"]),
-    ("store", &["config", "regular"]),
+    ("config", &["http", "store"]),
+    ("store", &["config"]),
     ("session", &["export", "config", "store"]),
     // `store` to read what runs have left; what the instrument does now comes from `session` alone.
-    ("http", &["regular", "session", "store"]),
+    ("http", &["session", "store"]),
 ];
 
 /// Crates with the crates of this workspace that they may depend on.

@@ -543,14 +543,19 @@ fn whatever_a_hand_does_between_two_moves_stops_the_next_and_is_seen_at_rest() {
 }
 
 #[test]
-fn a_door_that_is_open_when_the_port_is_opened_is_named_and_the_controller_not_reset() {
+fn a_door_that_is_open_when_the_port_is_opened_is_reported_and_the_controller_left_alone() {
     let mut without_lock = Settings::default();
     without_lock.set(22, 0.0).unwrap();
     let mut bench = Bench::with(20.0, Controller::Grbl(without_lock));
     bench.settings.reference = Reference::Here;
     bench.rig.faults().button(Button::Door, true);
-    let error = Grbl::open(bench.settings.clone()).err().unwrap();
-    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("door is open")), "{error}");
+    let mut grbl = Grbl::open(bench.settings.clone()).unwrap();
+    assert_eq!(grbl.position(), Position::Unknown);
+    is_left_alone(&bench, &mut grbl, "door is open");
+    bench.rig.faults().button(Button::Door, false);
+    bench.press(Button::CycleStart);
+    bench.is_cured_by_a_reference(&mut grbl);
+    assert!(grbl.identity().starts_with("Grbl 1.1"), "{}", grbl.identity());
 }
 
 #[test]

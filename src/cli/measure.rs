@@ -7,13 +7,13 @@
 
 use super::told;
 use crate::config::Method;
-use crate::regular;
 use crate::session::numbers::{self, NumbersError};
 use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError, durable};
 use anyhow::{Context, bail, ensure};
 use carved_core::pipeline::SpecimenRecord;
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
+use carved_devices::regular;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! `carved plate check`: a plate map's file, read as the instrument would read it.
 
-use crate::regular;
 use anyhow::Context;
+use carved_devices::regular;
 use carved_records::plate_map::{self, Format, Mistake, PlateMap};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -8,10 +8,10 @@
 use super::{measure, told};
 use crate::config::{Config, Method};
 use crate::export;
-use crate::regular;
 use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
 use anyhow::{Context, bail, ensure};
 use carved_core::surface::Mesh;
+use carved_devices::regular;
 use carved_records::{Mode, is_plain_name};
 use std::path::{Component, Path, PathBuf};
 

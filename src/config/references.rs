@@ -1,7 +1,7 @@
 //! Reference larvae from TOML: the paper's, which are built in, and a lab's own files.
 
-use crate::regular;
 use carved_core::measure::references::{Breach, References};
+use carved_devices::regular;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 

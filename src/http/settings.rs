@@ -1,7 +1,7 @@
 //! What the operator may say about the server, and the checks before a port is opened.
 
-use crate::regular;
 use carved_core::range::{OutOfRange, outside};
+use carved_devices::regular;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::io;

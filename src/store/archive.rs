@@ -9,8 +9,8 @@
 
 use super::index;
 use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
-use crate::regular;
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use carved_records::is_plain_name;
 use nix::fcntl::{PosixFadviseAdvice, posix_fadvise};
 use serde::{Deserialize, Serialize};

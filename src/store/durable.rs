@@ -1,7 +1,7 @@
 //! Acknowledged means durable: write beside, sync, rename over, sync the folder.
 
 use super::{StoreError, disk};
-use crate::regular;
+use carved_devices::regular;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,9 +1,9 @@
 //! Raw frames as PNG: one grey channel for mono and Bayer mosaics, three for RGB; not a bit is lost.
 
 use super::StoreError;
-use crate::regular;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Mask;
+use carved_devices::regular;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ColorType, ExtendedColorType, ImageEncoder};
 use std::path::Path;

@@ -13,7 +13,7 @@
 use super::index::Index;
 use super::lines::Lines;
 use super::{StoreError, durable};
-use crate::regular;
+use carved_devices::regular;
 use carved_records::{Event, EventBody, EventData, is_plain_name, kind};
 use std::collections::{BTreeMap, VecDeque};
 use std::io::{BufRead, BufReader, Seek, SeekFrom};

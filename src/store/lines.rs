@@ -6,7 +6,7 @@
 //! ```
 
 use super::{StoreError, disk, durable};
-use crate::regular;
+use carved_devices::regular;
 use std::fs::{File, OpenOptions};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};

@@ -8,8 +8,8 @@
 use super::index::{self, EventsAfter, RunRow, RunsQuery};
 use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
 use super::{RunRecord, StoreError, attempts, durable, run, sums};
-use crate::regular;
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use carved_records::{WellStatus, is_plain_name, is_well};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

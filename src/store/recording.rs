@@ -18,7 +18,6 @@
 
 use super::{StoreError, archive, durable, frames, schema, sums};
 use crate::config::Method;
-use crate::regular;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::Measurement;
@@ -30,6 +29,7 @@ use carved_core::surface::Mesh;
 use carved_core::units::{Sense, StepsPerRevolution};
 use carved_devices::acquisition::{Ledger, LedgerEntry};
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use carved_records::{Mode, PlannedWell, is_plain_name, is_well};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -2,7 +2,7 @@
 
 use super::{MEASUREMENT, Software, StoreError, durable, schema, sums};
 use crate::config::Method;
-use crate::regular;
+use carved_devices::regular;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 

@@ -1,7 +1,7 @@
 //! Files that say which format they are of: `carved.run/1`. What a newer carved wrote is refused by name, not misread.
 
 use super::StoreError;
-use crate::regular;
+use carved_devices::regular;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;

@@ -1,8 +1,8 @@
 //! `SHA256SUMS`, as `sha256sum -c` reads it.
 
 use super::{StoreError, durable};
-use crate::regular;
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use carved_records::is_well;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

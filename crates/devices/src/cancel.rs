@@ -1,34 +1,38 @@
-//! A request to stop working, shared between who may ask and who works.
+//! A request to stop working.
 //!
-//! Science asks [`CancelToken::is_cancelled`] between pieces of work; a blocking worker rests with
-//! [`CancelToken::rest`], which a cancellation ends at once.
+//! ```text
+//! requester ── cancel ──► CancelToken ──► child ──► child         a child may also be cancelled alone
+//!                            │ is_cancelled, between pieces of work
+//!                            └ rest, instead of a sleep: a cancellation ends it at once
+//! ```
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// Clones share one flag. Once cancelled, a token stays cancelled.
+/// A flag that all clones share. A cancelled token stays cancelled.
 #[derive(Debug, Clone, Default)]
 pub struct CancelToken(Arc<Shared>);
 
 #[derive(Debug, Default)]
 struct Shared {
     cancelled: AtomicBool,
-    /// Those that are cancelled with it. The lock also orders the flag against those who are about to rest.
-    gate: Mutex<Vec<Weak<Shared>>>,
+    /// Tokens that are cancelled with this one. The lock also orders the flag with threads that are about to rest.
+    children: Mutex<Vec<Weak<Shared>>>,
     woken: Condvar,
 }
 
 impl CancelToken {
+    /// A token that is not cancelled.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// A token of a part of the work: it is cancelled with this one, and may be cancelled alone.
+    /// A token for a part of the work. It is cancelled with this one, and may be cancelled alone.
     #[must_use]
     pub fn child(&self) -> Self {
         let child = Self::new();
-        let mut children = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = self.0.children.lock().unwrap_or_else(PoisonError::into_inner);
         if self.is_cancelled() {
             child.cancel();
         } else {
@@ -38,8 +42,9 @@ impl CancelToken {
         child
     }
 
+    /// Cancels this token and its children, and ends every rest.
     pub fn cancel(&self) {
-        let mut children = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = self.0.children.lock().unwrap_or_else(PoisonError::into_inner);
         self.0.cancelled.store(true, Ordering::Release);
         self.0.woken.notify_all();
         for child in children.drain(..).filter_map(|c| c.upgrade()) {
@@ -47,20 +52,21 @@ impl CancelToken {
         }
     }
 
+    /// Whether the token was cancelled.
     pub fn is_cancelled(&self) -> bool {
         self.0.cancelled.load(Ordering::Acquire)
     }
 
-    /// Rests for `duration`; returns true as soon as the token is cancelled.
+    /// Blocks for `duration`. Returns true, and at once, if the token is cancelled.
     pub fn rest(&self, duration: Duration) -> bool {
         let until = Instant::now() + duration;
-        let mut gate = self.0.gate.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut children = self.0.children.lock().unwrap_or_else(PoisonError::into_inner);
         while !self.is_cancelled() {
             let left = until.saturating_duration_since(Instant::now());
             if left.is_zero() {
                 return false;
             }
-            gate = self.0.woken.wait_timeout(gate, left).unwrap_or_else(PoisonError::into_inner).0;
+            children = self.0.woken.wait_timeout(children, left).unwrap_or_else(PoisonError::into_inner).0;
         }
         true
     }

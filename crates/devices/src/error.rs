@@ -1,88 +1,126 @@
-//! What can go wrong at a device, with both numbers and the way out.
+//! Errors of devices. Each states what was expected, what was found, and what the operator can do.
 
 use carved_core::units::Steps;
 use std::path::PathBuf;
 
+/// An error of a device, as the operator reads it.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the fields are the words of the messages")]
 pub enum DeviceError {
+    /// A connection could not be opened.
     #[error("{device}: cannot open {address}: {why}. {remedy}")]
     Open { device: &'static str, address: String, why: String, remedy: &'static str },
+    /// The driver was left out of this build.
     #[error("{device}: this build has no driver for {driver:?}. {remedy}")]
     NotBuilt { device: &'static str, driver: &'static str, remedy: &'static str },
+    /// A value of the configuration is out of range.
     #[error("{device}: {name} = {found} in the configuration; {rule}")]
     Setting { device: &'static str, name: &'static str, found: String, rule: String },
+    /// The controller did not answer, though the connection stands.
     #[error("{device}: no answer to {request:?} within {waited_ms} ms. Check power and cable, then reference the axis again")]
     Silent { device: &'static str, request: String, waited_ms: u128 },
+    /// The connection has ended.
     #[error("{device}: the connection is gone ({why}). Check power and cable")]
     Gone { device: &'static str, why: String },
+    /// An answer that does not fit the request.
     #[error("{device}: expected {expected}, got {found:?}")]
     Unexpected { device: &'static str, expected: String, found: String },
+    /// The controller's own settings differ from the configuration.
     #[error("{device}: its settings are not those of the configuration; it will not move until they agree:{}", rows(differences))]
     Mismatch { device: &'static str, differences: Vec<Difference> },
+    /// The two motors of a pair are further apart than allowed.
     #[error(
-        "{device}: the two motors of the pair stand at {first} and {second}; they may be {limit} steps apart. Both were stopped. Look for a blocked motor, turn the capillary free of twist, then reference the axis again"
+        "{device}: the two motors of the pair stand at {first} and {second}; they may be {limit} steps apart. Both were stopped. Look for a \
+         blocked motor, remove the twist of the capillary, then reference the axis again"
     )]
     Skew { device: &'static str, first: Steps, second: Steps, limit: u32 },
+    /// A motor does not follow its steps.
     #[error("{device}: {motor} stalled at {at} on its way to {target} ({evidence}). Free the capillary, then reference the axis again")]
     Stalled { device: &'static str, motor: String, at: Steps, target: Steps, evidence: String },
+    /// The controller is in an alarm.
     #[error("{device}: the controller reports {what}. Clear the cause, then reference the axis again")]
     Alarm { device: &'static str, what: String },
-    /// A person, or a safety circuit that a person resets, has taken the axis over: feed hold, knob, emergency stop, door.
-    #[error("{device}: {what}. The axis was stopped there and the instrument waits. {way_out}")]
+    /// A person, or a safety circuit that a person resets, holds the axis: feed hold, knob, emergency stop, door.
+    #[error("{device}: {what}. The instrument waits and does not turn the axis. {way_out}")]
     Intervention { device: &'static str, what: String, way_out: &'static str },
+    /// The axis was not referenced since it was opened.
     #[error("rotation axis: not referenced; its position is not known, so it refuses to move")]
     NotReferenced,
+    /// The position may have changed without the controller's notice.
     #[error("rotation axis: its position cannot be trusted ({why}). Reference the axis again")]
     Suspect { why: String },
+    /// A move ended at another position than its target.
     #[error("rotation axis: sent to {target}, stands at {achieved}. Look for a slipping or blocked shaft, then reference the axis again")]
     Missed { target: Steps, achieved: Steps },
-    #[error("rotation axis: VAST may be out of step with its list ({why}). End the list at VAST, then begin the specimen anew")]
+    /// A trigger-stepped machine may be at another entry of its list.
+    #[error("rotation axis: VAST may be out of step with its list ({why}). End the list at VAST, then start the specimen again")]
     OutOfStep { why: String },
-    #[error("{device}: {what} within {waited_ms} ms. Look at the machine, then begin the specimen anew")]
+    /// The machine did not finish in time.
+    #[error("{device}: {what} within {waited_ms} ms. Check the machine, then start the specimen again")]
     Late { device: &'static str, what: &'static str, waited_ms: u128 },
-    #[error("rotation axis: sent to {target}, but its list goes on at {}; a trigger leads nowhere else", next.map_or("its end".into(), |n| n.to_string()))]
+    /// A trigger-stepped axis was sent elsewhere than to its next stop.
+    #[error(
+        "rotation axis: sent to {target}, but the next entry of its list is {}. A trigger cannot lead elsewhere",
+        next.map_or("the end".into(), |n| n.to_string())
+    )]
     NotNext { target: Steps, next: Option<Steps> },
+    /// The list of a trigger-stepped axis cannot be read or written.
     #[error("{device}: {}: {why}. Check the folder, its share and the right to write there", path.display())]
     List { device: &'static str, path: PathBuf, why: String },
+    /// The axis along the capillary refuses or has lost its position.
     #[error("translation axis: {why}. Reference the axes again")]
     Translation { why: String },
+    /// A stop was requested.
     #[error("rotation axis: stopped")]
     Stopped,
+    /// Another program controls the camera.
     #[error("camera: {address} is controlled by another program. Close it, or wait until the camera's heartbeat has run out")]
     NotController { address: String },
+    /// The camera was ours and is not any more.
     #[error("camera: control of the camera was lost; another program took it, or the cable is out. It is opened again when it answers")]
     ControlLost,
+    /// The camera does not answer on its control channel.
     #[error("camera: no answer to {request} ({why}). Check its power and cable; it is opened again when it answers")]
     CameraSilent { request: String, why: String },
+    /// A frame was requested before an acquisition was started.
     #[error("camera: not armed")]
     NotArmed,
+    /// No complete frame came before the deadline.
     #[error("camera: no whole frame within {waited_ms} ms after {attempts} triggers; last: {last}")]
     NoFrame { waited_ms: u128, attempts: u32, last: String },
+    /// The camera refuses a value or a command.
     #[error("camera: {what}: {why}")]
     Camera { what: String, why: String },
+    /// A specimen came in while no run was there to ask for it.
     #[error(
-        "sampler: a specimen is in the capillary that no run asked for; nothing is measured of it. Empty the capillary; if it is empty, the input is stuck: look at the wire"
+        "sampler: a specimen is in the capillary that no run asked for. It is not measured. Empty the capillary. If it is empty, the input \
+         is stuck: check the wire"
     )]
     Unasked,
+    /// The sampler did not do its part for a well.
     #[error("sampler: well {well}: {why}")]
     Sampler { well: String, why: String },
 }
 
-/// One setting of a device that is not what the configuration says.
+/// One setting of a device that differs from the configuration.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Difference {
+    /// Its name in the device.
     pub name: String,
+    /// The value in the configuration, or the rule that follows from it.
     pub configured: String,
+    /// The value in the device.
     pub found: String,
 }
 
 impl Difference {
+    /// A difference of these three texts.
     pub fn new(name: impl Into<String>, configured: impl Into<String>, found: impl Into<String>) -> Self {
         Self { name: name.into(), configured: configured.into(), found: found.into() }
     }
 }
 
-/// A line for each.
+/// One line per difference.
 fn rows(differences: &[Difference]) -> String {
     differences.iter().map(|d| format!("\n  {}: configured {}, found {}", d.name, d.configured, d.found)).collect()
 }

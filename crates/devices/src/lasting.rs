@@ -1,11 +1,11 @@
-//! An axis that outlives its cable: what is lost is let go, and opened again when it is back.
+//! An axis that survives a lost connection. A lost driver is closed, and opened again when the controller is back.
 //!
 //! ```text
-//!            Gone ───────────► nothing (the port is free: a replug may take its name)
+//!            Gone ───────────► no driver (the port is free, so that a replugged adapter gets its name again)
 //!  driver ──┤                    │
-//!            check: Silent ──►   │ check: opened again? ──► driver, a later epoch, to be referenced
+//!            check: Silent ──►   │ check: opened again? ──► driver, a later epoch; it needs a reference
 //! ```
-//! The port must be let go at once: while a dead tty is held open its adapter comes back under another name.
+//! The port must be closed at once. While a dead tty is held open its adapter comes back under another name.
 
 use super::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use crate::cancel::CancelToken;
@@ -17,9 +17,10 @@ type Open = Box<dyn FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send
 pub struct Lasting {
     open: Open,
     axis: Option<Box<dyn RotationAxis>>,
+    /// Identity of the axis that was closed last.
     identity: String,
     capabilities: Capabilities,
-    /// Each driver counts its epochs from 0; those of the drivers before are behind them.
+    /// Each driver counts its epochs from 0. This is the number of epochs of the drivers before.
     epochs_before: u32,
 }
 
@@ -27,24 +28,25 @@ impl Lasting {
     /// Opens the axis for the first time.
     ///
     /// # Errors
-    /// What the driver says; whoever starts the daemon is there to read it.
+    /// The driver's error. An axis that a person holds is not an error here: `check` reports it.
     pub fn open(mut open: impl FnMut() -> Result<Box<dyn RotationAxis>, DeviceError> + Send + 'static) -> Result<Self, DeviceError> {
         let axis = open()?;
-        let (identity, capabilities) = (axis.identity().to_owned(), axis.capabilities());
-        Ok(Self { open: Box::new(open), axis: Some(axis), identity, capabilities, epochs_before: 0 })
+        let capabilities = axis.capabilities();
+        Ok(Self { open: Box::new(open), axis: Some(axis), identity: String::new(), capabilities, epochs_before: 0 })
     }
 
     fn with<T>(&mut self, work: impl FnOnce(&mut dyn RotationAxis) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         let Some(axis) = &mut self.axis else { return Err(away()) };
         let result = work(axis.as_mut());
         if matches!(result, Err(DeviceError::Gone { .. })) {
-            self.let_port_go();
+            self.close_port();
         }
         result
     }
 
-    fn let_port_go(&mut self) {
+    fn close_port(&mut self) {
         if let Some(axis) = self.axis.take() {
+            axis.identity().clone_into(&mut self.identity);
             self.epochs_before += 1 + epoch(axis.position());
         }
     }
@@ -67,7 +69,7 @@ fn epoch(position: Position) -> u32 {
 
 impl RotationAxis for Lasting {
     fn identity(&self) -> &str {
-        &self.identity
+        self.axis.as_ref().map_or(&self.identity, |axis| axis.identity())
     }
 
     fn capabilities(&self) -> Capabilities {
@@ -100,20 +102,19 @@ impl RotationAxis for Lasting {
         self.axis.as_mut()?.specimen_input()
     }
 
-    /// An axis that is away is opened again, one that does not answer is let go.
+    /// Opens a lost axis again, and closes one that does not answer.
     fn check(&mut self) -> Result<(), DeviceError> {
-        if self.axis.is_some() {
-            let result = self.with(|axis| axis.check());
-            if matches!(result, Err(DeviceError::Silent { .. })) {
-                self.let_port_go();
-            }
-            return result;
+        if self.axis.is_none() {
+            let axis = (self.open)()?;
+            self.capabilities = axis.capabilities();
+            self.axis = Some(axis);
         }
-        let axis = (self.open)()?;
-        axis.identity().clone_into(&mut self.identity);
-        self.capabilities = axis.capabilities();
-        self.axis = Some(axis);
-        Ok(())
+        // A driver also opens an axis that a person holds. Only its check tells.
+        let result = self.with(|axis| axis.check());
+        if matches!(result, Err(DeviceError::Silent { .. })) {
+            self.close_port();
+        }
+        result
     }
 
     fn position(&self) -> Position {
@@ -125,7 +126,7 @@ impl RotationAxis for Lasting {
         }
     }
 
-    /// Of the axis that is open now: it is asked for when a run begins, and an axis comes back between runs only.
+    /// The handle of the axis that is open now. A run asks for it at its beginning, and an axis is opened again between runs only.
     fn stop_handle(&self) -> StopHandle {
         self.axis.as_ref().map_or_else(|| StopHandle::new(|| ()), |axis| axis.stop_handle())
     }
@@ -140,6 +141,7 @@ mod tests {
     #[derive(Default)]
     struct Bench {
         unplugged: AtomicBool,
+        held: AtomicBool,
         opened: AtomicU32,
         let_go: AtomicU32,
     }
@@ -147,9 +149,22 @@ mod tests {
     struct Fake(Arc<Bench>, Position);
 
     impl Fake {
+        /// Opened also while it is held.
+        fn open(bench: &Arc<Bench>) -> Result<Box<dyn RotationAxis>, DeviceError> {
+            let fake = Self(Arc::clone(bench), Position::Unknown);
+            match fake.answers() {
+                Ok(()) | Err(DeviceError::Intervention { .. }) => {}
+                Err(error) => return Err(error),
+            }
+            bench.opened.fetch_add(1, Ordering::SeqCst);
+            Ok(Box::new(fake))
+        }
+
         fn answers(&self) -> Result<(), DeviceError> {
             if self.0.unplugged.load(Ordering::SeqCst) {
                 Err(DeviceError::Gone { device: "fake", why: "unplugged".into() })
+            } else if self.0.held.load(Ordering::SeqCst) {
+                Err(DeviceError::Intervention { device: "fake", what: "feed hold".into(), way_out: "Press cycle start" })
             } else {
                 Ok(())
             }
@@ -193,13 +208,7 @@ mod tests {
     fn a_lost_axis_lets_its_port_go_and_comes_back_in_a_later_epoch() {
         let bench = Arc::new(Bench::default());
         let shared = Arc::clone(&bench);
-        let mut axis = Lasting::open(move || {
-            let fake = Fake(Arc::clone(&shared), Position::Unknown);
-            fake.answers()?;
-            shared.opened.fetch_add(1, Ordering::SeqCst);
-            Ok(Box::new(fake))
-        })
-        .unwrap();
+        let mut axis = Lasting::open(move || Fake::open(&shared)).unwrap();
         let cancel = CancelToken::new();
         assert_eq!(axis.reference(&cancel).unwrap().epoch, 1);
         axis.check().unwrap();
@@ -214,5 +223,23 @@ mod tests {
         assert_eq!(bench.opened.load(Ordering::SeqCst), 2);
         assert_eq!(axis.position(), Position::Unknown);
         assert_eq!(axis.reference(&cancel).unwrap().epoch, 3, "a view of before never meets one of after");
+    }
+
+    #[test]
+    fn an_axis_that_comes_back_while_a_person_has_it_says_so_and_keeps_its_port() {
+        let bench = Arc::new(Bench::default());
+        let shared = Arc::clone(&bench);
+        let mut axis = Lasting::open(move || Fake::open(&shared)).unwrap();
+        bench.unplugged.store(true, Ordering::SeqCst);
+        assert!(matches!(axis.check(), Err(DeviceError::Gone { .. })));
+        assert_eq!(axis.identity(), "fake", "known while it is away");
+        bench.unplugged.store(false, Ordering::SeqCst);
+        bench.held.store(true, Ordering::SeqCst);
+        for _ in 0..2 {
+            assert!(matches!(axis.check(), Err(DeviceError::Intervention { .. })));
+        }
+        bench.held.store(false, Ordering::SeqCst);
+        axis.check().unwrap();
+        assert_eq!((bench.opened.load(Ordering::SeqCst), bench.let_go.load(Ordering::SeqCst)), (2, 1));
     }
 }

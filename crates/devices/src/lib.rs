@@ -1,15 +1,22 @@
-//! The instrument's devices behind narrow traits. They know units and raw frames, nothing of the science.
+//! The instrument's devices behind narrow traits. They use units and raw frames, and no science. All calls block.
 //!
 //! ```text
-//! acquisition ── RotationAxis ── grbl ── link (one owner per serial port) ── /dev/tty...
-//!             └─ Camera ──────── aravis (one owner per camera) ──────────── GigE
+//!             ┌─ RotationAxis ── Lasting ── one_sided ── Grbl, Tmcl, Zaber, VastBridge, Relay ── link ── serial port, TCP
+//! acquisition ┤     ├─ LinearAxis      a second axis of the same controller
+//!             │     └─ SpecimenInput   the sampler's two wires at the same controller ◄── TriggerSampler
+//!             └─ Camera ──────── AravisCamera ── libaravis ── GigE Vision
+//!
+//! any thread ── StopHandle ──► the stop on the wire, also while a move is waited for
 //! ```
-//! `stop` of an axis is reachable from any thread at any moment, through its [`StopHandle`].
+//! Every serial port, connection and camera has exactly one owner.
+
+#![warn(missing_docs)]
 
 pub mod acquisition;
 pub mod camera;
 pub mod cancel;
 pub mod hash;
+pub mod regular;
 pub mod rotation;
 pub mod sampler;
 
@@ -26,105 +33,152 @@ use carved_core::frame::RawFrame;
 use carved_core::units::Steps;
 use std::time::Duration;
 
-/// What is known of an axis' position. A number alone is not knowledge: a controller that restarted counts from 0 again.
+/// What is known about the position of an axis. The controller's count alone is not enough: after a restart it counts from 0 again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Position {
     /// Never referenced since the port was opened.
     Unknown,
-    /// Referenced; every view of one model must carry the same epoch.
-    Referenced { steps: Steps, epoch: u32 },
-    /// Something happened that the controller may not have noticed (a restart, an unexplained position).
-    Suspect { epoch: u32 },
+    /// The axis was referenced and stands at a known position.
+    Referenced {
+        /// From the reference position.
+        steps: Steps,
+        /// Of the reference. All views of one model must have the same epoch.
+        epoch: u32,
+    },
+    /// Something happened that the controller may not have noticed, such as a restart or an unexplained position.
+    Suspect {
+        /// One more than the epoch of the position that was known before.
+        epoch: u32,
+    },
 }
 
-/// Where a move ended, by the controller's own account.
+/// Where a move ended, as the controller reports it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Achieved {
+    /// From the reference position.
     pub steps: Steps,
+    /// Of the reference that the steps are counted from.
     pub epoch: u32,
 }
 
-/// What a controller can do and tell. Who drives an axis asks; nothing is assumed of a make.
+/// What a controller can do and report. Callers ask for it and do not assume anything about a make.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[allow(clippy::struct_excessive_bools)] // a list of answers, not a state
 pub struct Capabilities {
-    /// It reports where it counts itself to stand.
+    /// It reports its own count of steps.
     pub has_position: bool,
-    /// It measures where the shaft stands.
+    /// It measures the angle of the shaft.
     pub has_encoder: bool,
-    /// It notices a shaft that does not follow.
+    /// It detects a shaft that does not follow.
     pub has_stall: bool,
-    /// A move under way can be ended.
+    /// It can end a move that is under way.
     pub can_stop: bool,
-    /// It takes positions; else it takes differences, and the driver keeps count.
+    /// It accepts absolute positions. Otherwise it accepts differences, and the driver keeps the count.
     pub absolute: bool,
-    /// It steps through a list that was given to it before, at each trigger.
+    /// It goes to the next entry of a list at each trigger, and nowhere else. The list is given to it before.
     pub trigger_only: bool,
 }
 
 /// The axis that turns the capillary.
 ///
-/// Only what most axes truly do not have has a default: a list of stops to be told (`announce`, `let_go`), a second axis, a
-/// wire from the sampler. Whoever wraps an axis passes all of them on.
+/// Only functions that most axes do not have come with a default: the list of stops (`announce`, `let_go`), a second axis, a
+/// wire from the sampler. A wrapper must forward all of them.
 pub trait RotationAxis: Send {
-    /// What the controller says of itself, for the record.
+    /// Name and version of the controller, for the record. It may become longer once a controller could be asked.
     fn identity(&self) -> &str;
+    /// What this controller can do.
     fn capabilities(&self) -> Capabilities;
-    /// Tells where the next revolution will stop, in order, before its first move. A trigger-stepped axis needs it before
-    /// its reference, best before the specimen is there; the same stops may be told again.
+    /// Announces the stops of the next revolution, in order, before its first move. A trigger-stepped axis needs them before
+    /// its reference, and best before the specimen is there. The same stops may be announced again.
+    ///
+    /// # Errors
+    /// The list cannot be written, or the machine already goes by another one.
     fn announce(&mut self, _stops: &[Steps]) -> Result<(), DeviceError> {
         Ok(())
     }
-    /// Finds the axis' reference and makes it step 0 of a new epoch. It lifts an earlier stop, but never one whose caller
-    /// has cancelled `cancel`: who stops for good cancels first, then stops.
+    /// Finds the reference position and makes it step 0 of a new epoch. It releases an earlier stop, unless `cancel` is cancelled.
+    /// To stop for good, cancel first and then stop.
+    ///
+    /// # Errors
+    /// The controller's fault, or [`DeviceError::Intervention`] while a person or a safety circuit holds the axis.
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError>;
-    /// Moves to an absolute position and returns once the axis has arrived.
+    /// Moves to an absolute position, counted from the reference, and returns once the axis has arrived.
+    ///
+    /// # Errors
+    /// The axis is not referenced, did not arrive, or was stopped. It then needs a new reference.
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError>;
-    /// Says that the specimen is done with: a trigger-stepped axis goes through what is left of its list, so that its own
-    /// program goes on. Its next reference then waits for another specimen. It lifts an earlier stop as the reference does.
+    /// Ends the work on a specimen. A trigger-stepped axis steps through the rest of its list, so that the machine's own program
+    /// continues. Its next reference waits for another specimen. It releases an earlier stop as `reference` does.
+    ///
+    /// # Errors
+    /// As `move_to`.
     fn let_go(&mut self, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
-    /// The axis that moves the capillary along the picture, where the same controller drives it: a port has one owner.
+    /// The axis that moves the capillary along the picture, if the same controller drives it. A port has one owner.
     fn linear(&mut self) -> Option<&mut dyn LinearAxis> {
         None
     }
-    /// The wire that says that a specimen is in the capillary, where it ends at this controller.
+    /// The input that tells whether a specimen is in the capillary, if it is wired to this controller.
     fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
         None
     }
-    /// Asks the controller whether it is there, without moving anything; for the time between runs and while one is held. A
-    /// stopped controller is asked too. Each driver has a question of its own; one that has none says so in its code and looks
-    /// at the connection. What a person did at the controller is told as [`DeviceError::Intervention`], once.
+    /// Asks the controller whether it is there, between runs and while a run is held. Nothing moves. A stopped controller is asked
+    /// too. Each driver has its own question. A driver without one checks the connection only.
+    ///
+    /// # Errors
+    /// [`DeviceError::Intervention`] if a person or a safety circuit holds the axis: each time while it lasts, or once, depending on
+    /// the driver. [`DeviceError::Gone`] and [`DeviceError::Silent`] if the controller is lost.
     fn check(&mut self) -> Result<(), DeviceError>;
+    /// What is known about the position. Nothing is asked of the controller.
     fn position(&self) -> Position;
-    /// A handle by which any thread stops the motor at once, also while `move_to` is waiting. Where nothing can stop it
-    /// ([`Capabilities::can_stop`]), it ends the step under way by itself and is told no other.
+    /// A handle by which any thread stops the motor at once, also while `move_to` waits. If the machine cannot be stopped
+    /// ([`Capabilities::can_stop`]), it finishes the current step and gets no further one.
     fn stop_handle(&self) -> StopHandle;
 }
 
-/// The axis that moves the capillary along the picture. It is stopped by the [`StopHandle`] of its controller.
+/// The axis that moves the capillary along the picture. The [`StopHandle`] of its controller stops it.
 pub trait LinearAxis {
-    /// Finds its step 0, where that is not known.
+    /// Finds step 0, unless it is known.
+    ///
+    /// # Errors
+    /// As [`RotationAxis::reference`].
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError>;
     /// Moves to an absolute position within the limits and returns once the axis has arrived.
+    ///
+    /// # Errors
+    /// A target outside the limits, and as [`RotationAxis::move_to`].
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError>;
-    /// The first and the last step that it may be sent to.
+    /// The first and the last permitted step.
     fn limits(&self) -> [Steps; 2];
+    /// What is known about the position.
     fn position(&self) -> Position;
-    /// Whole steps of a length.
+    /// The number of whole steps nearest to a length, um.
     fn steps_of(&self, um: f64) -> Steps;
 }
 
-/// Two wires between the controller and who brings specimens.
+/// Two wires between the controller and the sampler: an input "a specimen is there" and an output "the specimen is done".
 pub trait SpecimenInput {
-    /// Lifts an earlier stop as a reference does; comes before a specimen is waited for.
+    /// Prepares the controller to wait for a specimen. It releases an earlier stop as [`RotationAxis::reference`] does.
+    ///
+    /// # Errors
+    /// As [`RotationAxis::reference`].
     fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError>;
-    /// Whether the input is active at this moment; it may bounce.
+    /// Whether the input is active at this moment. The contact may bounce.
+    ///
+    /// # Errors
+    /// The controller's fault, or a stop.
     fn is_active(&mut self) -> Result<bool, DeviceError>;
-    /// The same of a controller at rest, which may be stopped or in an alarm and is left so; nothing where its answer cannot be read.
+    /// Whether the input is active, while nothing runs. The controller may be stopped or in an alarm, and stays so. `None` if its
+    /// answer cannot be read.
+    ///
+    /// # Errors
+    /// The controller does not answer.
     fn is_active_at_rest(&mut self) -> Result<Option<bool>, DeviceError>;
-    /// Switches the output that says that the specimen is done with.
+    /// Switches the output.
+    ///
+    /// # Errors
+    /// The controller's fault, or [`DeviceError::Intervention`] while a person holds the axis.
     fn say_done(&mut self, done: bool) -> Result<(), DeviceError>;
 }
 
@@ -136,65 +190,74 @@ pub struct StopHandle {
 }
 
 impl StopHandle {
-    /// A handle whose two stops are the same.
+    /// A handle whose [`Self::stop`] and [`Self::end_motion`] do the same.
     pub fn new(stop: impl Fn() + Send + Sync + 'static) -> Self {
         let stop: std::sync::Arc<dyn Fn() + Send + Sync> = std::sync::Arc::new(stop);
         Self { end_motion: std::sync::Arc::clone(&stop), stop }
     }
 
-    /// A handle for a controller on which a stop also ends what a person has done there, such as a feed hold.
+    /// A handle for a controller on which a stop would also end a person's action, such as a feed hold.
     #[must_use]
     pub fn with_end_of_motion(self, end_motion: impl Fn() + Send + Sync + 'static) -> Self {
         Self { end_motion: std::sync::Arc::new(end_motion), ..self }
     }
 
-    /// Puts the stop on the wire, whatever the axis does; it then refuses to move until it is referenced again. For a stop that
-    /// a person asks for.
+    /// Writes the stop to the wire in any state of the axis, for a stop that a person requests. The axis then refuses to move until it
+    /// is referenced again.
     pub fn stop(&self) {
         (self.stop)();
     }
 
-    /// Ends a motion that the program has begun, if there is one; the axis then refuses to move until it is referenced again. For
-    /// stops that the program decides on: they leave alone what a person has done at the controller.
+    /// Ends a motion that this program has started, if there is one, for a stop that the program decides on. It does not change what a
+    /// person has done at the controller. The axis then refuses to move until it is referenced again.
     pub fn end_motion(&self) {
         (self.end_motion)();
     }
 }
 
-/// Whether a device is known to be lost, for any thread; it asks nothing of the device.
+/// Tells any thread whether a device is known to be lost. It sends nothing to the device.
 #[derive(Clone)]
 pub struct Link(std::sync::Arc<dyn Fn() -> bool + Send + Sync>);
 
 impl Link {
+    /// A link that asks `is_lost`.
     pub fn new(is_lost: impl Fn() -> bool + Send + Sync + 'static) -> Self {
         Self(std::sync::Arc::new(is_lost))
     }
 
+    /// Whether the device is known to be lost.
     pub fn is_lost(&self) -> bool {
         (self.0)()
     }
 }
 
-/// A frame that passed the acceptance rule: whole, of the configured geometry and format.
+/// A frame that was accepted: complete, in the configured geometry and format.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grabbed {
+    /// The pixels as the camera sent them.
     pub frame: RawFrame,
-    /// The stream's own number of the frame.
+    /// The number that the stream gave the frame.
     pub frame_id: u64,
-    /// Triggers that this frame took; more than 1 after a lost frame.
+    /// Number of triggers for this frame. It is more than 1 after a lost frame.
     pub attempts: u32,
-    /// Until the camera had acknowledged the last of them, ms; the rest of the time is exposure, readout and transfer.
+    /// Time until the camera acknowledged the last trigger, ms. The rest is exposure, readout and transfer.
     pub trigger_ms: f64,
 }
 
-/// What the stream counted since it was opened.
+/// Counters of all streams since the camera was opened, as Aravis counts them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct StreamCounters {
+    /// Complete frames.
     pub completed: u64,
+    /// Incomplete frames.
     pub failed: u64,
+    /// Frames for which there was no free buffer.
     pub underrun: u64,
+    /// Packets that were lost and sent again.
     pub resent_packets: u64,
+    /// Packets that stayed lost.
     pub missing_packets: u64,
+    /// Packets that belong to no frame under way.
     pub ignored_packets: u64,
 }
 
@@ -202,17 +265,32 @@ pub struct StreamCounters {
 pub trait Camera: Send {
     /// Vendor, model and serial number, for the record.
     fn identity(&self) -> &str;
-    /// Starts the one acquisition of a run: the camera then waits for triggers. One that was lost is opened again first.
+    /// Starts an acquisition: the camera then waits for triggers. A lost camera is opened again first.
+    ///
+    /// # Errors
+    /// The camera is lost, or refuses.
     fn arm(&mut self) -> Result<(), DeviceError>;
-    /// Triggers one exposure and returns its frame; a lost frame is triggered again until the deadline has passed.
+    /// Triggers one exposure and returns its frame. A lost frame is triggered again until the deadline.
+    ///
+    /// # Errors
+    /// No complete frame came before the deadline, the camera is not armed, or it is lost.
     fn grab(&mut self, deadline: Duration) -> Result<Grabbed, DeviceError>;
-    /// Tells any thread whether the device is still ours; once it is not, only `reopen` or `arm` help.
+    /// Tells any thread whether this program still controls the camera. After a loss only `reopen` or `arm` help.
     fn link(&self) -> Link;
+    /// Whether the camera is known to be lost.
     fn is_lost(&self) -> bool {
         self.link().is_lost()
     }
-    /// Opens and configures a lost camera again, where it answers; does nothing with one that is not lost.
+    /// Opens and configures a lost camera again. It does nothing if the camera is not lost.
+    ///
+    /// # Errors
+    /// The camera does not answer, another program controls it, or another camera answers.
     fn reopen(&mut self) -> Result<(), DeviceError>;
+    /// Counters since the camera was opened.
     fn counters(&self) -> StreamCounters;
+    /// Ends the acquisition.
+    ///
+    /// # Errors
+    /// The camera is lost, or refuses.
     fn disarm(&mut self) -> Result<(), DeviceError>;
 }

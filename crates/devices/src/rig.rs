@@ -2,9 +2,11 @@
 
 use super::{Camera, RotationAxis};
 
-/// Everything a revolution needs. It is moved into the blocking worker and handed back at the join, so that two
-/// threads can never drive one motor; what must be reachable meanwhile is the axis' [`super::StopHandle`].
+/// Everything that a revolution needs. It is moved into the blocking worker, which returns it at its end, so that two threads never
+/// drive one motor. Other threads keep the axis' [`super::StopHandle`].
 pub struct Rig {
+    /// Turns the capillary.
     pub rotation: Box<dyn RotationAxis>,
+    /// Looks at the capillary.
     pub camera: Box<dyn Camera>,
 }

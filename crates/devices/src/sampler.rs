@@ -1,5 +1,11 @@
-//! Who puts a specimen into the capillary and takes it out again.
+//! Samplers: they put a specimen into the capillary and take it out again.
+//!
+//! ```text
+//! worker ── load, go_on, eject ──► Sampler ─┬─ LoaderSampler    waits for a message: plate-loader ── HTTP ──► LoaderGate
+//!                                           └─ TriggerSampler   waits for a wire:    sampler ── SpecimenInput of the axis
+//! ```
 
+mod clock;
 mod trigger;
 mod watched;
 
@@ -10,101 +16,118 @@ use crate::cancel::CancelToken;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-/// What is known of a loaded specimen.
+/// What is known about a loaded specimen.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Loaded {
-    /// Simulation only: what a perfect measurement would find.
+    /// The result of a perfect measurement; simulation only.
     pub truth: Option<serde_json::Value>,
 }
 
-/// What the plate map says of a well; a sampler may use it, a plate-loader knows it already.
+/// What the plate map says about a well. A sampler may use it. A plate-loader knows it already.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Expected<'a> {
+    /// Name of the well, such as `A01`.
     pub well: &'a str,
-    /// A bead, or else a larva.
+    /// Whether the specimen is a bead; otherwise it is a larva.
     pub bead: bool,
-    /// Days post fertilisation.
+    /// Days post fertilisation, if the plate map says it.
     pub dpf: Option<f64>,
 }
 
+/// Brings specimens into the capillary and takes them out.
 pub trait Sampler: Send {
-    /// Whether `load` waits for somebody outside.
+    /// Whether `load` waits for a message from outside.
     fn waits_for_loader(&self) -> bool;
-    /// Whether a specimen that was taken out can be brought again: whoever brings what lies next on a plate cannot.
+    /// Whether a specimen that was taken out can be brought again. A sampler that brings the next specimen of a plate cannot.
     fn brings_again(&self) -> bool;
-    /// A new run begins: a capillary that was seen empty before may have been filled since. A run that goes on is no new one.
+    /// A new run begins. What was seen before says nothing about the capillary now. A run that continues is not a new run.
     fn begin_run(&mut self) {}
-    /// Looks at the wire that says that a specimen is there, while nothing runs; it moves and resets nothing.
+    /// Reads the specimen input while nothing runs. Nothing is moved or reset.
+    ///
+    /// # Errors
+    /// The input cannot be read.
     fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
         Ok(())
     }
-    /// Whether the looks while nothing runs have found a specimen; nothing where no wire tells, or not for long enough yet.
+    /// Whether [`Self::look`] has found a specimen. `None` without such an input, or before it was read for long enough.
     fn sees_specimen(&self) -> Option<bool> {
         None
     }
-    /// Brings the specimen of a well into the capillary; nothing where the run was cancelled or paused meanwhile. `axis` may have the
-    /// wire that says that it is there.
-    fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
-    /// Goes on with the specimen of a well that was left in the capillary; brings none. Nothing where the run was cancelled meanwhile.
+    /// Brings the specimen of a well into the capillary. `None` if the run was cancelled or paused meanwhile. `axis` may have the
+    /// specimen input.
     ///
     /// # Errors
-    /// It is not there any more, as far as that can be seen.
+    /// No specimen came, or one that nobody asked for is there.
+    fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
+    /// Continues with the specimen of a well that was left in the capillary. It brings none. `None` if the run was cancelled meanwhile.
+    ///
+    /// # Errors
+    /// The specimen is not there any more, or may have been exchanged, as far as the sampler can see.
     fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
+    /// Takes the specimen of a well out of the capillary.
+    ///
+    /// # Errors
+    /// It did not leave, as far as the sampler can see.
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError>;
-    /// Washes what the specimen of this well was in; of an outside loader that is its own business.
+    /// Washes the capillary after the specimen of this well. An external loader does that by itself.
+    ///
+    /// # Errors
+    /// The washing failed.
     fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
 }
 
-/// What a wait for the loader ends with.
-enum Word {
+/// What ends a wait for the loader.
+enum LoaderMessage {
     /// The specimen of this well is in the capillary.
     Loaded(String),
-    /// The loader is not waited for any more.
+    /// The wait ends without a specimen.
     GiveUp,
 }
 
-/// Where the loader's word arrives.
+/// The place where the loader's message arrives. It holds the newest message until a wait takes it.
 #[derive(Clone, Default)]
-pub struct LoaderGate(Arc<(Mutex<Option<Word>>, Condvar)>);
+pub struct LoaderGate(Arc<(Mutex<Option<LoaderMessage>>, Condvar)>);
 
 impl LoaderGate {
-    /// Forgets a word that an earlier wait left behind: it belongs to another run or another life of this one.
+    /// Drops a message that an earlier wait left. It belongs to another run, or to this run before it was held.
     pub fn clear(&self) {
         *self.0.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
+    /// The specimen of this well is in the capillary.
     pub fn say_loaded(&self, well: &str) {
-        self.say(Word::Loaded(well.to_owned()));
+        self.send(LoaderMessage::Loaded(well.to_owned()));
     }
 
-    /// Ends a wait that is under way, or the next one: nothing was loaded.
+    /// Ends the current wait, or else the next one, without a specimen.
     pub fn give_up(&self) {
-        self.say(Word::GiveUp);
+        self.send(LoaderMessage::GiveUp);
     }
 
-    /// Whether the message that this well is loaded was said and not taken yet.
+    /// Whether the message that this well is loaded has arrived and was not taken yet.
     pub fn has_loaded(&self, well: &str) -> bool {
-        matches!(&*self.0.0.lock().unwrap_or_else(PoisonError::into_inner), Some(Word::Loaded(said)) if said == well)
+        matches!(&*self.0.0.lock().unwrap_or_else(PoisonError::into_inner), Some(LoaderMessage::Loaded(loaded)) if loaded == well)
     }
 
-    fn say(&self, word: Word) {
+    fn send(&self, message: LoaderMessage) {
         let (slot, changed) = &*self.0;
-        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(word);
+        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(message);
         changed.notify_all();
     }
 }
 
-/// The plate-loader fills the capillary and says so.
+/// A sampler that waits for the plate-loader's message.
 pub struct LoaderSampler {
     gate: LoaderGate,
 }
 
-/// How often a wait looks whether the run was cancelled.
+/// How often a wait checks whether the run was cancelled.
 const CANCEL_CHECK: Duration = Duration::from_millis(50);
 
 impl LoaderSampler {
+    /// A sampler that waits for messages at `gate`.
     pub fn new(gate: LoaderGate) -> Self {
         Self { gate }
     }
@@ -121,20 +144,20 @@ impl Sampler for LoaderSampler {
 
     fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (slot, changed) = &*self.gate.0;
-        let mut said = slot.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut message = slot.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
             if cancel.is_cancelled() {
                 return Ok(None);
             }
-            match &*said {
-                Some(Word::GiveUp) => return Ok(None),
-                Some(Word::Loaded(well)) if well == expected.well => {
-                    *said = None;
+            match &*message {
+                Some(LoaderMessage::GiveUp) => return Ok(None),
+                Some(LoaderMessage::Loaded(well)) if well == expected.well => {
+                    *message = None;
                     return Ok(Some(Loaded::default()));
                 }
                 _ => {}
             }
-            said = changed.wait_timeout(said, CANCEL_CHECK).unwrap_or_else(PoisonError::into_inner).0;
+            message = changed.wait_timeout(message, CANCEL_CHECK).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
@@ -158,7 +181,7 @@ mod tests {
     use crate::sampler::trigger::tests::Wired;
 
     #[test]
-    fn the_word_for_another_well_does_not_count_and_a_cancel_ends_the_wait() {
+    fn a_message_for_another_well_does_not_count_and_a_cancel_ends_the_wait() {
         let well = |well| Expected { well, bead: false, dpf: None };
         let gate = LoaderGate::default();
         let cancel = CancelToken::default();

@@ -8,8 +8,8 @@
 //! ```
 //! Degrees are the axis': the rig's sense makes omega of them. Rad are omega.
 
-use crate::regular;
 use anyhow::{Context, anyhow, bail, ensure};
+use carved_devices::regular;
 use std::collections::BTreeMap;
 use std::path::Path;
 

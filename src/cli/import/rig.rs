@@ -3,11 +3,11 @@
 use super::Args;
 use crate::cli::segment::{self, input::Kind};
 use crate::config::{Config, Method, references};
-use crate::regular;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_core::geometry::Camera;
 use carved_core::measure::references::References;
+use carved_devices::regular;
 use serde::Deserialize;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;

@@ -7,9 +7,9 @@
 //!  a count, then name K R t per line             Middlebury's _par.txt
 //! ```
 
-use crate::regular;
 use anyhow::{Context, anyhow, bail};
 use carved_core::geometry::{Camera, Projection};
+use carved_devices::regular;
 use nalgebra::{Matrix3, Matrix3x4};
 use serde::Deserialize;
 use serde_json::Value;

@@ -1,9 +1,9 @@
 //! Silhouettes from a folder.
 
-use crate::regular;
 use anyhow::{Context, bail};
 use carved_core::carver::Leaves;
 use carved_core::profile::{Columns, Mask};
+use carved_devices::regular;
 use image::{ImageFormat, ImageReader};
 use rayon::prelude::*;
 use std::fs::File;

@@ -1,9 +1,9 @@
 //! Control larvae out of recordings and tables.
 
-use crate::regular;
 use crate::store::{MeasurementFile, Recording, RecordingReader};
 use anyhow::{Context, bail};
 use carved_core::measure::references::{Control, VOXEL, estimates};
+use carved_devices::regular;
 use carved_records::Mode;
 use serde::Deserialize;
 use std::path::Path;

@@ -1,9 +1,9 @@
 //! One daemon, asked over HTTP: what can be asked again is, until patience ends, and `Retry-After` is honoured.
 
 use crate::http::Problem;
-use crate::regular;
 use crate::session::Status;
 use anyhow::{Context, bail};
+use carved_devices::regular;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};

@@ -1,10 +1,10 @@
 //! A picture file of any common kind as the frame a camera would have sent.
 
 use super::mosaic;
-use crate::regular;
 use anyhow::{Context, bail};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use image::{DynamicImage, ImageReader};
 use std::io::Cursor;
 use std::path::Path;

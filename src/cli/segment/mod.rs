@@ -15,9 +15,9 @@ mod mosaic;
 mod output;
 mod overlay;
 
-use crate::regular;
 use anyhow::{Context, bail};
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenters};
+use carved_devices::regular;
 use empty::Empty;
 use output::{Names, Report};
 use rayon::prelude::*;

@@ -51,7 +51,7 @@ impl Running {
     }
 
     /// A person or a safety circuit has the axis. For as long as that lasts the fault stands, also where it was acknowledged before
-    /// it was over. An axis that was lost is not back by this: it is opened again once it is free.
+    /// it was over. A lost axis counts as back only once it is free.
     pub(super) fn axis_is_taken(&mut self, intervention: Option<&DeviceError>) {
         if let Some(DeviceError::Intervention { device, what, way_out }) = intervention {
             let error = DeviceError::Intervention { device, what: what.clone(), way_out };

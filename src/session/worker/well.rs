@@ -95,19 +95,20 @@ impl Worker {
         let Self { context, instrument: Instrument { rig, sampler, .. } } = self;
         let well = planned.well.as_str();
         context.phase(well, Phase::Load, false);
-        if rig.rotation.capabilities().trigger_only {
-            // Its list must be there before it takes the specimen up.
-            rig.rotation.announce(&context.plan(planned)?.targets())?;
-        }
-        if sampler.waits_for_loader() {
-            context.tell(Progress::WaitingForLoader { well: well.to_owned() });
-        }
+        let list = if rig.rotation.capabilities().trigger_only { Some(context.plan(planned)?.targets()) } else { None };
         let expected = Expected { well, bead: planned.specimen == SpecimenKind::Bead, dpf: planned.dpf };
         let is_inside = context.inside.as_deref() == Some(well);
         let stop = rig.rotation.stop_handle();
         let began = Instant::now();
         let loaded = within(Phase::Load, context.allowed(Phase::Load), &context.cancel, &stop, |cancel| {
             let axis = rig.rotation.as_mut();
+            if let Some(stops) = &list {
+                // Before the specimen is asked for: the axis reads its list when it takes the specimen up.
+                axis.announce(stops)?;
+            }
+            if sampler.waits_for_loader() {
+                context.tell(Progress::WaitingForLoader { well: well.to_owned() });
+            }
             let there = if is_inside { sampler.go_on(axis, expected, cancel) } else { sampler.load(axis, expected, cancel) };
             there.map_err(RunError::from)
         });

@@ -1,8 +1,8 @@
 //! Bringing the index up to what is on disk; from an empty one that is a rebuild.
 
 use super::rows;
-use crate::regular;
 use crate::store::{RunRecord, StoreError, journal, run};
+use carved_devices::regular;
 use carved_records::Event;
 use rusqlite::Connection;
 use std::collections::BTreeMap;

@@ -1,8 +1,8 @@
 //! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
 
-use crate::regular;
 use crate::store::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
 use carved_devices::hash::sha256_hex;
+use carved_devices::regular;
 use carved_records::{Event, EventData, WellStatus};
 use rusqlite::{Connection, OptionalExtension, params};
 use serde_json::Value;

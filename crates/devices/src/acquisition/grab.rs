@@ -1,4 +1,4 @@
-//! One frame from the camera, however often the camera has to be opened for it.
+//! One frame from the camera, also if the camera must be opened again for it.
 
 use super::{Light, SecondEntry};
 use crate::cancel::CancelToken;
@@ -7,16 +7,16 @@ use crate::{Camera, DeviceError, Grabbed};
 use carved_core::frame::RawFrame;
 use std::time::{Duration, Instant};
 
-/// How long a lost camera is looked for before its view is given up: the axis stands, the specimen waits.
+/// How long a lost camera is searched before its view fails. Meanwhile the axis is at rest and the specimen waits.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Rest between two looks.
+/// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// Takes one frame. A camera that is lost meanwhile is opened again where it comes back within ten seconds, and the frame is taken
-/// anew: nothing has moved.
+/// Takes one frame. If the camera is lost meanwhile and comes back within ten seconds, it is opened again, and the frame is taken
+/// again. Nothing has moved.
 ///
 /// # Errors
-/// The camera's own, or what was found last when the patience, or the run, has ended.
+/// The camera's error; of a lost camera, that of the last attempt.
 pub fn grab(camera: &mut dyn Camera, deadline: Duration, cancel: &CancelToken) -> Result<Grabbed, DeviceError> {
     let mut failed = match camera.grab(deadline) {
         Err(e) if camera.is_lost() => e,
@@ -33,7 +33,7 @@ pub fn grab(camera: &mut dyn Camera, deadline: Duration, cancel: &CancelToken) -
     Err(failed)
 }
 
-/// Takes the second camera's frame of a view, after the first's.
+/// Takes the second camera's frame of a view, after that of the first camera.
 ///
 /// # Errors
 /// As [`grab`].

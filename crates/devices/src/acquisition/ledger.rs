@@ -1,21 +1,23 @@
-//! The account of a revolution: where each view was taken, by the axis' own word, and which frame it is.
+//! The ledger of a revolution: the position that the axis reported for each view, and the frame of the view.
 
 use super::Light;
 use carved_core::units::Steps;
 use serde::{Deserialize, Serialize};
 
-/// One view. Angles of the science come from here, from the achieved steps.
+/// One view. The science takes its angles from the achieved steps here.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LedgerEntry {
     /// Number of the view around the turn, from 0.
     pub view: u32,
-    /// How often the view had been taken before; the newest take counts.
+    /// Number of earlier takes of this view. The newest take counts.
     #[serde(default, skip_serializing_if = "is_first")]
     pub retake: u32,
+    /// Target of the move, from the reference.
     pub commanded_steps: Steps,
+    /// Position that the axis reported, from the reference.
     pub achieved_steps: Steps,
-    /// Epoch of the axis' reference. Views of two epochs share no zero.
+    /// Epoch of the axis' reference. Views of two epochs have no common zero.
     pub epoch: u32,
     /// Angle of the view from the achieved steps and the rig's sense, rad.
     pub omega: f64,
@@ -25,22 +27,22 @@ pub struct LedgerEntry {
     pub settle_ms: f64,
     /// Time from the first trigger to the accepted frame, ms.
     pub grab_ms: f64,
-    /// Of that, until the camera had acknowledged the last trigger, ms; the rest is exposure, readout and transfer.
+    /// The part of `grab_ms` until the camera acknowledged the last trigger, ms. The rest is exposure, readout and transfer.
     #[serde(default)]
     pub trigger_ms: f64,
-    /// Light and focus of the frame; none in recordings of pictures that no camera of ours took.
+    /// Light and focus of the frame; `None` in imported recordings.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub light: Option<Light>,
-    /// The camera stream's own number of the frame.
+    /// The number that the camera's stream gave the frame.
     pub frame_id: u64,
-    /// Software triggers that the frame took.
+    /// Number of triggers for this frame.
     pub attempts: u32,
     /// SHA-256 of the frame's raw bytes, in hexadecimal.
     pub sha256: String,
     /// The frame that the second camera took of the same view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second: Option<SecondEntry>,
-    /// The view at 360 degrees; compared with view 0, never carved.
+    /// Whether this is the view at 360 degrees. It is compared with view 0, and never carved.
     pub closure: bool,
 }
 
@@ -49,54 +51,66 @@ fn is_first(retake: &u32) -> bool {
     *retake == 0
 }
 
-/// A frame of the second camera, taken after the first's and before the axis moves on.
+/// A frame of the second camera, taken after that of the first one and before the axis moves on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SecondEntry {
+    /// Time from the first trigger to the accepted frame, ms.
     pub grab_ms: f64,
+    /// The number that the camera's stream gave the frame.
     pub frame_id: u64,
+    /// Number of triggers for this frame.
     pub attempts: u32,
+    /// Light and focus of the frame.
     pub light: Light,
     /// SHA-256 of the frame's raw bytes, in hexadecimal.
     pub sha256: String,
 }
 
-/// Entries of one revolution in the order in which they were taken, all of one epoch, no take of a view twice.
+/// Entries of one revolution in the order in which they were taken. All have the same epoch, and no take of a view occurs twice.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(try_from = "Vec<LedgerEntry>", into = "Vec<LedgerEntry>")]
 pub struct Ledger {
     entries: Vec<LedgerEntry>,
 }
 
+/// An entry that does not fit the ledger.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are the words of the messages")]
 pub enum LedgerError {
+    /// The axis was referenced again within the revolution.
     #[error("view {view} belongs to epoch {found} of the axis' reference, the revolution to epoch {expected}; its angle has another zero")]
     EpochChanged { view: u32, expected: u32, found: u32 },
+    /// The take is already there.
     #[error("take {retake} of view {view} stands twice in the ledger")]
     Repeated { view: u32, retake: u32 },
+    /// The angle is not finite.
     #[error("view {view} has the angle {found} rad; it must be a finite number")]
     Angle { view: u32, found: String },
 }
 
 impl Ledger {
+    /// Adds an entry.
+    ///
     /// # Errors
-    /// Refuses a view of another epoch, a view that is already there, and an angle that is not a number.
+    /// The view has another epoch, its take is already there, or its angle is not finite.
     pub fn push(&mut self, entry: LedgerEntry) -> Result<(), LedgerError> {
         self.check(&entry)?;
         self.entries.push(entry);
         Ok(())
     }
 
+    /// All takes in the order in which they were taken.
     pub fn entries(&self) -> &[LedgerEntry] {
         &self.entries
     }
 
-    /// The newest take of each view, the closure view's included, in the order in which they were taken.
+    /// The newest take of each view, including the closure view, in the order in which they were taken.
     pub fn counted(&self) -> impl Iterator<Item = &LedgerEntry> {
         self.entries.iter().filter(|e| !self.entries.iter().any(|other| other.view == e.view && other.retake > e.retake))
     }
 
-    /// The views that are carved: all that count but the closure view.
+    /// The views that are carved: the newest takes without the closure view.
     pub fn carved(&self) -> impl Iterator<Item = &LedgerEntry> {
         self.counted().filter(|e| !e.closure)
     }

@@ -8,28 +8,29 @@
 use carved_core::frame::{PixelFormat, RawFrame};
 use serde::{Deserialize, Serialize};
 
-/// From one row that is looked at to the next: odd, so that both kinds of a mosaic's rows are.
+/// Distance between two evaluated rows. It is odd, so that both kinds of rows of a mosaic occur.
 const ROW_STEP: usize = 5;
-/// The highest value that a pixel can have.
+/// The highest pixel value.
 const TOP: usize = 255;
 
-/// What a frame says of lamp, exposure and focus.
+/// Light level and focus of a frame, which depend on lamp, exposure and lens.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Light {
-    /// Median of the pixels, 0 to 255: the background's level, since a specimen covers less than half of a frame.
+    /// Median of the pixels, 0 to 255. It is the level of the background, because a specimen covers less than half of a frame.
     pub background: f64,
     /// Share of the pixels at 255.
     pub saturated: f64,
-    /// Mean square of the difference between a pixel and the one two beside it, over the square of the background: rises with
-    /// sharpness, and is comparable between frames of one rig and specimen only.
+    /// Mean square of the difference between pixels two columns apart, divided by the square of the background. It increases with the
+    /// sharpness. Only frames of the same rig and specimen can be compared.
     pub focus: f64,
 }
 
 impl Light {
+    /// Evaluates every fifth row of a frame.
     pub fn of(frame: &RawFrame) -> Self {
         let bpp = frame.format().bytes_per_pixel();
-        // Of colours side by side green is looked at; under a mosaic all are.
+        // In RGB only green is evaluated; in a mosaic all pixels.
         let first = usize::from(frame.format() == PixelFormat::RGB8Packed);
         let mut histogram = [0u32; TOP + 1];
         let (mut squares, mut pairs) = (0u64, 0u64);

@@ -4,10 +4,10 @@
 //! RevolutionPlan ──► revolve ──────────────────────────────► sink (a bounded channel to the science)
 //!  integer steps     move ─► settle ─► trigger ─► frame ──┬──► LedgerEntry + RawFrame
 //!                     ▲                                   │
-//!                     └───────── next stop ◄──────────────┘   the axis turns on while the frame is looked at
+//!                     └───────── next stop ◄──────────────┘   the axis turns while the frame is evaluated
 //! ```
-//! The plan is immutable and pure; the [`Ledger`] says where every view was really taken. The science receives the
-//! achieved angle, never the planned one. Everything here blocks and knows no async runtime.
+//! The plan is immutable. The [`Ledger`] has the achieved position of every view. The science receives the achieved angle, never the
+//! planned one. All functions here block, without an async runtime.
 
 mod grab;
 mod ledger;

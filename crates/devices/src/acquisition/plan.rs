@@ -1,28 +1,33 @@
-//! Where the axis stops during one revolution: integer absolute steps, fixed before anything moves.
+//! The stops of one revolution: integer absolute steps, fixed before anything moves.
+//!
+//! ```text
+//! view i of N ──► the step nearest to i / N of a turn: at most half a step off, and the turn closes
+//! closure     ──► the step nearest to a whole turn, the last stop
+//! ```
 
 use carved_core::units::{Steps, StepsPerRevolution};
 use serde::{Deserialize, Serialize};
 
-/// The order in which the views of a revolution are taken. Observing is order-independent; the operator's patience is not.
+/// The order in which the views of a revolution are taken. The result does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewOrder {
     /// Once around, the shortest way.
     #[default]
     Sequential,
-    /// Halves, then quarters, then eighths, ... of the turn: the model shows its shape after a few views, at the price
-    /// of a longer way.
+    /// Halves, then quarters, then eighths of the turn, and so on. The live model shows its shape after a few views, but the axis turns
+    /// further.
     CoarseToFine,
 }
 
 /// One stop of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stop {
-    /// Number of the view around the turn, from 0; the closure view has the number after the last.
+    /// Number of the view around the turn, from 0. The closure view has the number after the last one.
     pub view: u32,
     /// Absolute target, from the reference.
     pub target: Steps,
-    /// The view at 360 degrees. It is held against the view at 0 degrees and never carved.
+    /// Whether this is the view at 360 degrees. It is compared with the view at 0 degrees, and never carved.
     pub closure: bool,
 }
 
@@ -35,28 +40,32 @@ pub struct RevolutionPlan {
     stops: Vec<Stop>,
 }
 
+/// A number of views that cannot be planned.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the fields are the words of the messages")]
 pub enum PlanError {
+    /// Too few views to enclose a volume.
     #[error("ASD is {asd}; a revolution needs at least {least} axial views to enclose a volume")]
     TooFew { asd: u32, least: u32 },
+    /// More views than steps.
     #[error("ASD is {asd}, but the axis has only {whole_steps} whole steps per revolution; two views would share a stop")]
     TooMany { asd: u32, whole_steps: u32 },
 }
 
 impl RevolutionPlan {
-    /// Two views, or views half a turn apart, see the same silhouette twice: three are the least that enclose a volume.
+    /// The least number of views that enclose a volume. Views half a turn apart show the same silhouette, so two are not enough.
     pub const LEAST_ASD: u32 = 3;
 
-    /// Plans `asd` axial views evenly around the turn and the closure view.
+    /// Plans `asd` axial views evenly around the turn, and the closure view.
     ///
     /// # Errors
-    /// Refuses fewer than three views and more views than steps.
+    /// Fewer than three views, or more views than steps.
     pub fn new(asd: u32, steps_per_revolution: StepsPerRevolution, order: ViewOrder) -> Result<Self, PlanError> {
         if asd < Self::LEAST_ASD {
             return Err(PlanError::TooFew { asd, least: Self::LEAST_ASD });
         }
         let [num, den] = <[u32; 2]>::from(steps_per_revolution);
-        // asd <= num / den leaves at least one whole step between neighbours, so that no two round to the same step.
+        // With asd <= num / den neighbours are at least one step apart, so no two are rounded to the same step.
         if u64::from(asd) * u64::from(den) > u64::from(num) {
             return Err(PlanError::TooMany { asd, whole_steps: num / den });
         }
@@ -69,31 +78,34 @@ impl RevolutionPlan {
         Ok(Self { asd, steps_per_revolution, order, stops })
     }
 
-    /// Axial views to be carved; the closure view is not among them.
+    /// Number of axial views to be carved, without the closure view.
     pub fn asd(&self) -> u32 {
         self.asd
     }
 
+    /// Steps per revolution of the axis.
     pub fn steps_per_revolution(&self) -> StepsPerRevolution {
         self.steps_per_revolution
     }
 
+    /// The order of the views.
     pub fn order(&self) -> ViewOrder {
         self.order
     }
 
+    /// The stops in the order of the visit.
     pub fn stops(&self) -> &[Stop] {
         &self.stops
     }
 
-    /// Where the axis stops, in order: what is announced to it.
+    /// The targets in the order of the visit, as they are announced to the axis.
     pub fn targets(&self) -> Vec<Steps> {
         self.stops.iter().map(|stop| stop.target).collect()
     }
 }
 
-/// Every view once: the places 0, 1/2, 1/4, 3/4, 1/8, ... of the turn, each taking the view at or before it unless that
-/// one has been taken. With at least as many places as views every view is met.
+/// Every view once, in the order of the places 0, 1/2, 1/4, 3/4, 1/8, ... of the turn. Each place takes the view at or before it,
+/// unless that view has been taken. There are at least as many places as views, so every view occurs.
 fn coarse_to_fine(asd: u32) -> Vec<u32> {
     let bits = u32::BITS - (asd - 1).leading_zeros();
     let places = 1_u64 << bits;

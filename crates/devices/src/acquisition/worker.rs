@@ -1,13 +1,12 @@
-//! The blocking engine that carries out a plan: move, settle, trigger, hand on.
+//! The blocking worker that executes a plan: move, settle, trigger, hand over.
 //!
 //! ```text
 //! move_to ──► rest (settle) ──► grab ──► hash ──► ledger ──► sink
 //!    ▲                                                        │
 //!    └────────────────────── next stop ◄──────────────────────┘        any other way out: stop the motor
 //! ```
-//! Whoever wants a revolution to end cancels the token *and* calls the rig's stop handle: the token ends it at the next
-//! boundary, the handle ends a move that is under way. Nothing resumes after a change of epoch: the error is final and
-//! the next revolution begins at a new reference.
+//! To end a revolution, cancel the token *and* call the rig's stop handle: the token ends it at the next step of the loop, and the
+//! handle ends a move that is under way. A change of epoch ends the revolution, and the next one begins at a new reference.
 
 use super::{Ledger, LedgerEntry, LedgerError, Light, RevolutionPlan, Stop, grab};
 use crate::cancel::CancelToken;
@@ -18,13 +17,13 @@ use carved_core::units::Sense;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// How the stops of a plan are carried out.
+/// How the stops of a plan are executed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcquisitionSettings {
     /// Rest between arrival and trigger, ms: time for the specimen to come to rest in its liquid.
     pub settle_ms: u32,
-    /// Time for one whole frame with all its repeated triggers, ms.
+    /// Time for one complete frame with all its repeated triggers, ms.
     pub grab_deadline_ms: u32,
     /// Which way positive steps turn the capillary, 1 or -1.
     #[serde(default)]
@@ -35,33 +34,40 @@ pub struct AcquisitionSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct SinkClosed;
 
-/// What the receiver of the views wants next.
+/// The receiver's decision after a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Next {
+    /// Take the next view.
     View,
-    /// It has enough: only the closure view is still to be taken.
+    /// Take only the closure view, and end.
     Closure,
 }
 
+/// Why a revolution has ended early.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs, reason = "the fields are the words of the messages")]
 pub enum AcquisitionError {
+    /// A device failed.
     #[error("view {view}: {source}")]
     Device { view: u32, source: DeviceError },
+    /// A view does not fit the ledger.
     #[error(transparent)]
     Ledger(#[from] LedgerError),
+    /// The token was cancelled.
     #[error("the revolution was cancelled before view {view}")]
     Cancelled { view: u32 },
+    /// The receiver has gone away.
     #[error("view {view} was taken, but nobody receives the views any more")]
     SinkClosed { view: u32 },
 }
 
-/// Takes the views of `plan` on an armed camera and a referenced axis, until `sink` has enough; the closure view is always
-/// taken. `sink` receives each view before the next move begins and must not wait for the science: give it a bounded channel
-/// that holds a revolution.
+/// Takes the views of `plan` with an armed camera and a referenced axis, until `sink` has enough. The closure view is always taken.
+/// `sink` receives each view before the next move begins. It must not wait for the science: use a bounded channel that can hold a
+/// revolution.
 ///
 /// # Errors
-/// The first device error, change of epoch, cancellation or closed sink ends the revolution; the motor is stopped and
-/// the axis then wants a new reference.
+/// The first device error, change of epoch, cancellation or closed sink ends the revolution. The motor is stopped, and the axis needs
+/// a new reference.
 pub fn revolve(
     rig: &mut Rig,
     plan: &RevolutionPlan,
@@ -85,7 +91,7 @@ pub fn revolve(
     Ok(ledger)
 }
 
-/// Goes back to stops of a revolution that is over and takes their views once more, by the same reference.
+/// Goes back to stops of a finished revolution and takes their views again, with the same reference.
 ///
 /// # Errors
 /// As [`revolve`].
@@ -116,7 +122,7 @@ fn take_view(
 ) -> Result<(LedgerEntry, RawFrame), AcquisitionError> {
     let view = stop.view;
     let unless_cancelled = |cancelled: bool| if cancelled { Err(AcquisitionError::Cancelled { view }) } else { Ok(()) };
-    // A device that fails because the revolution was cancelled says less than the cancellation does.
+    // A device also fails because of a cancellation. Then the cancellation is the cause to report.
     let failed =
         |source| if cancel.is_cancelled() { AcquisitionError::Cancelled { view } } else { AcquisitionError::Device { view, source } };
 
@@ -156,7 +162,7 @@ fn milliseconds(d: Duration) -> f64 {
     d.as_secs_f64() * 1e3
 }
 
-/// Stops the motor on every way out, a panic included, but the one that says `done`.
+/// Stops the motor when it is dropped, also in a panic, unless `done` was called.
 struct StopUnlessDone(Option<StopHandle>);
 
 impl StopUnlessDone {

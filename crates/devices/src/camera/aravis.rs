@@ -1,20 +1,20 @@
-//! A GigE Vision camera through libaravis.
+//! A GigE Vision camera with libaravis.
 //!
 //! ```text
 //! rig worker ── arm ──► new stream, 8 buffers, one acquisition
-//!            ── grab ─► drain ─► camera's time ─► TriggerSoftware ─► pop ─► whole, as configured, not older? ─► frame
+//!            ── grab ─► drain ─► camera's time ─► TriggerSoftware ─► pop ─► complete, as configured, not older? ─► frame
 //!                          ▲                                                  │ no, or nothing came
 //!                          └──────────── again, until the deadline ◄──────────┘
 //! aravis' own thread ── control-lost ──► a flag, nothing else
 //! ```
-//! Aravis' objects may move between threads but not be shared: the rig worker, which blocks anyway, owns them all.
+//! Aravis' objects may move between threads but must not be shared. The rig worker, which blocks anyway, owns them all.
 //!
-//! - A stream drops without a word every frame whose number is at most 100 behind its last one, so each acquisition gets
-//!   a stream of its own; a rising count of ignored packets renews it.
-//! - `BufferStatus::Success` alone does not mean a whole image: size, geometry and format are looked at too.
-//! - A frame that was exposed before its view was asked for shows an older place of the axis. Its stamp by the camera's clock tells
-//!   it; where the camera has no clock, frames that are owed are waited for and dropped before the next trigger.
-//! - Taking apart a camera that does not answer blocks for seconds, so a thread of its own does it.
+//! - A stream silently drops every frame whose number is at most 100 behind its last one. So each acquisition gets a new stream, and a
+//!   rising count of ignored packets renews it.
+//! - `BufferStatus::Success` alone does not mean a complete image. Size, geometry and format are checked too.
+//! - A frame that was exposed before its view was requested shows an earlier position of the axis. Its timestamp by the camera's clock
+//!   tells. Without a camera clock, the driver waits for outstanding frames and drops them before the next trigger.
+//! - Closing a camera that does not answer blocks for seconds, so a separate thread does it.
 
 mod accept;
 mod clock;
@@ -37,63 +37,64 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use stream::Armed;
 
-/// GigE Vision's register of the time after which a silent controller loses the camera, ms.
+/// GigE Vision's register with the time after which a silent controller loses the camera, ms.
 const HEARTBEAT: u64 = 0x938;
-/// What a predecessor's last heartbeat may be late by.
+/// Largest delay of a predecessor's last heartbeat.
 const HEARTBEAT_SLACK: Duration = Duration::from_millis(500);
 
-/// Longer than Aravis needs to find out that a camera does not answer its heartbeat.
-const LAST_WORD: Duration = Duration::from_secs(15);
+/// Longest wait for Aravis to notice that a camera does not answer its heartbeat; Aravis needs less.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(15);
 
-/// Held while a camera is opened: libaravis 0.8.26 reads a camera's description with a parser that two threads must not
-/// enter at once (seen: its nodes freed under it).
+/// Held while a camera is opened. The parser of libaravis 0.8.26 for a camera's description must not run in two threads at once (seen:
+/// one thread frees the nodes of the other).
 static OPENING: Mutex<()> = Mutex::new(());
 
 /// A camera that is open and configured.
 pub(super) struct AravisCamera {
     settings: AravisSettings,
     identity: String,
-    /// Absent while it is taken apart, and after a loss until it is opened again.
+    /// `None` after a loss until the camera is opened again.
     open: Option<Open>,
-    /// What other threads may know.
-    seen: Arc<Mutex<Seen>>,
+    /// Shared with other threads.
+    link_state: Arc<Mutex<LinkState>>,
     armed: Option<Armed>,
-    /// What the streams before the present one counted.
+    /// Counters of the streams before the present one.
     counted: StreamCounters,
 }
 
-/// The device as it was found once.
+/// An open device.
 struct Open {
     camera: aravis::Camera,
     clock: Option<CameraClock>,
     control_lost: Arc<AtomicBool>,
 }
 
-/// What tells other threads whether the camera is there.
-struct Seen {
-    /// The flag of what is open now.
+/// Tells other threads whether the camera is there.
+struct LinkState {
+    /// The flag of the device that is open now.
     control_lost: Arc<AtomicBool>,
-    /// Since when a request waits for its answer.
+    /// Since when a request has been waiting for its answer.
     asked: Option<Instant>,
 }
 
-/// A control channel answers within milliseconds. Aravis asks again for some three seconds before it gives up; until then a camera
-/// that has been silent for so long is shown as lost.
+/// A control channel answers within milliseconds. Aravis repeats a request for some three seconds before it gives up. A camera that has
+/// been silent for this time is shown as lost meanwhile.
 const SLOW_ANSWER: Duration = Duration::from_secs(1);
 
-/// What became of one trigger.
+/// The outcome of one trigger.
 enum Attempt {
+    /// A frame was accepted.
     Taken(Grabbed),
-    /// A frame came and was not taken.
+    /// A frame came and was not accepted.
     Refused(String),
     /// No frame came.
     Nothing(String),
 }
 
-/// Whether a camera that another program controls is waited for.
+/// Whether to wait for a camera that another program controls.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Predecessor {
-    /// One that crashed loses the camera when its heartbeat runs out.
+    /// Wait: a crashed program loses the camera when its heartbeat times out.
     MayHaveCrashed,
     NotWaitedFor,
 }
@@ -107,10 +108,10 @@ impl Open {
         let mut clock = None;
         if let Some(device) = camera.device() {
             if let Some(gv) = device.downcast_ref::<GvDevice>() {
-                // Another client, or a predecessor that crashed, may own the camera: it can then be read, not driven.
+                // If another program, or a crashed predecessor, controls the camera, it can be read but not driven.
                 let ours = gv.is_controller() || (predecessor == Predecessor::MayHaveCrashed && inherits(gv));
                 if !ours {
-                    take_apart(None, Some(Self { camera, clock, control_lost }));
+                    close_in_background(None, Some(Self { camera, clock, control_lost }));
                     return Err(DeviceError::NotController { address: settings.select.to_string() });
                 }
                 clock = CameraClock::of(gv);
@@ -127,7 +128,7 @@ impl Open {
         );
         configure::configure(&camera, settings)?;
         if clock.is_none() {
-            tracing::warn!(identity, "this camera's clock cannot be read: late frames are told by their numbers alone");
+            tracing::warn!(identity, "this camera's clock cannot be read: late frames are recognised by their numbers only");
         }
         tracing::info!(identity, select = %settings.select, "camera opened");
         Ok((Self { camera, clock, control_lost }, identity))
@@ -145,17 +146,17 @@ impl Open {
         self.gv().is_none_or(|gv| gv.read_register(HEARTBEAT).is_ok())
     }
 
-    /// The camera's time now, where it has a clock.
+    /// The camera's time now, ns; `None` without a clock.
     fn now_ns(&self) -> Result<Option<u64>, glib::Error> {
         self.clock.zip(self.gv()).map(|(clock, gv)| clock.now_ns(&gv)).transpose()
     }
 }
 
-/// Waits for as long as a controller that crashed can hold the camera; true once it is ours.
+/// Waits for as long as a crashed controller can hold the camera. True if this program then controls it.
 fn inherits(gv: &GvDevice) -> bool {
     let Ok((_, heartbeat_ms)) = gv.read_register(HEARTBEAT) else { return false };
     let until = Instant::now() + Duration::from_millis(heartbeat_ms.into()) + HEARTBEAT_SLACK;
-    tracing::info!(heartbeat_ms, "the camera is controlled by another program; waiting whether that one is gone");
+    tracing::info!(heartbeat_ms, "the camera is controlled by another program; waiting until that program may have lost it");
     while gv.take_control().is_err() {
         if Instant::now() >= until {
             return false;
@@ -166,23 +167,24 @@ fn inherits(gv: &GvDevice) -> bool {
 }
 
 impl AravisCamera {
+    /// Opens and configures a camera.
     pub fn open(settings: AravisSettings) -> Result<Self, DeviceError> {
         settings.check()?;
         let (open, identity) = Open::new(&settings, Predecessor::MayHaveCrashed)?;
         warn_of_a_small_receive_buffer(settings.socket_buffer_bytes);
-        let seen = Arc::new(Mutex::new(Seen { control_lost: Arc::clone(&open.control_lost), asked: None }));
-        Ok(Self { settings, identity, open: Some(open), seen, armed: None, counted: StreamCounters::default() })
+        let link_state = Arc::new(Mutex::new(LinkState { control_lost: Arc::clone(&open.control_lost), asked: None }));
+        Ok(Self { settings, identity, open: Some(open), link_state, armed: None, counted: StreamCounters::default() })
     }
 
     fn device(&self) -> Result<&Open, DeviceError> {
         self.open.as_ref().filter(|open| !open.is_lost()).ok_or(DeviceError::ControlLost)
     }
 
-    /// A request that is not answered means that nobody is there: the control channel repeats it by itself before it gives up. One
-    /// that is denied means that the camera has another controller, or has forgotten that it had us.
+    /// The error of a request. Without an answer the camera is lost, because the control channel has repeated the request by itself. A
+    /// denied request means that the camera has another controller, or has dropped this one.
     fn failed(&self, request: &str, error: &glib::Error) -> DeviceError {
         let silent = error.matches(aravis::DeviceError::Timeout);
-        // Aravis has no code of its own for it.
+        // Aravis has no error code for it.
         let denied = error.message().contains("access-denied");
         if silent || denied {
             self.note_loss();
@@ -194,8 +196,8 @@ impl AravisCamera {
         }
     }
 
-    fn seen(&self) -> std::sync::MutexGuard<'_, Seen> {
-        self.seen.lock().unwrap_or_else(PoisonError::into_inner)
+    fn link_state(&self) -> std::sync::MutexGuard<'_, LinkState> {
+        self.link_state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn note_loss(&self) {
@@ -204,7 +206,8 @@ impl AravisCamera {
         }
     }
 
-    /// Triggers, where that is ours to do; by the camera's clock, a frame since then is of now.
+    /// Triggers, if the trigger is a software trigger. Returns the camera time, ns, from which on a frame belongs to this view; `None`
+    /// without a clock.
     fn trigger(&self) -> Result<Option<u64>, DeviceError> {
         let open = self.device()?;
         let now_ns = open.now_ns().map_err(|e| self.failed("a look at its clock", &e))?;
@@ -212,13 +215,13 @@ impl AravisCamera {
             open.camera.software_trigger().map_err(|e| self.failed("the software trigger", &e))?;
             return Ok(now_ns);
         }
-        // Such frames come by themselves: only one whose whole exposure lies after now is of now, wherever in it the stamp is.
+        // Other frames come without a request. The timestamp may lie anywhere in the exposure, so the whole exposure must come after now.
         Ok(now_ns.map(|ns| ns + (self.settings.exposure_us * 1e3) as u64))
     }
 
-    /// Triggers once and waits for the frame, at most until `until`.
-    /// A frame counts that was exposed since `since_ns` of the camera's clock: since the first trigger of the same grab, all the while the
-    /// axis stands, so that a late frame of an earlier one of them is as good.
+    /// Triggers once and waits for the frame, at most until `until`. A frame counts if it was exposed after `since_ns` of the camera's
+    /// clock. That is the first trigger of the same grab: the axis rests since then, so a late frame of an earlier trigger of this grab is
+    /// right.
     fn attempt(&mut self, until: Instant, since_ns: &mut Option<u64>) -> Result<Attempt, DeviceError> {
         self.device()?;
         let began = Instant::now();
@@ -226,11 +229,11 @@ impl AravisCamera {
         let has_clock = self.device()?.clock.is_some();
         let armed = self.armed.as_mut().ok_or(DeviceError::NotArmed)?;
         if since_ns.is_none() {
-            armed.drop_what_is_owed(late);
+            armed.drop_outstanding(late);
         }
-        self.seen().asked = Some(Instant::now());
+        self.link_state().asked = Some(Instant::now());
         let triggered = self.trigger();
-        self.seen().asked = None;
+        self.link_state().asked = None;
         let now_ns = triggered?;
         *since_ns = since_ns.or(now_ns);
         let trigger_ms = began.elapsed().as_secs_f64() * 1e3;
@@ -239,7 +242,7 @@ impl AravisCamera {
         let mut passed_over = String::new();
         loop {
             let Some(buffer) = armed.pop(until.saturating_duration_since(Instant::now())) else {
-                armed.owed += u32::from(!has_clock);
+                armed.outstanding += u32::from(!has_clock);
                 let waited = began.elapsed().as_millis();
                 return Ok(Attempt::Nothing(format!("nothing came within {waited} ms{passed_over}")));
             };
@@ -251,7 +254,7 @@ impl AravisCamera {
                     return Ok(Attempt::Taken(Grabbed { frame, frame_id, attempts: 1, trigger_ms }));
                 }
                 Verdict::Stale(why) => {
-                    tracing::debug!(why, "a frame is passed over");
+                    tracing::debug!(why, "a frame is ignored");
                     passed_over = format!(", but {why}");
                 }
                 Verdict::Lost(why) => return Ok(Attempt::Refused(why)),
@@ -259,10 +262,10 @@ impl AravisCamera {
         }
     }
 
-    /// Takes what is left of the device apart; nothing is open after it.
-    fn let_go(&mut self) {
+    /// Closes the device.
+    fn close(&mut self) {
         self.counted = self.counters();
-        take_apart(self.armed.take(), self.open.take());
+        close_in_background(self.armed.take(), self.open.take());
     }
 }
 
@@ -272,10 +275,10 @@ impl Camera for AravisCamera {
     }
 
     fn link(&self) -> Link {
-        let seen = Arc::clone(&self.seen);
+        let state = Arc::clone(&self.link_state);
         Link::new(move || {
-            let seen = seen.lock().unwrap_or_else(PoisonError::into_inner);
-            seen.control_lost.load(Ordering::Acquire) || seen.asked.is_some_and(|asked| asked.elapsed() > SLOW_ANSWER)
+            let state = state.lock().unwrap_or_else(PoisonError::into_inner);
+            state.control_lost.load(Ordering::Acquire) || state.asked.is_some_and(|asked| asked.elapsed() > SLOW_ANSWER)
         })
     }
 
@@ -283,14 +286,14 @@ impl Camera for AravisCamera {
         if !self.is_lost() {
             return Ok(());
         }
-        self.let_go();
+        self.close();
         let (open, identity) = Open::new(&self.settings, Predecessor::NotWaitedFor)?;
         if identity != self.identity {
-            take_apart(None, Some(open));
+            close_in_background(None, Some(open));
             let why = format!("{identity} answers now; put the first one back, or start carved again");
             return Err(DeviceError::Camera { what: format!("expected {}", self.identity), why });
         }
-        self.seen().control_lost = Arc::clone(&open.control_lost);
+        self.link_state().control_lost = Arc::clone(&open.control_lost);
         self.open = Some(open);
         Ok(())
     }
@@ -309,7 +312,7 @@ impl Camera for AravisCamera {
         let until = began + deadline;
         let mut attempts = 0;
         let mut since_ns = None;
-        // Of the last frame that came: the last trigger may have had no time left for one.
+        // Why the last frame was refused. The last trigger may have had no time left for a frame.
         let mut refused = None;
         loop {
             let ignored = self.counters().ignored_packets;
@@ -323,7 +326,7 @@ impl Camera for AravisCamera {
                 Attempt::Nothing(why) => why,
             };
             tracing::warn!(attempts, why = last, "frame lost");
-            // What is left must do for a frame: a last look of a moment would only hide why the others failed.
+            // The remaining time must be long enough for a frame. A last short attempt would only hide why the others failed.
             if Instant::now() + self.settings.frame_timeout() / 8 >= until {
                 let last = match refused {
                     Some((attempt, why)) if attempt < attempts => format!("{last}; the frame of trigger {attempt} was refused: {why}"),
@@ -353,7 +356,7 @@ impl Camera for AravisCamera {
 
     fn disarm(&mut self) -> Result<(), DeviceError> {
         if self.is_lost() {
-            self.let_go();
+            self.close();
             return Err(DeviceError::ControlLost);
         }
         self.counted = self.counters();
@@ -367,16 +370,16 @@ impl Camera for AravisCamera {
 impl Drop for AravisCamera {
     fn drop(&mut self) {
         if self.is_lost() {
-            return self.let_go();
+            return self.close();
         }
         let disarmed = self.disarm();
-        // A device that went away without a word is as lost as one that is known to be.
+        // The loss of a device may not have been noticed yet.
         let there = self.open.as_ref().is_none_or(Open::answers);
         if let Err(e) = &disarmed {
             tracing::warn!(error = %e, "camera could not be disarmed");
         }
         if disarmed.is_err() || !there {
-            self.let_go();
+            self.close();
         }
     }
 }
@@ -385,22 +388,22 @@ fn refused(what: &str, error: &glib::Error) -> DeviceError {
     DeviceError::Camera { what: what.into(), why: error.message().into() }
 }
 
-/// Lets go of a camera that does not answer, without waiting for it. Its heartbeat's thread tells that control is lost after some
-/// seconds, and must not do so while the device is being freed (seen: a segmentation fault): the device is kept until it has.
-fn take_apart(armed: Option<Armed>, open: Option<Open>) {
+/// Closes a camera that does not answer, without waiting for it. Aravis' heartbeat thread reports the loss of control after some seconds.
+/// This must not happen while the device is being freed (seen: a segmentation fault), so the device is kept until then.
+fn close_in_background(armed: Option<Armed>, open: Option<Open>) {
     let work = move || {
         drop(armed);
-        let until = Instant::now() + LAST_WORD;
+        let until = Instant::now() + CLOSE_TIMEOUT;
         while open.as_ref().and_then(Open::gv).is_some_and(|gv| gv.is_controller()) && Instant::now() < until {
             std::thread::sleep(Duration::from_millis(50));
         }
         drop(open);
     };
-    // Without a thread they are dropped by the attempt to make one, only slower.
-    let _ = std::thread::Builder::new().name("camera-take-apart".into()).spawn(work);
+    // If no thread can be started the device is dropped here, which blocks for seconds.
+    let _ = std::thread::Builder::new().name("camera-close".into()).spawn(work);
 }
 
-/// The kernel cuts a receive buffer to its limit without an error, and most frames are then lost.
+/// The kernel limits a receive buffer without an error, and most frames are then lost.
 fn warn_of_a_small_receive_buffer(wanted: u32) {
     let limit = std::fs::read_to_string("/proc/sys/net/core/rmem_max").ok().and_then(|text| text.trim().parse::<u64>().ok());
     if let Some(limit) = limit.filter(|limit| *limit < u64::from(wanted)) {

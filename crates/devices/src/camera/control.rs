@@ -1,8 +1,8 @@
-//! Whether somebody controls a camera, asked by GigE Vision's own protocol and without opening it.
+//! Asks by GigE Vision's own protocol who controls a camera, without opening it.
 //!
 //! ```text
 //!   write "control" to the privilege register ── accepted ──► free: written back to 0 at once
-//!                                             └─ denied ────► controlled; by whom the primary application's register says (GigE Vision 2)
+//!                                             └─ denied ────► controlled; the primary application's register tells by whom (GigE Vision 2)
 //! ```
 
 use std::net::{Ipv4Addr, UdpSocket};
@@ -18,17 +18,18 @@ const PRIMARY_APPLICATION: u32 = 0xa14;
 const CONTROL: u32 = 2;
 const ACCESS_DENIED: u16 = 0x8006;
 
-/// Who may drive a camera.
+/// The controller of a camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Controller {
+    /// The camera is free.
     Nobody,
-    /// A program, on this computer where the camera says so.
+    /// A program, with its computer's address if the camera tells it.
     Somebody(Option<Ipv4Addr>),
-    /// The camera answers to nothing from here.
+    /// The camera does not answer.
     Unknown,
 }
 
-/// Asks the camera at an address.
+/// Asks the camera at an address who controls it. A free camera is controlled for a moment.
 pub fn controller(address: Ipv4Addr) -> Controller {
     asked(address, PORT).unwrap_or(Controller::Unknown)
 }
@@ -44,15 +45,15 @@ fn asked(address: Ipv4Addr, port: u16) -> Option<Controller> {
             Some(Controller::Nobody)
         }
         Err(ACCESS_DENIED) => {
-            let told = transact(&socket, 3, READ_REGISTER, &PRIMARY_APPLICATION.to_be_bytes()).and_then(Result::ok);
-            let bits = told.as_deref().and_then(|data| data.first_chunk()).map(|b| u32::from_be_bytes(*b));
+            let register = transact(&socket, 3, READ_REGISTER, &PRIMARY_APPLICATION.to_be_bytes()).and_then(Result::ok);
+            let bits = register.as_deref().and_then(|data| data.first_chunk()).map(|b| u32::from_be_bytes(*b));
             Some(Controller::Somebody(bits.filter(|bits| *bits != 0).map(Ipv4Addr::from)))
         }
         Err(_) => None,
     }
 }
 
-/// The answer's data, or its status; nothing where none comes.
+/// The data of the answer, or its error status; `None` without an answer.
 fn transact(socket: &UdpSocket, id: u16, command: u8, data: &[u8]) -> Option<Result<Vec<u8>, u16>> {
     let [length_high, length_low] = (data.len() as u16).to_be_bytes();
     let [id_high, id_low] = id.to_be_bytes();
@@ -62,8 +63,8 @@ fn transact(socket: &UdpSocket, id: u16, command: u8, data: &[u8]) -> Option<Res
         socket.send(&request).ok()?;
         let mut answer = [0; 576];
         while let Ok(n) = socket.recv(&mut answer) {
-            let [status_high, status_low, _, told, _, _, a, b, ref rest @ ..] = answer;
-            if n >= 8 && (told, a, b) == (command + 1, id_high, id_low) {
+            let [status_high, status_low, _, acknowledged, _, _, a, b, ref rest @ ..] = answer;
+            if n >= 8 && (acknowledged, a, b) == (command + 1, id_high, id_low) {
                 let status = u16::from_be_bytes([status_high, status_low]);
                 return Some(if status == 0 { Ok(rest[..n - 8].to_vec()) } else { Err(status) });
             }
@@ -76,7 +77,7 @@ fn transact(socket: &UdpSocket, id: u16, command: u8, data: &[u8]) -> Option<Res
 mod tests {
     use super::*;
 
-    /// A camera of GigE Vision 2 that has a controller, in its own words; the first request is lost.
+    /// A camera with GigE Vision 2 that has a controller. The first request is lost.
     #[test]
     fn a_camera_that_says_who_has_it_is_understood_and_a_lost_answer_asked_for_again() {
         let camera = UdpSocket::bind("127.0.0.1:0").unwrap();

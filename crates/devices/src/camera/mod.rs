@@ -15,25 +15,30 @@ pub use settings::{AravisSettings, CameraSelect, MacAddress, Trigger};
 
 use super::{Camera, DeviceError};
 
-/// A camera that answers to discovery, in its own words.
+/// A camera that answers to discovery, with the texts that it sends.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Listed {
-    /// As Aravis makes it of the names and the serial number.
+    /// The id that Aravis makes of the names and the serial number.
     pub id: Option<String>,
+    /// Name of the vendor.
     pub vendor: Option<String>,
+    /// Name of the model.
     pub model: Option<String>,
+    /// Serial number.
     pub serial: Option<String>,
+    /// Hardware address.
     pub mac: Option<String>,
+    /// IPv4 address.
     pub address: Option<String>,
 }
 
-/// The cameras that answer to a broadcast on the networks of this computer; takes a second.
+/// The cameras that answer to a broadcast on the networks of this computer. It takes a second.
 #[cfg(feature = "aravis")]
 pub fn discover() -> Vec<Listed> {
     aravis::discover()
 }
 
-/// None: this build has no Aravis.
+/// Returns no camera: this build has no Aravis.
 #[cfg(not(feature = "aravis"))]
 pub fn discover() -> Vec<Listed> {
     Vec::new()
@@ -42,7 +47,7 @@ pub fn discover() -> Vec<Listed> {
 /// Opens and configures the camera that `settings` name.
 ///
 /// # Errors
-/// A build without Aravis, a camera that is not there or belongs to another program, a feature that does not take its value.
+/// The camera does not answer, another program controls it, or it refuses a value.
 #[cfg(feature = "aravis")]
 pub fn open(settings: AravisSettings) -> Result<Box<dyn Camera>, DeviceError> {
     Ok(Box::new(aravis::AravisCamera::open(settings)?))

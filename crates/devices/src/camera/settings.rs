@@ -6,47 +6,50 @@ use serde::{Deserialize, Serialize};
 #[cfg(feature = "aravis")]
 use std::time::Duration;
 
-/// How a camera is found and what it is told before the first frame.
+/// How a camera is found, and its configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AravisSettings {
     /// Which camera: `{ address = "192.168.1.20" }`, `{ id = "Vendor-Model-Serial" }`, `{ serial = "02-2200A-06123" }` or
-    /// `{ mac = "00:0f:31:02:12:34" }`.
-    /// An address needs no discovery and is found behind a router.
+    /// `{ mac = "00:0f:31:02:12:34" }`. An address needs no discovery, and works behind a router.
     pub select: CameraSelect,
+    /// Format of the frames.
     pub pixel_format: PixelFormat,
-    /// Region of the sensor, px.
+    /// Width of the region of the sensor, px.
     pub width: u32,
+    /// Height of the region, px.
     pub height: u32,
+    /// First column of the region, px.
     #[serde(default)]
     pub offset_x: u32,
+    /// First row of the region, px.
     #[serde(default)]
     pub offset_y: u32,
     /// Exposure, us.
     pub exposure_us: f64,
-    /// `Gain`, in the camera's own unit, mostly dB; left as it is where absent.
+    /// `Gain`, in the camera's own unit, mostly dB. It is not changed if left out.
     #[serde(default)]
     pub gain: Option<f64>,
-    /// `GainRaw`, in the camera's own integer scale; left as it is where absent.
+    /// `GainRaw`, in the camera's own integer scale. It is not changed if left out.
     #[serde(default)]
     pub gain_raw: Option<i64>,
     /// What begins an exposure.
     #[serde(default)]
     pub trigger: Trigger,
-    /// Bytes of a stream packet with its headers: 1500, or 8228 where every device on the way has an MTU of 9000.
+    /// Bytes of a stream packet with its headers: 1500, or 8228 if every device between has an MTU of 9000.
     #[serde(default = "default_packet_size")]
     pub packet_size: u32,
     /// Receive buffer of the stream's socket, bytes. The kernel grants at most `net.core.rmem_max`.
     #[serde(default = "default_socket_buffer_bytes")]
     pub socket_buffer_bytes: u32,
-    /// Receive through a ring of raw packets, which needs `CAP_NET_RAW` and an interface with one camera: on a shared one the
-    /// ring also sees the other cameras' packets.
+    /// Whether to receive through a ring of raw packets. It needs `CAP_NET_RAW`, and an interface with one camera only, because it also
+    /// receives the packets of other cameras.
     #[serde(default)]
     pub packet_socket: bool,
-    /// Ask the camera again for lost packets.
+    /// Whether to request lost packets again.
     #[serde(default = "default_resend")]
     pub resend: bool,
-    /// Longest wait for the frame of one trigger before it is triggered again, ms.
+    /// Longest wait for the frame of one trigger before the next trigger, ms.
     #[serde(default = "default_frame_timeout_ms")]
     pub frame_timeout_ms: u32,
     /// Further GenICam features as `[name, value]`, set in this order before everything above.
@@ -54,24 +57,30 @@ pub struct AravisSettings {
     pub features: Vec<(String, String)>,
 }
 
-/// What begins an exposure: a command of ours for each view; a pulse on a line, `{ line = "Line1" }`, as a controller gives that
-/// has arrived; or nothing, `{ fixed_rate_hz = 15.0 }`, where the first frame is taken that was exposed as a whole after the rest.
+/// What begins an exposure.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Trigger {
+    /// A command of this program for each view.
     #[default]
     Software,
+    /// A pulse on a line, `{ line = "Line1" }`, for example from a controller that has arrived.
     Line(String),
+    /// The camera's own rate, `{ fixed_rate_hz = 15.0 }`. The first frame is taken that was fully exposed after the axis came to rest.
     FixedRateHz(f64),
 }
 
-/// The name under which a camera is known.
+/// How a camera is named.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraSelect {
+    /// By its IPv4 address.
     Address(std::net::Ipv4Addr),
+    /// By its Aravis id.
     Id(String),
+    /// By its serial number.
     Serial(String),
+    /// By its hardware address.
     Mac(MacAddress),
 }
 
@@ -86,7 +95,7 @@ impl std::str::FromStr for MacAddress {
         let bytes: Option<Vec<u8>> =
             text.split([':', '-']).map(|part| u8::from_str_radix(part, 16).ok().filter(|_| part.len() == 2)).collect();
         let bytes = bytes.and_then(|b| <[u8; 6]>::try_from(b).ok());
-        bytes.map(Self).ok_or_else(|| format!("{text:?} is no hardware address; it has six bytes, as 00:0f:31:02:12:34"))
+        bytes.map(Self).ok_or_else(|| format!("{text:?} is not a hardware address; it has six bytes, as 00:0f:31:02:12:34"))
     }
 }
 
@@ -125,7 +134,7 @@ fn default_packet_size() -> u32 {
     1500
 }
 
-/// At 15 frames a second of 1 MiB, the kernel's default of 208 KiB loses most frames; 4 MiB loses none.
+/// With 15 frames of 1 MiB per second, the kernel's default of 208 KiB loses most frames, and 4 MiB loses none.
 fn default_socket_buffer_bytes() -> u32 {
     4 << 20
 }
@@ -139,7 +148,7 @@ fn default_frame_timeout_ms() -> u32 {
 }
 
 impl AravisSettings {
-    /// Everything but what a camera cannot do without has its default.
+    /// Settings with these values, and defaults for all others.
     pub fn new(select: CameraSelect, pixel_format: PixelFormat, width: u32, height: u32, exposure_us: f64) -> Self {
         Self {
             select,
@@ -161,8 +170,10 @@ impl AravisSettings {
         }
     }
 
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no camera can have.
+    /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
         let bad = |name, found: String, rule: &str| Err(DeviceError::Setting { device: "camera", name, found, rule: rule.into() });
         if self.width == 0 || self.height == 0 {
@@ -171,7 +182,7 @@ impl AravisSettings {
         if !(self.exposure_us.is_finite() && self.exposure_us > 0.0) {
             return bad("exposure_us", self.exposure_us.to_string(), "it must be above 0");
         }
-        // GigE Vision's least, and the most that fits a jumbo frame.
+        // The minimum of GigE Vision, and the maximum of a jumbo frame.
         if !(576..=9000).contains(&self.packet_size) {
             return bad("packet_size", self.packet_size.to_string(), "it must be from 576 to 9000 bytes");
         }

@@ -1,4 +1,4 @@
-//! What answers on a serial port, found without moving or resetting anything.
+//! Finds out which controller answers on a serial port, without moving or resetting anything.
 //!
 //! ```text
 //! listen ── a greeting? ──► Grbl, grblHAL
@@ -7,7 +7,7 @@
 //!   X?       OK, ...    ──► VAST trigger bridge
 //!   zeros, GFV  9 bytes ──► TMCL
 //! ```
-//! The order keeps one protocol's question from being another's command:
+//! The order prevents that a question of one protocol is a command of another:
 //!
 //! | to | `?` | LF `/` LF | `X?` LF | zeros, `01 88 01 .. 8a` |
 //! |---|---|---|---|---|
@@ -16,8 +16,8 @@
 //! | bridge | an unknown line | unknown line | settings | not asked any more |
 //! | TMCL | 7 bytes whose sum is none, made a frame of 9 by zeros | | | version |
 //!
-//! Opening a port raises its DTR line, which restarts an Arduino; its position was of no use to anybody, because a port that
-//! another program has open is left alone.
+//! Opening a port raises its DTR line, which restarts an Arduino. This does no harm: a port that another program has open is left
+//! alone, so nobody uses the position that is lost.
 
 use super::link::{Link, Stop};
 use super::port::Port;
@@ -27,7 +27,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 const DEVICE: &str = "serial port";
-/// An Arduino's boot loader and its greeting.
+/// Time of an Arduino's boot loader until its greeting.
 const BOOT: Duration = Duration::from_millis(2500);
 /// The slowest answer to a question.
 const ANSWER: Duration = Duration::from_millis(400);
@@ -35,37 +35,44 @@ const SILENCE: Duration = Duration::from_millis(50);
 /// TMCL modules leave the factory with this address.
 const TMCL_MODULE: u8 = 1;
 
-/// What answered.
+/// The controller that answered.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Answer {
+    /// Grbl 1.1 or grblHAL.
     Grbl {
-        /// By its greeting or its version.
+        /// Whether it is grblHAL, by its greeting or its version.
         is_hal: bool,
+        /// Greeting and answer to `$I`.
         version: String,
-        /// `$$`, where it was idle enough to print them.
+        /// Answer to `$$`; empty if the controller was too busy to print it.
         settings: BTreeMap<u16, f64>,
     },
+    /// A Zaber controller with its ASCII protocol.
     Zaber {
         /// Its answer to an empty command: address, axis, state, warning.
         status: String,
     },
+    /// The trigger bridge of a stock VAST.
     VastBridge {
+        /// Lines of its answer to `X?`.
         settings: Vec<String>,
     },
+    /// A Trinamic module.
     Tmcl {
-        /// Type of the module, such as 1140 for TMCM-1140, and its firmware's version.
+        /// Type of the module, such as `TMCM-1140`.
         module: String,
+        /// Version of its firmware.
         version: String,
     },
 }
 
-/// Opens a port exclusively and asks who is there; nothing where nobody answers.
+/// Opens a port exclusively and asks which controller is there. `None` if nothing answers.
 ///
 /// # Errors
-/// A port that cannot be opened, another program's included, or that goes away meanwhile.
+/// The port cannot be opened, for example because another program has it open, or it disappears meanwhile.
 pub fn identify(port: &Port, baud: u32) -> Result<Option<Answer>, DeviceError> {
     let mut line = Wire(Link::serial(DEVICE, port, baud, Stop::default())?);
-    // Grbl says its name when it starts; a bridge says OK, which others say as well.
+    // Grbl sends its name at a start. A bridge sends OK, which other controllers send as well.
     let greeting = line.hear(BOOT, |text| is_grbl(text).then(|| text.to_owned()))?;
     if greeting.is_some() || line.ask(b"?", |text| text.starts_with('<').then_some(()))?.is_some() {
         return line.grbl(greeting).map(Some);
@@ -86,7 +93,7 @@ fn is_grbl(text: &str) -> bool {
 struct Wire(Link);
 
 impl Wire {
-    /// The first line within `wait` that `take` makes something of.
+    /// The first line within `wait` that `take` accepts.
     fn hear<T>(&mut self, wait: Duration, take: impl Fn(&str) -> Option<T>) -> Result<Option<T>, DeviceError> {
         let until = Instant::now() + wait;
         while let Some(text) = self.0.line(until)? {
@@ -144,8 +151,8 @@ impl Wire {
         Ok(Some(settings))
     }
 
-    /// The module may have taken the questions before for the head of a frame: zeros fill it up, byte by byte, until it
-    /// has answered that it is none.
+    /// The module may have read the earlier questions as the begin of a frame. Zeros complete it, byte by byte, until the module answers
+    /// that it is not a valid frame.
     fn tmcl(&mut self) -> Result<Option<Answer>, DeviceError> {
         self.quiet()?;
         let mut zeros = 0;
@@ -154,13 +161,13 @@ impl Wire {
             zeros += 1;
         }
         if zeros == BYTES {
-            // One that keeps silent about frames of others has now had 16 bytes: the next frame begins two later.
+            // A module that does not answer invalid frames has now received 16 bytes. Its next frame begins two bytes later.
             self.0.send(&[0; 2])?;
         }
         self.quiet()?;
         self.0.send(&Version::question(TMCL_MODULE))?;
         let reply = self.0.exact::<BYTES>(Instant::now() + ANSWER)?;
-        let version = reply.and_then(Version::told);
+        let version = reply.and_then(Version::in_answer);
         Ok(version.map(|version| Answer::Tmcl { module: format!("TMCM-{}", version.module), version: version.firmware() }))
     }
 }

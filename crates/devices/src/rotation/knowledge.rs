@@ -1,4 +1,4 @@
-//! What a driver knows of its axis' position.
+//! What a driver knows about the position of its axis.
 //!
 //! ```text
 //! Unknown ──reference──► At(epoch) ──any doubt──► Suspect(epoch + 1) ──reference──► At(epoch + 2)
@@ -9,6 +9,7 @@ use crate::{Achieved, DeviceError, Position};
 use carved_core::units::Steps;
 use std::time::Duration;
 
+/// The position with its epoch, or why there is none.
 #[derive(Debug)]
 pub(super) struct Knowledge {
     axis: &'static str,
@@ -24,12 +25,12 @@ enum Known {
 }
 
 impl Knowledge {
-    /// Nothing is known of `axis`.
+    /// The axis was never referenced. `axis` is its name in logs.
     pub fn none_of(axis: &'static str) -> Self {
         Self { axis, epoch: 0, known: Known::Unknown }
     }
 
-    /// The axis stands at its reference: step 0 of a new epoch.
+    /// The axis stands at its reference, step 0 of a new epoch.
     pub fn begin_epoch(&mut self) -> Achieved {
         self.epoch += 1;
         self.arrived(Steps(0))
@@ -40,7 +41,7 @@ impl Knowledge {
         Achieved { steps: at, epoch: self.epoch }
     }
 
-    /// No longer believes the position, if there was one to believe, and remembers why.
+    /// Makes a known position suspect, and keeps the reason.
     pub fn doubt(&mut self, error: &DeviceError) {
         if self.is_known() {
             self.epoch += 1;
@@ -51,7 +52,7 @@ impl Knowledge {
         }
     }
 
-    /// What was known is of no meaning any more, and nothing is wrong.
+    /// Drops the position without a fault.
     pub fn forget(&mut self) {
         self.known = Known::Unknown;
     }
@@ -64,11 +65,11 @@ impl Knowledge {
         matches!(self.known, Known::Suspect { .. })
     }
 
-    /// Where a move begins.
+    /// The known position, from which a move begins.
     ///
     /// # Errors
-    /// An axis whose position is not known does not move.
-    pub fn whence(&self) -> Result<Steps, DeviceError> {
+    /// The position is not known, so that the axis must not move.
+    pub fn known_steps(&self) -> Result<Steps, DeviceError> {
         match &self.known {
             Known::Unknown => Err(DeviceError::NotReferenced),
             Known::Suspect { why } => Err(DeviceError::Suspect { why: why.clone() }),
@@ -91,9 +92,9 @@ impl Knowledge {
     }
 }
 
-/// Longest time a healthy controller needs for a move of `steps`: trapezoid, and a tenth for rounding.
+/// The longest time that a healthy controller needs for a move of `steps`: a trapezoid of speed, plus a tenth for rounding.
 pub(super) fn travel_time(steps: i64, steps_per_s: f64, steps_per_s2: f64) -> Duration {
     let seconds = steps.unsigned_abs() as f64 / steps_per_s + steps_per_s / steps_per_s2;
-    // A day is longer than any turn and within what Duration holds.
+    // A day is longer than any turn, and Duration can hold it.
     Duration::from_secs_f64((1.1 * seconds).min(86_400.0))
 }

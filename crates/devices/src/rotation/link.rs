@@ -1,23 +1,23 @@
-//! One connection to a controller, what arrives on it and its stop.
+//! One connection to a controller, with its received bytes and its stop.
 //!
 //! ```text
-//! rig worker ── send / line / exact ──► reader ◄── door (tty, TCP)
+//! rig worker ── send / line / exact ──► reader ◄── transport (tty, TCP)
 //!                  │
 //!                  ▼
-//!           transmitter (mutex: door, latch) ──► door
+//!           transmitter (mutex: transport, latch) ──► transport
 //!                  ▲
 //! any thread ── Stopper
 //! ```
-//! The one owner of a port is the rig worker, which blocks anyway; there is no thread per port. Reading needs no lock.
-//! Every write takes the transmitter's lock for one request, which the kernel's buffer of 4096 bytes takes at once, so a stop
-//! is on the wire at once even while the owner waits for an answer. Latch and bytes change under the same lock: a command
-//! either precedes the stop on the wire, and the stop ends it, or it finds the latch and is never sent. A stop of several
-//! pieces keeps the lock until the last of them: nothing comes between them.
+//! The only owner of a port is the rig worker, which blocks anyway. There is no thread per port. Reading needs no lock. Every write
+//! takes the transmitter's lock for one request, which the kernel's buffer of 4096 bytes takes at once. So a stop is on the wire at
+//! once, even while the owner waits for an answer. Latch and bytes change under the same lock: either a command precedes the stop on
+//! the wire, and the stop ends it, or the command finds the latch and is never sent. A stop of several pieces keeps the lock until
+//! the last piece, so that nothing comes between them.
 //!
-//! A serial port is opened exclusively. Closing the owner closes the connection, whatever stop handles are still about.
+//! A serial port is opened exclusively. Dropping the owner closes the connection, also if stop handles still exist.
 
-use super::door::Door;
 use super::port::Port;
+use super::transport::Transport;
 use crate::DeviceError;
 use crate::cancel::CancelToken;
 use serialport::SerialPort;
@@ -26,23 +26,25 @@ use std::net::{TcpStream, ToSocketAddrs};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// How often a wait looks at the latch. Bytes wake it at once.
+/// How often a wait checks the latch. Received bytes wake it at once.
 const LATCH_LOOK: Duration = Duration::from_millis(50);
-/// Longest wait for the kernel to take a few bytes; it takes them at once unless the device is dead.
+/// Longest wait until the kernel takes a few bytes. It takes them at once unless the device is dead.
 const WRITE_TIMEOUT: Duration = Duration::from_millis(200);
-/// Longest wait for the other computer to take a connection.
+/// Longest wait until the other computer accepts a connection.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(3);
-/// No controller sends longer lines; more without a line end is noise.
+/// No controller sends longer lines. More bytes without a line end are noise.
 const LONGEST_LINE: usize = 512;
 
+/// The owner's side of a connection.
 pub(super) struct Link {
     device: &'static str,
-    reader: Door,
-    /// Bytes that nobody has asked for yet.
+    reader: Transport,
+    /// Received bytes that were not read yet.
     pending: Vec<u8>,
     transmitter: Arc<Transmitter>,
 }
 
+/// The sending side, which the owner and its stop handles share.
 struct Transmitter {
     device: &'static str,
     stop: Stop,
@@ -50,37 +52,41 @@ struct Transmitter {
 }
 
 struct State {
-    /// None once the owner has closed the connection.
-    door: Option<Door>,
+    /// `None` after the owner has closed the connection.
+    transport: Option<Transport>,
+    /// A stop was requested and not released.
     latched: bool,
-    /// The owner has sent the motor somewhere and has not seen the end of it.
+    /// The owner has started a motion and has not seen its end.
     moving: bool,
 }
 
-/// What stops the motor on this protocol.
+/// The bytes that stop the motor in a protocol; none if nothing stops it.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stop {
+    /// Written in this order.
     pub pieces: Vec<Vec<u8>>,
-    /// From one piece to the next: on a wire for both directions the answer to a piece would fall upon the next one.
+    /// Pause between two pieces. On a half-duplex wire the answer to one piece would collide with the next piece.
     pub gap: Duration,
 }
 
 impl Stop {
+    /// A stop of one piece.
     pub fn of(bytes: &[u8]) -> Self {
         Self { pieces: vec![bytes.to_vec()], gap: Duration::ZERO }
     }
 }
 
-/// Stops the motor from any thread and keeps it stopped until the owner lifts the latch.
+/// Stops the motor from any thread, and keeps it stopped until the owner releases the latch.
 #[derive(Clone)]
 pub(super) struct Stopper(Arc<Transmitter>);
 
 impl Stopper {
+    /// Latches, and writes the stop.
     pub fn stop(&self) {
         self.latch(true);
     }
 
-    /// The same, with nothing on the wire where the owner has no motion under way.
+    /// Latches, and writes the stop only if the owner has a motion under way.
     pub fn end_motion(&self) {
         self.latch(false);
     }
@@ -105,8 +111,8 @@ impl Transmitter {
     fn write(&self, state: &mut State, bytes: &[u8]) -> Result<(), DeviceError> {
         tracing::trace!(device = self.device, "> {}", bytes.escape_ascii());
         let gone = |why| DeviceError::Gone { device: self.device, why };
-        let door = state.door.as_mut().ok_or_else(|| gone("the connection has been closed".into()))?;
-        door.send(bytes).map_err(|e| gone(e.to_string()))
+        let transport = state.transport.as_mut().ok_or_else(|| gone("the connection has been closed".into()))?;
+        transport.send(bytes).map_err(|e| gone(e.to_string()))
     }
 
     fn write_stop(&self, state: &mut State) -> Result<(), DeviceError> {
@@ -134,14 +140,14 @@ impl Link {
             DeviceError::Open { device, address: path.clone(), why, remedy }
         };
         let mut port = serialport::new(path, baud).exclusive(true).timeout(WRITE_TIMEOUT).open_native().map_err(|e| refused(&e))?;
-        // A pty has no modem lines; on an Arduino this line may restart the controller, which the handshake awaits.
+        // A pty has no modem lines. On an Arduino this line may restart the controller, and the handshake waits for that.
         if let Err(e) = port.write_data_terminal_ready(true) {
             tracing::debug!(device, error = %e, "the port has no DTR line");
         }
-        Self::through(device, path, Door::Serial(port), stop)
+        Self::through(device, path, Transport::Serial(port), stop)
     }
 
-    /// Connects to a program that speaks for the controller, `host:port`.
+    /// Connects to a program that drives the controller, at `host:port`.
     pub fn tcp(device: &'static str, address: &str, stop: Stop) -> Result<Self, DeviceError> {
         let refused = |e: std::io::Error| DeviceError::Open {
             device,
@@ -153,10 +159,10 @@ impl Link {
         for candidate in address.to_socket_addrs().map_err(refused)? {
             match TcpStream::connect_timeout(&candidate, CONNECT_TIMEOUT) {
                 Ok(stream) => {
-                    // Requests are a few bytes each and wait for their answers.
+                    // Requests have a few bytes each, and their answers are waited for.
                     stream.set_nodelay(true).map_err(refused)?;
                     stream.set_write_timeout(Some(WRITE_TIMEOUT)).map_err(refused)?;
-                    return Self::through(device, address, Door::Tcp(stream), stop);
+                    return Self::through(device, address, Transport::Tcp(stream), stop);
                 }
                 Err(e) => last = e,
             }
@@ -164,14 +170,14 @@ impl Link {
         Err(refused(last))
     }
 
-    fn through(device: &'static str, address: &str, reader: Door, stop: Stop) -> Result<Self, DeviceError> {
-        let twin = reader.twin().map_err(|e| DeviceError::Open {
+    fn through(device: &'static str, address: &str, reader: Transport, stop: Stop) -> Result<Self, DeviceError> {
+        let twin = reader.duplicate().map_err(|e| DeviceError::Open {
             device,
             address: address.into(),
             why: e.to_string(),
             remedy: "Close other programs: this computer has no file handles left",
         })?;
-        let state = Mutex::new(State { door: Some(twin), latched: false, moving: false });
+        let state = Mutex::new(State { transport: Some(twin), latched: false, moving: false });
         let transmitter = Transmitter { device, stop, state };
         Ok(Self { device, reader, pending: Vec::new(), transmitter: Arc::new(transmitter) })
     }
@@ -180,7 +186,7 @@ impl Link {
         Stopper(Arc::clone(&self.transmitter))
     }
 
-    /// Sends bytes unless the stop is latched.
+    /// Sends bytes, unless the stop is latched.
     pub fn send(&mut self, bytes: &[u8]) -> Result<(), DeviceError> {
         let mut state = self.transmitter.lock();
         if state.latched {
@@ -189,7 +195,7 @@ impl Link {
         self.transmitter.write(&mut state, bytes)
     }
 
-    /// Stops the motor without latching: the owner's own reaction to a fault.
+    /// Stops the motor without latching, as the owner's reaction to a fault.
     pub fn halt(&mut self) {
         let mut state = self.transmitter.lock();
         if let Err(e) = self.transmitter.write_stop(&mut state) {
@@ -197,8 +203,8 @@ impl Link {
         }
     }
 
-    /// Lifts a latched stop, unless the work that wants to go on was cancelled. Whoever stops cancels first: seen under the
-    /// lock, either the cancellation comes before the release, or the stop comes after it and latches again.
+    /// Releases a latched stop, unless `cancel` is cancelled. A caller that stops for good cancels first. So under the lock either the
+    /// cancellation precedes the release, or the stop follows it and latches again.
     pub fn release(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
         let mut transmitter = self.transmitter.lock();
         if cancel.is_cancelled() {
@@ -208,7 +214,7 @@ impl Link {
         Ok(())
     }
 
-    /// Says whether the owner has sent the motor somewhere and has not seen the end of it.
+    /// Records whether the owner has started a motion and has not seen its end.
     pub fn set_moving(&mut self, moving: bool) {
         self.transmitter.lock().moving = moving;
     }
@@ -217,13 +223,12 @@ impl Link {
         self.transmitter.lock().moving
     }
 
-    /// The next line without its line end; `None` when `until` has passed. Ends early when the stop is latched.
+    /// The next line without its line end; `None` if none came until `until`. A latched stop ends the wait with an error.
     pub fn line(&mut self, until: Instant) -> Result<Option<String>, DeviceError> {
         self.await_some(until, Self::take_line)
     }
 
-    /// The next `N` bytes; `None` when `until` has passed, and then what came of them waits for the next call. Ends early
-    /// when the stop is latched.
+    /// The next `N` bytes; `None` if fewer came until `until`. Those stay for the next call. A latched stop ends the wait with an error.
     pub fn exact<const N: usize>(&mut self, until: Instant) -> Result<Option<[u8; N]>, DeviceError> {
         self.await_some(until, |link| {
             let bytes = *link.pending.first_chunk()?;
@@ -247,22 +252,22 @@ impl Link {
         self.transmitter.lock().latched
     }
 
-    /// Whether nothing has arrived that nobody has asked for.
+    /// Whether there are no unread bytes.
     pub fn is_silent(&mut self) -> Result<bool, DeviceError> {
         self.receive(Duration::ZERO)?;
         Ok(self.pending.is_empty())
     }
 
-    /// Goes on through another connection; stop handles and a latched stop stay as they are.
+    /// Replaces the connection. Stop handles and a latched stop stay valid.
     pub fn go_on_through(&mut self, mut fresh: Self) {
         std::mem::swap(&mut self.reader, &mut fresh.reader);
         self.pending.clear();
-        self.transmitter.lock().door = fresh.transmitter.lock().door.take();
+        self.transmitter.lock().transport = fresh.transmitter.lock().transport.take();
     }
 
     fn await_some<T>(&mut self, until: Instant, mut take: impl FnMut(&mut Self) -> Option<T>) -> Result<Option<T>, DeviceError> {
         loop {
-            // Before anything is taken: what a controller says after a stop is of no use to a request that the stop has ended.
+            // Checked first: an answer that comes after a stop is of no use to the request that the stop has ended.
             if self.transmitter.lock().latched {
                 return Err(DeviceError::Stopped);
             }
@@ -277,7 +282,7 @@ impl Link {
         }
     }
 
-    /// A line that has already arrived, or `None`.
+    /// A line that has already arrived; `None` without one. Does not wait.
     pub fn line_now(&mut self) -> Result<Option<String>, DeviceError> {
         if self.transmitter.lock().latched {
             return Err(DeviceError::Stopped);
@@ -286,13 +291,13 @@ impl Link {
         Ok(self.take_line())
     }
 
-    /// Whether the connection stands, told by the kernel: nothing is sent, and whatever has come is kept.
+    /// Checks by the kernel that the connection stands. Nothing is sent, and received bytes are kept.
     pub fn still_there(&mut self) -> Result<(), DeviceError> {
         self.receive(Duration::ZERO).map(|_came| ())
     }
 
-    /// Asks for a sign of life, of a stopped controller too: `question` must be one that moves nothing. The lines that came,
-    /// none where nobody answered.
+    /// Sends a question also while the stop is latched, so `question` must not move anything. Returns the lines that came; none without
+    /// an answer.
     pub fn probe(&mut self, question: &[u8], wait: Duration) -> Result<Vec<String>, DeviceError> {
         {
             let mut state = self.transmitter.lock();
@@ -311,9 +316,9 @@ impl Link {
         Ok(lines)
     }
 
-    /// Like [`Self::probe`], for answers that are not lines: what came, nothing where nobody answered.
+    /// Like [`Self::probe`], for answers that are not lines. Returns the bytes that came; none without an answer.
     pub fn probe_bytes(&mut self, question: &[u8], wait: Duration) -> Result<Vec<u8>, DeviceError> {
-        self.unasked()?;
+        self.take_unread()?;
         {
             let mut state = self.transmitter.lock();
             self.transmitter.write(&mut state, question)?;
@@ -329,8 +334,8 @@ impl Link {
         Ok(std::mem::take(&mut self.pending))
     }
 
-    /// What has arrived that nobody has asked for; it is forgotten.
-    pub fn unasked(&mut self) -> Result<Vec<u8>, DeviceError> {
+    /// Removes and returns all unread bytes.
+    pub fn take_unread(&mut self) -> Result<Vec<u8>, DeviceError> {
         self.receive(Duration::ZERO)?;
         if !self.pending.is_empty() {
             tracing::trace!(device = self.device, "< (unasked) {}", self.pending.escape_ascii());
@@ -338,7 +343,7 @@ impl Link {
         Ok(std::mem::take(&mut self.pending))
     }
 
-    /// Forgets whatever arrives until the line has been silent for `silence`, at most until `until`.
+    /// Drops everything that arrives until the line has been silent for `silence`, at most until `until`.
     pub fn quiet(&mut self, silence: Duration, until: Instant) -> Result<(), DeviceError> {
         while Instant::now() < until && self.receive(silence)? {
             tracing::trace!(device = self.device, "< (dropped) {}", self.pending.escape_ascii());
@@ -352,11 +357,11 @@ impl Link {
         let end = self.pending.iter().position(|b| *b == b'\n')?;
         let line: Vec<u8> = self.pending.drain(..=end).collect();
         tracing::trace!(device = self.device, "< {}", line.escape_ascii());
-        // Noise need not be UTF-8; what replaces it matches no answer.
+        // Noise may not be UTF-8. The replacement character matches no answer.
         Some(String::from_utf8_lossy(&line).trim_end_matches(['\r', '\n']).to_owned())
     }
 
-    /// Waits at most `wait` for bytes and keeps them; false when none came.
+    /// Waits at most `wait` for bytes and keeps them. False if none came.
     fn receive(&mut self, wait: Duration) -> Result<bool, DeviceError> {
         let gone = |device, why| Err(DeviceError::Gone { device, why });
         let mut bytes = [0; LONGEST_LINE];
@@ -364,7 +369,7 @@ impl Link {
             return gone(self.device, e.to_string());
         }
         match self.reader.receive(&mut bytes) {
-            // A tty at its end reads as empty, at once and for ever.
+            // A hung-up tty returns 0 bytes, at once and for ever.
             Ok(0) => gone(self.device, "end of file".into()),
             Ok(n) => {
                 if self.pending.len() + n > 2 * LONGEST_LINE {
@@ -382,6 +387,6 @@ impl Link {
 
 impl Drop for Link {
     fn drop(&mut self) {
-        self.transmitter.lock().door = None;
+        self.transmitter.lock().transport = None;
     }
 }

@@ -3,12 +3,11 @@
 //! ```text
 //!              ┌─ Grbl ───────┐  (protocol, knowledge of the position)
 //! one_sided ───┼─ Tmcl, Zaber ┤
-//! (backlash)   ├─ VastBridge ─┼─ Link (bytes, lines, deadlines, the latched stop) ── Door (tty, TCP)
+//! (backlash)   ├─ VastBridge ─┼─ Link (bytes, lines, deadlines, the latched stop) ── Transport (tty, TCP)
 //!              └─ Relay ──────┘
 //! ```
 
 mod bridge;
-mod door;
 mod grbl;
 mod identify;
 mod knowledge;
@@ -21,6 +20,7 @@ mod relay;
 #[cfg(test)]
 mod scripted;
 mod tmcl;
+mod transport;
 mod zaber;
 
 pub use bridge::{Degrees, VastBridge, VastBridgeSettings};

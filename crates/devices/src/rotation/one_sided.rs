@@ -1,32 +1,32 @@
-//! Backlash taken up: every stop is approached from the same side.
+//! Backlash compensation: every stop is approached from the same side.
 //!
 //! ```text
 //!   target ahead:    ────────────────►│
 //!   target behind:            ┌──────►│       one backlash beyond it, and back
 //!                             └───────────────
 //! ```
-//! It stands before any driver. What the gear has of play is then always on the same side, and angles between views hold.
+//! This wraps any driver. The play of the gear is then always on the same side, and the angles between views are right.
 
 use crate::cancel::CancelToken;
 use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 
-/// An axis that arrives turning forward, whatever way it came.
+/// An axis that always arrives in the forward direction.
 pub struct OneSided {
     axis: Box<dyn RotationAxis>,
     backlash_steps: i64,
 }
 
-/// `axis` itself where there is no backlash to take up.
+/// Wraps `axis`, or returns it unchanged if `backlash_steps` is 0.
 ///
 /// # Errors
-/// An axis that steps through a list cannot go back for it.
+/// An axis that steps through a list cannot go back.
 pub fn one_sided(axis: Box<dyn RotationAxis>, backlash_steps: u32) -> Result<Box<dyn RotationAxis>, DeviceError> {
     if backlash_steps == 0 {
         return Ok(axis);
     }
     if axis.capabilities().trigger_only {
-        let rule = "an axis that steps through a list is led nowhere else: it must be 0".into();
+        let rule = "an axis that steps through a list cannot go back: it must be 0".into();
         return Err(DeviceError::Setting { device: "rotation axis", name: "rig.backlash_steps", found: backlash_steps.to_string(), rule });
     }
     Ok(Box::new(OneSided { axis, backlash_steps: backlash_steps.into() }))
@@ -52,7 +52,7 @@ impl RotationAxis for OneSided {
         self.axis.announce(stops)
     }
 
-    /// A reference may have been found turning either way: its place, too, is taken from behind.
+    /// A reference may have been reached in either direction, so it is also approached from behind.
     fn reference(&mut self, cancel: &CancelToken) -> Result<Achieved, DeviceError> {
         let origin = self.axis.reference(cancel)?;
         self.approach(origin.steps)

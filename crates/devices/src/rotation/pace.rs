@@ -1,8 +1,14 @@
-//! How long a turn may take on an axis that only says that it is over.
+//! Time limits for a turn on an axis that reports only the end of the turn.
+//!
+//! ```text
+//! 0 ──── shortest = 0.5 deg / speed ──── deg / speed ──── longest = 1.5 deg / speed + margin
+//!   an end does not count  │                an end counts                 │ the turn has failed
+//! ```
 
 use crate::DeviceError;
 use std::time::Duration;
 
+/// The configured speed, which somebody has measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pace {
     pub speed_deg_per_s: f64,
@@ -22,12 +28,12 @@ impl Pace {
         Ok(())
     }
 
-    /// No turn is over sooner: half its time at the configured speed, which somebody measured.
+    /// No turn ends sooner: half its time at the configured speed.
     pub fn shortest(&self, deg: f64) -> Duration {
         Duration::from_secs_f64(0.5 * deg.abs() / self.speed_deg_per_s)
     }
 
-    /// A turn that is not over by then has failed.
+    /// A turn that has not ended by then has failed.
     pub fn longest(&self, deg: f64) -> Duration {
         Duration::from_secs_f64(1.5 * deg.abs() / self.speed_deg_per_s) + self.margin
     }

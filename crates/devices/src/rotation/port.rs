@@ -1,4 +1,4 @@
-//! Which serial port: a name, or the USB adapter that has this serial number, wherever the kernel has put it today.
+//! The choice of a serial port: by its name, or by the serial number of its USB adapter, whose name may change.
 
 use crate::DeviceError;
 use serde::{Deserialize, Serialize};
@@ -9,13 +9,17 @@ use std::path::Path;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "a path such as \"/dev/ttyUSB0\", or { usb_serial = \"the adapter's serial number\" }")]
 pub enum Port {
+    /// Name of the device file.
     Path(String),
+    /// A USB adapter.
     Usb(UsbAdapter),
 }
 
+/// A USB adapter by its serial number.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct UsbAdapter {
+    /// As `carved doctor` lists it.
     pub usb_serial: String,
 }
 
@@ -35,7 +39,7 @@ impl std::fmt::Display for Port {
 }
 
 impl Port {
-    /// The device name under which it is found now. After a replug it may be another one.
+    /// The present name of the device file. It may change when the adapter is replugged.
     pub(super) fn resolve(&self, device: &'static str) -> Result<String, DeviceError> {
         match self {
             Self::Path(path) => Ok(path.clone()),
@@ -69,9 +73,9 @@ impl UsbAdapter {
     }
 }
 
-/// The serial ports of this computer, as far as they can be told.
+/// The serial ports of this computer; empty if they cannot be listed.
 pub fn list() -> Vec<SerialPortInfo> {
-    // Where there is no sysfs the crate would panic.
+    // The crate panics without sysfs.
     if !Path::new("/sys/class/tty").is_dir() {
         return Vec::new();
     }

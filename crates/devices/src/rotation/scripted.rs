@@ -1,4 +1,4 @@
-//! A controller that knows only its script, byte by byte, on a pty: what a driver says, and what it makes of each answer.
+//! A scripted controller on a pty: each step is the bytes that the driver must send and the bytes of the answer.
 
 use serialport::{SerialPort, TTYPort};
 use std::io::{ErrorKind, Read, Write};
@@ -6,15 +6,15 @@ use std::sync::mpsc::{Receiver, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Far longer than any dialogue takes, so that a broken driver fails and does not hang.
+/// Much longer than any dialogue takes, so that a broken driver fails and does not hang.
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// What is heard, and what is said to it.
+/// The bytes that the driver must send, and the answer to them.
 pub type Step = (Vec<u8>, Vec<u8>);
 
 pub struct Scripted {
     name: String,
-    // Keeps the pty alive until the driver has opened it.
+    // Keeps the pty open until the driver has opened it.
     slave: TTYPort,
     reached: Receiver<usize>,
     thread: JoinHandle<Result<(), String>>,
@@ -33,7 +33,7 @@ impl Scripted {
                     return Err(format!("step {number}: expected {}, heard {}", show(&expected), show(&said)));
                 }
                 master.write_all(&reply).map_err(|e| e.to_string())?;
-                // Nobody need listen.
+                // The test may not wait for steps.
                 let _ = reach.send(number);
             }
             match master.read(&mut [0; 64]) {
@@ -52,7 +52,7 @@ impl Scripted {
         while self.reached.recv_timeout(PATIENCE).unwrap() < number {}
     }
 
-    /// Both sides are done: the script was followed to its end.
+    /// Ends the dialogue: the driver must have followed the script to its end.
     pub fn followed<T>(self, driver: T) {
         self.thread.join().unwrap().unwrap();
         drop((driver, self.slave));

@@ -1,4 +1,4 @@
-//! A sampler of somebody else's that says by a wire whether a specimen is in the capillary.
+//! A sampler that tells by a wire whether a specimen is in the capillary.
 //!
 //! ```text
 //!            load                        turn                     eject
@@ -6,9 +6,15 @@
 //!            └ empty? ───┘ there for debounce_ms      never gone         │  gone   └
 //!  done ─────────────────────────────────────────────────────────────────┘▔▔▔▔▔▔▔▔▔┘        (done_output)
 //! ```
-//! An arrival is believed only where the capillary was seen empty since the last specimen of this run: what lies there unasked is
-//! nobody's well. While nothing runs the input is looked at once a second, and a specimen that comes in then is said.
+//! An arrival counts only if the capillary was seen empty after the last specimen of this run. A specimen that nobody asked for
+//! belongs to no known well. While nothing runs the daemon reads the input once a second and reports a specimen that comes in.
+//!
+//! ```text
+//! run held, its specimen inside ── look, once a second ──► always there ────────────────────────► go_on: the same specimen
+//!                                                     └──► empty for debounce_ms, then there ──► go_on: refused
+//! ```
 
+use super::clock::Clock;
 use super::watched::{Watch, Watched};
 use super::{Expected, Loaded, Sampler};
 use crate::cancel::CancelToken;
@@ -22,13 +28,13 @@ use std::time::{Duration, Instant};
 pub struct TriggerSettings {
     /// The input is active while the capillary is empty.
     pub inverted: bool,
-    /// How long the input must say the same to be believed.
+    /// Time for which the input must be stable, ms.
     pub debounce_ms: u32,
-    /// Longest wait for a specimen.
+    /// Longest wait for a specimen, ms.
     pub load_timeout_ms: u32,
-    /// Longest wait for an empty capillary.
+    /// Longest wait for an empty capillary, ms.
     pub eject_timeout_ms: u32,
-    /// The controller's output is switched on when a specimen is done with, until it is gone.
+    /// Whether the controller's output is switched on when a specimen is done, until it has left.
     pub done_output: bool,
 }
 
@@ -39,8 +45,10 @@ impl Default for TriggerSettings {
 }
 
 impl TriggerSettings {
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no sampler can have.
+    /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
         let bad = |name, found: u32, rule: String| Err(DeviceError::Setting { device: "sampler", name, found: found.to_string(), rule });
         if !(1..=10_000).contains(&self.debounce_ms) {
@@ -60,49 +68,62 @@ impl TriggerSettings {
     }
 }
 
-/// How often the input is looked at while it is waited for.
+/// Pause between two readings of the input during a wait.
 pub(super) const POLL: Duration = Duration::from_millis(5);
-/// Time that an input which bounces is given to say the same for `debounce_ms`, in as many of them.
+/// Time in which an input that bounces must become stable, in units of `debounce_ms`.
 const BOUNCES: u32 = 4;
 
+/// How a wait for the input has ended.
 enum Waited {
     Reached,
     TimedOut,
     Cancelled,
 }
 
+/// A sampler with a wire to the axis' controller. "Looks" are the readings of the input while nothing runs.
 pub struct TriggerSampler {
     settings: TriggerSettings,
+    clock: Clock,
     watch: Watch,
-    /// The capillary was seen empty after the last specimen of this run, and nothing was waited for since.
+    /// The capillary was seen empty after the last specimen of this run, and no specimen was asked for since.
     is_empty: bool,
-    /// Since when every look while nothing runs has found a specimen.
+    /// Since when every look has found a specimen.
     there_since: Option<Instant>,
-    /// Since when every look while nothing runs has found none.
+    /// Since when every look has found none.
     gone_since: Option<Instant>,
-    /// Those looks have seen the capillary empty since its last specimen came: what is there now may be another.
+    /// The looks have found the capillary empty since its last specimen came. A specimen that is there now may be another one.
     left: bool,
-    /// What those looks have found.
+    /// The result of the looks.
     seen: Option<bool>,
 }
 
 impl TriggerSampler {
-    /// Takes the axis whose controller has the wires, and gives it back watched.
+    /// Takes the axis whose controller has the wires. The axis that it returns checks after each move that the specimen is still
+    /// there.
     ///
     /// # Errors
     /// A bad setting, or a controller that has no such input.
-    pub fn beside(mut axis: Box<dyn RotationAxis>, settings: TriggerSettings) -> Result<(Self, Box<dyn RotationAxis>), DeviceError> {
+    pub fn beside(axis: Box<dyn RotationAxis>, settings: TriggerSettings) -> Result<(Self, Box<dyn RotationAxis>), DeviceError> {
+        Self::with_clock(axis, settings, Clock::REAL)
+    }
+
+    fn with_clock(
+        mut axis: Box<dyn RotationAxis>,
+        settings: TriggerSettings,
+        clock: Clock,
+    ) -> Result<(Self, Box<dyn RotationAxis>), DeviceError> {
         settings.check()?;
         if axis.specimen_input().is_none() {
             let rule = format!("{} has no input for it: take \"loader\"", axis.identity());
             return Err(DeviceError::Setting { device: "sampler", name: "driver", found: "\"trigger\"".into(), rule });
         }
         let watch = Watch::default();
-        let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce() };
-        Ok((Self { settings, watch, is_empty: false, there_since: None, gone_since: None, left: false, seen: None }, Box::new(watched)))
+        let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce(), clock };
+        let sampler = Self { settings, clock, watch, is_empty: false, there_since: None, gone_since: None, left: false, seen: None };
+        Ok((sampler, Box::new(watched)))
     }
 
-    /// Waits until the input has said `there` for as long as it may bounce.
+    /// Waits until the input has been stable at `there` for `debounce_ms`.
     fn wait_for(
         &self,
         there: bool,
@@ -110,20 +131,20 @@ impl TriggerSampler {
         within_ms: u32,
         cancel: Option<&CancelToken>,
     ) -> Result<Waited, DeviceError> {
-        let until = Instant::now() + Duration::from_millis(within_ms.into());
+        let until = (self.clock.now)() + Duration::from_millis(within_ms.into());
         let mut since: Option<Instant> = None;
         loop {
             if cancel.is_some_and(CancelToken::is_cancelled) {
                 return Ok(Waited::Cancelled);
             }
             let says_so = (axis.specimen_input().ok_or_else(gone)?.is_active()? != self.settings.inverted) == there;
-            let now = Instant::now();
+            let now = (self.clock.now)();
             since = says_so.then(|| since.unwrap_or(now));
             match since {
                 Some(since) if now.duration_since(since) >= self.settings.debounce() => return Ok(Waited::Reached),
                 None if now >= until => return Ok(Waited::TimedOut),
-                // What began to say so in time may end to.
-                _ => std::thread::sleep(POLL),
+                // An input that changed before the timeout may still become stable.
+                _ => (self.clock.pause)(POLL),
             }
         }
     }
@@ -133,7 +154,7 @@ impl TriggerSampler {
     }
 }
 
-/// The driver that had the input was let go.
+/// The driver that had the input was closed.
 pub(super) fn gone() -> DeviceError {
     DeviceError::Gone { device: "rotation axis", why: "the sampler's wire ends at it".into() }
 }
@@ -155,11 +176,13 @@ impl Sampler for TriggerSampler {
         let Some(active) = axis.specimen_input().ok_or_else(gone)?.is_active_at_rest()? else { return Ok(()) };
         if active == self.settings.inverted {
             (self.there_since, self.seen) = (None, Some(false));
-            self.left |= self.gone_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce();
+            let gone_since = *self.gone_since.get_or_insert_with(self.clock.now);
+            self.left |= self.clock.since(gone_since) >= self.settings.debounce();
             return Ok(());
         }
         self.gone_since = None;
-        if self.there_since.get_or_insert_with(Instant::now).elapsed() >= self.settings.debounce() {
+        let there_since = *self.there_since.get_or_insert_with(self.clock.now);
+        if self.clock.since(there_since) >= self.settings.debounce() {
             self.seen = Some(true);
         }
         Ok(())
@@ -172,8 +195,8 @@ impl Sampler for TriggerSampler {
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let well = expected.well;
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
-        if let Some(left) = self.watch.of() {
-            // A stop kept it from being ejected.
+        if let Some(left) = self.watch.well() {
+            // A stop prevented its ejection.
             self.eject(axis, &left, cancel)?;
         }
         if !std::mem::take(&mut self.is_empty) {
@@ -181,8 +204,8 @@ impl Sampler for TriggerSampler {
                 Waited::Reached => {}
                 Waited::Cancelled => return Ok(None),
                 Waited::TimedOut => {
-                    let why = "its input says that a specimen is there, but none was asked for, and nobody knows its well. Empty the \
-                               capillary; if it is empty, the input is stuck: look at the wire";
+                    let why = "the input says that a specimen is there, but none was asked for, and its well is not known. Nothing was \
+                               loaded. Empty the capillary. If it is empty, the input is stuck: check the wire";
                     return Err(Self::failed(well, why.into()));
                 }
             }
@@ -191,7 +214,7 @@ impl Sampler for TriggerSampler {
             Waited::Cancelled => Ok(None),
             Waited::TimedOut => {
                 let why = format!(
-                    "no specimen within {} ms (load_timeout_ms). Look at the sampler, its plate and the wire of its input",
+                    "no specimen within {} ms (load_timeout_ms). Check the sampler, its plate and the wire of its input",
                     self.settings.load_timeout_ms
                 );
                 Err(Self::failed(well, why))
@@ -208,15 +231,15 @@ impl Sampler for TriggerSampler {
         let well = expected.well;
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
         if self.left {
-            let why = "its specimen was left in the capillary, and the input said meanwhile that the capillary was empty: what is there now may be \
-                       another specimen. Empty the capillary, then say to the instrument that the specimen is out";
+            let why = "its specimen was left in the capillary. Meanwhile the input said that the capillary was empty, so the specimen that \
+                       is there now may be another one. Empty the capillary, then tell the instrument that the specimen is out";
             return Err(Self::failed(well, why.into()));
         }
         match self.wait_for(true, axis, BOUNCES * self.settings.debounce_ms, Some(cancel))? {
             Waited::Cancelled => Ok(None),
             Waited::TimedOut => {
-                let why = "its specimen was left in the capillary, and the input says that it is not there any more. If it is out, say so to the \
-                           instrument; if it is still inside, look at the wire";
+                let why = "its specimen was left in the capillary, and the input says that it is not there any more. If it is out, tell \
+                           the instrument so. If it is still inside, check the wire";
                 Err(Self::failed(well, why.into()))
             }
             Waited::Reached => {
@@ -228,7 +251,7 @@ impl Sampler for TriggerSampler {
     }
 
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
-        // A fault has stopped the axis too; but who stops for good gets nothing moved any more, specimens included.
+        // After a fault, which has stopped the axis, the specimen is ejected. After a cancellation nothing moves any more.
         axis.specimen_input().ok_or_else(gone)?.begin(cancel)?;
         if self.settings.done_output {
             axis.specimen_input().ok_or_else(gone)?.say_done(true)?;
@@ -239,7 +262,7 @@ impl Sampler for TriggerSampler {
         }
         if matches!(waited, Waited::TimedOut) {
             let why = format!(
-                "its input still says that the specimen is there, {} ms (eject_timeout_ms) after it was done with. Look whether the \
+                "the input still says that the specimen is there, {} ms (eject_timeout_ms) after it was done. Check whether the \
                  capillary is empty: the sampler has not ejected it, or the input is stuck",
                 self.settings.eject_timeout_ms
             );

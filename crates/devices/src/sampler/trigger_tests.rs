@@ -1,19 +1,34 @@
-//! The sampler's logic over a scripted wire: the last level stays.
+//! Tests of the sampler with a scripted wire and a scripted clock. The wire keeps its last level. The clock moves only when the sampler
+//! pauses or a test moves it, so the number of readings is exact.
 
 use super::*;
 use crate::{Achieved, Capabilities, Position, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
+use std::cell::Cell;
 use std::collections::VecDeque;
 
-/// An axis whose input says what the script has, one look after the other.
+thread_local! {
+    /// The time of the test in this thread.
+    static NOW: Cell<Instant> = Cell::new(Instant::now());
+}
+
+const CLOCK: Clock = Clock { now: || NOW.get(), pause: pass };
+
+fn pass(time: Duration) {
+    NOW.set(NOW.get() + time);
+}
+
+/// An axis whose input has one level of the script after the other, one per reading.
 #[derive(Default)]
 pub(crate) struct Wired {
     levels: VecDeque<bool>,
     last: bool,
     done: Vec<bool>,
     stopped: bool,
-    /// What the input says once it was told that the specimen is done with.
+    /// The level of the input after the output "done" was switched on.
     after_done: Option<bool>,
+    /// Cancelled at the first reading after the script.
+    cancels: Option<CancelToken>,
 }
 
 impl Wired {
@@ -33,6 +48,9 @@ impl SpecimenInput for Wired {
     fn is_active(&mut self) -> Result<bool, DeviceError> {
         if self.stopped {
             return Err(DeviceError::Stopped);
+        }
+        if let (true, Some(cancel)) = (self.levels.is_empty(), &self.cancels) {
+            cancel.cancel();
         }
         self.last = self.levels.pop_front().unwrap_or(self.last);
         Ok(self.last)
@@ -83,7 +101,7 @@ const QUICK: TriggerSettings =
 const A01: Expected<'static> = Expected { well: "A01", bead: false, dpf: None };
 
 fn sampler(settings: TriggerSettings) -> TriggerSampler {
-    TriggerSampler::beside(Box::new(Wired::default()), settings).unwrap().0
+    TriggerSampler::with_clock(Box::new(Wired::default()), settings, CLOCK).unwrap().0
 }
 
 fn words(result: Result<impl std::fmt::Debug, DeviceError>) -> String {
@@ -92,20 +110,20 @@ fn words(result: Result<impl std::fmt::Debug, DeviceError>) -> String {
     error.to_string()
 }
 
-/// Looks that a level lasting for `debounce_ms` takes at most; the machine may make them fewer.
-const FOR_LONG: usize = 20;
+/// Number of equal readings that last for `debounce_ms`, counting both ends.
+const FOR_LONG: usize = 1 + 20 / POLL.as_millis() as usize;
+/// While nothing runs the daemon reads the input once a second.
+const BETWEEN_LOOKS: Duration = Duration::from_secs(1);
 
 #[test]
 fn an_arrival_is_believed_after_its_bounces_and_a_blink_is_none() {
     let mut sampler = sampler(QUICK);
-    let mut levels = vec![false; FOR_LONG];
-    // One look long each: never for the 20 ms that are four looks.
-    levels.extend([true, false, true, false, false, true, false]);
-    levels.push(true);
-    let bounces = levels.len() - 1;
+    // The longest blink is one reading too short.
+    let blinks = [&[true, false, false][..], &[true; FOR_LONG - 1], &[false]].concat();
+    let levels = [&[false; FOR_LONG], &blinks[..], &[true; FOR_LONG]].concat();
     let mut axis = Wired::says(&levels);
     assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
-    assert!(axis.levels.is_empty(), "believed {} looks early, of {bounces}", axis.levels.len());
+    assert_eq!(axis.levels.len(), 0, "looks too early");
     axis.after_done = Some(false);
     sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
     assert_eq!(axis.done, [true, false], "the output is on until it is gone");
@@ -139,11 +157,11 @@ fn a_specimen_that_is_there_while_nothing_runs_is_seen_once_it_is_no_blink() {
             assert_eq!(sampler.sees_specimen(), found, "a blink");
         }
         axis.last = !inverted;
-        let until = Instant::now() + Duration::from_secs(60);
-        while sampler.sees_specimen() != Some(true) {
-            assert!(Instant::now() < until, "it is never seen");
-            sampler.look(&mut axis).unwrap();
-        }
+        sampler.look(&mut axis).unwrap();
+        assert_eq!(sampler.sees_specimen(), Some(false), "a blink as yet");
+        pass(BETWEEN_LOOKS);
+        sampler.look(&mut axis).unwrap();
+        assert_eq!(sampler.sees_specimen(), Some(true));
     }
 }
 
@@ -188,10 +206,8 @@ fn a_stop_leaves_the_specimen_to_the_next_load_and_a_cancel_ends_the_wait() {
     assert!(said.contains("A02") && said.contains("no specimen"), "{said}");
     assert_eq!(axis.done, [true, false], "the last run's specimen is ejected first");
     let waits = CancelToken::new();
-    std::thread::scope(|scope| {
-        scope.spawn(|| waits.cancel());
-        assert_eq!(sampler.load(&mut axis, A01, &waits).unwrap_or_default(), None);
-    });
+    axis.cancels = Some(waits.clone());
+    assert_eq!(sampler.load(&mut axis, A01, &waits).unwrap(), None);
 }
 
 #[test]
@@ -199,7 +215,7 @@ fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
     let levels = [[false; FOR_LONG], [true; FOR_LONG]].concat();
     for (then, leaves) in [(vec![false, true], false), (vec![false], true)] {
         let wire = Wired::says(&[levels.clone(), then].concat());
-        let (mut sampler, mut axis) = TriggerSampler::beside(Box::new(wire), TriggerSettings { debounce_ms: 20, ..QUICK }).unwrap();
+        let (mut sampler, mut axis) = TriggerSampler::with_clock(Box::new(wire), QUICK, CLOCK).unwrap();
         axis.move_to(Steps(1)).unwrap();
         let mut looks = 0;
         sampler.load(axis.as_mut(), A01, &CancelToken::new()).unwrap();
@@ -214,6 +230,50 @@ fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
             assert!(error.to_string().contains("mid-turn"), "{error}");
         }
     }
+}
+
+/// A sampler whose specimen was left in the capillary, and its axis. While nothing runs the input then has these levels, a second apart.
+fn looked_at(levels: &[bool]) -> (TriggerSampler, Wired) {
+    let mut sampler = sampler(QUICK);
+    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    sampler.begin_run();
+    sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
+    axis.levels = levels.iter().copied().collect();
+    while !axis.levels.is_empty() {
+        sampler.look(&mut axis).unwrap();
+        pass(BETWEEN_LOOKS);
+    }
+    (sampler, axis)
+}
+
+#[test]
+fn a_specimen_that_may_have_been_exchanged_while_the_run_was_held_is_not_gone_on_with() {
+    let (mut sampler, mut axis) = looked_at(&[true, false, false, true, true]);
+    let error = sampler.go_on(&mut axis, A01, &CancelToken::new()).unwrap_err();
+    assert!(matches!(&error, DeviceError::Sampler { well, why } if well == "A01" && why.contains("Empty the capillary")), "{error}");
+    assert_eq!(sampler.sees_specimen(), Some(true), "it is refused although one is there");
+    assert!(sampler.go_on(&mut axis, A01, &CancelToken::new()).is_err(), "no second try makes it the same specimen");
+}
+
+#[test]
+fn a_specimen_that_every_look_has_seen_is_gone_on_with() {
+    let (mut sampler, mut axis) = looked_at(&[true; 5]);
+    assert_eq!(sampler.go_on(&mut axis, A01, &CancelToken::new()).unwrap(), Some(Loaded::default()));
+}
+
+#[test]
+fn a_blink_while_the_run_was_held_does_not_make_it_another_specimen() {
+    // Each is a single reading, which may be a bounce.
+    let (mut sampler, mut axis) = looked_at(&[true, false, true, false, true]);
+    assert_eq!(sampler.go_on(&mut axis, A01, &CancelToken::new()).unwrap(), Some(Loaded::default()));
+}
+
+#[test]
+fn a_new_run_forgets_that_the_capillary_was_empty_before_it() {
+    let (mut sampler, mut axis) = looked_at(&[true, false, false, true, true]);
+    sampler.begin_run();
+    assert_eq!(sampler.sees_specimen(), None);
+    assert_eq!(sampler.go_on(&mut axis, A01, &CancelToken::new()).unwrap(), Some(Loaded::default()));
 }
 
 #[test]

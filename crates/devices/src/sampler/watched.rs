@@ -1,24 +1,25 @@
-//! An axis that does not go on turning a capillary whose specimen is gone.
+//! An axis that stops turning when the specimen has left the capillary.
 //!
 //! ```text
 //!   load ──► watch: A01 ──► move_to ─ arrived ─ input? ─ active ──► the view is taken
-//!                                                 └─ not for as long as it may bounce ──► the run ends: sampler_failed
+//!                                                 └─ inactive for debounce_ms ──► the run ends: sampler_failed
 //! ```
-//! It is looked at after each move, so that no view is taken of what went before the move.
+//! The input is read after each move, so that no view is taken of an empty capillary.
 
+use super::clock::Clock;
 use super::trigger::{POLL, gone};
 use crate::cancel::CancelToken;
 use crate::{Achieved, Capabilities, DeviceError, LinearAxis, Position, RotationAxis, SpecimenInput, StopHandle};
 use carved_core::units::Steps;
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-/// Whose specimen should be in the capillary.
+/// The well whose specimen should be in the capillary. Sampler and axis share it.
 #[derive(Clone, Default)]
 pub(super) struct Watch(Arc<Mutex<Option<String>>>);
 
 impl Watch {
-    pub fn of(&self) -> Option<String> {
+    pub fn well(&self) -> Option<String> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
@@ -27,28 +28,30 @@ impl Watch {
     }
 }
 
+/// The wrapped axis.
 pub(super) struct Watched {
     pub axis: Box<dyn RotationAxis>,
     pub watch: Watch,
     pub inverted: bool,
     pub debounce: Duration,
+    pub clock: Clock,
 }
 
 impl Watched {
-    /// One look that finds it there is enough; what finds it gone is held against bounces.
+    /// One active reading is enough. An inactive input must stay so for `debounce`.
     fn specimen_is_there(&mut self) -> Result<(), DeviceError> {
-        let Some(well) = self.watch.of() else { return Ok(()) };
-        let until = Instant::now() + self.debounce;
+        let Some(well) = self.watch.well() else { return Ok(()) };
+        let until = (self.clock.now)() + self.debounce;
         loop {
             let input = self.axis.specimen_input().ok_or_else(gone)?;
             if input.is_active()? != self.inverted {
                 return Ok(());
             }
-            if Instant::now() >= until {
-                let why = "the specimen left the capillary in mid-turn, or its wire is off: the input fell. Look at both".into();
+            if (self.clock.now)() >= until {
+                let why = "the specimen left the capillary in mid-turn, or its wire is off: the input became inactive. Check both".into();
                 return Err(DeviceError::Sampler { well, why });
             }
-            std::thread::sleep(POLL);
+            (self.clock.pause)(POLL);
         }
     }
 }

@@ -4,19 +4,18 @@ use super::AravisSettings;
 use aravis::{BufferPayloadType, BufferStatus};
 use carved_core::frame::{PixelFormat, RawFrame};
 
-/// What became of a buffer.
+/// The verdict on a buffer.
 pub(super) enum Verdict {
-    Taken {
-        frame: RawFrame,
-        frame_id: u64,
-    },
-    /// Exposed before it was asked for: its successor may still come.
+    /// The frame is accepted.
+    Taken { frame: RawFrame, frame_id: u64 },
+    /// The frame was exposed before the request. The right one may still come.
     Stale(String),
+    /// The frame is incomplete or has another format.
     Lost(String),
 }
 
-/// Complete, an image, of the configured geometry, format and size, exposed since `since_ns` of the camera's clock (where it has
-/// one), and not the last one again.
+/// Accepts a frame that is complete, an image, of the configured geometry, format and size, exposed after `since_ns` of the camera's clock
+/// (`None` without one), and not the last frame again.
 pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_frame_id: Option<u64>, since_ns: Option<u64>) -> Verdict {
     let status = buffer.status();
     if status != BufferStatus::Success {
@@ -54,7 +53,7 @@ pub(super) fn accept(buffer: &aravis::Buffer, settings: &AravisSettings, last_fr
     }
 }
 
-/// GenICam's name of a format that this program knows, else its number.
+/// GenICam's name of a known format; the number of another one.
 fn name(format: aravis::PixelFormat) -> String {
     let known = [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed];
     known

@@ -1,4 +1,4 @@
-//! The camera's own clock, by which a frame tells when it was exposed.
+//! The camera's own clock, which also gives the timestamps of frames.
 
 use aravis::prelude::*;
 use aravis::{GvDevice, glib};
@@ -9,14 +9,14 @@ const LATCHED_HIGH: u64 = 0x948;
 const LATCHED_LOW: u64 = 0x94c;
 const LATCH: u32 = 2;
 
-/// A clock that counts; cameras may come without one.
+/// A clock that runs. Not every camera has one.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CameraClock {
     ticks_per_s: u64,
 }
 
 impl CameraClock {
-    /// None where the camera has no frequency, or time stands still there.
+    /// `None` if the camera reports no frequency, or its time does not advance.
     pub fn of(device: &GvDevice) -> Option<Self> {
         let clock = Self { ticks_per_s: device.timestamp_tick_frequency().ok().filter(|f| *f > 0)? };
         let first = clock.now_ns(device).ok()?;
@@ -24,7 +24,7 @@ impl CameraClock {
         (second > first).then_some(clock)
     }
 
-    /// Three exchanges on the control channel.
+    /// The present time, ns. It takes three requests on the control channel.
     pub fn now_ns(self, device: &GvDevice) -> Result<u64, glib::Error> {
         device.write_register(CONTROL, LATCH)?;
         let (_, high) = device.read_register(LATCHED_HIGH)?;

@@ -1,13 +1,13 @@
-//! What a camera is told before the first frame.
+//! The configuration of a camera before the first frame.
 
 use super::{AravisSettings, Trigger, refused};
 use crate::DeviceError;
 use aravis::prelude::*;
 use aravis::{AcquisitionMode, RangeCheckPolicy};
 
-/// Sets everything the configuration names and reads back what decides over a frame's layout.
+/// Sets everything in the configuration, and checks the size of a frame.
 pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> Result<(), DeviceError> {
-    // Without it a value out of range is accepted and ignored.
+    // Without this policy a value out of range is accepted and ignored.
     camera.set_range_check_policy(RangeCheckPolicy::Enable);
     if let Some(device) = camera.device() {
         for (name, value) in &settings.features {
@@ -17,7 +17,7 @@ pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> R
     }
     let format = settings.pixel_format.name();
     camera.set_pixel_format_from_string(format).map_err(|e| refused(&format!("PixelFormat = {format}"), &e))?;
-    // The offsets first make room for the size, whatever the region was.
+    // Offsets of 0 first, so that any size fits.
     for (name, value) in [
         ("OffsetX", 0),
         ("OffsetY", 0),
@@ -34,14 +34,14 @@ pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> R
     let packet = settings.packet_size;
     camera.gv_set_packet_size(packet as i32).map_err(|e| refused(&format!("packet size = {packet}"), &e))?;
     camera.set_acquisition_mode(AcquisitionMode::Continuous).map_err(|e| refused("AcquisitionMode = Continuous", &e))?;
-    // Last: setting a frame rate switches all triggers off, among the features above and here.
+    // Last, because setting a frame rate switches all triggers off, also those of the features above.
     match &settings.trigger {
         Trigger::Software => camera.set_trigger("Software").map_err(|e| refused("TriggerSource = Software", &e))?,
         Trigger::Line(line) => camera.set_trigger(line).map_err(|e| refused(&format!("TriggerSource = {line}"), &e))?,
         Trigger::FixedRateHz(rate) => {
             camera.clear_triggers().map_err(|e| refused("TriggerMode = Off", &e))?;
             let what = format!("frame rate = {rate} Hz");
-            // Aravis brings a rate that is out of range into it, without a word.
+            // Aravis silently clamps a rate that is out of range.
             let (least, most) = camera.frame_rate_bounds().map_err(|e| refused(&what, &e))?;
             if !(least..=most).contains(rate) {
                 return Err(DeviceError::Camera { what, why: format!("this camera takes {least} to {most} Hz as it is configured") });
@@ -59,7 +59,7 @@ pub(super) fn configure(camera: &aravis::Camera, settings: &AravisSettings) -> R
     Ok(())
 }
 
-/// A camera has the one or the other feature; the value that is configured for the one it has is used.
+/// Sets the gain. A camera has either `Gain` or `GainRaw`, and the configured value for that one is used.
 fn set_gain(camera: &aravis::Camera, settings: &AravisSettings) -> Result<(), DeviceError> {
     if settings.gain.is_none() && settings.gain_raw.is_none() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! From the name that the configuration has for a camera to the camera.
+//! Finds the camera that the configuration names.
 
 use super::super::Listed;
 use super::CameraSelect;
@@ -36,7 +36,7 @@ pub(super) fn find(select: &CameraSelect) -> Result<aravis::Camera, DeviceError>
 
 /// Opens the device at an address without any discovery, through the interface that leads there.
 fn device_at(address: Ipv4Addr) -> Result<GvDevice, String> {
-    // Connecting a datagram socket sends nothing; it makes the kernel choose the way.
+    // Connecting a datagram socket sends nothing. It makes the kernel choose the interface.
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).map_err(|e| e.to_string())?;
     socket.connect((address, GVCP_PORT)).map_err(|e| e.to_string())?;
     let here = socket.local_addr().map_err(|e| e.to_string())?.ip();
@@ -44,7 +44,7 @@ fn device_at(address: Ipv4Addr) -> Result<GvDevice, String> {
     GvDevice::new(&inet(here.to_string())?, &inet(address.to_string())?).map_err(|e| e.message().to_owned())
 }
 
-/// The id of the first camera that fits; else what there is instead, in words.
+/// The id of the first camera that fits; otherwise a text with the cameras that answer.
 fn listed(fits: impl Fn(&Listed) -> bool) -> Result<String, String> {
     let all = discover();
     if let Some(id) = all.iter().find(|camera| fits(camera)).and_then(|camera| camera.id.clone()) {

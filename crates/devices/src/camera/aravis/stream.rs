@@ -7,18 +7,19 @@ use aravis::prelude::*;
 use aravis::{GvDevice, GvStream, GvStreamOption, GvStreamPacketResend, GvStreamSocketBuffer};
 use std::time::{Duration, Instant};
 
-/// Buffers of a stream: one is filled at a time, the others hold late and repeated frames until the next drain.
+/// Number of buffers of a stream. One is filled at a time. The others hold late and repeated frames until they are drained.
 const BUFFERS: usize = 8;
 
+/// A running acquisition.
 pub(super) struct Armed {
     stream: aravis::Stream,
     pub last_frame_id: Option<u64>,
-    /// Triggers whose frames have not come; counted where the camera has no clock to tell a late frame by.
-    pub owed: u32,
+    /// Number of triggers whose frames have not come. It is needed without a camera clock, which would identify late frames.
+    pub outstanding: u32,
 }
 
 impl Armed {
-    /// A new stream, and its acquisition begun.
+    /// Creates a new stream and starts its acquisition.
     pub fn start(camera: &aravis::Camera, settings: &AravisSettings) -> Result<Self, DeviceError> {
         if let Some(gv) = camera.device().as_ref().and_then(|d| d.downcast_ref::<GvDevice>()) {
             let packets = if settings.packet_socket { GvStreamOption::NONE } else { GvStreamOption::PACKET_SOCKET_DISABLED };
@@ -27,7 +28,7 @@ impl Armed {
         let stream = camera.create_stream().map_err(|e| super::refused("a stream", &e))?;
         if let Some(gv) = stream.downcast_ref::<GvStream>() {
             gv.set_socket_buffer(GvStreamSocketBuffer::Fixed);
-            // Checked with the settings: it fits.
+            // `AravisSettings::check` ensures that it fits.
             gv.set_socket_buffer_size(settings.socket_buffer_bytes as i32);
             gv.set_packet_resend(if settings.resend { GvStreamPacketResend::Always } else { GvStreamPacketResend::Never });
         }
@@ -35,7 +36,7 @@ impl Armed {
             stream.push_buffer(aravis::Buffer::new_allocate(settings.frame_bytes()));
         }
         camera.start_acquisition().map_err(|e| super::refused("AcquisitionStart", &e))?;
-        Ok(Self { stream, last_frame_id: None, owed: 0 })
+        Ok(Self { stream, last_frame_id: None, outstanding: 0 })
     }
 
     pub fn pop(&self, wait: Duration) -> Option<aravis::Buffer> {
@@ -46,15 +47,15 @@ impl Armed {
         self.stream.push_buffer(buffer);
     }
 
-    /// Waits for the frames of earlier triggers and forgets them, then empties the queue.
-    pub fn drop_what_is_owed(&mut self, until: Instant) {
-        while self.owed > 0
+    /// Waits for the frames of earlier triggers and drops them, then empties the queue.
+    pub fn drop_outstanding(&mut self, until: Instant) {
+        while self.outstanding > 0
             && let Some(late) = self.pop(until.saturating_duration_since(Instant::now()))
         {
-            self.owed -= 1;
+            self.outstanding -= 1;
             self.give_back(late);
         }
-        self.owed = 0;
+        self.outstanding = 0;
         while let Some(stale) = self.stream.try_pop_buffer() {
             self.give_back(stale);
         }

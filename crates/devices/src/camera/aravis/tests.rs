@@ -1,4 +1,4 @@
-//! Against Aravis' own fake camera, a peer that is not ours: skipped where Debian's aravis-tools are not installed.
+//! Tests against Aravis' own fake camera, which is independent of this program. They are skipped without Debian's aravis-tools.
 
 use super::*;
 use carved_core::frame::PixelFormat;
@@ -42,7 +42,7 @@ fn opened(settings: &AravisSettings, patience: Duration) -> AravisCamera {
     }
 }
 
-/// Region, pixel format, rate, exposure and gain reach its sensor; what it has not is refused by name.
+/// Region, pixel format, rate, exposure and gain reach its sensor. An unknown trigger source is refused by its name.
 fn takes_what_it_is_told(deadline: Duration) {
     let few = |changed: AravisSettings| {
         let mut camera = opened(&changed, deadline);

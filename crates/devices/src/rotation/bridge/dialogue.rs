@@ -1,10 +1,10 @@
-//! What is said to the bridge and what may be answered.
+//! Requests to the bridge and their answers.
 //!
 //! ```text
 //!  X? ──► OK, four lines of settings       TT ──► OK ······► R1        E0 to E3 instead of an OK
 //! ```
-//! An arrival names no trigger. So each place where one is heard says what it means there: the first stop while nobody has
-//! triggered, the end of a turn while one is waited for, and nothing good anywhere else.
+//! An arrival does not name its trigger. Its meaning depends on the situation: the first stop before any trigger, the end of a turn
+//! while one is waited for, and a fault otherwise.
 
 use super::message::{self, Message};
 use super::{DEVICE, VastBridgeSettings};
@@ -14,22 +14,24 @@ use crate::{DeviceError, StopHandle};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
-/// Asked until it answers: a controller that restarts when its port is opened hears nothing for up to two seconds.
+/// Number of questions until an answer must have come. A controller that restarts when its port is opened ignores them for up to two
+/// seconds.
 const WAKE_ATTEMPTS: u32 = 8;
 /// Lines of settings after the `OK` to `X?`.
 const SETTINGS_LINES: usize = 4;
 
+/// The connection to the bridge.
 pub(super) struct Dialogue {
     link: Link,
     answer_timeout: Duration,
     heard: VecDeque<Message>,
-    /// Arrivals at the first stop, heard before anyone waited for them.
+    /// Arrivals at the first stop that came before they were waited for.
     pub arrivals: u32,
 }
 
 impl Dialogue {
     pub fn open(settings: &VastBridgeSettings) -> Result<Self, DeviceError> {
-        // Nothing on the wire stops VAST: a stop only latches.
+        // No message stops VAST, so a stop only latches.
         let link = Link::serial(DEVICE, &settings.port, settings.baud, Stop::default())?;
         Ok(Self { link, answer_timeout: settings.answer_timeout(), heard: VecDeque::new(), arrivals: 0 })
     }
@@ -51,7 +53,7 @@ impl Dialogue {
         self.link.release(cancel)
     }
 
-    /// Forgets what has been said, and what is still said within `silence`.
+    /// Drops all messages until now, and those that still come until the bridge is silent for `silence`.
     pub fn forget(&mut self, silence: Duration) -> Result<(), DeviceError> {
         self.link.quiet(silence, Instant::now() + self.answer_timeout.max(silence))?;
         self.heard.clear();
@@ -72,7 +74,7 @@ impl Dialogue {
                     Some(Message::Other(line)) if line.chars().all(|c| c == ' ' || c.is_ascii_graphic()) => lines.push(line),
                     Some(Message::Arrived) => self.arrivals += 1,
                     Some(Message::Error(number)) => error = Some(number),
-                    // A greeting, the answer's `OK`, noise: the lines tell whether it was heard.
+                    // A greeting, the answer's `OK`, noise: only the lines prove an answer.
                     Some(_) => {}
                     None => break,
                 }
@@ -88,7 +90,7 @@ impl Dialogue {
         Err(error.map_or(DeviceError::Silent { device: DEVICE, request: "X?".into(), waited_ms }, refused))
     }
 
-    /// After a question that was asked again: the `OK` of a late answer would be taken for the next trigger's.
+    /// Waits for late answers to a repeated question. Their `OK` would count as that of the next trigger.
     fn hear_out(&mut self) -> Result<(), DeviceError> {
         while let Some(message) = self.next(Instant::now() + self.answer_timeout)? {
             self.arrivals += u32::from(message == Message::Arrived);
@@ -106,7 +108,7 @@ impl Dialogue {
         }
     }
 
-    /// What has been said since the last answer.
+    /// The next message that has already arrived.
     fn next_now(&mut self) -> Result<Option<Message>, DeviceError> {
         loop {
             if let Some(message) = self.heard.pop_front() {
@@ -117,7 +119,7 @@ impl Dialogue {
         }
     }
 
-    /// Counts arrivals while VAST is in no list.
+    /// Counts arrivals while VAST follows no list.
     pub fn listen(&mut self) -> Result<(), DeviceError> {
         while let Some(message) = self.next_now()? {
             match message {
@@ -129,7 +131,7 @@ impl Dialogue {
         Ok(())
     }
 
-    /// Hears what was said while VAST stood: nothing is expected then.
+    /// Reads the messages that came while VAST was at rest. None is expected then.
     pub fn catch_up(&mut self) -> Result<(), DeviceError> {
         while let Some(message) = self.next_now()? {
             match message {
@@ -142,7 +144,7 @@ impl Dialogue {
         Ok(())
     }
 
-    /// Triggers once; returns when that was asked for.
+    /// Triggers once. Returns the time at which the trigger was sent.
     pub fn trigger(&mut self) -> Result<Instant, DeviceError> {
         self.catch_up()?;
         let wait = self.answer_timeout;
@@ -190,10 +192,10 @@ pub(super) fn out_of_step(why: &str) -> DeviceError {
 }
 
 fn restarted() -> DeviceError {
-    out_of_step("the bridge said OK to nothing: it restarted, or VAST saw a trigger that was not meant")
+    out_of_step("the bridge sent an OK without a request: it restarted, or VAST received an unintended trigger")
 }
 
-/// The bridge's firmware says which of its inputs or requests it could not serve; the number is all that it tells.
+/// The bridge's firmware reports an input or request that it could not serve, by a number only.
 fn refused(number: u8) -> DeviceError {
     DeviceError::Alarm { device: DEVICE, what: format!("its error E{number}: a request or VAST's answer to it failed") }
 }

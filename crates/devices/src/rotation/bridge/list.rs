@@ -1,17 +1,17 @@
-//! VAST's list of stops, `external.txt`, of whole steps.
+//! VAST's list of stops, `external.txt`.
 //!
 //! ```text
 //! tomography  x_position  degrees  ctrl_output  trigger_input  adjust_rotation  tray_LED      tabs, CR LF, no header
 //! 1           0           17,28    1            1              0                1             decimal comma
 //! ```
-//! A step must be a whole number of hundredths of a degree, 0.72 deg for VAST's 500: then the list says exactly where the
-//! axis will stand, and the ledger's steps are those that the machine makes.
+//! A step must be a whole number of hundredths of a degree; it is 0.72 deg with VAST's 500 steps per revolution. The list is then
+//! exact, and the ledger's steps are those that the machine makes.
 
 use super::{DEVICE, Degrees, VastBridgeSettings};
-use crate::DeviceError;
+use crate::{DeviceError, regular};
 use carved_core::units::{Steps, StepsPerRevolution};
 use std::fs;
-use std::io::{Result, Write};
+use std::io::{ErrorKind, Result, Write};
 use std::path::Path;
 
 const HUNDREDTHS: u64 = 36_000;
@@ -45,7 +45,8 @@ pub(super) fn text(stops: &[Steps], hundredths_per_step: i64, settings: &VastBri
             "1".to_owned(),
             settings.x_position_um.to_string(),
             degrees(steps * hundredths_per_step),
-            // It pulses in position and waits for a trigger, and turns to no angle of its own choice.
+            // ctrl_output and trigger_input: VAST pulses in position and waits for a trigger. adjust_rotation: VAST does not change the
+            // angle.
             "1\t1\t0".to_owned(),
             u8::from(settings.tray_led).to_string(),
         ];
@@ -61,11 +62,28 @@ fn degrees(hundredths: i64) -> String {
     format!("{sign}{},{:02}", hundredths / 100, hundredths % 100)
 }
 
-/// Puts the list in place in one piece: whoever reads it finds the old one or the new one.
+/// Whether the list has exactly this text. A list that does not exist has another text.
+///
+/// # Errors
+/// The path leads to something that is not a regular file, or that cannot be read. A pipe is not waited for.
+pub(super) fn is(path: &Path, text: &str) -> Result<bool> {
+    match regular::read(path) {
+        Ok(found) => Ok(found == text.as_bytes()),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(false),
+        Err(e) => Err(e),
+    }
+}
+
+/// Replaces the list in one step: a reader finds the old list or the new list.
 pub(super) fn write(path: &Path, text: &str) -> Result<()> {
-    // Beside the list: a rename does not cross file systems.
+    // In the same folder, because a rename does not cross file systems.
     let fresh = path.with_extension("carved-new");
-    let mut file = fs::File::create(&fresh)?;
+    // An interrupted write may have left one. It is not opened: opening a pipe would wait for a reader.
+    match fs::remove_file(&fresh) {
+        Err(e) if e.kind() != ErrorKind::NotFound => return Err(e),
+        _ => {}
+    }
+    let mut file = fs::File::create_new(&fresh)?;
     file.write_all(text.as_bytes())?;
     file.sync_all()?;
     drop(file);
@@ -112,5 +130,22 @@ mod tests {
         assert_eq!(fs::read_to_string(&path).unwrap(), "new\r\n");
         assert_eq!(std::io::read_to_string(half_read).unwrap(), "old", "who had begun to read reads the old list to its end");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_pipe_is_neither_read_nor_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("external.txt");
+        assert!(!is(&path, "list").unwrap());
+        fs::write(&path, "list").unwrap();
+        assert!(is(&path, "list").unwrap() && !is(&path, "lis").unwrap());
+        // What an interrupted write has left, or somebody has put there.
+        nix::unistd::mkfifo(&folder.path().join("external.carved-new"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+        write(&path, "new").unwrap();
+        assert!(is(&path, "new").unwrap());
+        fs::remove_file(&path).unwrap();
+        nix::unistd::mkfifo(&path, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        let error = is(&path, "new").unwrap_err().to_string();
+        assert!(error.contains("a pipe"), "{error}");
     }
 }

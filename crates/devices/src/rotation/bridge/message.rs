@@ -1,7 +1,8 @@
-//! What the bridge says: `OK`, `R1`, `R2`, `E0` to `E3`, a line each.
+//! Messages of the bridge: `OK`, `R1`, `R2`, `E0` to `E3`, one per line.
 //!
-//! A line whose end was lost runs into the next one (`OKR1`). Its words still tell where one ends.
+//! A line whose end was lost is merged with the next one (`OKR1`). All messages have two characters, so they can still be separated.
 
+/// A message of the bridge.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Message {
     /// The answer to a request, or the greeting after a start.
@@ -10,12 +11,13 @@ pub(super) enum Message {
     Arrived,
     /// VAST's IN.2.
     Second,
+    /// The bridge could not serve a request, by its number.
     Error(u8),
     /// A line of settings, or noise.
     Other(String),
 }
 
-/// The messages of a line; one that is not made of the bridge's words alone is one of another kind.
+/// The messages of a line. A line with anything else in it is one [`Message::Other`].
 pub(super) fn of(line: &str) -> Vec<Message> {
     let line = line.trim();
     let mut rest = line;

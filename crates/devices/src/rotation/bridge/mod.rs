@@ -1,14 +1,14 @@
-//! Driver for a stock VAST BioImager behind its trigger bridge, an Arduino between two of VAST's plugs.
+//! Driver for a stock VAST BioImager behind its trigger bridge, an Arduino between two of VAST's connectors.
 //!
 //! ```text
-//!  announce ──► external.txt ··· VAST takes up a specimen, reads the list ···► R1   reference: stands at the first stop
-//!  move_to(next) ──► TT ── OK ······························· turns ·········► R1   stands at the next one
-//!  let_go ──► TT ... ──► TT ── OK ·· end of the list: VAST goes on with the specimen as its own program says
+//!  announce ──► external.txt ··· VAST takes up a specimen, reads the list ···► R1   reference: at the first stop
+//!  move_to(next) ──► TT ── OK ······························· turns ·········► R1   at the next stop
+//!  let_go ──► TT ... ──► TT ── OK ·· end of the list: VAST continues with its own program
 //! ```
-//! VAST cannot be asked where it stands and cannot be stopped or sent anywhere but on: its angle is known from the list, as
-//! long as exactly one arrival follows each trigger, not sooner and not later than it can turn. Any arrival that no trigger
-//! explains, and any that is missing, makes the position suspect: no trigger is ever repeated, for nobody knows whether it
-//! was seen. A stop ends the triggers; VAST finishes its step by itself.
+//! VAST does not report its position. It cannot be stopped, and can only go to the next entry of its list. Its angle is known from
+//! the list, as long as exactly one arrival follows each trigger within the time limits of the turn. An arrival without a trigger,
+//! and a missing arrival, make the position suspect. A trigger is never repeated, because VAST may have received it. A stop ends the
+//! triggers, and VAST finishes its step.
 
 mod dialogue;
 mod list;
@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 const DEVICE: &str = "rotation axis (VAST trigger bridge)";
 
-/// The rotation of a VAST that is stepped through a list.
+/// The rotation of a VAST that steps through a list.
 pub struct VastBridge {
     dialogue: Dialogue,
     settings: VastBridgeSettings,
@@ -34,11 +34,11 @@ pub struct VastBridge {
     hundredths_per_step: i64,
     identity: String,
     stops: Vec<Steps>,
-    /// Unknown while VAST is not within a list, or has not come to its first stop.
+    /// Unknown while VAST is not within a list, or before its first stop.
     knowledge: Knowledge,
-    /// Which of the stops it stands at, where that is known.
+    /// Index of the present stop, if the position is known.
     stop: usize,
-    /// Until when the arrival of the last trigger may still come.
+    /// Latest time for the arrival after the last trigger.
     due: Instant,
 }
 
@@ -67,7 +67,7 @@ impl VastBridge {
         Ok(bridge)
     }
 
-    /// Steps on to the next stop.
+    /// Steps to the next stop.
     fn step(&mut self) -> Result<Achieved, DeviceError> {
         let next = self.stops[self.stop + 1];
         let way = Steps(next.0 - self.stops[self.stop].0);
@@ -80,13 +80,13 @@ impl VastBridge {
         Ok(self.knowledge.arrived(next))
     }
 
-    /// Waits until VAST stands at the first stop.
+    /// Waits until VAST is at the first stop.
     fn take_up(&mut self) -> Result<Steps, DeviceError> {
         let Some(first) = self.stops.first().copied() else {
-            return Err(out_of_step("no list has been announced, so VAST has none to go by"));
+            return Err(out_of_step("no list has been announced, so VAST has no list to follow"));
         };
         if self.knowledge.is_known() || self.knowledge.is_suspect() {
-            self.begin_anew()?;
+            self.discard_old_state()?;
         }
         self.dialogue.listen()?;
         self.dialogue.greet()?;
@@ -98,17 +98,18 @@ impl VastBridge {
         Ok(first)
     }
 
-    /// Puts the list in place, unless VAST has it already.
+    /// Writes the list, unless VAST has it already.
     fn put_list(&mut self, stops: &[Steps]) -> Result<(), DeviceError> {
         let path = self.settings.list.clone();
         let text = list::text(stops, self.hundredths_per_step, &self.settings);
-        let is_there = std::fs::read(&path).is_ok_and(|there| there == text.as_bytes());
+        let unusable = |e: std::io::Error| DeviceError::List { device: DEVICE, path: path.clone(), why: e.to_string() };
+        let is_there = list::is(&path, &text).map_err(unusable)?;
         let stopped = self.dialogue.is_stopped();
         if is_there && self.stops == stops && !stopped && self.knowledge.is_known() {
             return Ok(());
         }
         if stopped || self.knowledge.is_known() || self.knowledge.is_suspect() {
-            self.begin_anew()?;
+            self.discard_old_state()?;
         }
         if is_there {
             return Ok(());
@@ -119,21 +120,21 @@ impl VastBridge {
         if std::mem::take(&mut self.dialogue.arrivals) > 0 {
             return Err(out_of_step("VAST was in position before its list was written, so it goes by another"));
         }
-        list::write(&path, &text).map_err(|e| DeviceError::List { device: DEVICE, path, why: e.to_string() })?;
+        list::write(&path, &text).map_err(unusable)?;
         tracing::info!(stops = stops.len(), list = %self.settings.list.display(), "VAST's list written");
         Ok(())
     }
 
-    /// After a stop or a fault somebody ends VAST's list; what was said until now says nothing of the next specimen, and
-    /// what is still to be said of the last trigger is waited for, or it would be taken for the next specimen's arrival.
-    fn begin_anew(&mut self) -> Result<(), DeviceError> {
+    /// Drops what the bridge has sent before. After a stop or a fault a person ends VAST's list. An arrival after the last trigger may
+    /// still come. It is waited for, because it would count as the arrival of the next specimen.
+    fn discard_old_state(&mut self) -> Result<(), DeviceError> {
         let still_due = self.due.saturating_duration_since(Instant::now());
         self.dialogue.forget(still_due)?;
         self.knowledge.forget();
         Ok(())
     }
 
-    /// Goes through what is left of the list and out of its end.
+    /// Steps through the rest of the list, and beyond its end.
     fn finish(&mut self) -> Result<(), DeviceError> {
         if !self.knowledge.is_known() {
             return Ok(());
@@ -182,7 +183,7 @@ impl RotationAxis for VastBridge {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let at = self.knowledge.whence()?;
+        let at = self.knowledge.known_steps()?;
         let moved = if at == target {
             self.dialogue.catch_up().map(|()| self.knowledge.arrived(at))
         } else {
@@ -201,8 +202,8 @@ impl RotationAxis for VastBridge {
         self.unless_doubtful(finished)
     }
 
-    /// The bridge has one question, and its answer begins with the same `OK` as a trigger's: a late one would be taken for that.
-    /// So it is asked only while no trigger may follow; within a list, and after a stop, the connection is all that is looked at.
+    /// The answer to the bridge's only question begins with the same `OK` as that to a trigger, and a late one would be mistaken for it. So
+    /// the question is sent only while no trigger can follow. Within a list, and after a stop, only the connection is checked.
     fn check(&mut self) -> Result<(), DeviceError> {
         self.dialogue.still_there()?;
         if self.knowledge.is_known() || self.dialogue.is_stopped() {

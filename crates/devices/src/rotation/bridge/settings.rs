@@ -9,17 +9,18 @@ use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How the bridge is reached, where VAST reads its list, and how fast it turns.
+/// How the bridge is connected, the path of VAST's list, and the speed of VAST.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct VastBridgeSettings {
     /// Serial port of the Arduino, by its name or by its USB serial number.
     pub port: Port,
+    /// Baud.
     #[serde(default = "default_baud")]
     pub baud: u32,
-    /// VAST's `external.txt`, as this computer sees it (its folder is shared).
+    /// Path of VAST's `external.txt` on this computer (its folder is shared).
     pub list: PathBuf,
-    /// What the list's degrees mean to this VAST.
+    /// The meaning of the degrees in the list.
     pub degrees: Degrees,
     /// The list's `x_position`, um.
     #[serde(default)]
@@ -27,29 +28,29 @@ pub struct VastBridgeSettings {
     /// The list's `tray_LED`.
     #[serde(default = "yes")]
     pub tray_led: bool,
-    /// How fast VAST turns, deg/s: measure. An arrival before half a turn's time, or a margin after one and a half, is none.
+    /// Speed of the rotation, deg/s; measure it. An arrival before half the time of a turn at this speed does not count.
     pub speed_deg_per_s: f64,
-    /// Time beyond one and a half of a turn's until it counts as failed, ms.
+    /// A turn has failed this long after one and a half times its time, ms.
     #[serde(default = "default_turn_margin_ms")]
     pub turn_margin_ms: u32,
-    /// Longest wait, once the specimen is said to be loaded, until VAST has it in the first position, ms.
+    /// Longest wait after the specimen was reported as loaded until VAST has it in the first position, ms.
     #[serde(default = "default_first_arrival_timeout_ms")]
     pub first_arrival_timeout_ms: u32,
     /// Longest wait for the bridge's `OK`, ms.
     #[serde(default = "default_answer_timeout_ms")]
     pub answer_timeout_ms: u32,
-    /// Whether a trigger after the last view lets VAST go on.
+    /// Whether VAST needs a trigger after the last view to continue.
     #[serde(default = "yes")]
     pub end_with_trigger: bool,
 }
 
-/// What the degrees of a line are.
+/// The meaning of the degrees of an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Degrees {
     /// A position of the axis.
     Absolute,
-    /// A turn from the position of the line before.
+    /// A turn from the position of the entry before.
     Relative,
 }
 
@@ -74,8 +75,10 @@ fn default_answer_timeout_ms() -> u32 {
 }
 
 impl VastBridgeSettings {
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no bridge can have.
+    /// The first value that is out of range, or steps that the list cannot express.
     pub fn check(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {
         let bad =
             |name, found: &str, rule: &str| Err(DeviceError::Setting { device: DEVICE, name, found: found.into(), rule: rule.into() });

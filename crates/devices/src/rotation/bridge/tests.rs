@@ -1,7 +1,10 @@
-//! What the settings refuse. The driver itself is held against an emulated bridge in `tests/motion_bridge.rs`.
+//! Settings that are refused, and a list that is not a regular file. `tests/motion_bridge.rs` tests the driver against an
+//! emulated bridge.
 
 use super::*;
+use crate::rotation::scripted::Scripted;
 use std::path::Path;
+use std::sync::mpsc::channel;
 
 pub(super) fn settings(port: &str, list: &Path) -> VastBridgeSettings {
     VastBridgeSettings {
@@ -38,4 +41,23 @@ fn settings_that_no_bridge_can_have_are_named_with_their_value() {
     said(|s| s.answer_timeout_ms = 0, 500, ["answer_timeout_ms", "0"]);
     said(|s| s.first_arrival_timeout_ms = 0, 500, ["first_arrival_timeout_ms", "0"]);
     said(|s| s.list = "/".into(), 500, ["list", "/"]);
+}
+
+#[test]
+fn a_pipe_in_the_place_of_the_list_is_an_error_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = folder.path().join("external.txt");
+    nix::unistd::mkfifo(&list, nix::sys::stat::Mode::S_IRWXU).unwrap();
+    let controller = Scripted::play(vec![(b"X?\n".to_vec(), b"OK\r\n1\r\n2\r\n3\r\n4\r\n".to_vec())]);
+    let mut bridge = VastBridge::open(settings(&controller.port(), &list), StepsPerRevolution::new(500, 1).unwrap()).unwrap();
+    let (send, receive) = channel();
+    // Reading a pipe would wait for ever, so this thread may never end.
+    std::thread::spawn(move || {
+        let announced = bridge.announce(&[Steps(0), Steps(250)]);
+        send.send((announced, bridge)).unwrap();
+    });
+    let (announced, bridge) = receive.recv_timeout(Duration::from_secs(20)).expect("an answer at once");
+    let error = announced.unwrap_err();
+    assert!(matches!(&error, DeviceError::List { path, why, .. } if *path == list && why.contains("a pipe")), "{error}");
+    controller.followed(bridge);
 }

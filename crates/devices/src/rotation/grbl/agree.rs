@@ -1,4 +1,4 @@
-//! What the controller says of its machine, held against the configuration: every difference at once.
+//! Comparison of the controller's own settings with the configuration. All differences are reported at once.
 
 use super::geometry::Geometry;
 use super::report::Line;
@@ -6,13 +6,13 @@ use super::{DEVICE, Grbl, Reference};
 use crate::{DeviceError, Difference};
 use std::collections::BTreeMap;
 
-/// The controller prints three decimals.
+/// Rounding of the controller, which prints three decimals.
 const PRINTED: f64 = 0.0006;
 
-/// How long the motors keep their current after a move, ms; 255 is for ever.
+/// Time for which the motors keep their current after a move, ms; 255 means always.
 const IDLE_DELAY: u16 = 1;
 const FOR_EVER_MS: u32 = 255;
-/// grblHAL: a bit for each motor that keeps its current after that.
+/// grblHAL: one bit for each motor that keeps its current after that time.
 const KEPT_POWERED: u16 = 37;
 const STATUS_MASK: u16 = 10;
 const INCHES: u16 = 13;
@@ -24,11 +24,12 @@ const MAX_RATE: u16 = 110;
 const ACCELERATION: u16 = 120;
 const TRAVEL: u16 = 130;
 
-pub(super) type Found = BTreeMap<u16, f64>;
+/// Values of `$$` by their numbers.
+pub(super) type ControllerSettings = BTreeMap<u16, f64>;
 
 impl Grbl {
-    /// Holds `$$` against the configuration. What differs is asked for once more before it is believed: on a disturbed line a
-    /// number can change, and a line can be lost in another.
+    /// Compares `$$` with the configuration. A difference must be read twice, because a disturbed line can change a number or hide
+    /// another line.
     pub(super) fn compare_settings(&mut self) -> Result<(), DeviceError> {
         let mut differences = Vec::new();
         for _ in 0..2 {
@@ -36,19 +37,19 @@ impl Grbl {
             differences = self.differences(&found);
             if differences.is_empty() {
                 self.memory_erased = false;
-                self.found = found;
+                self.controller_settings = found;
                 return Ok(());
             }
         }
         if self.memory_erased {
-            let erased = Difference::new("settings memory", "kept", "erased, by the controller's own word (error:7)");
+            let erased = Difference::new("settings memory", "kept", "erased, as the controller reports (error:7)");
             differences.insert(0, erased);
         }
         Err(DeviceError::Mismatch { device: DEVICE, differences })
     }
 
-    fn read_settings(&mut self) -> Result<Found, DeviceError> {
-        let mut found = Found::new();
+    fn read_settings(&mut self) -> Result<ControllerSettings, DeviceError> {
+        let mut found = ControllerSettings::new();
         self.command("$$", self.settings.answer_timeout(), |line| {
             if let Line::Setting { number, value } = line {
                 found.insert(number, value);
@@ -57,7 +58,7 @@ impl Grbl {
         Ok(found)
     }
 
-    fn differences(&self, found: &Found) -> Vec<Difference> {
+    fn differences(&self, found: &ControllerSettings) -> Vec<Difference> {
         let mut differences = Vec::new();
         let axes = self.axes().iter().map(|axis| 1 << axis.letter.index()).sum::<u32>();
         let kept = self.is_hal && found.get(&KEPT_POWERED).is_some_and(|mask| *mask as u32 & axes == axes);
@@ -87,11 +88,11 @@ impl Grbl {
         differences
     }
 
-    /// The machine step at which a homing cycle leaves the axis by the controller's own settings; nothing where it does not
-    /// tell all of them.
+    /// The machine step at which a homing cycle ends by the controller's own settings; `None` if it does not report all of them.
     pub(super) fn homed_at(&self, axis: &Geometry) -> Option<i64> {
         let n = axis.letter.index();
-        let [pull_off, directions, travel] = [PULL_OFF, HOMING_DIRECTIONS, TRAVEL + n].map(|number| self.found.get(&number).copied());
+        let [pull_off, directions, travel] =
+            [PULL_OFF, HOMING_DIRECTIONS, TRAVEL + n].map(|number| self.controller_settings.get(&number).copied());
         let units = if self.zero_at_home {
             0.0
         } else if directions? as u32 >> n & 1 == 1 {

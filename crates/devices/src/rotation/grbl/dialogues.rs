@@ -1,4 +1,4 @@
-//! Dialogues with a scripted controller on a pty: what the driver says, and what it makes of each answer.
+//! Tests with a scripted controller: the exact bytes that the driver sends, and its reaction to each answer.
 
 use super::*;
 use crate::cancel::CancelToken;
@@ -649,6 +649,99 @@ fn a_hold_is_asked_for_twice_and_then_left_alone_until_a_person_asks_for_a_stop(
     assert_eq!(grbl.position(), Position::Suspect { epoch: 2 });
     grbl.stop_handle().stop();
     controller.await_step(last);
+    controller.followed(grbl);
+}
+
+/// A controller that somebody has when its port is opened: what it reports, twice to each question before it is believed.
+fn taken(report: &'static str) -> Vec<Step<'static>> {
+    vec![step("?", report), step("?", report)]
+}
+
+#[test]
+fn a_controller_that_somebody_has_is_opened_left_alone_and_asked_once_it_is_free() {
+    for (report, reads) in [
+        ("<Hold:0|MPos:3.600,0.000,0.000|FS:0,0>\r\n", "feed hold"),
+        ("<Door:1|MPos:3.600,0.000,0.000|FS:0,0|Pn:D>\r\n", "door is open"),
+        ("<Alarm:10|MPos:3.600,0.000,0.000|FS:0,0|Pn:E>\r\n", "emergency stop"),
+    ] {
+        // Open, check, reference and the wait for a specimen: each looks, and sends no reset and no line.
+        let mut script: Vec<_> = (0..4).flat_map(|_| taken(report)).collect();
+        // It is free: the check sees it, and then does what the opening did not.
+        script.push(("?", idle("3.600")));
+        script.extend(opening());
+        script.push(("?", idle("3.600")));
+        script.extend(woken());
+        script.push(step("$$", SETTINGS));
+        script.extend((0..3).map(|_| ("?", idle("3.600"))));
+        let controller = Scripted::play(script);
+        let mut grbl = controller.open().unwrap();
+        assert_eq!(grbl.position(), Position::Unknown);
+        assert!(grbl.identity().contains("not read yet"), "{}", grbl.identity());
+        let cancel = CancelToken::new();
+        for error in [grbl.check(), grbl.reference(&cancel).map(drop), crate::SpecimenInput::begin(&mut grbl, &cancel)] {
+            let error = error.unwrap_err();
+            assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains(reads)), "{error}");
+        }
+        grbl.stop_handle().end_motion();
+        assert!(grbl.move_to(Steps(24)).is_err());
+        grbl.link.release(&cancel).unwrap();
+        grbl.check().unwrap();
+        assert!(grbl.identity().starts_with("Grbl 1.1h [VER:1.1h.20190830:]"), "{}", grbl.identity());
+        grbl.check().unwrap();
+        assert_eq!(grbl.reference(&cancel).unwrap().steps, Steps(0));
+        controller.followed(grbl);
+    }
+}
+
+#[test]
+fn a_reference_asks_what_could_not_be_asked_when_the_port_was_opened() {
+    let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+    script.extend(opening());
+    script.extend(woken());
+    script.extend([step("$$", SETTINGS), step("$H", "ok\r\n")]);
+    script.extend((0..2).map(|_| ("?", idle("-0.720"))));
+    let controller = Scripted::play(script);
+    let mut grbl = Grbl::open(GrblSettings { reference: Reference::Home, ..settings(&controller.name) }).unwrap();
+    grbl.reference(&CancelToken::new()).unwrap();
+    assert!(grbl.identity().starts_with("Grbl 1.1h"), "{}", grbl.identity());
+    controller.followed(grbl);
+}
+
+#[test]
+fn settings_that_differ_are_told_once_a_hold_that_stood_at_the_opening_is_over() {
+    let other = SETTINGS.replace("$10=1", "$10=0");
+    let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+    script.push(("?", idle("0.000")));
+    script.extend(woken());
+    script.push(step("$I", VERSION));
+    script.extend((0..2).map(|_| ("$$", other.clone())));
+    // Told once at rest: every reference holds them against the configuration again.
+    script.push(("?", idle("0.000")));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    assert!(matches!(grbl.check(), Err(DeviceError::Mismatch { .. })));
+    grbl.check().unwrap();
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_check_neither_resets_nor_awaits_a_motion_that_goes_on_after_a_hold() {
+    let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+    script.push(("?", running("3.600")));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.check().unwrap();
+    controller.followed(grbl);
+}
+
+#[test]
+fn a_controller_that_is_stopped_is_not_reset_by_a_check() {
+    let mut script = taken("<Hold:0|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
+    script.push(("?", idle("0.000")));
+    let controller = Scripted::play(script);
+    let mut grbl = controller.open().unwrap();
+    grbl.stop_handle().end_motion();
+    grbl.check().unwrap();
     controller.followed(grbl);
 }
 

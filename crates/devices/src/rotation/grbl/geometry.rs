@@ -1,10 +1,10 @@
-//! One axis of the controller in whole steps.
+//! The conversion between the controller's units and whole steps, for one axis.
 
 use super::report::Status;
 use super::settings::{AxisLetter, GrblSettings};
 use std::time::Duration;
 
-/// What turns steps into the controller's units, and how fast it may go.
+/// Scale and dynamics of an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Geometry {
     pub letter: AxisLetter,
@@ -33,8 +33,7 @@ impl Geometry {
         machine_steps as f64 * f64::from(self.steps_per_unit[1]) / f64::from(self.steps_per_unit[0])
     }
 
-    /// The whole machine step that a reported position names; `None` when it lies between two steps, which no healthy
-    /// controller reports.
+    /// The machine step at a reported position; `None` if the position lies between two steps, which no healthy controller reports.
     pub fn machine_steps(&self, units: f64) -> Option<i64> {
         let steps = units * self.steps_per_unit();
         // Half a thousandth of a unit from printing, 2^-23 of the value from float32 in the controller, and room for its
@@ -43,20 +42,20 @@ impl Geometry {
         ((steps - steps.round()).abs() <= tolerance.min(0.45)).then(|| steps.round() as i64)
     }
 
-    /// The machine position of a report, in units; `None` where it has none.
+    /// The machine position in a report, in units; `None` if the report has none.
     pub fn units_of(&self, status: &Status) -> Option<f64> {
         status.machine.as_ref()?.get(usize::from(self.letter.index())).copied()
     }
 
-    /// Longest time a healthy controller needs for a move: trapezoid, and a tenth for rounding.
+    /// The longest time that a healthy controller needs for a move: a trapezoid of speed, plus a tenth for rounding.
     pub fn travel_time(&self, steps: i64) -> Duration {
         let per_second = self.max_rate_units_per_min / 60.0;
         let seconds = self.units(steps).abs() / per_second + per_second / self.acceleration_units_per_s2;
-        // A day is longer than any turn and within what Duration holds.
+        // A day is longer than any turn, and Duration can hold it.
         Duration::from_secs_f64((1.1 * seconds).min(86_400.0))
     }
 
-    /// The line that sends the axis to a machine step: absolute, in machine coordinates, its modes on the same line.
+    /// The line that moves the axis to a machine step: absolute, in machine coordinates, with its modes.
     pub fn line(&self, machine_steps: i64) -> String {
         format!("G21G90G53G1{:?}{}F{:.3}", self.letter, three_decimals(self.units(machine_steps)), self.max_rate_units_per_min)
     }

@@ -1,10 +1,10 @@
-//! The second axis of a Grbl controller: it moves the capillary along the picture.
+//! The second axis of a Grbl controller, which moves the capillary along the picture.
 //!
 //! ```text
 //! $H ─┬─ rotation: step 0, a new epoch
 //!     └─ translation: step 0                 reference = "here" for the rotation: $H and its letter alone
 //! ```
-//! One owner per port: both axes are one [`Grbl`], and a doubt about the controller is a doubt about both.
+//! A port has one owner, so both axes are one [`Grbl`]. If one position becomes suspect, both do.
 
 use super::geometry::Geometry;
 use super::{Grbl, Knowledge, Reference};
@@ -15,7 +15,7 @@ use carved_core::units::{Sense, Steps};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-/// The `[translation]` table; lengths count from the reference.
+/// The `[translation]` table. Lengths are counted from the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TranslationSettings {
@@ -23,24 +23,26 @@ pub struct TranslationSettings {
     pub axis: AxisLetter,
     /// Motor steps per um as an exact ratio `[num, den]`.
     pub steps_per_um: [u32; 2],
-    /// um of the controller's unit: the controller speaks of thousandths of a unit, and a step must be told from its neighbour.
+    /// Length of the controller's unit, um. The controller reports thousandths of a unit, which must resolve a step.
     pub um_per_unit: u32,
-    /// Speed of every move, units/min; the controller must allow it ($111 for Y).
+    /// Speed of every move, units/min. The controller must allow it ($111 for Y).
     pub max_rate_units_per_min: f64,
     /// Acceleration the controller must reach, units/s^2 ($121 for Y).
     pub acceleration_units_per_s2: f64,
-    /// No move is commanded beyond these.
+    /// First and last permitted position, um.
     pub limits_um: [f64; 2],
-    /// Where the specimen is in view.
+    /// Position at which the specimen is in view, um.
     pub position_um: f64,
-    /// Whether positive positions carry the capillary to the right of the picture.
+    /// Whether positive positions move the capillary to the right of the picture.
     #[serde(default)]
     pub sense: Sense,
 }
 
 impl TranslationSettings {
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no axis can have.
+    /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
         let bad =
             |name, found: String, rule: &str| Err(DeviceError::Setting { device: "translation axis", name, found, rule: rule.into() });
@@ -74,14 +76,14 @@ impl TranslationSettings {
     fn geometry(&self) -> Geometry {
         Geometry {
             letter: self.axis,
-            // `check` has refused what overflows.
+            // `check` has refused ratios that overflow.
             steps_per_unit: self.ratio().unwrap_or([u32::MAX, 1]),
             max_rate_units_per_min: self.max_rate_units_per_min,
             acceleration_units_per_s2: self.acceleration_units_per_s2,
         }
     }
 
-    /// The place of a step, um from the reference.
+    /// The position of a step, um from the reference.
     pub fn um(&self, steps: Steps) -> f64 {
         steps.0 as f64 * f64::from(self.steps_per_um[1]) / f64::from(self.steps_per_um[0])
     }
@@ -91,7 +93,7 @@ impl TranslationSettings {
     }
 }
 
-/// The axis as this driver knows it.
+/// The state of this axis in the driver.
 pub(super) struct Slide {
     settings: TranslationSettings,
     pub knowledge: Knowledge,
@@ -114,7 +116,7 @@ fn refused(why: &(impl ToString + ?Sized)) -> DeviceError {
 }
 
 impl Grbl {
-    /// Takes the place where a homing cycle has left the second axis, where there is one, as its step 0.
+    /// Makes the position after a homing cycle the step 0 of the second axis, if there is one.
     pub(super) fn slide_has_homed(&mut self) -> Result<(), DeviceError> {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Ok(()) };
         let origin = self.homed_origin(&axis)?;
@@ -131,7 +133,7 @@ impl Grbl {
 
     fn slide_from(&mut self) -> Result<(TranslationSettings, i64, Steps), DeviceError> {
         let slide = self.slide()?;
-        match slide.knowledge.whence() {
+        match slide.knowledge.known_steps() {
             Ok(at) => Ok((slide.settings, slide.origin, at)),
             Err(DeviceError::Suspect { why }) => Err(refused(&format!("its position cannot be trusted ({why})"))),
             Err(_) => Err(refused("not referenced; its position is not known, so it refuses to move")),
@@ -144,7 +146,7 @@ impl LinearAxis for Grbl {
         if let Ok((_, _, at)) = self.slide_from() {
             return Ok(self.slide()?.knowledge.arrived(at));
         }
-        // Where all axes home together, the rotation's reference has done it, or has failed.
+        // If all axes home together, the rotation's reference has homed this axis, or has failed.
         if self.settings.reference == Reference::Home {
             self.slide_from()?;
         }
@@ -192,18 +194,19 @@ impl LinearAxis for Grbl {
 impl Grbl {
     fn home_slide(&mut self) -> Result<(), DeviceError> {
         let Some(axis) = self.slide.as_ref().map(Slide::geometry) else { return Err(refused("the configuration has no [translation]")) };
+        self.identify()?;
         self.catch_up()?;
         self.is_free()?;
         self.home(&format!("$H{:?}", axis.letter))?;
         self.slide_has_homed()
     }
 
-    /// The machine step where a homing cycle has left an axis.
+    /// The machine step at which an axis rests after a homing cycle.
     pub(super) fn homed_origin(&mut self, axis: &Geometry) -> Result<i64, DeviceError> {
         let until = Instant::now() + self.settings.answer_timeout();
         let origin = self.origin(axis, until)?;
         self.has_homed(axis, origin)?;
-        // Read twice: every later place hangs on this number.
+        // Read twice, because every later position depends on it.
         self.confirm(axis, origin, origin, until)?;
         Ok(origin)
     }

@@ -1,23 +1,29 @@
-//! Driver for Grbl 1.1 (and grblHAL, which speaks the same lines).
+//! Driver for Grbl 1.1 and grblHAL, which uses the same lines.
 //!
 //! ```text
 //! Unknown ──reference──► Referenced(epoch) ──any doubt──► Suspect(epoch + 1) ──reference──► Referenced(epoch + 2)
 //!                          │  move_to:  ?  idle at the expected step?
-//!                          │            G53 absolute line, await ok     (queued; no ok: ? says whether it was taken)
-//!                          │            G4 barrier, await ok            (planner drained; no ok: ? says the same)
-//!                          └────────    ?  idle at the target?          (asked again: a disturbed report can parse)
+//!                          │            G53 absolute line, await ok     (queued; no ok: ? tells whether it was taken)
+//!                          │            G4 barrier, await ok            (planner drained; no ok: ? tells the same)
+//!                          └────────    ?  idle at the target?          (read again: a disturbed report can parse)
 //! ```
-//! All positions are whole machine steps: the reported units times steps per unit. Step 0 of the axis is the machine step
-//! found by the reference. Moves are absolute and in machine coordinates, their modes on the same line, because a reset
-//! restores the controller's modes and work offsets survive in its memory.
+//! All positions are whole machine steps: the reported units times steps per unit. Step 0 of the axis is the machine step that
+//! the reference found. Moves are absolute and in machine coordinates. Their modes stand on the same line, because a reset restores
+//! the controller's modes, and work offsets survive in its memory.
 //!
-//! `ok` means queued, never arrived. Any greeting means a restart: the controller then counts from 0 without an alarm, so
-//! the place it was left at is checked before every move and the target after it. A failed move is stopped, makes the
-//! position suspect and is never tried again from here.
+//! `ok` means queued, not arrived. Any greeting means a restart: the controller then counts from 0 without an alarm. So the last
+//! position is checked before every move, and the target after it. A failed move is stopped, makes the position suspect and is not
+//! tried again by this driver.
+//!
+//! ```text
+//! open ──► free? ── soft reset ── $I ── $$ ──► identified         nothing moves
+//!            └─ a person holds it ──► open, not identified: nothing but ? is sent
+//!                                        └─ check, reference or begin, once it is free ──► identified
+//! ```
 
 mod agree;
 mod geometry;
-mod hands;
+mod intervention;
 mod linear;
 mod report;
 mod settings;
@@ -32,7 +38,7 @@ use super::knowledge::Knowledge;
 use super::link::{Link, Stop};
 use crate::cancel::CancelToken;
 use crate::{Achieved, Capabilities, DeviceError, Position, RotationAxis, StopHandle};
-use agree::Found;
+use agree::ControllerSettings;
 use carved_core::units::Steps;
 use geometry::Geometry;
 use linear::Slide;
@@ -47,11 +53,11 @@ const SOFT_RESET: &[u8] = b"\x18";
 const STATUS: &[u8] = b"?";
 /// grblHAL alone.
 const FULL_STATUS: &[u8] = b"\x87";
-/// Answered only once every queued motion has ended, and then at once: any longer dwell is rounded up to 50 ms, by Grbl as by grblHAL.
+/// Answered as soon as every queued motion has ended. Grbl and grblHAL round any longer dwell up to 50 ms.
 const BARRIER: &str = "G4P0";
 
-/// Machine steps beyond which a reference "here" turns the axis back first: float32 holds 2^24 steps, and a hundredth of
-/// a step is to stay resolved.
+/// Machine steps beyond which a reference "here" first turns the axis back. A float32 holds 2^24 whole steps, and a hundredth of a step
+/// must be resolved.
 const FARTHEST_STEPS: i64 = (1 << 24) / 100;
 
 /// A rotation axis on a Grbl controller.
@@ -60,24 +66,28 @@ pub struct Grbl {
     link: Link,
     settings: GrblSettings,
     identity: String,
+    /// The version was read since the port was opened.
+    is_identified: bool,
     knowledge: Knowledge,
     /// The machine step of step 0; machine steps count from the controller's own zero.
     origin: i64,
-    /// A motion has been asked for and its end has not been seen.
-    /// By its greeting.
+    /// It is grblHAL, by its greeting.
     is_hal: bool,
-    /// It said at a start that its settings memory was erased, and has not agreed with the configuration since.
+    /// It reported an erased settings memory at a start, and its settings were not equal to the configuration since.
     memory_erased: bool,
-    /// Homing makes the switch machine position 0, by the firmware's build options.
+    /// The firmware was built so that the homing switch is at machine position 0.
     zero_at_home: bool,
-    /// The axis that moves the capillary along, where this controller has it.
+    /// The axis that moves the capillary along the picture, if this controller drives it.
     slide: Option<Slide>,
-    /// Its settings when they last agreed with the configuration.
-    found: Found,
+    /// Its settings when they were last equal to the configuration.
+    controller_settings: ControllerSettings,
 }
 
 impl Grbl {
-    /// Opens the port, wakes the controller and holds its settings against the configured ones. Nothing moves.
+    /// Opens the port, resets the controller and compares its settings with the configured ones. Nothing moves.
+    ///
+    /// A controller that a person holds (feed hold, open door, emergency stop) is opened too. Nothing is sent that moves or resets it.
+    /// [`RotationAxis::check`] reports the intervention, and reads version and settings once the controller is free.
     ///
     /// # Errors
     /// A bad setting, a port that cannot be opened, a silent controller, one of another kind or with other settings.
@@ -85,7 +95,7 @@ impl Grbl {
         Self::with_translation(settings, None)
     }
 
-    /// The same for a controller that moves the capillary along as well, on another of its axes.
+    /// As [`Self::open`], for a controller that also moves the capillary along the picture with a second axis.
     ///
     /// # Errors
     /// As `open`.
@@ -98,19 +108,38 @@ impl Grbl {
         let mut grbl = Self {
             link,
             settings,
-            identity: String::new(),
+            identity: "Grbl controller whose version was not read yet".into(),
+            is_identified: false,
             knowledge: Knowledge::none_of("rotation axis"),
             origin: 0,
             is_hal: false,
             memory_erased: false,
             zero_at_home: false,
             slide: translation.map(Slide::new),
-            found: Found::new(),
+            controller_settings: ControllerSettings::new(),
         };
-        grbl.wait_until_free()?;
-        let greeting = grbl.wake()?;
+        match grbl.identify() {
+            // The daemon can start and show it: `check` reports it again.
+            Err(error @ DeviceError::Intervention { .. }) => tracing::warn!(%error, "the rotation axis is opened, but a person holds it"),
+            identified => identified?,
+        }
+        tracing::info!(identity = grbl.identity, port = %grbl.settings.port, "rotation axis opened");
+        Ok(grbl)
+    }
+
+    /// Resets the controller, reads its version and compares its settings, once after the port was opened. Nothing moves.
+    ///
+    /// # Errors
+    /// [`DeviceError::Intervention`] while a person holds the controller. It is not reset then. The next check, reference or specimen tries
+    /// it again.
+    fn identify(&mut self) -> Result<(), DeviceError> {
+        if self.is_identified {
+            return Ok(());
+        }
+        self.wait_until_free()?;
+        self.identity = self.wake()?;
         let mut version = Vec::new();
-        grbl.first(|grbl| {
+        self.first(|grbl| {
             version.clear();
             grbl.command("$I", grbl.settings.answer_timeout(), |line| {
                 if let Line::Message(text) = line {
@@ -118,12 +147,19 @@ impl Grbl {
                 }
             })
         })?;
-        grbl.zero_at_home =
+        self.zero_at_home =
             version.iter().any(|v| v.strip_prefix("[OPT:").is_some_and(|o| o.split(',').next().is_some_and(|o| o.contains('Z'))));
-        grbl.identity = format!("{greeting} {}", version.join(" "));
-        grbl.first(Self::compare_settings)?;
-        tracing::info!(identity = grbl.identity, port = %grbl.settings.port, "rotation axis opened");
-        Ok(grbl)
+        self.identity = format!("{} {}", self.identity, version.join(" "));
+        self.is_identified = true;
+        self.first(Self::compare_settings)
+    }
+
+    /// Asks for a report, and identifies the controller if that was not possible before. A motion that continues after a hold is not waited
+    /// for, and a stopped controller is not reset: a later check, or the reference, identifies it.
+    fn check_at_rest(&mut self) -> Result<(), DeviceError> {
+        let report = self.free_report_at_rest()?;
+        let is_moving = report.is_none_or(|status| status.state == State::Run);
+        if self.is_identified || is_moving || self.link.is_stopped() { Ok(()) } else { self.identify() }
     }
 
     fn rotation(&self) -> Geometry {
@@ -135,7 +171,7 @@ impl Grbl {
         std::iter::once(self.rotation()).chain(self.slide.as_ref().map(Slide::geometry)).collect()
     }
 
-    /// Moves an axis from one machine step to another and returns once it stands there.
+    /// Moves an axis from one machine step to another and returns once it has arrived.
     fn travel(&mut self, axis: &Geometry, from: i64, to: i64, origin: i64) -> Result<(), DeviceError> {
         self.catch_up()?;
         self.confirm(axis, from, origin, Instant::now())?;
@@ -146,14 +182,14 @@ impl Grbl {
         self.link.set_moving(true);
         self.send_off(axis, from, to)?;
         let until = Instant::now() + wait;
-        // Its `ok` only ends the wait; what proves the arrival is the report.
+        // Its `ok` ends the wait. The report proves the arrival.
         self.exchange(BARRIER, wait, |_| {})?;
         self.confirm(axis, to, origin, until)?;
         self.link.set_moving(false);
         Ok(())
     }
 
-    /// Brings the axis to rest and no longer believes its position. What somebody else has stopped is left as it is.
+    /// Stops the axis and makes its position suspect. Nothing is sent in an intervention.
     fn doubt(&mut self, error: &DeviceError) {
         if !matches!(error, DeviceError::Intervention { .. }) && self.link.is_moving() {
             self.link.halt();
@@ -165,9 +201,10 @@ impl Grbl {
         self.knowledge.doubt(error);
     }
 
-    /// Finds the axis, with a second try where the first was disturbed and nothing hurt: an answer that did not come, or a late
-    /// greeting before anything moved. A reset stands between the two, so that no answer to the first is taken for one to the second.
+    /// Finds the reference position. A second attempt follows if the first was only disturbed: by a missing answer, or by a late greeting
+    /// before anything moved. A reset separates the two, so that no answer to the first counts for the second.
     fn find_origin(&mut self) -> Result<i64, DeviceError> {
+        self.identify()?;
         self.wait_until_free()?;
         self.unwind()?;
         self.wake()?;
@@ -191,9 +228,9 @@ impl Grbl {
         }
     }
 
-    /// An axis that has turned so far that its steps are about to blur is turned back first.
+    /// Turns the axis back if it has turned so far that a float32 hardly resolves its steps.
     fn unwind(&mut self) -> Result<(), DeviceError> {
-        if let (Reference::Here, Ok(at)) = (self.settings.reference, self.knowledge.whence())
+        if let (Reference::Here, Ok(at)) = (self.settings.reference, self.knowledge.known_steps())
             && (self.origin + at.0).abs() > FARTHEST_STEPS
         {
             self.travel(&self.rotation(), self.origin + at.0, 0, self.origin)?;
@@ -201,7 +238,7 @@ impl Grbl {
         Ok(())
     }
 
-    /// The machine step where the axis is found, after a reset.
+    /// The machine step of the reference position, after a reset.
     fn found_origin(&mut self) -> Result<i64, DeviceError> {
         self.first(Self::compare_settings)?;
         let axis = self.rotation();
@@ -215,18 +252,18 @@ impl Grbl {
         }
         let until = Instant::now() + self.settings.answer_timeout();
         let origin = self.origin(&axis, until)?;
-        // Read twice: every later angle hangs on this number.
+        // Read twice, because every later angle depends on it.
         self.confirm(&axis, origin, origin, until)?;
         Ok(origin)
     }
 
-    /// The machine step where an axis stands that has just been referenced.
+    /// The machine step at which an axis rests after its reference.
     fn origin(&mut self, axis: &Geometry, until: Instant) -> Result<i64, DeviceError> {
-        let lies_between = || DeviceError::Suspect { why: "the controller reports a place between two steps".into() };
+        let lies_between = || DeviceError::Suspect { why: "the controller reports a position between two steps".into() };
         self.standing(axis, until)?.ok_or_else(lies_between)
     }
 
-    /// An `ok` to `$H` alone is no proof: one bit makes it `$X`, which is answered by `ok` as well.
+    /// Checks that the axis was homed. An `ok` is no proof: one flipped bit makes `$H` an `$X`, which is also answered with `ok`.
     fn has_homed(&mut self, axis: &Geometry, stands_at: i64) -> Result<(), DeviceError> {
         let unexpected = |expected: String, found| Err(DeviceError::Unexpected { device: DEVICE, expected, found });
         if self.is_hal {
@@ -236,7 +273,7 @@ impl Grbl {
             };
         }
         match self.homed_at(axis) {
-            // Its pull-off is printed with three decimals.
+            // The pull-off is printed with three decimals.
             Some(expected) if (stands_at - expected).abs() > 1 => unexpected(
                 format!("homing to end at {:.3} units, as its $27 says", axis.units(expected)),
                 format!("{:.3}", axis.units(stands_at)),
@@ -251,7 +288,7 @@ impl RotationAxis for Grbl {
         &self.identity
     }
 
-    /// Open loop: the position is what was commanded, and a lost step shows only in the pictures.
+    /// Open loop: the position is the commanded one, and a lost step shows only in the pictures.
     fn capabilities(&self) -> Capabilities {
         Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
     }
@@ -271,7 +308,7 @@ impl RotationAxis for Grbl {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let (origin, from) = (self.origin, self.knowledge.whence()?);
+        let (origin, from) = (self.origin, self.knowledge.known_steps()?);
         match self.travel(&self.rotation(), origin + from.0, origin + target.0, origin) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
@@ -282,7 +319,7 @@ impl RotationAxis for Grbl {
     }
 
     fn check(&mut self) -> Result<(), DeviceError> {
-        let result = self.answers();
+        let result = self.check_at_rest();
         if let Err(error) = &result {
             self.doubt(error);
         }

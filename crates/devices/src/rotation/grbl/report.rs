@@ -1,42 +1,52 @@
-//! What Grbl says, line by line.
+//! Lines that Grbl and grblHAL send.
+//!
+//! ```text
+//! ok  error:9  ALARM:1           answers and alarms
+//! <Idle|MPos:0.000,...|Pn:P>     a status report: state, machine position, active inputs
+//! Grbl 1.1h ['$' for help]       the greeting at a start
+//! $100=17.778  [VER:...]         settings, messages
+//! ```
 
 use std::fmt::{self, Display};
 
 /// One line from the controller.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Line {
-    /// The line it answers was understood and queued; a motion is not finished by it.
+    /// The line was understood and queued. A motion is not finished yet.
     Ok,
+    /// The line was refused.
     Error(u16),
+    /// The controller is locked.
     Alarm(u16),
+    /// A status report.
     Status(Status),
-    /// A line that began as a status report and is not one.
+    /// A line that begins like a status report and cannot be read.
     BrokenStatus(String),
     /// `Grbl 1.1h ['$' for help]`: the controller has just (re)started.
     Greeting(String),
-    Setting {
-        number: u16,
-        value: f64,
-    },
+    /// A line of `$$`.
+    Setting { number: u16, value: f64 },
     /// `[...]`: messages, version, parser state.
     Message(String),
     /// Empty lines and noise.
     Other(String),
 }
 
+/// A status report.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Status {
     pub state: State,
-    /// The number behind the state: `Hold:1`, `Door:0`, grblHAL's `Alarm:10`.
+    /// The number after the state: `Hold:1`, `Door:0`, grblHAL's `Alarm:10`.
     pub detail: Option<u16>,
-    /// Machine position by axis, in units; absent where the controller reports work positions.
+    /// Machine position by axis, in units; `None` if the controller reports work positions.
     pub machine: Option<Vec<f64>>,
-    /// Whether the axes are homed; grblHAL tells it now and then, and in its full report.
+    /// Whether the axes are homed. grblHAL reports it now and then, and in its full report.
     pub homed: Option<bool>,
-    /// Letters of the inputs that are active; the field comes only where one is.
+    /// Letters of the active inputs; empty if none is.
     pub inputs: String,
 }
 
+/// The state of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum State {
     Idle,
@@ -65,7 +75,7 @@ impl Line {
         } else if text.starts_with('<') {
             Status::parse(text).map_or_else(|| Self::BrokenStatus(text.into()), Self::Status)
         } else if text.get(..4).is_some_and(|head| head.eq_ignore_ascii_case("grbl")) || text.ends_with("for help]") {
-            // By its end too: a character of its beginning may be disturbed.
+            // Also by its end, because a character of its beginning may be disturbed.
             Self::Greeting(text.into())
         } else if let Some((number, value)) = setting(text) {
             Self::Setting { number, value }
@@ -78,11 +88,12 @@ impl Line {
 }
 
 impl Status {
+    /// Whether an input is active, by its letter.
     pub fn is_active(&self, input: char) -> bool {
         self.inputs.contains(input)
     }
 
-    /// The probe input, which is the sampler's wire.
+    /// Whether the probe input is active, which is the sampler's wire.
     pub fn probe(&self) -> bool {
         self.is_active('P')
     }
@@ -107,7 +118,7 @@ impl Status {
         let mut machine = None;
         let mut homed = None;
         let mut inputs = String::new();
-        // Fields come and go from report to report; only these matter here.
+        // Not every report has every field. Only these are used.
         for field in fields {
             if let Some(list) = field.strip_prefix("MPos:") {
                 machine = Some(list.split(',').map(finite).collect::<Option<Vec<f64>>>()?);
@@ -151,7 +162,7 @@ fn finite(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|v: &f64| v.is_finite())
 }
 
-/// What an `error:` number means, for those an operator can meet.
+/// The meaning of the `error:` numbers that an operator can meet.
 pub(super) fn error_text(number: u16) -> String {
     let meaning = match number {
         5 => "homing is switched off in the controller, $22=0",
@@ -165,7 +176,7 @@ pub(super) fn error_text(number: u16) -> String {
     format!("error:{number} ({meaning})")
 }
 
-/// What an `ALARM:` number means.
+/// The meaning of an `ALARM:` number.
 pub(super) fn alarm_text(number: u16) -> String {
     let meaning = match number {
         1 => "hard limit",

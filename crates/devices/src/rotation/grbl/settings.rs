@@ -1,11 +1,11 @@
-//! The `[rotation]` table of a Grbl controller, and its geometry in whole steps.
+//! The `[rotation]` table of a Grbl controller.
 
 use crate::DeviceError;
 use crate::rotation::{Port, Reference};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// How a Grbl controller is reached and what it must say of itself.
+/// How a Grbl controller is connected, and the settings that it must have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GrblSettings {
@@ -17,16 +17,16 @@ pub struct GrblSettings {
     /// The axis that turns the capillary.
     #[serde(default)]
     pub axis: AxisLetter,
-    /// Motor steps per controller unit ($100 for X) as an exact ratio `[num, den]`, at most 400: the controller speaks of
-    /// thousandths of a unit, and a step must be told from its neighbour.
+    /// Motor steps per controller unit ($100 for X) as an exact ratio `[num, den]`, at most 400. The controller reports thousandths of
+    /// a unit, which must resolve a step.
     pub steps_per_unit: [u32; 2],
-    /// Speed of every turn, units/min; the controller must allow it ($110 for X).
+    /// Speed of every turn, units/min. The controller must allow it ($110 for X).
     pub max_rate_units_per_min: f64,
     /// Acceleration the controller must reach, units/s^2 ($120 for X). Deadlines are computed from it.
     pub acceleration_units_per_s2: f64,
-    /// Where step 0 is.
+    /// How step 0 is found.
     pub reference: Reference,
-    /// Whose Grbl it is; by its greeting where left out.
+    /// The expected firmware; any of both if left out.
     #[serde(default)]
     pub dialect: Dialect,
     /// Longest wait for the answer to a line, ms.
@@ -53,11 +53,17 @@ fn default_homing_timeout_ms() -> u32 {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum AxisLetter {
     #[default]
+    /// First axis.
     X,
+    /// Second axis.
     Y,
+    /// Third axis.
     Z,
+    /// Fourth axis; grblHAL only, as those after it.
     A,
+    /// Fifth axis.
     B,
+    /// Sixth axis.
     C,
 }
 
@@ -67,24 +73,27 @@ impl AxisLetter {
     }
 }
 
-/// What the controller speaks.
+/// The firmware of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Dialect {
-    /// Either; its greeting says which.
+    /// Grbl or grblHAL, by its greeting.
     #[default]
     Auto,
-    /// Grbl 1.1 itself.
+    /// Grbl 1.1.
     Grbl,
+    /// grblHAL 1.1.
     GrblHal,
 }
 
-/// Largest steps per unit: with positions in thousandths of a unit, half a thousandth is then a fifth of a step.
+/// Largest number of steps per unit. Half a thousandth of a unit, the rounding of a report, is then a fifth of a step.
 pub(super) const MOST_STEPS_PER_UNIT: f64 = 400.0;
 
 impl GrblSettings {
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no axis can have.
+    /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
         let bad = |name, found: String, rule: &str| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule: rule.into() });
         let [num, den] = self.steps_per_unit;

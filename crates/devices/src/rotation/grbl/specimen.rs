@@ -1,11 +1,11 @@
-//! The wires of who brings specimens: the probe input, which a status report tells, and the flood output, which is M8 and M9.
+//! The two wires to the sampler: the probe input, which is part of a status report, and the flood output, switched by M8 and M9.
 //!
 //! ```text
 //!   sampler ── "there" ──► probe input     <...|Pn:P|...>      its pull-up makes a pulled wire "not there"
 //!           ◄── "done" ─── flood output    M8, M9              every reset switches it off
 //! ```
-//! Both are inert here: nothing probes, and nothing cools. While somebody else has the controller it is not reset, and no output
-//! is switched: it would be carried out when the hold is over.
+//! Neither has another use here: nothing probes, and nothing cools. While a person holds the controller it is not reset, and no
+//! output is switched, because the command would be executed at the end of the hold.
 
 use super::Grbl;
 use super::report::State;
@@ -13,13 +13,12 @@ use crate::cancel::CancelToken;
 use crate::{DeviceError, SpecimenInput};
 
 impl Grbl {
-    /// Brings a controller that was reset, or waits for it in an alarm, to where it takes commands. Nothing moves, and the position is
-    /// no better known than before.
+    /// Makes a controller accept commands again after a reset or an alarm. Nothing moves. The position becomes suspect.
     fn revive(&mut self, why: &DeviceError) -> Result<(), DeviceError> {
         self.doubt(why);
         self.wait_until_free()?;
         self.wake()?;
-        // The stop and this wake each reset the controller: the greeting of one may come after the other is answered.
+        // The stop and `wake` each reset the controller. The greeting of the first may come after the answer to the second.
         let status = match self.status() {
             Err(DeviceError::Suspect { .. }) => self.status()?,
             answered => answered?,
@@ -30,7 +29,7 @@ impl Grbl {
         Ok(())
     }
 
-    /// Asks again where the first answer shows that the controller was reset or is in an alarm: the specimen is to be got out all the same.
+    /// Asks again if the first answer shows a reset or an alarm, because the specimen must be taken out also then.
     fn alive<T>(&mut self, ask: impl Fn(&mut Self) -> Result<T, DeviceError>) -> Result<T, DeviceError> {
         match ask(self) {
             Err(error @ (DeviceError::Gone { .. } | DeviceError::Stopped | DeviceError::Intervention { .. })) => {
@@ -50,6 +49,7 @@ impl SpecimenInput for Grbl {
     fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
         let was_stopped = self.link.is_stopped();
         self.link.release(cancel)?;
+        self.identify()?;
         self.wait_until_free()?;
         if was_stopped { self.revive(&DeviceError::Stopped) } else { Ok(()) }
     }

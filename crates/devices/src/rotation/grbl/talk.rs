@@ -1,29 +1,37 @@
-//! Requests and their answers: one line under way at a time, each with its deadline.
+//! Requests and their answers. One line is under way at a time, each with its deadline.
+//!
+//! ```text
+//! wake      0x18 ──► greeting                                     everything asked before is void
+//! command   line ──► ok | error | nothing: a status report tells whether the line was taken
+//! status    ?    ──► <...>                                        asked up to three times
+//!
+//! any greeting meanwhile ──► Suspect       ALARM:n ──► Alarm, or Intervention
+//! ```
 
 use super::geometry::Geometry;
 use super::report::{Line, State, Status, alarm_text, error_text};
-use super::{DEVICE, Dialect, FULL_STATUS, Grbl, SOFT_RESET, STATUS, hands};
+use super::{DEVICE, Dialect, FULL_STATUS, Grbl, SOFT_RESET, STATUS, intervention};
 use crate::DeviceError;
 use carved_core::units::Steps;
 use std::time::{Duration, Instant};
 
-/// Soft resets sent until a greeting comes. A controller that restarts when its port is opened spends up to two seconds
-/// in its boot loader and hears none of them.
+/// Number of soft resets until a greeting must have come. A controller that restarts when its port is opened spends up to two seconds
+/// in its boot loader, which ignores them.
 const WAKE_ATTEMPTS: u32 = 8;
 const WAKE_WAIT: Duration = Duration::from_millis(500);
-/// Silence after which a greeting's messages have ended; a line of 80 bytes takes 7 ms at 115200 baud.
+/// Silence after which no more messages follow a greeting. A line of 80 bytes takes 7 ms at 115200 baud.
 const SILENCE: Duration = Duration::from_millis(20);
-/// How often a report, or the answer to a line, is asked for until one can be read.
+/// How often a report, or the answer to a line, is requested until it can be read.
 const ATTEMPTS: u32 = 3;
-/// The same after a reset: each of those that were sent before has left a greeting in the way.
+/// The same if resets were sent before: the greeting of each may come before the report.
 const GLANCES: u32 = 16;
-/// Pause between two looks at an axis that is still turning.
+/// Pause between two reports of a turning axis.
 const LOOK_AGAIN: Duration = Duration::from_millis(5);
-/// What the controller says at a start on which it found its settings memory erased.
+/// Number of the error that the controller sends at a start if its settings memory was erased.
 const MEMORY_ERASED: u16 = 7;
 
 impl Grbl {
-    /// Soft reset until the controller greets. Answers to what was asked before are behind us then.
+    /// Sends soft resets until the greeting comes, and returns it. Answers to earlier requests have then arrived.
     pub(super) fn wake(&mut self) -> Result<String, DeviceError> {
         for _ in 0..WAKE_ATTEMPTS {
             self.link.send(SOFT_RESET)?;
@@ -35,8 +43,8 @@ impl Grbl {
                         self.memory_erased = true;
                         continue;
                     }
-                    // An emergency stop that is pressed lets no reset through.
-                    Line::Alarm(n) => match hands::of_alarm(n) {
+                    // While an emergency stop is pressed the controller ignores a reset.
+                    Line::Alarm(n) => match intervention::of_alarm(n) {
                         Some(error) => return Err(error),
                         None => continue,
                     },
@@ -52,8 +60,8 @@ impl Grbl {
         Err(DeviceError::Silent { device: DEVICE, request: "soft reset".into(), waited_ms })
     }
 
-    /// The first question after [`Self::wake`]. A reset that was answered late has one more greeting under way; nothing has been
-    /// asked of the axis yet, so that is no restart to fear, and the question is put again.
+    /// Asks the first question after [`Self::wake`]. An earlier reset may have one more greeting under way. Nothing was asked of the axis
+    /// yet, so this greeting is not treated as a restart, and the question is repeated.
     pub(super) fn first(&mut self, mut ask: impl FnMut(&mut Self) -> Result<(), DeviceError>) -> Result<(), DeviceError> {
         for _ in 1..WAKE_ATTEMPTS {
             match ask(self) {
@@ -64,8 +72,8 @@ impl Grbl {
         ask(self)
     }
 
-    /// Sends one line and awaits its `ok`; everything else that is said meanwhile goes to `heard`. False where no `ok` came: it
-    /// was lost or disturbed on its way, or the line was.
+    /// Sends one line and waits for its `ok`. Other lines go to `heard`. False if no `ok` came, because it or the line was lost or
+    /// disturbed.
     pub(super) fn exchange(&mut self, line: &str, wait: Duration, mut heard: impl FnMut(Line)) -> Result<bool, DeviceError> {
         self.link.send(format!("{line}\n").as_bytes())?;
         let mut until = Instant::now() + wait;
@@ -74,9 +82,9 @@ impl Grbl {
                 Line::Ok => return Ok(true),
                 Line::Error(n) => {
                     let refused = DeviceError::Unexpected { device: DEVICE, expected: format!("ok to {line}"), found: error_text(n) };
-                    return Err(hands::of_error(n).unwrap_or(refused));
+                    return Err(intervention::of_error(n).unwrap_or(refused));
                 }
-                // This may have been the answer.
+                // This may have been the answer, disturbed.
                 Line::Other(noise) if !noise.is_empty() => until = until.min(Instant::now() + self.settings.answer_timeout()),
                 other => heard(unless_lost(other)?),
             }
@@ -84,34 +92,33 @@ impl Grbl {
         Ok(false)
     }
 
-    /// The same, where no `ok` is an error.
+    /// As [`Self::exchange`], but a missing `ok` is an error.
     pub(super) fn command(&mut self, line: &str, wait: Duration, heard: impl FnMut(Line)) -> Result<(), DeviceError> {
         if self.exchange(line, wait, heard)? { Ok(()) } else { Err(self.unanswered(line, wait)) }
     }
 
-    /// The error of a line without an `ok`: what a report says of it, if it says anything.
+    /// The error of a line without an `ok`: the one that a status report shows, or else silence.
     fn unanswered(&mut self, line: &str, wait: Duration) -> DeviceError {
         let silent = DeviceError::Silent { device: DEVICE, request: line.into(), waited_ms: wait.as_millis() };
         self.free_status().map_or_else(|error| error, |_status| silent)
     }
 
-    /// A line of G-code. grblHAL answers each of them by the last error, whatever that was about, until an empty line
-    /// has come: a disturbed byte on the line would else refuse all that follows.
+    /// Sends a line of G-code. grblHAL repeats its last error for every such line until it gets an empty line. Without that, one disturbed
+    /// byte would make it refuse everything that follows.
     pub(super) fn code(&mut self, line: &str) -> Result<(), DeviceError> {
         if self.code_is_taken(line)? { Ok(()) } else { Err(self.unanswered(line, self.settings.answer_timeout())) }
     }
 
     fn code_is_taken(&mut self, line: &str) -> Result<bool, DeviceError> {
         if self.is_hal {
-            // An empty line does nothing: whether its own `ok` comes is of no matter.
+            // An empty line does nothing, so its `ok` does not matter.
             self.exchange("", self.settings.answer_timeout(), |_| {})?;
         }
         self.exchange(line, self.settings.answer_timeout(), |_| {})
     }
 
-    /// Sends an axis from one machine step to another; it is on its way, or there, or nowhere else than it stood. A line without
-    /// an `ok` may have been taken or not. It is sent again only where the axis stands where it stood: it is absolute, and does
-    /// the same twice.
+    /// Sends an axis from one machine step to another. A line without an `ok` may have been taken or not. It is sent again only if the axis
+    /// still rests at `from`. This is safe, because the target is absolute.
     pub(super) fn send_off(&mut self, axis: &Geometry, from: i64, to: i64) -> Result<(), DeviceError> {
         let line = axis.line(to);
         for _ in 0..ATTEMPTS {
@@ -122,19 +129,19 @@ impl Grbl {
             if status.state != State::Idle || axis.units_of(&status).and_then(|units| axis.machine_steps(units)) != Some(from) {
                 return Ok(());
             }
-            tracing::info!(line, "no answer, and the axis stands where it stood: the line is sent again");
+            tracing::info!(line, "no answer, and the axis has not moved: the line is sent again");
         }
         Err(self.unanswered(&line, self.settings.answer_timeout()))
     }
 
-    /// A homing cycle. Where no `ok` comes it is made again: it ends at its switch wherever it begins.
+    /// Runs a homing cycle. Without an `ok` it is run again: it ends at the same switch from any position.
     pub(super) fn home(&mut self, line: &str) -> Result<(), DeviceError> {
         self.link.set_moving(true);
         if !self.exchange(line, self.settings.homing_timeout(), |_| {})? {
-            // Whoever still homes now does not get there.
+            // A controller that still homes after the deadline will not find its switch.
             let status = self.status()?;
             if status.state != State::Home
-                && let Some(error) = hands::of(&status, true)
+                && let Some(error) = intervention::of(&status, true)
             {
                 return Err(error);
             }
@@ -147,40 +154,40 @@ impl Grbl {
         Ok(())
     }
 
-    /// A report of a controller that nobody else has. A report that says otherwise is asked for once more before it is believed.
+    /// A report of a controller that no person holds. An intervention must be read twice.
     fn free_status(&mut self) -> Result<Status, DeviceError> {
         let status = self.status()?;
-        if hands::of(&status, true).is_none() {
+        if intervention::of(&status, true).is_none() {
             return Ok(status);
         }
         let status = self.status()?;
-        hands::of(&status, true).map_or(Ok(status), Err)
+        intervention::of(&status, true).map_or(Ok(status), Err)
     }
 
-    /// Refuses a command while somebody else has the controller.
+    /// An error while a person holds the controller.
     pub(super) fn is_free(&mut self) -> Result<(), DeviceError> {
         self.free_status().map(drop)
     }
 
-    /// Refuses to go on while somebody else has the controller; it is neither moved nor reset. One that does not answer is
-    /// starting, or waits for a reset after a limit: neither is anybody's doing.
+    /// Waits for a motion to end, and is an error while a person holds the controller. The controller is neither moved nor reset. One that
+    /// does not answer is starting, or waits for a reset after a limit: neither is an intervention.
     pub(super) fn wait_until_free(&mut self) -> Result<(), DeviceError> {
         let until = Instant::now() + self.settings.homing_timeout();
         let mut asked_again = false;
         while let Some(status) = self.glance()? {
-            match hands::of(&status, true) {
+            match intervention::of(&status, true) {
                 Some(error) if asked_again => return Err(error),
                 Some(_) => asked_again = true,
                 None if status.state != State::Run => break,
-                // Somebody has let a held motion go on.
+                // A motion continues after a hold.
                 None if Instant::now() < until => std::thread::sleep(LOOK_AGAIN),
-                None => return Err(hands::still_turning(&status)),
+                None => return Err(intervention::still_turning(&status)),
             }
         }
         Ok(())
     }
 
-    /// A report, whatever was said before it; none where nobody answers.
+    /// A report, also if other lines come before it; `None` without an answer.
     fn glance(&mut self) -> Result<Option<Status>, DeviceError> {
         let mut asked = 0;
         'ask: while asked < GLANCES {
@@ -191,7 +198,7 @@ impl Grbl {
                 match Line::parse(&text) {
                     Line::Status(status) => return Ok(Some(status)),
                     Line::Error(MEMORY_ERASED) => self.memory_erased = true,
-                    // It has started since and may not have heard the question, or its report is garbled.
+                    // It restarted and may have missed the question, or its report is garbled.
                     Line::Greeting(_) | Line::BrokenStatus(_) => continue 'ask,
                     _ => {}
                 }
@@ -201,7 +208,7 @@ impl Grbl {
         Ok(None)
     }
 
-    /// Asks for a status report, again if it is lost or comes garbled.
+    /// Asks for a status report, again if it is lost or garbled.
     pub(super) fn status(&mut self) -> Result<Status, DeviceError> {
         self.report(STATUS)
     }
@@ -236,7 +243,7 @@ impl Grbl {
         Err(garbled.map_or_else(silent, unreadable))
     }
 
-    /// Waits until the controller is idle and returns the machine step where the axis stands; `None` between two steps.
+    /// Waits until the controller is idle and returns the machine step of the axis; `None` between two steps.
     pub(super) fn standing(&mut self, axis: &Geometry, until: Instant) -> Result<Option<i64>, DeviceError> {
         let unexpected = |expected: String, status: Status| {
             let found = status.to_string();
@@ -258,7 +265,7 @@ impl Grbl {
         }
     }
 
-    /// Sure that the axis stands at `expected`? A reading that says otherwise is asked for once more before it is believed.
+    /// Confirms that the axis rests at `expected`. Another position must be read twice before it is an error.
     pub(super) fn confirm(&mut self, axis: &Geometry, expected: i64, origin: i64, until: Instant) -> Result<(), DeviceError> {
         if self.standing(axis, until)? == Some(expected) {
             return Ok(());
@@ -266,21 +273,23 @@ impl Grbl {
         match self.standing(axis, until)? {
             Some(found) if found == expected => Ok(()),
             Some(found) => Err(DeviceError::Missed { target: Steps(expected - origin), achieved: Steps(found - origin) }),
-            None => Err(DeviceError::Suspect { why: "the controller reports a place between two steps".into() }),
+            None => Err(DeviceError::Suspect { why: "the controller reports a position between two steps".into() }),
         }
     }
 
-    /// Whether the controller answers and nobody else has it.
-    pub(super) fn answers(&mut self) -> Result<(), DeviceError> {
-        let of_somebody_else = |status: Option<Status>| status.and_then(|status| hands::of(&status, false));
-        if of_somebody_else(self.report_at_rest()?).is_none() {
-            return Ok(());
+    /// The report of a controller at rest that no person holds; `None` if it cannot be read. An intervention must be read twice.
+    pub(super) fn free_report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
+        let intervention_in = |report: &Option<Status>| report.as_ref().and_then(|status| intervention::of(status, false));
+        let report = self.report_at_rest()?;
+        if intervention_in(&report).is_none() {
+            return Ok(report);
         }
-        // Asked once more before a person is sent for.
-        of_somebody_else(self.report_at_rest()?).map_or(Ok(()), Err)
+        let report = self.report_at_rest()?;
+        intervention_in(&report).map_or(Ok(report), Err)
     }
 
-    /// A report of a controller that may be stopped, where one can be read; a restart and an alarm are heard on the way.
+    /// A report of a controller that may be stopped; `None` if none can be read. A restart or an alarm before it makes the position
+    /// suspect.
     pub(super) fn report_at_rest(&mut self) -> Result<Option<Status>, DeviceError> {
         let wait = self.settings.answer_timeout();
         let mut lines = self.link.probe(STATUS, wait)?;
@@ -301,7 +310,7 @@ impl Grbl {
         Ok(newest)
     }
 
-    /// Hears what was said since the last answer: a restart or an alarm between two moves.
+    /// Reads the lines that came since the last answer. A restart or an alarm is an error.
     pub(super) fn catch_up(&mut self) -> Result<(), DeviceError> {
         while let Some(text) = self.link.line_now()? {
             unless_lost(Line::parse(&text))?;
@@ -311,7 +320,7 @@ impl Grbl {
 }
 
 impl Dialect {
-    /// Whether `greeting` is grblHAL's; refuses what is not spoken here, or not what was configured.
+    /// Whether `greeting` is that of grblHAL. An unknown firmware, or another one than configured, is an error.
     fn of(self, greeting: &str) -> Result<bool, DeviceError> {
         let mut words = greeting.split(' ');
         let (name, version) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -329,11 +338,11 @@ impl Dialect {
     }
 }
 
-/// Lines after which the position is no longer known, as errors.
+/// Makes lines after which the position is not known errors.
 fn unless_lost(line: Line) -> Result<Line, DeviceError> {
     match line {
         Line::Greeting(greeting) => Err(DeviceError::Suspect { why: format!("the controller restarted: {greeting}") }),
-        Line::Alarm(n) => Err(hands::of_alarm(n).unwrap_or_else(|| DeviceError::Alarm { device: DEVICE, what: alarm_text(n) })),
+        Line::Alarm(n) => Err(intervention::of_alarm(n).unwrap_or_else(|| DeviceError::Alarm { device: DEVICE, what: alarm_text(n) })),
         other => Ok(other),
     }
 }

@@ -1,7 +1,7 @@
-//! Frames of the relay: a length of four bytes, little endian, and as many ASCII characters.
+//! Frames of the relay: a length of four bytes, little endian, and that number of ASCII characters.
 //!
-//! An answer does not name its request. So nothing may be left over when a request is sent, and after any failure the
-//! connection is of no use: what is still under way on it would be taken for the answer to something else.
+//! An answer does not name its request. So no bytes may be left over when a request is sent. After any failure the connection must
+//! be replaced, because a late answer on it would count for another request.
 
 use super::DEVICE;
 use crate::DeviceError;

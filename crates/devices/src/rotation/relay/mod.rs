@@ -1,12 +1,12 @@
-//! Driver for a VAST BioImager behind a relay: a Windows program that speaks for VAST's own library over TCP.
+//! Driver for a VAST BioImager behind a relay: a Windows program that gives access to VAST's own library over TCP.
 //!
 //! ```text
-//!  reference ──► (a new connection after any fault)  busy? 0        this place is step 0
-//!  move_to   ──► busy? 0 ── rot,<difference> ── answer ── busy? 1 ... busy? 0      not sooner than it can turn
+//!  reference ──► (a new connection after any fault)  busy? 0        this position is step 0
+//!  move_to   ──► busy? 0 ── rot,<difference> ── answer ── busy? 1 ... busy? 0      not before half the turn's time
 //! ```
-//! The rotation takes differences and cannot be asked where it stands: the count kept here is all that is known. A difference
-//! whose answer is missing may have been turned or not, so it is never sent again: the position is suspect. Nothing in the
-//! protocol stops a turn; a stop ends the requests, and VAST finishes its turn by itself.
+//! The rotation accepts differences and does not report its position, so the driver keeps the count. If the answer to a difference
+//! is missing, VAST may have turned or not. The difference is never sent again, and the position is suspect. The protocol cannot
+//! stop a turn. A stop ends the requests, and VAST finishes its turn.
 
 mod frames;
 mod settings;
@@ -21,25 +21,25 @@ use carved_core::units::{Steps, StepsPerRevolution};
 use std::time::{Duration, Instant};
 
 const DEVICE: &str = "rotation axis (VAST relay)";
-/// Pause between two questions whether it still turns.
+/// Pause between two `busy` requests.
 const LOOK_AGAIN: Duration = Duration::from_millis(10);
 
-/// The rotation of a VAST that is told differences.
+/// The rotation of a VAST that accepts differences.
 pub struct Relay {
     link: Link,
     settings: RelaySettings,
     per_revolution: StepsPerRevolution,
     identity: String,
     knowledge: Knowledge,
-    /// The connection is of no use any more.
+    /// The connection cannot be used any more.
     broken: bool,
 }
 
 impl Relay {
-    /// Connects and asks whether VAST answers. Nothing moves unless `boot` is asked for.
+    /// Connects and asks whether VAST answers. Nothing moves, unless `boot` is configured.
     ///
     /// # Errors
-    /// A bad setting, a relay that cannot be reached or does not answer.
+    /// A bad setting, or a relay that cannot be reached or does not answer.
     pub fn open(settings: RelaySettings, per_revolution: StepsPerRevolution) -> Result<Self, DeviceError> {
         settings.check()?;
         let link = Link::tcp(DEVICE, &settings.address, Stop::default())?;
@@ -69,9 +69,9 @@ impl Relay {
         })
     }
 
-    /// Waits until nothing moves, which is not believed before `soonest` after `since`, at most until `latest`.
+    /// Waits until VAST rests, at most until `latest` after `since`. A rest before `soonest` does not count.
     fn rest(&mut self, since: Instant, soonest: Duration, latest: Duration) -> Result<(), DeviceError> {
-        // Asked all the while: a stop is seen at the next question.
+        // Asked also before `soonest`, so that a stop takes effect at the next request.
         while self.is_busy()? || since.elapsed() < soonest {
             if since.elapsed() > latest {
                 return Err(DeviceError::Late {
@@ -90,7 +90,7 @@ impl Relay {
             self.link.go_on_through(Link::tcp(DEVICE, &self.settings.address, Stop::default())?);
             self.broken = false;
         }
-        // What a stop or a fault left behind may still be turning.
+        // A turn from before a stop or a fault may still last.
         let longest = self.settings.pace().longest(360.0);
         self.rest(Instant::now(), Duration::ZERO, longest)
     }
@@ -100,7 +100,7 @@ impl Relay {
             return Ok(());
         }
         if self.is_busy()? {
-            return Err(DeviceError::Suspect { why: "VAST moves, and not by a request of ours".into() });
+            return Err(DeviceError::Suspect { why: "VAST moves without a request of carved".into() });
         }
         let deg = self.per_revolution.angle(by).to_degrees();
         let pace = self.settings.pace();
@@ -134,14 +134,13 @@ impl RotationAxis for Relay {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let from = self.knowledge.whence()?;
+        let from = self.knowledge.known_steps()?;
         let turned = self.turn(Steps(target.0 - from.0));
         self.unless_doubtful(turned)?;
         Ok(self.knowledge.arrived(target))
     }
 
-    /// A stopped relay is told nothing, and a connection that failed is replaced by the next reference: of both only the
-    /// connection is looked at.
+    /// After a stop nothing is sent, and the next reference replaces a failed connection. In both cases only the connection is checked.
     fn check(&mut self) -> Result<(), DeviceError> {
         self.link.still_there()?;
         if self.broken || self.link.is_stopped() {

@@ -6,23 +6,22 @@ use crate::rotation::pace::Pace;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// Where the relay listens, and how fast its VAST turns.
+/// The address of the relay, and the speed of its VAST.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RelaySettings {
     /// `host:port` of the program on VAST's computer.
     pub address: String,
-    /// Whether to send `boot` as the connection is opened, which starts VAST's own library and may move everything; false
-    /// where the program's user has done so.
+    /// Whether to send `boot` when the connection is opened. It starts VAST's own library and may move everything. False if the user of
+    /// the Windows program has done that.
     #[serde(default)]
     pub boot: bool,
     /// Longest wait for the answer to `boot`, ms.
     #[serde(default = "default_boot_timeout_ms")]
     pub boot_timeout_ms: u32,
-    /// How fast VAST turns, deg/s: measure. A turn is not believed to be over in less than half its time, and has failed a
-    /// margin after one and a half.
+    /// Speed of the rotation, deg/s; measure it. The end of a turn does not count before half its time at this speed.
     pub speed_deg_per_s: f64,
-    /// Time beyond one and a half of a turn's until it counts as failed, ms.
+    /// A turn has failed this long after one and a half times its time, ms.
     #[serde(default = "default_turn_margin_ms")]
     pub turn_margin_ms: u32,
     /// Longest wait for any other answer, ms.
@@ -43,8 +42,10 @@ fn default_answer_timeout_ms() -> u32 {
 }
 
 impl RelaySettings {
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no relay can have.
+    /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
         let bad =
             |name, found: &str, rule: &str| Err(DeviceError::Setting { device: DEVICE, name, found: found.into(), rule: rule.into() });

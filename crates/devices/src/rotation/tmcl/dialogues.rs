@@ -1,6 +1,6 @@
-//! Dialogues with a scripted module: what the driver says, frame by frame, and what it makes of each answer.
+//! Tests with a scripted module: the exact bytes that the driver sends, and its reaction to each answer.
 
-#![allow(clippy::decimal_bitwise_operands, reason = "what is flipped is a bit of a place")]
+#![allow(clippy::decimal_bitwise_operands, reason = "the tests flip bits of positions")]
 
 use super::frame::BYTES;
 use super::*;

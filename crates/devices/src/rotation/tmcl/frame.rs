@@ -1,4 +1,4 @@
-//! TMCL's nine bytes each way, big endian, with the sum of the first eight.
+//! Frames of TMCL: nine bytes in both directions, big endian, the last one the sum of the first eight.
 //!
 //! ```text
 //! request   ADR   CMD  TYPE    MOTOR  VALUE VALUE VALUE VALUE  SUM8
@@ -34,10 +34,11 @@ pub(super) mod parameter {
     pub const LOAD: u8 = 206;
 }
 
-/// The bank of the user's variables, and the last of them: in memory, 0 after a reset.
+/// The bank of the user variables, and the last one of them. It is in RAM, so it is 0 after a reset.
 const USER_BANK: u8 = 2;
 const MARK: u8 = 55;
 
+/// A request to the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Request {
     pub command: u8,
@@ -59,7 +60,7 @@ impl Request {
         Self::new(command::SET_AXIS, parameter, motor, value)
     }
 
-    /// To an absolute position.
+    /// A move to an absolute position.
     pub fn go(motor: u8, target: i32) -> Self {
         Self::new(command::MOVE, 0, motor, target)
     }
@@ -76,12 +77,12 @@ impl Request {
         Self::new(command::SEARCH, 1, motor, 0)
     }
 
-    /// 0 once the search has ended.
+    /// Asks whether the search runs; 0 after its end.
     pub fn searching(motor: u8) -> Self {
         Self::new(command::SEARCH, 2, motor, 0)
     }
 
-    /// Type and version as numbers; the other kind answers in letters and has no checksum.
+    /// Asks for type and version as numbers. The other variant of this command answers in letters without a checksum.
     pub fn version() -> Self {
         Self::new(command::VERSION, 1, 0, 0)
     }
@@ -109,6 +110,7 @@ impl std::fmt::Display for Request {
     }
 }
 
+/// An answer of the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Reply {
     pub host: u8,
@@ -119,7 +121,7 @@ pub(super) struct Reply {
 }
 
 impl Reply {
-    /// `None` where the sum is another.
+    /// `None` if the checksum is wrong.
     pub fn decode(bytes: [u8; BYTES]) -> Option<Self> {
         let [host, module, status, command, a, b, c, d, sum] = bytes;
         (sum == sum8(&bytes)).then(|| Self { host, module, status, command, value: i32::from_be_bytes([a, b, c, d]) })
@@ -135,13 +137,13 @@ pub(in crate::rotation) struct Version {
 }
 
 impl Version {
-    /// The question for it.
+    /// The request for it, encoded.
     pub fn question(module: u8) -> [u8; BYTES] {
         Request::version().encode(module)
     }
 
-    /// What an answer to it says, of whatever module and to whatever host.
-    pub fn told(bytes: [u8; BYTES]) -> Option<Self> {
+    /// The version in an answer, from any module and to any host; `None` if it is another answer.
+    pub fn in_answer(bytes: [u8; BYTES]) -> Option<Self> {
         let reply = Reply::decode(bytes).filter(|r| (r.command, r.status) == (command::VERSION, 100))?;
         Some(Self::of(reply.value))
     }
@@ -161,19 +163,19 @@ fn sum8(bytes: &[u8; BYTES]) -> u8 {
     bytes[..BYTES - 1].iter().fold(0, |sum, b| sum.wrapping_add(*b))
 }
 
-/// What stops both motors, moving and then searching, also where the module still waits for the rest of an earlier frame: the
-/// same frames at each of the nine places at which its next frame may begin. The first two are plain. A piece is a frame, since the
-/// module answers each of them.
+/// The bytes that stop both motors, in a move and in a search. They work also if the module still waits for the rest of an earlier
+/// frame: the same frames are repeated for each of the nine bytes at which its next frame may begin. Each piece is one frame, because
+/// the module answers each frame.
 pub(super) fn stop_pieces(module: u8, motors: [u8; 2]) -> Vec<Vec<u8>> {
     let pass = |requests: [Request; 2]| {
         let [first, second] = requests.map(|request| request.encode(module).to_vec());
-        // The zero behind the second begins the next place.
+        // The zero after the second frame shifts the next repetition by one byte.
         (0..BYTES).flat_map(move |_| [first.clone(), [second.clone(), vec![0]].concat()])
     };
     pass(motors.map(Request::stop)).chain(pass(motors.map(Request::end_search))).collect()
 }
 
-/// What a status other than "carried out" means.
+/// The meaning of a status other than "executed".
 pub(super) fn status_text(status: u8) -> &'static str {
     match status {
         1 => "wrong checksum",

@@ -1,25 +1,27 @@
 //! Driver for Trinamic modules (TMCL): two motors that hold the capillary at both ends and turn it as a pair.
 //!
 //! ```text
-//! reference:  flush ─ settings ─ stop ─ arm the stall stop ─ apart? ─ search (both) | here ─ counters to 0 ─ mark
+//! reference:  flush ─ settings ─ stop ─ arm the stall stop ─ skew? ─ search (both) | here ─ counters to 0 ─ mark
 //! move_to:    both counters where they were left, and the mark? ─ absolute target to both
-//!               └─ look, look, ... : apart? out of the way? standing short? reset? ─► both stopped, position suspect
-//!               └─ no look in time ─► both stopped, looked at, sent on
+//!               └─ look, look, ... : skew? off the path? at rest too early? reset? ─► both stopped, position suspect
+//!               └─ no look in time ─► both stopped, read at rest, sent on
 //!               └─ both counters at the target, both speeds 0, the mark ─► arrived
 //! ```
-//! One motor is told before the other, and is stopped again where the module has not acknowledged both in the time in which the
-//! pair comes apart by what is allowed. A look asks the first counter before and after the second, so that the skew of a turning pair is told without a clock.
-//! Where no look is to be had for as long as the pair needs to come apart, both motors are stopped, looked at where they stand,
-//! and sent on: a late answer costs time. A pair that was seen apart is told as an alarm before it is homed again.
-//! Parameter 8, "position reached", is not asked: a stop leaves it at 0. A reading that says something is wrong is asked
-//! again before it is believed: bits flip, and the sum with them.
+//! A "look" reads the position counters of both motors: the first counter before and after the second, so that the skew of a turning
+//! pair follows without a clock. Skew is the difference between the two counters.
 //!
-//! **The mark.** A module that was reset says nothing and counts from 0, which may be where it is expected. At every
-//! reference a number is written into a variable that a reset clears; it is read with every look.
+//! **Skew limits.** One motor is started before the other. If the module has not acknowledged both in the time in which one motor
+//! alone exceeds the allowed skew, the pair is stopped. If no look succeeds for that time during a move, both motors are stopped,
+//! read at rest, and sent on, so that a late answer costs only time. A pair with too much skew is reported as an alarm before it is
+//! homed again. Parameter 8, "position reached", is not used, because a stop leaves it at 0. A reading that shows a fault must be
+//! read twice: bits can flip, and the checksum with them.
 //!
-//! **Stalls.** Arming the stall stop on a stalled motor lets its old move go on, so that it is armed only by a reference and
-//! after a stop, which forgets the move. The module counts what it sent: steps that are lost without a stall show where
-//! the pair is referenced at its switches, as skew, or in the pictures.
+//! **The mark.** A module that was reset reports nothing and counts from 0, which may be the expected position. At every reference a
+//! number is written into a variable that a reset clears. It is read with every look.
+//!
+//! **Stalls.** If the stall stop is armed on a stalled motor, its old move continues. So it is armed only by a reference, after a
+//! stop, which ends the move. The module counts the steps that it sends. Steps that are lost without a stall show as skew when the
+//! pair is referenced at its switches, or in the pictures.
 
 pub(super) mod frame;
 mod settings;
@@ -38,7 +40,7 @@ use frame::{Request, Version, parameter, stop_pieces};
 use wire::Wire;
 
 const DEVICE: &str = "rotation axis (TMCL)";
-/// Upper half of every mark; the lower one is the epoch.
+/// Upper half of every mark. The lower half is the epoch.
 const MARK: i32 = 0x0CA7_0000;
 
 /// A rotation axis of two motors on one Trinamic module.
@@ -48,14 +50,14 @@ pub struct Tmcl {
     identity: String,
     knowledge: Knowledge,
     mark: i32,
-    /// A motion has been asked for and its end has not been seen.
+    /// A motion was requested and its end was not seen.
     in_flight: bool,
-    /// Somebody was told that the pair is apart, and no reference has been found since.
-    told_of_skew: bool,
+    /// Too much skew was reported, and no reference was found since.
+    skew_reported: bool,
 }
 
 impl Tmcl {
-    /// Opens the port and holds the module's settings against the configured ones. Nothing moves.
+    /// Opens the port and compares the module's settings with the configured ones. Nothing moves.
     ///
     /// # Errors
     /// A bad setting, a port that cannot be opened, a silent module, or one with other settings.
@@ -68,7 +70,7 @@ impl Tmcl {
         let version = Version::of(version);
         let identity = format!("TMCM-{} {}", version.module, version.firmware());
         let knowledge = Knowledge::none_of("rotation axis");
-        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, told_of_skew: false };
+        let mut tmcl = Self { wire, settings, identity, knowledge, mark: 0, in_flight: false, skew_reported: false };
         tmcl.compare_settings()?;
         tracing::info!(identity = tmcl.identity, port = %tmcl.settings.port, "rotation axis opened");
         Ok(tmcl)
@@ -103,8 +105,8 @@ impl Tmcl {
     }
 
     fn find_origin(&mut self) -> Result<(), DeviceError> {
-        // Until the pair is seen to stand at its origin, one motor may turn: from an earlier owner, or from a search whose end
-        // was misread.
+        // Until the pair is seen at rest at its origin, one motor may turn: started by an earlier owner, or by a search whose end was
+        // misread.
         self.in_flight = true;
         self.wire.flush()?;
         self.compare_settings()?;
@@ -118,19 +120,19 @@ impl Tmcl {
         }
         self.mark = MARK | (self.knowledge.next_epoch() & 0xffff) as i32;
         self.wire.ask(Request::set_mark(self.mark))?;
-        // Every later angle hangs on these counters.
+        // Every later angle depends on these counters.
         self.confirm(0)?;
-        (self.in_flight, self.told_of_skew) = (false, false);
+        (self.in_flight, self.skew_reported) = (false, false);
         Ok(())
     }
 
-    /// Brings the axis to rest and no longer believes its position.
+    /// Stops the axis and makes its position suspect.
     fn doubt(&mut self, error: &DeviceError) {
         if self.in_flight {
             self.wire.halt();
             self.in_flight = false;
         }
-        self.told_of_skew |= matches!(error, DeviceError::Skew { .. });
+        self.skew_reported |= matches!(error, DeviceError::Skew { .. });
         self.knowledge.doubt(error);
     }
 }
@@ -157,7 +159,7 @@ impl RotationAxis for Tmcl {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let from = self.knowledge.whence()?;
+        let from = self.knowledge.known_steps()?;
         match self.travel(from.0, target.0) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {

@@ -6,18 +6,19 @@ use crate::rotation::{Port, Reference};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// How a Trinamic module is reached and what it must say of itself.
+/// How a Trinamic module is connected, and the settings that it must have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TmclSettings {
     /// Serial port, by its name or by its USB adapter's serial number.
     pub port: Port,
-    /// Baud; without meaning on USB. The factory's 9600 make every look at the pair take 0.1 s.
+    /// Baud; without effect on USB. With the factory setting of 9600 every look at the pair takes 0.1 s.
     #[serde(default = "default_baud")]
     pub baud: u32,
-    /// The module's serial address, and the one that it answers to.
+    /// The module's serial address.
     #[serde(default = "default_module_address")]
     pub module_address: u8,
+    /// The address to which the module answers.
     #[serde(default = "default_host_address")]
     pub host_address: u8,
     /// The two motors at the ends of the capillary.
@@ -29,15 +30,15 @@ pub struct TmclSettings {
     pub max_speed: u32,
     /// Parameter 5, in the module's own unit.
     pub max_acceleration: u32,
-    /// Parameters 154 and 153 of a module that counts in fractions of its clock; left out: it counts in microsteps/s.
+    /// Parameters 154 and 153 of a module with speeds in fractions of its clock. Leave them out if its unit is microsteps/s.
     #[serde(default)]
     pub clock_divisors: Option<ClockDivisors>,
-    /// How far the two motors may be apart, microsteps: what the glass is twisted by at most.
+    /// Largest permitted difference between the two motors, microsteps: the largest twist of the glass.
     pub max_skew_steps: u32,
-    /// Parameter 181, the least speed at which a stall stops a motor; left out: stalls are not noticed.
+    /// Parameter 181, the lowest speed at which a stall stops a motor. If it is left out, stalls are not detected.
     #[serde(default)]
     pub stop_on_stall: Option<u32>,
-    /// Where step 0 is.
+    /// How step 0 is found.
     pub reference: Reference,
     /// Longest wait for an answer, ms.
     #[serde(default = "default_answer_timeout_ms")]
@@ -47,7 +48,7 @@ pub struct TmclSettings {
     pub homing_timeout_ms: u32,
 }
 
-/// What a module of the TMC428/429 family divides its 16 MHz by.
+/// The divisors of the 16 MHz clock in a module of the TMC428/429 family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClockDivisors {
@@ -81,25 +82,27 @@ fn default_homing_timeout_ms() -> u32 {
     30_000
 }
 
-/// What a module may take from a request to its answer.
+/// Longest time of a module from a request to its answer.
 const MODULE_TIME: Duration = Duration::from_millis(3);
-/// Two looks at the pair: three counters and the mark each.
+/// Requests of two looks at the pair: three counters and the mark each.
 const EXCHANGES_OF_TWO_LOOKS: u32 = 8;
-/// Both motors are told, and one is stopped again.
+/// Requests that start both motors and stop one again.
 const EXCHANGES_APART: u32 = 3;
 /// Clock of the TMC428/429, Hz.
 const CLOCK_HZ: f64 = 16.0e6;
-/// 256 microsteps.
+/// 2^8 = 256 microsteps.
 const FINEST_RESOLUTION: u8 = 8;
 const LARGEST_DIVISOR: u8 = 13;
 
 impl TmclSettings {
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no module can have.
+    /// The first value that is out of range, or a skew that one motor exceeds before both can be started.
     pub fn check(&self) -> Result<(), DeviceError> {
         let bad = |name, found: String, rule: String| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule });
         if self.motors[0] == self.motors[1] {
-            return bad("motors", format!("{:?}", self.motors), "the two ends of the capillary have a motor each".into());
+            return bad("motors", format!("{:?}", self.motors), "each end of the capillary has its own motor".into());
         }
         if self.microstep_resolution > FINEST_RESOLUTION {
             return bad("microstep_resolution", self.microstep_resolution.to_string(), "it must be 0 to 8".into());
@@ -126,7 +129,7 @@ impl TmclSettings {
         if apart_ms < needed_ms {
             let found = format!("{}, which one motor turns in {apart_ms:.1} ms at max_speed", self.max_skew_steps);
             let rule = format!(
-                "to tell both motors and to stop one again takes {needed_ms:.1} ms at {} baud: allow {:.0} steps, or lower max_speed or \
+                "to start both motors and to stop one again takes {needed_ms:.1} ms at {} baud: allow {:.0} steps, or lower max_speed or \
                  raise baud",
                 self.baud,
                 (needed_ms * 1e-3 * self.rates().0).ceil()
@@ -135,7 +138,8 @@ impl TmclSettings {
         }
         Ok(())
     }
-    /// Microsteps/s and microsteps/s^2, by the formulas of the TMC429's data sheet where it counts in fractions of its clock.
+
+    /// Microsteps/s and microsteps/s^2. For fractions of the clock by the formulas of the TMC429 data sheet.
     fn rates(&self) -> (f64, f64) {
         let (speed, acceleration) = (f64::from(self.max_speed), f64::from(self.max_acceleration));
         match self.clock_divisors {
@@ -147,30 +151,30 @@ impl TmclSettings {
         }
     }
 
-    /// Longest time a healthy module needs for a move.
+    /// The longest time that a healthy module needs for a move.
     pub(super) fn travel_time(&self, steps: i64) -> Duration {
         let (steps_per_s, steps_per_s2) = self.rates();
         travel_time(steps, steps_per_s, steps_per_s2) + self.answer_timeout()
     }
 
-    /// How long one motor may turn alone: at full speed it is then as far ahead as the pair may be apart.
+    /// The time in which one motor alone reaches the permitted skew at full speed, s.
     fn apart_s(&self) -> f64 {
         f64::from(self.max_skew_steps) / self.rates().0
     }
 
-    /// How long both acknowledgements may take, so that there is time left to stop the pair again.
+    /// Longest time for both acknowledgements, which leaves enough time to stop the pair again.
     pub(super) fn start_time(&self) -> Duration {
         let apart = Duration::try_from_secs_f64(self.apart_s()).unwrap_or(Duration::MAX);
         apart.saturating_sub(self.exchange_time()).min(self.answer_timeout())
     }
 
-    /// How long nothing may be seen of a turning pair before it is stopped: as long as it takes to come apart, and no shorter than
-    /// two looks take.
+    /// Longest time without a look at a turning pair, before it is stopped: the time to reach the permitted skew, but at least the time of
+    /// two looks.
     pub(super) fn blind_time(&self) -> Duration {
         self.start_time().max(EXCHANGES_OF_TWO_LOOKS * self.exchange_time())
     }
 
-    /// A request on the wire, its answer, and what the module takes between them.
+    /// Time of a request on the wire, its answer, and the module between them.
     pub(super) fn exchange_time(&self) -> Duration {
         let bits = 2.0 * 10.0 * super::frame::BYTES as f64;
         Duration::from_secs_f64(bits / f64::from(self.baud)) + MODULE_TIME

@@ -1,7 +1,14 @@
-//! Moves of the pair, and what is held against their plan while they last.
+//! Moves of the pair, and the checks while they last.
+//!
+//! ```text
+//! travel ── start both ──► watch ─┬─ look ── skew, off the path or a reset, twice ──► both stopped, the cause is looked for
+//!                                 ├─ no look for blind_time ── stop, read at rest ──► start both again, at most four times
+//!                                 └─ both at the target, speeds 0 ──────────────────► arrived
+//! search ── start both ──► both find their switches; the later one may be late by the permitted skew
+//! ```
 
 use super::frame::{Request, parameter};
-use super::wire::{Answer, Heard, Told, refused};
+use super::wire::{Answer, Answers, GroupReply, refused};
 use super::{DEVICE, Tmcl};
 use crate::DeviceError;
 use carved_core::units::Steps;
@@ -11,23 +18,23 @@ use std::time::{Duration, Instant};
 const LOOK_AGAIN: Duration = Duration::from_millis(1);
 /// Longest wait for each speed of a pair that must be stopped.
 const SPEED_WAIT: Duration = Duration::from_millis(15);
-/// Looks at a motor without speed, short of its target, until it counts as standing: a ramp takes a moment to begin.
+/// Equal looks at a motor short of its target until it counts as being at rest. A ramp takes a moment to begin.
 const STANDING_LOOKS: u32 = 4;
-/// How often one move may be stopped and sent on because nothing was seen of the pair.
+/// How often one move may be stopped and sent on because no look succeeded.
 const MOST_BLIND_STOPS: u32 = 4;
 
-/// Both counters at one moment: the first was asked before and after the second.
+/// Both counters: the first was read before and after the second.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Look {
     before: i64,
     second: i64,
     after: i64,
-    /// What was read behind them of the number that a reset clears.
+    /// The mark that was read after them.
     mark: i32,
 }
 
-impl From<Told<3>> for Look {
-    fn from(Told { values: [before, second, after], mark }: Told<3>) -> Self {
+impl From<Answers<3>> for Look {
+    fn from(Answers { values: [before, second, after], mark }: Answers<3>) -> Self {
         Self { before: before.into(), second: second.into(), after: after.into(), mark }
     }
 }
@@ -45,7 +52,7 @@ impl Look {
         [self.before, self.second, self.after].iter().all(|p| (from.min(to)..=from.max(to)).contains(p))
     }
 
-    /// What the pair is apart by at least, whenever in between the second was asked.
+    /// The least skew that fits these readings, at whatever moment in between the second was read.
     fn skew(self) -> u64 {
         let (low, high) = (self.before.min(self.after), self.before.max(self.after));
         self.second.abs_diff(self.second.clamp(low, high))
@@ -53,7 +60,7 @@ impl Look {
 }
 
 fn was_reset() -> DeviceError {
-    DeviceError::Suspect { why: "the module was reset: what was written into it at the last reference is gone".into() }
+    DeviceError::Suspect { why: "the module was reset: the number that the last reference wrote is gone".into() }
 }
 
 fn off_its_way(look: Look, from: i64, to: i64) -> DeviceError {
@@ -67,19 +74,19 @@ impl Tmcl {
         [first, second, first]
     }
 
-    /// A look at a pair that stands.
+    /// A look at a pair at rest.
     fn look(&mut self) -> Result<Look, DeviceError> {
         Ok(self.wire.ask_all(self.questions())?.into())
     }
 
-    /// A look at a pair that turns; none where nothing that can be believed came until `until`.
+    /// A look at a turning pair; `None` if no valid answer came until `until`.
     fn glimpse(&mut self, until: Instant) -> Result<Option<Look>, DeviceError> {
         while Instant::now() < until {
             match self.wire.try_all(self.questions(), self.settings.answer_timeout(), until)? {
-                Heard::Told(told) => return Ok(Some(told.into())),
-                Heard::Refused(request, status) => return Err(refused(request, status)),
-                Heard::Void(why) => tracing::debug!(device = DEVICE, why, "asked again"),
-                Heard::Lost(why) => {
+                GroupReply::Answered(answers) => return Ok(Some(answers.into())),
+                GroupReply::Refused(request, status) => return Err(refused(request, status)),
+                GroupReply::Void(why) => tracing::debug!(device = DEVICE, why, "asked again"),
+                GroupReply::Lost(why) => {
                     tracing::debug!(device = DEVICE, why, "asked again");
                     if Instant::now() >= until || !self.wire.resync(until)? {
                         return Ok(None);
@@ -106,12 +113,12 @@ impl Tmcl {
         DeviceError::Skew { device: DEVICE, first: Steps(first), second: Steps(second), limit: self.settings.max_skew_steps }
     }
 
-    /// Was the module reset since the reference?
+    /// Checks that the module was not reset since the reference.
     fn check_mark(&mut self) -> Result<(), DeviceError> {
         if self.wire.mark()? == self.mark || self.wire.mark()? == self.mark { Ok(()) } else { Err(was_reset()) }
     }
 
-    /// Sure that both motors stand at `place`?
+    /// Confirms that both motors rest at `place`. Anything else must be read twice before it is an error.
     pub(super) fn confirm(&mut self, place: i64) -> Result<(), DeviceError> {
         let stands = |look: Look, mark| look.both_at(place) && look.mark == mark;
         if stands(self.look()?, self.mark) {
@@ -131,7 +138,7 @@ impl Tmcl {
         Err(DeviceError::Missed { target: Steps(place), achieved: Steps(off) })
     }
 
-    /// Turns the pair from one place to another and returns once it stands there.
+    /// Turns the pair from one position to another and returns once it has arrived.
     pub(super) fn travel(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
         self.confirm(from)?;
         if from == to {
@@ -150,13 +157,13 @@ impl Tmcl {
         Ok(())
     }
 
-    /// Sets both motors going, one after the other. One alone goes no farther than the skew allows: where its answer takes
-    /// longer, both are stopped, and started once more.
+    /// Starts both motors, one after the other. If an answer comes so late that one motor alone may exceed the permitted skew, both are
+    /// stopped, and started once more.
     fn start_pair(&mut self, request: impl Fn(u8) -> Request) -> Result<(), DeviceError> {
         let mut lost = String::new();
         for _ in 0..2 {
             let mut started = 0;
-            // One time for both: the first turns alone from its command to the second's.
+            // One deadline for both: the first motor turns alone until the second starts.
             let until = Instant::now() + self.settings.start_time();
             for motor in self.settings.motors {
                 match self.wire.once(request(motor), until)? {
@@ -177,7 +184,7 @@ impl Tmcl {
         Err(DeviceError::Unexpected { device: DEVICE, expected: "both motors to start".into(), found: lost })
     }
 
-    /// Stops a pair of which nothing was seen, and looks at it where it stands.
+    /// Stops a pair after failed looks, and looks at it at rest.
     fn stop_and_look(&mut self) -> Result<Look, DeviceError> {
         self.wire.halt();
         self.wire.flush()?;
@@ -186,8 +193,8 @@ impl Tmcl {
         if look.skew() > self.max_skew() { Err(self.skewed(look.pair())) } else { Ok(look) }
     }
 
-    /// Looks until both counters stand at the target without speed. A pair of which nothing is seen for as long as it takes to
-    /// come apart is stopped, looked at, and sent on from where it stands.
+    /// Looks until both counters are at the target and both speeds are 0. If no look succeeds in the time in which the skew could exceed
+    /// its limit, the pair is stopped, read at rest, and sent on.
     fn watch(&mut self, from: i64, to: i64) -> Result<(), DeviceError> {
         let mut until = Instant::now() + self.settings.travel_time(to - from);
         let mut doubted = false;
@@ -212,7 +219,7 @@ impl Tmcl {
                     return Err(DeviceError::Unexpected { device: DEVICE, expected, found });
                 }
                 let target = i32::try_from(to).unwrap_or(i32::MAX);
-                tracing::info!(device = DEVICE, at = look.after, to, "nothing was heard of the pair: it was stopped, and is sent on");
+                tracing::info!(device = DEVICE, at = look.after, to, "no answers came about the pair: it was stopped, and is sent on");
                 self.start_pair(|motor| Request::go(motor, target))?;
                 seen = Instant::now();
                 until = seen + self.settings.travel_time(to - from);
@@ -238,7 +245,7 @@ impl Tmcl {
             }
             last = Some(look);
             if Instant::now() > until {
-                // Also where it stands: a pair that is apart is a person's.
+                // The look at rest reports too much skew, which needs a person.
                 let look = self.stop_and_look()?;
                 let expected = format!("both motors at {to} before the deadline of their speed");
                 let [first, second] = look.pair();
@@ -248,15 +255,15 @@ impl Tmcl {
         }
     }
 
-    /// The pair is apart, or a counter is where its way does not lead: both are stopped before the cause is looked for.
+    /// After too much skew or a counter off its path: stops both motors, then looks for the cause.
     fn gone_astray(&mut self, look: Look, from: i64, to: i64) -> DeviceError {
-        // Which motor is held shows only while the other still turns; that must not keep the pair from being stopped.
+        // The speeds show which motor is held only while the other still turns. This must not delay the stop.
         let speeds = self.wire.try_all(self.speed_questions(), SPEED_WAIT, Instant::now() + 2 * SPEED_WAIT);
         self.wire.halt();
         let cause = self.wire.flush().and_then(|_| {
             self.check_mark()?;
             match speeds {
-                Ok(Heard::Told(told)) => self.obstacle(look, to, told.values),
+                Ok(GroupReply::Answered(answers)) => self.obstacle(look, to, answers.values),
                 _ => Ok(None),
             }
         });
@@ -267,7 +274,7 @@ impl Tmcl {
         }
     }
 
-    /// Both motors stand, and not at the target.
+    /// The cause why both motors rest short of the target.
     fn why_short(&mut self, look: Look, to: i64) -> DeviceError {
         match self.check_mark().and_then(|()| self.obstacle(look, to, [0, 0])) {
             Err(error) | Ok(Some(error)) => error,
@@ -278,7 +285,7 @@ impl Tmcl {
         }
     }
 
-    /// What holds a motor that stands short of its target: a limit switch, or a stall.
+    /// The limit switch or the stall that holds a motor short of its target, if any.
     fn obstacle(&mut self, look: Look, to: i64, speeds: [i32; 2]) -> Result<Option<DeviceError>, DeviceError> {
         for ((motor, at), speed) in self.settings.motors.into_iter().zip(look.pair()).zip(speeds) {
             if at == to || speed != 0 {
@@ -299,7 +306,7 @@ impl Tmcl {
         Ok(None)
     }
 
-    /// Ends whatever both motors are doing, targets included, and waits until they stand.
+    /// Ends all motions and targets of both motors, and waits until they rest.
     pub(super) fn stop_and_rest(&mut self) -> Result<(), DeviceError> {
         self.wire.ask_all(self.settings.motors.map(Request::stop))?;
         let until = Instant::now() + self.settings.travel_time(0);
@@ -313,7 +320,7 @@ impl Tmcl {
         Ok(())
     }
 
-    /// A look at a pair that stands, believed once another agrees with it.
+    /// A look at a pair at rest, which a second look must confirm.
     fn look_at_rest(&mut self) -> Result<Look, DeviceError> {
         let mut before = self.look()?;
         for _ in 0..STANDING_LOOKS {
@@ -324,11 +331,11 @@ impl Tmcl {
             before = look;
         }
         let [first, second] = before.pair();
-        let found = format!("{first} and {second}, and something else in each of {} looks", STANDING_LOOKS + 1);
+        let found = format!("{first} and {second}, and other positions in each of {} looks", STANDING_LOOKS + 1);
         Err(DeviceError::Unexpected { device: DEVICE, expected: "motors that stand".into(), found })
     }
 
-    /// Counts from where the pair stands. Ends that are a little apart, as after a stop, are brought together first.
+    /// Makes the present position step 0. A small skew, as after a stop, is removed first.
     pub(super) fn take_here(&mut self) -> Result<(), DeviceError> {
         let look = self.look_at_rest()?;
         self.mark = look.mark;
@@ -340,44 +347,44 @@ impl Tmcl {
             self.wire.ask(Request::go(self.settings.motors[1], first as i32))?;
             self.watch(second, first)?;
         }
-        // In positioning mode a motor would follow its counter to the old target.
+        // In positioning mode a motor would follow its changed counter to the old target.
         self.stop_and_rest()?;
         self.wire.ask_all(self.settings.motors.map(|motor| Request::set(parameter::ACTUAL_POSITION, motor, 0)))?;
         Ok(())
     }
 
-    /// Whether each motor still searches its switch; that one does not is asked for once more before it is believed.
+    /// Whether each motor still searches its switch. The end of a search must be read twice.
     fn searching(&mut self) -> Result<[bool; 2], DeviceError> {
         let questions = self.settings.motors.map(Request::searching);
-        let searching = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        let searching = self.wire.ask_all(questions)?.values.map(|state| state != 0);
         if searching == [true, true] {
             return Ok(searching);
         }
-        let again = self.wire.ask_all(questions)?.values.map(|told| told != 0);
+        let again = self.wire.ask_all(questions)?.values.map(|state| state != 0);
         Ok([searching[0] || again[0], searching[1] || again[1]])
     }
 
-    /// Both motors search their switches at once. What one of them lost on the way shows here: it comes to its switch late.
+    /// Both motors search their switches at the same time. A motor that has lost steps comes to its switch late.
     pub(super) fn search(&mut self) -> Result<(), DeviceError> {
         let limit = self.max_skew();
         let until = Instant::now() + self.settings.homing_timeout();
         let began = self.look_at_rest()?;
-        // The counters are those of a reference: a pair that is apart by them is twisted. A person is told once; then the
-        // search itself shows which motor comes late.
-        if began.mark & !0xffff == super::MARK && began.skew() > limit && !self.told_of_skew {
+        // With the mark, the counters are those of a reference, and their skew means a twisted capillary. This is reported once. After
+        // that the search itself shows which motor comes late.
+        if began.mark & !0xffff == super::MARK && began.skew() > limit && !self.skew_reported {
             return Err(self.skewed(began.pair()));
         }
-        // From here until it has ended the counters say nothing of the pair.
+        // From here to the end of the search the counters do not show the skew.
         self.mark = 0;
         self.wire.ask(Request::set_mark(0))?;
         self.start_pair(Request::search)?;
-        // Where each was first seen when the other had found its switch; twice, since one reading may be wrong.
+        // The first two positions of each motor after the other has found its switch: two, because one reading may be wrong.
         let mut late: [Vec<i64>; 2] = [Vec::new(), Vec::new()];
         let mut doubted = false;
         loop {
             let searching = self.searching()?;
             let look = self.look()?;
-            // The counters jump to 0 at the switch: a motor is held against itself, or against one that searches, too.
+            // A counter jumps to 0 at the switch. So a motor is compared with its own earlier position, or with one that still searches.
             let apart = match searching {
                 [false, false] => break,
                 [true, true] => {

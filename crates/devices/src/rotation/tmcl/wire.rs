@@ -1,18 +1,17 @@
-//! Requests and their answers, and how host and module find each other again.
+//! Requests and their answers, and how host and module are synchronised again after a disturbance.
 //!
 //! ```text
 //! group of requests ──► an answer to each ──► the mark, another command: its answer next? ──► values and mark
-//!                                                └─► an answer too many, and it is not a copy ──► the group is asked again
-//!                └─► silence, noise, "wrong checksum" ──► flush ──► the group is asked again
+//!                                                └─► one answer too many, and not a copy ──► the group is repeated
+//!                └─► silence, noise, "wrong checksum" ──► flush ──► the group is repeated
 //!
-//! flush:  version? ──► its answer, after whatever was late: both ends stand at the beginning of a frame
-//!            └──────► none: zeros, one by one, until the module has filled up a frame and complains of it; drained; again
+//! flush:  version? ──► its answer, after late ones: both sides are at the beginning of a frame
+//!            └──────► none: zeros, one by one, until the module has completed a frame and rejects it; drained; repeated
 //! ```
-//! An answer names its command and nothing more. A late or a doubled answer of a position can therefore be taken for the answer
-//! to the next position, and every later answer is then one too early. So no value is believed before a request of another
-//! command, the fence, has its own answer and no answer was left over. Before each request the driver forgets what has
-//! arrived: a copy of the last answer does no harm, anything else makes the group void. Every request of this driver may be sent
-//! twice: absolute targets, readings, stops.
+//! An answer names its command and nothing else. A late or doubled answer with a position can therefore be mistaken for the answer to
+//! the next position, and every later answer then comes one too early. So no value counts before a request with another command, the
+//! fence, has its own answer and no answer is left over. Before each request the driver drops received bytes: a copy of the last answer
+//! is harmless, anything else makes the group void. Every request of this driver may be sent twice: absolute targets, readings, stops.
 
 use super::frame::{BYTES, Reply, Request, status_text};
 use super::{DEVICE, TmclSettings};
@@ -21,19 +20,20 @@ use crate::cancel::CancelToken;
 use crate::rotation::link::{Link, Stopper};
 use std::time::{Duration, Instant};
 
-/// Silence after which nothing more of a burst is coming: longer than the 16 ms that USB adapters hold bytes back.
+/// Silence that ends a burst. It is longer than the 16 ms for which USB adapters hold bytes back.
 const SILENCE: Duration = Duration::from_millis(20);
-/// Wait for a complaint after each zero.
+/// Wait for a rejection after each zero.
 const ZERO_WAIT: Duration = Duration::from_millis(30);
-/// After a complaint of an earlier frame the answer follows within this, however late both are.
-const AFTER_COMPLAINT: Duration = Duration::from_millis(60);
-/// How long a flush waits for an answer that is late, in answer times.
+/// After the rejection of an earlier frame the answer follows within this time, however late both are.
+const AFTER_REJECTION: Duration = Duration::from_millis(60);
+/// How long a flush waits for a late answer, in answer times.
 const LATE_ANSWER_TIMES: f64 = 2.5;
 /// Deadline of a flush in answer times: the late answer, the zeros, the answer after them.
 const FLUSH_ANSWER_TIMES: u32 = 5;
-/// How often a group is asked.
+/// How often a group is sent.
 const ATTEMPTS: u32 = 4;
 
+/// The requests of the driver over one link.
 pub(super) struct Wire {
     link: Link,
     module: u8,
@@ -41,35 +41,35 @@ pub(super) struct Wire {
     wait: Duration,
     /// The last answer.
     last: [u8; BYTES],
-    /// Answers of other commands that came before the one that was waited for.
+    /// Commands whose answers came before the expected one.
     passed: Vec<u8>,
-    /// Something else than a copy of the last answer has come unasked.
+    /// Bytes other than a copy of the last answer came without a request.
     disturbed: bool,
 }
 
-/// What comes of one request.
+/// The outcome of one request.
 pub(super) enum Answer {
     Value(i32),
-    /// Understood, and not carried out.
+    /// The module understood the request and refuses it, with this status.
     Refused(u8),
-    /// Nothing that could be believed.
+    /// There was no valid answer.
     Lost(String),
 }
 
-/// The answers to a group of requests, and the mark that was read behind them.
+/// The answers to a group of requests, and the mark that was read after them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Told<const N: usize> {
+pub(super) struct Answers<const N: usize> {
     pub values: [i32; N],
     pub mark: i32,
 }
 
-/// What comes of a group of requests.
-pub(super) enum Heard<const N: usize> {
-    Told(Told<N>),
+/// The outcome of a group of requests.
+pub(super) enum GroupReply<const N: usize> {
+    Answered(Answers<N>),
     Refused(Request, u8),
-    /// Answers came twice or late; both ends are in step again.
+    /// Answers came twice or late. Both sides are synchronised again.
     Void(String),
-    /// A flush has to come first.
+    /// A flush is needed first.
     Lost(String),
 }
 
@@ -104,28 +104,27 @@ impl Wire {
         self.link.halt();
     }
 
-    /// The value that the module answers with.
+    /// The value in the module's answer.
     pub fn ask(&mut self, request: Request) -> Result<i32, DeviceError> {
         Ok(self.ask_all([request])?.values[0])
     }
 
-    /// The number that was written at the last reference, 0 after a reset.
+    /// The number that the last reference has written; 0 after a reset.
     pub fn mark(&mut self) -> Result<i32, DeviceError> {
         Ok(self.ask_all([])?.mark)
     }
 
-    /// The values that the module answers with. What was lost is waited for longer when it is asked for again: the pair stands, or
-    /// stands at its target.
-    pub fn ask_all<const N: usize>(&mut self, requests: [Request; N]) -> Result<Told<N>, DeviceError> {
+    /// The values in the module's answers. After a loss the next attempt waits longer, which is safe while the pair is at rest.
+    pub fn ask_all<const N: usize>(&mut self, requests: [Request; N]) -> Result<Answers<N>, DeviceError> {
         let mut found = String::new();
         let mut wait = self.wait;
         for _ in 0..ATTEMPTS {
             let until = Instant::now() + wait * (N as u32 + 1);
             found = match self.try_all(requests, wait, until)? {
-                Heard::Told(told) => return Ok(told),
-                Heard::Refused(request, status) => return Err(refused(request, status)),
-                Heard::Void(why) => why,
-                Heard::Lost(why) => {
+                GroupReply::Answered(answers) => return Ok(answers),
+                GroupReply::Refused(request, status) => return Err(refused(request, status)),
+                GroupReply::Void(why) => why,
+                GroupReply::Lost(why) => {
                     self.flush()?;
                     wait = self.wait.mul_f64(LATE_ANSWER_TIMES);
                     why
@@ -137,34 +136,39 @@ impl Wire {
         Err(DeviceError::Unexpected { device: DEVICE, expected, found })
     }
 
-    /// Asks a group once, all of it until `until`.
-    pub fn try_all<const N: usize>(&mut self, requests: [Request; N], wait: Duration, until: Instant) -> Result<Heard<N>, DeviceError> {
-        // What has come since the last group belongs to none.
-        self.link.unasked()?;
+    /// Sends a group once. The whole group has until `until`.
+    pub fn try_all<const N: usize>(
+        &mut self,
+        requests: [Request; N],
+        wait: Duration,
+        until: Instant,
+    ) -> Result<GroupReply<N>, DeviceError> {
+        // Bytes that came since the last group belong to no group.
+        self.link.take_unread()?;
         (self.disturbed, self.last) = (false, [0; BYTES]);
         self.passed.clear();
         let mut values = [0; N];
         for (value, request) in values.iter_mut().zip(requests) {
             *value = match self.once(request, until.min(Instant::now() + wait))? {
                 Answer::Value(value) => value,
-                Answer::Refused(status) => return Ok(Heard::Refused(request, status)),
-                Answer::Lost(why) => return Ok(Heard::Lost(why)),
+                Answer::Refused(status) => return Ok(GroupReply::Refused(request, status)),
+                Answer::Lost(why) => return Ok(GroupReply::Lost(why)),
             };
         }
         let mark = match self.once(Request::mark(), until.min(Instant::now() + wait))? {
             Answer::Value(mark) => mark,
-            Answer::Refused(status) => return Ok(Heard::Refused(Request::mark(), status)),
-            Answer::Lost(why) => return Ok(Heard::Lost(why)),
+            Answer::Refused(status) => return Ok(GroupReply::Refused(Request::mark(), status)),
+            Answer::Lost(why) => return Ok(GroupReply::Lost(why)),
         };
         if self.disturbed || requests.iter().any(|request| self.passed.contains(&request.command)) {
-            return Ok(Heard::Void("an answer too many: one came twice, or late".into()));
+            return Ok(GroupReply::Void("one answer too many: one came twice, or late".into()));
         }
-        Ok(Heard::Told(Told { values, mark }))
+        Ok(GroupReply::Answered(Answers { values, mark }))
     }
 
-    /// What comes of one request; after [`Answer::Lost`] nothing may be asked but a flush.
+    /// Sends one request. After [`Answer::Lost`] only a flush may follow.
     pub fn once(&mut self, request: Request, until: Instant) -> Result<Answer, DeviceError> {
-        let left = self.link.unasked()?;
+        let left = self.link.take_unread()?;
         self.disturbed |= left.chunks(BYTES).any(|frame| frame != self.last);
         let asked = Instant::now();
         self.link.send(&request.encode(self.module))?;
@@ -189,7 +193,7 @@ impl Wire {
         Reply::decode(bytes).filter(|reply| (reply.host, reply.module) == (self.host, self.module))
     }
 
-    /// Whether a module answers that was stopped, and must be asked for nothing else.
+    /// Checks that a stopped module answers. Nothing else may be asked of it.
     pub fn sign_of_life(&mut self) -> Result<(), DeviceError> {
         let request = Request::version();
         if self.link.probe_bytes(&request.encode(self.module), self.wait)?.is_empty() {
@@ -198,8 +202,7 @@ impl Wire {
         Ok(())
     }
 
-    /// Makes sure that nothing old is under way and that both ends stand at the beginning of a frame; returns type and
-    /// version of the module.
+    /// Ensures that no old answer is under way and that both sides are at the beginning of a frame. Returns type and version of the module.
     pub fn flush(&mut self) -> Result<i32, DeviceError> {
         let began = Instant::now();
         let deadline = began + FLUSH_ANSWER_TIMES * self.wait;
@@ -215,7 +218,7 @@ impl Wire {
         Err(DeviceError::Silent { device: DEVICE, request: Request::version().to_string(), waited_ms: began.elapsed().as_millis() })
     }
 
-    /// Like [`Self::flush`], without the wait for what is late; false where that was not enough.
+    /// Like [`Self::flush`], without the wait for late answers. False if that was not enough.
     pub fn resync(&mut self, until: Instant) -> Result<bool, DeviceError> {
         self.link.quiet(SILENCE, until)?;
         Ok(self.version(until)?.is_some())
@@ -228,17 +231,17 @@ impl Wire {
         while let Some(bytes) = self.link.exact::<BYTES>(until)? {
             match self.decode(bytes) {
                 Some(reply) if (reply.command, reply.status) == (request.command, 100) => return Ok(Some(reply.value)),
-                // An answer that was late.
+                // A late answer.
                 Some(reply) if reply.status != 1 => {}
-                // A complaint: of this request, or of an earlier frame.
-                Some(_) => until = until.min(Instant::now() + AFTER_COMPLAINT),
+                // A rejection of this request, or of an earlier frame.
+                Some(_) => until = until.min(Instant::now() + AFTER_REJECTION),
                 None => return Ok(None),
             }
         }
         Ok(None)
     }
 
-    /// Fills up the frame that the module may be waiting for.
+    /// Completes the frame of which the module may wait for the rest.
     fn fill_up(&mut self) -> Result<(), DeviceError> {
         for _ in 0..BYTES {
             self.link.send(&[0])?;

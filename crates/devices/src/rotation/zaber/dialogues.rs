@@ -1,6 +1,6 @@
-//! Dialogues with a scripted controller: what the driver says, line by line, and what it makes of each answer.
+//! Tests with a scripted controller: the exact bytes that the driver sends, and its reaction to each answer.
 
-#![allow(clippy::decimal_bitwise_operands, reason = "what is flipped is a bit of a place")]
+#![allow(clippy::decimal_bitwise_operands, reason = "the tests flip bits of positions")]
 
 use super::*;
 use crate::rotation::Port;
@@ -70,7 +70,12 @@ impl Script {
     }
 
     fn opening(self) -> Self {
-        self.settings().flagged("IDLE", &["WR"]).say(0, "get system.serial", "IDLE WR 51234").say(0, "get version", "IDLE WR 7.32")
+        self.opening_with(&["WR"])
+    }
+
+    /// Opened while these flags are set.
+    fn opening_with(self, flags: &[&str]) -> Self {
+        self.settings().flagged("IDLE", flags).say(0, "get system.serial", "IDLE WR 51234").say(0, "get version", "IDLE WR 7.32")
     }
 
     /// Opened and referenced where it stands; the encoder says 95 there.
@@ -198,17 +203,65 @@ fn late_replies_alerts_and_information_answer_nothing() {
     script.raw(1, "get pos", &answer).get("encoder.pos", 1695).arrives();
 }
 
+/// A move from 0 to 1600 whose reply is lost.
+fn lost() -> Script {
+    Script::referenced().stands(0, 95).raw(1, "move abs 1600", "")
+}
+
+impl Script {
+    /// A look at the state and the counter of an axis that stands.
+    fn rests_at(self, counter: i64) -> Self {
+        self.flagged("IDLE", &["WH"]).get("pos", counter)
+    }
+}
+
 #[test]
 fn what_is_lost_or_broken_is_asked_again_under_another_id() {
-    let lost = || Script::referenced().stands(0, 95).raw(1, "move abs 1600", "");
-    // A motion was heard where the axis turns; sent again it would interrupt itself.
-    lost().state("BUSY WH").stands(1600, 1695).arrives();
-    let script = lost().state("IDLE WH").say(1, "move abs 1600", "BUSY WH 0");
+    let script = lost().rests_at(0).say(1, "move abs 1600", "BUSY WH 0");
     // A broken checksum, and the late reply to the first of the two.
     let id = script.id;
     let script = script.raw(1, "", &format!("@01 1 {id:02} OK IDLE WH 0:00\r\n"));
     let late = line(&format!("@01 1 {id:02} OK BUSY WH 0")) + &line(&format!("@01 1 {:02} OK IDLE WH 0", id + 1));
     script.raw(1, "", &late).say(1, "warnings", "IDLE WH 01 WH").get("pos", 1600).get("encoder.pos", 1695).arrives();
+}
+
+#[test]
+fn a_motion_is_sent_again_only_to_an_axis_that_has_not_heard_it() {
+    // It turns, or has already arrived.
+    lost().state("BUSY WH").stands(1600, 1695).arrives();
+    lost().rests_at(1600).stands(1600, 1695).arrives();
+    // The second reply is lost as well, and the axis has heard that one.
+    let twice = || lost().rests_at(0).raw(1, "move abs 1600", "");
+    twice().state("BUSY WH").stands(1600, 1695).arrives();
+    // Each attempt comes after a look of its own, and there is an end to them.
+    let error = twice().rests_at(0).raw(1, "move abs 1600", "").rests_at(0).halted().fails();
+    assert!(matches!(&error, DeviceError::Silent { request, waited_ms: 3000, .. } if request == "move abs 1600"), "{error}");
+}
+
+#[test]
+fn a_motion_that_a_person_may_have_interrupted_is_not_sent_again() {
+    // Its reply was lost; then the axis was held at once, or on its way.
+    let taken = |script: Script| script.flagged("IDLE", &["WH", "NI"]).get("pos", 0);
+    let error = taken(taken(lost().flagged("IDLE", &["WH", "NI"]))).halted().fails();
+    assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("NI")), "{error}");
+    let error = lost().rests_at(700).rests_at(700).rests_at(700).halted().fails();
+    assert!(matches!(error, DeviceError::Missed { target: Steps(1600), achieved: Steps(700) }), "{error}");
+}
+
+#[test]
+fn a_homing_whose_reply_is_lost_is_not_sent_to_an_axis_that_homes() {
+    let before = || {
+        let script = Script::default().opening().settings().flagged("IDLE", &["WR"]).say(1, "stop", "IDLE WR 0");
+        script.flagged("IDLE", &["WR"]).say(1, "warnings clear", "IDLE WR 0").flagged("IDLE", &["WR"]).raw(1, "home", "")
+    };
+    let after = |script: Script| script.state("IDLE --").get("encoder.pos", 95).state("IDLE --").get("pos", 0).get("encoder.pos", 95);
+    // It was heard; or it was not, and the reply to the second one is lost.
+    for script in [before(), before().flagged("IDLE", &["WR"]).raw(1, "home", "")] {
+        let controller = Scripted::play(after(script.state("BUSY --")).steps);
+        let mut zaber = Zaber::open(ZaberSettings { reference: Reference::Home, ..settings(&controller.port()) }).unwrap();
+        zaber.reference(&CancelToken::new()).unwrap();
+        controller.followed(zaber);
+    }
 }
 
 #[test]
@@ -258,6 +311,32 @@ fn an_axis_that_somebody_has_is_not_turned_by_the_first_reference() {
     let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
     let error = zaber.reference(&CancelToken::new()).unwrap_err();
     assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains("knob")), "{error}");
+    controller.followed(zaber);
+}
+
+#[test]
+fn an_axis_that_somebody_has_is_opened_and_the_check_tells_of_it() {
+    for (flags, word) in [(&["FH", "WR"][..], "FH: the hardware emergency stop"), (&["NC", "NI"], "NC: the axis was turned with")] {
+        let all = format!("IDLE {} {:02} {}", flags[0], flags.len(), flags.join(" "));
+        // Asked twice, told once; nothing but questions is sent.
+        let script = Script::default().opening_with(flags).say(1, "warnings", &all).say(1, "warnings", &all);
+        let controller = Scripted::play(script.steps);
+        let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+        assert_eq!((zaber.position(), zaber.identity()), (Position::Unknown, "Zaber 51234, firmware 7.32"));
+        let error = zaber.check().unwrap_err();
+        assert!(matches!(&error, DeviceError::Intervention { what, .. } if what.contains(word)), "{error}");
+        zaber.check().unwrap();
+        assert_eq!(zaber.position(), Position::Unknown);
+        controller.followed(zaber);
+    }
+}
+
+#[test]
+fn a_move_that_was_interrupted_before_the_port_was_opened_is_a_stop_of_the_driver_before() {
+    let script = Script::default().opening_with(&["NI"]).say(1, "warnings", "IDLE NI 01 NI");
+    let controller = Scripted::play(script.steps);
+    let mut zaber = Zaber::open(settings(&controller.port())).unwrap();
+    zaber.check().unwrap();
     controller.followed(zaber);
 }
 

@@ -1,4 +1,4 @@
-//! Warning flags: what a controller knows to be wrong, and what each means for a turn.
+//! Warning flags of a Zaber controller, and what each means for a turn.
 
 use super::DEVICE;
 use crate::DeviceError;
@@ -8,20 +8,20 @@ use crate::rotation::Reference;
 pub(super) const NONE: &str = "--";
 /// The axis did not follow and was stopped.
 pub(super) const STALLED: &str = "FS";
-/// A movement was ended by another one, or by the knob. A stop of this program sets it too.
+/// A movement was interrupted by another one, or by the knob. A stop of this program also sets it.
 pub(super) const INTERRUPTED: &str = "NI";
 /// The axis is or was turned with the knob.
 pub(super) const KNOB: &str = "NC";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
-    /// A person has to look at the instrument before the axis turns again.
+    /// A person must inspect the instrument before the axis turns again.
     Alarm,
-    /// The position is not what it was; the next reference finds it.
+    /// The position is not known any more. The next reference finds it.
     Suspect,
-    /// A person, or a safety circuit that a person resets, has the axis.
+    /// An intervention: a person, or a safety circuit that a person resets, holds the axis. With the way out.
     ByHand(&'static str),
-    /// Says nothing against a turn; what it may cost shows in the counter, which is compared after each move.
+    /// It does not prevent a turn. An effect would show in the counter, which is compared after each move.
     Harmless,
 }
 
@@ -29,7 +29,7 @@ const LET_GO: &str = "Let go of the axis, then acknowledge the fault and let the
 const RELEASE: &str =
     "Release the emergency stop, then acknowledge the fault and let the run go on: the next reference switches the driver on again";
 
-/// All flags of the protocol, firmware 6 and 7.
+/// All flags of the protocol, of firmware 6 and 7, in the order of their importance.
 #[rustfmt::skip]
 const MEANINGS: &[(&str, Kind, &str)] = &[
     ("FF", Kind::Alarm, "critical system error"),
@@ -77,17 +77,17 @@ pub(super) fn is_by_hand(flag: &str) -> bool {
     matches!(meaning(flag).0, Kind::ByHand(_))
 }
 
-/// The driver is off until somebody, or a reference that somebody has allowed, switches it on.
+/// The motor driver is off until a person, or a reference after an acknowledgement, switches it on.
 pub(super) fn switches_off(flag: &str) -> bool {
     matches!(flag, "FH" | "FO")
 }
 
-/// What a reference itself puts right, or has been told of.
+/// A reference clears this flag, or the flag was reported before it.
 pub(super) fn ends_with_a_reference(flag: &str) -> bool {
     matches!(flag, "WR" | "WH" | "WM") || matches!(flag, KNOB | INTERRUPTED)
 }
 
-/// What the flags say of an axis that was referenced as `reference` says. What a person did comes before anything else.
+/// The error that flags show on an axis with this kind of reference. An intervention comes before anything else.
 pub(super) fn judge(flags: &[String], reference: Reference) -> Result<(), DeviceError> {
     let mut worst = Ok(());
     for flag in flags {
@@ -97,7 +97,7 @@ pub(super) fn judge(flags: &[String], reference: Reference) -> Result<(), Device
                 return Err(DeviceError::Intervention { device: DEVICE, what: format!("the controller reports {flag}: {text}"), way_out });
             }
             Kind::Alarm => DeviceError::Alarm { device: DEVICE, what: format!("{flag} ({text})") },
-            // A place that was taken as it is has not been homed, and need not be.
+            // With this reference the axis is not homed, and need not be.
             Kind::Suspect if flag == "WH" && reference == Reference::Here => continue,
             Kind::Suspect => DeviceError::Suspect { why: format!("the controller reports {flag}: {text}") },
             Kind::Harmless => {

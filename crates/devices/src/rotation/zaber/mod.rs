@@ -1,17 +1,18 @@
-//! Driver for Zaber controllers by their ASCII protocol.
+//! Driver for Zaber controllers with the ASCII protocol.
 //!
 //! ```text
-//! reference:  checksums on ─ settings ─ a person at the axis? ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
+//! reference:  checksums on ─ settings ─ intervention? ─ stop ─ warnings clear ─ home | here: counter to 0 ─ encoder's offset
 //! move_to:    flags? ─ counter and encoder where they were left? ─ move abs ─ state, state, ... IDLE
+//!               │                                                    └─ no reply: state, flags, counter ─ not received: move abs
 //!               └─ flags? ─ counter at the target? ─ encoder there too? ─► arrived
 //! ```
-//! Every reply carries the most important flag, so that a restart (no reference), a stall, a limit and a hand at the axis show in
-//! whatever is asked next; one flag hides those below it, so all are asked for where there is one. [`flags`] has what each
-//! means. The encoder tells where the shaft stands: steps that were lost are a miss.
+//! Every reply carries the most important warning flag. So a restart, a stall, a limit and an intervention show in the next reply.
+//! One flag hides those below it, so all are read if there is one. [`flags`] has their meanings. The encoder measures the angle of
+//! the shaft, so that lost steps are detected.
 //!
-//! **By hand.** A knob that was turned, a shaft that was pushed and a hardware stop are told as an intervention, once, and nothing
-//! that turns the axis is sent until the next reference. Their flags stay set until the axis moves, so the driver remembers
-//! which it has told. A stop of its own leaves the same flag as a hand in the middle of a move; that one counts as told.
+//! **Interventions.** A turned knob, a pushed shaft and a hardware stop are reported once, and nothing that turns the axis is sent
+//! until the next reference. Their flags stay set until the axis moves, so the driver remembers the reported ones. Its own stop sets
+//! the same flag (NI) as a person who interrupts a move. After an own stop this flag counts as reported.
 
 mod flags;
 mod packet;
@@ -31,8 +32,10 @@ use std::time::{Duration, Instant};
 use wire::Wire;
 
 const DEVICE: &str = "rotation axis (Zaber)";
-/// Pause between two looks at an axis that turns.
+/// Pause between two readings of a turning axis.
 const LOOK_AGAIN: Duration = Duration::from_millis(1);
+/// How often a motion is sent that the controller has not received.
+const MOTION_ATTEMPTS: u32 = 3;
 
 /// A rotation axis on a Zaber controller.
 pub struct Zaber {
@@ -40,18 +43,19 @@ pub struct Zaber {
     settings: ZaberSettings,
     identity: String,
     knowledge: Knowledge,
-    /// What the encoder said where the counter was 0.
+    /// The encoder's reading at counter 0.
     encoder_origin: i64,
-    /// A motion has been asked for and its end has not been seen.
+    /// A motion was requested and its end was not seen.
     in_flight: bool,
-    /// All flags, as they were read last.
+    /// All flags at the last reading.
     flags: Vec<String>,
-    /// Flags of a person's doing that were told, or are this program's own.
-    told: Vec<String>,
+    /// Flags of an intervention that were reported, or that this program's own stop has set.
+    reported: Vec<String>,
 }
 
 impl Zaber {
-    /// Opens the port and holds the controller's settings against the configured ones. Nothing moves.
+    /// Opens the port and compares the controller's settings with the configured ones. Nothing moves. A controller that a person holds is
+    /// opened too: its settings can be read, and [`RotationAxis::check`] reports the intervention.
     ///
     /// # Errors
     /// A bad setting, a port that cannot be opened, a silent controller, or one with other settings.
@@ -68,13 +72,13 @@ impl Zaber {
             encoder_origin: 0,
             in_flight: false,
             flags: Vec::new(),
-            told: Vec::new(),
+            reported: Vec::new(),
         };
         zaber.compare_settings()?;
-        // A stop of who drove the axis before.
+        // NI alone comes from the stop of the program that drove the axis before.
         let state = zaber.wire.ask("")?;
         zaber.read_flags(&state)?;
-        zaber.told.extend(zaber.flags.iter().filter(|flag| *flag == flags::INTERRUPTED).cloned());
+        zaber.reported.extend(zaber.flags.iter().filter(|flag| *flag == flags::INTERRUPTED).cloned());
         let serial = zaber.wire.ask_device("get system.serial")?.data;
         let version = zaber.wire.ask_device("get version")?.data;
         zaber.identity = format!("Zaber {serial}, firmware {version}");
@@ -83,7 +87,7 @@ impl Zaber {
     }
 
     fn compare_settings(&mut self) -> Result<(), DeviceError> {
-        // A controller that restarted has forgotten it; its answer may come without.
+        // A restart switches checksums off. The answer to this command may still come without one.
         self.wire.ask_device("set comm.checksum 1")?;
         let expected = [("resolution", self.settings.resolution), ("maxspeed", self.settings.maxspeed), ("accel", self.settings.accel)];
         let mut differences = Vec::new();
@@ -102,32 +106,32 @@ impl Zaber {
         if differences.is_empty() { Ok(()) } else { Err(DeviceError::Mismatch { device: DEVICE, differences }) }
     }
 
-    /// All flags, where a reply says that there are any: it carries one, which hides those below it.
+    /// Reads all flags if `reply` carries one, which hides those below it.
     fn read_flags(&mut self, reply: &Reply) -> Result<(), DeviceError> {
         let list = if reply.flag == flags::NONE { String::new() } else { self.wire.ask("warnings")?.data };
         self.take_flags(&list);
         Ok(())
     }
 
-    /// Takes a list of flags: their number, then each.
+    /// Keeps a list of flags as the controller prints it: their number, then each.
     fn take_flags(&mut self, list: &str) {
         self.flags = list.split_whitespace().skip(1).map(str::to_owned).collect();
-        self.told.retain(|flag| self.flags.contains(flag));
+        self.reported.retain(|flag| self.flags.contains(flag));
     }
 
-    /// What the flags that were read last say, but for those that were told.
+    /// The error that the last flags show, without the reported ones.
     fn judge(&self) -> Result<(), DeviceError> {
-        let is_new = |flag: &&String| flags::switches_off(flag) || !self.told.contains(flag);
+        let is_new = |flag: &&String| flags::switches_off(flag) || !self.reported.contains(flag);
         let new: Vec<String> = self.flags.iter().filter(is_new).cloned().collect();
         flags::judge(&new, self.settings.reference)
     }
 
-    /// Waits until the axis stands, or somebody else is seen to have it, and reads the flags that are then set.
+    /// Waits until the axis rests or an intervention shows, and reads the flags.
     fn rest(&mut self, wait: Duration) -> Result<(), DeviceError> {
         let until = Instant::now() + wait;
         loop {
             let reply = self.wire.ask("")?;
-            let is_taken = flags::is_by_hand(&reply.flag) && !self.told.contains(&reply.flag);
+            let is_taken = flags::is_by_hand(&reply.flag) && !self.reported.contains(&reply.flag);
             if !reply.moving || is_taken {
                 return self.read_flags(&reply);
             }
@@ -143,29 +147,30 @@ impl Zaber {
         }
     }
 
-    /// Sure that the axis stands at `place` within `wait`, unflagged, by its counter and by its encoder? What says otherwise
-    /// is asked for once more before it is believed.
-    fn confirm(&mut self, place: i64, wait: Duration) -> Result<(), DeviceError> {
-        if self.stands_at(place, wait)?.is_ok() {
+    /// Confirms that the axis rests at `position` within `wait`, without a flag, by its counter and by its encoder. Anything else must be
+    /// read twice before it is an error.
+    fn confirm(&mut self, position: i64, wait: Duration) -> Result<(), DeviceError> {
+        if self.rests_at(position, wait)?.is_ok() {
             return Ok(());
         }
-        self.stands_at(place, wait)?
+        self.rests_at(position, wait)?
     }
 
-    fn stands_at(&mut self, place: i64, wait: Duration) -> Result<Result<(), DeviceError>, DeviceError> {
+    /// One reading of flags, counter and encoder: the inner error if it differs, the outer one if it failed.
+    fn rests_at(&mut self, position: i64, wait: Duration) -> Result<Result<(), DeviceError>, DeviceError> {
         self.rest(wait)?;
-        let missed = |achieved| Ok(Err(DeviceError::Missed { target: Steps(place), achieved: Steps(achieved) }));
+        let missed = |achieved| Ok(Err(DeviceError::Missed { target: Steps(position), achieved: Steps(achieved) }));
         let counter = self.wire.get("pos")?;
         if let Err(error) = self.judge() {
             let is_stall = matches!(error, DeviceError::Alarm { .. }) && self.flags.iter().any(|flag| flag == flags::STALLED);
-            return Ok(Err(if is_stall { self.stalled(counter, place) } else { error }));
+            return Ok(Err(if is_stall { self.stalled(counter, position) } else { error }));
         }
-        if counter != place {
+        if counter != position {
             return missed(counter);
         }
         let Some(tolerance) = self.settings.encoder_tolerance_steps else { return Ok(Ok(())) };
         let measured = self.wire.get("encoder.pos")? - self.encoder_origin;
-        if measured.abs_diff(place) > u64::from(tolerance) { missed(measured) } else { Ok(Ok(())) }
+        if measured.abs_diff(position) > u64::from(tolerance) { missed(measured) } else { Ok(Ok(())) }
     }
 
     fn stalled(&self, at: i64, target: i64) -> DeviceError {
@@ -178,26 +183,53 @@ impl Zaber {
         if from == to {
             return Ok(());
         }
-        self.set_going(&format!("move abs {to}"))?;
+        self.set_going(&format!("move abs {to}"), Some(from))?;
         self.confirm(to, self.settings.travel_time(to - from))?;
         self.in_flight = false;
         Ok(())
     }
 
-    /// Sends a motion, which ends what the flags say of a person.
-    fn set_going(&mut self, words: &str) -> Result<(), DeviceError> {
+    /// Sends a motion to an axis that rests at `from`; `None` for a motion from an unknown position. The motion clears the flags of an
+    /// earlier intervention.
+    ///
+    /// Without a reply, the controller may have received the motion or not. It is sent again only if it was not received: a motion that is
+    /// sent to a moving axis interrupts it, and the controller then reports NI as after an intervention.
+    fn set_going(&mut self, command: &str, from: Option<i64>) -> Result<(), DeviceError> {
         self.in_flight = true;
-        self.told.clear();
-        self.wire.begin(words)
+        for _ in 0..MOTION_ATTEMPTS {
+            if self.wire.begin(command)? || self.was_received(from)? {
+                self.reported.clear();
+                return Ok(());
+            }
+            tracing::info!(command, "no reply, and the axis has not moved: the motion is sent again");
+        }
+        Err(self.wire.silent(command, MOTION_ATTEMPTS))
     }
 
-    /// Refuses an axis that a person or a safety circuit has and nobody was told of. Nothing is sent that could turn it. A driver
-    /// that was switched off, and was told so, is switched on again; a stop that is still pressed refuses that.
-    fn is_free(&mut self) -> Result<(), DeviceError> {
+    /// Whether the controller has received a motion without a reply: the axis moves, rests elsewhere, or a new flag shows an intervention,
+    /// which may have interrupted the motion at once. The wait for its end then reads the flags.
+    fn was_received(&mut self, from: Option<i64>) -> Result<bool, DeviceError> {
+        let state = self.wire.ask("")?;
+        if state.moving {
+            return Ok(true);
+        }
+        self.read_flags(&state)?;
+        if self.flags.iter().any(|flag| flags::is_by_hand(flag) && !self.reported.contains(flag)) {
+            return Ok(true);
+        }
+        match from {
+            Some(from) => Ok(self.wire.get("pos")? != from),
+            None => Ok(false),
+        }
+    }
+
+    /// An error for an intervention that was not reported yet. Nothing is sent that could turn the axis. A motor driver that was switched
+    /// off, and reported so, is switched on again. The controller refuses that while a stop is pressed.
+    fn require_free(&mut self) -> Result<(), DeviceError> {
         let reply = self.wire.ask("")?;
         self.read_flags(&reply)?;
         let by_hand: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
-        let is_new = |flag: &String| !self.told.contains(flag) || (reply.moving && flag == flags::KNOB);
+        let is_new = |flag: &String| !self.reported.contains(flag) || (reply.moving && flag == flags::KNOB);
         if by_hand.iter().any(is_new) {
             return flags::judge(&by_hand, self.settings.reference);
         }
@@ -212,7 +244,7 @@ impl Zaber {
         Ok(())
     }
 
-    /// What is set although it was cleared is not of the past, but for what the reference itself puts right.
+    /// The error of flags that are still set after `warnings clear`, without those that a reference clears.
     fn judge_before_a_reference(&self) -> Result<(), DeviceError> {
         let left: Vec<String> = self.flags.iter().filter(|flag| !flags::ends_with_a_reference(flag)).cloned().collect();
         flags::judge(&left, self.settings.reference)
@@ -220,7 +252,7 @@ impl Zaber {
 
     fn find_origin(&mut self) -> Result<(), DeviceError> {
         self.compare_settings()?;
-        self.is_free()?;
+        self.require_free()?;
         self.wire.ask("stop")?;
         self.rest(self.settings.travel_time(0))?;
         self.wire.ask("warnings clear")?;
@@ -229,7 +261,7 @@ impl Zaber {
         self.judge_before_a_reference()?;
         match self.settings.reference {
             Reference::Home => {
-                self.set_going("home")?;
+                self.set_going("home", None)?;
                 self.rest(self.settings.homing_timeout())?;
                 self.in_flight = false;
             }
@@ -240,26 +272,26 @@ impl Zaber {
         if self.settings.encoder_tolerance_steps.is_some() {
             self.encoder_origin = self.wire.get("encoder.pos")?;
         }
-        // Every later angle hangs on these.
+        // Every later angle depends on these readings.
         self.confirm(0, Duration::ZERO)
     }
 
-    /// Brings the axis to rest and no longer believes its position.
+    /// Stops the axis and makes its position suspect.
     fn doubt(&mut self, error: &DeviceError) {
         if matches!(error, DeviceError::Intervention { .. }) {
-            self.tell();
+            self.mark_reported();
         }
         if self.in_flight {
             self.wire.halt();
             self.in_flight = false;
-            self.told.push(flags::INTERRUPTED.into());
+            self.reported.push(flags::INTERRUPTED.into());
         }
         self.knowledge.doubt(error);
     }
 
-    /// Somebody is told of what a person did.
-    fn tell(&mut self) {
-        self.told = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
+    /// Remembers the flags of an intervention as reported.
+    fn mark_reported(&mut self) {
+        self.reported = self.flags.iter().filter(|flag| flags::is_by_hand(flag)).cloned().collect();
     }
 }
 
@@ -270,7 +302,7 @@ impl RotationAxis for Zaber {
 
     fn capabilities(&self) -> Capabilities {
         let has_encoder = self.settings.encoder_tolerance_steps.is_some();
-        // A stall is told by the encoder.
+        // The controller detects a stall by its encoder.
         Capabilities { has_position: true, has_encoder, has_stall: has_encoder, can_stop: true, absolute: true, trigger_only: false }
     }
 
@@ -286,7 +318,7 @@ impl RotationAxis for Zaber {
     }
 
     fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        let from = self.knowledge.whence()?;
+        let from = self.knowledge.known_steps()?;
         match self.travel(from.0, target.0) {
             Ok(()) => Ok(self.knowledge.arrived(target)),
             Err(error) => {
@@ -299,9 +331,9 @@ impl RotationAxis for Zaber {
     fn check(&mut self) -> Result<(), DeviceError> {
         let list = self.wire.probe("warnings")?.data;
         self.take_flags(&list);
-        let new: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag) && !self.told.contains(flag)).cloned().collect();
+        let new: Vec<String> = self.flags.iter().filter(|flag| flags::is_by_hand(flag) && !self.reported.contains(flag)).cloned().collect();
         if !new.is_empty() {
-            self.tell();
+            self.mark_reported();
         }
         flags::judge(&new, self.settings.reference)
     }

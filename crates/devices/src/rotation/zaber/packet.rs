@@ -4,11 +4,11 @@
 //! command   /1 1 06 move abs 32000:A9        device, axis, message id, words, checksum
 //! reply     @01 1 06 OK BUSY -- 0:DC         ..., accepted?, moving?, warning flag, data
 //! info      #01 1 06 ...                     more about the command of that id
-//! alert     !01 1 IDLE --                    unasked
+//! alert     !01 1 IDLE --                    not requested
 //! ```
-//! The checksum makes the sum of all bytes between the first and the colon 0 modulo 256.
+//! With the checksum, the sum of all bytes between the first one and the colon is 0 modulo 256.
 
-/// `/1 1 06 words:XX` and its line end.
+/// A command, `/1 1 06 words:XX`, with its line end.
 pub(super) fn command(device: u8, axis: u8, id: u8, words: &str) -> String {
     let mut content = format!("{device} {axis} {id:02}");
     if !words.is_empty() {
@@ -17,11 +17,12 @@ pub(super) fn command(device: u8, axis: u8, id: u8, words: &str) -> String {
     format!("/{content}:{:02X}\n", checksum(&content))
 }
 
-/// Without id and checksum: heard also where noise has taken a byte of them.
+/// The stop, without id and checksum, so that noise in them cannot disturb it.
 pub(super) fn stop(device: u8, axis: u8) -> String {
     format!("/{device} {axis} stop\n")
 }
 
+/// The reply to a command.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Reply {
     pub device: u8,
@@ -29,26 +30,28 @@ pub(super) struct Reply {
     pub id: Option<u8>,
     pub accepted: bool,
     pub moving: bool,
-    /// The most important of the flags that are set; `--` where none is.
+    /// The most important flag that is set; `--` if none is.
     pub flag: String,
-    /// The answer, or the reason of a refusal.
+    /// The answer, or the reason for a refusal.
     pub data: String,
 }
 
+/// A line from the controller.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Line {
+    /// A reply with a correct checksum.
     Reply(Reply),
-    /// A reply without a checksum: of a controller that was not told to send them, or has forgotten.
+    /// A reply without a checksum. Checksums were not switched on, or a restart has switched them off.
     Bare(Reply),
-    /// Information and alerts: whole, and nothing that was asked for.
+    /// Information or an alert, which answers nothing.
     Aside,
-    /// No line of this protocol, or one whose checksum is wrong.
+    /// Not a line of this protocol, or one with a wrong checksum.
     Noise,
 }
 
 impl Line {
     pub fn parse(text: &str) -> Self {
-        // Noise on an idle line stands before the next one, and so does a line whose end was lost.
+        // Noise on an idle line, and a line whose end was lost, stand before the next line.
         let Some(begin) = text.rfind(['@', '#', '!']) else { return Self::Noise };
         let Some((content, sum)) = text[begin + 1..].rsplit_once(':') else {
             return reply(&text[begin + 1..]).filter(|_| text[begin..].starts_with('@')).map_or(Self::Noise, Self::Bare);

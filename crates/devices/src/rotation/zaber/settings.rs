@@ -6,13 +6,13 @@ use crate::rotation::{Port, Reference};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// How a Zaber controller is reached and what it must say of itself.
+/// How a Zaber controller is connected, and the settings that it must have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ZaberSettings {
     /// Serial port, by its name or by its USB adapter's serial number.
     pub port: Port,
-    /// Baud; the ASCII protocol's is 115200.
+    /// Baud; 115200 for the ASCII protocol.
     #[serde(default = "default_baud")]
     pub baud: u32,
     /// Address of the device in its chain.
@@ -27,10 +27,10 @@ pub struct ZaberSettings {
     pub maxspeed: u32,
     /// Its `accel`: microsteps/s^2 times 1.6384 / 10000.
     pub accel: u32,
-    /// How far the encoder may be from the counter after a move, microsteps; left out: there is no encoder.
+    /// Largest difference between encoder and counter after a move, microsteps. Leave it out without an encoder.
     #[serde(default)]
     pub encoder_tolerance_steps: Option<u32>,
-    /// Where step 0 is.
+    /// How step 0 is found.
     pub reference: Reference,
     /// Longest wait for an answer, ms.
     #[serde(default = "default_answer_timeout_ms")]
@@ -56,16 +56,18 @@ fn default_homing_timeout_ms() -> u32 {
     30_000
 }
 
-/// What the protocol multiplies speeds by, per microstep/s.
+/// The protocol's unit of speed, per microstep/s.
 const SPEED_UNIT: f64 = 1.6384;
-/// And accelerations, per microstep/s^2.
+/// The protocol's unit of acceleration, per microstep/s^2.
 const ACCELERATION_UNIT: f64 = SPEED_UNIT / 10_000.0;
 const MOST_DEVICES: u8 = 99;
 const MOST_AXES: u8 = 9;
 
 impl ZaberSettings {
+    /// Checks the values.
+    ///
     /// # Errors
-    /// Names the first value that no controller can have.
+    /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
         for (name, value, most) in [
             ("device", self.device.into(), MOST_DEVICES.into()),
@@ -85,7 +87,7 @@ impl ZaberSettings {
         Ok(())
     }
 
-    /// Longest time a healthy controller needs for a move.
+    /// The longest time that a healthy controller needs for a move.
     pub(super) fn travel_time(&self, steps: i64) -> Duration {
         travel_time(steps, f64::from(self.maxspeed) / SPEED_UNIT, f64::from(self.accel) / ACCELERATION_UNIT) + self.answer_timeout()
     }

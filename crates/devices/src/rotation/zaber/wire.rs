@@ -1,13 +1,13 @@
-//! Commands and their replies, by message id.
+//! Commands and their replies, matched by message id.
 //!
 //! ```text
 //! ask ──► the reply of this id ──► accepted: data and flag
 //!     │                        └─► refused: the controller's reason, as an error
-//!     ├─► replies of other ids, alerts, information, noise: passed over
-//!     └─► nothing in time, or without a checksum ──► asked once more, under another id
+//!     ├─► replies of other ids, alerts, information, noise: ignored
+//!     └─► nothing in time, or without a checksum ──► sent once more, with another id
 //! ```
-//! A late reply carries the id of its own command and answers no other. Every command of this driver may be sent twice:
-//! absolute targets, readings, settings, stops. A motion, though, would interrupt itself: it is sent again to an axis that stands.
+//! A late reply carries the id of its own command and answers no other. Readings, settings and stops may be sent twice. A motion
+//! is sent once ([`Wire::begin`]): a second one would interrupt the first, and the controller would report an intervention.
 
 use super::packet::{self, Line, Reply};
 use super::{DEVICE, ZaberSettings};
@@ -18,18 +18,21 @@ use std::time::{Duration, Instant};
 
 const IDS: u8 = 100;
 
-fn request(words: &str) -> String {
-    if words.is_empty() { "its state".to_owned() } else { words.to_owned() }
+/// The name of a command in messages. The empty command asks for the state.
+fn request(command: &str) -> String {
+    if command.is_empty() { "its state".to_owned() } else { command.to_owned() }
 }
 
-fn accepted(reply: Reply, words: &str) -> Result<Reply, DeviceError> {
+/// A refusal as an error, with the controller's reason.
+fn accepted(reply: Reply, command: &str) -> Result<Reply, DeviceError> {
     if reply.accepted {
         return Ok(reply);
     }
-    let expected = format!("OK to {:?}", request(words));
+    let expected = format!("OK to {:?}", request(command));
     Err(DeviceError::Unexpected { device: DEVICE, expected, found: format!("RJ {}", reply.data) })
 }
 
+/// The requests of the driver over one link.
 pub(super) struct Wire {
     link: Link,
     device: u8,
@@ -58,72 +61,75 @@ impl Wire {
         self.link.halt();
     }
 
-    /// The reply to a command of the axis that was accepted.
-    pub fn ask(&mut self, words: &str) -> Result<Reply, DeviceError> {
-        self.ask_of(self.axis, words)
+    /// The reply to a command to the axis. A refusal is an error.
+    pub fn ask(&mut self, command: &str) -> Result<Reply, DeviceError> {
+        self.ask_of(self.axis, command)
     }
 
-    /// The reply to a command that is the whole device's.
-    pub fn ask_device(&mut self, words: &str) -> Result<Reply, DeviceError> {
-        self.ask_of(0, words)
+    /// The reply to a command to the whole device. A refusal is an error.
+    pub fn ask_device(&mut self, command: &str) -> Result<Reply, DeviceError> {
+        self.ask_of(0, command)
     }
 
     /// Whether the axis accepts a command.
-    pub fn is_accepted(&mut self, words: &str) -> Result<bool, DeviceError> {
-        Ok(self.reply_to(self.axis, words)?.accepted)
+    pub fn is_accepted(&mut self, command: &str) -> Result<bool, DeviceError> {
+        Ok(self.reply_to(self.axis, command)?.accepted)
     }
 
-    /// Sends a motion; again only where its reply is lost and the axis stands.
-    pub fn begin(&mut self, words: &str) -> Result<(), DeviceError> {
-        match self.once(self.axis, words)? {
-            Some(reply) => accepted(reply, words).map(|_reply| ()),
-            None if self.ask("")?.moving => Ok(()),
-            None => self.ask(words).map(|_reply| ()),
+    /// Sends a motion once. False if no reply came: the controller may have received it or not.
+    ///
+    /// # Errors
+    /// The controller refuses it.
+    pub fn begin(&mut self, command: &str) -> Result<bool, DeviceError> {
+        match self.once(self.axis, command)? {
+            Some(reply) => accepted(reply, command).map(|_reply| true),
+            None => Ok(false),
         }
     }
 
-    /// Asks the axis for what moves nothing, also where a stop is latched; a reply without a checksum is one too.
-    pub fn probe(&mut self, words: &str) -> Result<Reply, DeviceError> {
+    /// Asks the axis a question that moves nothing, also while a stop is latched. A reply without a checksum counts.
+    pub fn probe(&mut self, command: &str) -> Result<Reply, DeviceError> {
         for _ in 0..2 {
             self.id = (self.id + 1) % IDS;
             let mine = (self.device, self.axis, Some(self.id));
-            let lines = self.link.probe(packet::command(self.device, self.axis, self.id, words).as_bytes(), self.wait)?;
+            let lines = self.link.probe(packet::command(self.device, self.axis, self.id, command).as_bytes(), self.wait)?;
             for line in &lines {
                 if let Line::Reply(reply) | Line::Bare(reply) = Line::parse(line)
                     && (reply.device, reply.axis, reply.id) == mine
                 {
-                    return accepted(reply, words);
+                    return accepted(reply, command);
                 }
             }
         }
-        Err(self.silent(words))
+        Err(self.silent(command, 2))
     }
 
-    fn ask_of(&mut self, axis: u8, words: &str) -> Result<Reply, DeviceError> {
-        accepted(self.reply_to(axis, words)?, words)
+    fn ask_of(&mut self, axis: u8, command: &str) -> Result<Reply, DeviceError> {
+        accepted(self.reply_to(axis, command)?, command)
     }
 
-    fn reply_to(&mut self, axis: u8, words: &str) -> Result<Reply, DeviceError> {
-        let reply = match self.once(axis, words)? {
+    fn reply_to(&mut self, axis: u8, command: &str) -> Result<Reply, DeviceError> {
+        let reply = match self.once(axis, command)? {
             Some(reply) => Some(reply),
-            None => self.once(axis, words)?,
+            None => self.once(axis, command)?,
         };
         match reply {
             Some(reply) => Ok(reply),
             None if self.bare => Err(DeviceError::Suspect {
                 why: "the controller answers without checksums, which it was told to send: it was restarted".into(),
             }),
-            None => Err(self.silent(words)),
+            None => Err(self.silent(command, 2)),
         }
     }
 
-    fn silent(&self, words: &str) -> DeviceError {
-        DeviceError::Silent { device: DEVICE, request: request(words), waited_ms: 2 * self.wait.as_millis() }
+    /// The error of a command that was sent `times` and never answered.
+    pub fn silent(&self, command: &str, times: u32) -> DeviceError {
+        DeviceError::Silent { device: DEVICE, request: request(command), waited_ms: u128::from(times) * self.wait.as_millis() }
     }
 
-    fn once(&mut self, axis: u8, words: &str) -> Result<Option<Reply>, DeviceError> {
+    fn once(&mut self, axis: u8, command: &str) -> Result<Option<Reply>, DeviceError> {
         self.id = (self.id + 1) % IDS;
-        self.link.send(packet::command(self.device, axis, self.id, words).as_bytes())?;
+        self.link.send(packet::command(self.device, axis, self.id, command).as_bytes())?;
         let until = Instant::now() + self.wait;
         self.bare = false;
         let mine = (self.device, axis, Some(self.id));
@@ -141,6 +147,7 @@ impl Wire {
         Ok(None)
     }
 
+    /// The value of a setting.
     pub fn get(&mut self, setting: &str) -> Result<i64, DeviceError> {
         let data = self.ask(&format!("get {setting}"))?.data;
         data.parse().map_err(|_| DeviceError::Unexpected { device: DEVICE, expected: format!("a whole number as {setting}"), found: data })

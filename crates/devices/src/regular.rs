@@ -1,5 +1,5 @@
-//! Files that somebody names: read only where they are regular files. Reading a pipe may wait for ever, and opening a serial port may
-//! reset the device behind it.
+//! Reading of files that a user names, only if they are regular files. Reading a pipe may wait for ever, and opening a serial port
+//! may reset the device behind it.
 
 use nix::fcntl::OFlag;
 use std::fs::{File, FileType, OpenOptions};
@@ -7,12 +7,12 @@ use std::io::{self, Read};
 use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::Path;
 
-/// Opens a regular file for reading; never waits.
+/// Opens a regular file for reading, without waiting.
 ///
 /// # Errors
-/// A path that leads to nothing, or to something that is no regular file.
+/// The path does not exist, or is not a regular file.
 pub fn open(path: &Path) -> io::Result<File> {
-    // Before it is opened, because opening a device may act on it; and after, because the path may lead elsewhere by then.
+    // Checked before it is opened, because opening a device may act on it, and after, because the path may have changed meanwhile.
     check(std::fs::metadata(path)?.file_type())?;
     let file = OpenOptions::new().read(true).custom_flags(OFlag::O_NONBLOCK.bits()).open(path)?;
     check(file.metadata()?.file_type())?;
@@ -22,7 +22,7 @@ pub fn open(path: &Path) -> io::Result<File> {
 /// The bytes of a regular file.
 ///
 /// # Errors
-/// As [`open`], and a file that cannot be read to its end.
+/// As [`open`], or the file cannot be read.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path)?.read_to_end(&mut bytes)?;
@@ -32,17 +32,17 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 /// The text of a regular file.
 ///
 /// # Errors
-/// As [`read`], and bytes that are no UTF-8.
+/// As [`read`], or the bytes are not UTF-8.
 pub fn read_to_string(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     open(path)?.read_to_string(&mut text)?;
     Ok(text)
 }
 
-/// Holds that what is found is a regular file.
+/// Checks that a type is that of a regular file.
 ///
 /// # Errors
-/// What it is instead.
+/// It is another type, which the error names.
 pub fn check(found: FileType) -> io::Result<()> {
     let what = match found {
         found if found.is_file() => return Ok(()),

@@ -1,29 +1,30 @@
-//! The two ways to a motor controller: a serial port, or a TCP connection to a program beside it.
+//! The byte transport to a motor controller: a serial port, or a TCP connection to a program that drives it.
 
 use serialport::{SerialPort, TTYPort};
 use std::io::{Read, Result, Write};
 use std::net::TcpStream;
 use std::time::Duration;
 
-pub(super) enum Door {
+/// An open connection.
+pub(super) enum Transport {
     Serial(TTYPort),
     Tcp(TcpStream),
 }
 
-impl Door {
-    /// A second hold on the same connection, for the one who stops.
-    pub fn twin(&self) -> Result<Self> {
+impl Transport {
+    /// A second handle of the same connection, for the stop.
+    pub fn duplicate(&self) -> Result<Self> {
         Ok(match self {
             Self::Serial(port) => Self::Serial(port.try_clone_native()?),
             Self::Tcp(stream) => Self::Tcp(stream.try_clone()?),
         })
     }
 
-    /// How long the next read may wait for its first byte.
+    /// Sets how long the next read may wait for its first byte.
     pub fn wait_at_most(&mut self, wait: Duration) -> Result<()> {
         match self {
             Self::Serial(port) => Ok(port.set_timeout(wait)?),
-            // No wait at all cannot be asked of a socket.
+            // A socket does not accept a timeout of 0.
             Self::Tcp(stream) => stream.set_read_timeout(Some(wait.max(Duration::from_millis(1)))),
         }
     }

@@ -1,14 +1,14 @@
-//! Who else has the axis: a person at the controller, or a safety circuit.
+//! Detection of an intervention: a person at the controller, or a safety circuit, holds the axis.
 //!
 //! ```text
-//!   report ─┬─ Hold, Door, Jog, Home, Check, Sleep, Tool, and carved has not asked for it ─┐
+//!   report ─┬─ Hold, Door, Jog, Home, Check, Sleep, Tool, and carved did not request it ───┐
 //!           ├─ input E (emergency stop), R (reset) or H (feed hold) is active              ├─ read twice ─► Intervention
 //!           └─ input D (door) is active, and the axis is to move or is locked ─────────────┘
-//!
 //! ```
-//! carved's own stop is a feed hold and a reset, and the reset ends the hold. So a hold that stands is somebody else's. Stops that the
-//! program decides on write nothing to an axis at rest ([`StopHandle::end_motion`](crate::StopHandle::end_motion)): they would end a
-//! hold that nobody has read yet. A stop that a person asks for resets always: what was held in mid-move does not move later.
+//! The stop of this program is a feed hold and a reset, and the reset ends the hold. So a hold that persists comes from a person. Stops
+//! that the program decides on write nothing to an axis at rest ([`StopHandle::end_motion`](crate::StopHandle::end_motion)), because
+//! they would end a hold that was not read yet. A stop that a person requests always resets, so that a motion that is held does not
+//! continue later.
 
 use super::DEVICE;
 use super::report::{State, Status};
@@ -20,7 +20,7 @@ const RELEASE: &str = "Release the stop when the axis may move, then acknowledge
 const FINISH: &str = "Finish what you are doing with the axis, then acknowledge the fault and let the run go on";
 const RESET: &str = "Reset the controller, then acknowledge the fault and let the run go on";
 
-/// What a report says of somebody else; `before_motion` where the axis is to move next.
+/// The intervention that a report shows, if any. `before_motion`: the axis is about to move.
 pub(super) fn of(status: &Status, before_motion: bool) -> Option<DeviceError> {
     let door_counts = before_motion || status.state != State::Idle;
     let (what, way_out) = match status.state {
@@ -31,11 +31,11 @@ pub(super) fn of(status: &Status, before_motion: bool) -> Option<DeviceError> {
         State::Door => ("the safety door is open", CLOSE_DOOR),
         _ if status.is_active('D') && door_counts => ("the safety door is open", CLOSE_DOOR),
         _ if status.is_active('R') => ("the reset input of the controller is active", RELEASE),
-        State::Hold => ("the controller is in feed hold, and carved has not put it there", CYCLE_START),
+        State::Hold => ("the controller is in feed hold, and carved did not request it", CYCLE_START),
         _ if status.is_active('H') => ("the feed hold input of the controller is active", RELEASE),
-        State::Jog => ("the axis is jogged, and not by carved", FINISH),
-        State::Home => ("the axis is homed, and not by carved", FINISH),
-        State::Tool => ("the controller waits for a change of tool", FINISH),
+        State::Jog => ("the axis is jogged, but not by carved", FINISH),
+        State::Home => ("the axis is homed, but not by carved", FINISH),
+        State::Tool => ("the controller waits for a tool change", FINISH),
         State::Check => ("the controller is in check mode, in which nothing moves", RESET),
         State::Sleep => ("the controller sleeps, and its motors are off", RESET),
         State::Idle | State::Run | State::Alarm => return None,
@@ -43,17 +43,17 @@ pub(super) fn of(status: &Status, before_motion: bool) -> Option<DeviceError> {
     Some(intervention(&format!("{what} (it reports {status})"), way_out))
 }
 
-/// An axis that goes on turning without having been sent anywhere.
+/// The error of an axis that keeps turning without a command.
 pub(super) fn still_turning(status: &Status) -> DeviceError {
-    intervention(&format!("the axis turns, and carved has not sent it (it reports {status})"), FINISH)
+    intervention(&format!("the axis turns without a command of carved (it reports {status})"), FINISH)
 }
 
-/// grblHAL's alarm of that name.
+/// Number of grblHAL's alarm for the emergency stop.
 const EMERGENCY_STOP: u16 = 10;
-/// The door was opened in a homing cycle.
+/// Number of the alarm for a door that was opened in a homing cycle.
 const DOOR_IN_HOMING: u16 = 7;
 
-/// Of an alarm by its number, where it is somebody's doing.
+/// The intervention that an alarm shows, if any.
 pub(super) fn of_alarm(number: u16) -> Option<DeviceError> {
     match number {
         EMERGENCY_STOP => Some(intervention("ALARM:10, the emergency stop at the controller is pressed", RELEASE)),
@@ -62,10 +62,10 @@ pub(super) fn of_alarm(number: u16) -> Option<DeviceError> {
     }
 }
 
-/// A command is refused while the door is open.
+/// Number of the error of a command that is refused while the door is open.
 const DOOR_IS_OPEN: u16 = 13;
 
-/// Of an error by its number, where it is somebody's doing.
+/// The intervention that an error shows, if any.
 pub(super) fn of_error(number: u16) -> Option<DeviceError> {
     (number == DOOR_IS_OPEN).then(|| intervention("error:13, the safety door is open", CLOSE_DOOR))
 }
@@ -85,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_nobodys_doing_is_let_pass() {
+    fn a_report_without_an_intervention_passes() {
         for report in ["<Idle|MPos:0,0,0>", "<Run|MPos:0,0,0>", "<Alarm|MPos:0,0,0>", "<Idle|MPos:0,0,0|Pn:PX>"] {
             assert_eq!(said(report, true), None, "{report}");
         }

@@ -1,0 +1,20 @@
+//! The clock of a sampler. Tests replace it by one that only they move.
+
+use std::time::{Duration, Instant};
+
+/// How to read the time, and how to wait.
+#[derive(Clone, Copy)]
+pub(super) struct Clock {
+    pub now: fn() -> Instant,
+    /// Blocks the thread for this time.
+    pub pause: fn(Duration),
+}
+
+impl Clock {
+    pub const REAL: Self = Self { now: Instant::now, pause: std::thread::sleep };
+
+    /// Time that has passed since `earlier`.
+    pub fn since(self, earlier: Instant) -> Duration {
+        (self.now)().duration_since(earlier)
+    }
+}
