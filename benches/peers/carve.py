@@ -58,9 +58,9 @@ def carving(machine, folder, sd_um, said, wrong):
     return [
         f"### {VIEWS} views at SD {sd_um} um",
         "",
-        *report.table(["carver", "rule", "median", "times carved", "goal", "voxels (beside its rule)"], rows),
+        *report.table(["carver", "rule", "median", "times carved", "goal", "voxels (difference from the rule)"], rows),
         *report.table(["one view", "median", "worst"], views),
-        *([] if megabytes is None else [f"carved's hull and views take {megabytes:.1f} MB; a byte per voxel, as in numpy and numba, is {dense_mb(sd_um):.0f} MB.", ""]),
+        *([] if megabytes is None else [f"carved's hull and views need {megabytes:.1f} MB. One byte per voxel, as in numpy and numba, is {dense_mb(sd_um):.0f} MB.", ""]),
     ]
 
 
@@ -92,11 +92,12 @@ def uneven(machine, folder, said, wrong):
             rows.append([variant, f"{sd_um}", ms(own), found, machine.at_most(slower, GOAL_UNEVEN, str), told(count, rule), ms(batch), times(batch, own)])
             print(rows[-1], flush=True)
     return [
-        "### Axis and edges that are not ideal",
+        "### A rolled axis and rough edges",
         "",
-        f"`rolled`: the same solid, its axis rolled by 2 deg in the picture. `ragged`: the clean silhouettes with a rough edge (IoU about 0.945). {VIEWS} views.",
+        "`rolled`: the same solid with its axis rolled by 2 deg in the picture. `ragged`: the clean silhouettes with a rough edge",
+        f"(IoU about 0.945). {VIEWS} views.",
         "",
-        *report.table(["variant", "SD, um", "carved", "times clean", "goal", "voxels (beside its rule)", "numba early exit", "times carved"], rows),
+        *report.table(["variant", "SD, um", "carved", "times clean", "goal", "voxels (difference from the rule)", "numba early exit", "times carved"], rows),
     ]
 
 
@@ -122,8 +123,9 @@ def afterwards(machine, folder, said, wrong):
     return [
         "### Surface, fairing, VRV",
         "",
-        "libigl fairs with the cotangent operator and lambda = SD^2 / 2, carved with the umbrella operator and lambda = 0.8: as many implicit steps, not the",
-        "same surface. VRV is one evaluation of the calibration's objective, the number of voxels that 21 views leave.",
+        "libigl fairs with the cotangent operator and lambda = SD^2 / 2, carved with the umbrella operator and lambda = 0.8. The",
+        "number of implicit steps is the same, the resulting surface is not. VRV is one evaluation of the calibration's",
+        "objective, the number of voxels that 21 views leave.",
         "",
         *report.table(["step", "carved", "peer", "peer's median", "times carved", "goal"], rows),
     ]
@@ -140,7 +142,7 @@ def scaling(said):
         n, median = float(values["voxels"]), float(values["median"])
         rows.append([f"{n / 1e6:.0f}", ms(median), f"{median / t0:.1f}", f"{(n / n0) ** (2 / 3):.1f}", f"{n / n0:.0f}", ms(float(values["total"])), f"{float(values['megabytes']):.0f}"])
     head = ["10^6 voxels", "one view, median", "grows by", "the surface by", "the volume by", f"{VIEWS} views", "MB, views and buffers included"]
-    return ["### From a million voxels to a thousand million", "", "The same views and box, smaller and smaller voxels; one run each, its first requests of memory included.", "", *report.table(head, rows)]
+    return ["### From a million voxels to a thousand million", "", "The same views and box with ever smaller voxels. One run each, which includes its first requests of memory.", "", *report.table(head, rows)]
 
 
 def main(folder):
@@ -154,10 +156,11 @@ def main(folder):
         "",
         *machine.lines(["numpy", "numba", "open3d", "vtk", "libigl", "scipy"]),
         "",
-        "A larva phantom seen by 84 views in a box of 5 x 1 x 1 mm; 4 of 84 views may miss a voxel that counts. Two rules decide which voxels stay. *Centre*: the",
-        "voxel's centre samples the nearest pixel of the mask; what is outside the image is a miss. In float32 single voxels at the surface fall into the",
-        "next pixel. *Any corner* (Open3D): no view may miss, but it is enough that one of a voxel's eight corners, sampled bilinearly, touches the mask:",
-        "this keeps a layer more. Each count is checked against its rule, written plainly in float64; the difference stands beside it.",
+        "A larva phantom seen by 84 views in a box of 5 x 1 x 1 mm. A voxel is kept if at most 4 of the 84 views miss it. There",
+        "are two rules for a miss. *Centre*: the centre of the voxel samples the nearest pixel of the mask. Outside the image is",
+        "a miss. In float32 single voxels at the surface fall into the next pixel. *Any corner* (Open3D): no view may miss, but",
+        "one of the eight corners of a voxel inside the mask (sampled bilinearly) is enough. This keeps one more layer. Each",
+        "count is checked against a simple implementation of its rule in float64. The difference is given beside the count.",
         "",
         *lines,
         *(["**Not what the rules say:** " + "; ".join(wrong) + "."] if wrong else []),

@@ -52,8 +52,10 @@ def main(folder):
     report.write(report.PAGE, "instructions", [
         "## Instructions",
         "",
-        f"{report.processor()}. {report.today()}. {valgrind}, {rust}, bench profile, one thread; instructions read (Ir) within the function alone. A busy machine does",
-        "not move them, so a change of a per cent is a change of the program; instructions are not time: vectors, caches and threads are not in them.",
+        f"{report.processor()}. {report.today()}. {valgrind}, {rust}, bench profile, one thread.",
+        "The numbers are the instructions read (Ir) within the function alone. They do not depend on other work of the machine,",
+        "so a change of one per cent is a change of the program. They are not times: the effects of vector instructions, caches",
+        "and threads are not included.",
         "",
         *report.table(["hot path", "10^6 instructions"], rows),
     ])

@@ -16,8 +16,9 @@ from ours import ROOT
 PAGE = ROOT / "docs" / "performance.md"
 HEAD = """# Performance
 
-Written by `benches/peers/run.sh`, section by section; [benches/peers](../benches/peers/README.md) says what is timed and how. All tools of a
-section ran one after the other on the machine it names. **Times belong to that machine, ratios travel.** The goals are for a quiet machine.
+`benches/peers/run.sh` writes this page section by section. [benches/peers](../benches/peers/README.md) explains what is
+timed and how. All tools of a section ran one after the other on the machine that the section names. **The times are
+valid for that machine only. The ratios are similar on other machines.** The goals are for a quiet machine.
 """
 PARTS = ("segmentation", "carve", "instructions")
 BUSY_PAGE = ROOT / "target" / "performance.md"

@@ -38,10 +38,12 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         })
         .collect();
     let text = format!(
-        "Simulation: {n} finless larvae, drift and noise, ASD {ASD}; voxels of {VOXEL_UM} um with epsilon 0.05, VRV with epsilon 0 at {VRV_VOXEL_UM} um from the rig's camera. Mean ± SD, worst; uy and gamma against \
-         the truth, volumes and areas in per cent off it.\n\n{}\
-         The volume as fitted and the area by support functions hardly depend on uy; the paper's hull does, by half its volume per 10 px. The bias that is taken off a volume by support functions is worked out from the shifts and \
-         residuals of views: without a calibration these are the axis' own error, and the volume so corrected is worthless. Only the least squares know each view's shift.\n\n",
+        "Simulation: {n} finless larvae, drift and noise, ASD {ASD}; voxels of {VOXEL_UM} um with epsilon 0.05, VRV with epsilon 0 at {VRV_VOXEL_UM} um\n\
+         from the rig's camera. Errors against the true values, mean ± SD, worst; volumes and areas in per cent.\n\n{}\
+         The volume as fitted and the area by support functions hardly depend on uy. The paper's hull loses half its volume per\n\
+         10 px. The bias of a volume by support functions is estimated from the shifts and residuals of the views, and\n\
+         subtracted. Without a calibration these contain the error of the axis, and the corrected volume is worthless. Only the\n\
+         least squares know the shift of each view.\n\n",
         table(
             &[
                 "calibration",
@@ -49,7 +51,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
                 "uy, px",
                 "gamma, deg",
                 "volume, support, as fitted",
-                "less its bias",
+                "after bias correction",
                 "area, support",
                 "volume, voxels",
                 "area, voxels"

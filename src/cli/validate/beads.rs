@@ -98,9 +98,10 @@ const QUANTITIES: [(usize, &str, f64, usize); 3] = [
 fn told(beads: &[Bead], paper: &Published) -> Section {
     let n = beads.len();
     let mut text = format!(
-        "Simulation: {n} beads, diameters the quantiles of N(500, 25) um (mean 500.00, SD 25.00), each rendered at {CAPTURED} angles (region of \
-         interest {} x {} px, colour mosaic, noise), segmented as on an instrument, calibrated on all {CAPTURED} views, carved with epsilon {EPSILON} from even \
-         subsets; ten iterations of fairing with the umbrella operator, lambda 0.8. Each cell has ours, and the paper's mean in brackets.\n\n",
+        "Simulation: {n} beads. Their diameters are the quantiles of N(500, 25) um (mean 500.00, SD 25.00). Each is rendered at {CAPTURED}\n\
+         angles (region of interest {} x {} px, colour mosaic, noise), segmented as on an instrument, calibrated on all {CAPTURED} views,\n\
+         and carved with epsilon {EPSILON} from even subsets. Fairing: ten iterations with the umbrella operator, lambda 0.8. Each\n\
+         cell has our value, and the paper's mean in brackets.\n\n",
         REGION_PX[0], REGION_PX[1]
     );
     let published = |quantity: usize| [&paper.diameter_um, &paper.volume_1e7_um3, &paper.area_1e5_um2][quantity];
@@ -116,7 +117,7 @@ fn told(beads: &[Bead], paper: &Published) -> Section {
         .filter_map(|&asd| Some((asd, excess(beads, asd, at, 1) - 100.0 * circle_bias(EPSILON, asd)? - profile_bias(beads))))
         .fold((0, 0.0), |worst: (usize, f64), this| if this.1.abs() > worst.1.abs() { this } else { worst });
     section.goals.push(Goal::new(
-        "beads by frames: hulls are the theory's bias and the profiles' own error off the truth, within 0.6 % of volume, ASD 7 and more, SD 6.93",
+        "beads by frames: error of the hulls, less the theory's bias and the profiles' own error, within 0.6 % of volume, ASD 7 and more, SD 6.93",
         format!("worst {:+.2} % (ASD {})", worst.1, worst.0),
         worst.1.abs() <= 0.6,
     ));
@@ -162,9 +163,10 @@ fn t_scores(beads: &[Bead], paper: &Published) -> String {
         })
         .collect();
     format!(
-        "### t scores of the diameters\n\nt = |mean - 500| sqrt(n - 1) / SD, the paper's in brackets, worked out from its means and SDs. Its critical value at 0.01, {PAPERS_T}, is \
-         that of 25 degrees of freedom; {} have {:.3}. The paper prints other t for ASD 12 and for (4, 17.10): misprints, \
-         as its means and SDs show. Its mean of (28, 5.50) is one too: its printed t, 0.29, is that of 498.5, not of 499.0.\n\n{}",
+        "### t scores of the diameters\n\nt = |mean - 500| sqrt(n - 1) / SD. The paper's value, computed from its means and SDs, is in brackets. Its critical\n\
+         value at 0.01, {PAPERS_T}, belongs to 25 degrees of freedom; {} degrees have {:.3}. The paper prints other t for ASD 12 and\n\
+         for (4, 17.10). These are misprints, as its means and SDs show. Its mean of (28, 5.50) is a misprint too: the printed t,\n\
+         0.29, belongs to 498.5, not to 499.0.\n\n{}",
         n.saturating_sub(1),
         student(0.99, n.saturating_sub(1)),
         table(&by_density(paper), &rows)
@@ -214,20 +216,26 @@ fn explained(beads: &[Bead], paper: &Published) -> String {
         })
         .collect();
     format!(
-        "### Where the differences come from\n\nPer cent, SD {EXPLAINED_UM}. The hull of a ball is too large by what its slices are, n tan(pi/n) / pi and its kin for one and two slabs missed. \
-         The profiles themselves are off by {profiles:+.2} % of volume here (sections of all {CAPTURED} views, which know no voxels and no tolerance). What neither explains is left.\n\n{}\
-         * The last three columns are volumes over those of ASD 84. The paper's fall steadily with ASD; the theory's don't, and neither do ours.\n\
-         * At ASD 4 four views at 90 deg enclose a square, +27 %; the paper's +10 % cannot be had from these. From 7 to 42 the paper lies above the theory, as views that disagree by 1 to 2 px would make it.\n\
-         * Where no miss is allowed (ASD 4, 7, 12, 14) every view's noise carves, and nothing forgives it: what is left is more negative there.\n\
-         * The paper's means also hold what its 25 beads differ from 500 um by (standard error 5 um: 1 % of diameter, 3 % of volume), which is not known. Ours have a mean of just 500 um.\n\
-         * At SD 17.1 fairing makes small spheres smaller, in the paper as here; volumes by voxels hardly depend on SD.\n\
-         * SD 5.5 is the size of a pixel: voxels' centres and pixels' sides then fall on one another or between, everywhere alike, and our volumes stray by up to 1 %. The paper's don't.\n\n",
+        "### Where the differences come from\n\nPer cent, SD {EXPLAINED_UM}. The hull of a ball is too large because each of its slices is a polygon: by n tan(pi/n) / pi, and by\n\
+         similar formulas if one or two views may miss. The profiles themselves have an error of {profiles:+.2} % of volume here (from the\n\
+         support functions of all {CAPTURED} views, without voxels and without tolerance). The column `remaining` is the part that\n\
+         neither explains.\n\n{}\
+         * The last three columns are volumes compared with those of ASD 84. The paper's volumes fall steadily with ASD. Those of\
+         \n  the theory and ours do not.\n\
+         * At ASD 4 four views at 90 deg enclose a square, +27 %. They cannot give the paper's +10 %. From 7 to 42 the paper is\
+         \n  above the theory. Views that disagree by 1 to 2 px would explain this.\n\
+         * If no miss is allowed (ASD 4, 7, 12, 14), the noise of every view carves. The remaining part is more negative there.\n\
+         * The mean of the paper's 25 beads may differ from 500 um (standard error 5 um: 1 % of diameter, 3 % of volume). By how\
+         \n  much is not known. Our beads have a mean of exactly 500 um.\n\
+         * At SD 17.1 fairing makes small spheres smaller, in the paper and here. Volumes by voxels hardly depend on SD.\n\
+         * SD 5.5 is the size of a pixel. The centres of the voxels then have the same position relative to the sides of the\
+         \n  pixels everywhere, and our volumes vary by up to 1 %. The paper's do not.\n\n",
         table(
             &[
                 "ASD",
                 "theory, volume",
                 "ours, volume",
-                "left",
+                "remaining",
                 "diameter: theory, ours",
                 "area: theory, ours",
                 "theory / 84",

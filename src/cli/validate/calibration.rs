@@ -40,8 +40,8 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         })
         .collect();
     section.text = format!(
-        "Simulation: {n} finless larvae, each with another drift (uy to 20 px, gamma to 1 deg, alpha to 0.3 deg; angles 0.5 deg, shifts 0.4 px, edges 0.3 px, SD). uy with the mean of the true \
-         shifts added. Mean ± SD, worst.\n\n{}",
+        "Simulation: {n} finless larvae, each with another drift (uy to 20 px, gamma to 1 deg, alpha to 0.3 deg; angles 0.5 deg,\n\
+         shifts 0.4 px, edges 0.3 px, SD). The mean of the true shifts is added to the true uy. Error, mean ± SD, worst.\n\n{}",
         table(&["", "solved", "uy, px", "gamma, deg", "scale of angles, %", "volume, %", "most passes"], &rows)
     );
     let worst = |found: &[Found], number: &dyn Fn(&Found) -> f64| Summary::of(&found.iter().map(number).collect::<Vec<_>>()).worst;
@@ -98,7 +98,7 @@ fn refusals(section: &mut Section) {
         held &= !said.is_empty();
         rows.push(vec![asked.to_owned(), said.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")]);
     }
-    section.text += &format!("### What VRV may not free\n\n{}", table(&["asked for", "said"], &rows));
+    section.text += &format!("### What VRV may not free\n\n{}", table(&["requested", "answer"], &rows));
     let found = format!("{} of {} are", rows.iter().filter(|r| !r[1].is_empty()).count(), rows.len());
     section.goals.push(Goal::new(
         "6: freeing k, f or unbounded alpha or omega under VRV is refused or bounded, with the reason",

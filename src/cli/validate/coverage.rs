@@ -30,17 +30,19 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
             format!("{:+.2} ± {:.2}", z.mean, z.sd),
         ]);
         section.goals.push(Goal::new(
-            format!("coverage: of {n} phantoms, 95 % intervals of {what} that hold the truth: 93 to 97 %"),
+            format!("coverage: of {n} phantoms, 95 % intervals of {what} that contain the true value: 93 to 97 %"),
             format!("{held:.1} % of {} measured", found.len()),
             found.len() == n && (93.0..=97.0).contains(&held),
         ));
     }
     section.text = format!(
-        "Simulation: {n} finless larvae, drift and noise, ASD {ASD}. The interval is number ± {t:.3} standard deviations (Student's t, {} degrees), of views (jackknife) and calibration. \
-         What is added on an instrument for its scale and for edges that err alike in all views is left out: nothing here errs so. A mean off the truth \
-         that is not small beside the stated SD is a bias, which no interval of repeatability holds.\n\n{}",
+        "Simulation: {n} finless larvae, drift and noise, ASD {ASD}. The interval is the value ± {t:.3} standard deviations\n\
+         (Student's t, {} degrees of freedom), from views (jackknife) and calibration. On an instrument the errors of its scale,\n\
+         and edge errors that are the same in all views, are added. They are left out here, because the simulation has no such\n\
+         errors. A mean error that is not small compared with the stated SD is a bias. Intervals of repeatability do not include\n\
+         a bias.\n\n{}",
         ASD - 1,
-        table(&["", "held, %", "off the truth, %: mean ± SD, worst", "stated SD, %", "off in stated SDs"], &rows)
+        table(&["", "coverage, %", "error, %: mean ± SD, worst", "stated SD, %", "error in stated SDs"], &rows)
     );
     Ok(section)
 }

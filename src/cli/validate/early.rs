@@ -76,7 +76,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         let held = share_within(&all, rule.promised_error_percent);
         section.goals.push(Goal::new(
             format!(
-                "early stop: of {n} turns, those that end on a promise of {} % (from {} views) hold it: {PROMISED_SHARE} % or more",
+                "early stop: of {n} turns that end early on a promise of {} % (from {} views), the share within it: {PROMISED_SHARE} % or more",
                 rule.promised_error_percent, rule.min_views
             ),
             format!("{held:.1} % of {}", all.len()),
@@ -84,10 +84,12 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         ));
     }
     section.text = format!(
-        "Simulation: {n} larvae with drift and noise, every other with fins, {CAPTURED} stops, coarse to fine. After each view the volume by support functions is estimated from the views so far, \
-         calibrated on just these; the turn ends when slices have {HARMONICS_MOST} harmonics, the newest estimates agree and the 95 % interval of the newest is as narrow as promised (`early_stop`; the second rule is its default). \
-         Views and per cent off the ideal hull at the end; held is the share within what was promised, of those that ended early.\n\n{}",
-        table(&["rule", "larvae", "ended early", "views", "off, %: mean ± SD, worst", "held, %"], &rows)
+        "Simulation: {n} larvae with drift and noise, every other with fins, {CAPTURED} stops, coarse to fine. After each view the\n\
+         volume by support functions is estimated from the views so far, calibrated on these views alone. The turn ends when\n\
+         slices have {HARMONICS_MOST} harmonics, the newest estimates agree and the 95 % interval of the newest is as narrow as promised\n\
+         (`early_stop`; the second rule is its default). The table has the number of views and the error against the ideal hull\n\
+         at the end. The last column is the share of early ends within the promised error.\n\n{}",
+        table(&["rule", "larvae", "ended early", "views", "error, %: mean ± SD, worst", "within the promise, %"], &rows)
     );
     Ok(section)
 }

@@ -112,9 +112,10 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
         rows.push(vec![name.into(), n.to_string(), wrong.to_string(), volume, said]);
     }
     section.text = format!(
-        "Simulation: finned and finless larvae in turn, drift and noise, ASD {ASD}, through the daemon's own reconstruction (SD {VOXEL_UM} um). Silently wrong is a volume that is off the ideal hull by more than \
-         {WRONG_PERCENT} % and by more than three of its own standard deviations, with nothing said by name. In brackets how often.\n\n{}",
-        table(&["fault", "turns", "silently wrong", "volume against the ideal hull", "said"], &rows)
+        "Simulation: finned and finless larvae in turn, drift and noise, ASD {ASD}, through the daemon's own reconstruction (SD {VOXEL_UM}\n\
+         um). A volume is silently wrong if it differs from the ideal hull by more than {WRONG_PERCENT} % and by more than three of its own\n\
+         standard deviations, and no flag or error reports it. The numbers in brackets count the turns.\n\n{}",
+        table(&["fault", "turns", "silently wrong", "volume against the ideal hull", "reported"], &rows)
     );
     Ok(section)
 }

@@ -90,9 +90,10 @@ fn told(larvae: &[Larva], rendered: &[Larva], voxel_um: f64) -> anyhow::Result<S
     let counts = STAGES.map(|dpf| larvae.iter().filter(|l| l.dpf == dpf).count());
     let mut section = Section { title: "2. Larvae", ..Section::default() };
     section.text = format!(
-        "Simulation: {} finless larvae ({}, {} and {} of 3, 4 and 5 dpf) as outlines by formulas with a day's drift: uy up to 20 px off, gamma 1 deg, alpha 0.3 deg, angles 0.5 deg, \
-         views shifted by 0.4 px, edges by 0.3 px (standard deviations). {CAPTURED} views; each ASD is an even subset, calibrated on itself. Voxels of {voxel_um} um, epsilon 0.05. \
-         Per cent off the truth, mean ± SD, worst.\n\n",
+        "Simulation: {} finless larvae ({}, {} and {} of 3, 4 and 5 dpf). The outlines come from formulas with a day's drift: uy\n\
+         up to 20 px off, gamma 1 deg, alpha 0.3 deg, angles 0.5 deg, views shifted by 0.4 px, edges by 0.3 px (standard\n\
+         deviations). {CAPTURED} views; each ASD is an even subset, calibrated on itself. Voxels of {voxel_um} um, epsilon 0.05. Error in per\n\
+         cent, mean ± SD, worst.\n\n",
         larvae.len(),
         counts[0],
         counts[1],
@@ -143,10 +144,12 @@ fn by_stage(larvae: &[Larva], paper: &Published) -> String {
         }
     }
     format!(
-        "### By stage (figures 7 and 8, table 5)\n\nVolumes in 1e8 um^3, areas in 1e6 um^2, mean ± SD. The phantoms are not the paper's larvae: what can be compared is how the area \
-         changes with ASD, in the last column as per cent of the area at ASD 84. The paper's table of volumes is not in our copy.\n\n{}\
-         At ASD 4 the paper's areas lie 30 to 32 % above those of ASD 84: a square about a circle has a perimeter that is 27 % longer. From ASD 7 to 84 they fall steadily by 6 to 7 %, ours by 1 %, up and down \
-         as the theory of the hull does. What the paper's have beyond that is what 1 to 2 px of disagreement between views give, and fins that few views see edge-on.\n\n",
+        "### By stage (figures 7 and 8, table 5)\n\nVolumes in 1e8 um^3, areas in 1e6 um^2, mean ± SD. The phantoms are not the paper's larvae. Only the change of the area\n\
+         with ASD can be compared: the last column gives it in per cent of the area at ASD 84. The paper's table of volumes is\n\
+         missing in our copy.\n\n{}\
+         At ASD 4 the paper's areas are 30 to 32 % above those of ASD 84. (A square around a circle has a perimeter that is 27 %\n\
+         longer.) From ASD 7 to 84 the paper's areas fall steadily by 6 to 7 %. Ours fall by 1 %, up and down like the theory of\n\
+         the hull. Views that disagree by 1 to 2 px, and fins that few views see edge-on, would explain the difference.\n\n",
         table(
             &[
                 "dpf",
@@ -156,7 +159,7 @@ fn by_stage(larvae: &[Larva], paper: &Published) -> String {
                 "area, support",
                 "area, voxels",
                 "area, paper",
-                "area over ASD 84, %: support, voxels, paper"
+                "area compared with ASD 84, %: support, voxels, paper"
             ],
             &rows
         )
@@ -179,8 +182,9 @@ fn through_frames(rendered: &[Larva]) -> String {
         })
         .collect();
     format!(
-        "### Through frames and segmentation\n\nSimulation: one larva of each stage with fins, rendered at {CAPTURED} angles, segmented as on an instrument; the camera is the nominal one and calibrated \
-         all the same. Per cent off the ideal hull, fins included: what segmentation misses of the fins is missing here too.\n\n{}",
+        "### Through frames and segmentation\n\nSimulation: one larva of each stage with fins, rendered at {CAPTURED} angles and segmented as on an instrument. The camera is\n\
+         the nominal one, and is calibrated as always. Error against the ideal hull with fins, per cent. The parts of the fins\n\
+         that segmentation misses are missing here too.\n\n{}",
         table(&["dpf", "ASD", "volume, support", "area, support", "volume, voxels", "area, voxels"], &rows)
     )
 }

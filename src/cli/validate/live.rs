@@ -80,26 +80,28 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
                 let held = share_within(&deviations, 2.0);
                 section.goals.push(Goal::new(
                     format!("live estimate: truth within 2 SD after {views} of {asd} views, {name}: {HELD_LEAST} % or more"),
-                    format!("{held:.1} % of {} told", of.len()),
+                    format!("{held:.1} % of {} estimates", of.len()),
                     held >= HELD_LEAST,
                 ));
             }
         }
     }
     section.text = format!(
-        "Simulation: {n} larvae with drift and noise, every other with fins. `specimen.volume_um3` and its standard deviation (views, calibration, and corners of fins that few views do not show; what is added on an instrument for its scale and for edges \
-         that err alike is left out, as nothing here errs so) after quarters of a turn, against the ideal hull. Where nothing is told the views do not look from all around. Converged is the default rule of `early_stop`, and of \
-         those the share within what it promises.\n\n{}",
+        "Simulation: {n} larvae with drift and noise, every other with fins. The table compares `specimen.volume_um3` after each\n\
+         quarter of a turn with the ideal hull. Its standard deviation contains views, calibration, and corners of fins that few\n\
+         views do not show. The errors of scale and edges that an instrument adds are left out, because the simulation has no\n\
+         such errors. There is no estimate before the views cover all directions. The last column has the number of turns that\n\
+         converged by the default rule of `early_stop`, and the share of these within the error that the rule promises.\n\n{}",
         table(
             &[
                 "ASD, order",
                 "views",
-                "told",
-                "off, %: mean ± SD, worst",
+                "estimates",
+                "error, %: mean ± SD, worst",
                 "stated SD, %",
-                "off in SDs: mean ± SD",
+                "error in SDs: mean ± SD",
                 "within 2 SD, %",
-                "converged; held, %"
+                "converged; within the promise, %"
             ],
             &rows
         )

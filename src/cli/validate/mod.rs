@@ -110,9 +110,11 @@ fn head(args: &Args) -> String {
         command += &format!(" --only {}", format!("{part:?}").to_lowercase());
     }
     format!(
-        "# Validation\n\nWritten by `{command}`. **Everything here is a simulation**: no number was taken on an instrument. The same command gives the same numbers, to the last digit.\n\n\
-         Two estimators stand side by side: *voxels* is the paper's (voxels x SD^3, Heron's formula over the faired surface, epsilon 0.05), *support* is carved's own (a support function per slice of \
-         the capillary). The truth of larvae is the ideal visual hull, which for finless ones is the body. The paper is Guo, Veneman, Spaink and Verbeek, Biomed. Opt. Express 8(5), 2611 \
-         (2017); its numbers are of real beads and larvae, ours are not.\n\n"
+        "# Validation\n\nWritten by `{command}`. **Everything here is a simulation**: no number was measured on an instrument.\n\
+         The same command gives the same numbers, to the last digit.\n\n\
+         The tables compare two estimators. *Voxels* is the paper's (voxels x SD^3, Heron's formula over the faired surface,\n\
+         epsilon 0.05). *Support* is carved's own (a support function per slice of the capillary). The true value for larvae is\n\
+         the ideal visual hull. For finless larvae this is the body. The paper is Guo, Veneman, Spaink and Verbeek, Biomed. Opt.\n\
+         Express 8(5), 2611 (2017). Its numbers come from real beads and larvae, ours do not.\n\n"
     )
 }

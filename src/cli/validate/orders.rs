@@ -40,7 +40,8 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     }
     let head: Vec<String> = std::iter::once("order".into()).chain(COUNTS.iter().map(|c| format!("{c} views"))).collect();
     section.text = format!(
-        "Simulation: {n} finless larvae, drift and noise, {CAPTURED} stops. Volume by support functions after so many views, calibrated on just these: per cent off, mean / worst size.\n\n{}",
+        "Simulation: {n} finless larvae, drift and noise, {CAPTURED} stops. Volume by support functions after this number of views,\n\
+         calibrated on these views alone: size of the error in per cent, mean / worst.\n\n{}",
         table(&head, &rows)
     );
     Ok(section)

@@ -79,7 +79,8 @@ fn clean(work: &Work, section: &mut Section) -> anyhow::Result<()> {
         }
     }
     section.text += &format!(
-        "### Clean\n\nSimulation: {n} each of beads, ellipsoids and capsules of different sizes and places, exact outlines, nothing disturbed, calibrated all the same. Per cent off, mean ± SD, worst.\n\n{}",
+        "### Clean\n\nSimulation: {n} each of beads, ellipsoids and capsules of different sizes and places, with exact outlines and without\n\
+         disturbance. They are calibrated as always. Error in per cent, mean ± SD, worst.\n\n{}",
         table(&["solid", "ASD", "volume, support", "area, support"], &rows)
     );
     let expected = 3 * n * asds.len();
@@ -105,7 +106,8 @@ fn finned(work: &Work, section: &mut Section) -> anyhow::Result<()> {
         .map(|(asd, f)| vec![asd.to_string(), f.len().to_string(), Summary::of(&of(f, 0)).signed(2), Summary::of(&of(f, 1)).signed(2)])
         .collect();
     section.text += &format!(
-        "### Fins\n\nSimulation: {n} larvae with their fin fold, drift and noise, against the ideal hull of body and fins. Per cent off, mean ± SD, worst. No silhouette tells the hull from the body.\n\n{}",
+        "### Fins\n\nSimulation: {n} larvae with their fin fold, drift and noise, against the ideal hull of body and fins. Error in per cent,\n\
+         mean ± SD, worst. No silhouette can distinguish the hull from the body.\n\n{}",
         table(&["ASD", "measured", "volume, support", "area, support"], &rows)
     );
     goal(section, "3: finned larva against the ideal hull, volume within 2 %, ASD 21", &of(&found[0], 0), n, 2.0);
@@ -139,7 +141,8 @@ fn bias(work: &Work, section: &mut Section) -> anyhow::Result<()> {
         rows.push(vec![asd.to_string(), format!("{theory:+.2}"), format!("{:+.2} ± {:.2}", s.mean, s.sd), format!("{left:+.2}")]);
     }
     section.text += &format!(
-        "### The paper's carver against theory\n\nSimulation: {n} clean finless larvae, the true camera, SD {BIAS_VOXEL_UM} um, epsilon {EPSILON}. Volume by voxels, per cent above the truth; theory is that of circles.\n\n{}",
+        "### The paper's carver against theory\n\nSimulation: {n} clean finless larvae, the true camera, SD {BIAS_VOXEL_UM} um, epsilon {EPSILON}. Volume by voxels, per cent above the true\n\
+         value. The theory is that of circles.\n\n{}",
         table(&["ASD", "theory", "found", "difference"], &rows)
     );
     section.goals.push(Goal::new(

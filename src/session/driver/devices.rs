@@ -38,9 +38,16 @@ impl Running {
             Err(error) => tracing::debug!(%error, "the camera is not back yet"),
         }
         match found.rotation {
-            Ok(()) => self.regain(Device::Rotation, |s| s.hardware.find_axes(&identity)),
+            Ok(()) => {
+                self.regain(Device::Rotation, |s| s.hardware.find_axes(&identity));
+                // A controller that was held when it was opened tells its version only once it is free.
+                if self.publisher.status().hardware.rotation.identity.as_deref() != Some(&identity) {
+                    self.publish(|s| s.hardware.find_axes(&identity));
+                }
+            }
             Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Device::Rotation, error),
             Err(ref error @ DeviceError::Intervention { .. }) => self.axis_is_taken(Some(error)),
+            Err(error @ DeviceError::Mismatch { .. }) => self.stands(fault_table::ROTATION_SETTINGS.code, error),
             Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
         }
         self.unasked(specimen);
