@@ -35,7 +35,7 @@ pub use gate::{Gate, Verdict, gate};
 pub use least_squares::{GivenView, PASSES_MOST, Priors, Solution, SolveError, solve};
 pub use lie::{Lie, LieSd, lie};
 pub use objective::{Objective, Optimised, Optimiser, Vrv, optimise};
-pub use psi::{Psi, PsiLength};
+pub use psi::Psi;
 pub use screen::{Bad, Moved, ViewOff};
 pub use search::{Found, Reach, Stop};
 pub use slices::{Fit, HARMONICS_MOST, Sight, Slice, directions, fit, harmonics, widest_gap};

@@ -8,9 +8,6 @@
 use super::Calibration;
 use crate::geometry::{Camera, Projection};
 
-/// Entries before the angles.
-const CAMERA: usize = 9;
-
 #[derive(Debug, Clone, PartialEq)]
 pub struct Psi {
     pub camera: Camera,
@@ -18,14 +15,6 @@ pub struct Psi {
     pub omega: Vec<f64>,
     /// Down the image against the camera's, px; one per view.
     pub dy_px: Vec<f64>,
-}
-
-#[derive(Debug, thiserror::Error, PartialEq)]
-#[error("psi has {found} entries; f, kx, ky, ux, uy, s, alpha, gamma, phi and the angles of {views} views are {expected}")]
-pub struct PsiLength {
-    found: usize,
-    expected: usize,
-    views: usize,
 }
 
 impl Psi {
@@ -41,27 +30,6 @@ impl Psi {
             camera: found.camera.clone(),
             omega: used().map(|(&omega, _)| found.angle(omega)).collect(),
             dy_px: used().map(|(_, state)| state.dy_px).collect(),
-        }
-    }
-
-    pub fn vector(&self) -> Vec<f64> {
-        let Camera { f, kx, ky, ux, uy, s, alpha, gamma, phi, .. } = self.camera;
-        [f, kx, ky, ux, uy, s, alpha, gamma, phi].into_iter().chain(self.omega.iter().copied()).collect()
-    }
-
-    /// The same sensor and shifts with the vector's values.
-    ///
-    /// # Errors
-    /// Refuses a vector of another number of views.
-    pub fn with_vector(&self, psi: &[f64]) -> Result<Self, PsiLength> {
-        let views = self.omega.len();
-        match *psi {
-            [f, kx, ky, ux, uy, s, alpha, gamma, phi, ref omega @ ..] if omega.len() == views => Ok(Self {
-                camera: Camera { f, kx, ky, ux, uy, s, alpha, gamma, phi, ..self.camera },
-                omega: omega.to_vec(),
-                dy_px: self.dy_px.clone(),
-            }),
-            _ => Err(PsiLength { found: psi.len(), expected: CAMERA + views, views }),
         }
     }
 
@@ -81,17 +49,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_vector_there_and_back_is_the_same_psi() {
-        let camera =
-            Camera { f: 1.0, kx: 2.0, ky: 3.0, ux: 4.0, uy: 5.0, s: 6.0, alpha: 7.0, gamma: 8.0, phi: 9.0, width: 640, height: 480 };
-        let psi = Psi { camera: camera.clone(), omega: vec![10.0, 11.0, 12.0], dy_px: vec![0.5, -0.5, 0.0] };
-        let vector = psi.vector();
-        assert_eq!(vector, (1..=12).map(f64::from).collect::<Vec<_>>(), "in the paper's order");
-        let other = Psi { camera: Camera { f: 0.0, uy: 0.0, gamma: 0.0, ..camera }, omega: vec![0.0; 3], ..psi.clone() };
-        assert_eq!(other.with_vector(&vector), Ok(psi.clone()));
-        assert_eq!(psi.camera_of(1).uy, 4.5);
-        for wrong in [11, 13, 4] {
-            assert_eq!(psi.with_vector(&vec![0.0; wrong]), Err(PsiLength { found: wrong, expected: 12, views: 3 }));
-        }
+    fn a_shift_of_a_view_is_one_of_its_principal_point() {
+        let psi = Psi { camera: Camera::published(640, 480), omega: vec![0.0, 1.0, 2.0], dy_px: vec![0.5, -0.5, 0.0] };
+        assert_eq!(psi.camera_of(1), Camera { uy: 239.0, ..psi.camera.clone() });
+        assert_eq!(psi.projection(1), psi.camera_of(1).projection(1.0));
     }
 }

@@ -14,7 +14,7 @@
 //!
 //! Blocks that a view covers wholly cost nothing, blocks that it misses wholly cost one count, so the work of a view follows
 //! the surface. The result is that of the definition bit for bit, which decides wherever a quicker way is not certain.
-//! The views are kept, as runs, so that one can be taken back.
+//! The views are kept, as runs, so that they can be carved again: by another plan, or through other cameras.
 
 mod boxes;
 mod counts;
@@ -26,7 +26,7 @@ mod runs;
 mod tile;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use definition::Leaves;
 pub use residual::ResidualVolume;
@@ -61,10 +61,8 @@ pub enum CarveError {
     TooManyViews { planned: usize, found: usize },
     #[error("the mask is {width} x {height} px; it needs at least one pixel and at most {limit} on a side")]
     MaskSize { width: usize, height: usize, limit: usize },
-    #[error("{observed} views were observed, so {planned} cannot be planned: plan at least as many, or take views back first")]
+    #[error("{observed} views were observed, so {planned} cannot be planned: plan at least as many")]
     PlanTooSmall { planned: usize, observed: usize },
-    #[error("there is no view {found} to take back: {observed} were observed")]
-    NoSuchView { found: usize, observed: usize },
 }
 
 /// What a block of 8^3 voxels holds; voxels outside the grid count as dead.
@@ -206,19 +204,6 @@ impl Carver {
         Ok(())
     }
 
-    /// Takes a view back, as if it had never been observed; those after it move up by one. The plan stays.
-    ///
-    /// # Errors
-    /// Refuses a view that was not observed.
-    pub fn forget(&mut self, view: usize) -> Result<(), CarveError> {
-        if view >= self.views.len() {
-            return Err(CarveError::NoSuchView { found: view, observed: self.views.len() });
-        }
-        self.views.remove(view);
-        self.carve_again(self.hull.tally);
-        Ok(())
-    }
-
     /// Carves the views again with the tolerance of another number of planned views.
     ///
     /// # Errors
@@ -290,15 +275,6 @@ impl Carver {
         let tiles: usize = hull.tiles.iter().map(|tile| size_of::<Tile>() + tile.bytes()).sum();
         let views: usize = self.views.iter().map(|view| size_of::<Observed>() + view.runs.bytes()).sum();
         tiles + views + hull.spans.iter().map(Spans::bytes).sum::<usize>() + hull.lines.bytes() + hull.sums.capacity() * size_of::<u32>()
-    }
-
-    /// Whether voxel `(i, j, k)` lives; outside the grid nothing does.
-    pub fn is_live(&self, i: usize, j: usize, k: usize) -> bool {
-        let [nx, ny, nz] = self.grid().counts();
-        i < nx && j < ny && k < nz && {
-            let words = self.tile(j / SIDE, k / SIDE).words(i / ROW, self.hull.tally);
-            words[k % SIDE * SIDE + j % SIDE] >> (i % ROW) & 1 != 0
-        }
     }
 
     /// Blocks of 8^3 voxels along each axis; the last ones may reach over the grid's end.

@@ -12,7 +12,6 @@ use super::calibrated::Judged;
 use super::{LiveVolume, Reconstruction};
 use crate::calibration::Calibration;
 use crate::carver::{CarveError, Carver, Leaves};
-use crate::geometry::Camera;
 use crate::profile::Mask;
 use crate::quality::Estimate;
 use std::f64::consts::{PI, TAU};
@@ -64,11 +63,6 @@ impl Reconstruction {
             Err(_) => None,
         };
         estimate
-    }
-
-    /// The live model's camera, where the views have told one.
-    pub fn refined_camera(&self) -> Option<&Camera> {
-        self.refined.as_ref().map(|r| &r.calibration.camera)
     }
 
     /// The hull that is shown.

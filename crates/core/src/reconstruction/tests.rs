@@ -1,6 +1,7 @@
 use super::*;
 use crate::geometry::BoxUm;
 use crate::geometry::Camera;
+use crate::surface::topology::Topology;
 use std::f64::consts::{PI, TAU};
 
 fn camera() -> Camera {
@@ -82,8 +83,8 @@ fn a_bead_has_its_size() {
     assert!((m.field_area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.03, "{}", m.field_area_um2);
     assert!((measure::area(&mesh) - m.field_area_um2).abs() < 1e-9 * m.field_area_um2, "the mesh that is kept is the field's");
     assert_eq!(voxel.volume_um3, m.voxels as f64 * 6.93f64.powi(3));
-    assert_eq!(mesh.topology().euler_characteristic(), 2);
-    assert!(mesh.topology().is_closed());
+    assert_eq!(Topology::of(&mesh).euler_characteristic(), 2);
+    assert!(Topology::of(&mesh).is_closed());
 }
 
 #[test]
@@ -111,7 +112,7 @@ fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
         assert!(live.volume_um3 <= last);
         last = live.volume_um3;
         let mesh = model.live_mesh();
-        assert!(mesh.topology().is_closed());
+        assert!(Topology::of(&mesh).is_closed());
         // The coarse surface cuts the hull's edges by a part of its 28 um.
         let share = measure::volume(&mesh) / last;
         assert!((0.85..1.05).contains(&share), "{share}");
@@ -175,7 +176,7 @@ fn a_live_model_is_refined_from_enough_sides_only_and_not_after_each_view() {
             assert!(!model.is_refinable(), "nothing is new");
         }
         assert_eq!(model.live().views, n);
-        assert_eq!(model.refined_camera().is_some(), !refined_at.is_empty());
+        assert_eq!(model.refined.is_some(), !refined_at.is_empty());
     }
     // Eight views of 12 leave a gap of 150 deg.
     assert_eq!(refined_at, [8, 9, 10, 11, 12]);
@@ -189,7 +190,7 @@ fn a_live_model_is_refined_from_enough_sides_only_and_not_after_each_view() {
         assert!(!as_given.is_refinable(), "calibration is not asked for");
     }
     model.replan(24).unwrap();
-    assert!(model.refined_camera().is_none(), "carved by the old plan");
+    assert!(model.refined.is_none(), "carved by the old plan");
 }
 
 #[test]

@@ -19,6 +19,8 @@ mod marching;
 mod mesh;
 mod occupancy;
 mod silhouette;
+#[cfg(test)]
+pub(crate) mod topology;
 
 #[cfg(test)]
 #[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
@@ -29,6 +31,6 @@ pub use distance::Distance;
 pub use fairing::{Fairing, FairingError, fair};
 pub use field::{Field, Inside, SIDE};
 pub use marching::extract;
-pub use mesh::{Mesh, Topology};
+pub use mesh::Mesh;
 pub use occupancy::{Coarse, Occupancy};
 pub use silhouette::silhouette;
