@@ -15,6 +15,7 @@ pub mod carver;
 pub mod frame;
 pub mod geometry;
 pub mod measure;
+mod parallel;
 pub mod pipeline;
 pub mod profile;
 pub mod quality;

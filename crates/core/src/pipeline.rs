@@ -7,7 +7,7 @@
 //! ```
 //! Pure: the same frames and angles give the same bytes of numbers, whoever asks.
 
-use crate::calibration::{Calibration, Lie, Verdict, ViewState};
+use crate::calibration::{Calibration, PoseOffset, ViewState};
 use crate::carver::Leaves;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
@@ -15,13 +15,15 @@ use crate::measure::Measurement;
 use crate::measure::facing::Facing;
 use crate::measure::shape::Shape;
 use crate::profile::{
-    Detection, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, Reference, SegmentSettings, Segmenters, Walls,
+    Detection, EmptyCapillary, Mask, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Segmenters, Walls,
 };
 use crate::quality::{
-    CalibrationOff, ClosureOff, ClosureSd, Estimate, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip, spoiled,
+    CalibrationOff, ClosureOff, ClosureSd, Estimate, FlagFacts, OFF_REFERENCES, Quality, QualitySettings, Spoiled, TurnFacts, ViewStrip,
+    add_raised, flags, spoiled, views_needed,
 };
 use crate::reconstruction::{
-    Calibrated, CalibrationRecord, LiveVolume, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings, TurnModel,
+    Calibrated, CalibrationRecord, Judged, LiveVolume, Model, NotCalibrated, Reconstruction, ReconstructionError, ReconstructionSettings,
+    TurnModel,
 };
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
@@ -35,7 +37,7 @@ pub struct PipelineSettings {
     pub planned_views: u32,
     pub segment: SegmentSettings,
     /// The empty capillary, which every frame is compared with where there is such a picture.
-    pub reference: Option<Arc<Reference>>,
+    pub empty_capillary: Option<Arc<EmptyCapillary>>,
     pub reconstruction: ReconstructionSettings,
     pub quality: QualitySettings,
     /// A sphere is fitted to what should be one.
@@ -109,13 +111,26 @@ pub struct ClosureRecord {
     /// Shift of the profile's centroid, px: along the capillary and across it.
     pub shift_px: [f64; 2],
     /// How the specimen lies at 360 deg against how it lay at 0, by the model of the turn.
-    #[serde(default)]
-    pub lie: Option<Lie>,
+    #[serde(default, rename = "lie")]
+    pub pose_offset: Option<PoseOffset>,
 }
 
-/// The views' median blur may be off the configured one by this, px: from specimen to specimen it varies by 0.07 px. Each edge is
-/// placed at its own frame's blur, so that this says no more than that the focus is not what it was.
-const BLUR_MISMATCH_PX: f64 = 0.15;
+impl ClosureRecord {
+    /// What is held against the limits: the model's numbers where there are some, else the shift of the centroid.
+    fn off(&self) -> ClosureOff {
+        ClosureOff {
+            overlap: self.iou,
+            along_px: self.pose_offset.map_or(self.shift_px[0], |l| l.along_px),
+            across_px: self.pose_offset.map_or(self.shift_px[1], |l| l.across_px),
+            turn_deg: self.pose_offset.map(|l| l.turn_rad.to_degrees()),
+            sd: self.pose_offset.and_then(|l| l.sd).map(|sd| ClosureSd {
+                along_px: sd.along_px,
+                across_px: sd.across_px,
+                turn_deg: sd.turn_rad.to_degrees(),
+            }),
+        }
+    }
+}
 
 /// The numbers of a specimen and what they rest on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -155,7 +170,7 @@ pub enum PipelineError {
     #[error("the frame is {found_width} x {found_height} px, the rig's camera {width} x {height} px")]
     FrameSize { width: u32, height: u32, found_width: u32, found_height: u32 },
     #[error("the picture of the empty capillary cannot be used: {0}")]
-    Reference(ProfileError),
+    EmptyCapillary(ProfileError),
     #[error("{used} of {planned} views gave a profile; {needed} are needed. First reason: {reason}")]
     TooFewViews { used: usize, planned: u32, needed: usize, reason: String },
 }
@@ -164,7 +179,7 @@ impl PipelineError {
     /// Whether camera, method or grid refuse every specimen, so that this one is not to blame.
     pub fn is_of_setup(&self) -> bool {
         match self {
-            Self::Grid(_) | Self::FrameSize { .. } | Self::Reference(_) => true,
+            Self::Grid(_) | Self::FrameSize { .. } | Self::EmptyCapillary(_) => true,
             Self::Reconstruction(e) => matches!(
                 e,
                 ReconstructionError::Camera(_)
@@ -211,7 +226,7 @@ pub struct TurnVerdict {
 }
 
 /// A frame looked at: its colours, and the profile or why there is none.
-pub struct Seen {
+pub struct SegmentedFrame {
     pub picture: Picture,
     pub profile: Result<Profile, ProfileError>,
 }
@@ -219,8 +234,8 @@ pub struct Seen {
 impl PipelineSettings {
     /// The same with frames compared with this one of the empty capillary.
     pub fn compared_with(self, empty: Option<&RawFrame>) -> Result<Self, PipelineError> {
-        let reference = empty.map(|frame| Reference::new(Picture::from_frame(frame), &self.segment.walls)).transpose();
-        Ok(Self { reference: reference.map_err(PipelineError::Reference)?.map(Arc::new), ..self })
+        let capillary = empty.map(|frame| EmptyCapillary::new(Picture::from_frame(frame), &self.segment.walls)).transpose();
+        Ok(Self { empty_capillary: capillary.map_err(PipelineError::EmptyCapillary)?.map(Arc::new), ..self })
     }
 }
 
@@ -246,7 +261,7 @@ impl Pipeline {
     }
 
     /// Looks at a frame; independent of every other, so any number may be looked at at once.
-    pub fn look(&self, frame: &RawFrame) -> Result<Seen, PipelineError> {
+    pub fn look(&self, frame: &RawFrame) -> Result<SegmentedFrame, PipelineError> {
         let camera = &self.settings.camera;
         if (frame.width(), frame.height()) != (camera.width, camera.height) {
             return Err(PipelineError::FrameSize {
@@ -257,24 +272,24 @@ impl Pipeline {
             });
         }
         let picture = Picture::from_frame(frame);
-        let profile = self.segmenters.segment(&picture, &self.settings.segment, self.settings.reference.as_deref());
-        Ok(Seen { picture, profile })
+        let profile = self.segmenters.segment(&picture, &self.settings.segment, self.settings.empty_capillary.as_deref());
+        Ok(SegmentedFrame { picture, profile })
     }
 
     /// Carves with one view and gives the live volume, um^3. A frame without a profile is left out by name.
-    pub fn observe(&mut self, index: u32, omega: f64, seen: &Seen) -> Result<f64, PipelineError> {
+    pub fn observe(&mut self, index: u32, omega: f64, frame: &SegmentedFrame) -> Result<f64, PipelineError> {
         let mut volume_um3 = self.live().volume_um3;
         let mut record = ViewRecord {
             index,
             omega,
-            detection: seen.profile.as_ref().ok().map(|p| p.detection),
-            walls: seen.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera)),
+            detection: frame.profile.as_ref().ok().map(|p| p.detection),
+            walls: frame.profile.as_ref().ok().map(|p| WallRecord::of(&p.walls, &self.settings.camera)),
             ..ViewRecord::default()
         };
         if index == 0 {
-            self.first = seen.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).map(|p| p.mask.clone());
+            self.first = frame.profile.as_ref().ok().filter(|p| p.mask.area_px() > 0).map(|p| p.mask.clone());
         }
-        match &seen.profile {
+        match &frame.profile {
             Ok(p) if p.mask.area_px() == 0 => record.reason = Some("no specimen in the frame".into()),
             Ok(p) => {
                 let leaves = Leaves { left: p.detection.is_clipped_left(), right: p.detection.is_clipped_right() };
@@ -293,8 +308,8 @@ impl Pipeline {
 
     /// Takes the view at 360 deg, which is compared with view 0 and never carved. A newer take replaces an older one, also when the
     /// newer one has no profile.
-    pub fn observe_closure(&mut self, seen: &Seen) {
-        let profile = seen.profile.as_ref().ok();
+    pub fn observe_closure(&mut self, frame: &SegmentedFrame) {
+        let profile = frame.profile.as_ref().ok();
         self.closure = profile.map(|p| ClosureProfile { mask: p.mask.clone(), edge: p.edge.clone() });
     }
 
@@ -302,20 +317,20 @@ impl Pipeline {
     fn closure(&self) -> Option<ClosureRecord> {
         let (first, last) = (self.first.as_ref()?, &self.closure.as_ref()?.mask);
         let shift_px = first.centroid().zip(last.centroid()).map_or([0.0; 2], |(a, b)| [b[0] - a[0], b[1] - a[1]]);
-        Some(ClosureRecord { iou: first.iou(last), shift_px, lie: None })
+        Some(ClosureRecord { iou: first.iou(last), shift_px, pose_offset: None })
     }
 
     /// Replaces a view by a newer take of it.
     ///
     /// # Errors
     /// As [`Self::observe`].
-    pub fn replace(&mut self, index: u32, omega: f64, seen: &Seen) -> Result<f64, PipelineError> {
+    pub fn replace(&mut self, index: u32, omega: f64, frame: &SegmentedFrame) -> Result<f64, PipelineError> {
         if let Some(at) = self.carved.iter().position(|view| *view == index) {
             self.reconstruction.take_back(at)?;
             self.carved.remove(at);
         }
         self.views.retain(|v| v.index != index);
-        self.observe(index, omega, seen)
+        self.observe(index, omega, frame)
     }
 
     /// Calibrates on all views and says whether the specimen stayed where it was, and which views are to be taken again;
@@ -331,12 +346,8 @@ impl Pipeline {
                 view.residual_px = state.residual_px;
             }
         }
-        let off = |c: &ClosureRecord| {
-            let [along_px, across_px] = c.shift_px.map(f64::abs);
-            // Of the centroids, which a fin that one of the two lacks carries by as much as a limit; the model tells it better, in the end.
-            c.iou < limits.closure_overlap || along_px > 2.0 * limits.closure_along_px || across_px > 2.0 * limits.closure_across_px
-        };
-        let moved = self.closure().as_ref().is_some_and(off) || calibrated.has_moved();
+        let is_far = self.closure().is_some_and(|closure| closure.off().is_far(limits));
+        let moved = is_far || calibrated.has_moved();
         let spoiled = spoiled(&strip, limits.residual_view_px);
         self.calibrated = Some(calibrated);
         TurnVerdict { moved, spoiled }
@@ -390,8 +401,7 @@ impl Pipeline {
         self.views.sort_by_key(|v| v.index);
         compare_areas(&mut self.views);
         let used = self.reconstruction.hull().live().views;
-        // Opposite views are mirror images: half a turn encloses the body, less leaves the hull open on a side.
-        let needed = (self.settings.planned_views as usize).div_ceil(2).max(3);
+        let needed = views_needed(self.settings.planned_views);
         if used < needed {
             let reason = self.views.iter().find_map(|v| v.reason.clone()).unwrap_or_else(|| "views are missing".into());
             return Err(PipelineError::TooFewViews { used, planned: self.settings.planned_views, needed, reason });
@@ -400,45 +410,19 @@ impl Pipeline {
         if let (Some(last), Some(first)) = (&self.closure, self.carved.iter().position(|view| *view == 0)) {
             self.reconstruction.observe_closure(&last.mask, &last.edge, first);
         }
-        let TurnModel { model, hull, calibration, seen_again, closure: lie, .. } = {
+        let TurnModel { model, calibration, reprojected_areas, closure: pose_offset, .. } = {
             let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
             self.reconstruction.measure(calibrated, self.settings.sphere)?
         };
         if let Ok(found) = &calibration {
-            self.judged(&found.calibration.views, &seen_again);
+            self.judged(&found.calibration.views, &reprojected_areas);
         }
         if let Some(record) = &mut closure {
-            record.lie = lie;
+            record.pose_offset = pose_offset;
         }
         let found = calibration.as_ref().ok().map(|judged| &judged.calibration);
         let quality = self.quality(found, closure.as_ref(), &model.measurement);
-        let mut flags = Vec::new();
-        let mut flag = |raised: bool, name: &str| {
-            if raised {
-                flags.push(name.to_owned());
-            }
-        };
-        flag(self.views.iter().any(|v| !v.used), "bad_view");
-        let clipped = |side: fn(&Detection) -> bool| {
-            self.views.iter().any(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(side))
-        };
-        flag(clipped(Detection::is_clipped_left), "clipped_left");
-        flag(clipped(Detection::is_clipped_right), "clipped_right");
-        flag(hull.touches_box(), "outside_box");
-        flag(quality.raises("few_views"), "few_views");
-        flag(quality.raises("moved") || found.is_some_and(|c| c.moved.is_some()), "moved");
-        flag(closure.is_none(), "no_closure");
-        flag(looks_dead(&self.views), "dead_looking");
-        flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");
-        flag(model.measurement.is_nonconvex(), "nonconvex");
-        flag(found.is_none(), "uncalibrated");
-        flag(calibration.as_ref().is_ok_and(|judged| judged.gate.verdict == Verdict::NotLargest), "calibration_gate");
-        flag(quality.raises("wrong_steps"), "wrong_steps");
-        for name in quality.flags() {
-            if !flags.iter().any(|f| f == name) {
-                flags.push(name.to_owned());
-            }
-        }
+        let flags = self.flags(&quality, &model, calibration.as_ref().ok(), closure.is_some());
         let shape = Shape::of(&model.mesh);
         let taken: Vec<(u32, f64)> = self.views.iter().map(|v| (v.index, v.omega)).collect();
         let camera = found.map_or(&self.settings.camera, |c| &c.camera);
@@ -466,32 +450,44 @@ impl Pipeline {
             planned_views: self.settings.planned_views as usize,
             omegas: &omegas,
             strip: &strip,
-            closure: closure.map(|c| ClosureOff {
-                overlap: c.iou,
-                along_px: c.lie.map_or(c.shift_px[0], |l| l.along_px),
-                across_px: c.lie.map_or(c.shift_px[1], |l| l.across_px),
-                turn_deg: c.lie.map(|l| l.turn_rad.to_degrees()),
-                sd: c.lie.and_then(|l| l.sd).map(|sd| ClosureSd {
-                    along_px: sd.along_px,
-                    across_px: sd.across_px,
-                    turn_deg: sd.turn_rad.to_degrees(),
-                }),
-            }),
+            closure: closure.map(ClosureRecord::off),
             calibration: found.map(|c| CalibrationOff {
                 uy_px: c.camera.uy - rig.uy,
                 gamma_deg: (c.camera.gamma - rig.gamma).to_degrees(),
                 alpha_deg: (c.camera.alpha - rig.alpha).to_degrees(),
                 rho_percent: 100.0 * (c.rho - 1.0),
-                is_rho_told: c.tells_steps(),
+                is_rho_significant: c.is_rho_significant(),
             }),
             volume_sd_percent: measured.spread.map(|s| 100.0 * s.volume_of_turn_um3() / measured.volume_um3),
         };
         Quality::of(&facts, &self.settings.quality)
     }
 
+    /// The flags of the specimen, by what is known of its turn.
+    fn flags(&self, quality: &Quality, model: &Model, calibration: Option<&Judged>, has_closure: bool) -> Vec<String> {
+        let clipped = |side: fn(&Detection) -> bool| {
+            self.views.iter().any(|v| self.carved.contains(&v.index) && v.detection.as_ref().is_some_and(side))
+        };
+        let looks_dead: Vec<bool> = self.views.iter().filter(|v| v.used).filter_map(|v| Some(v.detection?.looks_dead())).collect();
+        let blurs_px: Vec<f64> = self.views.iter().filter_map(|v| v.quality?.blur_px).collect();
+        let facts = FlagFacts {
+            has_bad_view: self.views.iter().any(|v| !v.used),
+            is_clipped: [clipped(Detection::is_clipped_left), clipped(Detection::is_clipped_right)],
+            touches_box: model.touches_box,
+            has_moved: calibration.is_some_and(|judged| judged.calibration.moved.is_some()),
+            has_closure,
+            looks_dead: &looks_dead,
+            blurs_px: &blurs_px,
+            configured_blur_px: self.settings.segment.edge.blur_px,
+            is_nonconvex: model.measurement.is_nonconvex(),
+            vrv: calibration.map(|judged| judged.vrv.verdict),
+        };
+        flags(&facts, quality)
+    }
+
     /// Writes down what the calibration found of the views that carved.
-    fn judged(&mut self, states: &[ViewState], seen_again: &[Option<[f64; 2]>]) {
-        for ((index, state), again) in self.carved.iter().zip(states).zip(seen_again) {
+    fn judged(&mut self, states: &[ViewState], reprojected_areas: &[Option<[f64; 2]>]) {
+        for ((index, state), again) in self.carved.iter().zip(states).zip(reprojected_areas) {
             if let Some(record) = self.views.iter_mut().find(|v| v.index == *index) {
                 record.used = state.bad.is_none();
                 record.reason = state.bad.map(|bad| bad.to_string());
@@ -522,11 +518,7 @@ impl SpecimenRecord {
     pub fn held_against(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
         let quality = self.quality.take().unwrap_or_default().among_references(volume_z, area_z, limit);
         self.flags.retain(|f| !OFF_REFERENCES.contains(&f.as_str()));
-        for name in quality.flags() {
-            if !self.flags.iter().any(|f| f == name) {
-                self.flags.push(name.to_owned());
-            }
-        }
+        add_raised(&mut self.flags, &quality);
         self.quality = Some(quality);
     }
 }
@@ -548,39 +540,5 @@ fn compare_areas(views: &mut [ViewRecord]) {
         near.sort_by(f64::total_cmp);
         let median = f64::midpoint(near[TO_EITHER_SIDE - 1], near[TO_EITHER_SIDE]);
         views[*at].area_ratio = Some(area / median);
-    }
-}
-
-/// Whether most of the views that carved show a dead larva.
-fn looks_dead(views: &[ViewRecord]) -> bool {
-    let used: Vec<bool> = views.iter().filter(|v| v.used).filter_map(|v| Some(v.detection?.looks_dead())).collect();
-    2 * used.iter().filter(|dead| **dead).count() > used.len()
-}
-
-/// Whether the views' median blur is another than the configured one; views that don't tell are left out.
-fn blur_is_off(views: &[ViewRecord], configured_px: f64) -> bool {
-    let mut found: Vec<f64> = views.iter().filter_map(|v| v.quality?.blur_px).collect();
-    found.sort_by(f64::total_cmp);
-    found.get(found.len() / 2).is_some_and(|median| (median - configured_px).abs() > BLUR_MISMATCH_PX)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_areas_neighbours_are_those_around_the_turn_that_have_one() {
-        let view = |index: u32, area_px: Option<usize>| ViewRecord { index, used: area_px.is_some(), area_px, ..ViewRecord::default() };
-        let mut views: Vec<_> =
-            [Some(100), Some(100), None, Some(150), Some(100), Some(80)].into_iter().zip(0..).map(|(a, i)| view(i, a)).collect();
-        compare_areas(&mut views);
-        let ratios: Vec<_> = views.iter().map(|v| v.area_ratio).collect();
-        // View 3's neighbours are 0, 1, 4 and 5: 100, 100, 100, 80.
-        assert_eq!(ratios[3], Some(1.5));
-        assert_eq!((ratios[2], ratios[0]), (None, Some(1.0)));
-        assert_eq!(ratios[5], Some(0.8));
-        let mut few: Vec<_> = (0..4).map(|i| view(i, Some(9))).collect();
-        compare_areas(&mut few);
-        assert!(few.iter().all(|v| v.area_ratio.is_none()));
     }
 }

@@ -14,7 +14,7 @@
 
 use crate::carver::{CarveError, Carver, Leaves};
 use crate::geometry::{CameraError, Projection, VoxelGrid};
-use crate::measure::{self, AreaMethod, Estimator, Estimators, Measurement, SphereError, VoxelEstimate};
+use crate::measure::{self, AreaMethod, Estimator, Estimators, Extents, Measurement, SphereError, VoxelEstimate};
 use crate::profile::{Mask, Polygon};
 use crate::range::{OutOfRange, outside};
 use crate::surface::{self, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
@@ -115,9 +115,13 @@ pub struct LiveVolume {
 /// What is left when all views are in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// The field's surface.
+    /// The field's surface: the hull where the views' outlines put it. This mesh is kept.
     pub mesh: Mesh,
+    /// The surface of the voxels, before fairing.
+    pub unfaired: Mesh,
     pub measurement: Measurement,
+    /// Whether the hull reaches the grid's outermost voxels: the body may go on outside.
+    pub touches_box: bool,
 }
 
 /// A model of views through projections of any origin.
@@ -183,21 +187,10 @@ impl HullModel {
         &self.carver
     }
 
-    /// Whether the hull reaches the grid's outermost voxels: the body may go on outside.
-    pub fn touches_box(&self) -> bool {
+    /// Whether a mesh of the hull reaches the grid's outermost voxels: the body may go on outside.
+    fn touches_box(&self, extents: &Extents) -> bool {
         let grid = self.carver.grid();
-        measure::extents(&self.unfaired_mesh())
-            .is_some_and(|e| (0..3).any(|a| e.min[a] < grid.centre(a, 0) || e.max[a] > grid.centre(a, grid.counts()[a] - 1)))
-    }
-
-    /// The hull's surface voxel by voxel, before fairing.
-    pub fn unfaired_mesh(&self) -> Mesh {
-        surface::extract(&Occupancy(&self.carver))
-    }
-
-    /// The hull's surface where the views' outlines put it.
-    pub fn field_mesh(&self) -> Mesh {
-        surface::extract(&Distance::new(&self.carver, &self.contours))
+        (0..3).any(|a| extents.min[a] < grid.centre(a, 0) || extents.max[a] > grid.centre(a, grid.counts()[a] - 1))
     }
 
     /// Makes the surfaces and measures them; `sphere` fits one, for beads.
@@ -211,9 +204,9 @@ impl HullModel {
             return Err(ReconstructionError::NoViews { observed: views, planned: carver.planned_views() });
         }
         let SurfaceSettings { fairing_lambda: lambda, fairing_iterations: iterations } = self.settings.surface;
-        let unfaired = self.unfaired_mesh();
+        let unfaired = surface::extract(&Occupancy(carver));
         let faired = surface::fair(&unfaired, Fairing { lambda, iterations })?;
-        let mesh = self.field_mesh();
+        let mesh = surface::extract(&Distance::new(carver, &self.contours));
         let empty = ReconstructionError::EmptyHull { observed: views };
         let (Some(centroid_um), Some(extents)) = (measure::centroid(&faired), measure::extents(&faired)) else { return Err(empty) };
         let mesh_volume_um3 = measure::volume(&faired);
@@ -248,7 +241,8 @@ impl HullModel {
             sphere_rms_um: sphere.map(|s| s.rms_um),
             aspect_ratio: sphere.map(|_| 2.0 * extent_um[0] / (extent_um[1] + extent_um[2])),
         };
-        Ok(Model { mesh, measurement })
+        let touches_box = measure::extents(&unfaired).is_some_and(|extents| self.touches_box(&extents));
+        Ok(Model { mesh, unfaired, measurement, touches_box })
     }
 }
 

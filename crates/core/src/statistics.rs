@@ -24,7 +24,7 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// The median of magnitudes as a standard deviation.
-pub fn mad_sd(values: &[f64]) -> f64 {
+pub(crate) fn mad_sd(values: &[f64]) -> f64 {
     1.4826 * median(values.iter().map(|v| v.abs()).collect())
 }
 
@@ -81,13 +81,13 @@ impl Line {
 const KNEE: f64 = 1.345;
 
 /// Weight of a residual that is so many standard deviations long.
-pub fn huber(deviations: f64) -> f64 {
+pub(crate) fn huber(deviations: f64) -> f64 {
     if deviations.abs() <= KNEE { 1.0 } else { KNEE / deviations.abs() }
 }
 
 /// The coefficients whose sum over each row is nearest to its value; a row comes with value and weight. `held` is added to the normal
 /// equations. Nothing where the rows do not tell them all.
-pub fn fit<const N: usize>(
+pub(crate) fn fit<const N: usize>(
     rows: impl IntoIterator<Item = (SVector<f64, N>, f64, f64)>,
     held: SMatrix<f64, N, N>,
 ) -> Option<SVector<f64, N>> {
@@ -100,7 +100,7 @@ pub fn fit<const N: usize>(
 }
 
 /// The same so many times, each time with Huber's weights of the residuals before; these scatter by `sd_least` at least.
-pub fn fit_robust<const N: usize>(
+pub(crate) fn fit_robust<const N: usize>(
     rows: &[(SVector<f64, N>, f64)],
     held: SMatrix<f64, N, N>,
     times: usize,

@@ -8,12 +8,12 @@
 //! By Hansen, The CMA Evolution Strategy: A Tutorial (arXiv:1604.00772), its standard constants, without the negative update. A
 //! point beyond a bound is put on it, and is learned from where it was put.
 
-use super::search::{Counted, Found, Reach, Stop};
+use super::search::{Counted, Minimum, Reach, Stop};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
 /// Looks for the least value of `function`.
-pub fn minimise(reach: &[Reach], stop: Stop, seed: u64, function: impl FnMut(&[f64]) -> f64) -> Found {
+pub(crate) fn minimise(reach: &[Reach], stop: Stop, seed: u64, function: impl FnMut(&[f64]) -> f64) -> Minimum {
     let mut function = Counted::new(reach, function);
     let mut draw = Normal(seed);
     let n = reach.len();

@@ -15,6 +15,6 @@ pub fn coherence(columns: &[&Columns], psi: &Psi) -> f64 {
 }
 
 /// Each view's area of what no view misses, seen again, and of its own profile: um^2 at the axis.
-pub fn seen_again(columns: &[&Columns], psi: &Psi) -> Vec<[f64; 2]> {
-    HullSlices::new(columns.to_vec(), &psi.camera).seen_again(psi)
+pub(crate) fn reprojected_areas(columns: &[&Columns], psi: &Psi) -> Vec<[f64; 2]> {
+    HullSlices::new(columns.to_vec(), &psi.camera).reprojected_areas(psi)
 }

@@ -222,7 +222,7 @@ impl Free {
     }
 
     /// The unknowns, one after the other, about `psi`.
-    pub fn reaches(&self, psi: &Psi) -> Vec<Reach> {
+    pub(crate) fn reaches(&self, psi: &Psi) -> Vec<Reach> {
         let of = |freed: &Freed| {
             let reach = |value: f64| Reach::about(value, freed.far, freed.step);
             match freed.parameter {
@@ -255,7 +255,7 @@ impl Free {
     }
 
     /// `psi` with these values of the unknowns.
-    pub fn apply(&self, psi: &Psi, values: &[f64]) -> Psi {
+    pub(crate) fn apply(&self, psi: &Psi, values: &[f64]) -> Psi {
         let mut psi = psi.clone();
         let mut values = values.iter().copied();
         let mut next = |place: &mut f64| {

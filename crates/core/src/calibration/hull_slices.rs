@@ -11,8 +11,8 @@
 use super::psi::Psi;
 use super::tangents::{Pose, Side};
 use crate::geometry::Camera;
+use crate::parallel::*;
 use crate::profile::{ColumnEdges, Columns};
-use rayon::prelude::*;
 
 /// Slices that are looked at.
 const SLICES: usize = 160;
@@ -62,7 +62,7 @@ impl<'a> HullSlices<'a> {
 
     /// Of each view, the area of the hull seen again and that of its profile, um^2 at the axis: widths summed over the slices. A view
     /// that shows nothing leaves nothing of the others.
-    pub fn seen_again(&self, psi: &Psi) -> Vec<[f64; 2]> {
+    pub fn reprojected_areas(&self, psi: &Psi) -> Vec<[f64; 2]> {
         let slices = self.of_each(psi, Cut::widths);
         let of = |view: usize| slices.iter().fold([0.0; 2], |sum, slice| [sum[0] + slice[view][0], sum[1] + slice[view][1]]);
         (0..self.columns.len()).map(|view| of(view).map(|width_um| width_um * self.thick_um)).collect()
@@ -71,16 +71,16 @@ impl<'a> HullSlices<'a> {
     /// Mean over the views of the hull's area over the profile's.
     pub fn coherence(&self, psi: &Psi) -> f64 {
         let overlap = |[hull, profile]: &[f64; 2]| if *profile > 0.0 { hull / profile } else { 0.0 };
-        let seen = self.seen_again(psi);
+        let seen = self.reprojected_areas(psi);
         seen.iter().map(overlap).sum::<f64>() / seen.len() as f64
     }
 
     /// In the order of the slices, so that sums are the same on any number of threads.
-    fn of_each<T: Send>(&self, psi: &Psi, told: impl Fn(&Cut) -> T + Sync) -> Vec<T> {
+    fn of_each<T: Send>(&self, psi: &Psi, read: impl Fn(&Cut) -> T + Sync) -> Vec<T> {
         let views = Views::new(&self.columns, psi);
         let of = |cut: &mut Cut, &x_um: &f64| {
             cut.make(&views, x_um);
-            told(cut)
+            read(cut)
         };
         self.xs_um.par_iter().with_min_len(SLICES_TOGETHER).map_init(Cut::default, of).collect()
     }

@@ -6,14 +6,14 @@
 //! ```
 //! Shifts that go with cos omega and sin omega are those of a specimen that lies elsewhere, and so on with every odd harmonic.
 
-use super::slices::{Fit, Slice, fit, harmonics};
+use super::slices::{Fit, Slice, SliceError, SlicesLost, fit, harmonics};
 use super::support::Support;
 use super::tangents::{Pose, TurnView};
 use crate::geometry::Camera;
+use crate::parallel::*;
 use crate::profile::Columns;
 use crate::statistics::mad_sd;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
 /// What is believed before any profile is seen, as standard deviations.
@@ -53,7 +53,7 @@ const TILT_HELD: f64 = 1e12;
 
 /// A solution.
 #[derive(Debug, Clone)]
-pub struct Solution {
+pub(crate) struct Solution {
     pub camera: Camera,
     pub rho: f64,
     pub dy_px: Vec<f64>,
@@ -65,7 +65,7 @@ pub struct Solution {
     pub converged: bool,
     pub slices: Vec<(Slice, Fit)>,
     /// Shifts that no slice can tell from its own shape, orthonormal: `dy_px` has no part of them.
-    pub untold: Vec<DVector<f64>>,
+    pub gauge: Vec<DVector<f64>>,
 }
 
 /// Slices that a turn must have in common.
@@ -77,10 +77,10 @@ pub enum SolveError {
     #[error("{found} of {given} views have a profile; three quarters are needed. Look at the frames of the others")]
     FewProfiles { found: usize, given: usize },
     #[error(
-        "{found} slices across the capillary are seen by three quarters of the views; {SLICES_LEAST} are needed. The specimen covers too few columns that the views share: \
-         look whether it slid along the capillary or left the view, and check the scale of the camera"
+        "{found} slices across the capillary have an outline; {SLICES_LEAST} are needed. {lost}. Look whether the specimen slid along the capillary or left \
+         the view, and check the scale of the camera"
     )]
-    FewSlices { found: usize },
+    FewSlices { found: usize, lost: SlicesLost },
     #[error(
         "the edges do not determine the axis: the least squares have no solution. Look whether the profiles are smooth and closed, and measure with the camera as it is"
     )]
@@ -104,14 +104,14 @@ pub(super) fn pivot(given: &[GivenView]) -> f64 {
 ///
 /// # Errors
 /// When the views show too little of the specimen, or their edges do not determine the axis.
-pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Result<Solution, SolveError> {
+pub(crate) fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Result<Solution, SolveError> {
     let n = given.len();
     let first = pivot(given);
     let mut state = State { camera: camera.clone(), rho, dy_px: vec![0.0; n] };
     let xs = places(camera, given)?;
     let turned: Vec<f64> = given.iter().map(|v| first + rho * (v.omega - first)).collect();
     let series = harmonics(&turned);
-    let untold = untold(&turned, series);
+    let gauge = gauge(&turned, series);
     let mut supports: Vec<Option<Support>> = vec![None; xs.len()];
     let mut sd_um = f64::INFINITY;
     let mut passes = 0;
@@ -124,7 +124,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         let slices;
         (slices, sd_um) = fitted(&pose, &views, &xs, &mut supports, series, sd_um)?;
         let (mut matrix, mut right) = normal_equations(&slices, &state, given, first, sd_um, (nominal, rho), priors);
-        for direction in &untold {
+        for direction in &gauge {
             let off = direction.dot(&DVector::from_column_slice(&state.dy_px));
             matrix.view_mut((SHARED, SHARED), (n, n)).ger(HELD, direction, direction, 1.0);
             right.rows_mut(SHARED, n).axpy(HELD * off, direction, 1.0);
@@ -141,7 +141,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
                 passes,
                 converged,
                 slices,
-                untold,
+                gauge,
             });
         }
         let mut step = factor.solve(&right);
@@ -176,21 +176,22 @@ fn fitted(
     sd_um: f64,
 ) -> Result<(Vec<(Slice, Fit)>, f64), SolveError> {
     let rounds = if sd_um.is_finite() { 2 } else { 0 };
-    let slices: Vec<Option<(Slice, Fit)>> = xs
+    let slices: Vec<Result<(Slice, Fit), SliceError>> = xs
         .par_iter()
         .zip(&*supports)
         .map(|(&x_um, support)| {
             let slice = Slice::of(x_um, pose, views, support.as_ref())?;
             let fit = fit(&slice, series, sd_um, rounds)?;
-            Some((slice, fit))
+            Ok((slice, fit))
         })
         .collect();
     for (support, found) in supports.iter_mut().zip(&slices) {
-        *support = found.as_ref().map(|(_, fit)| fit.support.clone());
+        *support = found.as_ref().ok().map(|(_, fit)| fit.support.clone());
     }
+    let lost = SlicesLost::among(&slices);
     let slices: Vec<(Slice, Fit)> = slices.into_iter().flatten().collect();
     if slices.len() < SLICES_LEAST {
-        return Err(SolveError::FewSlices { found: slices.len() });
+        return Err(SolveError::FewSlices { found: slices.len(), lost });
     }
     // A series with as many coefficients as there are tangents would leave no residual: what is left is per degree of freedom.
     let tangents: usize = slices.iter().map(|(s, _)| s.sights.len()).sum();
@@ -202,7 +203,7 @@ fn fitted(
 
 /// Shifts that no slice can tell from its own shape, orthonormal: their mean is the axis', and what goes with an odd harmonic of
 /// omega is that harmonic of every slice. They are left to axis and slices.
-fn untold(omegas: &[f64], harmonics: usize) -> Vec<DVector<f64>> {
+fn gauge(omegas: &[f64], harmonics: usize) -> Vec<DVector<f64>> {
     let wave = |k: usize, shift: f64| DVector::from_iterator(omegas.len(), omegas.iter().map(|w| (k as f64 * w - shift).cos()));
     let odd = (1..=harmonics).step_by(2).flat_map(|k| [wave(k, 0.0), wave(k, FRAC_PI_2)]);
     let mut basis: Vec<DVector<f64>> = Vec::new();

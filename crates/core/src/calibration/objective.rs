@@ -10,7 +10,7 @@
 use super::coherence::coherence;
 use super::free::{Free, Parameter};
 use super::psi::Psi;
-use super::search::{Found, Stop};
+use super::search::{Minimum, Stop};
 use super::{cma, simplex};
 use crate::carver::{CarveError, ResidualVolume, Runs};
 use crate::geometry::VoxelGrid;
@@ -104,7 +104,7 @@ pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, how: Optimi
             |value| free.cost(start, &psi) - value.ln(),
         )
     };
-    let Found { at, evaluations, converged, .. } = match how {
+    let Minimum { at, evaluations, converged, .. } = match how {
         Optimiser::NelderMead => simplex::minimise(&reaches, stop, loss),
         Optimiser::CmaEs { seed } => cma::minimise(&reaches, stop, seed, loss),
     };

@@ -7,15 +7,15 @@
 //! ```
 
 use super::least_squares::Solution;
+use crate::parallel::*;
 use crate::profile::Columns;
 use crate::statistics::{fit, fit_robust, mad_sd, median};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// How one view is off the model of all others.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewOff {
+pub(crate) struct ViewOff {
     /// Of the distances between its edges and the model's, px; robust.
     pub rms_px: f64,
     /// Of its edges, those that are far from the model of all others: a leak through a narrow gap.
@@ -41,7 +41,7 @@ pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {
         .map(|view| {
             let mut rows: Vec<(Vector3<f64>, f64)> = Vec::new();
             for (slice, fit) in slices {
-                for (at, off_um) in fit.unheld(slice, view) {
+                for (at, off_um) in fit.leave_one_out(slice, view) {
                     let sight = &slice.sights[at];
                     let sign = sight.side.sign();
                     let [_, slope_um] = fit.support.at(sight.tangent.theta);
@@ -67,17 +67,17 @@ fn jump(solution: &Solution, view: usize) -> [f64; 2] {
     let n = solution.dy_px.len();
     let mut shape = DVector::zeros(n);
     shape[view] = 1.0;
-    for direction in &solution.untold {
+    for direction in &solution.gauge {
         shape.axpy(-direction[view], direction, 1.0);
     }
-    let told = shape.norm_squared();
+    let observable = shape.norm_squared();
     let shifts = DVector::from_column_slice(&solution.dy_px);
-    let free = n as f64 - solution.untold.len() as f64 - 1.0;
-    if told < 0.05 || free < 1.0 {
+    let free = n as f64 - solution.gauge.len() as f64 - 1.0;
+    if observable < 0.05 || free < 1.0 {
         return [0.0, f64::INFINITY];
     }
-    let size = shape.dot(&shifts) / told;
-    let left = (shifts.norm_squared() - size * size * told).max(0.0);
+    let size = shape.dot(&shifts) / observable;
+    let left = (shifts.norm_squared() - size * size * observable).max(0.0);
     [size, (left / free).sqrt()]
 }
 

@@ -1,14 +1,14 @@
 //! A bounded search for the least value of a function: what its two methods share.
 //!
 //! ```text
-//!   Reach per unknown ── simplex: few unknowns, few evaluations ──┬── Found
+//!   Reach per unknown ── simplex: few unknowns, few evaluations ──┬── Minimum
 //!                     └─ cma: many, or a bumpy function ──────────┘
 //! ```
 //! Both work in steps: an unknown that is 0 at its start and 1 a first step from it, whatever its unit.
 
 /// One unknown: where the search begins, how far it may go, and the length of a first step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reach {
+pub(crate) struct Reach {
     pub start: f64,
     pub low: f64,
     pub high: f64,
@@ -51,7 +51,7 @@ pub struct Stop {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub(crate) struct Minimum {
     pub at: Vec<f64>,
     pub value: f64,
     pub evaluations: usize,
@@ -84,8 +84,8 @@ impl<'a, F: FnMut(&[f64]) -> f64> Counted<'a, F> {
         value
     }
 
-    pub fn found(self, converged: bool) -> Found {
-        Found { at: self.best.0, value: self.best.1, evaluations: self.evaluations, converged }
+    pub fn found(self, converged: bool) -> Minimum {
+        Minimum { at: self.best.0, value: self.best.1, evaluations: self.evaluations, converged }
     }
 }
 

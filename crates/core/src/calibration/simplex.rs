@@ -6,10 +6,10 @@
 //! A vertex beyond a bound is put on it. Coefficients by Gao and Han (Comput. Optim. Appl. 51, 2012), which for two unknowns are
 //! Nelder and Mead's own: with them more unknowns do not flatten the simplex.
 
-use super::search::{Counted, Found, Reach, Stop};
+use super::search::{Counted, Minimum, Reach, Stop};
 
 /// Looks for the least value of `function`.
-pub fn minimise(reach: &[Reach], stop: Stop, function: impl FnMut(&[f64]) -> f64) -> Found {
+pub(crate) fn minimise(reach: &[Reach], stop: Stop, function: impl FnMut(&[f64]) -> f64) -> Minimum {
     let mut function = Counted::new(reach, function);
     let mut from = vec![0.0; reach.len()];
     let mut again = true;

@@ -26,7 +26,7 @@ pub struct TurnView<'a> {
 
 /// Which edge of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
+pub(crate) enum Side {
     Upper,
     Lower,
 }
@@ -53,7 +53,7 @@ impl Side {
 
 /// A tangent of a slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tangent {
+pub(crate) struct Tangent {
     /// Direction of the outward normal in the specimen's frame, rad.
     pub theta: f64,
     /// Distance from the capillary's axis.
@@ -113,7 +113,7 @@ impl Pose {
     }
 
     /// The column in which a point of slice `x_um` is seen that lies `touch_um` from the axis, across and in depth.
-    pub fn column(&self, x_um: f64, touch_um: [f64; 2]) -> f64 {
+    pub(crate) fn column(&self, x_um: f64, touch_um: [f64; 2]) -> f64 {
         let [across, depth] = touch_um;
         let (along, down) = (x_um * self.cos_gamma - across * self.sin_gamma, x_um * self.sin_gamma + across * self.cos_gamma);
         let right = along * self.cos_alpha + depth * self.sin_alpha;
@@ -143,7 +143,7 @@ impl Pose {
     }
 
     /// The tangent that one edge of a view gives of slice `x_um`, whose support function tells the column to read.
-    pub fn tangent(&self, x_um: f64, view: &TurnView, side: Side, support: Option<&Support>) -> Option<Tangent> {
+    pub(crate) fn tangent(&self, x_um: f64, view: &TurnView, side: Side, support: Option<&Support>) -> Option<Tangent> {
         let sign = side.sign();
         let towards = if side == Side::Upper { PI } else { 0.0 };
         // The ray leans by less than a hundredth: what touches is what a parallel ray would touch.

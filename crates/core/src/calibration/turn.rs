@@ -24,7 +24,7 @@ const ROUND: f64 = 1.5;
 /// of most of a larva's slices over 0.1.
 const DISC: f64 = 0.05;
 /// Fewer views fit any ratio of angles.
-const TELLS_STEPS: usize = 7;
+const RHO_VIEWS_LEAST: usize = 7;
 /// A ratio of angles is sought no further than this from where its search begins.
 const NEAR: f64 = 0.08;
 /// Another ratio of angles leaves no more than this share of the residuals that the planned one leaves.
@@ -104,14 +104,14 @@ impl Calibration {
 
     /// Whether the views tell a ratio of angles other than 1: enough of them, beyond doubt, and no specimen that moved, which looks
     /// alike where it turned in the capillary once.
-    pub fn tells_steps(&self) -> bool {
+    pub fn is_rho_significant(&self) -> bool {
         let used = self.views.iter().filter(|v| v.bad.is_none()).count();
-        used >= TELLS_STEPS && self.moved.is_none() && (self.rho - 1.0).abs() > SURE * self.sd.rho
+        used >= RHO_VIEWS_LEAST && self.moved.is_none() && (self.rho - 1.0).abs() > SURE * self.sd.rho
     }
 
     /// Whether the capillary did not turn as far as the ledger says.
     pub fn has_wrong_steps(&self) -> bool {
-        self.tells_steps() && (self.rho - 1.0).abs() > WRONG_STEPS
+        self.is_rho_significant() && (self.rho - 1.0).abs() > WRONG_STEPS
     }
 }
 
@@ -136,7 +136,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     let mut views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
     let mut found = solved(camera, &views, priors)?;
     let mut offs = views_off(&found.solution, &turned(&views));
-    let mut shifted = moved(&offs, &turned(&views), found.axis_told);
+    let mut shifted = moved(&offs, &turned(&views), found.is_axis_observable);
     while shifted.is_none() && used.len() > least {
         let Some((at, why)) = worst(&offs) else { break };
         bad[used[at]] = Some(why);
@@ -145,7 +145,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         found = solved(camera, &views, priors)?;
         offs = views_off(&found.solution, &turned(&views));
         // An outlier scatters so far that it hides a step.
-        shifted = moved(&offs, &turned(&views), found.axis_told);
+        shifted = moved(&offs, &turned(&views), found.is_axis_observable);
     }
     let covariance = covariance(camera, &found, &views, &offs, priors);
     let sd = |at: usize| covariance[(at, at)].sqrt();
@@ -181,7 +181,7 @@ fn covariance(camera: &Camera, found: &Solved, views: &[GivenView], offs: &[View
     // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
     let angles: Vec<[f64; 2]> = turned(views).into_iter().zip(offs).map(|(at, off)| [at, off.turn]).collect();
     at_least(3, Line::through(&angles).and_then(|line| line.slope_sd).unwrap_or(0.0));
-    if !found.axis_told {
+    if !found.is_axis_observable {
         at_least(3, priors.rho);
         at_least(1, priors.gamma_rad);
         // uy is where the axis crosses the principal point's column, and the specimen lies beside it.
@@ -197,7 +197,7 @@ struct Solved {
     start: Camera,
     solution: Solution,
     /// Whether roll and tilt are this turn's: a round specimen does not tell them, and they are the given camera's.
-    axis_told: bool,
+    is_axis_observable: bool,
 }
 
 fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved, CalibrationError> {
@@ -212,7 +212,7 @@ fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved
             Some(solution) => solution,
             None => solve(&start, camera, rho, views, Priors { rho: HELD, ..priors })?,
         };
-        Ok::<_, CalibrationError>(Solved { start, solution, axis_told: true })
+        Ok::<_, CalibrationError>(Solved { start, solution, is_axis_observable: true })
     };
     let residual = |s: &Solved| s.solution.residual_sd_um;
     let mut nominal = from(1.0, priors);
@@ -222,10 +222,10 @@ fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved
         let held = from(1.0, Priors { gamma_rad: HELD, alpha_rad: HELD, rho: HELD, ..priors });
         let explains = |held: &Solved| nominal.as_ref().ok().is_none_or(|free| residual(held) < ROUND * residual(free));
         if let Some(held) = held.ok().filter(explains) {
-            nominal = Ok(Solved { axis_told: false, ..held });
+            nominal = Ok(Solved { is_axis_observable: false, ..held });
         }
     }
-    if views.len() < TELLS_STEPS || nominal.as_ref().is_ok_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
+    if views.len() < RHO_VIEWS_LEAST || nominal.as_ref().is_ok_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
         return nominal;
     }
     // Another number of steps per revolution: the angles are all in one ratio to the plan's.

@@ -33,23 +33,23 @@ pub use residual::ResidualVolume;
 pub use runs::Runs;
 
 use crate::geometry::{Projection, VoxelGrid};
+use crate::parallel::*;
 use crate::profile::Mask;
 use boxes::Boxes;
 use counts::{ROW, SIDE, Tally};
 use definition::{Centres, View};
 use lines::Lines;
 use misses::Spans;
-use rayon::prelude::*;
 use tile::{Sight, Tile};
 
 /// Voxels along the edge of a block as the surface sees them.
-pub const BLOCK: usize = 8;
+pub(crate) const BLOCK: usize = 8;
 
 // A surface's block is a piece of a carver's: as many rows, and whole bytes of their words.
 const _: () = assert!(BLOCK == SIDE && ROW.is_multiple_of(BLOCK));
 
 /// One bit per voxel of a block: word `z`, bit `8 y + x`.
-pub type Bits = [u64; BLOCK];
+pub(crate) type Bits = [u64; BLOCK];
 
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum CarveError {
@@ -67,7 +67,7 @@ pub enum CarveError {
 
 /// What a block of 8^3 voxels holds; voxels outside the grid count as dead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BlockKind {
+pub(crate) enum BlockKind {
     Dead,
     /// Every one of its 512 voxels lives.
     Full,
@@ -76,7 +76,7 @@ pub enum BlockKind {
 
 /// A view as it was observed.
 #[derive(Debug, Clone)]
-pub struct Observed {
+pub(crate) struct Observed {
     pub runs: Runs,
     pub projection: Projection,
     pub leaves: Leaves,
@@ -221,7 +221,7 @@ impl Carver {
 
     /// Some of the views carved again through other projections, by the same plan.
     #[must_use]
-    pub fn through(&self, views: &[(usize, Projection)]) -> Self {
+    pub(crate) fn through(&self, views: &[(usize, Projection)]) -> Self {
         let mut hull = Hull::new(*self.grid(), self.hull.tally);
         let of = |&(view, projection): &(usize, Projection)| Observed { projection, ..self.views[view].clone() };
         let views: Vec<Observed> = views.iter().map(of).collect();
@@ -251,7 +251,7 @@ impl Carver {
     }
 
     /// The views that carved, in the order in which they came.
-    pub fn views(&self) -> &[Observed] {
+    pub(crate) fn views(&self) -> &[Observed] {
         &self.views
     }
 
@@ -278,12 +278,12 @@ impl Carver {
     }
 
     /// Blocks of 8^3 voxels along each axis; the last ones may reach over the grid's end.
-    pub fn block_counts(&self) -> [usize; 3] {
+    pub(crate) fn block_counts(&self) -> [usize; 3] {
         self.grid().counts().map(|n| n.div_ceil(BLOCK))
     }
 
     /// The live voxels of a block as bits; outside the grid none.
-    pub fn block(&self, block: [i32; 3]) -> Bits {
+    pub(crate) fn block(&self, block: [i32; 3]) -> Bits {
         let Some([x, y, z]) = self.held(block) else { return [0; BLOCK] };
         let words = self.tile(y, z).words(x / (ROW / BLOCK), self.hull.tally);
         let shift = x % (ROW / BLOCK) * BLOCK;
@@ -291,7 +291,7 @@ impl Carver {
     }
 
     /// What a block holds.
-    pub fn block_kind(&self, block: [i32; 3]) -> BlockKind {
+    pub(crate) fn block_kind(&self, block: [i32; 3]) -> BlockKind {
         let Some([x, y, z]) = self.held(block) else { return BlockKind::Dead };
         match self.tile(y, z).uniform(x / (ROW / BLOCK), self.hull.tally) {
             Some(false) => BlockKind::Dead,

@@ -16,7 +16,7 @@ const READ_HIGH: f64 = 1.05;
 
 /// The blur, px, near one that is expected, and the kind of edges, with which the residual is least. Rounded edges are believed
 /// where they explain `rounded_better` times more than sharp ones.
-pub(super) fn told(near_px: f64, rounded_better: f64, mut residual: impl FnMut(f64, Kind) -> f64) -> (f64, Kind) {
+pub(super) fn estimated(near_px: f64, rounded_better: f64, mut residual: impl FnMut(f64, Kind) -> f64) -> (f64, Kind) {
     let mut least = |kind: Kind| least_near(Models::step(near_px), |step| residual(Models::blur_px(step), kind));
     let (sharp, rounded) = (least(Kind::Sharp), least(Kind::Rounded));
     let (best, kind) = if rounded.1 * rounded_better < sharp.1 { (rounded, Kind::Rounded) } else { (sharp, Kind::Sharp) };
@@ -91,7 +91,7 @@ mod tests {
             for (kind, rounded_by) in [(Kind::Sharp, 0.6), (Kind::Rounded, 0.4)] {
                 let residual =
                     |blur_px: f64, of: Kind| (1.0 + (blur_px / truth).log2().powi(2)) * if of == Kind::Rounded { rounded_by } else { 1.0 };
-                let (found, seen_as) = told(1.2, 2.0, residual);
+                let (found, seen_as) = estimated(1.2, 2.0, residual);
                 assert!((found * READ_HIGH / truth - 1.0).abs() < 0.01 && seen_as == kind, "{found} for {truth}, {seen_as:?}");
             }
         }

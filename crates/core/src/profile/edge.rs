@@ -203,7 +203,7 @@ impl EdgeFinder {
             // In units of each edge's own height, so that no edge outweighs the others.
             chosen.map(|(p, samples)| f64::from(settle(model, p.shift, &samples[..p.seen]).1 / (p.contrast * p.contrast))).sum::<f64>()
         };
-        Some(blur::told(near, rounded_better, residual))
+        Some(blur::estimated(near, rounded_better, residual))
     }
 
     /// Places the edge of one outline between the shifts.

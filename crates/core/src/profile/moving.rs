@@ -5,8 +5,8 @@
 //!                    └─ darker than it, less what all of a row has in common (a wall that trembles) ── connected spots
 //! ```
 
-use super::{Picture, ProfileError, Reference, WallSettings, Walls};
-use rayon::prelude::*;
+use super::{EmptyCapillary, Picture, ProfileError, WallSettings, Walls};
+use crate::parallel::*;
 
 /// Something dark.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,9 +75,9 @@ impl Moving {
     /// The walls of what stands still.
     ///
     /// # Errors
-    /// As a [`Reference`]: pictures that show no capillary.
+    /// As a [`EmptyCapillary`]: pictures that show no capillary.
     pub fn walls(&self, settings: &WallSettings) -> Result<Walls, ProfileError> {
-        Ok(Reference::new(Picture::from_grey(self.width, self.still.clone()), settings)?.walls())
+        Ok(EmptyCapillary::new(Picture::from_grey(self.width, self.still.clone()), settings)?.walls())
     }
 
     pub fn width(&self) -> usize {

@@ -10,7 +10,7 @@ use super::hybrid::Hybrid;
 use super::outline::{self, Crossings, Outlines, Polygon, Smoother};
 use super::settings::{Method, SegmentSettings};
 use super::walls::WallFinder;
-use super::{Detection, Mask, Picture, ProfileQuality, Reference, Walls, quality};
+use super::{Detection, EmptyCapillary, Mask, Picture, ProfileQuality, Walls, quality};
 
 /// The outline of the specimen in one view.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,7 +34,7 @@ pub enum ProfileError {
     #[error(
         "the frame is {width} x {height} px, the picture of the empty capillary {wide} x {high} px: take it again with this region of interest"
     )]
-    ReferenceSize { width: usize, height: usize, wide: usize, high: usize },
+    EmptyCapillarySize { width: usize, height: usize, wide: usize, high: usize },
     #[error(
         "the frame is black: its brightest percent starts at {brightest}, at least {needed} is needed; check lamp, shutter and exposure"
     )]
@@ -108,22 +108,22 @@ impl Segmenter {
         &mut self,
         picture: &Picture,
         settings: &SegmentSettings,
-        reference: Option<&Reference>,
+        empty: Option<&EmptyCapillary>,
     ) -> Result<Profile, ProfileError> {
         let (width, height) = (picture.width(), picture.height());
         if width < LEAST_PX || height < LEAST_PX {
             return Err(ProfileError::TooSmall { width, height, least: LEAST_PX });
         }
-        if let Some((wide, high)) = reference.map(Reference::size).filter(|size| *size != (width, height)) {
-            return Err(ProfileError::ReferenceSize { width, height, wide, high });
+        if let Some((wide, high)) = empty.map(EmptyCapillary::size).filter(|size| *size != (width, height)) {
+            return Err(ProfileError::EmptyCapillarySize { width, height, wide, high });
         }
         check_exposure(picture, settings)?;
         let walls = self.walls.find(picture, &settings.walls)?;
-        if reference.is_none() {
+        if empty.is_none() {
             check_surroundings(&walls, width, height)?;
         }
         let bore = Bore::of(picture, walls);
-        self.background.take_away(&bore, picture, reference);
+        self.background.take_away(&bore, picture, empty);
         let contrast = &self.background.contrast;
         self.coarse.fill(&bore, contrast, settings.wall_margin_px);
         self.hybrid.find(&self.coarse, &bore, settings);

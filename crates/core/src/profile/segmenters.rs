@@ -5,7 +5,7 @@
 //!              ^───────── put back, with its memory ──'
 //! ```
 
-use super::{Picture, Profile, ProfileError, Reference, SegmentSettings, Segmenter};
+use super::{EmptyCapillary, Picture, Profile, ProfileError, SegmentSettings, Segmenter};
 use std::sync::{Mutex, PoisonError};
 
 /// Lends each caller a segmenter of its own. A profile does not depend on which: a segmenter keeps memory, not findings.
@@ -15,10 +15,10 @@ pub struct Segmenters(Mutex<Vec<Segmenter>>);
 impl Segmenters {
     /// # Errors
     /// As [`Segmenter::segment`].
-    pub fn segment(&self, picture: &Picture, settings: &SegmentSettings, reference: Option<&Reference>) -> Result<Profile, ProfileError> {
+    pub fn segment(&self, picture: &Picture, settings: &SegmentSettings, empty: Option<&EmptyCapillary>) -> Result<Profile, ProfileError> {
         let free = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut segmenter = free.unwrap_or_default();
-        let profile = segmenter.segment(picture, settings, reference);
+        let profile = segmenter.segment(picture, settings, empty);
         self.0.lock().unwrap_or_else(PoisonError::into_inner).push(segmenter);
         profile
     }

@@ -78,7 +78,7 @@ pub struct Quality {
 
 const REFERENCE_Z: &str = "reference_z";
 /// Flags of a volume and of an area that are far from those of reference larvae.
-pub const OFF_REFERENCES: [&str; 2] = ["volume_off_references", "area_off_references"];
+pub(crate) const OFF_REFERENCES: [&str; 2] = ["volume_off_references", "area_off_references"];
 
 impl Quality {
     pub(super) fn new(checks: Vec<Check>) -> Self {

@@ -2,7 +2,7 @@
 
 /// What the strip has of a view.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct ViewStrip {
+pub(crate) struct ViewStrip {
     pub view: u32,
     /// It counts in the model.
     pub used: bool,
@@ -23,7 +23,7 @@ pub struct Spoiled {
 
 /// The views that spoil the model, the first around the turn first: those that gave no profile or do not belong, and those whose
 /// residual is over the limit although they were kept.
-pub fn spoiled(strip: &[ViewStrip], residual_view_px: f64) -> Vec<Spoiled> {
+pub(crate) fn spoiled(strip: &[ViewStrip], residual_view_px: f64) -> Vec<Spoiled> {
     let mut found: Vec<Spoiled> = strip
         .iter()
         .filter_map(|v| {

@@ -16,7 +16,7 @@ use crate::statistics::median;
 
 /// The view at 360 deg against the view at 0 deg.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClosureOff {
+pub(crate) struct ClosureOff {
     pub overlap: f64,
     pub along_px: f64,
     pub across_px: f64,
@@ -26,9 +26,19 @@ pub struct ClosureOff {
     pub sd: Option<ClosureSd>,
 }
 
+impl ClosureOff {
+    /// Whether the specimen surely lies elsewhere, by the two profiles alone, before the turn is measured. A fin that one of the profiles
+    /// lacks carries the centroid by as much as a limit, so the shift may be twice the limit here.
+    pub fn is_far(&self, limits: &QualitySettings) -> bool {
+        self.overlap < limits.closure_overlap
+            || self.along_px.abs() > 2.0 * limits.closure_along_px
+            || self.across_px.abs() > 2.0 * limits.closure_across_px
+    }
+}
+
 /// Standard deviations of a [`ClosureOff`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClosureSd {
+pub(crate) struct ClosureSd {
     pub along_px: f64,
     pub across_px: f64,
     pub turn_deg: f64,
@@ -36,18 +46,18 @@ pub struct ClosureSd {
 
 /// The turn's own camera less the rig's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CalibrationOff {
+pub(crate) struct CalibrationOff {
     pub uy_px: f64,
     pub gamma_deg: f64,
     pub alpha_deg: f64,
     pub rho_percent: f64,
     /// The ratio of angles is another than 1 beyond doubt.
-    pub is_rho_told: bool,
+    pub is_rho_significant: bool,
 }
 
 /// A turn, as far as it is checked.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TurnFacts<'a> {
+pub(crate) struct TurnFacts<'a> {
     pub planned_views: usize,
     /// Of the views that count, rad.
     pub omegas: &'a [f64],
@@ -64,7 +74,7 @@ pub fn tell_little(omegas: &[f64], limits: &QualitySettings) -> bool {
 }
 
 impl Quality {
-    pub fn of(turn: &TurnFacts, l: &QualitySettings) -> Self {
+    pub(crate) fn of(turn: &TurnFacts, l: &QualitySettings) -> Self {
         let used = || turn.strip.iter().filter(|v| v.used);
         let residuals: Vec<f64> = used().filter_map(|v| v.residual_px).collect();
         let residual = (!residuals.is_empty()).then(|| median(residuals));
@@ -76,7 +86,7 @@ impl Quality {
         let surely = |name, unit, found, sd, limit| Check::at_most_surely(name, unit, "moved", found, sd, limit);
         let off = |of: fn(&CalibrationOff) -> f64| turn.calibration.as_ref().map(of);
         // A ratio that is not told apart from 1 is none.
-        let rho = turn.calibration.map(|c| if c.is_rho_told { c.rho_percent } else { 0.0 });
+        let rho = turn.calibration.map(|c| if c.is_rho_significant { c.rho_percent } else { 0.0 });
         Self::new(vec![
             Check::at_least("closure_overlap", "share", "moved", closure(|c| c.overlap), l.closure_overlap),
             surely("closure_along_px", "px", closure(|c| c.along_px), sd(|s| s.along_px), l.closure_along_px),
@@ -120,7 +130,8 @@ mod tests {
 
     const GOOD: ClosureOff = ClosureOff { overlap: 0.985, along_px: 0.2, across_px: -0.3, turn_deg: Some(0.4), sd: Some(KNOWN) };
     const KNOWN: ClosureSd = ClosureSd { along_px: 0.02, across_px: 0.02, turn_deg: 0.04 };
-    const NEAR: CalibrationOff = CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_told: false };
+    const NEAR: CalibrationOff =
+        CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_significant: false };
 
     fn of(omegas: &[f64], strip: &[ViewStrip], closure: Option<ClosureOff>, calibration: Option<CalibrationOff>) -> Quality {
         let facts = TurnFacts { planned_views: 21, omegas, strip, closure, calibration, volume_sd_percent: Some(0.6) };
@@ -161,7 +172,7 @@ mod tests {
         ] {
             assert_eq!(off.flags(), ["calibration_off"]);
         }
-        assert_eq!(camera(CalibrationOff { is_rho_told: true, ..NEAR }).flags(), ["wrong_steps"]);
+        assert_eq!(camera(CalibrationOff { is_rho_significant: true, ..NEAR }).flags(), ["wrong_steps"]);
         let mut views = strip(21);
         views[6].residual_px = Some(3.5);
         let found = seen(&even(21), &views);

@@ -1,7 +1,7 @@
 //! What a turn's views tell of their own camera, held against the camera as given.
 
 use super::Reconstruction;
-use crate::calibration::{Calibration, CalibrationError, Gate, GivenView, Moved, Priors, Verdict, ViewState, calibrate, gate};
+use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Priors, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv};
 use crate::geometry::{Camera, Projection};
 use crate::range::{OutOfRange, outside};
 use serde::{Deserialize, Serialize};
@@ -69,7 +69,7 @@ pub enum NotCalibrated {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
     pub calibration: Calibration,
-    pub gate: Gate,
+    pub vrv: VrvCheck,
 }
 
 /// The views of a turn by their angles, and what they tell.
@@ -98,8 +98,8 @@ impl Calibrated {
     /// The views that count, each with the projection that it is carved through.
     pub(super) fn used(&self, of: &Reconstruction) -> Vec<(usize, Projection)> {
         let projection = |at: usize, i: usize| match &self.found {
-            Ok(Judged { calibration: c, .. }) => c.views[at].bad.is_none().then(|| c.projection(at, of.seen[i].omega)),
-            Err(_) => Some(of.camera.projection(of.seen[i].omega)),
+            Ok(Judged { calibration: c, .. }) => c.views[at].bad.is_none().then(|| c.projection(at, of.observed[i].omega)),
+            Err(_) => Some(of.camera.projection(of.observed[i].omega)),
         };
         self.order.iter().enumerate().filter_map(|(at, &i)| Some((i, projection(at, i)?))).collect()
     }
@@ -108,14 +108,14 @@ impl Calibrated {
 impl Reconstruction {
     /// The views so far by their angles.
     pub(super) fn given(&self, order: &[usize]) -> Vec<GivenView<'_>> {
-        order.iter().map(|&i| GivenView { columns: &self.seen[i].columns, omega: self.seen[i].omega }).collect()
+        order.iter().map(|&i| GivenView { columns: &self.observed[i].columns, omega: self.observed[i].omega }).collect()
     }
 
     /// Calibrates on the views so far, and holds the result against the camera as given.
     pub fn calibrate(&self) -> Calibrated {
         let settings = &self.settings.calibration;
-        let mut order: Vec<usize> = (0..self.seen.len()).collect();
-        order.sort_by(|&a, &b| self.seen[a].omega.total_cmp(&self.seen[b].omega));
+        let mut order: Vec<usize> = (0..self.observed.len()).collect();
+        order.sort_by(|&a, &b| self.observed[a].omega.total_cmp(&self.observed[b].omega));
         let given = self.given(&order);
         let judged = || {
             if !settings.enabled {
@@ -130,9 +130,9 @@ impl Reconstruction {
 
     /// Lets a calibration pass that leaves no less than the camera as given.
     pub(super) fn judge(&self, calibration: Calibration, given: &[GivenView]) -> Result<Judged, NotCalibrated> {
-        match gate(&calibration, &self.camera, given) {
-            Gate { verdict: Verdict::Worse, given_um3, solution_um3, .. } => Err(NotCalibrated::Worse { given_um3, solution_um3 }),
-            gate => Ok(Judged { calibration, gate }),
+        match check_vrv(&calibration, &self.camera, given) {
+            VrvCheck { verdict: VrvVerdict::Worse, given_um3, solution_um3, .. } => Err(NotCalibrated::Worse { given_um3, solution_um3 }),
+            vrv => Ok(Judged { calibration, vrv }),
         }
     }
 }
@@ -156,11 +156,11 @@ pub struct CalibrationRecord {
     pub moved: Option<Moved>,
     /// What no view misses, with this camera, the given one and the best that a search finds.
     #[serde(default)]
-    pub vrv: Option<Gate>,
+    pub vrv: Option<VrvCheck>,
 }
 
 impl From<&Judged> for CalibrationRecord {
-    fn from(Judged { calibration: c, gate }: &Judged) -> Self {
+    fn from(Judged { calibration: c, vrv }: &Judged) -> Self {
         Self {
             psi: c.camera.clone(),
             uy_sd_px: c.sd.uy_px,
@@ -172,7 +172,7 @@ impl From<&Judged> for CalibrationRecord {
             passes: c.passes,
             converged: c.converged,
             moved: c.moved,
-            vrv: Some(*gate),
+            vrv: Some(*vrv),
         }
     }
 }

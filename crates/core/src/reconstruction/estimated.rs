@@ -26,11 +26,12 @@ impl Reconstruction {
         let given = self.given(order);
         let used = || order.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none());
         let open = self.open(&used().map(|(&i, _)| i));
-        let sections = Sections::of(&Pose::new(&calibration.camera), &calibration.turn_views(&given), calibration.residual_sd_um, open)?;
+        let views = calibration.turn_views(&given);
+        let sections = Sections::of(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, open).ok()?;
         let support = SupportEstimate::of(&sections);
         let calibration = calibration_sd(calibration, &given).unwrap_or_default();
         let spread = self.spread(&sections, &support, [support.volume_um3, support.area_um2], calibration);
-        Estimate::of(self.seen.len(), &support, &spread)
+        Estimate::of(self.observed.len(), &support, &spread)
     }
 
     /// Whether the newest refined hull is too small for an estimate: then slices are hollow, and the end will trust the voxels.

@@ -43,18 +43,18 @@ impl Reconstruction {
     /// Whether enough views have come in since the last refinement, from enough sides, for another to be worth its time.
     pub fn is_refinable(&self) -> bool {
         let due = self.refined_at + self.hull.carver().planned_views().div_ceil(SHARE);
-        self.settings.calibration.enabled && self.seen.len() >= due && self.is_seen_around()
+        self.settings.calibration.enabled && self.observed.len() >= due && self.is_seen_around()
     }
 
     /// Whether the views so far tell axis and slices.
     pub(super) fn is_seen_around(&self) -> bool {
-        is_seen_around(self.seen.iter().map(|s| s.omega))
+        is_seen_around(self.observed.iter().map(|s| s.omega))
     }
 
     /// Calibrates on the views so far and carves them again for the live model; as given where they tell no camera. A view that
     /// does not belong is left out. What [`Self::finish`] gives does not depend on it. The estimate is that of [`Self::estimate`].
     pub fn refine(&mut self) -> Option<Estimate> {
-        self.refined_at = self.seen.len();
+        self.refined_at = self.observed.len();
         let calibrated = self.calibrate();
         let estimate = self.estimated(&calibrated);
         let views = calibrated.used(self);
@@ -66,14 +66,14 @@ impl Reconstruction {
     }
 
     /// The hull that is shown.
-    pub fn live_carver(&self) -> &Carver {
+    pub(crate) fn live_carver(&self) -> &Carver {
         self.refined.as_ref().map_or(self.hull.carver(), |r| &r.carver)
     }
 
     /// The model so far. From view to view it only falls; a refinement may find it larger.
     pub fn live(&self) -> LiveVolume {
         let carver = self.live_carver();
-        LiveVolume { views: self.seen.len(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
+        LiveVolume { views: self.observed.len(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
     }
 }
 

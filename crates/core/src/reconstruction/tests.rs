@@ -61,7 +61,7 @@ fn made(views: &[(Mask, f64)]) -> Model {
 /// radius of 45 px, 0.6 % of volume. The diameter has a third of all that, less the third of fairing's loss: within 1 %.
 #[test]
 fn a_bead_has_its_size() {
-    let Model { mesh, measurement: m } = made(&views(21));
+    let Model { mesh, unfaired, measurement: m, touches_box } = made(&views(21));
     let sphere = m.sphere.unwrap();
     assert!((sphere.diameter_um / 500.0 - 1.0).abs() < 0.01, "{sphere:?}");
     assert!(sphere.rms_um < 0.02 * 250.0, "{sphere:?}");
@@ -83,8 +83,22 @@ fn a_bead_has_its_size() {
     assert!((m.field_area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.03, "{}", m.field_area_um2);
     assert!((measure::area(&mesh) - m.field_area_um2).abs() < 1e-9 * m.field_area_um2, "the mesh that is kept is the field's");
     assert_eq!(voxel.volume_um3, m.voxels as f64 * 6.93f64.powi(3));
+    assert!(!touches_box && measure::area(&unfaired) == m.unfaired_area_um2);
     assert_eq!(Topology::of(&mesh).euler_characteristic(), 2);
     assert!(Topology::of(&mesh).is_closed());
+}
+
+/// The ball reaches to 40 + 250 um along x.
+#[test]
+fn a_hull_that_reaches_the_end_of_its_box_is_named() {
+    for (end, touches) in [(250.0, true), (320.0, false)] {
+        let grid = VoxelGrid::new(BoxUm { min: [-350.0; 3], max: [end, 350.0, 350.0] }, 6.93).unwrap();
+        let mut model = Reconstruction::new(&camera(), grid, 7, ReconstructionSettings::default()).unwrap();
+        for (mask, omega) in views(7) {
+            model.observe(&mask, &[], omega, Leaves::default()).unwrap();
+        }
+        assert_eq!(model.finish(false).unwrap().model.touches_box, touches, "to {end} um");
+    }
 }
 
 #[test]
@@ -131,8 +145,8 @@ fn a_calibration_that_leaves_less_than_the_camera_as_given_is_not_used() {
     }
     let mut calibrated = model.calibrate();
     let given = model.given(&calibrated.order);
-    let Judged { calibration, gate } = calibrated.found.clone().unwrap();
-    assert!(gate.solution_um3 > 0.99 * gate.given_um3 && model.judge(calibration.clone(), &given).is_ok());
+    let Judged { calibration, vrv } = calibrated.found.clone().unwrap();
+    assert!(vrv.solution_um3 > 0.99 * vrv.given_um3 && model.judge(calibration.clone(), &given).is_ok());
     let mut wrong = calibration;
     wrong.camera.uy += 3.0;
     let why = model.judge(wrong, &given).unwrap_err();

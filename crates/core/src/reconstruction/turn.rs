@@ -3,7 +3,7 @@
 use super::calibrated::{Calibrated, Judged, NotCalibrated};
 use super::refined::Refined;
 use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
-use crate::calibration::{Calibration, GivenView, Lie, Pose, Psi, TurnView, lie, seen_again};
+use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView, pose_offset, reprojected_areas};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
@@ -13,7 +13,7 @@ use crate::surface::{self, Coarse, Mesh};
 
 /// A view as it was observed; its mask is in the carver.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
+pub(super) struct ObservedView {
     pub columns: Columns,
     outlines: Vec<Polygon>,
     pub omega: f64,
@@ -31,9 +31,9 @@ pub struct TurnModel {
     pub projections: Vec<Projection>,
     /// In that order too: what no view misses, seen again, and the profile, um^2 at the axis; nothing of a view that does not count, or
     /// of a turn that is not calibrated.
-    pub seen_again: Vec<Option<[f64; 2]>>,
+    pub reprojected_areas: Vec<Option<[f64; 2]>>,
     /// Where the closure view shows the specimen, less where the view at 0 deg does.
-    pub closure: Option<Lie>,
+    pub closure: Option<PoseOffset>,
 }
 
 /// The view at 360 deg, which is never carved.
@@ -81,7 +81,7 @@ pub struct Reconstruction {
     pub(super) settings: ReconstructionSettings,
     /// Carved through the camera as given, while the views come in.
     pub(super) hull: HullModel,
-    pub(super) seen: Vec<Seen>,
+    pub(super) observed: Vec<ObservedView>,
     /// What is shown instead once the views have told a better camera, and at how many views that was last asked.
     pub(super) refined: Option<Refined>,
     pub(super) refined_at: usize,
@@ -99,7 +99,7 @@ impl Reconstruction {
     ) -> Result<Self, ReconstructionError> {
         camera.check()?;
         let hull = HullModel::new(grid, planned_views, settings)?;
-        Ok(Self { camera: camera.clone(), settings, hull, seen: Vec::new(), refined: None, refined_at: 0, closure: None })
+        Ok(Self { camera: camera.clone(), settings, hull, observed: Vec::new(), refined: None, refined_at: 0, closure: None })
     }
 
     /// Takes the view at angle `omega` (rad); `outlines` are those that the mask was filled from, if there are any.
@@ -122,12 +122,12 @@ impl Reconstruction {
     pub fn take_back(&mut self, at: usize) -> Result<(), ReconstructionError> {
         let carver = self.hull.carver();
         let mut hull = HullModel::new(*carver.grid(), carver.planned_views(), self.settings)?;
-        for (_, (seen, view)) in self.seen.iter().zip(carver.views()).enumerate().filter(|(i, _)| *i != at) {
+        for (_, (seen, view)) in self.observed.iter().zip(carver.views()).enumerate().filter(|(i, _)| *i != at) {
             hull.observe(&view.runs.mask(), &seen.outlines, &self.camera.projection(seen.omega), view.leaves)?;
         }
         self.hull = hull;
-        if at < self.seen.len() {
-            self.seen.remove(at);
+        if at < self.observed.len() {
+            self.observed.remove(at);
         }
         // Both knew the view.
         (self.refined, self.refined_at, self.closure) = (None, 0, None);
@@ -165,7 +165,7 @@ impl Reconstruction {
             return Err(ReconstructionError::Omega { found: omega });
         }
         self.hull.observe(mask, outlines, &self.camera.projection(omega), leaves)?;
-        self.seen.push(Seen { columns, outlines: outlines.to_vec(), omega });
+        self.observed.push(ObservedView { columns, outlines: outlines.to_vec(), omega });
         if let Some(refined) = &mut self.refined {
             refined.observe(mask, omega, leaves)?;
         }
@@ -209,10 +209,10 @@ impl Reconstruction {
         let used = calibrated.used(self);
         let Calibrated { order, found } = calibrated;
         let given = self.given(&order);
-        let mut projections: Vec<Projection> = self.seen.iter().map(|s| self.camera.projection(s.omega)).collect();
+        let mut projections: Vec<Projection> = self.observed.iter().map(|s| self.camera.projection(s.omega)).collect();
         if let Ok(Judged { calibration: c, .. }) = &found {
             for (at, &i) in order.iter().enumerate() {
-                projections[i] = c.projection(at, self.seen[i].omega);
+                projections[i] = c.projection(at, self.observed[i].omega);
             }
         }
         let hull = self.carved_again(&used)?;
@@ -229,18 +229,18 @@ impl Reconstruction {
         };
         let mut closure = None;
         match Sections::of(&pose, &views, sd_um, open) {
-            Some(sections) => {
+            Ok(sections) => {
                 closure = self.closure.as_ref().and_then(|closure| {
                     let at = used.iter().position(|(i, _)| *i == closure.first)?;
                     closed(&pose, &sections, &views[at], &closure.columns)
                 });
-                let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given));
+                let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given).ok());
                 let fitted = sphere.then(|| sections.sphere()).flatten();
                 self.trust(&mut model.measurement, &sections, calibration, fitted);
             }
-            None => model.measurement.fallback = Some("the views have no stretch of slices in common".into()),
+            Err(why) => model.measurement.fallback = Some(why.to_string()),
         }
-        let mut again = vec![None; self.seen.len()];
+        let mut again = vec![None; self.observed.len()];
         if let Ok(Judged { calibration: c, .. }) = &found {
             for (&(i, _), areas) in used.iter().zip(again_of(c, &given)) {
                 again[i] = Some(areas);
@@ -252,7 +252,7 @@ impl Reconstruction {
             order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
             judged
         });
-        Ok(TurnModel { model, hull, calibration, projections, seen_again: again, closure })
+        Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure })
     }
 
     /// The hull of some of the views, through these projections. The tolerance is a share of the views that count.
@@ -264,7 +264,7 @@ impl Reconstruction {
         let mut hull = HullModel::new(*carver.grid(), used.len(), self.settings)?;
         for (i, projection) in used {
             let view = &carver.views()[*i];
-            hull.observe(&view.runs.mask(), &self.seen[*i].outlines, projection, view.leaves)?;
+            hull.observe(&view.runs.mask(), &self.observed[*i].outlines, projection, view.leaves)?;
         }
         Ok(hull)
     }
@@ -337,10 +337,10 @@ fn columns_of(mask: &Mask, outlines: &[Polygon]) -> Columns {
 fn again_of(found: &Calibration, given: &[GivenView]) -> Vec<[f64; 2]> {
     let ledger: Vec<f64> = given.iter().map(|v| v.omega).collect();
     let columns: Vec<&Columns> = found.turn_views(given).iter().map(|v| v.columns).collect();
-    seen_again(&columns, &Psi::of(found, &ledger))
+    reprojected_areas(&columns, &Psi::of(found, &ledger))
 }
 
 /// Where the closure view shows the specimen, less where view 0 does.
-fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<Lie> {
-    lie(pose, first, &TurnView { columns, ..*first }, sections.sections.iter().map(|s| (s.x_um, &s.support)))
+fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<PoseOffset> {
+    pose_offset(pose, first, &TurnView { columns, ..*first }, sections.sections.iter().map(|s| (s.x_um, &s.support)))
 }

@@ -9,7 +9,7 @@
 //! no matrix but the list of neighbours.
 
 use super::Mesh;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// How a mesh is faired.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,7 +13,7 @@
 use super::cube::{EDGES, TRIANGLES};
 use super::{Field, Inside, Mesh, SIDE};
 use crate::carver::BLOCK;
-use rayon::prelude::*;
+use crate::parallel::*;
 
 /// A block's crossed edges and which of its samples are inside.
 struct Crossings {

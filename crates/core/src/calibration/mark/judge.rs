@@ -29,7 +29,7 @@ pub enum End {
 
 /// Where the mark is at the first view to an eye where the camera stands, upright.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Seen {
+pub struct MarkSighting {
     pub depth: Depth,
     pub edge: Edge,
     pub end: End,
@@ -75,7 +75,7 @@ const CLOSURE_MOST_PX: f64 = 5.0;
 ///
 /// # Errors
 /// Names what an eye or the picture cannot tell, and a word that the perspective contradicts.
-pub fn judge(track: &MarkTrack, camera: &Camera, first: f64, said: Seen, back_px: Option<f64>) -> Result<Verdict, MarkError> {
+pub fn judge(track: &MarkTrack, camera: &Camera, first: f64, said: MarkSighting, back_px: Option<f64>) -> Result<Verdict, MarkError> {
     if let Some(found_px) = back_px.filter(|px| *px > CLOSURE_MOST_PX) {
         return Err(MarkError::Closure { found_px, most_px: CLOSURE_MOST_PX });
     }

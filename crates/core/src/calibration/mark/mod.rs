@@ -13,7 +13,7 @@
 mod judge;
 mod track;
 
-pub use judge::{Depth, Edge, End, Seen, Verdict, judge};
+pub use judge::{Depth, Edge, End, MarkSighting, Verdict, judge};
 pub use track::{MarkTrack, MarkView, track};
 
 /// Why a turn does not tell.

@@ -42,7 +42,7 @@ pub struct Shape {
 
 /// Why a part of the shape is not told.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Refusal {
+pub(crate) enum Refusal {
     #[error("the surface is not closed: its area vectors leave {open_um2:.3e} um^2 instead of 0. Close its holes first")]
     Open { open_um2: f64 },
     #[error("{triangles} triangles enclose {volume_um3:.3e} um^3; a shape needs a solid whose triangles turn outwards")]
@@ -68,20 +68,20 @@ pub enum Refusal {
 impl Shape {
     /// Measures a closed mesh whose triangles turn counter-clockwise seen from outside, in um.
     pub fn of(mesh: &Mesh) -> Self {
-        let (solid, solid_reason) = told(Solid::of(mesh));
+        let (solid, solid_reason) = value_or_reason(Solid::of(mesh));
         let found = solid.as_ref().map(|solid| body::measure(mesh, solid));
-        let (found, body_reason) = found.map_or((None, None), told);
+        let (found, body_reason) = found.map_or((None, None), value_or_reason);
         let harmonics = found.as_ref().map(|(_, slices)| Harmonics::of(mesh, slices));
         let (harmonics, harmonics_reason) = match (harmonics, &body_reason) {
-            (Some(harmonics), _) => told(harmonics),
-            (None, Some(_)) => told(Err(Refusal::NoAxis)),
+            (Some(harmonics), _) => value_or_reason(harmonics),
+            (None, Some(_)) => value_or_reason(Err(Refusal::NoAxis)),
             (None, None) => (None, None),
         };
         Self { solid, solid_reason, body: found.map(|(body, _)| body), body_reason, harmonics, harmonics_reason }
     }
 }
 
-fn told<T>(result: Result<T, Refusal>) -> (Option<T>, Option<String>) {
+fn value_or_reason<T>(result: Result<T, Refusal>) -> (Option<T>, Option<String>) {
     match result {
         Ok(value) => (Some(value), None),
         Err(refusal) => (None, Some(refusal.to_string())),

@@ -85,10 +85,10 @@ pub struct Dorsal {
 }
 
 /// Median shares of phantoms: 0.27 and more. Of a body that is round but for its mesh: below 0.02.
-const MEDIAN_TOLD: f64 = 0.1;
+const MEDIAN_LEAST: f64 = 0.1;
 const MEDIAN_SURE: f64 = 0.25;
 /// Belly shares of phantoms in their median plane: 0.0099 to 0.025; across it, where there is only their bend: up to 0.0066.
-const BELLY_TOLD: f64 = 0.007;
+const BELLY_LEAST: f64 = 0.007;
 const BELLY_SURE: f64 = 0.015;
 /// Where a yolk lies, of the length from the head.
 const YOLK_AT: f64 = 0.26;
@@ -112,9 +112,9 @@ impl Dorsal {
         let long = upright(middle.across[0] * cos + middle.across[1] * sin, slices.direction());
         let bulge_um = bulge_um(slices, long, head.is_last());
         let belly_share = bulge_um.abs() / slices.axis.length_um();
-        let told = |found: f64, told: f64, sure: f64| ((found - told) / (sure - told)).clamp(0.0, 1.0);
+        let share = |found: f64, least: f64, sure: f64| ((found - least) / (sure - least)).clamp(0.0, 1.0);
         let confidence = match head.end {
-            Some(_) => told(median_share, MEDIAN_TOLD, MEDIAN_SURE) * told(belly_share, BELLY_TOLD, BELLY_SURE),
+            Some(_) => share(median_share, MEDIAN_LEAST, MEDIAN_SURE) * share(belly_share, BELLY_LEAST, BELLY_SURE),
             None => 0.0,
         };
         let ventral = if confidence > 0.0 { long * bulge_um.signum() } else { long * (if long.y < 0.0 { -1.0 } else { 1.0 }) };

@@ -10,8 +10,8 @@
 //! that the sums are the same bits on any number of threads.
 
 use super::Vector;
+use crate::parallel::*;
 use crate::surface::Mesh;
-use rayon::prelude::*;
 
 /// A plane with directions of its own.
 #[derive(Debug, Clone, Copy)]

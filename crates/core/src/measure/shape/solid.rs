@@ -2,9 +2,9 @@
 
 use super::{Refusal, Vector};
 use crate::measure::{area, centroid, volume};
+use crate::parallel::*;
 use crate::surface::Mesh;
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 

@@ -45,7 +45,7 @@ pub struct SupportEstimate {
 impl SupportEstimate {
     pub fn of(sections: &Sections) -> Self {
         let bias = sections.volume_bias_um3() + sections.shift_bias_um3()[0];
-        let areas: Vec<f64> = sections.sections.iter().map(|s| s.support.area_um2()).collect();
+        let areas = sections.areas_um2();
         let hollow: f64 = sections.sections.iter().zip(&areas).filter(|(s, _)| s.gap_share > HOLLOW).map(|(_, a)| a).sum();
         let (volume_um3, area_um2) = (sections.volume_um3() - bias, sections.area_um2());
         let [volume_method, area_method] = if sections.harmonics > 1 { METHOD } else { DISCS };
@@ -65,19 +65,19 @@ impl SupportEstimate {
     }
 
     /// Whether so much lies in hollow slices that what they fill is no small part.
-    pub fn is_hollow(&self) -> bool {
+    pub(crate) fn is_hollow(&self) -> bool {
         self.hollow_share > HOLLOW_MOST
     }
 
     /// Whether the profiles' errors make more of the volume than can be taken off.
-    pub fn is_all_error(&self) -> bool {
+    pub(crate) fn is_all_error(&self) -> bool {
         self.volume_bias_um3.abs() > BIAS_MOST * self.volume_um3.abs()
     }
 }
 
 impl Sections {
     /// The sphere nearest to points of the slices' outlines.
-    pub fn sphere(&self) -> Option<SphereFit> {
+    pub(crate) fn sphere(&self) -> Option<SphereFit> {
         const DIRECTIONS: u32 = 48;
         let points: Vec<[f64; 3]> = self
             .sections

@@ -9,6 +9,7 @@
 //! show slices to be two, `gap_share` says so, and the voxels are the ones to trust.
 
 mod cap;
+mod corners;
 mod estimate;
 mod integrals;
 mod sections;
@@ -16,6 +17,5 @@ mod sensitivity;
 mod smoothing;
 
 pub use estimate::SupportEstimate;
-pub use sections::{Section, Sections};
+pub use sections::{Sections, SectionsError};
 pub use sensitivity::calibration_sd;
-pub use smoothing::Change;

@@ -1,12 +1,13 @@
 //! Slices smoothed along the capillary, and what leaving out a view does to them.
 
-use crate::calibration::{Support, area_loss};
+use super::corners::Corners;
+use crate::calibration::Support;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
 /// What leaving out a view does to one slice, and, summed up, to the specimen.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Change {
+pub(super) struct Change {
     /// To the area of a slice (um^2) or the volume (um^3): in proportion to the change, and its square.
     pub linear: f64,
     pub square: f64,
@@ -38,8 +39,8 @@ impl<'a> Smoother<'a> {
         let window = (2 * reach + 1).min(raw.len());
         let first = at.saturating_sub(reach).min(raw.len() - window);
         let near = &raw[first..first + window];
-        let even = parabola(&vec![1.0; window], at - first)?;
-        let by_size = parabola(&near.iter().map(|s| s.coefficients[0].powi(2)).collect::<Vec<_>>(), at - first)?;
+        let even = savitzky_golay(&vec![1.0; window], at - first)?;
+        let by_size = savitzky_golay(&near.iter().map(|s| s.coefficients[0].powi(2)).collect::<Vec<_>>(), at - first)?;
         Some(Self { near, first, even, by_size })
     }
 
@@ -65,11 +66,12 @@ impl<'a> Smoother<'a> {
         let radius = smooth.coefficients[0];
         let near = || self.near.iter().enumerate().map(|(j, s)| (&s.coefficients, raw_change(self.first + j)));
         let wider = Self::mean(&self.even, near().map(|(c, d)| c[0] * d[0])) / radius;
+        let corners = Corners::of(smooth.coefficients.len() / 2);
         let mut change = Change { linear: 2.0 * radius * wider, square: wider * wider, outline: 2.0 * PI * wider };
         for k in 3..smooth.coefficients.len() {
             let shape = Self::mean(&self.by_size, near().map(|(c, d)| (d[k] - c[k] / c[0] * d[0]) / c[0]));
             let by = radius * shape + wider * smooth.coefficients[k] / radius;
-            let loss = area_loss(k.div_ceil(2), smooth.coefficients.len() / 2);
+            let loss = corners.area_loss(k.div_ceil(2));
             change.linear -= loss * smooth.coefficients[k] * by;
             change.square -= loss / 2.0 * by * by;
         }
@@ -80,7 +82,7 @@ impl<'a> Smoother<'a> {
 }
 
 /// What each of some even places counts, by its weight, in the value at place `at` of the parabola nearest to them.
-fn parabola(weights: &[f64], at: usize) -> Option<Vec<f64>> {
+fn savitzky_golay(weights: &[f64], at: usize) -> Option<Vec<f64>> {
     let row = |i: usize| {
         let u = i as f64 - at as f64;
         Vector3::new(1.0, u, u * u)

@@ -47,11 +47,11 @@ impl BeadGate {
         let score = BeadScore::at(&numbers.diameters_um, settings.nominal_um, settings.t_percent / 100.0);
         // Beads that are more alike than one is to itself make a certainty of a bias that is within what the rig repeats.
         let off_um = (numbers.diameter_um.mean - settings.nominal_um).abs();
-        let told = score.as_ref().filter(|_| off_um > settings.repeat_um);
+        let beyond_repeat = score.as_ref().filter(|_| off_um > settings.repeat_um);
         let most = |name: &str, unit: &str, found, limit| Check::at_most(name, unit, "bead_gate", found, limit);
         let checks = vec![
             Check::at_least("beads_least", "beads", "bead_gate", Some(numbers.beads as f64), settings.beads_least as f64),
-            Check::at_least("t_percent", "%", "bead_gate", told.map(|s| 100.0 * s.p), settings.t_percent),
+            Check::at_least("t_percent", "%", "bead_gate", beyond_repeat.map(|s| 100.0 * s.p), settings.t_percent),
             most("aspect_off", "(ratio)", Some(numbers.aspect_ratio.mean - 1.0), settings.aspect_off),
             most("roundness_um", "um", Some(numbers.worst_sphere_rms_um), settings.roundness_um),
             most("residual_px", "px", numbers.worst_residual_px, settings.residual_px),

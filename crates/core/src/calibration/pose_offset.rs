@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 
 /// How far the specimen lies from where it lay.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Lie {
+pub struct PoseOffset {
     /// To the right in the image, px.
     pub along_px: f64,
     /// Down the image, px.
@@ -29,13 +29,13 @@ pub struct Lie {
     pub rms_px: f64,
     /// `None` in records of versions that did not work it out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sd: Option<LieSd>,
+    pub sd: Option<PoseOffsetSd>,
 }
 
-/// Standard deviations of a [`Lie`] by the two views' own edges. A specimen that is nearly round has edges that hardly tell its turn:
+/// Standard deviations of a [`PoseOffset`] by the two views' own edges. A specimen that is nearly round has edges that hardly tell its turn:
 /// the standard deviation is then near that of the prior, 10 deg.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct LieSd {
+pub struct PoseOffsetSd {
     pub along_px: f64,
     pub across_px: f64,
     pub turn_rad: f64,
@@ -67,7 +67,12 @@ struct Pair {
 }
 
 /// `again` against `first`. `None` where the views share no slices.
-pub fn lie<'a>(pose: &Pose, first: &TurnView, again: &TurnView, slices: impl ExactSizeIterator<Item = (f64, &'a Support)>) -> Option<Lie> {
+pub(crate) fn pose_offset<'a>(
+    pose: &Pose,
+    first: &TurnView,
+    again: &TurnView,
+    slices: impl ExactSizeIterator<Item = (f64, &'a Support)>,
+) -> Option<PoseOffset> {
     let ky = pose.camera().ky;
     let per_stretch = slices.len().div_ceil(STRETCHES).max(1);
     let (mut pairs, mut left_px): (Vec<Pair>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -88,12 +93,12 @@ pub fn lie<'a>(pose: &Pose, first: &TurnView, again: &TurnView, slices: impl Exa
     }
     let Fitted { found, .. } = fitted(&pairs, |_| true)?;
     let variance = variance(&pairs)?;
-    Some(Lie {
+    Some(PoseOffset {
         along_px: found[1],
         across_px: found[0],
         turn_rad: found[2],
         rms_px: trimmed_rms(left_px.into_iter()),
-        sd: Some(LieSd { along_px: variance[1].sqrt(), across_px: variance[0].sqrt(), turn_rad: variance[2].sqrt() }),
+        sd: Some(PoseOffsetSd { along_px: variance[1].sqrt(), across_px: variance[0].sqrt(), turn_rad: variance[2].sqrt() }),
     })
 }
 

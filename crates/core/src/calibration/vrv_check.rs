@@ -30,7 +30,7 @@ const TOLERANCE: f64 = 0.0025;
 /// What the gate says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum VrvVerdict {
     Passed,
     /// Another axis leaves more: the solution is better than the camera as given, but not the best.
     NotLargest,
@@ -40,19 +40,19 @@ pub enum Verdict {
 
 /// Volumes that no view misses, um^3.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Gate {
+pub struct VrvCheck {
     /// With the camera as given and the ledger's angles.
     pub given_um3: f64,
     pub solution_um3: f64,
     /// The largest that a search over uy and gamma from the closed form found, with the ledger's angles.
     pub search_um3: f64,
     pub evaluations: usize,
-    pub verdict: Verdict,
+    pub verdict: VrvVerdict,
 }
 
 /// Holds a calibration against the camera that it was given and against a search from its start. `given` are the views that were
 /// calibrated, all of them, with the ledger's angles.
-pub fn gate(found: &Calibration, camera: &Camera, given: &[GivenView]) -> Gate {
+pub fn check_vrv(found: &Calibration, camera: &Camera, given: &[GivenView]) -> VrvCheck {
     let ledger: Vec<f64> = given.iter().map(|v| v.omega).collect();
     let used: Vec<&GivenView> = given.iter().zip(&found.views).filter(|(_, state)| state.bad.is_none()).map(|(view, _)| view).collect();
     let slices = HullSlices::new(used.iter().map(|v| v.columns).collect(), &found.camera);
@@ -65,9 +65,9 @@ pub fn gate(found: &Calibration, camera: &Camera, given: &[GivenView]) -> Gate {
     let search_um3 = -searched.value;
     let least = |of_um3: f64| solution_um3 >= of_um3 * (1.0 - TOLERANCE);
     let verdict = match (least(given_um3), least(search_um3)) {
-        (true, true) => Verdict::Passed,
-        (true, false) => Verdict::NotLargest,
-        (false, _) => Verdict::Worse,
+        (true, true) => VrvVerdict::Passed,
+        (true, false) => VrvVerdict::NotLargest,
+        (false, _) => VrvVerdict::Worse,
     };
-    Gate { given_um3, solution_um3, search_um3, evaluations: searched.evaluations + 2, verdict }
+    VrvCheck { given_um3, solution_um3, search_um3, evaluations: searched.evaluations + 2, verdict }
 }

@@ -6,12 +6,12 @@ use super::{Picture, ProfileError, Walls};
 
 /// A picture of the empty capillary with its walls, by which it is laid over each frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Reference {
+pub struct EmptyCapillary {
     picture: Picture,
     walls: Walls,
 }
 
-impl Reference {
+impl EmptyCapillary {
     /// # Errors
     /// Refuses a picture without two walls.
     pub fn new(picture: Picture, settings: &WallSettings) -> Result<Self, ProfileError> {
