@@ -1,11 +1,11 @@
-//! From frames to numbers: the one path that live runs, replays and offline measuring share.
+//! From frames to numbers: the one path that live runs, replays and offline measurements share.
 //!
 //! ```text
 //! RawFrame + omega ─> Picture ─> Profile ─> carver ─> live volume      per view, in any order
 //!                                           │ └─> surface ─> measures  after the last view
 //!                                           └─ calibrated, carved again, for the live volume: where whoever drives it has time
 //! ```
-//! Pure: the same frames and angles give the same bytes of numbers, whoever asks.
+//! The same frames and angles give the same bytes of numbers.
 
 use crate::calibration::{Calibration, PoseOffset, ViewState};
 use crate::carver::Leaves;
@@ -29,67 +29,77 @@ use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Everything the numbers depend on besides the frames and their angles.
+/// Everything the numbers depend on beside the frames and their angles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PipelineSettings {
+    /// The rig's camera.
     pub camera: Camera,
+    /// The voxels.
     pub grid: VoxelGrid,
+    /// Number of views of the turn; the tolerance is a share of it.
     pub planned_views: u32,
+    /// How a frame is segmented.
     pub segment: SegmentSettings,
-    /// The empty capillary, which every frame is compared with where there is such a picture.
+    /// The picture of the empty capillary that every frame is compared with. `None` where there is none.
     pub empty_capillary: Option<Arc<EmptyCapillary>>,
+    /// How the model is made and calibrated.
     pub reconstruction: ReconstructionSettings,
+    /// Limits of the checks.
     pub quality: QualitySettings,
-    /// A sphere is fitted to what should be one.
+    /// Whether the specimen is a bead, to which a sphere is fitted.
     pub sphere: bool,
 }
 
-/// What one view gave.
+/// The result of one view.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ViewRecord {
+    /// Number of the view in the plan; 0 is the view at 0 deg.
     pub index: u32,
     /// Angle of the capillary from the ledger's achieved steps, rad.
     pub omega: f64,
-    /// A view counts or it does not.
+    /// Whether the view counts in the model.
     pub used: bool,
-    /// Why it does not.
+    /// Why it does not count. `None` for a view that counts.
     pub reason: Option<String>,
-    /// Pixels inside the profile.
+    /// Pixels inside the profile. `None` without a profile.
     pub area_px: Option<usize>,
-    /// That area over the median of the neighbouring views' (two to either side around the turn): from view to view a
-    /// profile changes little, unless one of them is wrong.
+    /// That area over the median of the neighbouring views' (two to either side around the turn). A profile changes little from
+    /// view to view, unless one of them is wrong.
     #[serde(default)]
     pub area_ratio: Option<f64>,
+    /// Figures of the profile. `None` without a profile.
     pub quality: Option<ProfileQuality>,
-    /// What the frame shows.
+    /// What was detected in the frame. `None` where it could not be segmented.
     #[serde(default)]
     pub detection: Option<Detection>,
-    /// The capillary's walls against the rig's calibration.
+    /// The walls of the capillary relative to the rig's calibration. `None` where the frame could not be segmented.
     #[serde(default)]
     pub walls: Option<WallRecord>,
-    /// The profile's shift down the image against the turn's camera.
+    /// Shift of the profile down the image against the turn's camera, px. `None` for a view that does not count, or without
+    /// calibration.
     #[serde(default)]
     pub dy_px: Option<f64>,
-    /// Between its edges and what all other views make expected, root of the mean square.
+    /// Root of the mean square distance between its edges and those that all other views make expected, px. `None` without
+    /// calibration.
     #[serde(default)]
     pub residual_px: Option<f64>,
-    /// Of what no view misses (VRV), seen again in this view.
+    /// Area of the hull that no view misses (VRV) projected into this view, um^2 at the axis. `None` without calibration.
     #[serde(default)]
     pub vrv_area_um2: Option<f64>,
-    /// That area over the profile's, %.
+    /// That area over the profile's, %. `None` without calibration.
     #[serde(default)]
     pub overlap_percent: Option<f64>,
 }
 
-/// The walls of one frame as a ruler laid on the rig's calibration, in the column of the principal point. The walls are the
-/// same glass in every frame: what changes here is the rig.
+/// The walls in one frame as a ruler for the rig, in the column of the principal point. The walls are the same glass in every
+/// frame: what changes is the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct WallRecord {
-    /// Between the inner wall lines, by the calibrated scale across.
+    /// Distance of the inner wall lines, um by the calibrated scale across.
     pub bore_um: f64,
-    /// The bore's middle below the calibrated axis, px.
+    /// Middle of the bore below the calibrated axis, px.
     pub shift_px: f64,
-    /// The bore's tilt less the calibrated one, positive when the right end is lower, degrees.
+    /// Tilt of the bore less the calibrated one, deg. Positive when the right end is lower.
     pub tilt_deg: f64,
 }
 
@@ -103,20 +113,20 @@ impl WallRecord {
     }
 }
 
-/// The view at 0 deg against the view at 360 deg: lost steps and a specimen that moved show only here.
+/// The view at 0 deg compared with the view at 360 deg. Lost steps and a specimen that moved show only here.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ClosureRecord {
     /// Intersection over union of the two profiles.
     pub iou: f64,
     /// Shift of the profile's centroid, px: along the capillary and across it.
     pub shift_px: [f64; 2],
-    /// How the specimen lies at 360 deg against how it lay at 0, by the model of the turn.
+    /// The specimen's pose at 360 deg less that at 0 deg, by the model of the turn. `None` where the model does not give it.
     #[serde(default, rename = "lie")]
     pub pose_offset: Option<PoseOffset>,
 }
 
 impl ClosureRecord {
-    /// What is held against the limits: the model's numbers where there are some, else the shift of the centroid.
+    /// The numbers for the checks: those of the model, or else the shift of the centroid.
     fn off(&self) -> ClosureOff {
         ClosureOff {
             overlap: self.iou,
@@ -132,51 +142,80 @@ impl ClosureRecord {
     }
 }
 
-/// The numbers of a specimen and what they rest on.
+/// The numbers of a specimen, with what they rest on.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SpecimenRecord {
+    /// Volume, area and size.
     pub measurement: Measurement,
-    /// Of the kept mesh.
+    /// Shape of the mesh that is kept.
     #[serde(default)]
     pub shape: Option<Shape>,
-    /// Which views show a larva's back, belly and sides; nothing of a bead, or where the shape tells no back.
+    /// Which views show a larva's back, belly and sides. `None` for a bead, and where the shape does not determine a back.
     #[serde(default)]
     pub facing: Option<Facing>,
+    /// The views, by number.
     pub views: Vec<ViewRecord>,
+    /// The closure view. `None` where it or the view at 0 deg has no profile.
     pub closure: Option<ClosureRecord>,
-    /// Of the turn itself; nothing where it is measured with the rig's camera.
+    /// Calibration of the turn. `None` where it is measured with the rig's camera.
     #[serde(default)]
     pub calibration: Option<CalibrationRecord>,
-    /// Why it is measured with the rig's camera, where it should not have been.
+    /// Why it is measured with the rig's camera although calibration is on.
     #[serde(default)]
     pub uncalibrated: Option<String>,
-    /// Every number that is held against a limit of the method.
+    /// Every number that is compared with a limit of the method.
     #[serde(default)]
     pub quality: Option<Quality>,
-    /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
-    /// profile, so that a specimen that moved would show in the residuals only), `dead_looking` (opaque throughout in most
-    /// views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `uncalibrated`
-    /// (measured with the rig's camera as it is), `calibration_gate` (another axis leaves a larger hull: views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says),
-    /// and those of [`Quality`]: `unusable_views`, `residual`, `overlap`, `uncertain`, `calibration_off`, `volume_off_references`, `area_off_references`.
+    /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the
+    /// view at 360 deg has no profile, so that a specimen that moved would show only in the residuals), `dead_looking` (opaque
+    /// throughout in most views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the
+    /// voxels are trusted), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
+    /// hull: the views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says), and those of
+    /// [`Quality`]: `unusable_views`, `residual`, `overlap`, `uncertain`, `calibration_off`, `volume_off_references`,
+    /// `area_off_references`.
     pub flags: Vec<String>,
 }
 
+/// Why a specimen cannot be measured.
 #[derive(Debug, thiserror::Error)]
 pub enum PipelineError {
+    /// The box or the voxel size.
     #[error(transparent)]
     Grid(#[from] GridError),
+    /// The reconstruction.
     #[error(transparent)]
     Reconstruction(#[from] ReconstructionError),
+    /// A frame is not of the camera's size.
     #[error("the frame is {found_width} x {found_height} px, the rig's camera {width} x {height} px")]
-    FrameSize { width: u32, height: u32, found_width: u32, found_height: u32 },
+    FrameSize {
+        /// Width of the camera's sensor, px.
+        width: u32,
+        /// Height of the sensor, px.
+        height: u32,
+        /// Width of the frame, px.
+        found_width: u32,
+        /// Height of the frame, px.
+        found_height: u32,
+    },
+    /// The picture of the empty capillary cannot be used.
     #[error("the picture of the empty capillary cannot be used: {0}")]
     EmptyCapillary(ProfileError),
+    /// Too few views have a profile.
     #[error("{used} of {planned} views gave a profile; {needed} are needed. First reason: {reason}")]
-    TooFewViews { used: usize, planned: u32, needed: usize, reason: String },
+    TooFewViews {
+        /// Views with a profile.
+        used: usize,
+        /// Views planned.
+        planned: u32,
+        /// Views needed.
+        needed: usize,
+        /// Why the first of the others has none.
+        reason: String,
+    },
 }
 
 impl PipelineError {
-    /// Whether camera, method or grid refuse every specimen, so that this one is not to blame.
+    /// Whether camera, method or grid refuse every specimen, so that this specimen is not the cause.
     pub fn is_of_setup(&self) -> bool {
         match self {
             Self::Grid(_) | Self::FrameSize { .. } | Self::EmptyCapillary(_) => true,
@@ -192,14 +231,14 @@ impl PipelineError {
     }
 }
 
-/// What the closure view shows.
+/// The profile of the closure view.
 struct ClosureProfile {
     mask: Mask,
     edge: Vec<Polygon>,
 }
 
 /// A specimen under reconstruction. Its numbers depend only on the newest take of each view and of the closure view, not on how
-/// often or in which order views were taken again.
+/// often or in which order views were taken.
 pub struct Pipeline {
     settings: PipelineSettings,
     segmenters: Segmenters,
@@ -209,30 +248,36 @@ pub struct Pipeline {
     carved: Vec<u32>,
     /// The newest profile of view 0. `None` when the newest take of view 0 has no profile.
     first: Option<Mask>,
-    /// The newest profile of the view at 360 deg. It is compared with `first` only when somebody asks, so that the result does not
-    /// depend on the order of the takes.
+    /// The newest profile of the view at 360 deg. It is compared with `first` only when the result is requested, so that the
+    /// result does not depend on the order of the takes.
     closure: Option<ClosureProfile>,
-    /// What [`Self::judge`] found, while no view has come in since.
+    /// Result of [`Self::judge`]. `None` once another view was observed.
     calibrated: Option<Calibrated>,
 }
 
-/// What a turn looks like once all its views are in, before anything is measured.
+/// The state of a turn when all its views are observed, before anything is measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TurnVerdict {
-    /// The specimen is not where it was when the turn began.
+    /// Whether the specimen is not where it was when the turn began.
     pub moved: bool,
     /// The views that spoil the model: those without a profile, and those that do not fit the others.
     pub spoiled: Vec<Spoiled>,
 }
 
-/// A frame looked at: its colours, and the profile or why there is none.
+/// A frame with its segmentation.
 pub struct SegmentedFrame {
+    /// The colours of the frame.
     pub picture: Picture,
+    /// The profile, or why there is none.
     pub profile: Result<Profile, ProfileError>,
 }
 
 impl PipelineSettings {
-    /// The same with frames compared with this one of the empty capillary.
+    /// The same settings, with every frame compared with this frame of the empty capillary. `None` compares with nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`PipelineError::EmptyCapillary`] where the frame shows no capillary.
     pub fn compared_with(self, empty: Option<&RawFrame>) -> Result<Self, PipelineError> {
         let capillary = empty.map(|frame| EmptyCapillary::new(Picture::from_frame(frame), &self.segment.walls)).transpose();
         Ok(Self { empty_capillary: capillary.map_err(PipelineError::EmptyCapillary)?.map(Arc::new), ..self })
@@ -240,6 +285,11 @@ impl PipelineSettings {
 }
 
 impl Pipeline {
+    /// A specimen of which nothing is observed yet.
+    ///
+    /// # Errors
+    ///
+    /// [`PipelineError::Reconstruction`] for a camera, plan or settings that make no model.
     pub fn new(settings: PipelineSettings) -> Result<Self, PipelineError> {
         let reconstruction =
             Reconstruction::new(&settings.camera, settings.grid, settings.planned_views as usize, settings.reconstruction)?;
@@ -256,11 +306,16 @@ impl Pipeline {
         })
     }
 
+    /// The settings.
     pub fn settings(&self) -> &PipelineSettings {
         &self.settings
     }
 
-    /// Looks at a frame; independent of every other, so any number may be looked at at once.
+    /// Segments a frame. Frames are independent of each other, so any number of them may be segmented at once.
+    ///
+    /// # Errors
+    ///
+    /// [`PipelineError::FrameSize`] for a frame that is not of the camera's size.
     pub fn look(&self, frame: &RawFrame) -> Result<SegmentedFrame, PipelineError> {
         let camera = &self.settings.camera;
         if (frame.width(), frame.height()) != (camera.width, camera.height) {
@@ -276,7 +331,12 @@ impl Pipeline {
         Ok(SegmentedFrame { picture, profile })
     }
 
-    /// Carves with one view and gives the live volume, um^3. A frame without a profile is left out by name.
+    /// Carves with the view number `index` at angle `omega` (rad), and returns the live volume, um^3. A frame without a profile
+    /// is recorded with its reason and not carved.
+    ///
+    /// # Errors
+    ///
+    /// [`PipelineError::Reconstruction`] for a view that the reconstruction refuses.
     pub fn observe(&mut self, index: u32, omega: f64, frame: &SegmentedFrame) -> Result<f64, PipelineError> {
         let mut volume_um3 = self.live().volume_um3;
         let mut record = ViewRecord {
@@ -306,8 +366,8 @@ impl Pipeline {
         Ok(volume_um3)
     }
 
-    /// Takes the view at 360 deg, which is compared with view 0 and never carved. A newer take replaces an older one, also when the
-    /// newer one has no profile.
+    /// Takes the view at 360 deg. It is compared with view 0 and never carved. A newer take replaces an older one, also when
+    /// the newer one has no profile.
     pub fn observe_closure(&mut self, frame: &SegmentedFrame) {
         let profile = frame.profile.as_ref().ok();
         self.closure = profile.map(|p| ClosureProfile { mask: p.mask.clone(), edge: p.edge.clone() });
@@ -333,8 +393,8 @@ impl Pipeline {
         self.observe(index, omega, frame)
     }
 
-    /// Calibrates on all views and says whether the specimen stayed where it was, and which views are to be taken again;
-    /// [`Self::finish`] then need not calibrate anew.
+    /// Calibrates on all views. Returns whether the specimen stayed where it was, and the views that should be taken again.
+    /// [`Self::finish`] uses this calibration.
     pub fn judge(&mut self) -> TurnVerdict {
         let limits = &self.settings.quality;
         let calibrated = self.reconstruction.calibrate();
@@ -353,16 +413,17 @@ impl Pipeline {
         TurnVerdict { moved, spoiled }
     }
 
-    /// The volume after the views so far with what few views make of it taken off. Takes as long as [`Self::refine`].
+    /// The volume after the views so far, corrected for their number. `None` where the views do not determine it. It takes as
+    /// long as [`Self::refine`].
     pub fn estimate(&self) -> Option<Estimate> {
         self.reconstruction.estimate()
     }
 
-    /// Ends the turn with the views taken so far, with or without a profile: from now on this is the number of planned views. Views
-    /// may still be replaced, so that one without a profile may get one.
+    /// Ends the turn with the views taken so far, with or without a profile: their number becomes the number of planned views.
+    /// Views may still be replaced, so that one without a profile may get one.
     ///
     /// # Errors
-    /// When no view was taken yet.
+    /// [`PipelineError::Reconstruction`] when no view was taken yet.
     pub fn end_early(&mut self) -> Result<(), PipelineError> {
         self.reconstruction.replan(self.views.len())?;
         self.calibrated = None;
@@ -370,33 +431,38 @@ impl Pipeline {
         Ok(())
     }
 
-    /// The hull so far, through the best camera that is known of it.
+    /// The hull so far, through the best camera that is known.
     pub fn live(&self) -> LiveVolume {
         self.reconstruction.live()
     }
 
-    /// Whether the live model would gain by [`Self::refine`]: enough views have come in since the last time, from enough sides.
+    /// Whether [`Self::refine`] would improve the live model: enough views have come in since the last time, from enough sides.
     pub fn is_refinable(&self) -> bool {
         self.reconstruction.is_refinable()
     }
 
-    /// Calibrates the live model on the views so far, which takes as long as a view or two. For whoever has the time: what
-    /// [`Self::finish`] gives does not depend on it. The estimate is that of [`Self::estimate`].
+    /// Calibrates the live model on the views so far, which takes as long as one or two views. The result of [`Self::finish`]
+    /// does not depend on it. Returns what [`Self::estimate`] would.
     pub fn refine(&mut self) -> Option<Estimate> {
         self.reconstruction.refine()
     }
 
-    /// Whether the live hull says that the end will not trust such an estimate.
+    /// Whether the live hull is so small that the end will not use such an estimate.
     pub fn is_hollow(&self, estimate: &Estimate) -> bool {
         self.reconstruction.is_hollow(estimate)
     }
 
-    /// The live hull as a mesh for looking at.
+    /// The live hull as a mesh for display.
     pub fn live_mesh(&self) -> Mesh {
         self.reconstruction.live_mesh()
     }
 
-    /// Surface and measures. The record is in the order of the views, whatever order they came in.
+    /// Makes the surface and the numbers. The record is in the order of the views, whatever order they came in.
+    ///
+    /// # Errors
+    ///
+    /// [`PipelineError::TooFewViews`] where too few views have a profile, and [`PipelineError::Reconstruction`] where they
+    /// leave no model.
     pub fn finish(mut self) -> Result<(Mesh, SpecimenRecord), PipelineError> {
         self.views.sort_by_key(|v| v.index);
         compare_areas(&mut self.views);
@@ -441,7 +507,7 @@ impl Pipeline {
         Ok((model.mesh, record))
     }
 
-    /// Holds the turn against the method's limits.
+    /// Compares the turn with the method's limits.
     fn quality(&self, found: Option<&Calibration>, closure: Option<&ClosureRecord>, measured: &Measurement) -> Quality {
         let strip: Vec<ViewStrip> = self.views.iter().map(ViewRecord::strip).collect();
         let omegas: Vec<f64> = self.views.iter().filter(|v| v.used).map(|v| v.omega).collect();
@@ -485,7 +551,7 @@ impl Pipeline {
         flags(&facts, quality)
     }
 
-    /// Writes down what the calibration found of the views that carved.
+    /// Stores what the calibration found of the views that carved.
     fn judged(&mut self, states: &[ViewState], reprojected_areas: &[Option<[f64; 2]>]) {
         for ((index, state), again) in self.carved.iter().zip(states).zip(reprojected_areas) {
             if let Some(record) = self.views.iter_mut().find(|v| v.index == *index) {
@@ -514,7 +580,8 @@ impl ViewRecord {
 }
 
 impl SpecimenRecord {
-    /// Holds volume and area against reference larvae of its age: standard deviations from their mean, and how many are allowed.
+    /// Adds the comparison with reference larvae of the same age: volume and area in standard deviations from their mean, and
+    /// the number that is allowed.
     pub fn held_against(&mut self, [volume_z, area_z]: [Option<f64>; 2], limit: f64) {
         let quality = self.quality.take().unwrap_or_default().among_references(volume_z, area_z, limit);
         self.flags.retain(|f| !OFF_REFERENCES.contains(&f.as_str()));
@@ -523,7 +590,7 @@ impl SpecimenRecord {
     }
 }
 
-/// Holds each profile's area against those of its neighbours around the turn; views without a profile are passed over.
+/// Compares the area of each profile with those of its neighbours around the turn. Views without a profile are left out.
 fn compare_areas(views: &mut [ViewRecord]) {
     const TO_EITHER_SIDE: usize = 2;
     let areas: Vec<(usize, f64)> = views.iter().enumerate().filter_map(|(at, v)| Some((at, v.area_px? as f64))).collect();

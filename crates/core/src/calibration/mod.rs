@@ -1,12 +1,12 @@
-//! Where the axis is and how far the capillary turned, from the profiles of one turn.
+//! Position of the axis and true angles of the capillary, from the profiles of one turn.
 //!
 //! ```text
 //!  Columns per view ── closed form ── uy, gamma ── least squares ── uy, gamma, alpha, rho, dy_i, covariance
 //!                                                     │    ▲
 //!                             a slice's tangents ─────┘    └── views that do not belong, a specimen that moved
 //! ```
-//! Unknown per slice is its shape, as a support function: it is eliminated, so that no model of the specimen is needed. What
-//! silhouettes do not tell is not asked: `f`, `kx`, `ky` and `ux` are the rig's.
+//! The shape of each slice is unknown. It is a support function that is eliminated, so no model of the specimen is needed.
+//! Parameters that silhouettes do not determine are not estimated: `f`, `kx`, `ky` and `ux` are the rig's.
 
 mod closed_form;
 mod cma;

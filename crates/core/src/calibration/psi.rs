@@ -1,29 +1,32 @@
-//! Everything that says where the views looked from, and the paper's vector of it.
+//! The poses of all views: camera, angles and shifts. Camera and angles are the paper's vector psi.
 //!
 //! ```text
 //!   psi = (f, kx, ky, ux, uy, s, alpha, gamma, phi, omega_1 .. omega_N)        um, px/um, px, rad
 //! ```
-//! What a view is shifted by, `dy`, stands beside the vector: the paper's camera does not move.
+//! The shift `dy` of a view is not part of the vector: the paper's camera does not move.
 
 use super::Calibration;
 use crate::geometry::{Camera, Projection};
 
+/// The poses of the views of a turn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Psi {
+    /// The camera that all views share.
     pub camera: Camera,
-    /// One per view, rad.
+    /// Angle of the capillary in each view, rad.
     pub omega: Vec<f64>,
-    /// Down the image against the camera's, px; one per view.
+    /// Shift of each view down the image against the camera, px.
     pub dy_px: Vec<f64>,
 }
 
 impl Psi {
+    /// Views of one camera at these angles (rad), without shifts.
     pub fn new(camera: Camera, omega: Vec<f64>) -> Self {
         let dy_px = vec![0.0; omega.len()];
         Self { camera, omega, dy_px }
     }
 
-    /// What a calibration found of the views that it used; `ledger` has the angles of all.
+    /// The views that a calibration used, with what it found. `ledger` has the angles of all views given, rad.
     pub fn of(found: &Calibration, ledger: &[f64]) -> Self {
         let used = || ledger.iter().zip(&found.views).filter(|(_, state)| state.bad.is_none());
         Self {
@@ -33,11 +36,12 @@ impl Psi {
         }
     }
 
-    /// A shift of a view is one of its principal point.
+    /// The camera of a view: its shift is added to the principal point.
     pub fn camera_of(&self, view: usize) -> Camera {
         Camera { uy: self.camera.uy + self.dy_px[view], ..self.camera }
     }
 
+    /// The projection of a view.
     pub fn projection(&self, view: usize) -> Projection {
         self.camera_of(view).projection(self.omega[view])
     }

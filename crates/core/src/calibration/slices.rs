@@ -1,4 +1,4 @@
-//! Slices of the specimen, each with the tangents that all views give of it and the support function nearest to them.
+//! Slices of the specimen, with the tangents that all views give of each and the support function nearest to them.
 
 use super::support::{Support, basis};
 use super::tangents::{Pose, Side, Tangent, TurnView};
@@ -6,7 +6,7 @@ use crate::statistics::huber;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::f64::consts::TAU;
 
-/// A slice needs this share of the views: towards the ends perspective hides it from some.
+/// Least share of the views that must show a slice: towards the ends perspective hides it from some.
 const SHARE_OF_VIEWS: f64 = 0.75;
 
 /// Why a slice has no support function.
@@ -56,7 +56,7 @@ impl std::fmt::Display for SlicesLost {
     }
 }
 
-/// A tangent with the view and edge that it is from.
+/// The tangents of one slice.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sight {
     pub view: usize,
@@ -64,7 +64,7 @@ pub(crate) struct Sight {
     pub tangent: Tangent,
 }
 
-/// The tangents of a slice.
+/// One slice: its place and its tangents.
 #[derive(Debug, Clone)]
 pub(crate) struct Slice {
     pub x_um: f64,
@@ -98,7 +98,7 @@ impl Slice {
 #[derive(Debug, Clone)]
 pub(crate) struct Fit {
     pub support: Support,
-    /// Of the offsets, um.
+    /// Residuals of the tangents' offsets, um.
     pub residuals: Vec<f64>,
     pub weights: Vec<f64>,
     /// Rows of the series at each tangent, one after the other.
@@ -107,7 +107,8 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
-    /// A view's residuals against the fit of the others: each sight of it with its own residual over what it has of its own fit.
+    /// Leave-one-out residuals of a view, um: the residuals of its tangents against the fit of all other views. Each comes with
+    /// the number of its tangent. Empty where the view has no tangent, or where the others do not determine the fit.
     pub fn leave_one_out(&self, slice: &Slice, view: usize) -> Vec<(usize, f64)> {
         let own = own(slice, view);
         if own.is_empty() {
@@ -118,7 +119,7 @@ impl Fit {
         // (I - B S B' W) e = r
         let open = DMatrix::from_fn(own.len(), own.len(), |a, b| f64::from(u8::from(a == b)) - lever[(a, b)] * self.weights[own[b]]);
         let residual = DVector::from_iterator(own.len(), own.iter().map(|&at| self.residuals[at]));
-        // A view that alone tells some coefficient cannot be judged by the others.
+        // A view that alone determines a coefficient cannot be judged by the others.
         let Some(leave_one_out) = open.lu().solve(&residual) else { return Vec::new() };
         own.into_iter().zip(leave_one_out.iter().copied()).collect()
     }
@@ -145,7 +146,8 @@ fn own(slice: &Slice, view: usize) -> Vec<usize> {
     slice.sights.iter().enumerate().filter(|(_, s)| s.view == view).map(|(at, _)| at).collect()
 }
 
-/// Fits `harmonics` to a slice; residuals beyond some `sd_um` count less, in so many rounds.
+/// Fits a series of so many harmonics to the tangents of a slice. Residuals beyond the standard deviation `sd_um` count less
+/// (Huber), in so many rounds.
 ///
 /// # Errors
 /// [`SliceError::Undetermined`] where the tangents do not determine as many harmonics.
@@ -189,28 +191,29 @@ pub(crate) fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) ->
     }
 }
 
-/// No slice has more harmonics.
+/// Largest number of harmonics of a slice's series.
 pub const HARMONICS_MOST: usize = 8;
 
-/// Harmonics that so many views of a turn determine with enough left over to tell noise from shape: 3, 4, 5 and 8 for 7, 12, 14 and
-/// 21 views. As many coefficients as there are directions would follow every error of an angle.
+/// Number of harmonics that the views at these angles (rad) determine, with enough left over to distinguish noise from shape:
+/// 3, 4, 5 and 8 for 7, 12, 14 and 21 views. As many coefficients as directions would follow every error of an angle.
 pub(crate) fn harmonics(omegas: &[f64]) -> usize {
     let by_directions = (0.36 * directions(omegas) as f64) as usize;
     (omegas.len().saturating_sub(1) / 2).min(by_directions).clamp(1, HARMONICS_MOST)
 }
 
-/// Directions that views see a slice's edges from: opposite views are mirror images and count once.
+/// Number of directions from which views at these angles (rad) see the edges of a slice. Opposite views are mirror images and
+/// count once.
 pub fn directions(omegas: &[f64]) -> usize {
     let apart = 0.3 * TAU / (2 * omegas.len().max(1)) as f64;
     gaps(omegas).filter(|gap| *gap > apart).count()
 }
 
-/// The widest angle, rad, in which no view sees an edge.
+/// The widest angle in which no view sees an edge, rad.
 pub fn widest_gap(omegas: &[f64]) -> f64 {
     gaps(omegas).fold(0.0, f64::max)
 }
 
-/// From each direction in which a view sees an edge to the next, rad.
+/// Angle from each direction in which a view sees an edge to the next one, rad.
 fn gaps(omegas: &[f64]) -> impl Iterator<Item = f64> {
     let mut normals: Vec<f64> = omegas.iter().flat_map(|w| [w.rem_euclid(TAU), (w + TAU / 2.0).rem_euclid(TAU)]).collect();
     normals.sort_by(f64::total_cmp);

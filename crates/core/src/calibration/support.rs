@@ -14,7 +14,7 @@ pub(crate) struct Support {
     pub coefficients: Vec<f64>,
 }
 
-/// The share of a harmonic's squares that the area loses: `k^2 - 1`.
+/// The factor of a harmonic's squares in the area of a slice: `k^2 - 1`.
 pub(crate) fn area_loss(k: usize) -> f64 {
     (k * k) as f64 - 1.0
 }
@@ -57,13 +57,13 @@ impl Support {
         PI * (first * first - harmonics / 2.0)
     }
 
-    /// By Cauchy, whatever the harmonics.
+    /// Perimeter of the outline, um (Cauchy): it depends on the mean radius only.
     pub fn perimeter_um(&self) -> f64 {
         2.0 * PI * self.coefficients[0]
     }
 }
 
-/// The functions that the coefficients multiply, at `theta`.
+/// Writes the functions that the coefficients multiply, at `theta`.
 pub(crate) fn basis(theta: f64, row: &mut [f64]) {
     let (sin, cos) = theta.sin_cos();
     let (mut s, mut c) = (0.0, 1.0);
@@ -74,7 +74,7 @@ pub(crate) fn basis(theta: f64, row: &mut [f64]) {
     }
 }
 
-/// The series of `h` up to harmonic `series`, sampled in `n` directions.
+/// The series of `h` up to harmonic `series`, from `n` directions.
 #[cfg(test)]
 pub(crate) fn series_of(h: impl Fn(f64) -> f64, series: usize, n: u32) -> Support {
     let mut coefficients = vec![0.0; 1 + 2 * series];

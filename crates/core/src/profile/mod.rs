@@ -1,4 +1,4 @@
-//! Frame to profile: the outline of the specimen in one view.
+//! From a frame to a profile: the outline of the specimen in one view.
 //!
 //! ```text
 //! RawFrame -> Picture (colour) -> capillary walls -> specimen inside the bore -> sub-pixel edge -> Profile

@@ -19,19 +19,22 @@ use super::segment::ProfileError;
 use super::settings::WallSettings;
 use serde::{Deserialize, Serialize};
 
-/// A nearly straight line `v = v_mid + slope (u - u_mid) + bend (u - u_mid)^2` in pixel coordinates: lenses and pulled glass
+/// A nearly straight line `v = v_mid + slope (u - u_mid) + bend (u - u_mid)^2` in pixel coordinates. Lenses and pulled glass
 /// bend walls by a few px over a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Line {
-    /// The frame's middle column.
+    /// Middle column of the frame, px.
     pub u_mid: f64,
+    /// Row in that column, px.
     pub v_mid: f64,
+    /// Slope, px per px.
     pub slope: f64,
-    /// Per px.
+    /// Bend, per px.
     pub bend: f64,
 }
 
 impl Line {
+    /// Row in column `u`, px.
     pub fn at(&self, u: f64) -> f64 {
         let from_mid = u - self.u_mid;
         self.v_mid + from_mid * (self.slope + self.bend * from_mid)
@@ -43,24 +46,26 @@ impl Line {
     }
 }
 
-/// One wall by the middles of its dark lines; both are the same line where the wall shows as one.
+/// One wall, by the middles of its dark lines. Both are the same line where the wall shows as one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Wall {
-    /// The line away from the bore.
+    /// The line on the side away from the bore.
     pub outer: Line,
-    /// The line along the bore: the glass' inner face, beyond which no specimen can be.
+    /// The line on the side of the bore: the inner face of the glass, beyond which no specimen can be.
     pub inner: Line,
 }
 
 /// Both walls of the capillary.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Walls {
+    /// The upper wall.
     pub upper: Wall,
+    /// The lower wall.
     pub lower: Wall,
 }
 
 impl Walls {
-    /// Tilt of the bore, positive when its right end is lower, degrees.
+    /// Tilt of the bore, deg. Positive when its right end is lower.
     pub fn tilt_deg(&self) -> f64 {
         f64::midpoint(self.upper.inner.slope, self.lower.inner.slope).atan().to_degrees()
     }
@@ -70,7 +75,7 @@ impl Walls {
         self.lower.inner.at(u) - self.upper.inner.at(u)
     }
 
-    /// The bore's middle in column `u`: row in px.
+    /// Row of the bore's middle in column `u`, px.
     pub fn middle_v(&self, u: f64) -> f64 {
         f64::midpoint(self.upper.inner.at(u), self.lower.inner.at(u))
     }

@@ -1,4 +1,4 @@
-//! Whether a number may be trusted: every limit has a name and a unit in the method, and what is over one is a flag.
+//! Whether a number may be trusted. Every limit has a name and a unit in the method; a number beyond its limit raises a flag.
 //!
 //! ```text
 //!  a turn's views, closure, calibration ── Quality::of ── checks: found, limit, unit ── over: a flag by name
@@ -8,7 +8,7 @@
 //!  corrected estimates so far ── has_converged ── should_stop ── enough views
 //!  a few beads, this instrument's earlier gates ── BeadGate::of ── verdict and words
 //! ```
-//! Values in, values out. `docs/quality.md` says what each number is and what an operator does about it.
+//! Functions of values only. `docs/quality.md` explains each number and what an operator does about it.
 
 mod checks;
 mod early_stop;

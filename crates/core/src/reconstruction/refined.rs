@@ -1,11 +1,11 @@
-//! The live model of a camera that the views themselves tell, while they still come in.
+//! The live model with a camera calibrated on the views so far.
 //!
 //! ```text
 //!   view ── observe ──┬─ hull through the camera as given         what the end is made of: runs, edges, angles
 //!                     └─ hull through the refined camera ── page
 //!   now and then, when nobody waits: refine ── calibrate on the views so far ── all of them carved again
 //! ```
-//! What is refined is only shown: [`Reconstruction::finish`] calibrates on all views, and gives the same bits whether or not
+//! A refined model is only shown. [`Reconstruction::finish`] calibrates on all views and gives the same bits whether or not
 //! anything was refined before.
 
 use super::calibrated::Judged;
@@ -16,15 +16,15 @@ use crate::profile::Mask;
 use crate::quality::Estimate;
 use std::f64::consts::{PI, TAU};
 
-/// Fewer views tell less of the axis than the rig's camera does.
+/// Fewer views determine the axis less well than the rig's camera does.
 const VIEWS_LEAST: usize = 7;
-/// Half a turn shows every slice from each side once, which any axis fits. Further on views meet what others saw from the other
-/// side, and from 30 deg of that on the axis is told.
+/// Half a turn shows every slice from each side once, which any axis fits. Later views see what others saw from the opposite
+/// side; from 30 deg of overlap on the axis is determined.
 const GAP_MOST: f64 = 150.5 / 180.0 * PI;
-/// Of the planned views, what comes in between two refinements.
+/// Between two refinements this share of the planned views must be observed: one in `SHARE`.
 const SHARE: usize = 12;
 
-/// A camera and the hull that it leaves.
+/// A camera and the hull carved with it.
 #[derive(Debug, Clone)]
 pub(super) struct Refined {
     calibration: Calibration,

@@ -11,7 +11,7 @@ use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
 use crate::surface::{self, Coarse, Mesh};
 
-/// A view as it was observed; its mask is in the carver.
+/// A view as it was observed. Its mask is in the carver.
 #[derive(Debug, Clone)]
 pub(super) struct ObservedView {
     pub columns: Columns,
@@ -19,20 +19,22 @@ pub(super) struct ObservedView {
     pub omega: f64,
 }
 
-/// A turn measured.
+/// A measured turn.
 #[derive(Debug, Clone)]
 pub struct TurnModel {
+    /// The surfaces and their numbers.
     pub model: Model,
-    /// The hull that is measured: carved again with what the calibration found.
+    /// The hull that is measured: carved again with the calibration.
     pub hull: HullModel,
-    /// The turn's own pose of camera and views, or why there is none.
+    /// The turn's own pose of camera and views, or the reason why there is none.
     pub calibration: Result<Judged, NotCalibrated>,
-    /// The projection of each view observed, in the order of observing.
+    /// The projection of each observed view, in the order of observing.
     pub projections: Vec<Projection>,
-    /// In that order too: what no view misses, seen again, and the profile, um^2 at the axis; nothing of a view that does not count, or
-    /// of a turn that is not calibrated.
+    /// For each view in the order of observing: the projected area of the hull that no view misses and the area of the profile,
+    /// um^2 at the axis. `None` for a view that does not count, and without a calibration.
     pub reprojected_areas: Vec<Option<[f64; 2]>>,
-    /// Where the closure view shows the specimen, less where the view at 0 deg does.
+    /// Pose of the specimen in the closure view minus that in the view at 0 deg. `None` without a closure view or a
+    /// calibration.
     pub closure: Option<PoseOffset>,
 }
 
@@ -40,11 +42,12 @@ pub struct TurnModel {
 #[derive(Debug, Clone)]
 struct ClosureView {
     columns: Columns,
-    /// Of the view at 0 deg, in the order of observing.
+    /// Index of the view at 0 deg in the order of observing.
     first: usize,
 }
 
-/// A hull that allows misses holds its specimen: one that is smaller by this shows slices that are hollow in no single view.
+/// A hull that allows misses contains its specimen. One that is smaller than this share has slices that are hollow, which no
+/// single view shows.
 pub(super) const HULL_LEAST: f64 = 0.95;
 
 /// A model of the views of one camera at known angles.
@@ -79,18 +82,23 @@ pub(super) const HULL_LEAST: f64 = 0.95;
 pub struct Reconstruction {
     pub(super) camera: Camera,
     pub(super) settings: ReconstructionSettings,
-    /// Carved through the camera as given, while the views come in.
+    /// Carved through the given camera while the views arrive.
     pub(super) hull: HullModel,
     pub(super) observed: Vec<ObservedView>,
-    /// What is shown instead once the views have told a better camera, and at how many views that was last asked.
+    /// The refined model that is shown instead once the views have given a better camera, and the number of views at the last
+    /// attempt.
     pub(super) refined: Option<Refined>,
     pub(super) refined_at: usize,
     closure: Option<ClosureView>,
 }
 
 impl Reconstruction {
+    /// An empty model of one camera.
+    ///
     /// # Errors
-    /// Refuses a camera, a plan or settings that make no model, before any view is taken.
+    /// # Errors
+    ///
+    /// A camera, a plan or settings from which no model can be made.
     pub fn new(
         camera: &Camera,
         grid: VoxelGrid,
@@ -102,23 +110,27 @@ impl Reconstruction {
         Ok(Self { camera: camera.clone(), settings, hull, observed: Vec::new(), refined: None, refined_at: 0, closure: None })
     }
 
-    /// Takes the view at angle `omega` (rad); `outlines` are those that the mask was filled from, if there are any.
+    /// Observes the view at angle `omega` (rad). `outlines` are those that the mask was filled from, if there are any.
     ///
     /// # Errors
-    /// Refuses a mask that is not of the sensor's size, and what the carver refuses; the model is then unchanged.
+    /// # Errors
+    ///
+    /// A mask that does not have the size of the sensor, and whatever the carver refuses. The model is then unchanged.
     pub fn observe(&mut self, mask: &Mask, outlines: &[Polygon], omega: f64, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
         self.observe_edges(mask, outlines, columns_of(mask, outlines), omega, leaves)
     }
 
-    /// Takes the view at 360 deg, to be held against the view that was observed as number `first`.
+    /// Observes the view at 360 deg, which is compared with the view that was observed as number `first`.
     pub fn observe_closure(&mut self, mask: &Mask, outlines: &[Polygon], first: usize) {
         self.closure = Some(ClosureView { columns: columns_of(mask, outlines), first });
     }
 
-    /// Takes back the view that was observed as number `at`; the later ones move up.
+    /// Removes the view that was observed as number `at`; the numbers of later ones decrease by one.
     ///
     /// # Errors
-    /// As [`Self::observe`]; the model is then unchanged.
+    /// # Errors
+    ///
+    /// As [`Self::observe`]. The model is then unchanged.
     pub fn take_back(&mut self, at: usize) -> Result<(), ReconstructionError> {
         let carver = self.hull.carver();
         let mut hull = HullModel::new(*carver.grid(), carver.planned_views(), self.settings)?;
@@ -129,20 +141,22 @@ impl Reconstruction {
         if at < self.observed.len() {
             self.observed.remove(at);
         }
-        // Both knew the view.
+        // Both contained the view.
         (self.refined, self.refined_at, self.closure) = (None, 0, None);
         Ok(())
     }
 
-    /// Whether the specimen goes on beyond the image on the left and right in any of these views.
+    /// Whether the specimen continues beyond the image on the left and on the right in any of these views.
     pub(super) fn open(&self, views: &(impl Iterator<Item = usize> + Clone)) -> [bool; 2] {
         let leaves = |side: fn(&Leaves) -> bool| views.clone().any(|i| side(&self.hull.carver().views()[i].leaves));
         [leaves(|l| l.left), leaves(|l| l.right)]
     }
 
-    /// The same with edges from elsewhere than mask and outlines.
+    /// The same with edges that do not come from mask and outlines.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`Self::observe`].
     pub fn observe_edges(
         &mut self,
@@ -172,38 +186,44 @@ impl Reconstruction {
         Ok(self.live())
     }
 
-    /// Carves the views so far again with the tolerance of another plan.
+    /// Carves all views so far again with the tolerance of another plan.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`HullModel::replan`].
     pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
         self.hull.replan(planned_views)?;
-        // Carved by the old plan; the next refinement goes by the new one.
+        // It was carved by the old plan. The next refinement uses the new one.
         self.refined = None;
         Ok(())
     }
 
-    /// The hull through the camera as given.
+    /// The hull through the given camera.
     pub fn hull(&self) -> &HullModel {
         &self.hull
     }
 
-    /// The hull's surface on a lattice four times as wide as the grid's: small and quick, for the page.
+    /// The surface of the hull on a lattice four times as coarse as the grid: small and quick, for display.
     pub fn live_mesh(&self) -> Mesh {
         surface::extract(&Coarse::new(self.live_carver()))
     }
 
-    /// Calibrates, carves again with what was found, and measures; `sphere` fits one, for beads.
+    /// Calibrates, carves again with the result, and measures. `sphere` fits a sphere, for beads.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`HullModel::finish`].
     pub fn finish(&self, sphere: bool) -> Result<TurnModel, ReconstructionError> {
         self.measure(self.calibrate(), sphere)
     }
 
-    /// Carves again with what calibrating all views found, and measures.
+    /// Carves again with a calibration on all views, and measures.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`HullModel::finish`].
     pub fn measure(&self, calibrated: Calibrated, sphere: bool) -> Result<TurnModel, ReconstructionError> {
         let used = calibrated.used(self);
@@ -223,7 +243,7 @@ impl Reconstruction {
             Err(_) => (
                 Pose::new(&self.camera),
                 given.iter().map(|v| TurnView { columns: v.columns, omega: v.omega, dy_px: 0.0 }).collect(),
-                // Nothing is known of how edges scatter: one px.
+                // The scatter of the edges is not known: one px is assumed.
                 1.0 / self.camera.ky,
             ),
         };
@@ -255,7 +275,7 @@ impl Reconstruction {
         Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure })
     }
 
-    /// The hull of some of the views, through these projections. The tolerance is a share of the views that count.
+    /// The hull of some of the views through these projections. The tolerance is a share of the views that count.
     fn carved_again(&self, used: &[(usize, Projection)]) -> Result<HullModel, ReconstructionError> {
         let carver = self.hull.carver();
         if used.is_empty() {
@@ -269,7 +289,7 @@ impl Reconstruction {
         Ok(hull)
     }
 
-    /// Puts the support functions' numbers beside the voxels', and those to trust on top.
+    /// Adds the numbers of the support functions to those of the voxels and selects the ones to be trusted.
     fn trust(&self, m: &mut Measurement, sections: &Sections, calibration: Option<[f64; 2]>, sphere: Option<SphereFit>) {
         let support = SupportEstimate::of(sections);
         let voxel = m.estimators.voxel.volume_um3;
@@ -301,8 +321,8 @@ impl Reconstruction {
         m.estimators.support = Some(support);
     }
 
-    /// What volume and area are uncertain by: views, calibration and corners, which another turn has other errors of, and the rig's scale
-    /// and edges, which it has not.
+    /// Standard deviations of volume and area: views, calibration and corners, which differ between turns, and the rig's scale
+    /// and edges, which do not.
     pub(super) fn spread(
         &self,
         sections: &Sections,
@@ -323,7 +343,7 @@ impl Reconstruction {
             volume_scale_um3: 3.0 * scale * volume_um3,
             area_scale_um2: 2.0 * scale * area_um2,
             volume_edge_um3: edge_um * area_um2,
-            // Each slice's outline grows by 2 pi times the shift.
+            // The perimeter of each slice grows by 2 pi times the shift.
             area_edge_um2: edge_um * std::f64::consts::TAU * support.length_um,
         }
     }
@@ -333,14 +353,14 @@ fn columns_of(mask: &Mask, outlines: &[Polygon]) -> Columns {
     if outlines.is_empty() { Columns::from_mask(mask) } else { Columns::from_outlines(outlines, mask.width(), mask.height()) }
 }
 
-/// Of each view that counts, what no view misses and its profile, um^2.
+/// For each view that counts, the projected area of the hull that no view misses and that of its profile, um^2.
 fn again_of(found: &Calibration, given: &[GivenView]) -> Vec<[f64; 2]> {
     let ledger: Vec<f64> = given.iter().map(|v| v.omega).collect();
     let columns: Vec<&Columns> = found.turn_views(given).iter().map(|v| v.columns).collect();
     reprojected_areas(&columns, &Psi::of(found, &ledger))
 }
 
-/// Where the closure view shows the specimen, less where view 0 does.
+/// Pose of the specimen in the closure view minus that in view 0.
 fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<PoseOffset> {
     pose_offset(pose, first, &TurnView { columns, ..*first }, sections.sections.iter().map(|s| (s.x_um, &s.support)))
 }

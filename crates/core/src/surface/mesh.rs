@@ -1,22 +1,27 @@
 //! A triangle mesh.
 
-/// Triangles turn counter-clockwise seen from outside.
+/// A triangle mesh. Triangles turn counter-clockwise seen from outside.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {
+    /// World coordinates of each vertex, um.
     pub vertices: Vec<[f64; 3]>,
+    /// Indices of each triangle's corners in `vertices`.
     pub triangles: Vec<[u32; 3]>,
 }
 
 impl Mesh {
+    /// Whether there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
+    /// World coordinates of a triangle's corners, um.
     pub fn corners(&self, triangle: [u32; 3]) -> [[f64; 3]; 3] {
         triangle.map(|v| self.vertices[v as usize])
     }
 
-    /// Unit normals per vertex: the mean of the adjoining triangles' normals by area; zero where there is none.
+    /// Unit normals per vertex: the mean of the adjoining triangles' normals, weighted by area. Zero for a vertex without
+    /// triangles.
     pub fn normals(&self) -> Vec<[f64; 3]> {
         let mut normals = vec![[0.0; 3]; self.vertices.len()];
         for &triangle in &self.triangles {

@@ -27,16 +27,16 @@ pub enum End {
     Right,
 }
 
-/// Where the head is: at the thicker end. A larva of which the frame cuts off the tail still has it there; one without its head
-/// does not.
+/// The head is at the thicker end. A larva whose tail is cut off by the frame still has it there; one without its head does
+/// not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Head {
     /// `null` where both ends are alike: stations then begin on the left.
     pub end: Option<End>,
     /// 0 where the ends are alike, 1 from a first moment of 0.1 on.
     pub confidence: f64,
-    /// First moment of the slices' areas around the axis' middle, over the areas' sum times half the length: how far from the
-    /// middle the volume's centre lies towards the first station. 0 for a body that is alike from both ends, 1/2 for a cone; some
+    /// First moment of the slices' areas about the axis' middle, over the sum of the areas times half the length: how far the
+    /// volume's centre lies from the middle towards the first station. 0 for a body whose ends are alike, 1/2 for a cone, some
     /// 0.4 for a larva.
     pub first_moment: f64,
 }
@@ -68,19 +68,19 @@ impl Head {
     }
 }
 
-/// Where the back is, as far as the shape tells it: on a larva the yolk hangs below the line of the head and the trunk.
+/// The back, as far as the shape determines it: the yolk of a larva hangs below the line of head and trunk.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Dorsal {
-    /// Unit vector towards the back, in the coordinates of the mesh and across its long direction; `null` where the shape does not
-    /// tell it: heights are then along the slices' longer direction, and which of its ends is up means nothing.
+    /// Unit vector towards the back, in the coordinates of the mesh and across its long direction. `null` where the shape does
+    /// not determine it: heights are then along the longer direction of the slices, and which of its ends is up means nothing.
     pub direction: Option<[f64; 3]>,
-    /// 0 where it is not told; 1 where the belly is as full as a young larva's and the slices as flat as a trunk.
+    /// 0 where it is not determined; 1 where the belly is as full as a young larva's and the slices as flat as a trunk.
     pub confidence: f64,
-    /// How much longer than wide the slices are, all in the same direction: mean of (a - b) / (a + b) of their second moments, 0
-    /// for round ones and where their long directions differ. That direction is taken for the median plane.
+    /// How much longer than wide the slices are in one common direction: mean of (a - b) / (a + b) of their second moments. 0
+    /// for round slices, and for slices with different long directions. That direction is the median plane.
     pub median_share: f64,
-    /// How far the centres of the slices between 10 and 42 % of the length bulge out of a parabola through all of them in the
-    /// median plane, over the length. A body that is merely arched has 0.
+    /// How far the centres of the slices between 10 and 42 % of the length bulge out of a parabola through all of them, in the
+    /// median plane, over the length. A body that is only arched has 0.
     pub belly_share: f64,
 }
 
@@ -97,7 +97,7 @@ const YOLK_HALF: f64 = 0.16;
 const ENDS: usize = STATIONS / 20;
 
 impl Dorsal {
-    /// And the direction of the belly, or where that is not told the slices' longer direction downwards.
+    /// Returns also the direction of the belly, or where it is not determined the longer direction of the slices, downwards.
     pub(super) fn of(slices: &Slices, head: &Head) -> (Self, Vector) {
         // A slice's longer direction as a number of twice its angle: these add up, whichever way the direction is taken.
         let [mut real, mut imaginary] = [0.0; 2];

@@ -62,16 +62,17 @@ impl Sections {
         self.sections.iter().map(|s| corners.area_um2(&s.support)).collect()
     }
 
-    /// What the corners of fins that a short series leaves out would take off the volume, were the last even harmonic a corner's: a
-    /// corner's fall with `k^2`, and cost the area `k^2 - 1` of their squares; of odd ones half as much is counted, which is between fins that
-    /// face each other and fins on one side. A series of the most harmonics has that taken off already.
+    /// What the corners of fins that a short series leaves out would take off the volume, um^3, if the last even harmonic were
+    /// that of a corner. The harmonics of a corner fall with `k^2`, and cost the area `k^2 - 1` of their squares. Of the odd
+    /// ones half as much is counted: between fins that face each other and fins on one side. 0 for a series of the most
+    /// harmonics, where it is taken off already.
     pub fn left_out_um3(&self) -> f64 {
         let last = self.harmonics / 2 * 2;
         if last == 0 || self.corners() == Corners::TakenOff {
             return 0.0;
         }
         let share = |k: usize| area_loss(k) * (last as f64 / k as f64).powi(4);
-        // From harmonic 200 on they add 1 % of it.
+        // The harmonics from 200 on add 1 % of it.
         let beyond: f64 = (last + 2..200).step_by(2).map(share).sum();
         let squares = |s: &Section| s.support.coefficients[2 * last - 1].powi(2) + s.support.coefficients[2 * last].powi(2);
         1.5 * FRAC_PI_2 * beyond * self.sections.iter().map(squares).sum::<f64>() * self.step_um

@@ -6,11 +6,11 @@ use crate::calibration::{Support, area_loss};
 use crate::parallel::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Of the mean radius, what an outline's distance from its centre is at least where it is called round.
+/// Least distance of an outline from its centre, in mean radii, at which it counts as round.
 const ROUND: f64 = 0.4;
 
 impl Sections {
-    /// As the slices are: [`Self::volume_bias_um3`] is still in it.
+    /// Volume of the slices as they are: [`Self::volume_bias_um3`] is still in it.
     pub(super) fn volume_um3(&self) -> f64 {
         let areas = self.areas_um2();
         let n = areas.len();
@@ -18,19 +18,19 @@ impl Sections {
             return 0.0;
         }
         let inner: f64 = areas.windows(2).map(|w| f64::midpoint(w[0], w[1])).sum::<f64>() * self.step_um;
-        // The trapezia's own error, from the slopes at both ends.
+        // Error of the trapezoidal rule, from the slopes at both ends.
         let bend = (areas[n - 1] - areas[n - 2] - (areas[1] - areas[0])) * self.step_um / 12.0;
         inner - bend + self.caps().iter().map(|c| c.volume_um3()).sum::<f64>()
     }
 
-    /// What the profiles' errors make of the volume on average: harmonics that are none enclose less (jackknife).
+    /// What errors of the profiles add to the volume on average (jackknife): spurious harmonics enclose less.
     pub(super) fn volume_bias_um3(&self) -> f64 {
         let n = self.without.len() as f64;
         (n - 1.0) / n * self.without.iter().map(|c| c.square).sum::<f64>()
     }
 
-    /// What shifts of single views make of the volume: their odd harmonics are in every slice's outline, whose area they shrink.
-    /// Mean and standard deviation; how far views shift is told by the part of the shifts that is no harmonic.
+    /// What shifts of single views do to the volume: mean and standard deviation. Their odd harmonics are in the outline of
+    /// every slice, and reduce its area. The part of the shifts that is no harmonic says how far views are shifted.
     pub(super) fn shift_bias_um3(&self) -> [f64; 2] {
         let each = 4.0 * self.shift_variance_um2 / self.without.len() as f64;
         let lost: Vec<f64> = (3..=self.harmonics).step_by(2).map(|k| FRAC_PI_2 * area_loss(k) * each).collect();
@@ -38,7 +38,7 @@ impl Sections {
         [-length * lost.iter().sum::<f64>(), length * lost.iter().map(|l| l * l).sum::<f64>().sqrt()]
     }
 
-    /// What it would scatter by on another turn, by jackknife over the views; so is the area's.
+    /// Standard deviation on another turn, by jackknife over the views.
     pub(super) fn volume_sd_um3(&self) -> f64 {
         jackknife_sd(self.without.iter().map(|c| c.linear)).hypot(self.shift_bias_um3()[1])
     }
@@ -60,7 +60,8 @@ impl Sections {
         let (before, after) = (at.saturating_sub(1), (at + 1).min(n - 1));
         let (a, here, b) = (&self.sections[before].support, &self.sections[at].support, &self.sections[after].support);
         let across = (after - before) as f64 * self.step_um;
-        // About its own centre a round outline's square falls evenly up to the specimen's very end, where its radius falls as a root.
+        // About its own centre the squared distance of a round outline falls evenly up to the very end of the specimen, where
+        // its radius falls as a root.
         let centred = |support: &Support, (sin, cos): (f64, f64), theta: f64| {
             support.at(theta)[0] - support.coefficients[1] * cos - support.coefficients[2] * sin
         };
@@ -73,7 +74,7 @@ impl Sections {
                 let shrinks = if own > ROUND * here.coefficients[0] {
                     (after * after - before * before) / (2.0 * own)
                 } else {
-                    // The edge of a fin has no square to speak of.
+                    // The squared distance of a fin's edge is hardly different from 0.
                     after - before
                 };
                 let slope = shrinks / across + moves[0] * cos + moves[1] * sin;
@@ -103,7 +104,7 @@ impl Sections {
     }
 }
 
-/// Of a number that changes by so much when each view is left out.
+/// Standard deviation of a number from its changes when each view is left out (jackknife).
 fn jackknife_sd(without: impl ExactSizeIterator<Item = f64> + Clone) -> f64 {
     let n = without.len() as f64;
     let mean = without.clone().sum::<f64>() / n;

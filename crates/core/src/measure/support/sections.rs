@@ -5,7 +5,7 @@ use super::smoothing::{Change, Smoother};
 use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, fit, harmonics};
 use crate::parallel::*;
 
-/// Slices to either side that one is smoothed with.
+/// Slices to either side that the smoothing uses.
 const REACH: usize = 8;
 
 /// A slice of the specimen.
@@ -13,42 +13,55 @@ const REACH: usize = 8;
 pub(crate) struct Section {
     pub x_um: f64,
     pub support: Support,
-    /// Of the slice's extent, what is hollow in the view that shows most of it.
+    /// Share of the slice's extent that is hollow, in the view that shows most of it.
     pub gap_share: f64,
 }
 
-/// A specimen, slice by slice from left to right.
+/// A specimen as slices, from left to right.
 #[derive(Debug, Clone)]
 pub struct Sections {
     pub(crate) sections: Vec<Section>,
-    /// Between two slices.
+    /// Distance of two slices.
     pub(super) step_um: f64,
-    /// Of the tangents' distances from the fitted outlines, root of the mean square.
+    /// Root of the mean square distance of the tangents from the fitted outlines.
     pub(super) residual_sd_um: f64,
     pub(super) harmonics: usize,
-    /// Whether the specimen goes on beyond the image on the left and right.
+    /// Whether the specimen goes on beyond the image on the left and on the right.
     pub(super) open: [bool; 2],
-    /// Of what single views are shifted by, where they are known to be.
+    /// Variance of the views' shifts, where it is known.
     pub(super) shift_variance_um2: f64,
-    /// What leaving out each view does.
+    /// What leaving out each view changes.
     pub(super) without: Vec<Change>,
 }
 
-/// Fewer slices than this are no specimen.
+/// Least slices of a specimen.
 const SLICES_LEAST: usize = 5;
 
-/// Why views show no stretch of slices.
+/// Why views do not show a stretch of slices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum SectionsError {
+    /// No view shows the specimen.
     #[error("no view shows the specimen")]
     NoProfile,
+    /// The views have no long enough stretch of slices in common.
     #[error("the longest stretch of slices that the views have in common has {longest}; {SLICES_LEAST} are needed. {lost}")]
-    ShortStretch { longest: usize, lost: SlicesLost },
+    ShortStretch {
+        /// Slices of the longest stretch.
+        longest: usize,
+        /// The slices without an outline, by cause.
+        lost: SlicesLost,
+    },
+    /// Smoothing leaves too few slices.
     #[error("{found} of {of} slices enclose something after they were smoothed along the capillary; {SLICES_LEAST} are needed")]
-    FewSmoothed { found: usize, of: usize },
+    FewSmoothed {
+        /// Slices left.
+        found: usize,
+        /// Slices before.
+        of: usize,
+    },
 }
 
-/// Every so many columns a slice is fitted twice, to know where tangents touch.
+/// Every so many columns a slice is fitted twice, which shows where its tangents touch.
 const COARSE: usize = 8;
 
 impl Sections {
@@ -56,7 +69,7 @@ impl Sections {
     /// beyond the image on the left and on the right.
     ///
     /// # Errors
-    /// Names why the views do not show a stretch of slices.
+    /// [`SectionsError`], with the cause.
     pub fn of(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2]) -> Result<Self, SectionsError> {
         let (series, from, to) = span(views)?;
         let coarse: Vec<Option<Support>> = (from..to + 2 * COARSE)
@@ -128,14 +141,14 @@ impl Sections {
     }
 }
 
-/// Of the views' shifts, by the part of them that is told: their mean and odd harmonics are not.
+/// Variance of the views' shifts, from their part that is observable: their mean and odd harmonics are gauge directions.
 fn shift_variance(pose: &Pose, views: &[TurnView], series: usize) -> f64 {
     let free = views.len() as f64 - (1 + 2 * series.div_ceil(2)) as f64;
     let px2 = views.iter().map(|v| v.dy_px * v.dy_px).sum::<f64>() / free.max(2.0);
     px2 / pose.camera().ky.powi(2)
 }
 
-/// Volume and area to a per mille, of every eighth slice unsmoothed: for what changes with the pose.
+/// Volume and area to a per mille, from every eighth slice without smoothing. It serves to see how they change with the pose.
 pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Result<[f64; 2], SectionsError> {
     let (series, from, to) = span(views)?;
     let corners = Corners::of(series);
@@ -144,7 +157,8 @@ pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Result<[f64;
         .step_by(COARSE)
         .map(|u| {
             let support = touched(pose.slice(u as f64), pose, views, series, sd_um).ok()?;
-            // The few edges of a slice at the specimen's end fit an outline that is none: its harmonics outweigh its radius.
+            // A slice at the specimen's end has few edges, and its harmonics may outweigh its radius: such an outline encloses
+            // nothing.
             let area_um2 = corners.area_um2(&support);
             (area_um2 > 0.0).then(|| [area_um2, support.perimeter_um()])
         })
@@ -164,7 +178,7 @@ fn span(views: &[TurnView]) -> Result<(usize, usize, usize), SectionsError> {
     Ok((harmonics(&omegas), from, to.max(from + 1)))
 }
 
-/// A slice fitted twice: the first time tells where tangents touch, and so in which column to look.
+/// A slice that is fitted twice: the first fit shows where its tangents touch, and so which column to read.
 fn touched(x_um: f64, pose: &Pose, views: &[TurnView], series: usize, sd_um: f64) -> Result<Support, SliceError> {
     let first = fit(&Slice::of(x_um, pose, views, None)?, series, sd_um, 1)?;
     Ok(fit(&Slice::of(x_um, pose, views, Some(&first.support))?, series, sd_um, 1)?.support)

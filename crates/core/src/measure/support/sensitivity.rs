@@ -1,11 +1,12 @@
-//! What the pose's own uncertainty makes of volume and area.
+//! The uncertainty of volume and area that the uncertainty of the pose causes.
 
 use super::sections::{SectionsError, rough};
 use crate::calibration::{Calibration, GivenView, Pose, TurnView};
 use crate::geometry::Camera;
 use nalgebra::Vector4;
 
-/// Standard deviations of volume (um^3) and area (um^2) that follow from the covariance of uy, gamma, alpha and rho.
+/// Standard deviations of volume (um^3) and area (um^2) that follow from the covariance of uy, gamma, alpha and rho. `given`
+/// are all views that were calibrated.
 ///
 /// # Errors
 /// [`SectionsError::NoProfile`] where no view that counts shows the specimen.
