@@ -63,7 +63,7 @@ fn calibrating(c: &mut Criterion) {
         group.bench_function(BenchmarkId::new("least squares", asd), |b| b.iter(|| turn.calibrated()));
         group.bench_function(BenchmarkId::new("gate", asd), |b| b.iter(|| check_vrv(&found, &turn.camera, &given)));
         group.bench_function(BenchmarkId::new("least squares and gate", asd), |b| {
-            b.iter(|| check_vrv(&turn.calibrated(), &turn.camera, &given))
+            b.iter(|| check_vrv(&turn.calibrated(), &turn.camera, &given));
         });
         let psi = turn.psi();
         for size in [10.0, 17.1] {

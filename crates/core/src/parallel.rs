@@ -3,11 +3,13 @@
 //! The science calls the methods of `rayon::prelude`. Without the feature the traits below have methods of the same names that give the
 //! iterators of the standard library. Results are collected in order and sums are taken in a fixed order, so both ways give the same bytes.
 
-#[cfg(feature = "rayon")]
-pub(crate) use rayon::prelude::*;
+pub(crate) mod prelude {
+    #[cfg(feature = "rayon")]
+    pub(crate) use rayon::prelude::*;
 
-#[cfg(not(feature = "rayon"))]
-pub(crate) use serial::*;
+    #[cfg(not(feature = "rayon"))]
+    pub(crate) use super::serial::*;
+}
 
 #[cfg(not(feature = "rayon"))]
 mod serial {

@@ -12,7 +12,7 @@
 use super::psi::Psi;
 use super::tangents::{Pose, Side};
 use crate::geometry::Camera;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 use crate::profile::{ColumnEdges, Columns};
 
 /// Number of slices.

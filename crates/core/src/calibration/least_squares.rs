@@ -11,7 +11,7 @@ use super::slices::{Fit, Slice, SliceError, SlicesLost, fit, harmonics};
 use super::support::Support;
 use super::tangents::{Pose, TurnView};
 use crate::geometry::Camera;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 use crate::profile::Columns;
 use crate::statistics::mad_sd;
 use nalgebra::{DMatrix, DVector};

@@ -7,7 +7,7 @@
 //! ```
 
 use super::least_squares::Solution;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 use crate::profile::Columns;
 use crate::statistics::{fit, fit_robust, mad_sd, median};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};

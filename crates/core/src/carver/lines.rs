@@ -18,7 +18,7 @@ use super::Runs;
 use super::counts::{ROW, ones};
 use super::definition::{ROUNDING, View};
 use super::misses::{Spans, Verdict};
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 /// Unsafe distance from a rounding border, px or voxels: at least twenty times what rounding can move, see the next two.
 const MARGIN: f64 = 1e-6;

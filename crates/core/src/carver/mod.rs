@@ -32,7 +32,7 @@ pub use residual::ResidualVolume;
 pub use runs::Runs;
 
 use crate::geometry::{Projection, VoxelGrid};
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 use crate::profile::Mask;
 use boxes::Boxes;
 use counts::{ROW, SIDE, Tally};

@@ -9,7 +9,7 @@
 
 use super::coarse::Coarse;
 use super::settings::MeanShiftSettings;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 /// Blocks on each side of the middle that the window reaches: 9 of the bore's 60 rows. A constant, so that the sums over a
 /// window's row are unrolled.

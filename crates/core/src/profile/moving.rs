@@ -6,7 +6,7 @@
 //! ```
 
 use super::{EmptyCapillary, Picture, ProfileError, WallSettings, Walls};
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 /// A dark spot.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -15,6 +15,7 @@ const BLUR_MISMATCH_PX: f64 = 0.15;
 
 /// What the flags rest on beside the checks.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::struct_excessive_bools, reason = "facts that do not exclude one another")]
 pub(crate) struct FlagFacts<'a> {
     /// Whether a view was left out.
     pub has_bad_view: bool,
@@ -106,13 +107,13 @@ mod tests {
         vrv: Some(VrvVerdict::Passed),
     };
 
-    fn raised(facts: FlagFacts) -> Vec<String> {
-        flags(&facts, &Quality::default())
+    fn raised(facts: &FlagFacts) -> Vec<String> {
+        flags(facts, &Quality::default())
     }
 
     #[test]
     fn a_good_specimen_has_no_flag_and_each_fact_has_its_own() {
-        assert!(raised(GOOD).is_empty());
+        assert!(raised(&GOOD).is_empty());
         for (facts, name) in [
             (FlagFacts { has_bad_view: true, ..GOOD }, "bad_view"),
             (FlagFacts { is_clipped: [true, false], ..GOOD }, "clipped_left"),
@@ -126,9 +127,9 @@ mod tests {
             (FlagFacts { vrv: None, ..GOOD }, "uncalibrated"),
             (FlagFacts { vrv: Some(VrvVerdict::NotLargest), ..GOOD }, "calibration_gate"),
         ] {
-            assert_eq!(raised(facts), [name]);
+            assert_eq!(raised(&facts), [name]);
         }
-        assert!(raised(FlagFacts { looks_dead: &[], blurs_px: &[], ..GOOD }).is_empty(), "nothing is known of them");
+        assert!(raised(&FlagFacts { looks_dead: &[], blurs_px: &[], ..GOOD }).is_empty(), "nothing is known of them");
     }
 
     #[test]

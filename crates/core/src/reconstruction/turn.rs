@@ -362,5 +362,5 @@ fn again_of(found: &Calibration, given: &[GivenView]) -> Vec<[f64; 2]> {
 
 /// Pose of the specimen in the closure view minus that in view 0.
 fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<PoseOffset> {
-    pose_offset(pose, first, &TurnView { columns, ..*first }, sections.sections.iter().map(|s| (s.x_um, &s.support)))
+    pose_offset(pose, first, &TurnView { columns, ..*first }, sections.slices.iter().map(|s| (s.x_um, &s.support)))
 }

@@ -15,7 +15,7 @@ use super::occupancy::{Kinds, inside_rows};
 use super::{Contour, Field, Inside, contour::Side};
 use crate::carver::{BLOCK, Bits, BlockKind, Carver};
 use crate::geometry::VoxelGrid;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 const VOXELS: usize = BLOCK * BLOCK * BLOCK;
 

@@ -4,12 +4,12 @@
 //!   x' = x + d      (I - lambda U) d = lambda U x      x in f64, d in f32: a part in 10^7 of a step of a um
 //! ```
 //! `U` is the umbrella operator, `U x_i = mean of the neighbours of i - x_i`, which reproduces the paper's areas with lambda =
-//! 0.8 and 10 iterations. In the inner product that weights each vertex by the number of its neighbours it is symmetric, and `I
-//! - lambda U` has eigenvalues between 1 and 1 + 2 lambda. Conjugate gradients therefore need few steps, and no matrix besides
-//! the list of neighbours.
+//! 0.8 and 10 iterations. In the inner product that weights each vertex by the number of its neighbours it is symmetric, and
+//! `I - lambda U` has eigenvalues between 1 and 1 + 2 lambda. Conjugate gradients therefore need few steps, and no matrix
+//! besides the list of neighbours.
 
 use super::Mesh;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 /// How a mesh is faired.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -13,7 +13,7 @@
 use super::cube::{EDGES, TRIANGLES};
 use super::{Field, Inside, Mesh, SIDE};
 use crate::carver::BLOCK;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 /// The crossed edges of a block, and which of its samples are inside.
 struct Crossings {

@@ -2,7 +2,7 @@
 
 use super::{Field, Inside, SIDE};
 use crate::carver::{BLOCK, Bits, BlockKind, Carver};
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 /// 1 in live voxels, 0 elsewhere: the paper's binary volume.
 pub struct Occupancy<'a>(pub &'a Carver);

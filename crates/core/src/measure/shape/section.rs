@@ -10,7 +10,7 @@
 //! that the sums are the same bits on any number of threads.
 
 use super::Vector;
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 use crate::surface::Mesh;
 
 /// A plane with directions of its own.

@@ -2,7 +2,7 @@
 
 use super::{Refusal, Vector};
 use crate::measure::{area, centroid, volume};
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 use crate::surface::Mesh;
 use nalgebra::Matrix3;
 use serde::{Deserialize, Serialize};

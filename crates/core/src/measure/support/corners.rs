@@ -59,7 +59,7 @@ impl Sections {
     /// Area of each slice, um^2.
     pub(super) fn areas_um2(&self) -> Vec<f64> {
         let corners = self.corners();
-        self.sections.iter().map(|s| corners.area_um2(&s.support)).collect()
+        self.slices.iter().map(|s| corners.area_um2(&s.support)).collect()
     }
 
     /// What the corners of fins that a short series leaves out would take off the volume, um^3, if the last even harmonic were
@@ -75,7 +75,7 @@ impl Sections {
         // The harmonics from 200 on add 1 % of it.
         let beyond: f64 = (last + 2..200).step_by(2).map(share).sum();
         let squares = |s: &Section| s.support.coefficients[2 * last - 1].powi(2) + s.support.coefficients[2 * last].powi(2);
-        1.5 * FRAC_PI_2 * beyond * self.sections.iter().map(squares).sum::<f64>() * self.step_um
+        1.5 * FRAC_PI_2 * beyond * self.slices.iter().map(squares).sum::<f64>() * self.step_um
     }
 }
 

@@ -51,7 +51,7 @@ impl SupportEstimate {
     pub fn of(sections: &Sections) -> Self {
         let bias = sections.volume_bias_um3() + sections.shift_bias_um3()[0];
         let areas = sections.areas_um2();
-        let hollow: f64 = sections.sections.iter().zip(&areas).filter(|(s, _)| s.gap_share > HOLLOW).map(|(_, a)| a).sum();
+        let hollow: f64 = sections.slices.iter().zip(&areas).filter(|(s, _)| s.gap_share > HOLLOW).map(|(_, a)| a).sum();
         let (volume_um3, area_um2) = (sections.volume_um3() - bias, sections.area_um2());
         let [volume_method, area_method] = if sections.harmonics > 1 { METHOD } else { DISCS };
         Self {
@@ -61,8 +61,8 @@ impl SupportEstimate {
             area_um2,
             area_sd_um2: sections.area_sd_um2().hypot(area_method * area_um2),
             length_um: sections.length_um(),
-            mean_radius_um: sections.sections.iter().map(|s| s.support.coefficients[0]).fold(0.0, f64::max),
-            slices: sections.sections.len(),
+            mean_radius_um: sections.slices.iter().map(|s| s.support.coefficients[0]).fold(0.0, f64::max),
+            slices: sections.slices.len(),
             harmonics: sections.harmonics,
             residual_um: sections.residual_sd_um,
             hollow_share: hollow / areas.iter().sum::<f64>(),
@@ -85,7 +85,7 @@ impl Sections {
     pub(crate) fn sphere(&self) -> Option<SphereFit> {
         const DIRECTIONS: u32 = 48;
         let points: Vec<[f64; 3]> = self
-            .sections
+            .slices
             .iter()
             .flat_map(|section| {
                 (0..DIRECTIONS).map(|i| {

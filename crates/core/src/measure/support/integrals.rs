@@ -3,7 +3,7 @@
 use super::cap::Cap;
 use super::sections::Sections;
 use crate::calibration::{Support, area_loss};
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Least distance of an outline from its centre, in mean radii, at which it counts as round.
@@ -34,7 +34,7 @@ impl Sections {
     pub(super) fn shift_bias_um3(&self) -> [f64; 2] {
         let each = 4.0 * self.shift_variance_um2 / self.without.len() as f64;
         let lost: Vec<f64> = (3..=self.harmonics).step_by(2).map(|k| FRAC_PI_2 * area_loss(k) * each).collect();
-        let length = self.sections.len() as f64 * self.step_um;
+        let length = self.slices.len() as f64 * self.step_um;
         [-length * lost.iter().sum::<f64>(), length * lost.iter().map(|l| l * l).sum::<f64>().sqrt()]
     }
 
@@ -48,7 +48,7 @@ impl Sections {
     }
 
     pub(super) fn area_um2(&self) -> f64 {
-        let rings: Vec<f64> = (0..self.sections.len()).into_par_iter().map(|i| self.ring(i)).collect();
+        let rings: Vec<f64> = (0..self.slices.len()).into_par_iter().map(|i| self.ring(i)).collect();
         let inner: f64 = rings.windows(2).map(|w| f64::midpoint(w[0], w[1])).sum::<f64>() * self.step_um;
         inner + self.caps().iter().map(|c| c.area_um2()).sum::<f64>()
     }
@@ -56,9 +56,9 @@ impl Sections {
     /// Area of the surface per um of x: `Int (h + h'') sqrt(1 + h_x^2) dtheta`.
     fn ring(&self, at: usize) -> f64 {
         const DIRECTIONS: u32 = 96;
-        let n = self.sections.len();
+        let n = self.slices.len();
         let (before, after) = (at.saturating_sub(1), (at + 1).min(n - 1));
-        let (a, here, b) = (&self.sections[before].support, &self.sections[at].support, &self.sections[after].support);
+        let (a, here, b) = (&self.slices[before].support, &self.slices[at].support, &self.slices[after].support);
         let across = (after - before) as f64 * self.step_um;
         // About its own centre the squared distance of a round outline falls evenly up to the very end of the specimen, where
         // its radius falls as a root.
@@ -87,18 +87,18 @@ impl Sections {
 
     /// From end to end along the capillary.
     pub(super) fn length_um(&self) -> f64 {
-        (self.sections.len() as f64 - 1.0) * self.step_um + self.caps().iter().map(|c| c.length_um).sum::<f64>()
+        (self.slices.len() as f64 - 1.0) * self.step_um + self.caps().iter().map(|c| c.length_um).sum::<f64>()
     }
 
     fn caps(&self) -> [Cap; 2] {
-        let n = self.sections.len();
-        let squares = |i: usize| self.sections[i].support.coefficients[0].powi(2);
+        let n = self.slices.len();
+        let squares = |i: usize| self.slices[i].support.coefficients[0].powi(2);
         [(0, 1.min(n - 1), self.open[0]), (n - 1, n.saturating_sub(2), self.open[1])].map(|(end, next, open)| {
             if open {
                 return Cap { square_um2: 0.0, length_um: 0.0 };
             }
             let fall = ((squares(next) - squares(end)) / self.step_um).max(1e-9);
-            let square = self.corners().area_um2(&self.sections[end].support).max(0.0) / PI;
+            let square = self.corners().area_um2(&self.slices[end].support).max(0.0) / PI;
             Cap { square_um2: square, length_um: (square / fall).min(2.0 * self.step_um) }
         })
     }

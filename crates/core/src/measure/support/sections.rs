@@ -3,7 +3,7 @@
 use super::corners::Corners;
 use super::smoothing::{Change, Smoother};
 use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, fit, harmonics};
-use crate::parallel::*;
+use crate::parallel::prelude::*;
 
 /// Slices to either side that the smoothing uses.
 const REACH: usize = 8;
@@ -20,7 +20,7 @@ pub(crate) struct Section {
 /// A specimen as slices, from left to right.
 #[derive(Debug, Clone)]
 pub struct Sections {
-    pub(crate) sections: Vec<Section>,
+    pub(crate) slices: Vec<Section>,
     /// Distance of two slices.
     pub(super) step_um: f64,
     /// Root of the mean square distance of the tangents from the fitted outlines.
@@ -119,18 +119,18 @@ impl Sections {
             })
             .collect();
         let mut without = vec![Change::default(); views.len()];
-        let mut sections = Vec::with_capacity(smoothed.len());
+        let mut slices = Vec::with_capacity(smoothed.len());
         for (section, changes) in smoothed.into_iter().flatten() {
             for (sum, change) in without.iter_mut().zip(&changes) {
                 sum.add(change, step_um);
             }
-            sections.push(section);
+            slices.push(section);
         }
-        if sections.len() < SLICES_LEAST {
-            return Err(SectionsError::FewSmoothed { found: sections.len(), of: raw.len() });
+        if slices.len() < SLICES_LEAST {
+            return Err(SectionsError::FewSmoothed { found: slices.len(), of: raw.len() });
         }
         Ok(Self {
-            sections,
+            slices,
             step_um,
             residual_sd_um,
             harmonics: series,
@@ -219,7 +219,7 @@ mod tests {
             let views: Vec<TurnView> =
                 (0..12).map(|i| TurnView { columns: &columns, omega: TAU * f64::from(i) / 12.0, dy_px: 0.0 }).collect();
             let found = Sections::of(&Pose::new(&camera), &views, 1.0, [false; 2]).unwrap();
-            let middle = &found.sections[found.sections.len() / 2];
+            let middle = &found.slices[found.slices.len() / 2];
             // Rays that lean by a thousandth, and a series of few harmonics.
             assert!((middle.gap_share - 4.0 / 24.0).abs() < 0.003, "kx = {kx}: {}", middle.gap_share);
         }
