@@ -61,7 +61,7 @@ impl RawFrame {
     /// A frame of these bytes.
     ///
     /// # Errors
-    /// Refuses bytes that are not exactly `width * height` pixels of `format`.
+    /// Bytes that are not exactly `width * height` pixels of `format`.
     pub fn new(width: u32, height: u32, format: PixelFormat, bytes: Vec<u8>) -> Result<Self, WrongFrameSize> {
         let expected = width as usize * height as usize * format.bytes_per_pixel();
         if bytes.len() != expected {

@@ -1,12 +1,12 @@
 //! Which parameters a search over silhouettes may change, and why the others are refused.
 //!
 //! ```text
-//!   told by silhouettes      uy, gamma                        free within bounds
-//!   hardly told              alpha, omega_i, dy_i             bounded, and held by a prior
-//!   not told, or wrongly     kx, ky, f, ux, s, phi            refused
+//!   determined               uy, gamma                        free within bounds
+//!   weakly determined        alpha, omega_i, dy_i             bounded, and held by a prior
+//!   not, or wrongly          kx, ky, f, ux, s, phi            refused
 //! ```
 //! A prior costs `GAIN_LEAST / 2` of the logarithm of the objective at one standard deviation. A parameter that gains less than
-//! that is not believed.
+//! that is not accepted.
 
 use super::psi::Psi;
 use super::search::Reach;

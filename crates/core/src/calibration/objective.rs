@@ -28,7 +28,7 @@ impl<'a> Vrv<'a> {
     /// Objective over the runs of some masks, one per view. `epsilon` is the share of the views that may miss a voxel.
     ///
     /// # Errors
-    /// Refuses a tolerance outside `0..1` and a set without views.
+    /// A tolerance outside `0..1` and a set without views.
     pub fn new(runs: Vec<&'a Runs>, grid: VoxelGrid, epsilon: f64) -> Result<Self, CarveError> {
         if runs.is_empty() {
             return Err(CarveError::NoViews);

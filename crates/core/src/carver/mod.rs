@@ -210,7 +210,7 @@ impl Carver {
     /// A hull of which nothing is carved yet. `epsilon` is the share of the planned views that may miss a voxel.
     ///
     /// # Errors
-    /// Refuses a tolerance outside `0..1` and a plan without views.
+    /// A tolerance outside `0..1` and a plan without views.
     pub fn new(grid: VoxelGrid, planned_views: usize, epsilon: f64) -> Result<Self, CarveError> {
         let hull = Hull::new(grid, tally(planned_views, epsilon)?);
         Ok(Self { hull, planned: planned_views, epsilon, views: Vec::new() })
@@ -219,7 +219,7 @@ impl Carver {
     /// Counts the misses of one view. `leaves` says on which sides the specimen goes on beyond the image.
     ///
     /// # Errors
-    /// Refuses more views than were planned, and a mask too large for its runs; the hull is then unchanged.
+    /// More views than were planned, and a mask too large for its runs. The hull is then unchanged.
     pub fn observe(&mut self, mask: &Mask, projection: &Projection, leaves: Leaves) -> Result<(), CarveError> {
         let observed = self.views.len();
         if observed == self.planned {
@@ -234,7 +234,7 @@ impl Carver {
     /// Carves the views again with the tolerance of another number of planned views.
     ///
     /// # Errors
-    /// Refuses a plan without views, and one of fewer views than were observed.
+    /// A plan without views, and one of fewer views than were observed.
     pub fn replan(&mut self, planned_views: usize) -> Result<(), CarveError> {
         let observed = self.views.len();
         if planned_views < observed {

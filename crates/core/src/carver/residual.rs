@@ -14,7 +14,7 @@ impl ResidualVolume {
     /// An empty count over a grid. `epsilon` is the share of the views that may miss a voxel.
     ///
     /// # Errors
-    /// Refuses a tolerance outside `0..1`.
+    /// A tolerance outside `0..1`.
     pub fn new(grid: VoxelGrid, epsilon: f64) -> Result<Self, CarveError> {
         Ok(Self { hull: Hull::new(grid, tally(1, epsilon)?), epsilon })
     }
@@ -22,7 +22,7 @@ impl ResidualVolume {
     /// Number of voxels that live when these views are all views.
     ///
     /// # Errors
-    /// Refuses a set without views.
+    /// A set without views.
     pub fn count<'a>(&mut self, views: impl ExactSizeIterator<Item = (&'a Runs, Projection)>) -> Result<u64, CarveError> {
         self.hull.reset(tally(views.len(), self.epsilon)?);
         for (runs, projection) in views {

@@ -20,7 +20,7 @@ impl Runs {
     /// The runs of a mask.
     ///
     /// # Errors
-    /// Refuses a mask without pixels, or with more than [`Carver::MAX_MASK_SIDE`] on a side.
+    /// A mask without pixels, or with more than [`Carver::MAX_MASK_SIDE`] on a side.
     pub fn new(mask: &Mask) -> Result<Self, CarveError> {
         let (width, height, limit) = (mask.width(), mask.height(), Carver::MAX_MASK_SIDE);
         if [width, height].iter().any(|&n| n == 0 || n > limit) {

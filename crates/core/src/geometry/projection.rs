@@ -39,7 +39,7 @@ impl Projection {
     /// camera.
     ///
     /// # Errors
-    /// Refuses entries that are not finite and a matrix that is no camera.
+    /// Entries that are not finite and a matrix that does not describe a camera.
     pub fn from_matrix(rows: [[f64; 4]; 3]) -> Result<Self, ProjectionError> {
         for (row, entries) in rows.iter().enumerate() {
             for (column, &found) in entries.iter().enumerate() {

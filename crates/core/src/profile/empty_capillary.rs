@@ -15,7 +15,7 @@ impl EmptyCapillary {
     /// Finds the walls of a picture of the empty capillary.
     ///
     /// # Errors
-    /// Refuses a picture without two walls.
+    /// A picture without two walls.
     pub fn new(picture: Picture, settings: &WallSettings) -> Result<Self, ProfileError> {
         let walls = WallFinder::default().find(&picture, settings)?;
         Ok(Self { picture, walls })

@@ -31,7 +31,7 @@ impl Mask {
     /// The mask of 8-bit coverage, row by row. A pixel is inside from 128 on.
     ///
     /// # Errors
-    /// Refuses data that is not `width * height` long.
+    /// Data that is not `width * height` long.
     pub fn from_coverage(width: usize, height: usize, mut data: Vec<u8>) -> Result<Self, WrongMaskSize> {
         if data.len() != width * height {
             return Err(WrongMaskSize { width, height, expected: width * height, found: data.len() });

@@ -62,7 +62,7 @@ impl Moving {
     /// Compares the pictures of one turn.
     ///
     /// # Errors
-    /// Refuses too few pictures, and pictures of unlike size.
+    /// Too few pictures, and pictures of unlike size.
     pub fn new(pictures: impl IntoIterator<Item = Picture>) -> Result<Self, MovingError> {
         let (mut greys, mut size): (Vec<Vec<u8>>, Option<[usize; 2]>) = (Vec::new(), None);
         for (at, picture) in pictures.into_iter().enumerate() {

@@ -32,7 +32,7 @@ pub(super) struct Refined {
 }
 
 impl Refined {
-    /// Carves with a view that came after the calibration: its angle is known by the others', its own shift is not.
+    /// Carves with a view that came after the calibration. The calibration gives its angle, but not its own shift.
     pub fn observe(&mut self, mask: &Mask, omega: f64, leaves: Leaves) -> Result<(), CarveError> {
         let Calibration { camera, .. } = &self.calibration;
         self.carver.observe(mask, &camera.projection(self.calibration.angle(omega)), leaves)
@@ -40,19 +40,20 @@ impl Refined {
 }
 
 impl Reconstruction {
-    /// Whether enough views have come in since the last refinement, from enough sides, for another to be worth its time.
+    /// Whether enough views from enough sides have arrived since the last refinement for another one to be worth its time.
     pub fn is_refinable(&self) -> bool {
         let due = self.refined_at + self.hull.carver().planned_views().div_ceil(SHARE);
         self.settings.calibration.enabled && self.observed.len() >= due && self.is_seen_around()
     }
 
-    /// Whether the views so far tell axis and slices.
+    /// Whether the views so far determine axis and slices.
     pub(super) fn is_seen_around(&self) -> bool {
         is_seen_around(self.observed.iter().map(|s| s.omega))
     }
 
-    /// Calibrates on the views so far and carves them again for the live model; as given where they tell no camera. A view that
-    /// does not belong is left out. What [`Self::finish`] gives does not depend on it. The estimate is that of [`Self::estimate`].
+    /// Calibrates on the views so far and carves them again for the live model; with the given camera where they do not
+    /// determine one. A view that does not belong is left out. The result of [`Self::finish`] does not depend on it. The
+    /// estimate is that of [`Self::estimate`].
     pub fn refine(&mut self) -> Option<Estimate> {
         self.refined_at = self.observed.len();
         let calibrated = self.calibrate();
@@ -65,19 +66,19 @@ impl Reconstruction {
         estimate
     }
 
-    /// The hull that is shown.
+    /// The hull that is displayed.
     pub(crate) fn live_carver(&self) -> &Carver {
         self.refined.as_ref().map_or(self.hull.carver(), |r| &r.carver)
     }
 
-    /// The model so far. From view to view it only falls; a refinement may find it larger.
+    /// The model so far. From view to view its volume never increases; a refinement may increase it.
     pub fn live(&self) -> LiveVolume {
         let carver = self.live_carver();
         LiveVolume { views: self.observed.len(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
     }
 }
 
-/// Whether views from these angles (rad) are enough, and see the specimen from enough sides, to tell axis and slices.
+/// Whether views from these angles (rad) are enough, and see the specimen from enough sides, to determine axis and slices.
 pub fn is_seen_around(omegas: impl Iterator<Item = f64>) -> bool {
     let mut angles: Vec<f64> = omegas.map(|omega| omega.rem_euclid(TAU)).collect();
     angles.sort_by(f64::total_cmp);

@@ -120,7 +120,7 @@ impl Harmonics {
 fn area_ahead(mesh: &Mesh, slices: &Slices) -> Vec<f64> {
     let Slices { axis, s_um, planes, ranks, .. } = slices;
     let per_bin = BINS as f64 / axis.length_um();
-    // A vertex's place between two planes is told by its distances from both.
+    // The place of a vertex between two planes follows from its distances to both.
     let place = |v: u32| {
         let (rank, at) = (ranks[v as usize] as usize, mesh.vertices[v as usize]);
         let height = |p: usize| planes[p].height(at);
@@ -141,7 +141,7 @@ fn area_ahead(mesh: &Mesh, slices: &Slices) -> Vec<f64> {
         let mut s = triangle.map(place);
         s.sort_by(f64::total_cmp);
         let [low, middle, high] = s;
-        // Share of a triangle before a place: a parabola from its foremost corner, another to its last.
+        // Share of a triangle in front of a place: quadratic from its first corner, and quadratic to its last.
         let before = |at: f64| match at {
             at if at <= low => 0.0,
             at if at >= high => 1.0,

@@ -1,4 +1,4 @@
-//! Which end is the head, and which side the back.
+//! Which end is the head, and which side is the back.
 //!
 //! ```text
 //!      area                                     centres of the slices, seen from the side
@@ -41,13 +41,13 @@ pub struct Head {
     pub first_moment: f64,
 }
 
-/// A bead's moment errs by 0.002. Ten times that is not chance.
+/// The moment of a bead has an error of 0.002. Ten times that is not chance.
 const ALIKE: f64 = 0.02;
 /// A quarter of a larva's.
 const SURE: f64 = 0.1;
 
 impl Head {
-    /// As seen from the axis' first end, which is the left one.
+    /// Seen from the first end of the axis, which is the left one.
     pub(super) fn of(slices: &Slices) -> Self {
         let half = slices.axis.length_um() / 2.0;
         let areas = slices.flats.iter().map(|f| f.area_um2);
@@ -57,12 +57,12 @@ impl Head {
         Self { end, confidence: ((first_moment.abs() - ALIKE) / (SURE - ALIKE)).clamp(0.0, 1.0), first_moment }
     }
 
-    /// Whether the axis must be turned around for the head to come first.
+    /// Whether the axis must be reversed for the head to come first.
     pub(super) fn is_last(&self) -> bool {
         self.end == Some(End::Right)
     }
 
-    /// As seen from the head.
+    /// Seen from the head.
     pub(super) fn first(self) -> Self {
         Self { first_moment: if self.is_last() { -self.first_moment } else { self.first_moment }, ..self }
     }
@@ -84,13 +84,14 @@ pub struct Dorsal {
     pub belly_share: f64,
 }
 
-/// Median shares of phantoms: 0.27 and more. Of a body that is round but for its mesh: below 0.02.
+/// Median shares of phantoms are at least 0.27, those of a round body with the errors of its mesh below 0.02.
 const MEDIAN_LEAST: f64 = 0.1;
 const MEDIAN_SURE: f64 = 0.25;
-/// Belly shares of phantoms in their median plane: 0.0099 to 0.025; across it, where there is only their bend: up to 0.0066.
+/// Belly shares of phantoms are 0.0099 to 0.025 in their median plane, and up to 0.0066 across it, where only their bend
+/// contributes.
 const BELLY_LEAST: f64 = 0.007;
 const BELLY_SURE: f64 = 0.015;
-/// Where a yolk lies, of the length from the head.
+/// Position of a yolk, share of the length from the head.
 const YOLK_AT: f64 = 0.26;
 const YOLK_HALF: f64 = 0.16;
 /// Slices at either end that are left out: caps and the tail fin's tip.
@@ -99,7 +100,8 @@ const ENDS: usize = STATIONS / 20;
 impl Dorsal {
     /// Returns also the direction of the belly, or where it is not determined the longer direction of the slices, downwards.
     pub(super) fn of(slices: &Slices, head: &Head) -> (Self, Vector) {
-        // A slice's longer direction as a number of twice its angle: these add up, whichever way the direction is taken.
+        // A slice's longer direction as a number of twice its angle: such numbers can be added, whichever way the direction is
+        // taken.
         let [mut real, mut imaginary] = [0.0; 2];
         for flat in &slices.flats {
             let [a, mixed, b] = flat.spread;
@@ -123,7 +125,7 @@ impl Dorsal {
     }
 }
 
-/// By least squares of 1, s, s^2 and a bump (raised cosine) where the yolk is: the bump's height.
+/// The height of a bump (raised cosine) at the yolk, from a least-squares fit of 1, s, s^2 and the bump.
 fn bulge_um(slices: &Slices, towards: Vector, head_is_last: bool) -> f64 {
     let row = |(station, centre): (usize, Vector)| {
         let from_left = (station as f64 + 0.5) / STATIONS as f64;
@@ -132,6 +134,6 @@ fn bulge_um(slices: &Slices, towards: Vector, head_is_last: bool) -> f64 {
         let bump = if from_yolk.abs() < 1.0 { f64::midpoint(1.0, (PI * from_yolk).cos()) } else { 0.0 };
         (Vector4::new(1.0, s, s * s, bump), (centre - slices.planes[0].at).dot(&towards), 1.0)
     };
-    // The four are independent at these places, so there is a solution.
+    // The four functions are independent at these places, so there is a solution.
     fit(slices.centres().enumerate().take(STATIONS - ENDS).skip(ENDS).map(row), Matrix4::zeros()).map_or(0.0, |found| found[3])
 }

@@ -1,4 +1,4 @@
-//! The corners of fins: what the harmonics that a slice's series does not have take off its area.
+//! The corners of fins: the area that the harmonics beyond a slice's series would subtract.
 //!
 //! ```text
 //!   harmonics of a corner fall with k^2      each takes (k^2 - 1) squares off the area
@@ -10,30 +10,30 @@ use super::sections::{Section, Sections};
 use crate::calibration::{HARMONICS_MOST, Support, area_loss};
 use std::f64::consts::FRAC_PI_2;
 
-/// What the square of the eighth harmonic takes off the area for the harmonics beyond it, as a multiple.
+/// The area that the harmonics beyond the eighth subtract, as a multiple of the square of the eighth.
 ///
-/// A fin makes corners, and a corner's harmonics fall with `k^2`. Beyond the eighth, the even ones cost the area
-/// `8^4 sum (k^2 - 1) / k^4 = 226` squares of it (k = 10, 12, ...). The odd ones cost as much where fins stand on one side, and
-/// nothing where they face each other; half of that is taken. A smooth slice has next to no eighth harmonic: an ellipse of 2 : 1
-/// loses 0.02 % by this, one of 3 : 1 0.4 %.
+/// A fin makes corners, and the harmonics of a corner fall with `k^2`. Beyond the eighth, the even ones subtract
+/// `8^4 sum (k^2 - 1) / k^4 = 226` squares of it (k = 10, 12, ...). The odd ones subtract as much where fins are on one side,
+/// and nothing where they face each other; half of that is assumed. A smooth slice has almost no eighth harmonic: an ellipse of
+/// 2 : 1 loses 0.02 % by this, one of 3 : 1 0.4 %.
 const BEYOND_THE_EIGHTH: f64 = 1.5 * 226.0;
 
 /// How the area of a slice treats the harmonics beyond the end of its series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Corners {
-    /// The series has [`HARMONICS_MOST`] harmonics: the rest is estimated from the last one and taken off.
+    /// The series has [`HARMONICS_MOST`] harmonics: the rest is estimated from the last one and subtracted.
     TakenOff,
-    /// The series is shorter: nothing is taken off.
+    /// The series is shorter: nothing is subtracted.
     NotEstimated,
 }
 
 impl Corners {
-    /// The treatment that belongs to a series of so many harmonics.
+    /// The treatment for a series with this number of harmonics.
     pub fn of(harmonics: usize) -> Self {
         if harmonics == HARMONICS_MOST { Self::TakenOff } else { Self::NotEstimated }
     }
 
-    /// What half the sum of the squares of harmonic `k` takes off the area, in units of pi, as a multiple.
+    /// The factor of half the sum of the squares of harmonic `k` that is subtracted from the area, in units of pi.
     pub(super) fn area_loss(self, k: usize) -> f64 {
         match self {
             Self::TakenOff if k == HARMONICS_MOST => area_loss(k) + BEYOND_THE_EIGHTH,
@@ -41,7 +41,7 @@ impl Corners {
         }
     }
 
-    /// Area of a slice, um^2. It is negative where the harmonics outweigh the radius: such an outline is none.
+    /// Area of a slice, um^2. It is negative where the harmonics outweigh the radius, which is not the outline of a body.
     pub fn area_um2(self, support: &Support) -> f64 {
         match self {
             Self::TakenOff => support.area_less_um2(|k| self.area_loss(k)),

@@ -2,7 +2,7 @@
 
 use crate::profile::{Picture, Walls};
 
-/// Rows of glass that the window keeps on each side of the bore.
+/// Rows of glass that the window contains on each side of the bore.
 pub(in crate::profile) const MARGIN_PX: usize = 6;
 
 /// The rows of a picture between the walls, and the map to rows along the walls.
@@ -20,7 +20,7 @@ pub(in crate::profile) struct Bore {
 impl Bore {
     pub fn of(picture: &Picture, walls: Walls) -> Self {
         let (last, height) = ((picture.width() - 1) as f64, picture.height());
-        // Walls may bend: their highest and lowest places are at the ends or near the middle.
+        // Walls may be curved: their highest and lowest points are at the ends or near the middle.
         let columns = [0.0, last / 4.0, last / 2.0, 0.75 * last, last];
         let highest = columns.map(|u| walls.upper.inner.at(u)).into_iter().fold(f64::INFINITY, f64::min) - MARGIN_PX as f64;
         let lowest = columns.map(|u| walls.lower.inner.at(u)).into_iter().fold(f64::NEG_INFINITY, f64::max) + MARGIN_PX as f64;
@@ -33,7 +33,7 @@ impl Bore {
         self.bottom - self.top
     }
 
-    /// Rows of the table along the walls: the bore with its margin.
+    /// Rows of the table along the walls: the bore and its margin.
     pub(super) fn table_rows(&self) -> usize {
         self.mean_px.ceil() as usize + 2 * MARGIN_PX + 1
     }

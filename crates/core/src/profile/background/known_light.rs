@@ -1,17 +1,17 @@
-//! What is known of the light before the bore of a frame is read.
+//! What is known about the light before the bore of a frame is read.
 
 use super::bore::{Bore, MARGIN_PX};
 
-/// What one colour of the empty bore is known to look like before the frame's own bore is read.
+/// The known look of the empty bore in one colour, before the frame's own bore is read.
 pub(super) enum KnownLight<'a> {
     /// The empty capillary's picture, and this frame's bore between that picture's walls.
     EmptyCapillary { plane: &'a [u8], bore: Bore },
-    /// Without one, the light beside the capillary.
+    /// Without such a picture, the light beside the capillary.
     Surroundings(Surroundings),
 }
 
 impl KnownLight<'_> {
-    /// Grey at table row `t` in column `u`; beyond the picture its border goes on.
+    /// Grey value at table row `t` in column `u`. Beyond the picture its border is continued.
     pub fn at(&self, t: f64, u: usize) -> f32 {
         match self {
             Self::EmptyCapillary { plane, bore } => {
@@ -27,22 +27,22 @@ impl KnownLight<'_> {
     }
 }
 
-/// The light along the capillary by the water above and below it, straight across in between.
+/// The light along the capillary, taken from the water above and below it and interpolated in between.
 #[derive(Debug, Default)]
 pub(super) struct Surroundings {
-    /// Grey at table row 0, and more per row.
+    /// Grey value at table row 0, and its slope per row.
     pub columns: Vec<[f32; 2]>,
     /// One block's pixels on one side.
     greys: Vec<u8>,
 }
 
 impl Surroundings {
-    /// Blocks of columns whose middle grey is taken; between them it is straight.
+    /// Blocks of columns whose middle grey value is taken; between them it is interpolated linearly.
     const BLOCKS: usize = 24;
-    /// Fewer pixels tell no block's light.
+    /// Fewest pixels that determine a block's light.
     const LEAST_SEEN: usize = 16;
 
-    /// Reads one colour's light off the picture.
+    /// Reads the light of one colour from the picture.
     pub fn read(&mut self, bore: &Bore, plane: &[u8], height: usize) {
         let w = bore.width;
         let band = (0.4 * bore.mean_px) as usize;
@@ -64,7 +64,7 @@ impl Surroundings {
             }
         }
         let sides = [0, 1].map(|side| blocks.map(|levels| levels[side]));
-        // Each side has a level of its own, which says nothing: above and below the lamp need not be the same, and a row's
+        // Each side has a level of its own, which is not used: the lamp need not be equally bright above and below, and a row's
         // level is found in the bore.
         let shapes = sides.map(|side| {
             let mean = side.iter().sum::<f32>() / Self::BLOCKS as f32;
@@ -85,7 +85,7 @@ impl Surroundings {
         self.columns.clear();
         self.columns.extend((0..w).map(|u| {
             let (a, b) = (at(&above, u), at(&below, u));
-            // The bands' middles lie this much beyond the table on either side, as a share of its height.
+            // The middles of the bands lie this far beyond the table on either side, as a share of its height.
             let beyond = |wall: f64| ((wall + band as f64 / 2.0) / f64::from(rows)) as f32;
             let mid = u as f64;
             let from = beyond(bore.walls.upper.inner.at(mid) - bore.walls.upper.outer.at(mid));
@@ -96,7 +96,7 @@ impl Surroundings {
     }
 }
 
-/// The mean of the middle half: as sure as a mean, and as indifferent to specks as a median. 0 for none.
+/// The mean of the middle half of the values: as precise as a mean, and as robust against specks as a median. 0 without values.
 fn middle_half(greys: &mut [u8]) -> f32 {
     greys.sort_unstable();
     let middle = &greys[greys.len() / 4..greys.len() - greys.len() / 4];

@@ -6,38 +6,38 @@ use super::light::Light;
 use super::table::Table;
 use crate::profile::plane::quantile;
 
-/// Half a grey value of noise is the least that 8-bit frames are believed to have: quantisation alone is 0.3.
+/// Smallest noise that is accepted for 8-bit frames, grey values. Quantisation alone is 0.3.
 const LEAST_NOISE: f32 = 0.5;
-/// The same of a cell.
+/// The same for a cell.
 const LEAST_CELL_NOISE: f32 = 0.25;
-/// A wall's shade and its blur reach this far into the bore; there each row speaks for itself.
+/// The shade of a wall and its blur reach this far into the bore. There each row is estimated by itself.
 const WALL_SHADE_PX: usize = 10;
-/// How far a row leans on its neighbours, as a share of its distance from that shade.
+/// How strongly a row is smoothed with its neighbours, as a share of its distance from that shade.
 const LEANING: f32 = 0.35;
 
-/// The rows' levels; keeps its memory from frame to frame.
+/// The levels of the rows. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Levels {
-    /// Grey over light of every cell, and smoothed along the capillary.
+    /// Grey value over light for every cell, and smoothed along the capillary.
     even: Vec<f32>,
     smooth: Vec<f32>,
-    /// The light at every cell.
+    /// The light in every cell.
     lit: Vec<f32>,
     /// Level of each row.
     pub profile: Vec<f32>,
-    /// Cells that agree with it.
+    /// Number of cells that agree with it.
     support: Vec<f32>,
     scratch: Vec<f32>,
 }
 
 impl Levels {
-    /// Fits the light and leaves the level of each row in `profile`.
+    /// Fits the light and stores the level of each row in `profile`.
     pub fn estimate(&mut self, table: &Table) -> Light {
         let mut light = Light::even();
         self.even_out(table, &light);
         let mut sigma = self.roughness(table);
         self.brightest(table);
-        // Each round believes the estimate more: from 2 % of the level down to the noise alone.
+        // Each round trusts the estimate more: from 2 % of the level down to the noise alone.
         for tolerance in [0.02, 0.01, 0.0] {
             self.slide_to_modes(table, sigma);
             light = light.fitted(table, &self.profile, |level| (tolerance * level).max(2.5 * sigma));
@@ -48,23 +48,25 @@ impl Levels {
         light
     }
 
-    /// Divides the light out of the table.
+    /// Divides the table by the light.
     fn even_out(&mut self, table: &Table, light: &Light) {
         light.over(table, &mut self.lit);
         self.even.clear();
         self.even.extend(table.values.iter().zip(&self.lit).map(|(grey, light)| grey / light));
     }
 
-    /// Noise of a cell by the differences of neighbours. Their lower quartile: a specimen's texture fills the upper half.
+    /// Noise of a cell from the differences of neighbours. The lower quartile is used, because a specimen's texture fills the
+    /// upper half.
     fn roughness(&mut self, table: &Table) -> f32 {
         let cols = table.cols;
         self.scratch.clear();
         self.scratch.extend(self.even.chunks_exact(cols).flat_map(|row| row.windows(2).step_by(2).map(|pair| (pair[1] - pair[0]).abs())));
-        // A quarter of normal numbers lies within 0.3186 standard deviations; a difference has two noises.
+        // A quarter of normally distributed numbers lies within 0.3186 standard deviations; a difference has the noise of two
+        // cells.
         (quantile(&mut self.scratch, 0.25) / (0.3186 * std::f32::consts::SQRT_2)).max(LEAST_CELL_NOISE)
     }
 
-    /// First level of each row: that of its brightest cells. Neighbours together: a bright speck is narrow.
+    /// First level of each row: that of its brightest cells. Neighbours are averaged, because a bright speck is narrow.
     fn brightest(&mut self, table: &Table) {
         let cols = table.cols;
         let reach = (cols / 64).max(1);
@@ -82,12 +84,13 @@ impl Levels {
                 let n = (k + reach + 1).min(cols) - k.saturating_sub(reach);
                 self.smooth.push(sum / n as f32);
             }
-            // A specimen that nearly fills the picture leaves some 4 % of a row, and what it leaves must not pass for brighter than empty.
+            // A specimen that nearly fills the picture leaves some 4 % of a row free. The edge of that part must not count as
+            // brighter than empty.
             self.profile.push(quantile(&mut self.smooth, 0.98).max(1.0));
         }
     }
 
-    /// Slides each row's level to the mode beside it: a body that is nearly as bright as the light and fills its row must not
+    /// Moves each row's level to the nearest mode: a body that is nearly as bright as the light and fills its row must not
     /// become the background.
     fn slide_to_modes(&mut self, table: &Table, sigma: f32) {
         self.support.clear();
@@ -112,8 +115,8 @@ impl Levels {
         self.lean_on_neighbours(table.rows);
     }
 
-    /// Far from the walls the glass changes slowly from row to row: there a row that a specimen fills leans on its neighbours
-    /// by a weighed straight line through them. The nearer to a wall, the fewer neighbours.
+    /// Far from the walls the glass changes slowly from row to row. There a row that a specimen fills is estimated from its
+    /// neighbours by a weighted straight line. The nearer to a wall, the fewer neighbours are used.
     fn lean_on_neighbours(&mut self, rows: usize) {
         self.scratch.clear();
         self.scratch.extend_from_slice(&self.profile);
@@ -141,7 +144,7 @@ impl Levels {
         }
     }
 
-    /// Noise of a cell by the distances of those that agree with the estimate, which is known to be `sigma` or less.
+    /// Noise of a cell from the distances of those cells that agree with the estimate. It is known to be `sigma` or less.
     fn spread(&mut self, table: &Table, sigma: f32) -> f32 {
         let cols = table.cols;
         let inner = MARGIN_PX + 2..table.rows.saturating_sub(MARGIN_PX + 2);
@@ -153,7 +156,7 @@ impl Levels {
         (quantile(&mut self.scratch, 0.5) / 0.6745).clamp(LEAST_CELL_NOISE, sigma.max(LEAST_CELL_NOISE))
     }
 
-    /// Noise of a pixel, grey values: one pixel of each cell that shows the empty bore, where the level is even.
+    /// Noise of a pixel, grey values, from one pixel of each cell that shows the empty bore where the level is even.
     pub fn noise(&mut self, table: &Table, bore: &Bore, plane: &[u8], known: &KnownLight) -> f32 {
         let (rows, cols) = (table.rows, table.cols);
         self.scratch.clear();

@@ -4,7 +4,7 @@ use super::bore::MARGIN_PX;
 use super::table::Table;
 use nalgebra::{SMatrix, SVector};
 
-/// Orders of the light's polynomial along and across the capillary; 5 x 3 terms.
+/// Orders of the light's polynomial along and across the capillary: 5 x 3 terms.
 const ALONG: usize = 5;
 pub(super) const ACROSS: usize = 3;
 const TERMS: usize = ALONG * ACROSS;
@@ -24,7 +24,7 @@ impl Light {
     }
 
     fn basis(x: f64, y: f64) -> SVector<f64, TERMS> {
-        // Legendre polynomials: nearly orthogonal over the bore, so that the normal equations stay well conditioned.
+        // Legendre polynomials are nearly orthogonal over the bore, so that the normal equations are well conditioned.
         let (x2, y2) = (x * x, y * y);
         let px = [1.0, x, 1.5 * x2 - 0.5, x * (2.5 * x2 - 1.5), (35.0 * x2 * x2 - 30.0 * x2 + 3.0) / 8.0];
         let py = [1.0, y, 1.5 * y2 - 0.5];
@@ -34,11 +34,11 @@ impl Light {
     /// The three terms across the bore in the column at `x`.
     pub fn column(&self, x: f64) -> [f32; ACROSS] {
         let along = Self::basis(x, 0.0);
-        // At y = 0 the terms' own factors are 1, 0 and -1/2: those along the capillary are read from the first.
+        // At y = 0 the terms across are 1, 0 and -1/2; the terms along the capillary are read from the first.
         std::array::from_fn(|j| (0..ALONG).map(|i| self.terms[i * ACROSS + j] * along[i * ACROSS]).sum::<f64>() as f32)
     }
 
-    /// The light at every cell of a table, never less than a tenth.
+    /// The light in every cell of a table, at least a tenth.
     pub fn over(&self, table: &Table, grid: &mut Vec<f32>) {
         grid.clear();
         grid.resize(table.rows * table.cols, 0.0);
@@ -51,8 +51,8 @@ impl Light {
         }
     }
 
-    /// The light nearest to the cells that agree with this one: `levels` has the level of each row of the table, and a cell agrees where it
-    /// is off its level by less than the tolerance at that level.
+    /// The light fitted to the cells that agree with this one. `levels` contains the level of each row of the table; a cell
+    /// agrees if its difference from the level is less than the tolerance at that level.
     pub fn fitted(&self, table: &Table, levels: &[f32], tolerance: impl Fn(f32) -> f32) -> Self {
         let (rows, cols) = (table.rows, table.cols);
         let mut normal = SMatrix::<f64, TERMS, TERMS>::zeros();
@@ -68,7 +68,7 @@ impl Light {
                 let ratio = (t..t + LIGHT_ROWS).map(|t| f64::from(table.values[t * cols + k] / levels[t])).sum::<f64>() / LIGHT_ROWS as f64;
                 let basis = Self::basis(table.x(k), y);
                 seen += 1.0;
-                // Rows together have half the noise of one.
+                // Several rows together have half the noise of one.
                 let off = (ratio - self.terms.dot(&basis)).abs() * f64::from(level / (0.6 * reach));
                 if off < 1.5 {
                     let weight = 1.0 / (1.0 + off * off);
@@ -83,7 +83,7 @@ impl Light {
             t += LIGHT_ROWS;
         }
         normal.fill_upper_triangle_with_lower_triangle();
-        // A hundredth of all cells pulls towards the light as it was believed, which decides only where nothing was seen.
+        // A hundredth of all cells pulls towards the previous light, which matters only where no cell agrees.
         let pull = 0.01 * seen.max(1.0);
         for i in 0..TERMS {
             normal[(i, i)] += pull;

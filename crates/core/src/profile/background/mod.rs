@@ -1,16 +1,16 @@
-//! The bore as it would look empty, estimated from the frame itself.
+//! Estimates from the frame itself how the bore would look if it were empty.
 //!
 //! ```text
 //!   B(u, t) = a(t) * p(u, t)        t: rows below the upper wall, along the capillary's own tilt
 //!             |      '- smooth unevenness of the light: a polynomial of low order
 //!             '- what the glass does across the bore, the same in every column: dark towards the walls
 //! ```
-//! The light's course along the capillary is read first from the water outside it, where no specimen is, and divided out: it
-//! may fall off to nothing, which no polynomial follows. A specimen darkens what it covers, so the brightest cells of a row
-//! show the empty bore: they give the row its first level, from where it slides to the mode beside it; the polynomial is then
-//! fitted to the cells that agree. Cells are means of some pixels: what is as faint as a pixel's noise still stands out from
-//! them, and is not taken for light. Where the rig has a picture of its empty capillary, all this is done on the quotient of
-//! the two pictures, in which glass, dust and scratches are gone.
+//! The variation of the light along the capillary is read first from the water outside, where there is no specimen, and divided
+//! out; it may fall to nothing, which no polynomial follows. A specimen darkens what it covers, so the brightest cells of a row
+//! show the empty bore. They give the row its first level, which then moves to the nearest mode. The polynomial is fitted to
+//! the cells that agree. Cells are means of several pixels, so that a specimen as faint as a pixel's noise still differs from
+//! the light. Where the rig has a picture of its empty capillary, all this is done on the quotient of the two pictures, in
+//! which glass, dust and scratches cancel.
 
 mod bore;
 mod known_light;
@@ -33,9 +33,10 @@ struct Column {
     /// Row of the upper wall's inner line.
     inner_v: f64,
     bore_px: f64,
-    /// The light's three terms across the bore.
+    /// The three terms of the light across the bore.
     light: [f32; ACROSS],
-    /// The light by the water beside the capillary, where it stands for what is known: at table row 0, and more per row.
+    /// The light in the water beside the capillary, where it replaces the empty capillary's picture: at table row 0, and its
+    /// slope per row.
     beside: [f32; 2],
 }
 
@@ -46,16 +47,17 @@ impl Column {
     }
 }
 
-/// The specimen's window with the empty bore taken away. Light taken away counts positive.
+/// The specimen's window after subtraction of the empty bore. Missing light counts positive.
 #[derive(Debug, Default)]
 pub(in crate::profile) struct Contrast {
-    /// In standard deviations of a pixel's noise, mean of the colours. Near the walls the doubt about their place counts as
-    /// noise: for finding the specimen.
+    /// Missing light in standard deviations of a pixel's noise, mean of the colours. Near the walls the uncertainty of their
+    /// position is added to the noise. It is used to find the specimen.
     pub lightness: Plane,
-    /// Blue against red, in standard deviations: yellowish tissue that is hardly darker than the light. Empty for grey.
+    /// Blue against red, in standard deviations: it shows yellowish tissue that is hardly darker than the light. Empty for grey
+    /// pictures.
     pub colour: Vec<f32>,
-    /// The share of light taken away, in units in which it equals `lightness` in mid-bore. A specimen before the dark line of
-    /// a wall takes the same share as beside it, so its edge goes on there: for placing the edge.
+    /// The share of missing light, scaled so that it equals `lightness` in the middle of the bore. A specimen in front of the
+    /// dark line of a wall takes the same share as beside it, so that its edge continues there. It is used to locate the edge.
     pub darkness: Plane,
     /// Darkness where no light is left.
     pub all_light: f32,
@@ -63,14 +65,14 @@ pub(in crate::profile) struct Contrast {
     pub noise_grey: f64,
 }
 
-/// Finds the empty bore and takes it away; keeps its memory from frame to frame.
+/// Finds the empty bore and subtracts it. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Background {
     table: Table,
     levels: Levels,
-    /// How steeply the level changes from row to row.
+    /// The slope of the level from row to row.
     slope: Vec<f32>,
-    /// What every column has of its own.
+    /// The values of each column.
     columns: Vec<Column>,
     known_row: Vec<f32>,
     /// Lent to [`KnownLight`] while a colour is read.
@@ -107,14 +109,14 @@ impl Background {
         }
     }
 
-    /// Adds one colour's contrast to that of the others.
+    /// Adds the contrast of one colour to that of the others.
     fn subtract(&mut self, bore: &Bore, picture: &Picture, channel: usize, light: &Light, noise: f32, known: &KnownLight) {
         const MISPLACED_PX: f32 = 0.2;
-        // Where less light than this falls, in noises of a pixel, the share that is missing is not known.
+        // Light below which the missing share cannot be determined, in units of a pixel's noise.
         const TELLING: f32 = 8.0;
         let colours = picture.colours();
         let share = 1.0 / colours as f32;
-        // Blue counts up, red down.
+        // Blue counts positive, red negative.
         let colour_sign = if colours == 3 { channel as f32 - 1.0 } else { 0.0 };
         let (rows, profile) = (self.table.rows, &self.levels.profile);
         self.slope.clear();

@@ -1,16 +1,16 @@
-//! The bore in cells.
+//! The bore divided into cells.
 
 use super::bore::Bore;
 use super::known_light::KnownLight;
 
-/// The window in cells: the walls level, one row per pixel across the bore, some columns together.
+/// The window in cells: the walls are level, with one row per pixel across the bore and several columns per cell.
 #[derive(Debug, Default)]
 pub(super) struct Table {
     pub rows: usize,
     pub cols: usize,
     pub stride: usize,
     pub width: usize,
-    /// `values[t * cols + k]`: mean grey over what is known before, times the typical grey of that.
+    /// `values[t * cols + k]`: mean ratio of grey value to the known light, times the typical grey value of that light.
     pub values: Vec<f32>,
     pub typical: f32,
 }
@@ -18,7 +18,7 @@ pub(super) struct Table {
 impl Table {
     pub fn fill(&mut self, bore: &Bore, plane: &[u8], known: &KnownLight) {
         self.width = bore.width;
-        // 256 cells decide a row's level to a twentieth of the noise; more only cost time.
+        // 256 cells determine a row's level to a twentieth of the noise. More of them only cost time.
         self.stride = (bore.width / 256).max(1);
         (self.rows, self.cols) = (bore.table_rows(), bore.width / self.stride);
         self.values.clear();
