@@ -8,6 +8,7 @@ CARGO ?= cargo
 ARGS ?=
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 CARGO_DENY_VERSION := 0.20.2
+WASM := wasm32-unknown-unknown
 
 NODE_MODULES := web/node_modules/.package-lock.json
 PAGE := web/dist/index.html
@@ -31,10 +32,16 @@ test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc test
 	CARVED_BIN="$(abspath $(TARGET_DIR))/debug/carved" clients/python/check test
 	if [ -x systemd/verify.sh ]; then systemd/verify.sh; fi
 
-lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without the camera, types and formatting of page and Python client
+lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
 	$(CARGO) clippy --workspace --all-targets --locked --no-default-features -- -D warnings
+	$(CARGO) clippy -p carved-core --all-targets --locked --no-default-features -- -D warnings
+	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ]; then \
+		set -x; $(CARGO) check -p carved-core --locked --no-default-features --target $(WASM); \
+	else \
+		echo "carved-core is not checked for $(WASM): its standard library is not installed (rustup target add $(WASM))"; \
+	fi
 	cd web && npm run --silent check
 	clients/python/check lint
 

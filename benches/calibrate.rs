@@ -2,7 +2,7 @@
 //!
 //! Profiles of the phantom larva as a day's drift leaves them: camera, angles, views and edges off.
 
-use carved_core::calibration::{Calibration, GivenView, Priors, Psi, Vrv, calibrate, coherence, gate};
+use carved_core::calibration::{Calibration, GivenView, Priors, Psi, Vrv, calibrate, check_vrv, coherence};
 use carved_core::carver::{Leaves, Runs};
 use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
 use carved_core::profile::{Columns, Mask};
@@ -61,9 +61,10 @@ fn calibrating(c: &mut Criterion) {
         let given = turn.given();
         let found = turn.calibrated();
         group.bench_function(BenchmarkId::new("least squares", asd), |b| b.iter(|| turn.calibrated()));
-        group.bench_function(BenchmarkId::new("gate", asd), |b| b.iter(|| gate(&found, &turn.camera, &given)));
-        group
-            .bench_function(BenchmarkId::new("least squares and gate", asd), |b| b.iter(|| gate(&turn.calibrated(), &turn.camera, &given)));
+        group.bench_function(BenchmarkId::new("gate", asd), |b| b.iter(|| check_vrv(&found, &turn.camera, &given)));
+        group.bench_function(BenchmarkId::new("least squares and gate", asd), |b| {
+            b.iter(|| check_vrv(&turn.calibrated(), &turn.camera, &given));
+        });
         let psi = turn.psi();
         for size in [10.0, 17.1] {
             let mut vrv = Vrv::new(turn.runs.iter().collect(), grid(size), 0.0).unwrap_or_else(|e| panic!("{e}"));

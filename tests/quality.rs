@@ -4,11 +4,11 @@
 
 use carved::cli::emulated;
 use carved::config::Config;
-use carved_core::calibration::Lie;
+use carved_core::calibration::PoseOffset;
 use carved_core::carver::Leaves;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{BoxUm, VoxelGrid};
-use carved_core::pipeline::{Pipeline, PipelineSettings, Seen, SpecimenRecord};
+use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame, SpecimenRecord};
 use carved_core::profile::{Mask, Polygon};
 use carved_core::reconstruction::{Reconstruction, ReconstructionSettings};
 use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
@@ -26,7 +26,7 @@ fn even() -> Vec<f64> {
 }
 
 /// How a larva lies at 360 deg that was moved by `by` after the last view, on a rig with a day's drift and noise.
-fn closed(seed: u64, by: Pose) -> Lie {
+fn closed(seed: u64, by: Pose) -> PoseOffset {
     let camera = Camera::default();
     let (width, height) = (camera.width as usize, camera.height as usize);
     let mut omegas = even();
@@ -51,9 +51,9 @@ fn closed(seed: u64, by: Pose) -> Lie {
     }
     let found = model.finish(false).unwrap();
     assert!(
-        found.seen_again.iter().all(|a| a.is_some_and(|[hull, profile]| (0.93..1.0).contains(&(hull / profile)))),
+        found.reprojected_areas.iter().all(|a| a.is_some_and(|[hull, profile]| (0.93..1.0).contains(&(hull / profile)))),
         "{:?}",
-        found.seen_again
+        found.reprojected_areas
     );
     found.closure.unwrap()
 }
@@ -92,12 +92,12 @@ fn settings() -> PipelineSettings {
     method.pipeline(&config.optics, false).unwrap()
 }
 
-fn rendered(contents: Contents, omegas: &[f64]) -> Vec<Seen> {
+fn rendered(contents: Contents, omegas: &[f64]) -> Vec<SegmentedFrame> {
     shown(contents, omegas, 0)
 }
 
 /// Exposures are numbered from `first` on: each has its own noise.
-fn shown(contents: Contents, omegas: &[f64], first: u64) -> Vec<Seen> {
+fn shown(contents: Contents, omegas: &[f64], first: u64) -> Vec<SegmentedFrame> {
     let looker = Pipeline::new(settings()).unwrap();
     let scene = Scene::new(SceneSettings::default());
     scene.load(contents).unwrap();
@@ -113,7 +113,7 @@ fn larva(seed: u64) -> Contents {
     Specimen::larva(4, seed).unwrap().placed(Placement::default()).into()
 }
 
-fn finished(mut pipeline: Pipeline, closure: &Seen) -> SpecimenRecord {
+fn finished(mut pipeline: Pipeline, closure: &SegmentedFrame) -> SpecimenRecord {
     pipeline.observe_closure(closure);
     pipeline.finish().unwrap().1
 }
@@ -192,8 +192,8 @@ enum Step {
 }
 
 /// 14 views and the closure view of a larva, and a picture of an empty capillary last.
-fn pictures() -> &'static (Vec<f64>, Vec<Seen>) {
-    static PICTURES: OnceLock<(Vec<f64>, Vec<Seen>)> = OnceLock::new();
+fn pictures() -> &'static (Vec<f64>, Vec<SegmentedFrame>) {
+    static PICTURES: OnceLock<(Vec<f64>, Vec<SegmentedFrame>)> = OnceLock::new();
     PICTURES.get_or_init(|| {
         let omegas: Vec<f64> = (0..=CLOSURE).map(|i| TAU * f64::from(i) / f64::from(CLOSURE)).collect();
         let mut seen = rendered(larva(6), &omegas);
@@ -329,7 +329,7 @@ fn numbers_depend_on_the_newest_takes_alone() {
 
 /// Larvae of 3 to 5 dpf in any place and roll, rendered and segmented, on a shaft without errors: a reading per closure frame, with what
 /// was done to the specimen before it.
-fn readings(seeds: std::ops::Range<u64>) -> Vec<(&'static str, Lie, SpecimenRecord)> {
+fn readings(seeds: std::ops::Range<u64>) -> Vec<(&'static str, PoseOffset, SpecimenRecord)> {
     let of_seed = |seed: u64| {
         let omegas = even();
         // A fin reaches to 35 um from the glass: there is room for 22 um across, from below the axis to above it.
@@ -365,7 +365,7 @@ fn readings(seeds: std::ops::Range<u64>) -> Vec<(&'static str, Lie, SpecimenReco
                 pipeline.observe(index, *omega, seen).unwrap();
             }
             let record = finished(pipeline, &closure);
-            (what, record.closure.clone().unwrap().lie.unwrap(), record)
+            (what, record.closure.clone().unwrap().pose_offset.unwrap(), record)
         })
     };
     seeds.into_par_iter().flat_map_iter(of_seed).collect()
@@ -388,7 +388,7 @@ fn closure_rates() {
         let undecided = over(&|r| check(r, "closure_turn_deg").undecided);
         let flagged = over(&|r| r.flags.iter().any(|f| f == "moved"));
         println!("{what}: {n} turns, flagged moved {flagged}, turn over {turn} (without the sd {plain}), turn undecided {undecided}");
-        let spread = |of_lie: &dyn Fn(&Lie) -> (f64, f64)| {
+        let spread = |of_lie: &dyn Fn(&PoseOffset) -> (f64, f64)| {
             let values: Vec<(f64, f64)> = of().map(|(_, lie, _)| of_lie(lie)).collect();
             let mean = values.iter().map(|v| v.0).sum::<f64>() / n as f64;
             let sd = (values.iter().map(|v| (v.0 - mean).powi(2)).sum::<f64>() / n as f64).sqrt();

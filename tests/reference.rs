@@ -8,7 +8,7 @@ use carved::config::Config;
 use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::{Pipeline, SpecimenRecord};
-use carved_core::profile::{Mask, Picture, Profile, Reference, SegmentSettings, Segmenter};
+use carved_core::profile::{EmptyCapillary, Mask, Picture, Profile, SegmentSettings, Segmenter};
 use carved_core::units::Sense;
 use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
 use carved_devices::hash::sha256_hex;
@@ -40,7 +40,7 @@ fn dust_and_scratches_that_the_empty_capillary_shows_are_no_specimen() {
     let mut mean = [0.0; 2];
     for seed in SEEDS {
         let scene = dusty(seed);
-        let reference = Reference::new(Picture::from_frame(&frame(&scene, 0.0, 100)), &settings.walls).unwrap();
+        let reference = EmptyCapillary::new(Picture::from_frame(&frame(&scene, 0.0, 100)), &settings.walls).unwrap();
         scene.load(Some(Specimen::larva(3 + (seed % 3) as u8, seed).unwrap().placed(Placement::default()))).unwrap();
         let truth = scene.truth_mask(0.8);
         let truth = Mask::from_coverage(truth.width as usize, truth.height as usize, truth.data).unwrap();
@@ -120,7 +120,7 @@ fn pictures_of_another_kind_than_the_empty_capillary_fail_and_the_others_use_it(
         let image = image::open(path(name)).unwrap();
         Picture::from_frame(&RawFrame::new(image.width(), image.height(), PixelFormat::BayerRG8, image.into_bytes()).unwrap())
     };
-    let reference = Reference::new(read("empty.png"), &settings.walls).unwrap();
+    let reference = EmptyCapillary::new(read("empty.png"), &settings.walls).unwrap();
     let profile = Segmenter::default().segment(&read("larva.png"), &settings, Some(&reference)).unwrap();
     assert_eq!(report["profile"]["area_px"], profile.mask.area_px());
 

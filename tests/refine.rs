@@ -4,7 +4,7 @@
 
 use carved::config::Config;
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::pipeline::{Pipeline, PipelineSettings, Seen};
+use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame};
 use carved_core::quality::Estimate;
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
@@ -48,7 +48,7 @@ struct Taken {
     measured_um3: f64,
 }
 
-fn take(order: &[u32], omegas: &[f64], seen: &[Seen], refining: bool) -> Taken {
+fn take(order: &[u32], omegas: &[f64], seen: &[SegmentedFrame], refining: bool) -> Taken {
     let mut pipeline = Pipeline::new(settings().0).unwrap();
     let (mut live_um3, mut refined_at, mut estimates) = (Vec::new(), Vec::new(), Vec::new());
     for (views, &index) in (1..).zip(order) {
@@ -74,7 +74,7 @@ fn the_live_model_comes_to_the_end_while_the_capillary_turns_and_the_end_knows_n
     let (settings, config) = settings();
     let omegas: Vec<f64> = (0..ASD).map(|i| std::f64::consts::TAU * f64::from(i) / f64::from(ASD)).collect();
     let looker = Pipeline::new(settings).unwrap();
-    let seen: Vec<Seen> = frames(&omegas).par_iter().map(|frame| looker.look(frame).unwrap()).collect();
+    let seen: Vec<SegmentedFrame> = frames(&omegas).par_iter().map(|frame| looker.look(frame).unwrap()).collect();
     let mut ends = Vec::new();
     for view_order in [ViewOrder::Sequential, ViewOrder::CoarseToFine] {
         let plan = RevolutionPlan::new(ASD, config.steps_per_revolution, view_order).unwrap();

@@ -6,7 +6,7 @@ mod shared;
 
 use carved::cli::emulated::camera;
 use carved_core::calibration::{
-    Ask, Calibration, Free, GivenView, Objective, Optimiser, Priors, Psi, Stop, Verdict, Vrv, calibrate, gate, optimise,
+    Ask, Calibration, Free, GivenView, Objective, Optimiser, Priors, Psi, Stop, Vrv, VrvVerdict, calibrate, check_vrv, optimise,
 };
 use carved_core::carver::Runs;
 use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
@@ -188,9 +188,9 @@ fn the_gate_passes_what_least_squares_find_and_nothing_beside_it() {
     ] {
         let turn = Turn::of(&larva, asd, &disturbance);
         let found = turn.calibrated();
-        let passed = gate(&found, &turn.nominal, &turn.given());
+        let passed = check_vrv(&found, &turn.nominal, &turn.given());
         println!("{name}: {passed:?}, {:+.2} % of the search", (passed.solution_um3 / passed.search_um3 - 1.0) * 100.0);
-        assert!(passed.verdict == Verdict::Passed && passed.evaluations < 64, "{name}: {passed:?}");
+        assert!(passed.verdict == VrvVerdict::Passed && passed.evaluations < 64, "{name}: {passed:?}");
         assert!(name == "clean" || passed.solution_um3 > 1.002 * passed.given_um3, "{name}: {passed:?}");
         // The slices' polygons are the hull that voxels are counted of.
         let mut vrv = turn.vrv(10.0, 0.0);
@@ -205,12 +205,12 @@ fn the_gate_passes_what_least_squares_find_and_nothing_beside_it() {
     for change in [|c: &mut Camera| c.uy += 0.3, |c: &mut Camera| c.gamma += 0.1 * DEG] {
         let mut wrong = turn.calibrated();
         change(&mut wrong.camera);
-        let stopped = gate(&wrong, &turn.nominal, &turn.given());
-        assert_eq!(stopped.verdict, Verdict::Worse, "the camera as given is the true one: {stopped:?}");
+        let stopped = check_vrv(&wrong, &turn.nominal, &turn.given());
+        assert_eq!(stopped.verdict, VrvVerdict::Worse, "the camera as given is the true one: {stopped:?}");
         // A camera as given that is worse still does not make it right.
         let astray = Camera { uy: turn.nominal.uy - 2.0, ..turn.nominal.clone() };
-        let stopped = gate(&wrong, &astray, &turn.given());
-        assert_eq!(stopped.verdict, Verdict::NotLargest, "{stopped:?}");
+        let stopped = check_vrv(&wrong, &astray, &turn.given());
+        assert_eq!(stopped.verdict, VrvVerdict::NotLargest, "{stopped:?}");
     }
 }
 
@@ -235,8 +235,8 @@ fn profile_sets_of_another_renderer_pass_the_gate() {
     for name in ["bead_512um_asd21", "larva_fin_asd21", "larva_drift_asd42"] {
         let turn = Turn::read(&sets.join(name));
         let found = turn.calibrated();
-        let passed = gate(&found, &turn.nominal, &turn.given());
+        let passed = check_vrv(&found, &turn.nominal, &turn.given());
         let uy_px = found.camera.uy - turn.axis_px();
-        assert!(passed.verdict == Verdict::Passed && uy_px.abs() < 0.05, "{name}: {passed:?}, uy {uy_px:+.3} px");
+        assert!(passed.verdict == VrvVerdict::Passed && uy_px.abs() < 0.05, "{name}: {passed:?}, uy {uy_px:+.3} px");
     }
 }

@@ -8,7 +8,7 @@ use crate::store::frames;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::references::References;
-use carved_core::profile::{Picture, Reference};
+use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
 use carved_devices::regular;
@@ -257,7 +257,7 @@ fn empty_capillary(file: &Path, raw: &Raw) -> Result<Arc<RawFrame>, String> {
     }
     let picture = Picture::from_frame(&frame);
     for (name, method) in &raw.methods {
-        Reference::new(picture.clone(), &method.segment.walls).map_err(|e| format!("with method {name:?}: {e}; {WAY_OUT}"))?;
+        EmptyCapillary::new(picture.clone(), &method.segment.walls).map_err(|e| format!("with method {name:?}: {e}; {WAY_OUT}"))?;
     }
     Ok(Arc::new(frame))
 }

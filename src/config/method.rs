@@ -129,7 +129,7 @@ impl Method {
             grid: VoxelGrid::new(self.box_um, self.voxel_um)?,
             planned_views: self.asd,
             segment: self.segment.clone(),
-            reference: None,
+            empty_capillary: None,
             reconstruction: ReconstructionSettings { epsilon: self.epsilon, surface: self.surface, calibration: self.calibration },
             quality: self.quality,
             sphere,

@@ -2,7 +2,7 @@
 
 use super::Live;
 use crate::export;
-use carved_core::pipeline::Seen;
+use carved_core::pipeline::SegmentedFrame;
 use carved_core::profile::{Mask, Picture};
 use carved_core::surface::Mesh;
 use image::codecs::jpeg::JpegEncoder;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 const MODEL_ERROR_UM: f64 = 1.0;
 
 /// The pictures of one view; what could not be encoded is absent and logged, never a reason to stop a run.
-pub fn of_view(seen: &Seen, mesh: &Mesh) -> Live {
+pub fn of_view(seen: &SegmentedFrame, mesh: &Mesh) -> Live {
     Live {
         shown: None,
         frame_jpg: jpeg(&seen.picture),

@@ -1,4 +1,4 @@
-//! A frame as the camera sent it: raw bytes and what they mean. Devices make it, the store keeps it, `profile` reads it.
+//! A frame as the camera sent it: raw bytes and their meaning. Devices make it, the store keeps it, and `profile` reads it.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,6 +14,7 @@ pub enum PixelFormat {
 }
 
 impl PixelFormat {
+    /// Bytes that one pixel takes.
     pub fn bytes_per_pixel(self) -> usize {
         match self {
             Self::Mono8 | Self::BayerRG8 => 1,
@@ -21,6 +22,7 @@ impl PixelFormat {
         }
     }
 
+    /// The GenICam name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Mono8 => "Mono8",
@@ -30,7 +32,7 @@ impl PixelFormat {
     }
 }
 
-/// Pixels as they came off the sensor, row by row, without padding.
+/// Pixels as they came from the sensor, row by row, without padding.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RawFrame {
     width: u32,
@@ -39,19 +41,27 @@ pub struct RawFrame {
     bytes: Vec<u8>,
 }
 
+/// The bytes do not fit the frame's size and format.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("a {width} x {height} {} frame has {expected} bytes, found {found}", format.name())]
 pub struct WrongFrameSize {
+    /// Width of the frame, px.
     pub width: u32,
+    /// Height of the frame, px.
     pub height: u32,
+    /// Layout of the bytes.
     pub format: PixelFormat,
+    /// Bytes that the frame has by its size and format.
     pub expected: usize,
+    /// Bytes given.
     pub found: usize,
 }
 
 impl RawFrame {
+    /// A frame of these bytes.
+    ///
     /// # Errors
-    /// Refuses bytes that are not exactly `width * height` pixels of `format`.
+    /// Bytes that are not exactly `width * height` pixels of `format`.
     pub fn new(width: u32, height: u32, format: PixelFormat, bytes: Vec<u8>) -> Result<Self, WrongFrameSize> {
         let expected = width as usize * height as usize * format.bytes_per_pixel();
         if bytes.len() != expected {
@@ -60,18 +70,22 @@ impl RawFrame {
         Ok(Self { width, height, format, bytes })
     }
 
+    /// Width, px.
     pub fn width(&self) -> u32 {
         self.width
     }
 
+    /// Height, px.
     pub fn height(&self) -> u32 {
         self.height
     }
 
+    /// Layout of the bytes.
     pub fn format(&self) -> PixelFormat {
         self.format
     }
 
+    /// The bytes, row by row.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }

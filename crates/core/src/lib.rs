@@ -1,5 +1,5 @@
-//! The science of carved: from frames of a specimen that turns in a glass capillary to its volume, surface area and shape,
-//! each with its standard uncertainty.
+//! The science of carved: from frames of a specimen that turns in a glass capillary to its volume, surface area and shape, each
+//! with its standard uncertainty.
 //!
 //! ```text
 //! units, frame, range, statistics
@@ -10,11 +10,14 @@
 //! The crate takes values and returns values. It uses no async runtime, files, network or clock, so the same input gives the
 //! same bytes wherever it runs.
 
+#![warn(missing_docs)]
+
 pub mod calibration;
 pub mod carver;
 pub mod frame;
 pub mod geometry;
 pub mod measure;
+mod parallel;
 pub mod pipeline;
 pub mod profile;
 pub mod quality;

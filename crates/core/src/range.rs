@@ -1,23 +1,27 @@
-//! What a setting may be, and how it is said when it is something else.
+//! Ranges of settings, and the message about a setting that is out of its range.
 
 use std::ops::RangeInclusive;
 
-/// A setting beside its range, with the way out.
+/// A setting that is out of its range.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("{key} = {found}; expected {least} to {most} {unit}")]
 pub struct OutOfRange {
-    /// The setting's name below the table that was checked.
+    /// Key of the setting, relative to the table that was checked.
     pub key: &'static str,
+    /// The value that was given.
     pub found: f64,
+    /// The smallest allowed value.
     pub least: f64,
+    /// The largest allowed value.
     pub most: f64,
+    /// Unit of the three values.
     pub unit: &'static str,
 }
 
-/// One setting: its key, its value, what that may be, and the unit of both.
+/// One setting: its key, its value, its range, and the unit of both.
 pub type Setting = (&'static str, f64, RangeInclusive<f64>, &'static str);
 
-/// Those settings that are not within their range; what is no number is in none.
+/// The settings that are out of their range. A value that is not a number is in no range.
 pub fn outside(settings: impl IntoIterator<Item = Setting>) -> Vec<OutOfRange> {
     settings
         .into_iter()

@@ -8,13 +8,13 @@
 //!                                       finish ── calibrate ── carve again ── Model       mesh and measurement
 //!                                                     └── support functions ──┘
 //! ```
-//! A model has two surfaces. The paper's is that of the binary voxels, faired: its tables are of it. The field's is where the
-//! outlines themselves put it, at their sub-pixel positions, and needs no fairing: that is the mesh that is kept.
-//! The same views in any order give the same model bit for bit, on any number of threads.
+//! A model has two surfaces. The paper's is the surface of the binary voxels after fairing; its tables refer to it. The field's
+//! surface lies where the outlines put it, at their sub-pixel positions, and needs no fairing; this mesh is kept. The same
+//! views in any order give the same model bit for bit, on any number of threads.
 
 use crate::carver::{CarveError, Carver, Leaves};
 use crate::geometry::{CameraError, Projection, VoxelGrid};
-use crate::measure::{self, AreaMethod, Estimator, Estimators, Measurement, SphereError, VoxelEstimate};
+use crate::measure::{self, AreaMethod, Estimator, Estimators, Extents, Measurement, SphereError, VoxelEstimate};
 use crate::profile::{Mask, Polygon};
 use crate::range::{OutOfRange, outside};
 use crate::surface::{self, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
@@ -29,7 +29,7 @@ pub use calibrated::{Calibrated, CalibrationRecord, CalibrationSettings, Judged,
 pub use refined::is_seen_around;
 pub use turn::{Reconstruction, TurnModel};
 
-/// How the surface is made of the voxels.
+/// How the surface is made from the voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SurfaceSettings {
@@ -40,14 +40,14 @@ pub struct SurfaceSettings {
 }
 
 impl Default for SurfaceSettings {
-    /// The paper's ten iterations; the weight that reproduces its areas.
+    /// The ten iterations of the paper, and the weight that reproduces its areas.
     fn default() -> Self {
         Self { fairing_lambda: 0.8, fairing_iterations: 10 }
     }
 }
 
 impl SurfaceSettings {
-    /// Every setting that is out of its range. Beyond a weight of 100 the solver's steps run out.
+    /// Every setting that is out of its range. With a weight beyond 100 the solver does not converge within its steps.
     pub fn check(&self) -> Vec<OutOfRange> {
         outside([
             ("fairing_lambda", self.fairing_lambda, 0.0..=100.0, "(weight)"),
@@ -62,7 +62,9 @@ impl SurfaceSettings {
 pub struct ReconstructionSettings {
     /// Share of the planned views that may miss a voxel of the hull.
     pub epsilon: f64,
+    /// How the surface is made from the voxels.
     pub surface: SurfaceSettings,
+    /// How the turn calibrates its own camera.
     pub calibration: CalibrationSettings,
 }
 
@@ -72,66 +74,114 @@ impl Default for ReconstructionSettings {
     }
 }
 
+/// Why there is no model.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ReconstructionError {
+    /// The camera is not valid.
     #[error(transparent)]
     Camera(#[from] CameraError),
+    /// The carver refused the view or the grid.
     #[error(transparent)]
     Carve(#[from] CarveError),
+    /// The mask does not have the size of the sensor.
     #[error("the mask is {width} x {height} px, the camera's sensor {sensor_width} x {sensor_height}")]
-    MaskSize { width: usize, height: usize, sensor_width: u32, sensor_height: u32 },
+    MaskSize {
+        /// Columns of the mask, px.
+        width: usize,
+        /// Rows of the mask, px.
+        height: usize,
+        /// Columns of the sensor, px.
+        sensor_width: u32,
+        /// Rows of the sensor, px.
+        sensor_height: u32,
+    },
+    /// The angle of the view is not a finite number.
     #[error("omega is {found}; an angle is a finite number of rad")]
-    Omega { found: f64 },
+    Omega {
+        /// The angle that was given, rad.
+        found: f64,
+    },
+    /// No view was observed, or none counts.
     #[error("{observed} of {planned} planned views were observed; nothing is measured before the first")]
-    NoViews { observed: usize, planned: usize },
+    NoViews {
+        /// Views that were observed.
+        observed: usize,
+        /// Views of the plan.
+        planned: usize,
+    },
+    /// No voxel is left.
     #[error(
         "no voxel of the grid is left after {observed} views: the profiles do not agree on a body. Check masks, angles, camera and box"
     )]
-    EmptyHull { observed: usize },
+    EmptyHull {
+        /// Views that were observed.
+        observed: usize,
+    },
+    /// A part of the voxel box is not in front of the camera.
     #[error(
         "the camera's plane cuts the voxel box, or the box lies behind the camera: its corners lie from {nearest} to {farthest} in front of the camera, in the \
          unit of the box (um on an instrument). The box must lie wholly before it: check the projection, the box and their units"
     )]
-    CameraInBox { nearest: f64, farthest: f64 },
+    CameraInBox {
+        /// Depth of the box's nearest corner, um.
+        nearest: f64,
+        /// Depth of the box's farthest corner, um.
+        farthest: f64,
+    },
+    /// The outline of a view gives no distances.
     #[error(transparent)]
     Contour(#[from] ContourError),
+    /// A setting is out of its range.
     #[error(transparent)]
     Setting(#[from] OutOfRange),
+    /// The surface could not be faired.
     #[error(transparent)]
     Fairing(#[from] FairingError),
+    /// No sphere could be fitted to the surface.
     #[error("sphere: {0}")]
     Sphere(#[from] SphereError),
 }
 
-/// The hull after a view; through one camera its volume only falls.
+/// The hull after a view. Through one camera its volume never increases.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LiveVolume {
-    /// Views observed so far.
+    /// Number of views observed so far.
     pub views: usize,
+    /// Number of voxels left.
     pub voxels: u64,
+    /// Their volume, um^3.
     pub volume_um3: f64,
 }
 
-/// What is left when all views are in.
+/// The model after all views.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
-    /// The field's surface.
+    /// Surface of the field: the hull where the views' outlines put it. This mesh is kept.
     pub mesh: Mesh,
+    /// Surface of the voxels, before fairing.
+    pub unfaired: Mesh,
+    /// The numbers of both surfaces.
     pub measurement: Measurement,
+    /// Whether the hull reaches the outermost voxels of the grid. The body may then continue outside.
+    pub touches_box: bool,
 }
 
-/// A model of views through projections of any origin.
+/// A model of views through any projections.
 #[derive(Debug, Clone)]
 pub struct HullModel {
     carver: Carver,
-    /// Of the views that carved.
+    /// Contours of the views that carved.
     contours: Vec<Contour>,
     settings: ReconstructionSettings,
 }
 
 impl HullModel {
+    /// An empty model: no view is observed, and every voxel is left.
+    ///
     /// # Errors
-    /// Refuses settings that make no model, before any view is taken.
+    /// # Errors
+    ///
+    /// A setting or a grid from which no model can be made.
     pub fn new(grid: VoxelGrid, planned_views: usize, settings: ReconstructionSettings) -> Result<Self, ReconstructionError> {
         if let Some(&wrong) = settings.surface.check().first() {
             return Err(wrong.into());
@@ -139,10 +189,13 @@ impl HullModel {
         Ok(Self { carver: Carver::new(grid, planned_views, settings.epsilon)?, contours: Vec::new(), settings })
     }
 
-    /// Carves with one view. `outlines` are those that the mask was filled from; without any, the sides of its pixels are.
+    /// Carves with one view. `outlines` are those that the mask was filled from; without any, the sides of the mask's pixels
+    /// are used.
     ///
     /// # Errors
-    /// Refuses what the carver refuses, and a camera that does not have the whole box before it; the model is then unchanged.
+    /// # Errors
+    ///
+    /// Whatever the carver refuses, and a camera that does not have the whole box in front of it. The model is then unchanged.
     pub fn observe(
         &mut self,
         mask: &Mask,
@@ -156,7 +209,7 @@ impl HullModel {
             projection.depth(std::array::from_fn(|a| grid.centre(a, if n >> a & 1 == 0 { 0 } else { grid.counts()[a] - 1 })))
         });
         let (nearest, farthest) = depths.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &d| (low.min(d), high.max(d)));
-        // The box ends half a voxel beyond the outermost centres, at most a voxel's length along the line of sight.
+        // The box extends half a voxel beyond the outermost centres, at most one voxel along the line of sight.
         if nearest <= grid.size() {
             return Err(ReconstructionError::CameraInBox { nearest, farthest });
         }
@@ -166,44 +219,39 @@ impl HullModel {
         Ok(self.live())
     }
 
-    /// Carves the views so far again with the tolerance of another plan.
+    /// Carves all views so far again with the tolerance of another plan.
     ///
     /// # Errors
-    /// Refuses a plan of fewer views than were observed.
+    /// # Errors
+    ///
+    /// A plan of fewer views than were observed.
     pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
         Ok(self.carver.replan(planned_views)?)
     }
 
+    /// The hull after the views so far.
     pub fn live(&self) -> LiveVolume {
         let carver = &self.carver;
         LiveVolume { views: carver.observed_views(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
     }
 
+    /// The voxels.
     pub fn carver(&self) -> &Carver {
         &self.carver
     }
 
-    /// Whether the hull reaches the grid's outermost voxels: the body may go on outside.
-    pub fn touches_box(&self) -> bool {
+    /// Whether a mesh of the hull reaches the outermost voxels of the grid. The body may then continue outside.
+    fn touches_box(&self, extents: &Extents) -> bool {
         let grid = self.carver.grid();
-        measure::extents(&self.unfaired_mesh())
-            .is_some_and(|e| (0..3).any(|a| e.min[a] < grid.centre(a, 0) || e.max[a] > grid.centre(a, grid.counts()[a] - 1)))
+        (0..3).any(|a| extents.min[a] < grid.centre(a, 0) || extents.max[a] > grid.centre(a, grid.counts()[a] - 1))
     }
 
-    /// The hull's surface voxel by voxel, before fairing.
-    pub fn unfaired_mesh(&self) -> Mesh {
-        surface::extract(&Occupancy(&self.carver))
-    }
-
-    /// The hull's surface where the views' outlines put it.
-    pub fn field_mesh(&self) -> Mesh {
-        surface::extract(&Distance::new(&self.carver, &self.contours))
-    }
-
-    /// Makes the surfaces and measures them; `sphere` fits one, for beads.
+    /// Makes the surfaces and measures them. `sphere` fits a sphere, for beads.
     ///
     /// # Errors
-    /// Says so when no view was observed, no voxel is left, or no sphere is determined.
+    /// # Errors
+    ///
+    /// No view was observed, no voxel is left, or no sphere is determined.
     pub fn finish(&self, sphere: bool) -> Result<Model, ReconstructionError> {
         let carver = &self.carver;
         let LiveVolume { views, voxels, volume_um3 } = self.live();
@@ -211,9 +259,9 @@ impl HullModel {
             return Err(ReconstructionError::NoViews { observed: views, planned: carver.planned_views() });
         }
         let SurfaceSettings { fairing_lambda: lambda, fairing_iterations: iterations } = self.settings.surface;
-        let unfaired = self.unfaired_mesh();
+        let unfaired = surface::extract(&Occupancy(carver));
         let faired = surface::fair(&unfaired, Fairing { lambda, iterations })?;
-        let mesh = self.field_mesh();
+        let mesh = surface::extract(&Distance::new(carver, &self.contours));
         let empty = ReconstructionError::EmptyHull { observed: views };
         let (Some(centroid_um), Some(extents)) = (measure::centroid(&faired), measure::extents(&faired)) else { return Err(empty) };
         let mesh_volume_um3 = measure::volume(&faired);
@@ -248,7 +296,8 @@ impl HullModel {
             sphere_rms_um: sphere.map(|s| s.rms_um),
             aspect_ratio: sphere.map(|_| 2.0 * extent_um[0] / (extent_um[1] + extent_um[2])),
         };
-        Ok(Model { mesh, measurement })
+        let touches_box = measure::extents(&unfaired).is_some_and(|extents| self.touches_box(&extents));
+        Ok(Model { mesh, unfaired, measurement, touches_box })
     }
 }
 

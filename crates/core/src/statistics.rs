@@ -1,4 +1,4 @@
-//! Numbers of samples, and fits that one wrong value does not move.
+//! Statistics of samples, and fits that are robust against single wrong values.
 //!
 //! ```text
 //!   values ── mean, sd, median       (day, value) ── straight line
@@ -9,12 +9,12 @@
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-/// 0 of none.
+/// The mean. 0 without values.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// 0 of none, the upper one of an even number.
+/// The median; of an even number of values the upper one of the middle two. 0 without values.
 pub fn median(mut values: Vec<f64>) -> f64 {
     if values.is_empty() {
         return 0.0;
@@ -23,21 +23,24 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// The median of magnitudes as a standard deviation.
-pub fn mad_sd(values: &[f64]) -> f64 {
+/// The median of the magnitudes, scaled to a standard deviation.
+pub(crate) fn mad_sd(values: &[f64]) -> f64 {
     1.4826 * median(values.iter().map(|v| v.abs()).collect())
 }
 
-/// Mean and standard deviation (divisor n - 1) of so many values; none of one.
+/// Number, mean and standard deviation (divisor n - 1) of values.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Spread {
+    /// Number of values.
     pub n: usize,
+    /// Their mean.
     pub mean: f64,
+    /// Their standard deviation. `None` of a single value.
     pub sd: Option<f64>,
 }
 
 impl Spread {
-    /// Nothing of no values.
+    /// The statistics of `values`. `None` without any.
     pub fn of(values: &[f64]) -> Option<Self> {
         let n = values.len();
         let mean = (n > 0).then(|| mean(values))?;
@@ -45,27 +48,28 @@ impl Spread {
         Some(Self { n, mean, sd })
     }
 
-    /// Standard deviation of the mean.
+    /// Standard deviation of the mean. `None` of a single value.
     pub fn sd_of_mean(&self) -> Option<f64> {
         self.sd.map(|sd| sd / (self.n as f64).sqrt())
     }
 }
 
-/// The straight line nearest to points.
+/// A straight line fitted to points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Line {
+    /// Slope of the line, unit of the values per unit of the places.
     pub slope: f64,
-    /// From the scatter about the line; none of two points.
+    /// Standard deviation of the slope, from the scatter about the line. `None` with two points.
     pub slope_sd: Option<f64>,
 }
 
 impl Line {
-    /// Through points, each (place, value); nothing where all are at one place.
+    /// The line through points, each (place, value), by least squares. `None` where all points are at one place.
     pub fn through(points: &[[f64; 2]]) -> Option<Self> {
         let n = points.len() as f64;
         let mean = [0, 1].map(|i| points.iter().map(|p| p[i]).sum::<f64>() / n);
         let squares: f64 = points.iter().map(|[at, _]| (at - mean[0]).powi(2)).sum();
-        // Of no points it is 0 too.
+        // Without points it is 0, too.
         if squares <= 0.0 {
             return None;
         }
@@ -76,18 +80,18 @@ impl Line {
     }
 }
 
-/// Standard deviations from which a residual counts in proportion instead of squared: 95 % as good as least squares where all
-/// is well (Huber).
+/// Residual, in standard deviations, beyond which it counts linearly instead of squared. For normally distributed values the
+/// fit has 95 % of the efficiency of least squares (Huber).
 const KNEE: f64 = 1.345;
 
-/// Weight of a residual that is so many standard deviations long.
-pub fn huber(deviations: f64) -> f64 {
+/// Weight of a residual of this many standard deviations.
+pub(crate) fn huber(deviations: f64) -> f64 {
     if deviations.abs() <= KNEE { 1.0 } else { KNEE / deviations.abs() }
 }
 
-/// The coefficients whose sum over each row is nearest to its value; a row comes with value and weight. `held` is added to the normal
-/// equations. Nothing where the rows do not tell them all.
-pub fn fit<const N: usize>(
+/// The coefficients whose sums over the rows are nearest to the values, by weighted least squares. Each row comes with its
+/// value and weight. `held` is added to the normal equations. `None` where the rows do not determine all coefficients.
+pub(crate) fn fit<const N: usize>(
     rows: impl IntoIterator<Item = (SVector<f64, N>, f64, f64)>,
     held: SMatrix<f64, N, N>,
 ) -> Option<SVector<f64, N>> {
@@ -99,8 +103,8 @@ pub fn fit<const N: usize>(
     Some(normal.cholesky()?.solve(&right))
 }
 
-/// The same so many times, each time with Huber's weights of the residuals before; these scatter by `sd_least` at least.
-pub fn fit_robust<const N: usize>(
+/// The same, repeated, each time with Huber's weights of the previous residuals. The scatter is taken as `sd_least` at least.
+pub(crate) fn fit_robust<const N: usize>(
     rows: &[(SVector<f64, N>, f64)],
     held: SMatrix<f64, N, N>,
     times: usize,

@@ -1,6 +1,6 @@
-//! Units that stand in types where a mix-up would turn a motor or spoil a number.
+//! Units as types, where a mix-up would turn a motor or spoil a number.
 //!
-//! Angles reach the science as `f64` radians (`omega`), as the formulas have them; lengths carry `_um` in their names.
+//! Angles are `f64` in radians (`omega`), as in the formulas. Names of lengths end in `_um`.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,7 +22,7 @@ impl std::fmt::Display for Steps {
     }
 }
 
-/// Motor steps that turn the capillary once, as the exact ratio `num / den` (microsteps times gear), never a float.
+/// Motor steps of one revolution of the capillary, as the exact ratio `num / den` (microsteps times gear), never a float.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "[u32; 2]", into = "[u32; 2]")]
 pub struct StepsPerRevolution {
@@ -39,8 +39,12 @@ pub struct BadStepsPerRevolution {
 }
 
 impl StepsPerRevolution {
+    /// The ratio `num / den`.
+    ///
     /// # Errors
-    /// Refuses a zero on either side of the ratio.
+    /// # Errors
+    ///
+    /// A zero on either side of the ratio.
     pub fn new(num: u32, den: u32) -> Result<Self, BadStepsPerRevolution> {
         if num == 0 || den == 0 {
             return Err(BadStepsPerRevolution { num, den });
@@ -48,43 +52,47 @@ impl StepsPerRevolution {
         Ok(Self { num, den })
     }
 
-    /// The step nearest to the fraction `part / of` of one revolution. Rounding each absolute target errs by at most
-    /// half a step and closes the turn; rounding relative moves does not.
+    /// The step nearest to the fraction `part / of` of one revolution. Rounding each absolute target is off by at most half a
+    /// step and closes the turn; rounding relative moves does not.
     pub fn nearest(self, part: u32, of: u32) -> Steps {
         let (num, den) = (i128::from(self.num) * i128::from(part), i128::from(self.den) * i128::from(of));
         Steps(((2 * num + den).div_euclid(2 * den)) as i64)
     }
 
-    /// The angle in radians that `steps` steps turn the capillary, positive for positive steps.
+    /// The angle by which `steps` steps turn the capillary, rad; positive for positive steps.
     pub fn angle(self, steps: Steps) -> f64 {
         std::f64::consts::TAU * steps.0 as f64 * f64::from(self.den) / f64::from(self.num)
     }
 }
 
-/// Which way positive motor steps turn the capillary: `1` moves the near wall to larger v, `-1` to smaller. It cannot be
-/// told from silhouettes, so it is verified once per rig with a marked capillary and then configured.
+/// The direction in which positive motor steps turn the capillary: `1` moves the near wall to larger v, `-1` to smaller.
+/// Silhouettes cannot show it, so it is verified once per rig with a marked capillary and then configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(try_from = "i8", into = "i8")]
 pub enum Sense {
+    /// Positive steps move the near wall to larger v.
     #[default]
     Positive,
+    /// Positive steps move the near wall to smaller v.
     Negative,
 }
 
+/// A sense of rotation that is neither 1 nor -1.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("sense is {0}; it must be 1 or -1")]
 pub struct BadSense(i8);
 
 impl Sense {
+    /// `1` or `-1`.
     pub fn sign(self) -> f64 {
         f64::from(i8::from(self))
     }
 
-    /// The angle omega of the view taken at `steps`, rad.
+    /// The angle omega of the view taken at position `steps`, rad.
     pub fn omega(self, steps: Steps, per_revolution: StepsPerRevolution) -> f64 {
         match self {
             Self::Positive => per_revolution.angle(steps),
-            // 0 - x, not -x: the first view's angle is 0, never -0.
+            // 0 - x instead of -x: the first view's angle is 0, never -0.
             Self::Negative => 0.0 - per_revolution.angle(steps),
         }
     }

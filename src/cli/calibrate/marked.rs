@@ -8,7 +8,7 @@
 use super::{keep, measured};
 use crate::store::{Recording, RecordingReader};
 use anyhow::Context;
-use carved_core::calibration::mark::{Depth, Edge, End, MarkTrack, MarkView, Seen, Verdict, judge, track};
+use carved_core::calibration::mark::{Depth, Edge, End, MarkSighting, MarkTrack, MarkView, Verdict, judge, track};
 use carved_core::profile::{Moving, Picture, Spot};
 use carved_records::Mode;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -145,7 +145,7 @@ fn find(args: &Args) -> anyhow::Result<Found> {
         found.nearest(&view(at))
     };
     let closure_px = spot(false).zip(spot(true)).map(|(a, b)| (a.u_px - b.u_px).hypot(a.v_px - b.v_px));
-    let said = Seen { depth: args.mark_side, edge: args.mark_edge, end: args.mark_end };
+    let said = MarkSighting { depth: args.mark_side, edge: args.mark_edge, end: args.mark_end };
     let verdict = judge(&found, camera, first.omega, said, closure_px)?;
     let measured = recording.started.parse().with_context(|| format!("started = {:?}", recording.started))?;
     let sense_configured = i8::from(recording.rig.sense);

@@ -10,8 +10,8 @@ use crate::cli::reconstruct::cameras::{self, Cameras};
 use crate::cli::reconstruct::views::{self, View};
 use anyhow::{Context, bail};
 use carved_core::calibration::{
-    Ask, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Verdict, Vrv, calibrate, gate,
-    optimise,
+    Ask, Free, GivenView, Objective as Large, Optimised, Optimiser, Parameter, Priors, Psi, Refusal, Stop, Vrv, VrvVerdict, calibrate,
+    check_vrv, optimise,
 };
 use carved_core::carver::Runs;
 use carved_core::geometry::{BoxUm, VoxelGrid};
@@ -138,18 +138,18 @@ fn least_squares(turn: &Turn) -> anyhow::Result<Value> {
     let Turn { names, views, known, .. } = turn;
     let given: Vec<GivenView> = views.iter().zip(&known.omega).map(|(v, &omega)| GivenView { columns: &v.columns, omega }).collect();
     let found = calibrate(&known.camera, &given, Priors::default())?;
-    let judged = gate(&found, &known.camera, &given);
+    let judged = check_vrv(&found, &known.camera, &given);
     let used = |at: &usize| found.views[*at].bad.is_none();
     let kept: Vec<usize> = (0..views.len()).filter(used).collect();
     let start = Psi::new(known.camera.clone(), kept.iter().map(|&at| known.omega[at]).collect());
     let left_out: Vec<Value> =
         found.views.iter().zip(names).filter_map(|(state, name)| Some(json!({"view": name, "why": state.bad?.to_string()}))).collect();
     match judged.verdict {
-        Verdict::Passed => {}
-        Verdict::NotLargest => note!(
+        VrvVerdict::Passed => {}
+        VrvVerdict::NotLargest => note!(
             "carved: warning: another axis than the calibrated one leaves a larger hull: the views do not quite agree on one turn of one body"
         ),
-        Verdict::Worse => note!(
+        VrvVerdict::Worse => note!(
             "carved: warning: the camera as given leaves a larger hull than the calibrated one: the views do not show one turn of one body"
         ),
     }

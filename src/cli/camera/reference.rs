@@ -9,7 +9,7 @@ use crate::store::{Software, durable, frames};
 use anyhow::{Context, ensure};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::Pipeline;
-use carved_core::profile::{Picture, Reference};
+use carved_core::profile::{EmptyCapillary, Picture};
 use carved_devices::acquisition::Light;
 use carved_devices::hash::sha256_hex;
 use std::path::PathBuf;
@@ -112,7 +112,7 @@ pub fn run(args: &Args, kind: Kind) -> anyhow::Result<()> {
 fn is_empty(config: &Config, frame: &RawFrame) -> anyhow::Result<()> {
     for (name, method) in &config.methods {
         let of_method = || format!("method {name:?}");
-        Reference::new(Picture::from_frame(frame), &method.segment.walls)
+        EmptyCapillary::new(Picture::from_frame(frame), &method.segment.walls)
             .context("no capillary is seen; bring it into the picture, or look at the light")
             .with_context(of_method)?;
         let seen = Pipeline::new(method.pipeline(&config.optics, false)?)?.look(frame)?;

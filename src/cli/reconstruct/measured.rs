@@ -3,12 +3,12 @@
 use super::cameras::{Cameras, Psi};
 use super::report::Clock;
 use super::views::View;
-use carved_core::calibration::{Bad, Calibration, Gate, Moved, VIEWS_LEAST, Verdict, directions, widest_gap};
+use carved_core::calibration::{Bad, Calibration, Moved, VIEWS_LEAST, VrvCheck, VrvVerdict, directions, widest_gap};
 use carved_core::carver::Leaves;
 use carved_core::geometry::{Camera, Projection, VoxelGrid};
 use carved_core::measure::Measurement;
 use carved_core::quality::{QualitySettings, tell_little};
-use carved_core::reconstruction::{HullModel, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
+use carved_core::reconstruction::{HullModel, Model, NotCalibrated, Reconstruction, ReconstructionSettings, TurnModel};
 use carved_core::statistics::mean;
 use carved_core::surface::{self, Mesh};
 use rayon::prelude::*;
@@ -34,7 +34,7 @@ pub(super) struct Measured {
     pub psi: Option<(Camera, Vec<f64>)>,
     pub calibration: Option<Calibration>,
     /// The volumes that no view misses, which the calibration was judged by.
-    pub vrv: Option<Gate>,
+    pub vrv: Option<VrvCheck>,
     pub budget: u32,
     pub touches_box: bool,
     pub flags: Vec<&'static str>,
@@ -115,10 +115,10 @@ pub(super) fn turn(
     let calibrated = reconstruction.calibrate();
     clock.split("calibrate");
     let TurnModel { model, hull, calibration, projections, .. } = reconstruction.measure(calibrated, sphere)?;
-    let vrv = calibration.as_ref().ok().map(|judged| judged.gate);
+    let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
-    let overlaps = overlaps(&hull, &shown, &projections);
+    let overlaps = overlaps(&model.unfaired, &shown, &projections);
     let mut judged = vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()];
     for (at, &i) in seen.iter().enumerate() {
         let state = calibration.as_ref().ok().map(|c| c.views[at]);
@@ -138,7 +138,7 @@ pub(super) fn turn(
         Err(_) => (psi.camera.clone(), psi.omega.clone()),
     };
     let counted: Vec<&View> = shown.iter().zip(&seen).filter(|(_, at)| judged[**at].used).map(|(view, _)| *view).collect();
-    let mut raised = raised_by(&counted, &hull, &model.measurement);
+    let mut raised = raised_by(&counted, &model);
     raised.extend(tell_little(&angles, &QualitySettings::default()).then(|| {
         let gap_deg = widest_gap(&angles).to_degrees();
         let why = format!(
@@ -147,7 +147,7 @@ pub(super) fn turn(
         ("few_views", Some(why))
     }));
     raised.extend((used < views.len()).then_some(("bad_view", None)));
-    raised.extend(vrv.filter(|gate| gate.verdict == Verdict::NotLargest).map(|_| ("calibration_gate", Some(GATE.into()))));
+    raised.extend(vrv.filter(|vrv| vrv.verdict == VrvVerdict::NotLargest).map(|_| ("calibration_gate", Some(GATE.into()))));
     match &calibration {
         Ok(c) => raised.extend(raised_by_calibration(c, &seen)),
         Err(NotCalibrated::NotAsked) => raised.push(("uncalibrated", None)),
@@ -165,7 +165,7 @@ pub(super) fn turn(
         calibration: calibration.ok(),
         vrv,
         budget: hull.carver().budget(),
-        touches_box: hull.touches_box(),
+        touches_box: model.touches_box,
         flags,
         doubts,
     })
@@ -175,7 +175,7 @@ pub(super) fn turn(
 type Raised = (&'static str, Option<String>);
 
 /// By what the views show and what was made of them.
-fn raised_by(shown: &[&View], hull: &HullModel, measurement: &Measurement) -> Vec<Raised> {
+fn raised_by(shown: &[&View], model: &Model) -> Vec<Raised> {
     let leaves = |side: fn(&Leaves) -> bool| shown.iter().any(|v| side(&v.leaves()));
     let mut raised: Vec<Raised> = Vec::new();
     for (flag, side, leaves) in [("clipped_left", "left", leaves(|l| l.left)), ("clipped_right", "right", leaves(|l| l.right))] {
@@ -183,8 +183,8 @@ fn raised_by(shown: &[&View], hull: &HullModel, measurement: &Measurement) -> Ve
             raised.push((flag, Some(format!("warning: the silhouettes reach the image's {side} side: what lies beyond is not measured"))));
         }
     }
-    raised.extend(hull.touches_box().then(|| ("outside_box", Some(BOX.into()))));
-    raised.extend(measurement.is_nonconvex().then_some(("nonconvex", None)));
+    raised.extend(model.touches_box.then(|| ("outside_box", Some(BOX.into()))));
+    raised.extend(model.measurement.is_nonconvex().then_some(("nonconvex", None)));
     raised
 }
 
@@ -231,12 +231,12 @@ pub(super) fn hull(
     let model = hull.finish(sphere)?;
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
     let through: Vec<Projection> = seen.iter().map(|&i| projections[i]).collect();
-    let overlaps = overlaps(&hull, &shown, &through);
+    let overlaps = overlaps(&model.unfaired, &shown, &through);
     let mut judged = vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()];
     for (&i, &overlap) in seen.iter().zip(&overlaps) {
         judged[i] = Judged { used: true, overlap: Some(overlap), ..Judged::default() };
     }
-    let touches_box = hull.touches_box();
+    let touches_box = model.touches_box;
     let raised = [
         (touches_box, "outside_box"),
         (seen.len() < VIEWS_LEAST, "few_views"),
@@ -258,12 +258,11 @@ pub(super) fn hull(
 }
 
 /// Overlap of each view's mask with the hull seen through its own projection.
-fn overlaps(hull: &HullModel, views: &[&View], projections: &[Projection]) -> Vec<f64> {
-    let mesh = hull.unfaired_mesh();
+fn overlaps(mesh: &Mesh, views: &[&View], projections: &[Projection]) -> Vec<f64> {
     views
         .par_iter()
         .zip(projections)
-        .map(|(view, projection)| view.mask.iou(&surface::silhouette(&mesh, projection, view.mask.width(), view.mask.height())))
+        .map(|(view, projection)| view.mask.iou(&surface::silhouette(mesh, projection, view.mask.width(), view.mask.height())))
         .collect()
 }
 

@@ -2,11 +2,11 @@
 
 use super::input::{self, Input, Kind};
 use anyhow::Context;
-use carved_core::profile::{Picture, Reference, SegmentSettings};
+use carved_core::profile::{EmptyCapillary, Picture, SegmentSettings};
 use std::path::Path;
 
 pub(super) struct Empty {
-    pub reference: Reference,
+    pub reference: EmptyCapillary,
     /// Of the file's bytes.
     pub sha256: String,
     kind: Kind,
@@ -24,7 +24,7 @@ impl Empty {
     pub fn read(file: &Path, settings: &SegmentSettings, bayer: bool) -> anyhow::Result<Self> {
         let name = || format!("--reference {}", file.display());
         let input = input::read(file, bayer).with_context(name)?;
-        let reference = Reference::new(Picture::from_frame(&input.frame), &settings.walls).with_context(name)?;
+        let reference = EmptyCapillary::new(Picture::from_frame(&input.frame), &settings.walls).with_context(name)?;
         Ok(Self { reference, sha256: input.sha256.clone(), kind: input.kind() })
     }
 

@@ -4,7 +4,7 @@ use super::document::{Goal, Section, table};
 use super::effort::Work;
 use super::statistics::Summary;
 use super::turn::{Turn, even_plan, grid, off};
-use carved_core::calibration::Verdict;
+use carved_core::calibration::VrvVerdict;
 use carved_core::carver::Leaves;
 use carved_core::profile::Mask;
 use carved_core::quality::QualitySettings;
@@ -144,11 +144,11 @@ fn outcome(case: Case, seed: u64) -> anyhow::Result<Outcome> {
         Ok(finished) => finished,
         Err(error) => return Ok(Outcome { named: Vec::new(), refused: Some(format!("refused: {error}")), volume: None, wrong: false }),
     };
-    let TurnModel { model, hull, calibration, .. } = finished;
+    let TurnModel { model, calibration, .. } = finished;
     let m = model.measurement;
     match calibration {
-        Ok(Judged { calibration: found, gate }) => {
-            named.extend((gate.verdict == Verdict::NotLargest).then_some("calibration gate"));
+        Ok(Judged { calibration: found, vrv }) => {
+            named.extend((vrv.verdict == VrvVerdict::NotLargest).then_some("calibration gate"));
             named.extend(found.views.iter().any(|v| v.bad.is_some()).then_some("view left out"));
             named.extend(found.moved.is_some().then_some("moved"));
             named.extend(found.has_wrong_steps().then_some("wrong steps"));
@@ -157,7 +157,7 @@ fn outcome(case: Case, seed: u64) -> anyhow::Result<Outcome> {
     }
     named.extend((m.views < QualitySettings::default().views_least).then_some("few views"));
     named.extend(m.fallback.is_some().then_some("not convex: voxels"));
-    named.extend(hull.touches_box().then_some("outside the box"));
+    named.extend(model.touches_box.then_some("outside the box"));
     named.sort_unstable();
     named.dedup();
     let volume = off(m.volume_um3, turn.truth.size.hull_volume_um3);

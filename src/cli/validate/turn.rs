@@ -158,7 +158,7 @@ pub fn estimate(turn: &Turn, stops: &[usize]) -> Option<Estimate> {
     }
     let found = turn.calibrated(&stops).ok()?;
     let given = turn.given(&stops);
-    let sections = Sections::of(&Pose::new(&found.camera), &found.turn_views(&given), found.residual_sd_um, [false; 2])?;
+    let sections = Sections::of(&Pose::new(&found.camera), &found.turn_views(&given), found.residual_sd_um, [false; 2]).ok()?;
     let support = SupportEstimate::of(&sections);
     let [volume_calibration_um3, _] = calibration_sd(&found, &given).unwrap_or_default();
     let spread = Spread {
@@ -171,7 +171,7 @@ pub fn estimate(turn: &Turn, stops: &[usize]) -> Option<Estimate> {
 }
 
 pub fn sections(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<SupportEstimate> {
-    Sections::of(pose, views, sd_um, [false; 2]).map(|s| SupportEstimate::of(&s))
+    Sections::of(pose, views, sd_um, [false; 2]).ok().map(|s| SupportEstimate::of(&s))
 }
 
 /// The paper's numbers of a hull.

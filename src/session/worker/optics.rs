@@ -19,7 +19,7 @@ use super::gates;
 use super::turn::retaken_most;
 use crate::config::{CameraTooNear, Method, Policy};
 use crate::session::preflight;
-use carved_core::pipeline::{Pipeline, PipelineError, Seen};
+use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
 use carved_core::profile::{Profile, ProfileError};
 use carved_devices::acquisition::{Light, PlanError};
 use std::collections::BTreeMap;
@@ -77,12 +77,12 @@ impl OpticsFault {
     }
 
     /// The fault that the frame shows on which a well is judged.
-    pub fn of_judged(light: &Light, seen: &Seen, pipeline: &Pipeline, method: &Method) -> Option<Self> {
+    pub fn of_judged(light: &Light, seen: &SegmentedFrame, pipeline: &Pipeline, method: &Method) -> Option<Self> {
         let shows_nothing = |profile: &Profile, policy: &Policy| gates::skipped(profile, policy).is_some();
         Self::of_picture(light, &seen.profile, |profile| shows_nothing(profile, &method.policy)).or_else(|| {
             let (profile, settings) = (seen.profile.as_ref().ok()?, pipeline.settings());
             let (ux, ky) = (settings.camera.ux, settings.camera.ky);
-            let expected_px = settings.reference.as_deref().map(|empty| empty.walls().bore_px(ux));
+            let expected_px = settings.empty_capillary.as_deref().map(|empty| empty.walls().bore_px(ux));
             of_scale(profile.walls.bore_px(ux), ky, method, expected_px)
         })
     }
@@ -92,7 +92,7 @@ impl OpticsFault {
         let level = || preflight::light(light).err().map(|(found, way_out)| Self::Level(format!("{found}; {way_out}")));
         match profile {
             Err(e @ (ProfileError::Black { .. } | ProfileError::OverExposed { .. })) => Some(Self::Light(e.clone())),
-            Err(e @ (ProfileError::TooSmall { .. } | ProfileError::ReferenceSize { .. })) => Some(Self::Frame(e.clone())),
+            Err(e @ (ProfileError::TooSmall { .. } | ProfileError::EmptyCapillarySize { .. })) => Some(Self::Frame(e.clone())),
             Err(e @ (ProfileError::NoWalls { .. } | ProfileError::OnItsSide | ProfileError::TooTight { .. })) => {
                 level().or_else(|| Some(Self::Capillary(e.clone())))
             }

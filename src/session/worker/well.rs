@@ -16,7 +16,7 @@ use super::{OpticsFault, Progress, RunError, WellEnd, Worker, gates, optics_faul
 use crate::session::{Instrument, Live, live, placing};
 use crate::store::{RecordingWriter, set_aside};
 use carved_core::frame::RawFrame;
-use carved_core::pipeline::{Pipeline, PipelineError, Seen};
+use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
 use carved_devices::acquisition::{self, Light};
 use carved_devices::sampler::{Expected, Loaded};
 use carved_records::{Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes};
@@ -236,7 +236,7 @@ impl Worker {
         pipeline: &Pipeline,
         times: &mut WellTimes,
         cancel: &carved_devices::cancel::CancelToken,
-    ) -> Result<(RawFrame, Result<Seen, PipelineError>), RunError> {
+    ) -> Result<(RawFrame, Result<SegmentedFrame, PipelineError>), RunError> {
         let Self { context, instrument: Instrument { rig, .. } } = self;
         // One bad frame is no fault of the instrument's, whatever the policy.
         let (mut retries, mut placings) = (context.method.policy.retries.max(1), PLACINGS);

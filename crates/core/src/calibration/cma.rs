@@ -1,19 +1,19 @@
-//! Evolution strategy with an adapted covariance matrix (CMA-ES) within bounds; the same seed gives the same search.
+//! CMA-ES: an evolution strategy that adapts a covariance matrix, within bounds. The same seed gives the same search.
 //!
 //! ```text
 //!   draw lambda points of N(mean, sigma^2 C) ─► put them within bounds ─► rank ─► mean of the better half
 //!        ▲                                                                          │
 //!        └──── C: path and spread of the steps taken ◄── sigma: length of their path ┘
 //! ```
-//! By Hansen, The CMA Evolution Strategy: A Tutorial (arXiv:1604.00772), its standard constants, without the negative update. A
-//! point beyond a bound is put on it, and is learned from where it was put.
+//! Source: Hansen, The CMA Evolution Strategy: A Tutorial (arXiv:1604.00772), with its standard constants and without the
+//! negative update. A point beyond a bound is moved onto the bound, and the strategy learns from the moved point.
 
-use super::search::{Counted, Found, Reach, Stop};
+use super::search::{Counted, Minimum, Reach, Stop};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
-/// Looks for the least value of `function`.
-pub fn minimise(reach: &[Reach], stop: Stop, seed: u64, function: impl FnMut(&[f64]) -> f64) -> Found {
+/// Searches for the least value of `function`.
+pub(crate) fn minimise(reach: &[Reach], stop: Stop, seed: u64, function: impl FnMut(&[f64]) -> f64) -> Minimum {
     let mut function = Counted::new(reach, function);
     let mut draw = Normal(seed);
     let n = reach.len();
@@ -25,7 +25,7 @@ pub fn minimise(reach: &[Reach], stop: Stop, seed: u64, function: impl FnMut(&[f
     let mut generation = 0;
     loop {
         let eigen = covariance.clone().symmetric_eigen();
-        // Rounding can leave an axis of nothing below nothing.
+        // Rounding can make an eigenvalue of 0 negative.
         let axes = eigen.eigenvalues.map(|v| v.max(1e-30).sqrt());
         if sigma * axes.max() <= stop.share || !sigma.is_finite() {
             return function.found(sigma.is_finite());
@@ -50,7 +50,7 @@ pub fn minimise(reach: &[Reach], stop: Stop, seed: u64, function: impl FnMut(&[f
         let whitened = &eigen.eigenvectors * (eigen.eigenvectors.tr_mul(&step)).component_div(&axes);
         sigma_path = (1.0 - learn.c_sigma) * sigma_path + (learn.c_sigma * (2.0 - learn.c_sigma) * learn.mu_eff).sqrt() * whitened;
         let warmed = 1.0 - (1.0 - learn.c_sigma).powi(2 * generation);
-        // A path that is long for its age says that sigma is too small; the covariance waits for it.
+        // A path that is long for its age says that sigma is too small; the covariance is not adapted until it has grown.
         let steady = sigma_path.norm() / warmed.sqrt() < (1.4 + 2.0 / (n as f64 + 1.0)) * learn.expected;
         let follow = f64::from(u8::from(steady));
         path = (1.0 - learn.c_path) * path + follow * (learn.c_path * (2.0 - learn.c_path) * learn.mu_eff).sqrt() * &step;
@@ -74,7 +74,7 @@ struct Learning {
     c_path: f64,
     c_1: f64,
     c_mu: f64,
-    /// Length of a standard normal vector.
+    /// Expected length of a standard normal vector.
     expected: f64,
 }
 

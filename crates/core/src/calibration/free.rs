@@ -1,40 +1,49 @@
-//! What an objective over silhouettes may free, and why the rest is refused.
+//! Which parameters a search over silhouettes may change, and why the others are refused.
 //!
 //! ```text
-//!   told by silhouettes      uy, gamma                        free within bounds
-//!   hardly told              alpha, omega_i, dy_i             bounded, and held by a prior
-//!   not told, or wrongly     kx, ky, f, ux, s, phi            refused
+//!   determined               uy, gamma                        free within bounds
+//!   weakly determined        alpha, omega_i, dy_i             bounded, and held by a prior
+//!   not, or wrongly          kx, ky, f, ux, s, phi            refused
 //! ```
-//! A prior costs `GAIN_LEAST / 2` of the logarithm of the objective for one standard deviation: what an unknown gains below that
-//! is no reason to believe it.
+//! A prior costs `GAIN_LEAST / 2` of the logarithm of the objective at one standard deviation. A parameter that gains less than
+//! that is not accepted.
 
 use super::psi::Psi;
 use super::search::Reach;
 use crate::statistics::mean;
 use std::str::FromStr;
 
-/// The relative gain that one standard deviation of a prior is worth, twice: half a percent is what the edges' own bias does.
+/// Twice the relative gain that one standard deviation of a prior is worth. Half a percent is what the bias of the edges does.
 const GAIN_LEAST: f64 = 0.005;
 
-/// What can be asked for by name.
+/// A parameter of the paper's camera vector psi, as an operator names it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Parameter {
+    /// Distance of the projection centre from the axis, um.
     F,
+    /// Scale along the capillary, px/um.
     Kx,
+    /// Scale across the capillary, px/um.
     Ky,
+    /// Column of the principal point, px.
     Ux,
+    /// Row of the principal point, px.
     Uy,
+    /// Skew, px/um.
     S,
+    /// Tilt of the capillary towards the camera.
     Alpha,
+    /// Roll of the capillary in the image.
     Gamma,
+    /// Elevation of the projection centre.
     Phi,
-    /// Every view's angle but the first's, which is where the capillary was taken to be.
+    /// The angle of every view but the first. The first is the angle at which the capillary was taken to be.
     Omega,
-    /// Every view's shift.
+    /// The shift of every view down the image, px.
     Dy,
 }
 
-/// How far a parameter may go, and how it is held: in px or rad.
+/// How far a parameter may go, and the prior that holds it; px or rad.
 struct Room {
     most: f64,
     usual: f64,
@@ -45,9 +54,11 @@ struct Room {
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
 impl Parameter {
+    /// Every parameter, in the order of the vector.
     pub const ALL: [Self; 11] =
         [Self::F, Self::Kx, Self::Ky, Self::Ux, Self::Uy, Self::S, Self::Alpha, Self::Gamma, Self::Phi, Self::Omega, Self::Dy];
 
+    /// The name that an operator uses.
     pub fn name(self) -> &'static str {
         match self {
             Self::F => "f",
@@ -72,13 +83,13 @@ impl Parameter {
         if self.is_angle() { "deg" } else { "px" }
     }
 
-    /// px of a px, rad of a degree.
+    /// Internal units in one unit of the operator: 1 for px, the radians of a degree for angles.
     fn of_unit(self) -> f64 {
         if self.is_angle() { DEG } else { 1.0 }
     }
 
-    /// Room of what may be freed. `uy` and `gamma`: what a day's drift and a capillary put in anew are off by. The priors are those
-    /// of the least squares; an angle's is what a step's rounding and a belt leave.
+    /// The room of a parameter that may be freed. `uy` and `gamma` may go as far as a day's drift and a newly mounted capillary
+    /// need. The priors are those of the least squares; that of an angle covers the rounding of a step and the play of a belt.
     fn room(self) -> Option<Room> {
         let room = |most: f64, usual: f64, step: f64, prior_sd: Option<f64>| {
             Some(Room {
@@ -98,7 +109,7 @@ impl Parameter {
         }
     }
 
-    /// What an objective over silhouettes makes of it when it is let go, and where it comes from instead.
+    /// What an objective over silhouettes does with this parameter when it is free, and where its value comes from instead.
     fn why(self) -> &'static str {
         match self {
             Self::Kx | Self::Ky => {
@@ -126,37 +137,61 @@ impl std::fmt::Display for Parameter {
     }
 }
 
-/// Why something is not freed as it was asked for.
+/// Why a parameter is not freed as it was requested.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
+    /// Silhouettes do not determine the parameter, or determine it wrongly.
     #[error("{0} is not freed: {why}", why = .0.why())]
     NotTold(Parameter),
+    /// The requested reach is too large; the search uses `most`.
     #[error("{parameter} is bounded to {most} {unit} to either side, {asked} were asked for: {why}", why = .parameter.why())]
-    TooFar { parameter: Parameter, asked: f64, most: f64, unit: &'static str },
+    TooFar {
+        /// The parameter.
+        parameter: Parameter,
+        /// The requested reach to either side, in `unit`.
+        asked: f64,
+        /// The largest reach, in `unit`.
+        most: f64,
+        /// `px` or `deg`.
+        unit: &'static str,
+    },
+    /// The text after `=` is not a reach.
     #[error("{text:?} is no reach; ask for a number above 0 of {unit}, as in {parameter}={usual}")]
-    Reach { parameter: Parameter, text: String, usual: f64, unit: &'static str },
+    Reach {
+        /// The parameter.
+        parameter: Parameter,
+        /// The text that was given.
+        text: String,
+        /// A usual reach, in `unit`, for the message.
+        usual: f64,
+        /// `px` or `deg`.
+        unit: &'static str,
+    },
+    /// The name is not that of a parameter.
     #[error("{0:?} is no parameter; uy, gamma, alpha, omega and dy can be freed")]
     Unknown(String),
+    /// The parameter is requested more than once.
     #[error("{0} is asked for twice")]
     Twice(Parameter),
 }
 
-/// A parameter with the reach that was asked for.
+/// A parameter, with the reach that was requested for it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ask {
+    /// The parameter to free.
     pub parameter: Parameter,
-    /// px or deg to either side.
+    /// Reach to either side, px or deg. `None` asks for the usual one.
     pub reach: Option<f64>,
 }
 
 impl FromStr for Ask {
     type Err = Refusal;
 
-    /// `alpha`, or `alpha=0.5`.
+    /// Reads `alpha`, or `alpha=0.5` with a reach.
     fn from_str(text: &str) -> Result<Self, Refusal> {
         let (name, reach) = text.split_once('=').map_or((text, None), |(name, reach)| (name, Some(reach)));
         let name = match name.trim() {
-            // The paper's one scale, and the usual word.
+            // The paper's single scale, and the usual word for the skew.
             "k" => "kx",
             "skew" => "s",
             name => name,
@@ -174,7 +209,7 @@ impl FromStr for Ask {
     }
 }
 
-/// The unknowns of a search.
+/// The parameters that a search changes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Free(Vec<Freed>);
 
@@ -187,7 +222,8 @@ struct Freed {
 }
 
 impl Free {
-    /// What may be freed of what is asked for, and what is said of the rest. What is asked for too far is bounded.
+    /// The requested parameters that may be freed, and a refusal for each of the others. A reach that is too large is bounded,
+    /// and refused as [`Refusal::TooFar`].
     pub fn new(asked: &[Ask]) -> (Self, Vec<Refusal>) {
         let (mut freed, mut refusals) = (Vec::<Freed>::new(), Vec::new());
         for &Ask { parameter, reach } in asked {
@@ -200,7 +236,7 @@ impl Free {
                 continue;
             }
             let wanted = reach.map_or(usual, |reach| reach * parameter.of_unit());
-            // A degree there and back is not the last bit of a degree.
+            // Degrees to radians and back is not exact to the last bit.
             if wanted > most * (1.0 + 1e-12) {
                 let (asked, most) = (wanted / parameter.of_unit(), (most / parameter.of_unit() * 1e9).round() / 1e9);
                 refusals.push(Refusal::TooFar { parameter, asked, most, unit: parameter.unit() });
@@ -211,18 +247,19 @@ impl Free {
         (Self(freed), refusals)
     }
 
-    /// The paper's two that silhouettes tell, as near as the closed form comes.
+    /// `uy` and `gamma`, the two parameters that silhouettes determine, with the error of the closed form as reach.
     pub(super) fn near(uy_px: f64, gamma_rad: f64) -> Self {
         let freed = |parameter: Parameter, far: f64| Freed { parameter, far, step: far / 15.0, prior_sd: None };
         Self(vec![freed(Parameter::Uy, uy_px), freed(Parameter::Gamma, gamma_rad)])
     }
 
+    /// Whether nothing is free.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// The unknowns, one after the other, about `psi`.
-    pub fn reaches(&self, psi: &Psi) -> Vec<Reach> {
+    /// One search range per unknown, about `psi`.
+    pub(crate) fn reaches(&self, psi: &Psi) -> Vec<Reach> {
         let of = |freed: &Freed| {
             let reach = |value: f64| Reach::about(value, freed.far, freed.step);
             match freed.parameter {
@@ -239,11 +276,12 @@ impl Free {
         self.0.iter().flat_map(of).collect()
     }
 
+    /// The free parameters, in the order in which they were requested.
     pub fn parameters(&self) -> impl Iterator<Item = Parameter> {
         self.0.iter().map(|freed| freed.parameter)
     }
 
-    /// Of which some value lies at the end of its reach.
+    /// The parameters of which some value lies at the end of its range.
     pub(super) fn on_bound(&self, start: &Psi, values: &[f64]) -> Vec<Parameter> {
         let mut values = values.iter();
         let mut ended = |freed: &Freed| {
@@ -255,7 +293,7 @@ impl Free {
     }
 
     /// `psi` with these values of the unknowns.
-    pub fn apply(&self, psi: &Psi, values: &[f64]) -> Psi {
+    pub(crate) fn apply(&self, psi: &Psi, values: &[f64]) -> Psi {
         let mut psi = psi.clone();
         let mut values = values.iter().copied();
         let mut next = |place: &mut f64| {
@@ -271,7 +309,7 @@ impl Free {
                 Parameter::Omega => psi.omega.iter_mut().skip(1).for_each(&mut next),
                 Parameter::Dy => {
                     psi.dy_px.iter_mut().for_each(&mut next);
-                    // A shift of all views is one of uy.
+                    // A shift of all views is a change of `uy`.
                     let mean = mean(&psi.dy_px);
                     psi.dy_px.iter_mut().for_each(|dy| *dy -= mean);
                 }
@@ -281,7 +319,7 @@ impl Free {
         psi
     }
 
-    /// What the priors cost: alpha's is about 0, the others' about where the search began.
+    /// What the priors cost. That of alpha is about 0, the others are about the start of the search.
     pub(super) fn cost(&self, start: &Psi, psi: &Psi) -> f64 {
         let deviations = |freed: &Freed, sd: f64| -> f64 {
             let all = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| ((a - b) / sd).powi(2)).sum::<f64>();

@@ -1,27 +1,28 @@
-//! What views leave of a specimen when none may miss it, slice by slice: polygons, where the carver counts voxels.
+//! The volume that a set of views leaves when no view may miss it, slice by slice. The carver counts voxels for this; here the
+//! slices are polygons.
 //!
 //! ```text
 //!   slice x ── a strip per view, between its two edges ── cut: a polygon ─┬─ area: the volume left (VRV, eps = 0)
 //!                                                                         └─ its width in each view, over the strip's: coherence
 //! ```
-//! Exact for profiles without gaps up to the rays' spread within a slice (they lean by less than a hundredth), and without a
-//! voxel's grain: a thousandth of a px shows. Each edge is read in the column where it lies itself, whatever the roll; how near to
-//! the camera the strip touches is not known, which is off by a px along the edge at most.
+//! The result is exact for profiles without gaps, up to the spread of the rays within a slice (they lean by less than a
+//! hundredth). It has no voxel grain: a change of a thousandth of a px shows. Each edge is read in the column where it lies,
+//! whatever the roll. How near to the camera the strip touches is not known; this is off by at most a px along the edge.
 
 use super::psi::Psi;
 use super::tangents::{Pose, Side};
 use crate::geometry::Camera;
+use crate::parallel::prelude::*;
 use crate::profile::{ColumnEdges, Columns};
-use rayon::prelude::*;
 
-/// Slices that are looked at.
+/// Number of slices.
 const SLICES: usize = 160;
-/// So many are some 20 us of work: fewer are not worth another thread.
+/// Slices per piece of parallel work: some 20 us. Smaller pieces are not worth a thread.
 const SLICES_TOGETHER: usize = 20;
-/// Half the side of the square that the strips are cut from: no capillary is wider.
+/// Half the side of the square that the strips are cut from, um. No capillary is wider.
 const FAR_UM: f64 = 1e4;
 
-/// A half plane of a slice: its outward normal, and how far its border is from the axis.
+/// A half plane of a slice: its outward normal, and the distance of its border from the axis.
 #[derive(Debug, Clone, Copy)]
 struct Edge {
     normal: [f64; 2],
@@ -34,7 +35,7 @@ impl Edge {
     }
 }
 
-/// Even slices over all that any view shows.
+/// Slices at even steps over everything that any view shows.
 #[derive(Debug, Clone)]
 pub(super) struct HullSlices<'a> {
     columns: Vec<&'a Columns>,
@@ -43,7 +44,7 @@ pub(super) struct HullSlices<'a> {
 }
 
 impl<'a> HullSlices<'a> {
-    /// Slices where `camera` sees the profiles.
+    /// Slices over what `camera` sees of the profiles.
     pub fn new(columns: Vec<&'a Columns>, camera: &Camera) -> Self {
         let extents: Vec<(usize, usize)> = columns.iter().filter_map(|c| c.extent()).collect();
         let from = extents.iter().map(|e| e.0).min().unwrap_or(0);
@@ -55,32 +56,32 @@ impl<'a> HullSlices<'a> {
         Self { columns, xs_um, thick_um }
     }
 
-    /// What all views leave.
+    /// Volume that all views leave.
     pub fn volume_um3(&self, psi: &Psi) -> f64 {
         self.of_each(psi, Cut::area_um2).iter().sum::<f64>() * self.thick_um
     }
 
-    /// Of each view, the area of the hull seen again and that of its profile, um^2 at the axis: widths summed over the slices. A view
-    /// that shows nothing leaves nothing of the others.
-    pub fn seen_again(&self, psi: &Psi) -> Vec<[f64; 2]> {
+    /// For each view the area of the hull projected back and the area of its profile, um^2 at the axis: widths summed over the
+    /// slices. A view without a profile leaves nothing to the others.
+    pub fn reprojected_areas(&self, psi: &Psi) -> Vec<[f64; 2]> {
         let slices = self.of_each(psi, Cut::widths);
         let of = |view: usize| slices.iter().fold([0.0; 2], |sum, slice| [sum[0] + slice[view][0], sum[1] + slice[view][1]]);
         (0..self.columns.len()).map(|view| of(view).map(|width_um| width_um * self.thick_um)).collect()
     }
 
-    /// Mean over the views of the hull's area over the profile's.
+    /// Mean over the views of the area of the hull over the area of the profile.
     pub fn coherence(&self, psi: &Psi) -> f64 {
         let overlap = |[hull, profile]: &[f64; 2]| if *profile > 0.0 { hull / profile } else { 0.0 };
-        let seen = self.seen_again(psi);
+        let seen = self.reprojected_areas(psi);
         seen.iter().map(overlap).sum::<f64>() / seen.len() as f64
     }
 
-    /// In the order of the slices, so that sums are the same on any number of threads.
-    fn of_each<T: Send>(&self, psi: &Psi, told: impl Fn(&Cut) -> T + Sync) -> Vec<T> {
+    /// The results are in the order of the slices, so that sums are the same on any number of threads.
+    fn of_each<T: Send>(&self, psi: &Psi, read: impl Fn(&Cut) -> T + Sync) -> Vec<T> {
         let views = Views::new(&self.columns, psi);
         let of = |cut: &mut Cut, &x_um: &f64| {
             cut.make(&views, x_um);
-            told(cut)
+            read(cut)
         };
         self.xs_um.par_iter().with_min_len(SLICES_TOGETHER).map_init(Cut::default, of).collect()
     }
@@ -89,7 +90,7 @@ impl<'a> HullSlices<'a> {
 /// The views of one psi.
 struct Views<'a> {
     pose: Pose,
-    /// With cosine and sine of the angle, and the shift in px.
+    /// Each with cosine and sine of its angle, and its shift in px.
     views: Vec<(&'a Columns, [f64; 2], f64)>,
 }
 
@@ -99,7 +100,7 @@ impl<'a> Views<'a> {
         Self { pose: Pose::new(&psi.camera), views: columns.iter().zip(&psi.omega).zip(&psi.dy_px).map(of).collect() }
     }
 
-    /// Each view's strip of a slice, where it shows one.
+    /// The strip of each view in a slice, where the view shows one.
     fn strips(&self, x_um: f64) -> impl Iterator<Item = Option<[Edge; 2]>> {
         let middle = self.pose.column(x_um, [0.0; 2]);
         self.views.iter().map(move |&(columns, [cos, sin], dy_px)| {
@@ -116,7 +117,7 @@ impl<'a> Views<'a> {
     }
 }
 
-/// A slice's strips and the convex polygon that they leave; its memory is kept from slice to slice.
+/// The strips of a slice and the convex polygon that they leave. Its memory is kept from slice to slice.
 #[derive(Default)]
 struct Cut {
     strips: Vec<Option<[Edge; 2]>>,
@@ -134,7 +135,7 @@ impl Cut {
         }
         self.polygon.extend([[-FAR_UM, -FAR_UM], [FAR_UM, -FAR_UM], [FAR_UM, FAR_UM], [-FAR_UM, FAR_UM]]);
         for edge in self.strips.iter().flatten().flatten() {
-            // Most edges of many views touch nothing that others left.
+            // Most edges of many views touch nothing that the others left.
             let farthest =
                 self.polygon.iter().fold(f64::NEG_INFINITY, |most, &p| if edge.beyond(p) > most { edge.beyond(p) } else { most });
             if farthest > 0.0 {
@@ -161,7 +162,7 @@ impl Cut {
     }
 }
 
-/// The part of a convex polygon on the inner side of an edge.
+/// The part of a convex polygon that lies inside an edge.
 fn keep_inside(polygon: &[[f64; 2]], edge: &Edge, kept: &mut Vec<[f64; 2]>) {
     kept.clear();
     for (i, p) in polygon.iter().enumerate() {

@@ -1,29 +1,32 @@
-//! Axis, roll, tilt, slip and a shift per view by least squares, each slice's support function eliminated.
+//! Axis, roll, tilt, slip and a shift per view by least squares. The support function of each slice is eliminated.
 //!
 //! ```text
 //!   residual of a tangent = offset(uy, gamma, alpha, dy_i) - h_slice(theta(rho))
 //!   normal matrix of what is sought - what the slices' own coefficients explain of it (Schur) + priors
 //! ```
-//! Shifts that go with cos omega and sin omega are those of a specimen that lies elsewhere, and so on with every odd harmonic.
+//! Shifts that vary with cos omega and sin omega are those of a specimen that lies elsewhere. The same holds for every odd
+//! harmonic: these are the gauge (null-space) directions of the problem.
 
-use super::slices::{Fit, Slice, fit, harmonics};
+use super::slices::{Fit, Slice, SliceError, SlicesLost, fit, harmonics};
 use super::support::Support;
 use super::tangents::{Pose, TurnView};
 use crate::geometry::Camera;
+use crate::parallel::prelude::*;
 use crate::profile::Columns;
 use crate::statistics::mad_sd;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
-/// What is believed before any profile is seen, as standard deviations.
+/// Prior standard deviations of the unknowns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Priors {
-    /// Of gamma and alpha against the camera given. A bead tells its roll by little more than this.
+    /// Of gamma, rad, about the camera as given. The roll of a bead is hardly observable beyond this.
     pub gamma_rad: f64,
+    /// Of alpha, rad, about the camera as given.
     pub alpha_rad: f64,
-    /// Of the ratio of true to planned angles.
+    /// Of the ratio of the true angles to the planned ones.
     pub rho: f64,
+    /// Of the shift of one view, px.
     pub dy_px: f64,
 }
 
@@ -33,85 +36,101 @@ impl Default for Priors {
     }
 }
 
-/// Unknowns before the shifts: uy, gamma, alpha, rho.
+/// Number of unknowns before the shifts: uy, gamma, alpha, rho.
 const SHARED: usize = 4;
-/// Passes are ended by then, converged or not.
+/// Most passes of the least squares; they end then whether or not they have converged.
 pub const PASSES_MOST: usize = 8;
-/// Slices that are looked at.
+/// Number of slices that are fitted.
 const SLICES: usize = 120;
-/// Below this an edge is no better known: the px are 5.5 um, and a tenth is what segmentation gives at its best.
+/// Least standard deviation of an edge, um. A px is 5.5 um, and segmentation at its best gives a tenth of it.
 const SD_LEAST_UM: f64 = 0.2;
 
-/// What holds a shift at nothing, per px^2: a thousandth of a px.
+/// Weight that holds a gauge direction at 0, per px^2: a standard deviation of a thousandth of a px.
 const HELD: f64 = 1e6;
 
-/// A pass that would tilt the camera by more than this many of its prior's standard deviations tilts it not at all. Tilt is told so
-/// weakly that it takes up what fits nothing else, and comes back by half a pass.
+/// A pass that would change the tilt by more than this many standard deviations of its prior leaves it unchanged. The tilt is
+/// so weakly observable that it takes up errors of every other kind, and returns by only half of them per pass.
 const TILT_MOST: f64 = 3.0;
-/// What holds it, per rad^2: a microradian.
+/// Weight that holds the tilt, per rad^2: a standard deviation of a microradian.
 const TILT_HELD: f64 = 1e12;
 
-/// A solution.
+/// A solution of the least squares.
 #[derive(Debug, Clone)]
-pub struct Solution {
+pub(crate) struct Solution {
     pub camera: Camera,
     pub rho: f64,
     pub dy_px: Vec<f64>,
-    /// Of uy (px), gamma, alpha (rad), rho and each dy (px), in this order.
+    /// Covariance of uy (px), gamma, alpha (rad), rho and each dy (px), in this order.
     pub covariance: DMatrix<f64>,
-    /// Robust standard deviation of the residuals.
+    /// Robust standard deviation of the residuals, um.
     pub residual_sd_um: f64,
     pub passes: usize,
     pub converged: bool,
     pub slices: Vec<(Slice, Fit)>,
-    /// Shifts that no slice can tell from its own shape, orthonormal: `dy_px` has no part of them.
-    pub untold: Vec<DVector<f64>>,
+    /// Orthonormal gauge directions of the shifts, which no slice can distinguish from its own shape. `dy_px` has no component
+    /// along them.
+    pub gauge: Vec<DVector<f64>>,
 }
 
-/// Slices that a turn must have in common.
+/// Least number of slices that the views of a turn must have in common.
 const SLICES_LEAST: usize = 8;
 
-/// Why there is no solution.
+/// Why the least squares have no solution.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum SolveError {
+    /// Too many views have no profile.
     #[error("{found} of {given} views have a profile; three quarters are needed. Look at the frames of the others")]
-    FewProfiles { found: usize, given: usize },
+    FewProfiles {
+        /// Views with a profile.
+        found: usize,
+        /// Views given.
+        given: usize,
+    },
+    /// Too few slices have an outline.
     #[error(
-        "{found} slices across the capillary are seen by three quarters of the views; {SLICES_LEAST} are needed. The specimen covers too few columns that the views share: \
-         look whether it slid along the capillary or left the view, and check the scale of the camera"
+        "{found} slices across the capillary have an outline; {SLICES_LEAST} are needed. {lost}. Look whether the specimen slid along the capillary or left \
+         the view, and check the scale of the camera"
     )]
-    FewSlices { found: usize },
+    FewSlices {
+        /// Slices with an outline.
+        found: usize,
+        /// The other slices, by cause.
+        lost: SlicesLost,
+    },
+    /// The normal equations are singular.
     #[error(
         "the edges do not determine the axis: the least squares have no solution. Look whether the profiles are smooth and closed, and measure with the camera as it is"
     )]
     Singular,
 }
 
-/// A view as it is given to the solver.
+/// A view as it is given to the calibration.
 #[derive(Debug, Clone, Copy)]
 pub struct GivenView<'a> {
+    /// Edges of its profile, column by column.
     pub columns: &'a Columns,
-    /// By the ledger.
+    /// Angle of the capillary by the ledger, rad.
     pub omega: f64,
 }
 
-/// The angle that slip turns all others about: where the capillary was taken to be at 0, or nearest to it.
+/// The angle about which slip turns all others: 0, or the angle nearest to it.
 pub(super) fn pivot(given: &[GivenView]) -> f64 {
     given.iter().map(|v| v.omega).min_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(0.0)
 }
 
-/// Starts from `camera` with `rho`, and holds gamma and alpha to the `nominal` one's.
+/// Solves for the turn of one camera. The search starts from `camera` and `rho`; gamma and alpha are held to those of
+/// `nominal`.
 ///
 /// # Errors
-/// When the views show too little of the specimen, or their edges do not determine the axis.
-pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Result<Solution, SolveError> {
+/// [`SolveError`] when the views show too little of the specimen, or when their edges do not determine the axis.
+pub(crate) fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], priors: Priors) -> Result<Solution, SolveError> {
     let n = given.len();
     let first = pivot(given);
     let mut state = State { camera: camera.clone(), rho, dy_px: vec![0.0; n] };
     let xs = places(camera, given)?;
     let turned: Vec<f64> = given.iter().map(|v| first + rho * (v.omega - first)).collect();
     let series = harmonics(&turned);
-    let untold = untold(&turned, series);
+    let gauge = gauge(&turned, series);
     let mut supports: Vec<Option<Support>> = vec![None; xs.len()];
     let mut sd_um = f64::INFINITY;
     let mut passes = 0;
@@ -124,7 +143,7 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
         let slices;
         (slices, sd_um) = fitted(&pose, &views, &xs, &mut supports, series, sd_um)?;
         let (mut matrix, mut right) = normal_equations(&slices, &state, given, first, sd_um, (nominal, rho), priors);
-        for direction in &untold {
+        for direction in &gauge {
             let off = direction.dot(&DVector::from_column_slice(&state.dy_px));
             matrix.view_mut((SHARED, SHARED), (n, n)).ger(HELD, direction, direction, 1.0);
             right.rows_mut(SHARED, n).axpy(HELD * off, direction, 1.0);
@@ -141,13 +160,13 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
                 passes,
                 converged,
                 slices,
-                untold,
+                gauge,
             });
         }
         let mut step = factor.solve(&right);
         let tilts_too_far = step[2].abs() > TILT_MOST * priors.alpha_rad;
         if tilts_too_far {
-            // Edges that are wrong, as of fins that some views miss, are no tilt: it waits until those count less.
+            // Wrong edges, as of fins that some views miss, are no tilt. The tilt waits until these edges have less weight.
             matrix[(2, 2)] += TILT_HELD;
             step = matrix.cholesky().ok_or(SolveError::Singular)?.solve(&right);
         }
@@ -159,14 +178,14 @@ pub fn solve(camera: &Camera, nominal: &Camera, rho: f64, given: &[GivenView], p
             *off -= change;
         }
         passes += 1;
-        // A step well within what is not known anyway changes nothing; one within the resolution of what is asked neither.
+        // A step well within the uncertainty changes nothing, and neither does one within the resolution that is needed.
         let small = |at: usize, resolution: f64| step[at].abs() < resolution.max(0.02 * factor.inverse()[(at, at)].sqrt());
         converged = passes > 1 && !tilts_too_far && small(0, 0.005) && small(1, 1e-5) && small(3, 2e-5);
     }
 }
 
-/// The slices with the support function nearest to each, by columns that the `supports` before tell; and what residuals scatter by, which
-/// `sd_um` was before.
+/// Fits the support function of each slice, in the columns that the previous `supports` indicate. Returns the fitted slices and
+/// the standard deviation of their residuals; `sd_um` is the previous one.
 fn fitted(
     pose: &Pose,
     views: &[TurnView],
@@ -176,23 +195,24 @@ fn fitted(
     sd_um: f64,
 ) -> Result<(Vec<(Slice, Fit)>, f64), SolveError> {
     let rounds = if sd_um.is_finite() { 2 } else { 0 };
-    let slices: Vec<Option<(Slice, Fit)>> = xs
+    let slices: Vec<Result<(Slice, Fit), SliceError>> = xs
         .par_iter()
         .zip(&*supports)
         .map(|(&x_um, support)| {
             let slice = Slice::of(x_um, pose, views, support.as_ref())?;
             let fit = fit(&slice, series, sd_um, rounds)?;
-            Some((slice, fit))
+            Ok((slice, fit))
         })
         .collect();
     for (support, found) in supports.iter_mut().zip(&slices) {
-        *support = found.as_ref().map(|(_, fit)| fit.support.clone());
+        *support = found.as_ref().ok().map(|(_, fit)| fit.support.clone());
     }
+    let lost = SlicesLost::among(&slices);
     let slices: Vec<(Slice, Fit)> = slices.into_iter().flatten().collect();
     if slices.len() < SLICES_LEAST {
-        return Err(SolveError::FewSlices { found: slices.len() });
+        return Err(SolveError::FewSlices { found: slices.len(), lost });
     }
-    // A series with as many coefficients as there are tangents would leave no residual: what is left is per degree of freedom.
+    // A series with as many coefficients as tangents would leave no residual, so the sum is divided by the degrees of freedom.
     let tangents: usize = slices.iter().map(|(s, _)| s.sights.len()).sum();
     let free = (tangents as f64 - (slices.len() * (2 * series + 1)) as f64).max(1.0);
     let all: Vec<f64> = slices.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
@@ -200,9 +220,9 @@ fn fitted(
     Ok((slices, sd_um))
 }
 
-/// Shifts that no slice can tell from its own shape, orthonormal: their mean is the axis', and what goes with an odd harmonic of
-/// omega is that harmonic of every slice. They are left to axis and slices.
-fn untold(omegas: &[f64], harmonics: usize) -> Vec<DVector<f64>> {
+/// Orthonormal gauge directions of the shifts. Their mean is a shift of the axis, and the part that varies with an odd harmonic
+/// of omega is that harmonic of every slice. Both are left to the axis and the slices.
+fn gauge(omegas: &[f64], harmonics: usize) -> Vec<DVector<f64>> {
     let wave = |k: usize, shift: f64| DVector::from_iterator(omegas.len(), omegas.iter().map(|w| (k as f64 * w - shift).cos()));
     let odd = (1..=harmonics).step_by(2).flat_map(|k| [wave(k, 0.0), wave(k, FRAC_PI_2)]);
     let mut basis: Vec<DVector<f64>> = Vec::new();
@@ -211,7 +231,7 @@ fn untold(omegas: &[f64], harmonics: usize) -> Vec<DVector<f64>> {
         for direction in &basis {
             candidate.axpy(-direction.dot(&candidate), direction, 1.0);
         }
-        // What is left of a wave that the others make up is rounding.
+        // The rest of a wave that the others make up is rounding.
         if candidate.norm() > 1e-6 * length {
             basis.push(candidate.normalize());
         }
@@ -225,7 +245,7 @@ struct State {
     dy_px: Vec<f64>,
 }
 
-/// Slices at even steps over what most views see of the specimen.
+/// Places of the slices, um, at even steps over the part of the specimen that most views show.
 fn places(camera: &Camera, given: &[GivenView]) -> Result<Vec<f64>, SolveError> {
     let extents: Vec<(usize, usize)> = given.iter().filter_map(|v| v.columns.extent()).collect();
     if extents.is_empty() || 4 * extents.len() < 3 * given.len() {
@@ -241,7 +261,7 @@ fn places(camera: &Camera, given: &[GivenView]) -> Result<Vec<f64>, SolveError> 
     Ok((0..count).map(|i| pose.slice(from + (to - from) * (i as f64 + 0.5) / count as f64)).collect())
 }
 
-/// Gauss-Newton's matrix and right side, of residuals in standard deviations.
+/// Matrix and right side of the Gauss-Newton step, for residuals in standard deviations.
 fn normal_equations(
     slices: &[(Slice, Fit)],
     state: &State,
@@ -264,7 +284,7 @@ fn normal_equations(
             sum
         })
         .collect();
-    // In a fixed order: the same profiles give the same bits on any number of threads.
+    // The order is fixed: the same profiles give the same bits on any number of threads.
     for (m, r) in parts {
         matrix += m;
         right += r;
@@ -273,7 +293,7 @@ fn normal_equations(
         matrix[(at, at)] += 1.0 / (sd * sd);
         right[at] += off / (sd * sd);
     };
-    // Loose enough to change nothing, for profiles that do not tell an unknown at all.
+    // Loose enough to change nothing. It keeps the equations regular where the profiles do not determine an unknown.
     hold(0, 0.0, 1e3);
     hold(1, state.camera.gamma - nominal.gamma, priors.gamma_rad);
     hold(2, state.camera.alpha - nominal.alpha, priors.alpha_rad);
@@ -284,7 +304,7 @@ fn normal_equations(
     (matrix, right)
 }
 
-/// Adds a slice's equations less what its own coefficients explain.
+/// Adds the equations of a slice, less what the slice's own coefficients explain (Schur complement).
 fn eliminate(
     slice: &Slice,
     fit: &Fit,
@@ -297,7 +317,7 @@ fn eliminate(
     let camera = &state.camera;
     let size = fit.support.coefficients.len();
     let unknowns = right.len();
-    // Own coefficients against what is sought.
+    // The slice's coefficients against the shared unknowns.
     let mut mixed = DMatrix::<f64>::zeros(size, unknowns);
     let mut own = DVector::<f64>::zeros(size);
     let per_variance = 1.0 / (sd_um * sd_um);
@@ -313,7 +333,7 @@ fn eliminate(
             -sign * (slice.x_um + steep * t.touch_um[0]),
             sign * (steep * t.touch_um[1] - t.ray * slice.x_um),
             slope * (given[sight.view].omega - first),
-            // A shift of the axis and one of the profile are the same to one tangent.
+            // For one tangent a shift of the axis and a shift of the profile are the same.
             -sign * px_um,
         ];
         let weight = weight * per_variance;
@@ -330,7 +350,7 @@ fn eliminate(
             own[k] += weight * value * residual;
         }
     }
-    // The fit's factor is of unscaled equations.
+    // The factor of the fit is that of the unscaled equations.
     let factor = fit.normal.l();
     let Some(explained) = factor.solve_lower_triangular(&mixed) else { return };
     let Some(left) = factor.solve_lower_triangular(&own) else { return };

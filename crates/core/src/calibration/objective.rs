@@ -1,22 +1,22 @@
-//! What a search over cameras makes large: the volume that the profiles leave, or how well they agree.
+//! The objectives that a search over cameras maximises: the volume that the profiles leave, or how well they agree.
 //!
 //! ```text
 //!   psi ─┬─ Vrv        voxels that no view misses                         (the paper's)
 //!        └─ Coherence  share of the profiles that the hull fills again    (sub-pixel, nearly free)
 //! ```
-//! VRV is taken with eps = 0. A tolerance lets each voxel choose the views that it likes: with 0.05 the volume left has two
-//! maxima, half a pixel to either side of the true axis, and both beat the truth.
+//! VRV is taken with epsilon 0. With a tolerance each voxel may leave out the views that it likes: with 0.05 the volume has two
+//! maxima, half a pixel to either side of the true axis, and both exceed the value at the truth.
 
 use super::coherence::coherence;
 use super::free::{Free, Parameter};
 use super::psi::Psi;
-use super::search::{Found, Stop};
+use super::search::{Minimum, Stop};
 use super::{cma, simplex};
 use crate::carver::{CarveError, ResidualVolume, Runs};
 use crate::geometry::VoxelGrid;
 use crate::profile::Columns;
 
-/// The paper's objective: how many voxels views leave. Beyond the image's sides nothing lives.
+/// The paper's objective: the number of voxels that the views leave. Beyond the image's sides nothing lives.
 #[derive(Debug, Clone)]
 pub struct Vrv<'a> {
     volume: ResidualVolume,
@@ -25,8 +25,10 @@ pub struct Vrv<'a> {
 }
 
 impl<'a> Vrv<'a> {
+    /// Objective over the runs of some masks, one per view. `epsilon` is the share of the views that may miss a voxel.
+    ///
     /// # Errors
-    /// Refuses a tolerance outside `0..1` and a set without views.
+    /// A tolerance outside `0..1` and a set without views.
     pub fn new(runs: Vec<&'a Runs>, grid: VoxelGrid, epsilon: f64) -> Result<Self, CarveError> {
         if runs.is_empty() {
             return Err(CarveError::NoViews);
@@ -34,12 +36,16 @@ impl<'a> Vrv<'a> {
         Ok(Self { volume: ResidualVolume::new(grid, epsilon)?, runs, voxel_um3: grid.voxel_volume() })
     }
 
+    /// Number of voxels that the views leave at `psi`.
+    ///
     /// # Errors
     /// None for a `psi` of as many views as there are profiles.
     pub fn voxels(&mut self, psi: &Psi) -> Result<u64, CarveError> {
         self.volume.count(self.runs.iter().enumerate().map(|(view, &runs)| (runs, psi.projection(view))))
     }
 
+    /// Volume that the views leave at `psi`, um^3.
+    ///
     /// # Errors
     /// None for a `psi` of as many views as there are profiles.
     pub fn volume_um3(&mut self, psi: &Psi) -> Result<f64, CarveError> {
@@ -47,7 +53,7 @@ impl<'a> Vrv<'a> {
     }
 }
 
-/// What is made large.
+/// What a search maximises.
 #[derive(Debug)]
 pub enum Objective<'a> {
     /// Volume left, um^3.
@@ -57,6 +63,8 @@ pub enum Objective<'a> {
 }
 
 impl Objective<'_> {
+    /// The value at `psi`.
+    ///
     /// # Errors
     /// None for a `psi` of as many views as there are profiles.
     pub fn value(&mut self, psi: &Psi) -> Result<f64, CarveError> {
@@ -67,25 +75,36 @@ impl Objective<'_> {
     }
 }
 
-/// How it is looked for.
+/// The method of the search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Optimiser {
+    /// The simplex of Nelder and Mead: few unknowns.
     NelderMead,
-    CmaEs { seed: u64 },
+    /// CMA-ES: many unknowns, or a function with bumps.
+    CmaEs {
+        /// Start of the random numbers; the same seed gives the same search.
+        seed: u64,
+    },
 }
 
+/// The result of a search.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Optimised {
+    /// The best camera, angles and shifts.
     pub psi: Psi,
+    /// The objective at the start.
     pub before: f64,
+    /// The objective at the result.
     pub after: f64,
+    /// Evaluations of the objective.
     pub evaluations: usize,
+    /// Whether the search ended because its steps were small enough.
     pub converged: bool,
-    /// What ended as far away as it may go: the best may lie beyond.
+    /// Parameters that ended at the end of their range: the best value may lie beyond.
     pub on_bound: Vec<Parameter>,
 }
 
-/// Makes an objective as large as the freed unknowns can within their bounds, priors held against it.
+/// Maximises an objective over the free parameters, within their bounds and held by their priors.
 ///
 /// # Errors
 /// Those of the objective.
@@ -95,7 +114,7 @@ pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, how: Optimi
     let reaches = free.reaches(start);
     let loss = |values: &[f64]| {
         let psi = free.apply(start, values);
-        // Ratios count: a unit less or more must not change what priors weigh.
+        // Only ratios count: another unit of the objective must not change the weight of the priors.
         objective.value(&psi).map_or_else(
             |error| {
                 failed.get_or_insert(error);
@@ -104,7 +123,7 @@ pub fn optimise(start: &Psi, free: &Free, objective: &mut Objective, how: Optimi
             |value| free.cost(start, &psi) - value.ln(),
         )
     };
-    let Found { at, evaluations, converged, .. } = match how {
+    let Minimum { at, evaluations, converged, .. } = match how {
         Optimiser::NelderMead => simplex::minimise(&reaches, stop, loss),
         Optimiser::CmaEs { seed } => cma::minimise(&reaches, stop, seed, loss),
     };

@@ -1,53 +1,79 @@
-//! The rig's own calibration: scale and refraction. Values in, values out.
+//! The rig's own calibration: scale and refraction. It takes values and returns values.
 //!
 //! ```text
 //!  micrometer   known um, seen px ──────────── weighted k ── the larger of stated and found scatter ─┐
 //!  bead, bore   k of today, measured, known ── k measured / known ── certificate, scatter of repeats ┴─ k +- sd, px/um
 //!  bead         length over width ── ky / kx: 1.000 behind water, 1.333 behind air
 //! ```
-//! A turn's silhouettes do not tell `kx` and `ky`: what is known in um must be laid under the camera.
+//! Silhouettes do not determine `kx` and `ky`: an object of known size must be laid under the camera.
 
 use crate::statistics::Spread;
 use serde::{Deserialize, Serialize};
 
-/// ky over kx of a capillary that lies in air: the index of the water within. In water it is 1.
+/// ky over kx where air surrounds a capillary with water within: the refractive index of water. Where water surrounds it, the
+/// ratio is 1.
 pub const KY_OVER_KX_IN_AIR: f64 = 1.333;
-/// A bead whose length and width differ by more is no sphere to the fit: its diameter is no length.
+/// Largest difference of a bead's length over width from 1. A bead beyond it is no sphere to the fit, and its diameter is no
+/// length.
 pub const ASPECT_OFF_MOST: f64 = 0.02;
-/// How far ky over kx may lie from water's or air's and still be called that.
+/// Largest difference of ky over kx from the value for water or air at which it still counts as that.
 const REFRACTION_WITHIN: f64 = 0.01;
 
 /// A scale and its standard deviation, px/um.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scale {
+    /// Scale, px/um.
     pub k: f64,
+    /// Standard deviation, px/um.
     pub sd: f64,
 }
 
-/// What a known object tells of the image's scale across the capillary.
+/// The ratio of the scales across and along the capillary, from beads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Refraction {
-    /// Of the camera that the beads were measured with.
+    /// ky over kx of the camera that the beads were measured with.
     pub ky_over_kx_configured: f64,
-    /// That the beads' length and width were equal.
+    /// ky over kx that makes the beads' length and width equal.
     pub ky_over_kx: f64,
-    /// Of the mean over the beads.
+    /// Standard deviation of `ky_over_kx`, of the mean over the beads. `None` for one bead.
     pub ky_over_kx_sd: Option<f64>,
-    /// The configured ky times this, if kx is right.
+    /// Factor for the configured ky, if kx is right.
     pub ky_factor: f64,
+    /// What the ratio means, in a sentence.
     pub words: String,
 }
 
+/// Why a scale or a ratio cannot be computed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RigError {
+    /// A value is out of its range.
     #[error("{what} is {found}; expected {expected}")]
-    Value { what: &'static str, found: f64, expected: &'static str },
+    Value {
+        /// Name of the value, with its unit.
+        what: &'static str,
+        /// The value.
+        found: f64,
+        /// What it may be.
+        expected: &'static str,
+    },
+    /// Too few values.
     #[error("{found} {what}; {needed} or more are needed")]
-    TooFew { what: &'static str, found: usize, needed: usize },
+    TooFew {
+        /// What there are too few of.
+        what: &'static str,
+        /// Their number.
+        found: usize,
+        /// The number needed.
+        needed: usize,
+    },
+    /// A bead is not round to the fit.
     #[error(
         "length over width of a bead is {found:.4}, more than {ASPECT_OFF_MOST} off 1: kx and ky do not belong together; correct ky (carved calibrate beads tells by how much) and measure again"
     )]
-    NotRound { found: f64 },
+    NotRound {
+        /// Its length over its width.
+        found: f64,
+    },
 }
 
 fn positive(what: &'static str, found: f64) -> Result<f64, RigError> {
@@ -58,10 +84,15 @@ fn not_negative(what: &'static str, found: f64) -> Result<f64, RigError> {
     if found.is_finite() && found >= 0.0 { Ok(found) } else { Err(RigError::Value { what, found, expected: "0 or more" }) }
 }
 
-/// k of distances that are known and seen, each (um, px).
+/// Scale from known distances, each with its length in the image: (um, px).
 ///
-/// A reading error in px weighs longer distances by their square: k = sum(um px) / sum(um^2). Its standard deviation is the larger of
-/// what the stated error makes and what the repeats show, and beside it the ruler's own, `ruler_sd` as a share.
+/// A reading error in px gives longer distances more weight, by their square: k = sum(um px) / sum(um^2). The standard
+/// deviation is the larger of what the stated error `reading_px` makes and what the repeats show, and beside it that of the
+/// ruler, `ruler_sd` (relative).
+///
+/// # Errors
+///
+/// [`RigError`] where there is no reading, or a value is out of its range.
 pub fn from_micrometer(readings: &[[f64; 2]], reading_px: f64, ruler_sd: f64) -> Result<Scale, RigError> {
     if readings.is_empty() {
         return Err(RigError::TooFew { what: "readings of the micrometer", found: 0, needed: 1 });
@@ -79,10 +110,15 @@ pub fn from_micrometer(readings: &[[f64; 2]], reading_px: f64, ruler_sd: f64) ->
     Ok(Scale { k, sd: (reading_px.max(found_px) / squares.sqrt()).hypot(k * ruler_sd) })
 }
 
-/// k from an object of known size that was measured with the k of today.
+/// Scale from an object of known size that was measured with the present scale `k`, px/um.
 ///
-/// `known_sd_um` is the certificate's and stays however often is measured; `batch_sd_um` is that of single objects about the
-/// certificate, and shrinks with their number, as the scatter of the measured sizes does, which holds it too: the larger counts.
+/// `known_sd_um` is the standard deviation of the certificate; it does not shrink with the number of measurements.
+/// `batch_sd_um` is that of single objects about the certificate; it shrinks with their number, as the scatter of the measured
+/// sizes does. The scatter contains it, so the larger one counts.
+///
+/// # Errors
+///
+/// [`RigError`] where there are too few sizes, or a value is out of its range.
 pub fn from_known(k: f64, measured_um: &[f64], known_um: f64, known_sd_um: f64, batch_sd_um: f64) -> Result<Scale, RigError> {
     positive("the scale of today in px/um", k)?;
     positive("the certified size in um", known_um)?;
@@ -100,10 +136,14 @@ pub fn from_known(k: f64, measured_um: &[f64], known_um: f64, known_sd_um: f64, 
     Ok(Scale { k, sd: k * (scatter / found.mean).hypot(known_sd_um / known_um) })
 }
 
-/// Length and width of a bead from its sphere's diameter and length over width.
+/// Length and width of a bead, um, from the diameter of its sphere and its length over width.
 ///
-/// The sphere nearest to a spheroid that is nearly round has a third of it from the length: D = (L + 2 W) / 3, to 0.2 times the
-/// square of the aspect's deviation, which is under 1e-4 within [`ASPECT_OFF_MOST`].
+/// The sphere nearest to a nearly round spheroid has a third of its diameter from the length: D = (L + 2 W) / 3. The error is
+/// 0.2 times the square of the aspect's difference from 1, which is under 1e-4 within [`ASPECT_OFF_MOST`].
+///
+/// # Errors
+///
+/// [`RigError`] where the diameter is not above 0, or the bead is not round.
 pub fn bead_extents(diameter_um: f64, aspect: f64) -> Result<[f64; 2], RigError> {
     positive("a bead's diameter in um", diameter_um)?;
     if aspect.is_nan() || (aspect - 1.0).abs() > ASPECT_OFF_MOST {
@@ -113,7 +153,11 @@ pub fn bead_extents(diameter_um: f64, aspect: f64) -> Result<[f64; 2], RigError>
     Ok([aspect * width, width])
 }
 
-/// What beads' length over width says of ky / kx: a bead is round, so that ky / kx is the configured one over the aspect.
+/// ky over kx from the length over width of beads. A bead is round, so ky over kx is the configured ratio over the aspect.
+///
+/// # Errors
+///
+/// [`RigError`] where there is no bead, or a value is not above 0.
 pub fn refraction(aspects: &[f64], ky_over_kx_configured: f64) -> Result<Refraction, RigError> {
     positive("ky over kx as configured", ky_over_kx_configured)?;
     for aspect in aspects {

@@ -1,4 +1,4 @@
-//! Views that do not belong, and a specimen that did not stay where it was.
+//! Detection of views that do not belong to the turn, and of a specimen that moved.
 //!
 //! ```text
 //!   residuals of a view against the fit of all others, slice by slice ── over the slices ── rms, and what they look like:
@@ -7,33 +7,34 @@
 //! ```
 
 use super::least_squares::Solution;
+use crate::parallel::prelude::*;
 use crate::profile::Columns;
 use crate::statistics::{fit, fit_robust, mad_sd, median};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How one view is off the model of all others.
+/// The difference of one view from the model of all others.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ViewOff {
-    /// Of the distances between its edges and the model's, px; robust.
+pub(crate) struct ViewOff {
+    /// Distances between its edges and those of the model, px: root of the mean square without the largest 5 %.
     pub rms_px: f64,
-    /// Of its edges, those that are far from the model of all others: a leak through a narrow gap.
+    /// Share of its edges that are far from the model of all others: a leak through a narrow gap.
     pub far_share: f64,
-    /// Down the image, its shift in the solution included, px.
+    /// Offset down the image, px. It includes the view's shift in the solution.
     pub dy_px: f64,
-    /// Along the capillary, px.
+    /// Offset along the capillary, px.
     pub dx_px: f64,
-    /// About the capillary against the ledger's angle, rad.
+    /// Turn about the capillary against the ledger's angle, rad.
     pub turn: f64,
-    /// Down the image, if all that is odd in the views' shifts were this view's alone; and what the shifts scatter by without it.
+    /// Offset down the image, px, if this view alone caused everything that is odd in the views' shifts; and the scatter of the
+    /// shifts without it.
     pub jump_px: [f64; 2],
 }
 
-/// Of residuals, what one view may have: a few px of a long profile that are wrong don't make a view wrong.
+/// Share of the largest residuals that is ignored: a few wrong px of a long profile do not make a view wrong.
 const TRIM: f64 = 0.05;
 
-/// Each view against the model of all others; `turned` is each one's angle from the pivot by the ledger.
+/// The difference of each view from the model of all others. `turned` is the ledger's angle of each view from the pivot, rad.
 pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {
     let (camera, slices) = (&solution.camera, &solution.slices);
     (0..solution.dy_px.len())
@@ -41,7 +42,7 @@ pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {
         .map(|view| {
             let mut rows: Vec<(Vector3<f64>, f64)> = Vec::new();
             for (slice, fit) in slices {
-                for (at, off_um) in fit.unheld(slice, view) {
+                for (at, off_um) in fit.leave_one_out(slice, view) {
                     let sight = &slice.sights[at];
                     let sign = sight.side.sign();
                     let [_, slope_um] = fit.support.at(sight.tangent.theta);
@@ -55,33 +56,33 @@ pub fn views_off(solution: &Solution, turned: &[f64]) -> Vec<ViewOff> {
         .collect()
 }
 
-/// An edge that lies lower by 1 px; a specimen that lies 1 px to the right shows what was left of it; one that has turned on shows
-/// what was behind. `slope_px` is the support function's, px per rad.
+/// Derivatives of an edge's distance with respect to a shift down (px), a shift to the right (px) and a turn (rad). `slope_px`
+/// is the slope of the support function, px per rad.
 pub(super) fn row(sign: f64, edge_slope: f64, slope_px: f64) -> Vector3<f64> {
     Vector3::new(sign, -sign * edge_slope, -slope_px)
 }
 
-/// The shift of one view that explains most of all shifts. What the slices took as their own is missing from these, so that a
-/// view that jumped by 7 px shows as some px in every view.
+/// The shift of one view that explains most of all shifts. The part that the slices took up is missing from the shifts, so that
+/// a view that jumped by 7 px shows as some px in every view.
 fn jump(solution: &Solution, view: usize) -> [f64; 2] {
     let n = solution.dy_px.len();
     let mut shape = DVector::zeros(n);
     shape[view] = 1.0;
-    for direction in &solution.untold {
+    for direction in &solution.gauge {
         shape.axpy(-direction[view], direction, 1.0);
     }
-    let told = shape.norm_squared();
+    let observable = shape.norm_squared();
     let shifts = DVector::from_column_slice(&solution.dy_px);
-    let free = n as f64 - solution.untold.len() as f64 - 1.0;
-    if told < 0.05 || free < 1.0 {
+    let free = n as f64 - solution.gauge.len() as f64 - 1.0;
+    if observable < 0.05 || free < 1.0 {
         return [0.0, f64::INFINITY];
     }
-    let size = shape.dot(&shifts) / told;
-    let left = (shifts.norm_squared() - size * size * told).max(0.0);
+    let size = shape.dot(&shifts) / observable;
+    let left = (shifts.norm_squared() - size * size * observable).max(0.0);
     [size, (left / free).sqrt()]
 }
 
-/// Root of the mean square without the largest residuals; 0 of none.
+/// Root of the mean square without the largest residuals. 0 where there are none.
 pub(super) fn trimmed_rms(residuals: impl Iterator<Item = f64>) -> f64 {
     let mut sizes: Vec<f64> = residuals.map(|r| r * r).collect();
     sizes.sort_by(f64::total_cmp);
@@ -89,45 +90,71 @@ pub(super) fn trimmed_rms(residuals: impl Iterator<Item = f64>) -> f64 {
     (sizes.iter().sum::<f64>() / sizes.len().max(1) as f64).sqrt()
 }
 
-/// What edges' distances from a model look like; a row is what a px down, a px along and a radian of turn make of its distance.
+/// Fits the distances of edges from a model. A row has the derivatives by shift down, shift along and turn.
 fn off(rows: &[(Vector3<f64>, f64)]) -> ViewOff {
     let rms_px = trimmed_rms(rows.iter().map(|(_, r)| *r));
     let far = (FAR * rms_px).max(FAR_LEAST_PX);
     let far_share = rows.iter().filter(|(_, r)| r.abs() > far).count() as f64 / rows.len().max(1) as f64;
-    // A px, 3 px and 3 deg are what a view is expected to be off at most: profiles without a slope tell no shift along x.
+    // Expected offsets of a view: 1 px, 3 px and 3 deg. They hold the shift along the capillary where the profiles have no
+    // slope.
     let held = Matrix3::from_diagonal(&Vector3::new(1.0, 3.0, 0.05).map(|sd: f64| 1.0 / (sd * sd)));
     let fit = fit_robust(rows, held, 3, 0.05).unwrap_or_default();
     ViewOff { rms_px, far_share, dy_px: fit[0], dx_px: fit[1], turn: fit[2], jump_px: [0.0; 2] }
 }
 
-/// An edge is far from the model from so many of the view's own residuals on, and from so many px.
+/// An edge is far from the model if its distance exceeds this many residuals of the view, and so many px.
 const FAR: f64 = 6.0;
 const FAR_LEAST_PX: f64 = 4.0;
-/// A view may have this share of its edges far off: tips, and a fin that was lost for a stretch.
+/// Largest share of far edges of a good view: tips, and a fin that was lost over a stretch.
 const FAR_MOST: f64 = 0.08;
 
-/// Why a view is left out; all px.
+/// Why a view is left out of the turn.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Bad {
+    /// The view shows nothing.
     #[error("blank: no pixel of it is inside")]
     Blank,
+    /// Its edges are far from the model of the other views.
     #[error("its profile is {found:.1} px off the other views' model, theirs {usual:.1} px: it leaks, or shows something else")]
-    Residual { found: f64, usual: f64 },
+    Residual {
+        /// Its residual, px.
+        found: f64,
+        /// Median residual of the views, px.
+        usual: f64,
+    },
+    /// Many of its edges are far from the model of the other views.
     #[error("{:.0} % of its edges are far from the other views' model: it leaks, or a part is missing", 100.0 * share)]
-    Far { share: f64 },
+    Far {
+        /// Share of these edges.
+        share: f64,
+    },
+    /// It lies elsewhere in the image.
     #[error("it lies {found:.1} px off in the image where views of this turn scatter by {usual:.1} px: it jumped")]
-    Jumped { found: f64, usual: f64 },
+    Jumped {
+        /// Its offset, px.
+        found: f64,
+        /// Standard deviation of the offsets, px.
+        usual: f64,
+    },
+    /// A part of the specimen is missing along the capillary.
     #[error("{:.0} % of the columns in which the other views show the specimen are empty in it: a part is missing", 100.0 * share)]
-    Short { share: f64 },
+    Short {
+        /// Share of the columns of the other views that are empty in it.
+        share: f64,
+    },
+    /// The area of its profile does not fit the turn.
     #[error("its profile covers {found:.2} times what the other views' turn makes expected: it leaks, or a part is missing")]
-    Area { found: f64 },
+    Area {
+        /// Its area over the expected one.
+        found: f64,
+    },
 }
 
-/// A view is no outlier within these, px: what segmentation and a mounted capillary scatter by.
+/// A view within these offsets, px, is no outlier: segmentation and a mounted capillary scatter by as much.
 const RESIDUAL_LEAST_PX: f64 = 1.5;
 const JUMP_LEAST_PX: f64 = 2.5;
 
-/// The view that is most out of line, if one is.
+/// The view with the largest excess over its limit. `None` where no view exceeds one.
 pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
     let usual = median(offs.iter().map(|o| o.rms_px).collect());
     let spread = |of: &dyn Fn(&ViewOff) -> f64| {
@@ -137,7 +164,7 @@ pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
     };
     let (dx, dx_sd) = spread(&|o| o.dx_px);
     let judged = offs.iter().enumerate().flat_map(|(view, o)| {
-        // The fewer the others, the less they know of the one left out.
+        // The fewer the other views, the less they determine the one that is left out.
         let most = (5.0 * usual).max(RESIDUAL_LEAST_PX) * (1.0 + 7.0 / offs.len() as f64);
         let jump = |off: f64, sd: f64| (off.abs() / (6.0 * sd).max(JUMP_LEAST_PX), Bad::Jumped { found: off.abs(), usual: sd });
         let far = o.far_share / FAR_MOST / (1.0 + 7.0 / offs.len() as f64);
@@ -153,11 +180,12 @@ pub fn worst(offs: &[ViewOff]) -> Option<(usize, Bad)> {
     (excess > 1.0).then_some((view, bad))
 }
 
-/// A profile's area may be off what the turn of the others makes expected by this share: a larva's own turn is 2 omega.
+/// Largest relative difference of a profile's area from what the turn of the others makes expected. A larva's own variation has
+/// the period of half a turn.
 const AREA_OFF: f64 = 0.25;
 
-/// Views whose area is out of line with the turn's, before anything is solved: a profile that leaks to the wall would bend the
-/// model of few views to itself.
+/// Views whose area does not fit the turn, before anything is solved: a profile that leaks to the wall would bend the model of
+/// few views.
 pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
     let mut weights = vec![1.0; views.len()];
     let wave = |omega: f64| Vector3::new(1.0, (2.0 * omega).cos(), (2.0 * omega).sin());
@@ -169,11 +197,11 @@ pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
     for _ in 0..8 {
         let sd = mad_sd(&off).max(0.02);
         for (weight, o) in weights.iter_mut().zip(&off) {
-            // Redescending: a profile of twice the area has no say at all.
+            // Redescending weights: a profile of twice the area has none.
             let far = (o / (4.0 * sd)).abs();
             *weight = if far < 1.0 { (1.0 - far * far).powi(2) } else { 0.0 };
         }
-        // Held to a constant unless the views say otherwise.
+        // A prior holds the variation to 0 unless the views show one.
         let held = Matrix3::from_diagonal(&Vector3::new(1e-9, 0.5, 0.5));
         let rows = views.iter().zip(&weights).map(|((omega, area), weight)| (wave(*omega), area / middle, *weight));
         let Some(fit) = fit(rows, held) else { return Vec::new() };
@@ -182,10 +210,11 @@ pub fn wrong_areas(views: &[(f64, f64)]) -> Vec<(usize, Bad)> {
     off.iter().enumerate().filter(|(_, o)| o.abs() > AREA_OFF).map(|(view, o)| (view, Bad::Area { found: 1.0 + o })).collect()
 }
 
-/// Of the columns that the usual view covers, one may leave this share empty: the thin end of a tail.
+/// Largest share of the usual view's columns that may be empty in a good view: the thin end of a tail.
 const SHORT_MOST: f64 = 0.1;
 
-/// Views that lack a part of what the others show along the capillary: where nothing is seen there is no edge to be off.
+/// Views in which a part of the specimen is missing along the capillary. Where nothing is shown there is no edge whose distance
+/// could be judged.
 pub fn short(views: &[&Columns]) -> Vec<(usize, Bad)> {
     let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.extent()).collect();
     if extents.len() < 6 {
@@ -199,31 +228,35 @@ pub fn short(views: &[&Columns]) -> Vec<(usize, Bad)> {
     shares.filter(|(_, share)| *share > SHORT_MOST).map(|(view, share)| (view, Bad::Short { share })).collect()
 }
 
-/// What changed between the views before `view` and those from it on.
+/// A step in the specimen's pose from one view on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Moved {
+    /// Number of the first view after the step.
     pub view: usize,
-    /// Along the capillary and across it, px.
+    /// Shift along the capillary, px.
     pub along_px: f64,
+    /// Shift across the capillary, px.
     pub across_px: f64,
+    /// Turn about the capillary, rad.
     pub turn_rad: f64,
 }
 
-/// Least views on either side of a change: fewer are bad views.
+/// Least views on either side of a step. Fewer are bad views.
 const SIDE: usize = 3;
-/// Changes below these are not told from what profiles scatter by: 5 um along and across, 1.7 degrees.
+/// Smaller steps are not distinguished from the scatter of profiles: 5 um along and across, 1.7 degrees.
 const MOVED_PX: f64 = 1.0;
 const TURNED: f64 = 0.03;
-/// A change counts from so many standard deviations of its own on: the best of some tens of places is looked for.
+/// Least size of a step in its own standard deviations. The best of some tens of places is searched, so this is large.
 const SURE: f64 = 5.0;
 
-/// Views that show a step, of those on its shorter side: one outlier among few views makes a step of their mean, but most of them then
-/// fit worse with it than without.
+/// Least share of the views on the shorter side that show the step. One outlier among few views shifts their mean, but most of
+/// them then fit worse with the step than without.
 const SHOWN: f64 = 0.75;
-/// Views on either side of a step across: it is a wave with three unknowns, which any three views fit.
+/// Least views on either side of a step across: it is a wave with three unknowns, which any three views fit.
 const SIDE_ACROSS: usize = 2 * SIDE;
 
-/// Looks for the view from which on the specimen lies elsewhere; a round one does not show that it turned.
+/// Searches for the view from which on the specimen lies elsewhere. The turn of a round specimen is not observable: then
+/// `shows_turn` is false.
 pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved> {
     let n = offs.len();
     if n < 2 * SIDE + 2 {
@@ -232,9 +265,10 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved
     let best = (SIDE..=n - SIDE).map(|at| {
         let later = |i: usize| f64::from(u8::from(i >= at));
         let along = step(offs, at, |o| o.dx_px, |_| vec![1.0], |i| vec![later(i)]);
-        // Another number of steps per revolution turns the views by more and more, not from one to the next.
+        // Another number of steps per revolution turns the views by more and more, not from one view to the next.
         let turn = if shows_turn { step(offs, at, |o| o.turn, |i| vec![1.0, omegas[i]], |i| vec![later(i)]) } else { (0.0, 0.0) };
-        // A body that lies elsewhere across moves with cos and sin of omega. Of few views, most of that goes to the slices' own shapes.
+        // A body that lies elsewhere across moves with cos and sin of omega. With few views most of that goes into the shapes
+        // of the slices.
         let wave = |i: usize| vec![1.0, omegas[i].cos(), omegas[i].sin()];
         let across = if n < ACROSS_LEAST || at.min(n - at) < SIDE_ACROSS {
             (0.0, 0.0)
@@ -251,11 +285,11 @@ pub fn moved(offs: &[ViewOff], omegas: &[f64], shows_turn: bool) -> Option<Moved
     best.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(score, _)| *score > 0.0).map(|(_, moved)| moved)
 }
 
-/// Views from which on shifts tell whether a body moved across.
+/// Least views with which shifts show whether a body moved across.
 const ACROSS_LEAST: usize = 20;
 
-/// What the rows of the views from `at` on add in explaining a value of each view: its size, and how sure, as the root of F; 0 where
-/// most views of the shorter side do not show it.
+/// How much the rows of the views from `at` on add to the explanation of a value of each view: size of the step, and its
+/// significance as the root of F. Both are 0 where most views of the shorter side do not show the step.
 fn step(
     offs: &[ViewOff],
     at: usize,
@@ -283,7 +317,7 @@ fn step(
     }
     let (without, with) = (without.norm_squared(), with.norm_squared());
     let added = found.rows(found.len() - more, more);
-    // Of a wave, the shift and its height; of one number, itself with its sign.
+    // Of a wave, the larger of shift and amplitude; of one number, the number with its sign.
     let size = if more == 1 { added[0] } else { added[0].abs().max(added[1].hypot(added[2])) };
     let free = (n as f64 - found.len() as f64).max(1.0);
     (size, ((without - with).max(0.0) / more as f64 / (with / free).max(1e-9)).sqrt())

@@ -1,14 +1,14 @@
-//! A bounded search for the least value of a function: what its two methods share.
+//! A bounded search for the least value of a function: the parts that its two methods share.
 //!
 //! ```text
-//!   Reach per unknown ── simplex: few unknowns, few evaluations ──┬── Found
+//!   Reach per unknown ── simplex: few unknowns, few evaluations ──┬── Minimum
 //!                     └─ cma: many, or a bumpy function ──────────┘
 //! ```
-//! Both work in steps: an unknown that is 0 at its start and 1 a first step from it, whatever its unit.
+//! Both methods work in steps: an unknown is 0 at its start and 1 a first step from it, whatever its unit.
 
-/// One unknown: where the search begins, how far it may go, and the length of a first step.
+/// The range of one unknown: start, bounds and length of a first step.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Reach {
+pub(crate) struct Reach {
     pub start: f64,
     pub low: f64,
     pub high: f64,
@@ -16,7 +16,7 @@ pub struct Reach {
 }
 
 impl Reach {
-    /// As far up as down.
+    /// A range that is as far up as down.
     pub fn about(start: f64, far: f64, step: f64) -> Self {
         Self { start, low: start - far, high: start + far, step }
     }
@@ -25,7 +25,7 @@ impl Reach {
         (self.start + steps * self.step).clamp(self.low, self.high)
     }
 
-    /// Steps to the nearer end.
+    /// Steps to the nearer bound.
     pub(super) fn room(&self, steps: f64) -> f64 {
         let [low, high] = self.ends();
         (high - steps).min(steps - low)
@@ -35,7 +35,7 @@ impl Reach {
         [(self.low - self.start) / self.step, (self.high - self.start) / self.step]
     }
 
-    /// The nearest place within reach, in steps.
+    /// The nearest place within the bounds, in steps.
     pub(super) fn within(&self, steps: f64) -> f64 {
         let [low, high] = self.ends();
         steps.clamp(low, high)
@@ -45,21 +45,22 @@ impl Reach {
 /// When a search ends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stop {
+    /// Most evaluations of the function.
     pub evaluations: usize,
-    /// What is still looked at lies within this share of a first step.
+    /// The search ends when it looks no further than this share of a first step.
     pub share: f64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub struct Found {
+pub(crate) struct Minimum {
     pub at: Vec<f64>,
     pub value: f64,
     pub evaluations: usize,
-    /// Within the share of a step, rather than out of evaluations.
+    /// Whether the search ended because its steps were small enough, and not because it ran out of evaluations.
     pub converged: bool,
 }
 
-/// A function of steps that counts its evaluations and keeps the best.
+/// A function of steps that counts its evaluations and keeps the best one.
 pub(super) struct Counted<'a, F> {
     pub reach: &'a [Reach],
     function: F,
@@ -72,7 +73,7 @@ impl<'a, F: FnMut(&[f64]) -> f64> Counted<'a, F> {
         Self { reach, function, best: (reach.iter().map(|r| r.value(0.0)).collect(), f64::INFINITY), evaluations: 0 }
     }
 
-    /// What is no number is as bad as can be.
+    /// A value that is no number counts as infinite.
     pub fn at(&mut self, steps: &[f64]) -> f64 {
         let at: Vec<f64> = self.reach.iter().zip(steps).map(|(r, &s)| r.value(s)).collect();
         let value = (self.function)(&at);
@@ -84,12 +85,12 @@ impl<'a, F: FnMut(&[f64]) -> f64> Counted<'a, F> {
         value
     }
 
-    pub fn found(self, converged: bool) -> Found {
-        Found { at: self.best.0, value: self.best.1, evaluations: self.evaluations, converged }
+    pub fn found(self, converged: bool) -> Minimum {
+        Minimum { at: self.best.0, value: self.best.1, evaluations: self.evaluations, converged }
     }
 }
 
-/// Functions that every method must get to the bottom of.
+/// Functions whose minimum every method must find.
 #[cfg(test)]
 pub(super) mod bowls {
     use super::Reach;

@@ -1,15 +1,15 @@
-//! Nelder and Mead's simplex within bounds.
+//! The simplex of Nelder and Mead, within bounds.
 //!
 //! ```text
 //!   worst ─► through the middle of the others: reflect, further: expand, short of it: contract, else shrink to the best
 //! ```
-//! A vertex beyond a bound is put on it. Coefficients by Gao and Han (Comput. Optim. Appl. 51, 2012), which for two unknowns are
-//! Nelder and Mead's own: with them more unknowns do not flatten the simplex.
+//! A vertex beyond a bound is moved onto it. The coefficients are those of Gao and Han (Comput. Optim. Appl. 51, 2012), which
+//! for two unknowns are Nelder and Mead's own. With them the simplex does not flatten in more dimensions.
 
-use super::search::{Counted, Found, Reach, Stop};
+use super::search::{Counted, Minimum, Reach, Stop};
 
-/// Looks for the least value of `function`.
-pub fn minimise(reach: &[Reach], stop: Stop, function: impl FnMut(&[f64]) -> f64) -> Found {
+/// Searches for the least value of `function`.
+pub(crate) fn minimise(reach: &[Reach], stop: Stop, function: impl FnMut(&[f64]) -> f64) -> Minimum {
     let mut function = Counted::new(reach, function);
     let mut from = vec![0.0; reach.len()];
     let mut again = true;
@@ -17,7 +17,8 @@ pub fn minimise(reach: &[Reach], stop: Stop, function: impl FnMut(&[f64]) -> f64
         let length = if again { 1.0 } else { 0.25 };
         let (best, converged) = descend(&mut function, &from, length, stop);
         let on_bound = reach.iter().zip(&best).any(|(r, &s)| r.room(s) < 1e-9);
-        // Put on a bound the vertices may all have come to lie in it, and look no more across: once more, with all directions.
+        // Vertices that were moved onto a bound may all lie in it, so that the search no longer looks across. It then starts
+        // once more in all directions.
         if converged && again && on_bound {
             (from, again) = (best, false);
         } else {
@@ -26,7 +27,7 @@ pub fn minimise(reach: &[Reach], stop: Stop, function: impl FnMut(&[f64]) -> f64
     }
 }
 
-/// Best vertex, and whether the simplex got small.
+/// Best vertex, and whether the simplex became small.
 fn descend<F: FnMut(&[f64]) -> f64>(function: &mut Counted<F>, from: &[f64], length: f64, stop: Stop) -> (Vec<f64>, bool) {
     let n = from.len();
     let dims = n.max(2) as f64;

@@ -1,4 +1,4 @@
-//! Slices of the specimen, each with the tangents that all views give of it and the support function nearest to them.
+//! Slices of the specimen, with the tangents that all views give of each and the support function nearest to them.
 
 use super::support::{Support, basis};
 use super::tangents::{Pose, Side, Tangent, TurnView};
@@ -6,27 +6,78 @@ use crate::statistics::huber;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use std::f64::consts::TAU;
 
-/// A slice needs this share of the views: towards the ends perspective hides it from some.
+/// Least share of the views that must show a slice: towards the ends perspective hides it from some.
 const SHARE_OF_VIEWS: f64 = 0.75;
 
-/// A tangent with the view and edge that it is from.
+/// Why a slice has no support function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum SliceError {
+    #[error("the views show {found} edges of the slice; {needed} are needed")]
+    FewEdges { found: usize, needed: usize },
+    #[error("the edges of the slice do not determine its outline")]
+    Undetermined,
+    #[error("the outline that is nearest to the slice's edges encloses nothing")]
+    Empty,
+}
+
+/// Slices without a support function, counted by cause.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct SlicesLost {
+    /// Too few views show them.
+    pub few_edges: usize,
+    /// Their edges do not determine an outline.
+    pub undetermined: usize,
+    /// The outline that is nearest to their edges encloses nothing.
+    pub empty: usize,
+}
+
+impl SlicesLost {
+    /// Counts the failures among some slices.
+    pub(crate) fn among<T>(slices: &[Result<T, SliceError>]) -> Self {
+        let mut lost = Self::default();
+        for error in slices.iter().filter_map(|slice| slice.as_ref().err()) {
+            match error {
+                SliceError::FewEdges { .. } => lost.few_edges += 1,
+                SliceError::Undetermined => lost.undetermined += 1,
+                SliceError::Empty => lost.empty += 1,
+            }
+        }
+        lost
+    }
+}
+
+impl std::fmt::Display for SlicesLost {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { few_edges, undetermined, empty } = self;
+        write!(
+            f,
+            "Of the other slices {few_edges} are shown by fewer than three quarters of the views, {undetermined} have edges that do not determine an outline, and {empty} have an outline that encloses nothing"
+        )
+    }
+}
+
+/// The tangents of one slice.
 #[derive(Debug, Clone, Copy)]
-pub struct Sight {
+pub(crate) struct Sight {
     pub view: usize,
     pub side: Side,
     pub tangent: Tangent,
 }
 
-/// The tangents of a slice.
+/// One slice: its place and its tangents.
 #[derive(Debug, Clone)]
-pub struct Slice {
+pub(crate) struct Slice {
     pub x_um: f64,
     pub sights: Vec<Sight>,
 }
 
 impl Slice {
-    /// Nothing where too few views see the slice.
-    pub fn of(x_um: f64, pose: &Pose, views: &[TurnView], support: Option<&Support>) -> Option<Self> {
+    /// The tangents of slice `x_um` (um along the axis). `support` is the slice's own support function from the pass before: it says in
+    /// which column each tangent touches. Without one the column that sees the axis is read.
+    ///
+    /// # Errors
+    /// [`SliceError::FewEdges`] where too few views see the slice.
+    pub fn of(x_um: f64, pose: &Pose, views: &[TurnView], support: Option<&Support>) -> Result<Self, SliceError> {
         let mut sights = Vec::with_capacity(2 * views.len());
         for (view, seen) in views.iter().enumerate() {
             for side in Side::BOTH {
@@ -35,15 +86,19 @@ impl Slice {
                 }
             }
         }
-        (sights.len() as f64 >= 2.0 * SHARE_OF_VIEWS * views.len() as f64).then_some(Self { x_um, sights })
+        let needed = 2.0 * SHARE_OF_VIEWS * views.len() as f64;
+        if (sights.len() as f64) < needed {
+            return Err(SliceError::FewEdges { found: sights.len(), needed: needed.ceil() as usize });
+        }
+        Ok(Self { x_um, sights })
     }
 }
 
 /// The support function nearest to a slice's tangents.
 #[derive(Debug, Clone)]
-pub struct Fit {
+pub(crate) struct Fit {
     pub support: Support,
-    /// Of the offsets, um.
+    /// Residuals of the tangents' offsets, um.
     pub residuals: Vec<f64>,
     pub weights: Vec<f64>,
     /// Rows of the series at each tangent, one after the other.
@@ -52,8 +107,9 @@ pub struct Fit {
 }
 
 impl Fit {
-    /// A view's residuals against the fit of the others: each sight of it with its own residual over what it has of its own fit.
-    pub fn unheld(&self, slice: &Slice, view: usize) -> Vec<(usize, f64)> {
+    /// Leave-one-out residuals of a view, um: the residuals of its tangents against the fit of all other views. Each comes with
+    /// the number of its tangent. Empty where the view has no tangent, or where the others do not determine the fit.
+    pub fn leave_one_out(&self, slice: &Slice, view: usize) -> Vec<(usize, f64)> {
         let own = own(slice, view);
         if own.is_empty() {
             return Vec::new();
@@ -63,19 +119,19 @@ impl Fit {
         // (I - B S B' W) e = r
         let open = DMatrix::from_fn(own.len(), own.len(), |a, b| f64::from(u8::from(a == b)) - lever[(a, b)] * self.weights[own[b]]);
         let residual = DVector::from_iterator(own.len(), own.iter().map(|&at| self.residuals[at]));
-        // A view that alone tells some coefficient cannot be judged by the others.
-        let Some(unheld) = open.lu().solve(&residual) else { return Vec::new() };
-        own.into_iter().zip(unheld.iter().copied()).collect()
+        // A view that alone determines a coefficient cannot be judged by the others.
+        let Some(leave_one_out) = open.lu().solve(&residual) else { return Vec::new() };
+        own.into_iter().zip(leave_one_out.iter().copied()).collect()
     }
 
     /// How the coefficients change when a view is left out.
     pub fn without(&self, slice: &Slice, view: usize) -> Vec<f64> {
-        let unheld = self.unheld(slice, view);
-        if unheld.is_empty() {
+        let leave_one_out = self.leave_one_out(slice, view);
+        if leave_one_out.is_empty() {
             return vec![0.0; self.support.coefficients.len()];
         }
-        let own: Vec<usize> = unheld.iter().map(|(at, _)| *at).collect();
-        let weighed = DVector::from_iterator(own.len(), unheld.iter().map(|(at, e)| -self.weights[*at] * e));
+        let own: Vec<usize> = leave_one_out.iter().map(|(at, _)| *at).collect();
+        let weighed = DVector::from_iterator(own.len(), leave_one_out.iter().map(|(at, e)| -self.weights[*at] * e));
         self.normal.solve(&(self.rows_of(&own) * weighed)).as_slice().to_vec()
     }
 
@@ -90,8 +146,12 @@ fn own(slice: &Slice, view: usize) -> Vec<usize> {
     slice.sights.iter().enumerate().filter(|(_, s)| s.view == view).map(|(at, _)| at).collect()
 }
 
-/// Fits `harmonics` to a slice; residuals beyond some `sd_um` count less, in so many rounds.
-pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) -> Option<Fit> {
+/// Fits a series of so many harmonics to the tangents of a slice. Residuals beyond the standard deviation `sd_um` count less
+/// (Huber), in so many rounds.
+///
+/// # Errors
+/// [`SliceError::Undetermined`] where the tangents do not determine as many harmonics.
+pub(crate) fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) -> Result<Fit, SliceError> {
     let size = 2 * harmonics + 1;
     let n = slice.sights.len();
     let mut rows = vec![0.0; n * size];
@@ -112,7 +172,7 @@ pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) -> Option
                 }
             }
         }
-        let normal = DMatrix::from_fn(size, size, |a, b| normal[a.max(b) * size + a.min(b)]).cholesky()?;
+        let normal = DMatrix::from_fn(size, size, |a, b| normal[a.max(b) * size + a.min(b)]).cholesky().ok_or(SliceError::Undetermined)?;
         let coefficients = normal.solve(&DVector::from_vec(right));
         let support = Support { coefficients: coefficients.as_slice().to_vec() };
         let residuals: Vec<f64> = slice
@@ -123,7 +183,7 @@ pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) -> Option
             .collect();
         round += 1;
         if round > rounds {
-            return Some(Fit { support, residuals, weights, rows, normal });
+            return Ok(Fit { support, residuals, weights, rows, normal });
         }
         for (weight, residual) in weights.iter_mut().zip(&residuals) {
             *weight = huber(residual / sd_um);
@@ -131,28 +191,29 @@ pub fn fit(slice: &Slice, harmonics: usize, sd_um: f64, rounds: usize) -> Option
     }
 }
 
-/// No slice has more harmonics.
+/// Largest number of harmonics of a slice's series.
 pub const HARMONICS_MOST: usize = 8;
 
-/// Harmonics that so many views of a turn determine with enough left over to tell noise from shape: 3, 4, 5 and 8 for 7, 12, 14 and
-/// 21 views. As many coefficients as there are directions would follow every error of an angle.
-pub fn harmonics(omegas: &[f64]) -> usize {
+/// Number of harmonics that the views at these angles (rad) determine, with enough left over to distinguish noise from shape:
+/// 3, 4, 5 and 8 for 7, 12, 14 and 21 views. As many coefficients as directions would follow every error of an angle.
+pub(crate) fn harmonics(omegas: &[f64]) -> usize {
     let by_directions = (0.36 * directions(omegas) as f64) as usize;
     (omegas.len().saturating_sub(1) / 2).min(by_directions).clamp(1, HARMONICS_MOST)
 }
 
-/// Directions that views see a slice's edges from: opposite views are mirror images and count once.
+/// Number of directions from which views at these angles (rad) see the edges of a slice. Opposite views are mirror images and
+/// count once.
 pub fn directions(omegas: &[f64]) -> usize {
     let apart = 0.3 * TAU / (2 * omegas.len().max(1)) as f64;
     gaps(omegas).filter(|gap| *gap > apart).count()
 }
 
-/// The widest angle, rad, in which no view sees an edge.
+/// The widest angle in which no view sees an edge, rad.
 pub fn widest_gap(omegas: &[f64]) -> f64 {
     gaps(omegas).fold(0.0, f64::max)
 }
 
-/// From each direction in which a view sees an edge to the next, rad.
+/// Angle from each direction in which a view sees an edge to the next one, rad.
 fn gaps(omegas: &[f64]) -> impl Iterator<Item = f64> {
     let mut normals: Vec<f64> = omegas.iter().flat_map(|w| [w.rem_euclid(TAU), (w + TAU / 2.0).rem_euclid(TAU)]).collect();
     normals.sort_by(f64::total_cmp);

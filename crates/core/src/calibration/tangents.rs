@@ -1,4 +1,4 @@
-//! A column's edges as tangents to a slice of the specimen.
+//! The edges of a column as tangents of a slice of the specimen.
 //!
 //! ```text
 //!   edge (u, v) ── plane through the projection centre ── cut with the slice x = const ── tangent line (theta, offset)
@@ -6,17 +6,18 @@
 //!   m = (v - dy - uy) / (f ky)             normal in the camera's frame: (cos g - m sin g sin a, -m cos a)
 //!   offset = m (f' - x cos g sin a) - x sin g - y'      over the normal's length; theta = its angle - omega
 //! ```
-//! The column that sees a slice's tangent depends on where the tangent touches, since rays spread and the capillary is rolled:
-//! the slice's own support function, from the pass before, says where that is.
+//! The column that shows a slice's tangent depends on where the tangent touches, since rays spread and the capillary is rolled.
+//! The slice's own support function, from the pass before, gives that place.
 
 use super::support::Support;
 use crate::geometry::Camera;
 use crate::profile::{ColumnEdges, Columns};
 use std::f64::consts::PI;
 
-/// A view with what is known of its pose.
+/// A view with the pose that is known of it.
 #[derive(Debug, Clone, Copy)]
 pub struct TurnView<'a> {
+    /// Edges of its profile, column by column.
     pub columns: &'a Columns,
     /// Angle of the capillary, rad.
     pub omega: f64,
@@ -26,7 +27,7 @@ pub struct TurnView<'a> {
 
 /// Which edge of a column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Side {
+pub(crate) enum Side {
     Upper,
     Lower,
 }
@@ -34,7 +35,7 @@ pub enum Side {
 impl Side {
     pub const BOTH: [Self; 2] = [Self::Upper, Self::Lower];
 
-    /// The outward normal's direction along v.
+    /// Sign of the outward normal along v.
     pub fn sign(self) -> f64 {
         match self {
             Self::Upper => -1.0,
@@ -42,7 +43,7 @@ impl Side {
         }
     }
 
-    /// This one of a column's edges.
+    /// This edge of a column.
     pub fn of(self, edges: ColumnEdges) -> f64 {
         match self {
             Self::Upper => edges.upper,
@@ -53,41 +54,42 @@ impl Side {
 
 /// A tangent of a slice.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Tangent {
+pub(crate) struct Tangent {
     /// Direction of the outward normal in the specimen's frame, rad.
     pub theta: f64,
-    /// Distance from the capillary's axis.
+    /// Distance from the capillary's axis, um.
     pub offset_um: f64,
     /// Tangent of the ray's angle with the optical axis, across the capillary.
     pub ray: f64,
-    /// Of the edge, px of v per px of u.
+    /// Slope of the edge, px of v per px of u.
     pub edge_slope: f64,
-    /// Where the tangent touches, in the camera's frame: across, and in depth from the axis.
+    /// Where the tangent touches, in the camera's frame: across, and in depth from the axis, um.
     pub touch_um: [f64; 2],
-    /// px of the slice's column that the profile does not cover.
+    /// Length of the slice's column that the profile does not cover, px.
     pub gap_px: f64,
 }
 
-/// An edge's line in a slice, before the capillary is turned back: across and in depth; the normal points down the image.
+/// The line of an edge in a slice, before the capillary is turned back: across and in depth. The normal points down the image.
 pub(super) struct Line {
     ray: f64,
     normal: [f64; 2],
-    /// Distance from the axis times the normal's length, which is 1 up to some 1e-5: rays lean by less than a hundredth.
+    /// Distance from the axis times the normal's length. The length is 1 up to some 1e-5, since rays lean by less than a
+    /// hundredth.
     pub offset: f64,
 }
 
 impl Line {
-    /// Its unit normal, and its distance from the axis.
+    /// Unit normal and distance from the axis, um.
     pub fn unit(&self) -> ([f64; 2], f64) {
         let per_length = 1.0 / (self.normal[0] * self.normal[0] + self.normal[1] * self.normal[1]).sqrt();
         (self.normal.map(|n| n * per_length), self.offset * per_length)
     }
 }
 
-/// Columns to either side that an edge's slope is taken over.
+/// Columns to either side over which the slope of an edge is taken.
 const SLOPE_REACH_PX: f64 = 4.0;
 
-/// The camera's pose, worked out once.
+/// The pose of a camera, with its sines and cosines.
 #[derive(Debug, Clone)]
 pub struct Pose {
     camera: Camera,
@@ -95,12 +97,13 @@ pub struct Pose {
     sin_alpha: f64,
     cos_gamma: f64,
     sin_gamma: f64,
-    /// Place of the axis before the camera.
+    /// Place of the axis in front of the camera.
     across_um: f64,
     depth_um: f64,
 }
 
 impl Pose {
+    /// The pose of this camera.
     pub fn new(camera: &Camera) -> Self {
         let (sin_alpha, cos_alpha) = camera.alpha.sin_cos();
         let (sin_gamma, cos_gamma) = camera.gamma.sin_cos();
@@ -108,12 +111,13 @@ impl Pose {
         Self { camera: camera.clone(), cos_alpha, sin_alpha, cos_gamma, sin_gamma, across_um, depth_um }
     }
 
+    /// The camera of the pose.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }
 
-    /// The column in which a point of slice `x_um` is seen that lies `touch_um` from the axis, across and in depth.
-    pub fn column(&self, x_um: f64, touch_um: [f64; 2]) -> f64 {
+    /// Column that shows a point of slice `x_um` at `touch_um` from the axis (across and in depth, um).
+    pub(crate) fn column(&self, x_um: f64, touch_um: [f64; 2]) -> f64 {
         let [across, depth] = touch_um;
         let (along, down) = (x_um * self.cos_gamma - across * self.sin_gamma, x_um * self.sin_gamma + across * self.cos_gamma);
         let right = along * self.cos_alpha + depth * self.sin_alpha;
@@ -122,10 +126,11 @@ impl Pose {
         c.ux + (c.f * c.kx * right + c.s * (down + self.across_um)) / away
     }
 
-    /// The slice that column `u` sees on the axis.
+    /// Place of the slice that column `u` shows on the axis, um along the capillary.
     pub fn slice(&self, u: f64) -> f64 {
         let c = &self.camera;
-        // Straight but for the tilt, whose part of x is 1e-4 of it: two steps are exact to rounding at any tilt that is allowed.
+        // The relation is straight except for the tilt, whose part of x is 1e-4 of it: two steps are exact to rounding at every
+        // tilt that is allowed.
         let mut x_um = (u - c.ux) / c.kx;
         for _ in 0..3 {
             x_um += (u - self.column(x_um, [0.0; 2])) / c.kx;
@@ -142,11 +147,12 @@ impl Pose {
         Line { ray, normal, offset }
     }
 
-    /// The tangent that one edge of a view gives of slice `x_um`, whose support function tells the column to read.
-    pub fn tangent(&self, x_um: f64, view: &TurnView, side: Side, support: Option<&Support>) -> Option<Tangent> {
+    /// The tangent that one edge of a view gives of slice `x_um`. The support function says which column to read. `None` where
+    /// the profile has no edge there.
+    pub(crate) fn tangent(&self, x_um: f64, view: &TurnView, side: Side, support: Option<&Support>) -> Option<Tangent> {
         let sign = side.sign();
         let towards = if side == Side::Upper { PI } else { 0.0 };
-        // The ray leans by less than a hundredth: what touches is what a parallel ray would touch.
+        // Rays lean by less than a hundredth, so the tangent touches where a parallel ray would.
         let [h, slope] = support.map_or([0.0; 2], |s| s.at(towards - view.omega));
         let touch_um = [sign * h, sign * slope];
         let u = self.column(x_um, touch_um);

@@ -1,4 +1,4 @@
-//! The whole of a turn's calibration: which views belong, where the axis is, how far the capillary really turned.
+//! The calibration of a whole turn: which views belong, where the axis is, and how far the capillary really turned.
 
 use super::closed_form::{AxisError, axis};
 use super::least_squares::{GivenView, Priors, Solution, SolveError, pivot, solve};
@@ -8,117 +8,138 @@ use crate::geometry::{Camera, Projection};
 use crate::statistics::{Line, median};
 use nalgebra::Matrix4;
 
-/// A turn of fewer views than these encloses nothing.
+/// Least views that count in a calibration. Fewer views enclose nothing.
 pub const VIEWS_LEAST: usize = 4;
-/// Of the views, what may be left out: more are no outliers but the rule.
+/// Largest share of the views that may be left out. More are not outliers.
 const BAD_SHARE: f64 = 0.3;
-/// Angles off by this ratio are another number of steps per revolution, or a coupling that slips, and are named.
+/// Relative difference of the angles from which on the flag for wrong steps is raised: another number of steps per revolution,
+/// or a coupling that slips.
 const WRONG_STEPS: f64 = 0.01;
-/// A ratio of angles is another than 1 from so many of its standard deviations on.
+/// Standard deviations from which on a ratio of angles differs from 1.
 const SURE: f64 = 5.0;
-/// A prior that holds what is not told.
+/// A prior standard deviation that fixes an unknown.
 const HELD: f64 = 1e-6;
-/// A specimen is round if a camera held where it is given leaves no more than this of what a free one leaves.
+/// A specimen is round if a camera that is held leaves residuals of at most this multiple of a free one's.
 const ROUND: f64 = 1.5;
-/// A slice is a disc if all harmonics but its place are less than this of its mean radius: those of rendered beads are under 0.01,
-/// of most of a larva's slices over 0.1.
+/// A slice is a disc if all harmonics except its place are less than this share of its mean radius. Rendered beads have under
+/// 0.01, most slices of a larva over 0.1.
 const DISC: f64 = 0.05;
-/// Fewer views fit any ratio of angles.
-const TELLS_STEPS: usize = 7;
-/// A ratio of angles is sought no further than this from where its search begins.
+/// Least views that determine a ratio of angles.
+const RHO_VIEWS_LEAST: usize = 7;
+/// Largest relative difference between a ratio of angles and the start of its search.
 const NEAR: f64 = 0.08;
-/// Another ratio of angles leaves no more than this share of the residuals that the planned one leaves.
+/// Another ratio of angles must leave at most this share of the residuals of the planned one.
 const EXPLAINS: f64 = 0.5;
-/// From residuals of this on the angles themselves are doubted, px.
+/// Residual from which on the angles themselves are doubted, px.
 const DOUBT_PX: f64 = 1.0;
 
+/// Why a turn cannot be calibrated.
 #[derive(Debug, Clone, thiserror::Error, PartialEq)]
 pub enum CalibrationError {
+    /// Too few views agree on a specimen.
     #[error(
         "{used} of {given} views show a specimen that they agree on; {VIEWS_LEAST} are needed to tell where the axis is. Calibrate with more views, or \
          measure with the camera as it is"
     )]
-    TooFewViews { used: usize, given: usize },
+    TooFewViews {
+        /// Views that agree.
+        used: usize,
+        /// Views given.
+        given: usize,
+    },
+    /// The closed form finds no axis.
     #[error(transparent)]
     Axis(#[from] AxisError),
+    /// The least squares have no solution.
     #[error(transparent)]
     Solve(#[from] SolveError),
 }
 
-/// What became of a view.
+/// What the calibration found of a view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewState {
-    /// Why it is left out.
+    /// Why the view is left out. `None` for a view that counts.
     pub bad: Option<Bad>,
+    /// Shift of the profile down the image against the camera, px. 0 for a view that is left out.
     pub dy_px: f64,
-    /// Distance between its edges and the model of all others, root of the mean square.
+    /// Root of the mean square distance between its edges and the model of all others, px. `None` for a view that is left out.
     pub residual_px: Option<f64>,
 }
 
-/// Standard deviations of what was found.
+/// Standard deviations of the camera and of the angles.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PsiSd {
+    /// Of uy, px.
     pub uy_px: f64,
+    /// Of gamma, rad.
     pub gamma_rad: f64,
+    /// Of alpha, rad.
     pub alpha_rad: f64,
+    /// Of rho.
     pub rho: f64,
 }
 
+/// The calibration of one turn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
-    /// The given one with uy, gamma and alpha of this turn.
+    /// The camera as given, with uy, gamma and alpha of this turn.
     pub camera: Camera,
-    /// From the closed form alone.
+    /// The camera by the closed form alone.
     pub start: Camera,
-    /// True angles over the ledger's.
+    /// Ratio of the true angles to the ledger's.
     pub rho: f64,
+    /// Standard deviations of the camera and of rho.
     pub sd: PsiSd,
-    /// One per view given.
+    /// What was found of each view, in the order given.
     pub views: Vec<ViewState>,
+    /// The step in the specimen's pose. `None` where it stayed where it was.
     pub moved: Option<Moved>,
-    /// Of the edges against the model.
+    /// Standard deviation of the edges against the model, um.
     pub residual_sd_um: f64,
+    /// Passes of the least squares.
     pub passes: usize,
+    /// Whether the passes converged.
     pub converged: bool,
-    /// Of uy (px), gamma, alpha (rad) and rho.
+    /// Covariance of uy (px), gamma, alpha (rad) and rho.
     pub covariance: Matrix4<f64>,
     first: f64,
 }
 
 impl Calibration {
-    /// The true angle of a view that the ledger has at `omega`.
+    /// The true angle of a view that the ledger has at `omega`, rad.
     pub fn angle(&self, omega: f64) -> f64 {
         self.first + self.rho * (omega - self.first)
     }
 
-    /// The views that count, with what is now known of their pose.
+    /// The views that count, each with its calibrated pose. `given` are all views, as they were calibrated.
     pub fn turn_views<'a>(&self, given: &[GivenView<'a>]) -> Vec<TurnView<'a>> {
         let used = given.iter().zip(&self.views).filter(|(_, state)| state.bad.is_none());
         used.map(|(view, state)| TurnView { columns: view.columns, omega: self.angle(view.omega), dy_px: state.dy_px }).collect()
     }
 
-    /// The projection of a view that the ledger has at `omega`: its shift is one of the principal point.
+    /// The projection of a view that the ledger has at `omega` (rad). The view's shift is added to the principal point.
     pub fn projection(&self, view: usize, omega: f64) -> Projection {
         Camera { uy: self.camera.uy + self.views[view].dy_px, ..self.camera.clone() }.projection(self.angle(omega))
     }
 
-    /// Whether the views tell a ratio of angles other than 1: enough of them, beyond doubt, and no specimen that moved, which looks
-    /// alike where it turned in the capillary once.
-    pub fn tells_steps(&self) -> bool {
+    /// Whether the ratio of angles differs from 1 by more than five standard deviations, in enough views of a specimen that did
+    /// not move. A specimen that turned once in the capillary looks like another ratio.
+    pub fn is_rho_significant(&self) -> bool {
         let used = self.views.iter().filter(|v| v.bad.is_none()).count();
-        used >= TELLS_STEPS && self.moved.is_none() && (self.rho - 1.0).abs() > SURE * self.sd.rho
+        used >= RHO_VIEWS_LEAST && self.moved.is_none() && (self.rho - 1.0).abs() > SURE * self.sd.rho
     }
 
-    /// Whether the capillary did not turn as far as the ledger says.
+    /// Whether the capillary did not turn as far as the ledger says, by more than 1 %.
     pub fn has_wrong_steps(&self) -> bool {
-        self.tells_steps() && (self.rho - 1.0).abs() > WRONG_STEPS
+        self.is_rho_significant() && (self.rho - 1.0).abs() > WRONG_STEPS
     }
 }
 
-/// Finds uy, gamma, alpha, the ratio of true to planned angles and each view's shift; leaves out views that do not belong.
+/// Estimates uy, gamma, alpha, the ratio of true to planned angles and the shift of each view. Views that do not belong are
+/// left out.
 ///
 /// # Errors
-/// When too few views agree on a specimen, or the views do not determine the axis.
+/// [`CalibrationError`] when too few views agree on a specimen, or the views do not determine the axis.
 pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result<Calibration, CalibrationError> {
     let mut bad: Vec<Option<Bad>> = given.iter().map(|v| v.columns.extent().is_none().then_some(Bad::Blank)).collect();
     let good = |bad: &[Option<Bad>]| -> Vec<usize> { (0..given.len()).filter(|&i| bad[i].is_none()).collect() };
@@ -136,7 +157,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     let mut views: Vec<GivenView> = used.iter().map(|&i| given[i]).collect();
     let mut found = solved(camera, &views, priors)?;
     let mut offs = views_off(&found.solution, &turned(&views));
-    let mut shifted = moved(&offs, &turned(&views), found.axis_told);
+    let mut shifted = moved(&offs, &turned(&views), found.is_axis_observable);
     while shifted.is_none() && used.len() > least {
         let Some((at, why)) = worst(&offs) else { break };
         bad[used[at]] = Some(why);
@@ -145,7 +166,7 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
         found = solved(camera, &views, priors)?;
         offs = views_off(&found.solution, &turned(&views));
         // An outlier scatters so far that it hides a step.
-        shifted = moved(&offs, &turned(&views), found.axis_told);
+        shifted = moved(&offs, &turned(&views), found.is_axis_observable);
     }
     let covariance = covariance(camera, &found, &views, &offs, priors);
     let sd = |at: usize| covariance[(at, at)].sqrt();
@@ -169,22 +190,22 @@ pub fn calibrate(camera: &Camera, given: &[GivenView], priors: Priors) -> Result
     })
 }
 
-/// Each view's angle from the pivot, by the ledger.
+/// Angle of each view from the pivot by the ledger, rad.
 fn turned(views: &[GivenView]) -> Vec<f64> {
     views.iter().map(|v| v.omega - pivot(views)).collect()
 }
 
-/// Of uy, gamma, alpha and rho: what the least squares say, and no less than is known otherwise.
+/// Covariance of uy, gamma, alpha and rho: that of the least squares, but not less than what is known otherwise.
 fn covariance(camera: &Camera, found: &Solved, views: &[GivenView], offs: &[ViewOff], priors: Priors) -> Matrix4<f64> {
     let mut covariance = found.solution.covariance.fixed_view::<4, 4>(0, 0).into_owned();
     let mut at_least = |at: usize, sd: f64| covariance[(at, at)] = covariance[(at, at)].max(sd * sd);
-    // What the views' own angles scatter by says how well their ratio is known: errors of theirs are alike in all slices.
+    // The scatter of the views' own angles says how well their ratio is known: an angle's error is the same in all slices.
     let angles: Vec<[f64; 2]> = turned(views).into_iter().zip(offs).map(|(at, off)| [at, off.turn]).collect();
     at_least(3, Line::through(&angles).and_then(|line| line.slope_sd).unwrap_or(0.0));
-    if !found.axis_told {
+    if !found.is_axis_observable {
         at_least(3, priors.rho);
         at_least(1, priors.gamma_rad);
-        // uy is where the axis crosses the principal point's column, and the specimen lies beside it.
+        // uy is the row of the axis in the principal point's column, and the specimen lies beside it.
         let lever_px = median(views.iter().filter_map(|v| v.columns.extent()).map(|(a, b)| (a + b) as f64 / 2.0 - camera.ux).collect());
         at_least(0, lever_px.abs() * priors.gamma_rad);
         at_least(2, priors.alpha_rad);
@@ -192,12 +213,12 @@ fn covariance(camera: &Camera, found: &Solved, views: &[GivenView], offs: &[View
     covariance
 }
 
-/// A solution with where it started from.
+/// A solution with its start.
 struct Solved {
     start: Camera,
     solution: Solution,
-    /// Whether roll and tilt are this turn's: a round specimen does not tell them, and they are the given camera's.
-    axis_told: bool,
+    /// Whether roll and tilt are observable. Of a round specimen they are not, and those of the given camera are used.
+    is_axis_observable: bool,
 }
 
 fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved, CalibrationError> {
@@ -206,33 +227,34 @@ fn solved(camera: &Camera, views: &[GivenView], priors: Priors) -> Result<Solved
         let turned: Vec<_> = views.iter().map(|v| (v.columns, first + rho * (v.omega - first))).collect();
         let start = axis(camera, &turned)?;
         let free = solve(&start, camera, rho, views, priors).ok();
-        // Views that fit no turn are fitted best by none: all angles alike.
+        // Views that fit no turn are fitted best by equal angles, which are no turn.
         let near = |s: &Solution| (s.rho / rho - 1.0).abs() < NEAR;
         let solution = match free.filter(near) {
             Some(solution) => solution,
             None => solve(&start, camera, rho, views, Priors { rho: HELD, ..priors })?,
         };
-        Ok::<_, CalibrationError>(Solved { start, solution, axis_told: true })
+        Ok::<_, CalibrationError>(Solved { start, solution, is_axis_observable: true })
     };
     let residual = |s: &Solved| s.solution.residual_sd_um;
     let mut nominal = from(1.0, priors);
     if nominal.as_ref().is_ok_and(|s| !s.solution.converged && is_round(&s.solution)) {
-        // A round specimen looks alike however the axis lies and however far it turned: nothing settles, and nothing but the axis'
-        // place at the specimen is told.
+        // A round specimen looks alike however the axis lies and however far it turned. Nothing converges, and only the place
+        // of the axis at the specimen is observable.
         let held = from(1.0, Priors { gamma_rad: HELD, alpha_rad: HELD, rho: HELD, ..priors });
         let explains = |held: &Solved| nominal.as_ref().ok().is_none_or(|free| residual(held) < ROUND * residual(free));
         if let Some(held) = held.ok().filter(explains) {
-            nominal = Ok(Solved { axis_told: false, ..held });
+            nominal = Ok(Solved { is_axis_observable: false, ..held });
         }
     }
-    if views.len() < TELLS_STEPS || nominal.as_ref().is_ok_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
+    if views.len() < RHO_VIEWS_LEAST || nominal.as_ref().is_ok_and(|s| residual(s) * camera.ky <= DOUBT_PX) {
         return nominal;
     }
-    // Another number of steps per revolution: the angles are all in one ratio to the plan's.
+    // Another number of steps per revolution: all angles have one ratio to the planned ones.
     let others = RATIOS.iter().filter_map(|&rho| from(rho, priors).ok());
     let better = others.min_by(|a, b| residual(a).total_cmp(&residual(b)));
     match (nominal, better) {
-        // What is planned stands unless another ratio explains all: a specimen that moved fits no ratio, and some a little better.
+        // The planned ratio stands unless another explains everything. A specimen that moved fits no ratio, and some ratios a
+        // little better.
         (Ok(a), Some(b)) if residual(&b) > EXPLAINS * residual(&a) || residual(&b) * camera.ky > DOUBT_PX => Ok(a),
         (_, Some(b)) => Ok(b),
         (nominal, None) => nominal,
@@ -245,6 +267,6 @@ fn is_round(solution: &Solution) -> bool {
     median(solution.slices.iter().map(|(_, fit)| shape(&fit.support.coefficients)).collect()) < DISC
 }
 
-/// Ratios of true to planned angles that are tried; between them the least squares find their way. Half the turn would show every slice
-/// from each side once, and any views fit that.
+/// Ratios of true to planned angles that are tried as a start. Half the turn is not among them: it shows every slice from each
+/// side once, and any views fit that.
 const RATIOS: [f64; 11] = [0.75, 0.8, 0.84, 0.88, 0.92, 0.96, 1.04, 1.08, 1.14, 1.2, 1.3];

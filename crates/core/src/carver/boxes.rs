@@ -1,27 +1,27 @@
-//! The way for any projection: boxes of voxels judged as a whole, smaller and smaller ones where the outline cuts.
+//! Lookup for any projection: boxes of voxels are judged as a whole, and divided where the outline cuts them.
 //!
-//! The image of a box is bounded around the image of its centre `c`: with `u_c = u(c)`, the numerator of `u - u_c` is linear
-//! in space and 0 at `c`, so over the box `|u - u_c| <= sum_a |p_0a - u_c p_2a| h_a / w_min`. A slack for every rounding, of
-//! the bound and of the voxels' own projection, makes the bound rigorous. Whether its pixels are all inside or all outside
-//! is read from a table of sums in four look-ups.
+//! The image of a box is bounded around the image of its centre `c`: with `u_c = u(c)`, the numerator of `u - u_c` is linear in
+//! space and 0 at `c`, so over the box `|u - u_c| <= sum_a |p_0a - u_c p_2a| h_a / w_min`. A slack for the rounding of the
+//! bound and of the voxels' own projection makes the bound rigorous. Whether its pixels are all inside or all outside is read
+//! from a table of sums in four lookups.
 
 use super::counts::{ROW, SIDE, Words, ones};
 use super::definition::{ROUNDING, View};
 use super::misses::{Missed, Verdict};
 
-/// Voxels of a row that are judged at once within a block.
+/// Voxels of a row that are judged together within a block.
 const PIECE: usize = 8;
 
 pub(super) struct Boxes<'a> {
     view: View<'a>,
     magnitude: [f64; 3],
-    /// The pixels that the grid can reach, `[u0, u1) x [v0, v1)`, and the sums over them.
+    /// The pixels that the grid can reach, `[u0, u1) x [v0, v1)`, and their table of sums.
     reach: [usize; 4],
     sums: &'a mut Vec<u32>,
 }
 
 impl<'a> Boxes<'a> {
-    /// `sums` is a buffer to be reused.
+    /// `sums` is a buffer that is reused.
     pub fn new(view: View<'a>, sums: &'a mut Vec<u32>) -> Self {
         let counts = [0, 1, 2].map(|a| view.centres[a].len());
         let mut boxes = Self { view, magnitude: view.magnitude(), reach: [0; 4], sums };
@@ -55,7 +55,7 @@ impl<'a> Boxes<'a> {
         }
     }
 
-    /// What the view misses of a block, `lo` to before `hi`; `live` tells its rows with voxels that matter.
+    /// What the view misses of a block, from `lo` to before `hi`. `live` gives its rows with live voxels.
     pub fn missed(&self, lo: [usize; 3], hi: [usize; 3], live: &Words) -> Missed {
         match self.judge(lo, hi) {
             Verdict::Inside => return Missed::None,
@@ -90,14 +90,14 @@ impl<'a> Boxes<'a> {
         (from..to).enumerate().fold(0, |out, (bit, i)| out | u64::from(!self.view.covers(i, &rest)) << bit)
     }
 
-    /// What the view says of the voxels from `lo` to before `hi`.
+    /// What the view shows of the voxels from `lo` to before `hi`.
     fn judge(&self, lo: [usize; 3], hi: [usize; 3]) -> Verdict {
         let (lo, hi, whole) = match self.bound(lo, hi) {
             Bound::Pixels { lo, hi, whole } => (lo, hi, whole),
             Bound::Nowhere => return Verdict::Outside,
             Bound::Unknown => return Verdict::Cut,
         };
-        // Both this bound and the reach hold every voxel's pixel, so their intersection does.
+        // Both this bound and the reach contain every voxel's pixel, and so does their intersection.
         let [u0, u1, v0, v1] = self.reach;
         let (ua, ub) = (lo[0].max(u0), (hi[0] + 1).min(u1));
         let (va, vb) = (lo[1].max(v0), (hi[1] + 1).min(v1));
@@ -107,7 +107,7 @@ impl<'a> Boxes<'a> {
         let stride = u1 - u0 + 1;
         let at = |u: usize, v: usize| self.sums[(v - v0) * stride + u - u0];
         let covered = (at(ub, vb) - at(ua, vb)) - (at(ub, va) - at(ua, va));
-        // Where a specimen leaves the image its last column decides, which is among these pixels.
+        // Where a specimen leaves the image the last column decides, which is among these pixels.
         if covered == 0 {
             Verdict::Outside
         } else if whole && covered as usize == (ub - ua) * (vb - va) {
@@ -163,10 +163,10 @@ impl<'a> Boxes<'a> {
 }
 
 enum Bound {
-    /// The pixels from `lo` to `hi`, both included; `whole` when nothing of the bound was cut off by the image's border.
+    /// The pixels from `lo` to `hi`, both included. `whole` when the image's border cut nothing off the bound.
     Pixels { lo: [usize; 2], hi: [usize; 2], whole: bool },
-    /// Outside the image or behind the camera as a whole.
+    /// Entirely outside of the image or behind the camera.
     Nowhere,
-    /// Some of the box may lie behind the camera, or where a specimen that leaves the image goes on.
+    /// Part of the box may lie behind the camera, or where a specimen that leaves the image continues.
     Unknown,
 }

@@ -22,7 +22,7 @@ pub(super) fn ones(n: usize) -> u64 {
     if n < ROW { (1 << n) - 1 } else { u64::MAX }
 }
 
-/// The bits of the first `x`, `y`, `z` voxels along each axis: what a block at the grid's end holds.
+/// The bits of the first `x`, `y`, `z` voxels along each axis: the part of a block at the grid's end that is in the grid.
 pub(super) fn corner([x, y, z]: [usize; 3]) -> Words {
     std::array::from_fn(|row| if row % SIDE < y && row / SIDE < z { ones(x) } else { 0 })
 }
@@ -31,7 +31,7 @@ pub(super) fn count(words: &[u64]) -> u32 {
     words.iter().map(|w| w.count_ones()).sum()
 }
 
-/// How many misses a voxel survives, and in how many planes they are counted.
+/// Number of misses that a voxel survives, and number of planes in which they are counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Tally {
     budget: u32,
@@ -42,7 +42,7 @@ pub(super) struct Tally {
 impl Tally {
     pub fn new(budget: u32) -> Self {
         let planes = (u32::BITS - budget.leading_zeros()) as usize;
-        // Counting from here, miss number budget + 1 is the one that leaves `planes` digits.
+        // Counting starts here, so that miss number budget + 1 is the one that overflows `planes` digits.
         let start = ((1u64 << planes) - 1 - u64::from(budget)) as u32;
         Self { budget, planes, start }
     }
@@ -51,7 +51,7 @@ impl Tally {
         self.budget
     }
 
-    /// Words that one block takes: live bits, then the planes.
+    /// Words of one block: live bits, then the planes.
     pub fn words(self) -> usize {
         ROWS * (1 + self.planes)
     }
@@ -65,7 +65,7 @@ impl Tally {
         }
     }
 
-    /// Counts one more miss where `missed` says so; returns how many voxels died of it.
+    /// Counts one more miss for the voxels in `missed`. Returns how many voxels died of it.
     pub fn add(words: &mut [u64], missed: &Words) -> u32 {
         let (live, planes) = words.split_at_mut(ROWS);
         let mut carry = *missed;

@@ -1,12 +1,15 @@
-//! The definition of a miss, voxel by voxel: what every quicker way must give to the last bit.
+//! The definition of a miss, voxel by voxel. Every quicker way must give the same to the last bit.
 
 use super::Runs;
 use crate::geometry::{Projection, VoxelGrid};
 
-/// On which sides of the image the specimen goes on: beyond them a voxel is judged by the image's last column there.
+/// The sides of the image beyond which the specimen goes on. A voxel beyond such a side is judged by the last column of the
+/// image there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Leaves {
+    /// The specimen goes on beyond the left side.
     pub left: bool,
+    /// The specimen goes on beyond the right side.
     pub right: bool,
 }
 
@@ -16,8 +19,8 @@ impl Leaves {
     }
 }
 
-/// Generous bound of the rounding of one row of a projection, relative: it takes four products, three sums and a quotient, half
-/// an ulp each.
+/// Generous relative bound for the rounding of one row of a projection: four products, three sums and a quotient, half an ulp
+/// each.
 pub(super) const ROUNDING: f64 = 16.0 * f64::EPSILON;
 
 /// The centres of the grid's voxels along each axis.
@@ -41,13 +44,14 @@ impl<'a> View<'a> {
         Self { runs, leaves, rows: projection.rows(), centres }
     }
 
-    /// Largest magnitude that the terms of each row of the projection sum up to: the scale of its rounding errors.
+    /// Largest magnitude of the terms of each row of the projection: the scale of its rounding errors.
     pub fn magnitude(&self) -> [f64; 3] {
         let far = self.centres.each_ref().map(|c| c[0].abs().max(c[c.len() - 1].abs()));
         self.rows.map(|r| r[0].abs() * far[0] + r[1].abs() * far[1] + r[2].abs() * far[2] + r[3].abs())
     }
 
-    /// What a row of voxels along x adds to each row of the projection; rounds as [`Projection::project`] does.
+    /// The part of each row of the projection that a row of voxels along x has in common. It rounds as [`Projection::project`]
+    /// does.
     pub fn rest(&self, j: usize, k: usize) -> [f64; 3] {
         let (y, z) = (self.centres[1][j], self.centres[2][k]);
         self.rows.map(|r| (r[1] * y + r[2] * z) + r[3])
@@ -64,7 +68,7 @@ impl<'a> View<'a> {
     pub fn covers(&self, i: usize, rest: &[f64; 3]) -> bool {
         let [mut u, v, w] = self.image(i, rest);
         let (width, height) = (self.runs.width(), self.runs.height());
-        // A specimen that leaves the image goes on as it left.
+        // A specimen that leaves the image goes on as in the last column.
         if self.leaves.left && u < 0.0 {
             u = 0.0;
         } else if self.leaves.right && u >= width as f64 {

@@ -1,5 +1,5 @@
-//! The quick way for capillaries that lie along the image: a row of voxels is a line of the image, and all rows are
-//! nearly parallel ones.
+//! Fast lookup for capillaries along the image's rows: a row of voxels maps to a line of the image, and all these lines are
+//! nearly parallel.
 //!
 //! ```text
 //!  mask, rolled by m         column by column moved up by m u      the line of a row of voxels
@@ -7,26 +7,28 @@
 //!  ▟███████▀▀‾‾      ──────►   ▟██████████       ──────►                0      ua       ub       uc       u, px
 //!   ‾‾‾‾                        ▔▔▔▔▔▔▔▔▔▔                                      i = (u - u0) / (du/di)    voxels
 //! ```
-//! An upright capillary's row of voxels samples one row of the mask: its runs, turned into voxels, are all there is to
-//! know. A rolled one's row climbs through many. So the mask is sheared by the common slope once per view, for a few
-//! fractions of a pixel (phases) of a line's height. Within a column a line then lies between two neighbouring phases'
-//! pixels: where both are covered it is covered, where neither is it is missed, and only where they differ the voxels are
-//! looked at one by one. Ends of runs become voxels by the inverse of the projection; an end within a millionth of a voxel
-//! of a centre is decided by the definition.
+//! In an upright capillary a row of voxels samples one row of the mask, and the runs of that row, converted to voxels, contain
+//! everything. In a rolled capillary the row crosses many rows of the mask. The mask is therefore sheared by the common slope
+//! once per view, for a few fractions of a pixel (phases) of a line's height. Within a column a line then lies between the
+//! pixels of two neighbouring phases: where both are covered it is covered, where neither is it is missed, and only where they
+//! differ the voxels are judged one by one. Ends of runs are converted to voxels by the inverse of the projection. An end
+//! within a millionth of a voxel of a centre is decided by the definition.
 
 use super::Runs;
 use super::counts::{ROW, ones};
 use super::definition::{ROUNDING, View};
 use super::misses::{Spans, Verdict};
-use rayon::prelude::*;
+use crate::parallel::prelude::*;
 
-/// Unsafe distance from a rounding border, px or voxels: at least twenty times what rounding can move, see the next two.
+/// Distance from a rounding border within which a result is not safe, px or voxels: at least twenty times what rounding can
+/// move, see the next two.
 const MARGIN: f64 = 1e-6;
-/// Rounding errors of an image point beyond this leave no room in the margin, px.
+/// Rounding error of an image point beyond which it does not fit into the margin, px.
 const ROUNDING_MAX: f64 = 1e-9;
-/// Voxels advance by so many pixels: slower, rounding in pixels would be too much in voxels, and faster, rows are no lines.
+/// Range of a voxel's advance, px. With a smaller one the rounding in pixels would be too large in voxels; with a larger one
+/// rows do not map to lines.
 const STEP_PX: std::ops::Range<f64> = 0.02..50.0;
-/// Borders of columns further away than this from the grid, in voxels, are beyond the whole numbers that are found in a sum.
+/// Columns further than this from the grid, in voxels, exceed the whole numbers that can be found by adding.
 const FARTHEST: f64 = (1 << 30) as f64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -36,26 +38,26 @@ enum Class {
     Covered,
 }
 
-/// From this column on a line is of this class; before the first event and after the last it is outside the image.
+/// From this column on a line is of this class. Before the first event and after the last it is outside of the image.
 #[derive(Debug, Clone, Copy)]
 struct Event {
     column: u16,
     class: Class,
 }
 
-/// The buffers of [`Lines`], kept from view to view.
+/// The buffers of [`Lines`], reused from view to view.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Buffers {
-    /// The lines of each phase of a pixel's height; an upright view has one.
+    /// The lines of each phase of a pixel's height. An upright view has one phase.
     phases: Vec<Phase>,
-    /// `1 / (size (a_x - t c_x))` for `t = column - 0.5`: with it a column's border becomes a voxel without a division.
+    /// `1 / (size (a_x - t c_x))` for `t = column - 0.5`: with it a column's border is converted to a voxel without a division.
     inverse: Vec<f64>,
-    /// The mask's words by column of words, and each phase's sheared ones.
+    /// The mask's words by column of words, and the sheared words of each phase.
     bits: Vec<u64>,
     sheared: Vec<Vec<u64>>,
 }
 
-/// The lines whose heights are whole pixels and one fraction.
+/// The lines whose heights have the same fraction of a pixel.
 #[derive(Debug, Clone, Default)]
 struct Phase {
     /// Line `n` has the events `events[starts[n]..starts[n + 1]]`.
@@ -65,53 +67,53 @@ struct Phase {
     cores: Vec<[u16; 2]>,
 }
 
-/// What the lines of one view look like.
+/// The lines of one view.
 pub(super) struct Lines<'a> {
     view: View<'a>,
     counts: [usize; 3],
     /// Centre of voxel 0 along x, in voxels.
     first_x: f64,
-    /// Columns grow with x.
+    /// Whether columns increase with x.
     ascending: bool,
     tilt: Option<Tilt>,
-    /// Height of each phase's first line, whole pixels.
+    /// Height of each phase's first line, in whole pixels.
     first: i64,
     buffers: &'a Buffers,
 }
 
-/// How the lines run.
+/// The direction of the lines.
 #[derive(Debug, Clone, Copy)]
 struct Tilt {
     /// dv/du.
     slope: f64,
     /// Lines per pixel of height.
     phases: usize,
-    /// The column in which a line's height is taken.
+    /// The column at which a line's height is taken.
     middle: f64,
-    /// How far a voxel's own line may lie from that of its column's centre, px.
+    /// Largest distance of a voxel's own line from that of its column's centre, px.
     pad: f64,
 }
 
-/// Whole part below; `f64::floor` is a function call where the target has no instruction for it.
+/// The integer part, rounded down. `f64::floor` is a function call where the target has no instruction for it.
 fn floor(x: f64) -> i64 {
     let whole = x as i64;
     whole - i64::from(x < whole as f64)
 }
 
 impl Tilt {
-    /// The span of a pixel's height that one line stands for: two phases.
+    /// The range of a pixel's height that one line represents: two phases.
     fn window(self) -> f64 {
         2.0 / self.phases as f64
     }
 
-    /// The row that takes the place of v's in a projection: it gives the height of the line through an image point, which is
+    /// The row that replaces that of v in a projection. It gives the height of the line through an image point,
     /// `v - slope (u - middle)`.
     fn height(self, [u, v, w]: [f64; 3]) -> f64 {
         v - self.slope * u + self.slope * self.middle * w
     }
 }
 
-/// How a projection's lines run, or nothing where they are no lines that a shear could follow.
+/// The direction of a projection's lines, or `None` where they are not lines that a shear could follow.
 struct Family {
     ascending: bool,
     tilt: Option<Tilt>,
@@ -125,12 +127,12 @@ impl Family {
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
         let magnitude = view.magnitude();
-        // A row's line runs to its vanishing point, in column a_x / c_x: beyond that no column has a place on it. So the image has to
-        // end before it.
+        // A row's line ends at its vanishing point, in column a_x / c_x; no column beyond it contains a point of the line. The
+        // image must therefore end before it.
         let places = [-0.5, view.runs.width() as f64 - 0.5].map(|t| (t, size * (a[0] - t * c[0])));
         for (j, k) in ends(1).into_iter().flat_map(|j| ends(2).map(|k| (j, k))) {
             let rest = view.rest(j, k);
-            // Of a row's line: du/dx and dv/dx are these over the squared depth.
+            // For a row's line, du/dx and dv/dx are these over the squared depth.
             let (du, dv) = (a[0] * rest[2] - c[0] * rest[0], b[0] * rest[2] - c[0] * rest[1]);
             let slope = dv / du;
             (lowest, highest) = (lowest.min(slope), highest.max(slope));
@@ -138,7 +140,7 @@ impl Family {
                 let [u, _, w] = view.image(i, &rest);
                 let step = du * size / (w * w);
                 let grows = step > 0.0;
-                // The depth's own rounding, relative, moves an image point by that share of its coordinates.
+                // The relative rounding error of the depth moves an image point by that share of its coordinates.
                 let moved = ROUNDING * (magnitude[0] + magnitude[1] + (u.abs() + 1.0) * magnitude[2]) / w;
                 let near = |(t, per_voxel): (f64, f64)| {
                     (per_voxel > 0.0) == grows && ((t * rest[2] - rest[0]) / per_voxel - view.centres[0][0] / size).abs() < FARTHEST
@@ -158,7 +160,7 @@ impl Family {
         let width = view.runs.width() as f64;
         let (left, right) = (left.clamp(0.0, width), right.clamp(0.0, width));
         let slope = f64::midpoint(lowest, highest);
-        // Within half the image's width from its middle a row leaves the common slope by this.
+        // Within half the image's width from its middle a row departs from the common slope by this.
         let bend = (highest - lowest) / 2.0 * (right - left) / 2.0;
         let pad = slope.abs() / 2.0 + MARGIN;
         let phases = [16usize, 8, 4, 2].into_iter().find(|&n| 2.0 * (bend + pad) < 1.0 / n as f64)?;
@@ -167,7 +169,7 @@ impl Family {
 }
 
 impl<'a> Lines<'a> {
-    /// The lines of a view, or nothing where its rows are not nearly parallel to the image's.
+    /// The lines of a view. `None` where its rows are not nearly parallel to the image's.
     pub fn new(view: View<'a>, size: f64, counts: [usize; 3], buffers: &'a mut Buffers) -> Option<Self> {
         let Family { ascending, tilt } = Family::of(&view, size, counts)?;
         let (a, c) = (view.rows[0][0], view.rows[2][0]);
@@ -191,7 +193,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// What the view says of the voxels `span` of the rows from `lo` to before `hi` along y and z.
+    /// What the view shows of the voxels `span` of the rows from `lo` to before `hi` along y and z.
     pub fn judge(&self, span: [usize; 2], lo: [usize; 2], hi: [usize; 2]) -> Verdict {
         if self.view.leaves.any() {
             return Verdict::Cut;
@@ -212,7 +214,7 @@ impl<'a> Lines<'a> {
         let held = self.buffers.phases[0].cores.len() as i64;
         let phases = self.phases() as i64;
         let (first, last) = (self.first * phases, (self.first + held) * phases - 1);
-        // Lines that are not held are missed throughout.
+        // Lines that are not stored are missed throughout.
         let (mut outside, mut inside) = (true, from >= first && to <= last);
         for line in from.max(first)..=to.min(last) {
             let (events, [start, end]) = self.line(line);
@@ -229,7 +231,7 @@ impl<'a> Lines<'a> {
         self.tilt.map_or(1, |tilt| tilt.phases)
     }
 
-    /// Between which heights the line of a row runs over the voxels of `span`: `v + 0.5` of an upright one.
+    /// The range of heights of a row's line over the voxels of `span`: `v + 0.5` of an upright one.
     fn heights(&self, span: [usize; 2], rest: &[f64; 3]) -> [f64; 2] {
         let Some(tilt) = self.tilt else { return [rest[1] / rest[2] + 0.5; 2] };
         let per_x = tilt.height(self.view.rows.map(|row| row[0]));
@@ -241,13 +243,13 @@ impl<'a> Lines<'a> {
         [a.min(b) - tilt.pad, a.max(b) + tilt.pad]
     }
 
-    /// Tells `spans` which of the voxels `span` the view covers in the row `(j, k)`.
+    /// Records in `spans` which of the voxels `span` of the row `(j, k)` the view covers.
     pub fn look(&self, span: [usize; 2], (j, k): (usize, usize), row: usize, spans: &mut Spans) {
         let rest = self.view.rest(j, k);
         let [top, bottom] = self.heights(span, &rest);
         let line = floor(top * self.phases() as f64);
         if self.tilt.is_some_and(|tilt| bottom > line as f64 / tilt.phases as f64 + tilt.window()) {
-            // Wider than a line: voxel by voxel.
+            // The row is wider than a line: voxel by voxel.
             spans.open(row, span);
             spans.settle(row, span, true);
             self.one_by_one(span, &rest, row, spans);
@@ -271,7 +273,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The covered voxels of a line that is unsure at the ends of its covered run alone, if they are all one run.
+    /// The covered voxels of a line that is unsure only at the ends of its covered run, if they form one run.
     fn soften(&self, events: &[Event], core: [usize; 2], span: [usize; 2], rest: &[f64; 3]) -> Option<[usize; 2]> {
         use Class::{Covered, Missed, Unsure};
         let (left, right) = match events {
@@ -311,10 +313,10 @@ impl<'a> Lines<'a> {
         Some([from, to])
     }
 
-    /// A line of many stretches: where one ends and the next is of another class the row turns, and what is unsure is looked
-    /// at.
+    /// A line of several stretches. Where a stretch of another class begins the row turns; unsure stretches are decided voxel
+    /// by voxel.
     fn turn(&self, events: &[Event], span: [usize; 2], rest: &[f64; 3], row: usize, spans: &mut Spans) {
-        // The events that the span can meet.
+        // The events within the span.
         let columns = [span[0], span[1] - 1].map(|i| self.view.image(i, rest)[0]);
         let (low, high) = (columns[0].min(columns[1]) - 1.0, columns[0].max(columns[1]) + 1.0);
         let first = events.partition_point(|e| f64::from(e.column) < low);
@@ -348,7 +350,7 @@ impl<'a> Lines<'a> {
         spans.unsure = unsure;
     }
 
-    /// Lets the definition decide about the voxels of a range of a row that is missed so far.
+    /// Decides the voxels of a range of a row by the definition. The range counts as missed before.
     fn one_by_one(&self, [from, to]: [usize; 2], rest: &[f64; 3], row: usize, spans: &mut Spans) {
         for i in from..to {
             if self.view.covers(i, rest) {
@@ -357,21 +359,22 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The voxel border that stands for everything left of all columns, or right of them.
+    /// The voxel border that represents everything left of all columns, or right of them.
     fn outermost(&self, left: bool) -> usize {
         if left == self.ascending { 0 } else { self.counts[0] }
     }
 
-    /// The first voxel of a row in `column` or beyond where columns grow with x; where they fall, the one after the last.
+    /// The first voxel of a row in `column` or beyond it where columns increase with x. Where they decrease, the one after the
+    /// last.
     fn border(&self, column: usize, rest: &[f64; 3]) -> usize {
-        // Added and taken away, it leaves the nearest whole number, which its lowest bits hold in between.
+        // Adding and subtracting it leaves the nearest whole number, which its lowest bits contain in between.
         const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
         let t = column as f64 - 0.5;
         let at = (t * rest[2] - rest[0]) * self.buffers.inverse[column] - self.first_x;
         let sum = at + WHOLE;
         let (near, off) = (sum.to_bits() as i32, at - (sum - WHOLE));
         let next = if off.abs() < MARGIN {
-            // A centre lies on the border, as far as this can tell.
+            // A centre lies on the border within the accuracy of this computation.
             let reached = usize::try_from(near).is_ok_and(|i| i < self.counts[0] && self.view.image(i, rest)[0] >= column as f64);
             near + i32::from(reached != self.ascending)
         } else {
@@ -391,14 +394,14 @@ impl Buffers {
         self.phases.iter().map(phase).sum::<usize>() + self.inverse.capacity() * size_of::<f64>() + words * size_of::<u64>()
     }
 
-    /// Has room for so many phases; what a view does not use stays for the next.
+    /// Reserves this number of phases. Those that a view does not use remain for the next.
     fn grow(&mut self, phases: usize) {
         let held = self.phases.len().max(phases);
         self.phases.resize_with(held, Phase::default);
         self.sheared.resize_with(held, Vec::new);
     }
 
-    /// An upright view's lines are the rows of the mask; returns the first one's height.
+    /// The rows of the mask as the lines of an upright view. Returns the height of the first one.
     fn take_rows(&mut self, runs: &Runs) -> i64 {
         self.grow(1);
         let phase = &mut self.phases[0];
@@ -413,7 +416,7 @@ impl Buffers {
         runs.rows().start as i64
     }
 
-    /// A tilted view's lines, a phase apart; returns the first ones' height in whole pixels.
+    /// The lines of a tilted view, one phase apart. Returns the height of the first ones in whole pixels.
     fn shear(&mut self, runs: &Runs, tilt: Tilt) -> i64 {
         let (rows, columns) = (runs.rows(), runs.width().div_ceil(ROW));
         let held = rows.len();
@@ -424,7 +427,7 @@ impl Buffers {
                 for_words(usize::from(start), usize::from(end), |word, bits| self.bits[word * held + v - rows.start] |= bits);
             }
         }
-        // Rows of the sheared picture, so that each row of the mask is in it whatever the column.
+        // Rows of the sheared picture, so that it contains each row of the mask in every column.
         let reach = (tilt.slope.abs() * tilt.middle.max(runs.width() as f64 - tilt.middle)).ceil() as usize + 2;
         let height = held + 2 * reach;
         self.grow(tilt.phases);
@@ -435,7 +438,7 @@ impl Buffers {
                 floor(at + 0.5)
             });
         });
-        // A line lies between its phase and the one two further on, some of a pixel further down.
+        // A line lies between its phase and the one two further on, some of which are a pixel lower.
         let sheared = &self.sheared;
         self.phases[..tilt.phases].par_iter_mut().enumerate().for_each(|(phase, lines)| {
             let far = &sheared[(phase + 2) % tilt.phases];
@@ -466,7 +469,8 @@ impl Phase {
         self.starts.push(self.events.len() as u32);
     }
 
-    /// The lines between two sheared pictures, the far one's rows `lower` down: covered where both are, missed where neither is.
+    /// The lines between two sheared pictures, where the far one's rows are `lower` down: covered where both are, missed where
+    /// neither is.
     fn take(&mut self, [near, far]: [&[u64]; 2], lower: usize, height: usize, width: usize) {
         self.clear();
         for row in 0..height {
@@ -496,7 +500,7 @@ impl Phase {
     }
 }
 
-/// Moves a mask's columns up: row `s` of the sheared picture holds the mask's row `s - reach + by(column)`.
+/// Moves the mask's columns up: row `s` of the sheared picture contains the mask's row `s - reach + by(column)`.
 fn shear(mask: &[u64], sheared: &mut Vec<u64>, width: usize, [held, reach]: [usize; 2], by: impl Fn(usize) -> i64) {
     let height = held + 2 * reach;
     sheared.clear();
@@ -519,7 +523,7 @@ fn shear(mask: &[u64], sheared: &mut Vec<u64>, width: usize, [held, reach]: [usi
     }
 }
 
-/// The end of the stretch from `start` in which `alike`, true at `start`, stays true.
+/// The end of the stretch from `start` in which `alike`, which is true at `start`, stays true.
 fn last_alike(start: usize, end: usize, alike: impl Fn(usize) -> bool) -> usize {
     // Doubling steps, then halving ones.
     let (mut yes, mut step) = (start, 1);

@@ -1,8 +1,8 @@
-//! What one view misses of a tile, collected row by row and read block by block.
+//! What one view misses of a tile. It is collected row by row and read block by block.
 
 use super::counts::{ROW, ROWS, Words, ones};
 
-/// What a view says of some voxels as a whole.
+/// What a view shows of some voxels as a whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Verdict {
     Inside,
@@ -10,33 +10,34 @@ pub(super) enum Verdict {
     Cut,
 }
 
-/// What a view misses of a block; lives on the stack for as long as it takes to count it.
+/// What a view misses of a block. It lives on the stack while it is counted.
 #[derive(Debug, PartialEq, Eq)]
 #[allow(clippy::large_enum_variant, reason = "it never leaves the stack")]
 pub(super) enum Missed {
     None,
     All,
-    /// Bits of voxels outside the grid, and of rows that are dead, say nothing.
+    /// Bits of voxels outside of the grid and of dead rows have no meaning.
     Some(Words),
 }
 
-/// The voxels that a view covers in each row of a tile: one span from first to last, or a span of all with bits of its gaps.
+/// The voxels that a view covers in each row of a tile: one span from first to last, or a span of all of them with bits for its
+/// gaps.
 #[derive(Debug, Clone)]
 pub(super) struct Spans {
     starts: [u32; ROWS],
     ends: [u32; ROWS],
-    /// Over the rows that were looked at.
+    /// Over the rows that were looked up.
     starts_from_to: [u32; 2],
     ends_from_to: [u32; 2],
-    /// Bits of the gaps, for the blocks that have some.
+    /// Bits of the gaps, for the blocks that have any.
     gaps: Vec<Words>,
     gapped: Vec<bool>,
-    /// Stretches of the row under way that the definition has to decide.
+    /// Stretches of the current row that must be decided by the definition.
     pub unsure: Vec<[usize; 2]>,
 }
 
 impl Spans {
-    /// For rows of this many blocks.
+    /// Spans for rows of this many blocks.
     pub fn new(blocks: usize) -> Self {
         Self {
             starts: [0; ROWS],
@@ -66,20 +67,21 @@ impl Spans {
         self.ends_from_to = [u32::MAX, 0];
     }
 
-    /// Covers these voxels of a row and no other.
+    /// Covers these voxels of a row and no others.
     pub fn cover(&mut self, row: usize, from: usize, to: usize) {
         if from < to {
             (self.starts[row], self.ends[row]) = (from as u32, to as u32);
         }
     }
 
-    /// Begins a row whose voxels of `span` are told bit by bit.
+    /// Begins a row whose voxels of `span` are given bit by bit.
     pub fn open(&mut self, row: usize, [from, to]: [usize; 2]) {
         (self.starts[row], self.ends[row]) = (0, u32::MAX);
         self.gapped[from / ROW..to.div_ceil(ROW)].fill(true);
     }
 
-    /// From this voxel on the row is covered if it was missed before, and missed if it was covered; turns may come in any order.
+    /// From this voxel on the row is covered if it was missed before, and missed if it was covered. Turns may come in any
+    /// order.
     pub fn turn(&mut self, row: usize, [from, to]: [usize; 2], at: usize) {
         if at < to {
             let at = at.max(from / ROW * ROW);
@@ -87,7 +89,7 @@ impl Spans {
         }
     }
 
-    /// Makes bits of the turns of an open row, whose first voxels are missed or not.
+    /// Converts the turns of an open row to bits. The argument tells whether its first voxels are missed.
     pub fn settle(&mut self, row: usize, [from, to]: [usize; 2], missed: bool) {
         let mut before = if missed { u64::MAX } else { 0 };
         for gaps in &mut self.gaps[from / ROW..to.div_ceil(ROW)] {
@@ -106,14 +108,14 @@ impl Spans {
         self.gaps[i / ROW][row] &= !(1 << (i % ROW));
     }
 
-    /// Ends a row that was looked at.
+    /// Ends a row that was looked up.
     pub fn close(&mut self, row: usize) {
         let (start, end) = (self.starts[row], self.ends[row]);
         self.starts_from_to = [self.starts_from_to[0].min(start), self.starts_from_to[1].max(start)];
         self.ends_from_to = [self.ends_from_to[0].min(end), self.ends_from_to[1].max(end)];
     }
 
-    /// What the rows that were looked at miss of the voxels from `from` to before `to`, which lie in one block.
+    /// What the rows that were looked up miss of the voxels from `from` to before `to`, which lie in one block.
     pub fn missed(&self, from: usize, to: usize) -> Missed {
         if to as u32 <= self.starts_from_to[0] || from as u32 >= self.ends_from_to[1] {
             return Missed::All;

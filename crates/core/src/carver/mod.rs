@@ -1,20 +1,19 @@
-//! The visual hull with tolerance, carved view by view.
+//! The visual hull with a tolerance, carved view by view.
 //!
 //! ```text
 //!  grid ── tiles of 8 x 8 rows ── blocks of 64 x 8 x 8 ── voxels       Mask ── Runs ─┬─ Lines   a row of voxels is a line
 //!            one range of life      one count    bit planes                          └─ Boxes   any other projection
 //!                └──────────────────────┴──────────┴──────────── Spans, words missed ────┘
 //! ```
-//! A voxel's centre is projected in f64 and samples `mask[floor(v + 0.5)][floor(u + 0.5)]`. It is covered when that pixel
-//! is inside and the centre lies in front of the camera; a centre outside the image, or not in front of the camera, is a
-//! miss. Where a view says that the specimen leaves the image on the left or right, it goes on there as it left: beyond that
-//! side the image's last column decides. A voxel lives while its misses do not exceed `floor(epsilon N + 1e-9)` of the
-//! planned `N` views, and never comes back: the live hull only shrinks, always contains the final one, and does not depend on
-//! the order of the views.
+//! The centre of a voxel is projected in f64 and samples `mask[floor(v + 0.5)][floor(u + 0.5)]`. It is covered when that pixel
+//! is inside and the centre lies in front of the camera. A centre outside the image, or not in front of the camera, is a miss.
+//! Where a view says that the specimen leaves the image on the left or right, the last column of the image decides beyond that
+//! side. A voxel lives while its misses do not exceed `floor(epsilon N + 1e-9)` of the planned `N` views, and never comes back.
+//! So the live hull only shrinks, always contains the final one, and does not depend on the order of the views.
 //!
-//! Blocks that a view covers wholly cost nothing, blocks that it misses wholly cost one count, so the work of a view follows
-//! the surface. The result is that of the definition bit for bit, which decides wherever a quicker way is not certain.
-//! The views are kept, as runs, so that one can be taken back.
+//! A block that a view covers completely costs nothing, and a block that it misses completely costs one count. So the work of a
+//! view follows the surface. The result is that of the definition, bit for bit: the definition decides wherever a quicker way
+//! is not certain. The views are kept as runs, so that they can be carved again, with another plan or through other cameras.
 
 mod boxes;
 mod counts;
@@ -26,65 +25,89 @@ mod runs;
 mod tile;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub use definition::Leaves;
 pub use residual::ResidualVolume;
 pub use runs::Runs;
 
 use crate::geometry::{Projection, VoxelGrid};
+use crate::parallel::prelude::*;
 use crate::profile::Mask;
 use boxes::Boxes;
 use counts::{ROW, SIDE, Tally};
 use definition::{Centres, View};
 use lines::Lines;
 use misses::Spans;
-use rayon::prelude::*;
 use tile::{Sight, Tile};
 
-/// Voxels along the edge of a block as the surface sees them.
-pub const BLOCK: usize = 8;
+/// Voxels along the edge of a block, as the surface reads it.
+pub(crate) const BLOCK: usize = 8;
 
-// A surface's block is a piece of a carver's: as many rows, and whole bytes of their words.
+// A surface's block is a part of a carver's block: as many rows, and whole bytes of their words.
 const _: () = assert!(BLOCK == SIDE && ROW.is_multiple_of(BLOCK));
 
 /// One bit per voxel of a block: word `z`, bit `8 y + x`.
-pub type Bits = [u64; BLOCK];
+pub(crate) type Bits = [u64; BLOCK];
 
+/// Why a view or a plan cannot be carved. The model is unchanged.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum CarveError {
+    /// The tolerated share of missing views is out of its range.
     #[error("epsilon is {found}; the tolerated share of missing views runs from 0 to below 1")]
-    Epsilon { found: f64 },
+    Epsilon {
+        /// The share.
+        found: f64,
+    },
+    /// No views are planned.
     #[error("0 views are planned; a hull needs at least 1")]
     NoViews,
+    /// More views were observed than planned.
     #[error("view {found} of {planned} planned: the tolerance was set for {planned}. Plan more views and carve again")]
-    TooManyViews { planned: usize, found: usize },
+    TooManyViews {
+        /// Views planned.
+        planned: usize,
+        /// Number of the refused view, from 1.
+        found: usize,
+    },
+    /// The mask has no pixel, or too many on a side.
     #[error("the mask is {width} x {height} px; it needs at least one pixel and at most {limit} on a side")]
-    MaskSize { width: usize, height: usize, limit: usize },
-    #[error("{observed} views were observed, so {planned} cannot be planned: plan at least as many, or take views back first")]
-    PlanTooSmall { planned: usize, observed: usize },
-    #[error("there is no view {found} to take back: {observed} were observed")]
-    NoSuchView { found: usize, observed: usize },
+    MaskSize {
+        /// Width of the mask, px.
+        width: usize,
+        /// Height of the mask, px.
+        height: usize,
+        /// Most pixels on a side.
+        limit: usize,
+    },
+    /// The new plan has fewer views than were observed.
+    #[error("{observed} views were observed, so {planned} cannot be planned: plan at least as many")]
+    PlanTooSmall {
+        /// Views of the new plan.
+        planned: usize,
+        /// Views observed.
+        observed: usize,
+    },
 }
 
-/// What a block of 8^3 voxels holds; voxels outside the grid count as dead.
+/// The contents of a block of 8^3 voxels. Voxels outside the grid count as dead.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum BlockKind {
+pub(crate) enum BlockKind {
     Dead,
-    /// Every one of its 512 voxels lives.
+    /// Each of its 512 voxels lives.
     Full,
     Mixed,
 }
 
 /// A view as it was observed.
 #[derive(Debug, Clone)]
-pub struct Observed {
+pub(crate) struct Observed {
     pub runs: Runs,
     pub projection: Projection,
     pub leaves: Leaves,
 }
 
-/// A visual hull in the making.
+/// A visual hull that is carved view by view.
 #[derive(Debug, Clone)]
 pub struct Carver {
     hull: Hull,
@@ -93,7 +116,7 @@ pub struct Carver {
     views: Vec<Observed>,
 }
 
-/// Miss counts of a grid, and what counting needs.
+/// The miss counts of a grid, and the memory that counting needs.
 #[derive(Debug, Clone)]
 struct Hull {
     grid: VoxelGrid,
@@ -108,10 +131,10 @@ struct Hull {
     sums: Vec<u32>,
 }
 
-/// The tiles are spread over the threads in this many pieces: so many that none waits long for the last.
+/// The tiles are spread over the threads in this many pieces, so that no thread waits long for the last one.
 const PIECES: usize = 64;
 
-/// Words that a hull asks for before its first view, at most: 16 MB, of which the paper's grids take 3 to 8.
+/// Most words that a hull reserves before its first view: 16 MB, of which the paper's grids take 3 to 8.
 const ROOM_WORDS: usize = 1 << 21;
 
 fn tally(planned_views: usize, epsilon: f64) -> Result<Tally, CarveError> {
@@ -121,7 +144,7 @@ fn tally(planned_views: usize, epsilon: f64) -> Result<Tally, CarveError> {
     if planned_views == 0 {
         return Err(CarveError::NoViews);
     }
-    // So that the miss after the last tolerated one is still a number.
+    // The miss after the last tolerated one must still be a number.
     Ok(Tally::new(((epsilon * planned_views as f64 + 1e-9).floor() as u32).min(u32::MAX - 1)))
 }
 
@@ -148,7 +171,7 @@ impl Hull {
         }
     }
 
-    /// As new, its memory kept.
+    /// As new; the memory is kept.
     fn reset(&mut self, tally: Tally) {
         self.tally = tally;
         self.tiles.iter_mut().for_each(Tile::reset);
@@ -181,20 +204,22 @@ impl Hull {
 }
 
 impl Carver {
-    /// Masks wider or higher than this have columns that do not fit the runs.
+    /// Largest side of a mask, px. Columns of larger masks do not fit the runs.
     pub const MAX_MASK_SIDE: usize = 65_535;
 
+    /// A hull of which nothing is carved yet. `epsilon` is the share of the planned views that may miss a voxel.
+    ///
     /// # Errors
-    /// Refuses a tolerance outside `0..1` and a plan without views.
+    /// A tolerance outside `0..1` and a plan without views.
     pub fn new(grid: VoxelGrid, planned_views: usize, epsilon: f64) -> Result<Self, CarveError> {
         let hull = Hull::new(grid, tally(planned_views, epsilon)?);
         Ok(Self { hull, planned: planned_views, epsilon, views: Vec::new() })
     }
 
-    /// Counts one view's misses.
+    /// Counts the misses of one view. `leaves` says on which sides the specimen goes on beyond the image.
     ///
     /// # Errors
-    /// Refuses more views than were planned, and a mask too large for its runs; the hull is then unchanged.
+    /// More views than were planned, and a mask too large for its runs. The hull is then unchanged.
     pub fn observe(&mut self, mask: &Mask, projection: &Projection, leaves: Leaves) -> Result<(), CarveError> {
         let observed = self.views.len();
         if observed == self.planned {
@@ -206,23 +231,10 @@ impl Carver {
         Ok(())
     }
 
-    /// Takes a view back, as if it had never been observed; those after it move up by one. The plan stays.
-    ///
-    /// # Errors
-    /// Refuses a view that was not observed.
-    pub fn forget(&mut self, view: usize) -> Result<(), CarveError> {
-        if view >= self.views.len() {
-            return Err(CarveError::NoSuchView { found: view, observed: self.views.len() });
-        }
-        self.views.remove(view);
-        self.carve_again(self.hull.tally);
-        Ok(())
-    }
-
     /// Carves the views again with the tolerance of another number of planned views.
     ///
     /// # Errors
-    /// Refuses a plan without views, and one of fewer views than were observed.
+    /// A plan without views, and one of fewer views than were observed.
     pub fn replan(&mut self, planned_views: usize) -> Result<(), CarveError> {
         let observed = self.views.len();
         if planned_views < observed {
@@ -234,9 +246,9 @@ impl Carver {
         Ok(())
     }
 
-    /// Some of the views carved again through other projections, by the same plan.
+    /// Some of the views, by number, carved again through other projections and with the same plan.
     #[must_use]
-    pub fn through(&self, views: &[(usize, Projection)]) -> Self {
+    pub(crate) fn through(&self, views: &[(usize, Projection)]) -> Self {
         let mut hull = Hull::new(*self.grid(), self.hull.tally);
         let of = |&(view, projection): &(usize, Projection)| Observed { projection, ..self.views[view].clone() };
         let views: Vec<Observed> = views.iter().map(of).collect();
@@ -253,20 +265,23 @@ impl Carver {
         }
     }
 
+    /// The grid that is carved.
     pub fn grid(&self) -> &VoxelGrid {
         &self.hull.grid
     }
 
+    /// Views that the tolerance is set for.
     pub fn planned_views(&self) -> usize {
         self.planned
     }
 
+    /// Views observed so far.
     pub fn observed_views(&self) -> usize {
         self.views.len()
     }
 
-    /// The views that carved, in the order in which they came.
-    pub fn views(&self) -> &[Observed] {
+    /// The views observed, in the order in which they came.
+    pub(crate) fn views(&self) -> &[Observed] {
         &self.views
     }
 
@@ -275,6 +290,7 @@ impl Carver {
         self.hull.tally.budget()
     }
 
+    /// Voxels that live.
     pub fn live_voxels(&self) -> u64 {
         self.hull.live
     }
@@ -284,7 +300,7 @@ impl Carver {
         self.hull.live as f64 * self.grid().voxel_volume()
     }
 
-    /// Bytes that counts, views and buffers take.
+    /// Bytes on the heap: counts, views and buffers.
     pub fn bytes(&self) -> usize {
         let hull = &self.hull;
         let tiles: usize = hull.tiles.iter().map(|tile| size_of::<Tile>() + tile.bytes()).sum();
@@ -292,22 +308,13 @@ impl Carver {
         tiles + views + hull.spans.iter().map(Spans::bytes).sum::<usize>() + hull.lines.bytes() + hull.sums.capacity() * size_of::<u32>()
     }
 
-    /// Whether voxel `(i, j, k)` lives; outside the grid nothing does.
-    pub fn is_live(&self, i: usize, j: usize, k: usize) -> bool {
-        let [nx, ny, nz] = self.grid().counts();
-        i < nx && j < ny && k < nz && {
-            let words = self.tile(j / SIDE, k / SIDE).words(i / ROW, self.hull.tally);
-            words[k % SIDE * SIDE + j % SIDE] >> (i % ROW) & 1 != 0
-        }
-    }
-
     /// Blocks of 8^3 voxels along each axis; the last ones may reach over the grid's end.
-    pub fn block_counts(&self) -> [usize; 3] {
+    pub(crate) fn block_counts(&self) -> [usize; 3] {
         self.grid().counts().map(|n| n.div_ceil(BLOCK))
     }
 
-    /// The live voxels of a block as bits; outside the grid none.
-    pub fn block(&self, block: [i32; 3]) -> Bits {
+    /// The live voxels of a block as bits. None where the block lies outside the grid.
+    pub(crate) fn block(&self, block: [i32; 3]) -> Bits {
         let Some([x, y, z]) = self.held(block) else { return [0; BLOCK] };
         let words = self.tile(y, z).words(x / (ROW / BLOCK), self.hull.tally);
         let shift = x % (ROW / BLOCK) * BLOCK;
@@ -315,7 +322,7 @@ impl Carver {
     }
 
     /// What a block holds.
-    pub fn block_kind(&self, block: [i32; 3]) -> BlockKind {
+    pub(crate) fn block_kind(&self, block: [i32; 3]) -> BlockKind {
         let Some([x, y, z]) = self.held(block) else { return BlockKind::Dead };
         match self.tile(y, z).uniform(x / (ROW / BLOCK), self.hull.tally) {
             Some(false) => BlockKind::Dead,
@@ -327,7 +334,7 @@ impl Carver {
         }
     }
 
-    /// The block's place, if it has voxels of the grid.
+    /// Place of a block, if it has voxels of the grid.
     fn held(&self, block: [i32; 3]) -> Option<[usize; 3]> {
         let counts = self.block_counts();
         let mut at = [0; 3];

@@ -1,4 +1,4 @@
-//! A mask as the runs of covered pixels in each of its rows: a few numbers where the mask has a million.
+//! A mask as the runs of covered pixels in each of its rows: a few numbers instead of a million pixels.
 
 use super::{CarveError, Carver};
 use crate::profile::Mask;
@@ -12,13 +12,15 @@ pub struct Runs {
     first: usize,
     /// Row `first + n` has the runs `covered[starts[n]..starts[n + 1]]`.
     starts: Vec<u32>,
-    /// First covered column, and the one after the last.
+    /// First covered column, and the column after the last.
     covered: Vec<[u16; 2]>,
 }
 
 impl Runs {
+    /// The runs of a mask.
+    ///
     /// # Errors
-    /// Refuses a mask without pixels, or with more than [`Carver::MAX_MASK_SIDE`] on a side.
+    /// A mask without pixels, or with more than [`Carver::MAX_MASK_SIDE`] on a side.
     pub fn new(mask: &Mask) -> Result<Self, CarveError> {
         let (width, height, limit) = (mask.width(), mask.height(), Carver::MAX_MASK_SIDE);
         if [width, height].iter().any(|&n| n == 0 || n > limit) {
@@ -35,8 +37,8 @@ impl Runs {
     }
 
     fn push_row(&mut self, row: &[u8]) {
-        // Pixels are 0 or 255. Where 64 are as the one before nothing happens; else eight of them are a word, and where it
-        // changes is where a run begins or ends.
+        // Pixels are 0 or 255. 64 pixels equal to the one before are skipped at once. Otherwise eight pixels are a word, and a
+        // run begins or ends where the word changes.
         let mut start = None;
         for (at, pixels) in (0..).step_by(64).zip(row.chunks(64)) {
             let (any, all) = pixels.iter().fold((0, u8::MAX), |(any, all), &p| (any | p, all & p));
@@ -65,15 +67,17 @@ impl Runs {
         self.starts.push(self.covered.len() as u32);
     }
 
+    /// Width of the mask, px.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// Height of the mask, px.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// The mask again.
+    /// The mask that the runs were made of.
     pub fn mask(&self) -> Mask {
         let mut mask = Mask::empty(self.width, self.height);
         for v in self.rows() {
@@ -101,6 +105,7 @@ impl Runs {
         self.row(v).iter().any(|&[start, end]| (usize::from(start)..usize::from(end)).contains(&u))
     }
 
+    /// Number of covered pixels.
     pub fn area_px(&self) -> usize {
         self.covered.iter().map(|&[start, end]| usize::from(end - start)).sum()
     }

@@ -1,10 +1,10 @@
-//! A tile: 8 x 8 rows of voxels along the capillary's whole length, cut into blocks of 64 x 8 x 8.
+//! A tile: 8 x 8 rows of voxels over the whole length of the capillary, divided into blocks of 64 x 8 x 8.
 
 use super::counts::{self, ROW, ROWS, SIDE, Tally, Words};
 use super::misses::{Missed, Spans, Verdict};
 use super::{Boxes, Lines};
 
-/// How a view is looked up.
+/// The way in which a view is looked up.
 pub(super) enum Sight<'a> {
     Lines(Lines<'a>),
     Boxes(Boxes<'a>),
@@ -14,21 +14,21 @@ pub(super) enum Sight<'a> {
 enum Block {
     /// Every voxel has this many misses.
     Uniform(u32),
-    /// The voxels differ; their words are in this slot.
+    /// The voxels differ. Their words are in this slot.
     Mixed(u32),
 }
 
 #[derive(Debug, Clone)]
 pub(super) struct Tile {
-    /// First row along y and z, and the one after the last that the grid holds.
+    /// First row along y and z, and the one after the last in the grid.
     lo: [usize; 2],
     hi: [usize; 2],
     /// Voxels of a row.
     length: usize,
     live: u64,
-    /// The blocks that may live, from first to before last.
+    /// The blocks that may contain live voxels, from first to before last.
     reach: [usize; 2],
-    /// Between which voxels each row `8 z + y` may live.
+    /// The range of voxels of each row `8 z + y` that may be live.
     rows: [[u32; 2]; ROWS],
     blocks: Vec<Block>,
     slots: Vec<u64>,
@@ -36,7 +36,7 @@ pub(super) struct Tile {
 }
 
 impl Tile {
-    /// The tile whose first row is `lo` along y and z, in a grid of `counts`, with room for some words.
+    /// The tile whose first row is `lo` along y and z, in a grid of `counts` voxels, with memory for `room` words.
     pub fn new(lo: [usize; 2], counts: [usize; 3], room: usize) -> Self {
         let mut tile = Self {
             lo,
@@ -46,7 +46,7 @@ impl Tile {
             reach: [0; 2],
             rows: [[0; 2]; ROWS],
             blocks: vec![Block::Uniform(0); counts[0].div_ceil(ROW)],
-            // Written to, so that the pages are there before the first view asks for them.
+            // The pages are written to, so that they are mapped before the first view needs them.
             slots: vec![u64::MAX; room],
             free: Vec::new(),
         };
@@ -54,7 +54,7 @@ impl Tile {
         tile
     }
 
-    /// As new, its memory kept.
+    /// Resets the tile to its first state and keeps its memory.
     pub fn reset(&mut self) {
         self.blocks.fill(Block::Uniform(0));
         self.slots.clear();
@@ -83,7 +83,7 @@ impl Tile {
         [block * ROW, (block * ROW + ROW).min(self.length)]
     }
 
-    /// The bits that a block has in the grid.
+    /// The bits of a block that are in the grid.
     fn held(&self, block: usize) -> Words {
         let ([from, to], [y, z]) = (self.voxels(block), self.sides());
         counts::corner([to - from, y, z])
@@ -98,7 +98,7 @@ impl Tile {
         }
     }
 
-    /// Whether a block's voxels are all alike: live, or dead.
+    /// Whether all voxels of a block are live, or all dead.
     pub fn uniform(&self, block: usize, tally: Tally) -> Option<bool> {
         match self.blocks[block] {
             Block::Uniform(misses) => Some(misses <= tally.budget()),
@@ -157,7 +157,7 @@ impl Tile {
         }
     }
 
-    /// Counts what a view misses of a block that lives; returns how many voxels died.
+    /// Counts what a view misses of a live block. Returns how many voxels died.
     fn count(&mut self, block: usize, missed: Missed, tally: Tally) -> u32 {
         match (missed, self.blocks[block]) {
             (Missed::None, _) => 0,
@@ -210,7 +210,7 @@ impl Tile {
         &mut self.slots[at..at + tally.words()]
     }
 
-    /// Forgets blocks and rows that have died.
+    /// Removes blocks and rows that have died.
     fn shrink(&mut self, tally: Tally) {
         let dead = Block::Uniform(tally.budget() + 1);
         let [mut from, mut to] = self.reach;

@@ -1,20 +1,22 @@
-//! The parameter vector psi of the camera (paper, section 2.2; the orbiting form of the projection).
+//! The camera's parameter vector psi (paper, section 2.2; the orbiting form of the projection).
 
 use super::{Projection, VoxelGrid};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// psi without its angles omega: they come from the ledger, view by view.
+/// The vector psi without its angles omega, which come from the ledger, view by view. The geometry is described in the
+/// [module](super).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// Distance of the projection centre from the axis, um. Sets only the strength of the perspective.
+    /// Distance of the projection centre from the axis, um. It determines only the strength of the perspective.
     pub f: f64,
     /// Scale at the axis along the capillary, px/um.
     pub kx: f64,
-    /// Scale at the axis across the capillary, px/um. Differs from `kx` where glass refracts.
+    /// Scale at the axis across the capillary, px/um. It differs from `kx` where the glass refracts.
     pub ky: f64,
-    /// Principal point, px.
+    /// Column of the principal point, px.
     pub ux: f64,
+    /// Row of the principal point, px.
     pub uy: f64,
     /// Skew, px/um.
     #[serde(default)]
@@ -25,11 +27,12 @@ pub struct Camera {
     /// Roll of the capillary in the image, rad; positive lowers its +x end.
     #[serde(default)]
     pub gamma: f64,
-    /// Elevation of the projection centre, rad; nominally a quarter turn.
+    /// Elevation of the projection centre, rad. Nominally a quarter turn: the camera looks straight at the axis.
     #[serde(default = "quarter_turn")]
     pub phi: f64,
-    /// Sensor size, px.
+    /// Width of the sensor, px.
     pub width: u32,
+    /// Height of the sensor, px.
     pub height: u32,
 }
 
@@ -37,16 +40,32 @@ fn quarter_turn() -> f64 {
     std::f64::consts::FRAC_PI_2
 }
 
+/// Why values are not those of a camera.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum CameraError {
+    /// A value is not finite or out of its range.
     #[error("camera: {name} is {found}; it must be a finite number{rule}")]
-    Value { name: &'static str, found: f64, rule: &'static str },
+    Value {
+        /// Name of the value.
+        name: &'static str,
+        /// The value.
+        found: f64,
+        /// What it must be beside finite, for the message.
+        rule: &'static str,
+    },
+    /// The sensor has no pixel.
     #[error("camera: the sensor is {width} x {height} px; both must be at least 1")]
-    Sensor { width: u32, height: u32 },
+    Sensor {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+    },
 }
 
 impl Camera {
-    /// The published rig's: 60 mm away, 5.5 um per px, the axis in the middle of a sensor of this size.
+    /// The camera of the published rig: 60 mm from the axis, 5.5 um per px, the axis in the middle of a sensor of this size
+    /// (px).
     pub fn published(width: u32, height: u32) -> Self {
         Self {
             f: 60_000.0,
@@ -63,6 +82,8 @@ impl Camera {
         }
     }
 
+    /// Checks the values.
+    ///
     /// # Errors
     /// Names the first value that no camera can have.
     pub fn check(&self) -> Result<(), CameraError> {
@@ -84,12 +105,12 @@ impl Camera {
         Ok(())
     }
 
-    /// How near the outermost voxels come to the projection centre along its line of sight while the grid turns once around, um; 0 and
-    /// less where they reach the camera's plane.
+    /// Least depth of the grid's outermost voxels in front of the projection centre, over one turn of the grid, um. It is 0 or
+    /// less where they reach the plane of the camera.
     pub fn nearest_um(&self, grid: &VoxelGrid) -> f64 {
         let furthest = |axis: usize| grid.centre(axis, 0).abs().max(grid.centre(axis, grid.counts()[axis] - 1).abs());
         let radius = furthest(1).hypot(furthest(2));
-        // The third row of `projection`, at the angle at which a corner lies nearest.
+        // The third row of `projection`, at the angle at which a corner is nearest.
         let along = (self.gamma.cos() * self.alpha.sin()).abs();
         let across = (self.gamma.sin() * self.alpha.sin()).hypot(self.alpha.cos());
         self.f * self.phi.sin() - along * furthest(0) - across * radius

@@ -1,11 +1,13 @@
-//! The voxel grid: `n = round(L / S)` voxels per axis, centred on the box.
+//! The voxel grid: `n = round(L / S)` voxels per axis, centred in the box.
 
 use serde::{Deserialize, Serialize};
 
-/// An axis-parallel box in world units (um unless a set of other origin says otherwise).
+/// An axis-parallel box in world units: um, unless the cameras of a set have another unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct BoxUm {
+    /// Least coordinate along each axis.
     pub min: [f64; 3],
+    /// Largest coordinate along each axis.
     pub max: [f64; 3],
 }
 
@@ -14,7 +16,7 @@ impl BoxUm {
     pub const PAPER: Self = Self { min: [-2500.0, -500.0, -500.0], max: [2500.0, 500.0, 500.0] };
 }
 
-/// Voxels of edge `size` whose centres are projected into the views.
+/// A grid of voxels of one size. The centres of its voxels are projected into the views.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct VoxelGrid {
     /// Centre of voxel (0, 0, 0).
@@ -23,20 +25,43 @@ pub struct VoxelGrid {
     counts: [usize; 3],
 }
 
+/// Why a box and a voxel size are no grid.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum GridError {
+    /// The voxel size is not a number above 0.
     #[error("voxel size is {found}; it must be a finite number above 0")]
-    Size { found: f64 },
+    Size {
+        /// The size.
+        found: f64,
+    },
+    /// The box is empty along an axis, or not finite.
     #[error("box: on axis {axis} it runs from {min} to {max}; the second must be larger and both finite")]
-    Box { axis: char, min: f64, max: f64 },
+    Box {
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// Its lower end.
+        min: f64,
+        /// Its upper end.
+        max: f64,
+    },
+    /// The box holds no voxel, or too many.
     #[error("the box holds {found:.0} voxels of size {size}; from 1 to {limit:.0} fit: choose another voxel size or box")]
-    Count { found: f64, size: f64, limit: f64 },
+    Count {
+        /// Number of voxels.
+        found: f64,
+        /// Voxel size.
+        size: f64,
+        /// Most voxels.
+        limit: f64,
+    },
 }
 
 impl VoxelGrid {
-    /// More voxels than this need a sparse carver.
+    /// Most voxels of a grid.
     pub const MAX_VOXELS: f64 = 4e9;
 
+    /// The grid of voxels of edge `size` in a box; both in world units.
+    ///
     /// # Errors
     /// Names what is wrong with the box or the voxel size.
     pub fn new(bounds: BoxUm, size: f64) -> Result<Self, GridError> {
@@ -60,6 +85,7 @@ impl VoxelGrid {
         Ok(Self { origin, size, counts: counts.map(|n| n as usize) })
     }
 
+    /// Voxels along each axis.
     pub fn counts(&self) -> [usize; 3] {
         self.counts
     }
@@ -74,15 +100,17 @@ impl VoxelGrid {
         self.counts.iter().product()
     }
 
+    /// Whether there is no voxel.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Coordinate of the centre of voxel `index` along `axis`.
+    /// Coordinate of the centre of voxel `index` along `axis` (0 to 2), in world units.
     pub fn centre(&self, axis: usize, index: usize) -> f64 {
         self.origin[axis] + index as f64 * self.size
     }
 
+    /// Volume of one voxel, in the cube of the world unit.
     pub fn voxel_volume(&self) -> f64 {
         self.size.powi(3)
     }

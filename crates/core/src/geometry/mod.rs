@@ -1,4 +1,4 @@
-//! Where a point of the world lands in a frame.
+//! The geometry of a view: where a point of the world is seen in a frame.
 //!
 //! ```text
 //!          y down                 world (um), right-handed: x along the capillary to the right,

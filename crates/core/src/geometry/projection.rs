@@ -1,19 +1,32 @@
-//! A 3 x 4 projection of any origin: psi's, or a public turntable set's with skew and a far principal point.
+//! A 3 x 4 projection of any origin: that of a psi, or a public turntable set's with skew and a far principal point.
 
 use serde::{Deserialize, Serialize};
 
-/// `(u w, v w, w) = P (x, y, z, 1)`, with the rows scaled so that `w` is the depth in world units.
+/// A 3 x 4 projection: `(u w, v w, w) = P (x, y, z, 1)`. The rows are scaled so that `w` is the depth in world units.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Projection {
     rows: [[f64; 4]; 3],
 }
 
+/// Why a matrix is no projection.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ProjectionError {
+    /// An entry is not finite.
     #[error("projection: row {row}, column {column} is {found}; every entry must be a finite number")]
-    NotFinite { row: usize, column: usize, found: f64 },
+    NotFinite {
+        /// Its row, 0 to 2.
+        row: usize,
+        /// Its column, 0 to 3.
+        column: usize,
+        /// The entry.
+        found: f64,
+    },
+    /// The left 3 x 3 part has no inverse.
     #[error("projection: the left 3 x 3 part has determinant {found}; a camera's is not 0")]
-    Singular { found: f64 },
+    Singular {
+        /// Its determinant.
+        found: f64,
+    },
 }
 
 impl Projection {
@@ -21,12 +34,12 @@ impl Projection {
         Self { rows }
     }
 
-    /// Takes any camera matrix; its scale and sign are free in theory, so both are normalised: the third row's
-    /// direction gets length 1 and the determinant of the left part becomes positive, which makes `w` the depth in
-    /// front of the camera.
+    /// The projection of any camera matrix. Its scale and sign are free in theory. Both are normalised: the direction of the
+    /// third row gets length 1, and the determinant of the left part becomes positive. This makes `w` the depth in front of the
+    /// camera.
     ///
     /// # Errors
-    /// Refuses entries that are not finite and a matrix that is no camera.
+    /// Entries that are not finite and a matrix that does not describe a camera.
     pub fn from_matrix(rows: [[f64; 4]; 3]) -> Result<Self, ProjectionError> {
         for (row, entries) in rows.iter().enumerate() {
             for (column, &found) in entries.iter().enumerate() {
@@ -45,22 +58,23 @@ impl Projection {
         Ok(Self { rows: rows.map(|r| r.map(|x| x * scale)) })
     }
 
+    /// The three rows of the matrix.
     pub fn rows(&self) -> &[[f64; 4]; 3] {
         &self.rows
     }
 
-    /// The order of these operations is part of the definition of the carver: it takes the part of y, z and the offset
-    /// once per row of voxels, and must round as this does.
+    /// The order of these operations is part of the definition of the carver. The carver takes the part of y, z and the offset
+    /// once per row of voxels, and must round as this function does.
     fn homogeneous(&self, x: [f64; 3]) -> [f64; 3] {
         self.rows.map(|r| r[0] * x[0] + ((r[1] * x[1] + r[2] * x[2]) + r[3]))
     }
 
-    /// Depth of a point in front of the camera; not positive behind it.
+    /// Depth of a point in front of the camera, in world units. Not positive for a point that is not in front of it.
     pub fn depth(&self, x: [f64; 3]) -> f64 {
         self.homogeneous(x)[2]
     }
 
-    /// Pixel coordinates `(u, v)`, or nothing for a point that is not in front of the camera.
+    /// Pixel coordinates `(u, v)` of a point. `None` where it is not in front of the camera.
     pub fn project(&self, x: [f64; 3]) -> Option<(f64, f64)> {
         let [u, v, w] = self.homogeneous(x);
         (w > 0.0).then(|| (u / w, v / w))

@@ -1,78 +1,110 @@
-//! Matrices of views that are one camera before something that turns: psi and its angles, out of them.
+//! Recovers psi and its angles from the matrices of views of one camera in front of a turntable.
 //!
 //! ```text
 //!   P_i = K [R_i | t_i]      one K: their mean      R_0^T R_i: turns about one direction a       t_i = d - R_i c: about one line, through c
 //!        ── psi's frame: origin on the line beside the projection centre, x along a ── psi, omega_i ── seen again: off by how much?
 //! ```
-//! psi looks straight at the axis (`phi` a quarter turn); a camera that looks past it is the same but for a turn about its own x axis,
-//! which moves the angles, and for what little that does to perspective: the images of the box's corners judge the whole.
+//! psi looks straight at the axis (`phi` is a quarter turn). A camera that looks past the axis differs only by a turn about its
+//! own x axis, which changes the angles, and by a small effect on the perspective. The images of the box's corners show whether
+//! the result fits.
 
 use super::{Camera, Projection};
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, Rotation3, Vector3, Vector6};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// A turn found in matrices.
+/// A turn that was recovered from matrices.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Turntable {
-    /// In psi's unit.
+    /// The camera, in psi's unit.
     pub camera: Camera,
-    /// Angle of each view, rad; the first is 0.
+    /// Angle of each view, rad. The first is 0.
     pub omega: Vec<f64>,
+    /// Where psi's world lies in that of the matrices.
     pub frame: AxisFrame,
-    /// How far psi sees the corners of the box beside where the matrices do, at most.
+    /// Largest distance between the images of a corner of the box by psi and by the matrices, px.
     pub off_px: f64,
-    /// How far the views' axes are from their common one, at most.
+    /// Largest angle between the axis of a view and the common axis, deg.
     pub axis_off_deg: f64,
 }
 
-/// Where psi's world lies in that of the matrices: `world = origin + scale axes x`.
+/// Position of psi's world in that of the matrices: `world = origin + scale axes x`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AxisFrame {
+    /// The origin of psi's world, in the world of the matrices.
     pub origin: [f64; 3],
-    /// x along the axis; columns are psi's x, y and z.
+    /// Directions of psi's x (along the axis), y and z, as columns.
     pub axes: Matrix3<f64>,
-    /// Units of the matrices' world in one of psi's.
+    /// Units of the matrices' world in one unit of psi's.
     pub scale: f64,
 }
 
 impl AxisFrame {
+    /// A point of psi's world in the world of the matrices.
     pub fn to_world(&self, x: [f64; 3]) -> [f64; 3] {
         (Vector3::from(self.origin) + self.scale * self.axes * Vector3::from(x)).into()
     }
 
+    /// A point of the matrices' world in psi's world.
     pub fn from_world(&self, x: [f64; 3]) -> [f64; 3] {
         (self.axes.transpose() * (Vector3::from(x) - Vector3::from(self.origin)) / self.scale).into()
     }
 }
 
-/// Why matrices are no turn.
+/// Why matrices are not those of a turntable.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NoTurn {
+    /// Too few matrices.
     #[error("{found} matrices; {needed} or more tell an axis")]
-    FewViews { found: usize, needed: usize },
+    FewViews {
+        /// Matrices given.
+        found: usize,
+        /// Matrices needed.
+        needed: usize,
+    },
+    /// The views hardly turn.
     #[error("the views turn by {found_deg:.2} deg at most, {least_deg:.0} or more tell an axis")]
-    Still { found_deg: f64, least_deg: f64 },
+    Still {
+        /// Largest turn, deg.
+        found_deg: f64,
+        /// Least turn needed, deg.
+        least_deg: f64,
+    },
+    /// No camera in front of one axis reproduces the images.
     #[error(
         "no one camera before one axis sees what they see: the best is {off_px:.1} px off, {most_px:.1} at most, and the views' own axes lie up to {axis_off_deg:.2} \
          deg from a common one"
     )]
-    Apart { off_px: f64, most_px: f64, axis_off_deg: f64 },
+    Apart {
+        /// Largest error of the best one, px.
+        off_px: f64,
+        /// Largest error allowed, px.
+        most_px: f64,
+        /// Largest angle of a view's axis from the common one, deg.
+        axis_off_deg: f64,
+    },
+    /// The axis does not lie along the image's rows.
     #[error(
         "the axis is seen {found_deg:.0} deg from the image's rows, {most_deg:.0} at most are calibrated: turn images and cameras so that it lies along them"
     )]
-    Upright { found_deg: f64, most_deg: f64 },
+    Upright {
+        /// Angle from the rows, deg.
+        found_deg: f64,
+        /// Largest angle allowed, deg.
+        most_deg: f64,
+    },
+    /// A matrix has no inverse.
     #[error("a matrix has no inverse; a camera's has one")]
     Singular,
 }
 
 const VIEWS_LEAST: usize = 4;
-/// A smaller turn is that of noise.
+/// A smaller turn is noise.
 const TURN_LEAST_DEG: f64 = 20.0;
-/// Of what calibration is worth; good turntables are known to half a pixel.
+/// Largest error, px, with which a calibration is useful. Good turntables are known to half a pixel.
 const OFF_MOST_PX: f64 = 1.0;
-/// Views in the order of the turn go around once, and a little further where a closure view is among them.
+/// Views in the order of the turn go around once, and a little further where there is a closure view.
 const MOST_TURN: f64 = 1.1 * TAU;
-/// Slices of the axis are read along the image's columns.
+/// Largest angle of the axis from the rows: slices of the axis are read along the columns of the image.
 const UPRIGHT_MOST_DEG: f64 = 20.0;
 
 /// A matrix taken apart: `K [R | t]`.
@@ -83,10 +115,11 @@ struct Apart {
 }
 
 impl Turntable {
-    /// The turn that the matrices are of; `corners` are points around what is seen, `kx` makes psi's unit where the world's is not um.
+    /// Recovers the turn. `sensor` is the size of the images, px. `corners` are points around the specimen, in the world of the
+    /// matrices. `kx` (px/um) makes um of a world without a unit; with `None` the unit of the matrices is kept.
     ///
     /// # Errors
-    /// Refuses matrices that are no turn, with how far off they are and how far they may be.
+    /// [`NoTurn`], with how far off the matrices are and how far off they may be.
     pub fn of(projections: &[Projection], sensor: [u32; 2], corners: &[[f64; 3]], kx: Option<f64>) -> Result<Self, NoTurn> {
         if projections.len() < VIEWS_LEAST {
             return Err(NoTurn::FewViews { found: projections.len(), needed: VIEWS_LEAST });
@@ -108,10 +141,10 @@ impl Turntable {
             return Err(NoTurn::Upright { found_deg, most_deg: UPRIGHT_MOST_DEG });
         }
         let (c, d) = line(&views, &along).ok_or(NoTurn::Singular)?;
-        // Along the axis until it is seen at psi's origin.
+        // The origin is moved along the axis to where psi's origin is seen.
         let slide = -d.x / seen.x;
         let (origin, d) = (c + slide * along, d + slide * seen);
-        // The camera turned about its own x axis until it looks at the line: psi's phi of a quarter turn.
+        // The camera is turned about its own x axis until it looks at the axis, so that psi's phi is a quarter turn.
         let past = FRAC_PI_2 - d.z.atan2(d.y);
         let [fx, fy] = [k[(0, 0)], k[(1, 1)]];
         let [kx_world, ky_world] = [fx / d.z, fy / d.z / past.cos()];
@@ -149,7 +182,7 @@ impl Turntable {
         Ok(table)
     }
 
-    /// The largest distance between psi's image of a corner and the matrices'; corners behind a camera are seen by neither.
+    /// Largest distance between the images of a corner. A corner behind both cameras counts 0.
     fn off(&self, projections: &[Projection], corners: &[[f64; 3]]) -> f64 {
         let of_view = |(p, &omega): (&Projection, &f64)| {
             let psi = self.camera.projection(omega);
@@ -164,7 +197,7 @@ impl Turntable {
     }
 }
 
-/// As `f64::max`, but what is no number stays seen.
+/// As `f64::max`, but keeps a value that is no number.
 fn larger(a: f64, b: f64) -> f64 {
     if b.is_nan() || b > a { b } else { a }
 }
@@ -182,7 +215,7 @@ fn apart(projection: &Projection) -> Option<Apart> {
     Some(Apart { k: k / k[(2, 2)], r, t: t * k[(2, 2)] })
 }
 
-/// The direction in the world that all turns from the first view leave where it is.
+/// The direction in the world that no turn from the first view changes.
 fn axis(views: &[Apart]) -> Vector3<f64> {
     let moved = views.iter().map(|v| (views[0].r.inverse() * v.r).matrix() - Matrix3::identity());
     let sum: Matrix3<f64> = moved.map(|m| m.transpose() * m).sum();
@@ -190,7 +223,8 @@ fn axis(views: &[Apart]) -> Vector3<f64> {
     eigen.eigenvectors.column(eigen.eigenvalues.imin()).into()
 }
 
-/// A point of the axis and where all views see it, `t_i = d - R_i c`; of the axis' points the one that is nearest to the world's origin.
+/// A point of the axis and its place in the frame of all views, `t_i = d - R_i c`. It is the point of the axis nearest to the
+/// world's origin.
 fn line(views: &[Apart], along: &Vector3<f64>) -> Option<(Vector3<f64>, Vector3<f64>)> {
     let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
     let mut add = |rows: Matrix3x6<f64>, values: Vector3<f64>| {
@@ -206,7 +240,8 @@ fn line(views: &[Apart], along: &Vector3<f64>) -> Option<(Vector3<f64>, Vector3<
     Some((found.fixed_rows::<3>(0).into(), found.fixed_rows::<3>(3).into()))
 }
 
-/// Angles that go on from view to view by less than half a turn; where that leads further than around once, those from 0 on.
+/// Angles that change by less than half a turn from view to view. Where they go further than once around, they are reduced to
+/// one turn.
 fn one_turn(angles: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut turned: Vec<f64> = Vec::new();
     for angle in angles {

@@ -1,4 +1,4 @@
-//! Which side of a larva the views of its turn show.
+//! The sides of a larva that the views of its turn show.
 //!
 //! ```text
 //!        camera                         roll_deg: how far the capillary must be turned from omega = 0
@@ -8,39 +8,44 @@
 //!       \|  |                           lateral: a quarter turn to either side
 //!        '--'
 //! ```
-//! It rests on the shape alone: the back is where [`Dorsal`](super::shape::Dorsal) puts it, away from the belly's bulge in the
-//! direction in which the slices are longest, with that confidence. Where the shape does not tell a back there is no such view.
+//! It rests on the shape alone. The back is where [`Dorsal`](super::shape::Dorsal) puts it, with the confidence stated there:
+//! in the direction in which the slices are longest, on the side away from the belly's bulge. Where the shape does not
+//! determine a back, there is no such view.
 
 use super::shape::{End, Shape};
 use crate::geometry::Camera;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
+/// Which views of a turn show the back, the belly and the sides of a larva.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Facing {
-    /// The head's end in the picture; `null` where both are alike.
+    /// End of the picture at which the head lies. `null` where both ends are alike.
     pub head: Option<End>,
+    /// Confidence of the head, 0 to 1.
     pub head_confidence: f64,
-    /// By how much the capillary must be turned from omega = 0 for the back to face the camera, -180 to 180 deg.
+    /// Angle by which the capillary must be turned from omega = 0 for the back to face the camera, -180 to 180 deg.
     pub roll_deg: f64,
-    /// 0 to 1, the shape's own.
+    /// Confidence of the back, 0 to 1: that of the shape.
     pub confidence: f64,
-    /// The view that shows the back, and how far it is from showing it straight.
+    /// The view that shows the back.
     pub dorsal_view: u32,
+    /// Angle between that view and the back, deg.
     pub dorsal_off_deg: f64,
+    /// The view that shows the belly.
     pub ventral_view: u32,
-    /// A quarter turn before and behind the dorsal view.
+    /// The views a quarter turn before and behind the dorsal view.
     pub lateral_views: [u32; 2],
 }
 
 impl Facing {
-    /// Of views by number and angle (rad); nothing where the shape tells no back, or there is no view.
+    /// From the views' numbers and angles (rad). `None` where the shape does not determine a back, or there is no view.
     pub fn of(shape: &Shape, camera: &Camera, views: &[(u32, f64)]) -> Option<Self> {
         let body = shape.body.as_ref()?;
         let back = body.dorsal.direction?;
         let at = shape.solid.as_ref()?.centroid_um;
         let behind: [f64; 3] = std::array::from_fn(|a| at[a] + back[a]);
-        // How much nearer to the camera the back is than the middle.
+        // How much nearer to the camera the back is than the middle, um.
         let towards = |omega: f64| {
             let projection = camera.projection(omega);
             projection.depth(at) - projection.depth(behind)

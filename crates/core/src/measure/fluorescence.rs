@@ -1,4 +1,4 @@
-//! Fluorescence in a second camera: its light integrated inside the model's own silhouette, and per volume.
+//! Fluorescence in a second camera: its light, integrated inside the silhouette of the model, and the light per volume.
 //!
 //! ```text
 //!  mesh ── second camera's projection ──► silhouette ── grown by MARGIN ──► signal = sum of (pixel - background)
@@ -6,69 +6,78 @@
 //!  all views ── mean, spread ──┬──► signal per volume
 //!  volume, its spread ─────────┘
 //! ```
-//! The signal is in grey levels times pixels of the second camera, exposure and gain as configured: comparable between specimens of one
-//! set-up. What the body itself absorbs or the glass reflects is not corrected.
+//! The signal is in grey levels times pixels of the second camera, with exposure and gain as configured. It is comparable
+//! between specimens of one set-up. Absorption in the body and reflections of the glass are not corrected.
 
 use crate::geometry::Projection;
 use crate::surface::{Mesh, silhouette};
 use serde::{Deserialize, Serialize};
 
-/// Light that blur and a small error of the optics put outside the silhouette is still counted, px.
+/// Light that blur and a small error of the optics put outside the silhouette is still counted, within this margin, px.
 const MARGIN_PX: usize = 6;
-/// Width of the ring that the background is read in, px.
+/// Width of the ring in which the background is read, px.
 const RING_PX: usize = 10;
-/// Pixels in the ring that a background needs.
+/// Least pixels of the ring.
 const LEAST_RING: usize = 50;
-/// Of a nanolitre.
+/// um^3 in a nanolitre.
 const UM3_PER_NL: f64 = 1e6;
-/// Share of the specimen's pixels at the top above which the signal is only a lower bound.
+/// Share of saturated pixels above which the signal is only a lower bound.
 const MANY_SATURATED: f64 = 0.001;
 
-/// One picture of the second camera, 8 bits grey, and where it looked from.
+/// One picture of the second camera, 8 bits grey, with its projection.
 #[derive(Debug, Clone, Copy)]
 pub struct SecondView<'a> {
+    /// Number of the view.
     pub view: u32,
+    /// Projection of the second camera in this view.
     pub projection: Projection,
+    /// Grey levels, row by row.
     pub pixels: &'a [u8],
+    /// Width of the picture, px.
     pub width: usize,
+    /// Height of the picture, px.
     pub height: usize,
 }
 
 /// The signal of one view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ViewSignal {
+    /// Number of the view.
     pub view: u32,
-    /// Sum over the silhouette and its margin, background taken off; grey levels times px.
+    /// Sum over the silhouette and its margin less the background, grey levels times px.
     pub signal: f64,
-    /// Standard deviation of the signal that the pixels' noise and the background's own spread make.
+    /// Standard deviation of the signal, from the noise of the pixels and of the background.
     pub signal_sd: f64,
     /// Mean of the ring, grey levels.
     pub background: f64,
+    /// Pixels of the silhouette.
     pub silhouette_px: usize,
-    /// Share of the silhouette at 255.
+    /// Share of the silhouette's pixels at 255.
     pub saturated: f64,
 }
 
-/// What the second camera says of a specimen.
+/// Fluorescence of a specimen.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fluorescence {
+    /// Signal of each view.
     pub views: Vec<ViewSignal>,
-    /// Views whose silhouette left no ring, or no room in the picture.
+    /// Views that are left out: their silhouette leaves no ring in the picture, or lies outside it.
     pub left_out: Vec<u32>,
     /// Mean over the views, grey levels times px.
     pub signal: f64,
-    /// Standard deviation between the views.
+    /// Standard deviation between the views. Of one view, that of its own noise.
     pub signal_sd: f64,
-    /// The mean over the volume to trust.
+    /// The mean signal over the volume, grey levels times px per nl.
     pub signal_per_nl: f64,
-    /// Of the mean over the views and of the volume together.
+    /// Standard deviation of `signal_per_nl`, from the mean over the views and from the volume.
     pub signal_per_nl_sd: f64,
-    /// `saturated`: the signal is a lower bound.
+    /// `saturated`: the signal is only a lower bound.
     pub flags: Vec<String>,
 }
 
 impl Fluorescence {
-    /// None where no view tells anything.
+    /// Measures the signal inside the silhouette of a mesh (um). `None` where no view can be measured, or the volume is not
+    /// above 0.
     pub fn measure(mesh: &Mesh, views: &[SecondView<'_>], volume_um3: f64, volume_sd_um3: Option<f64>) -> Option<Self> {
         let mut signals = Vec::new();
         let mut left_out = Vec::new();
@@ -84,7 +93,7 @@ impl Fluorescence {
         }
         let signal = signals.iter().map(|s| s.signal).sum::<f64>() / n;
         let between = signals.iter().map(|s| (s.signal - signal).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-        // One view has no spread between views: its own noise stands for it.
+        // One view has no spread between views. Its own noise is used instead.
         let variance = if signals.len() > 1 { between } else { signals[0].signal_sd.powi(2) };
         let per_nl = UM3_PER_NL / volume_um3;
         let of_volume = signal * volume_sd_um3.unwrap_or(0.0) / volume_um3;
@@ -131,7 +140,7 @@ impl ViewSignal {
         Some(Self {
             view: view.view,
             signal: sum - m * background,
-            // The noise of as many pixels, and that many times the background's own.
+            // The noise of as many pixels, and the noise of the background as many times.
             signal_sd: (variance * (m + m * m / n)).sqrt(),
             background,
             silhouette_px,
@@ -140,7 +149,7 @@ impl ViewSignal {
     }
 }
 
-/// A set with all that is within `by` pixels of it, along rows and columns: an eighth too far aslant does no harm here.
+/// A set with all pixels within `by` of it, along rows and columns. Diagonals reach further, which does no harm here.
 fn grown(set: &[bool], width: usize, by: usize) -> Vec<bool> {
     let height = set.len() / width;
     let mut across = vec![false; set.len()];

@@ -1,4 +1,4 @@
-//! Numbers of a model: what is written down for a specimen.
+//! The numbers of a model that are stored for a specimen.
 //!
 //! ```text
 //!  Carver ── voxels x SD^3 ───────────────────────────── volume_um3                          the paper's
@@ -10,9 +10,9 @@
 //!  Mesh of the field, as it is ───────────────────────── field_volume_um3, field_area_um2    of the outlines
 //!  Support functions of the slices ────────────────────── estimators.support                 of the outlines, no voxels
 //! ```
-//! `volume_um3` and `area_um2` are those of the estimator to trust, which `estimator` names; all stand side by side in `estimators`.
-//! The area depends on how the mesh was smoothed by up to a tenth, so [`Measurement`] says which operator, weight and
-//! number of iterations made it.
+//! `volume_um3` and `area_um2` are those of the estimator that is trusted, which `estimator` names. All estimators stand side
+//! by side in `estimators`. The area depends by up to a tenth on how the mesh was smoothed, so [`Measurement`] states operator,
+//! weight and number of iterations.
 
 pub mod facing;
 pub mod fluorescence;
@@ -41,30 +41,31 @@ pub struct Measurement {
     pub planned_views: usize,
     /// Share of views that may miss a voxel.
     pub epsilon: f64,
-    /// Which estimator `volume_um3` and `area_um2` are of.
+    /// Estimator of `volume_um3` and `area_um2`.
     pub estimator: Estimator,
-    /// Why it is not the support functions.
+    /// Why the estimator is not that of the support functions. `None` where it is.
     pub fallback: Option<String>,
-    /// Volume by the estimator to trust.
+    /// Volume by the trusted estimator.
     pub volume_um3: f64,
-    /// Its standard deviation; what it is made of is in `spread`.
+    /// Standard deviation of `volume_um3`; `spread` has its parts. `None` where there are no slices.
     pub volume_sd_um3: Option<f64>,
     /// Volume that the faired mesh encloses.
     pub mesh_volume_um3: f64,
-    /// Part of the unfaired mesh's volume that fairing took away.
+    /// Share of the unfaired mesh's volume that fairing took away.
     pub fairing_volume_loss: f64,
-    /// Area by the estimator to trust.
+    /// Area by the trusted estimator.
     pub area_um2: f64,
+    /// Standard deviation of `area_um2`. `None` where there are no slices.
     pub area_sd_um2: Option<f64>,
-    /// What the standard deviations are made of.
+    /// The parts of the standard deviations. `None` where there are no slices.
     pub spread: Option<Spread>,
     /// Each estimator's numbers.
     pub estimators: Estimators,
     /// Area of the mesh before fairing.
     pub unfaired_area_um2: f64,
-    /// What made the voxels' area of the binary voxels.
+    /// How the surface of the voxels was faired before its area was taken.
     pub area_method: AreaMethod,
-    /// Volume that the field's mesh encloses: the tolerant hull of the outlines at their sub-pixel positions.
+    /// Volume that the field's mesh encloses: the hull with tolerance, from the outlines at their sub-pixel positions.
     pub field_volume_um3: f64,
     /// Area of the field's mesh by Heron's formula, without fairing.
     pub field_area_um2: f64,
@@ -74,37 +75,39 @@ pub struct Measurement {
     pub extent_um: [f64; 3],
     /// Extent along the capillary.
     pub length_um: f64,
-    /// The sphere nearest to the faired mesh's vertices, where one was asked for.
+    /// The sphere nearest to the vertices of the faired mesh. `None` where none was requested.
     pub sphere: Option<SphereFit>,
-    /// Of the sphere nearest to the surface of the estimator to trust, where one was asked for.
+    /// Diameter of the sphere nearest to the surface of the trusted estimator. `None` where none was requested.
     pub diameter_um: Option<f64>,
+    /// Root mean square distance of that surface from the sphere. `None` where none was requested.
     pub sphere_rms_um: Option<f64>,
-    /// Of a bead, its extent along the capillary over that across: 1 where `kx` and `ky` are right.
+    /// Extent of a bead along the capillary over its extent across. 1 where `kx` and `ky` are right. `None` where no sphere was
+    /// requested.
     pub aspect_ratio: Option<f64>,
 }
 
-/// What the reasons say that are about the specimen's shape.
+/// End of the reasons for a fallback that are about the specimen's shape.
 pub(crate) const NOT_CONVEX: &str = "they are not convex";
 
 impl Measurement {
-    /// Whether the voxels are trusted because slices are hollow, or two.
+    /// Whether the voxels are trusted because slices are hollow, or two bodies.
     pub fn is_nonconvex(&self) -> bool {
         self.fallback.as_deref().is_some_and(|why| why.ends_with(NOT_CONVEX))
     }
 }
 
-/// A way from views to numbers.
+/// A way from views to volume and area.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Estimator {
-    /// The paper's: voxels counted, Heron's formula on the faired surface.
+    /// The paper's: voxels are counted, and Heron's formula is applied to the faired surface.
     Voxel,
     /// Support functions of the slices.
     Support,
 }
 
 impl Estimator {
-    /// As it is written down.
+    /// The name in files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Voxel => "voxel",
@@ -113,50 +116,61 @@ impl Estimator {
     }
 }
 
-/// Numbers of the same views, each in its own way.
+/// The numbers of every estimator, from the same views.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Estimators {
+    /// The paper's estimator.
     pub voxel: VoxelEstimate,
+    /// Support functions. `None` where the views have no stretch of slices in common.
     pub support: Option<SupportEstimate>,
 }
 
-/// The paper's numbers: volume = voxels x SD^3, area = Heron over the faired mesh.
+/// The paper's numbers: volume = voxels x SD^3, area = Heron's formula over the faired mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct VoxelEstimate {
+    /// Volume.
     pub volume_um3: f64,
+    /// Area.
     pub area_um2: f64,
 }
 
-/// Standard deviations by cause. Bias is none of them: what is known of it is stated with the estimators.
+/// Standard deviations by cause. Bias is not among them: what is known of it is stated with the estimators.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Spread {
-    /// Another turn of the same specimen (jackknife over the views).
+    /// Volume: what another turn of the same specimen would change (jackknife over the views).
     pub volume_views_um3: f64,
+    /// Area: the same.
     pub area_views_um2: f64,
-    /// Axis, roll, tilt and angles are known to their covariance only.
+    /// Volume: axis, roll, tilt and angles are known only to their covariance.
     pub volume_calibration_um3: f64,
+    /// Area: the same.
     pub area_calibration_um2: f64,
-    /// The corners of fins, which views too few for all harmonics do not show; they take off the volume, and nothing says how much.
+    /// Volume: the corners of fins, which views too few for all harmonics do not show. They reduce the volume by an unknown
+    /// amount.
     #[serde(default)]
     pub volume_corners_um3: f64,
-    /// The rig's scale: three times its relative standard deviation in volume, twice in area.
+    /// Volume: the rig's scale, three times its relative standard deviation.
     pub volume_scale_um3: f64,
+    /// Area: the rig's scale, twice its relative standard deviation.
     pub area_scale_um2: f64,
-    /// Edges of all views too far out or in alike.
+    /// Volume: all edges too far out or in by the same amount.
     pub volume_edge_um3: f64,
+    /// Area: the same.
     pub area_edge_um2: f64,
 }
 
 impl Spread {
+    /// Standard deviation of the volume.
     pub fn volume_um3(&self) -> f64 {
         root_of_squares([self.volume_of_turn_um3(), self.volume_scale_um3, self.volume_edge_um3])
     }
 
-    /// Without what is the same in every turn on the rig: its scale and edges.
+    /// Standard deviation of the volume without the causes that are the same in every turn on the rig: its scale and edges.
     pub fn volume_of_turn_um3(&self) -> f64 {
         root_of_squares([self.volume_views_um3, self.volume_calibration_um3, self.volume_corners_um3])
     }
 
+    /// Standard deviation of the area.
     pub fn area_um2(&self) -> f64 {
         root_of_squares([self.area_views_um2, self.area_calibration_um2, self.area_scale_um2, self.area_edge_um2])
     }
@@ -166,12 +180,14 @@ fn root_of_squares<const N: usize>(parts: [f64; N]) -> f64 {
     parts.iter().map(|p| p * p).sum::<f64>().sqrt()
 }
 
-/// How a mesh was smoothed before its area was taken.
+/// How a mesh was faired before its area was taken.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct AreaMethod {
     /// Operator of the implicit fairing.
     pub operator: String,
+    /// Weight of the operator.
     pub lambda: f64,
+    /// Number of iterations.
     pub iterations: usize,
 }
 

@@ -2,7 +2,8 @@
 
 use crate::surface::Mesh;
 
-/// Area by Heron's formula, in Kahan's form: the sides sorted, the brackets kept, so that a needle does not lose its digits.
+/// Area by Heron's formula, um^2 for a mesh in um. It is in Kahan's form, with sorted sides and kept brackets, so that needles
+/// do not lose their digits.
 pub fn area(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(|&t| heron(mesh.corners(t))).sum()
 }
@@ -17,13 +18,13 @@ fn heron([p, q, r]: [[f64; 3]; 3]) -> f64 {
     0.25 * ((a + (b + c)) * excess * (c + (a - b)) * (a + (b - c))).sqrt()
 }
 
-/// Signed volume: positive for triangles that turn counter-clockwise seen from outside.
+/// Signed volume, um^3 for a mesh in um. Positive for triangles that turn counter-clockwise seen from outside.
 pub fn volume(mesh: &Mesh) -> f64 {
     let base = base(mesh);
     mesh.triangles.iter().map(|&t| tetrahedron(mesh.corners(t), base).0).sum()
 }
 
-/// Centre of mass of the enclosed volume; nothing where none is enclosed.
+/// Centre of mass of the enclosed volume. `None` where none is enclosed.
 pub fn centroid(mesh: &Mesh) -> Option<[f64; 3]> {
     let base = base(mesh);
     let (mut volume, mut moment) = (0.0, [0.0; 3]);
@@ -50,17 +51,20 @@ fn tetrahedron(corners: [[f64; 3]; 3], base: [f64; 3]) -> (f64, [f64; 3]) {
 /// The axis-parallel box around a mesh.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Extents {
+    /// Least coordinates.
     pub min: [f64; 3],
+    /// Largest coordinates.
     pub max: [f64; 3],
 }
 
 impl Extents {
+    /// Lengths of its sides.
     pub fn sides(&self) -> [f64; 3] {
         std::array::from_fn(|a| self.max[a] - self.min[a])
     }
 }
 
-/// Nothing for a mesh without vertices.
+/// The box around a mesh. `None` for a mesh without vertices.
 pub fn extents(mesh: &Mesh) -> Option<Extents> {
     let &first = mesh.vertices.first()?;
     let start = Extents { min: first, max: first };

@@ -1,36 +1,55 @@
-//! The sphere nearest to a set of points, in the least squares of the distances to its surface.
+//! The sphere nearest to a set of points, by least squares of their distances from its surface.
 
 use nalgebra::{Matrix4, Vector4};
 use serde::{Deserialize, Serialize};
 
+/// A fitted sphere.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SphereFit {
+    /// Its diameter.
     pub diameter_um: f64,
     /// Root mean square distance of the points from the sphere's surface.
     pub rms_um: f64,
+    /// Its centre.
     pub centre_um: [f64; 3],
 }
 
+/// Why points do not determine a sphere.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum SphereError {
+    /// Too few points.
     #[error("a sphere through {found} points is not determined; it takes at least 4")]
-    TooFewPoints { found: usize },
+    TooFewPoints {
+        /// Points given.
+        found: usize,
+    },
+    /// The points lie in a plane, or nearly so.
     #[error(
         "the points lie in a plane or nearly so (the thinnest of their directions has {ratio:.1e} of the widest's spread): no one sphere is nearest"
     )]
-    Flat { ratio: f64 },
+    Flat {
+        /// Least variance over the largest.
+        ratio: f64,
+    },
+    /// The fit did not converge.
     #[error("the sphere fit did not settle within {steps} steps (last step {last_um:.1e} um): the points are not those of a sphere")]
-    NotConverged { steps: usize, last_um: f64 },
+    NotConverged {
+        /// Steps done.
+        steps: usize,
+        /// Length of the last step, um.
+        last_um: f64,
+    },
 }
 
 const MAX_STEPS: usize = 50;
 /// Below this ratio of variances the points span no volume that f64 could tell from a plane.
 const FLAT: f64 = 1e-10;
 
-/// Starts from the algebraic fit, a linear system, and refines it by Gauss-Newton on the distances.
+/// Fits a sphere to points, um. It starts from the algebraic fit, a linear system, and refines it by Gauss-Newton on the
+/// distances.
 ///
 /// # Errors
-/// Names what keeps a sphere from being determined.
+/// [`SphereError`], with the reason.
 pub fn fit_sphere(points: &[[f64; 3]]) -> Result<SphereFit, SphereError> {
     if points.len() < 4 {
         return Err(SphereError::TooFewPoints { found: points.len() });

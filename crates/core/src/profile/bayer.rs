@@ -9,7 +9,7 @@ pub(super) fn demosaic_rg(raw: &[u8], width: usize, height: usize) -> [Vec<u8>; 
         let span = v * width..(v + 1) * width;
         let rows = Rows([mirror(v as isize - 1, height), v, mirror(v as isize + 1, height)].map(|r| &raw[r * width..(r + 1) * width]));
         let (red, green, blue) = (&mut red[span.clone()], &mut green[span.clone()], &mut blue[span]);
-        // A row with blue is a row with red whose colours have changed places, one pixel on.
+        // A row with blue is a row with red in which these two colours are exchanged, shifted by one pixel.
         if v % 2 == 0 { rows.fill(0, red, green, blue) } else { rows.fill(1, blue, green, red) }
     }
     planes
@@ -23,12 +23,12 @@ fn mirror(i: isize, n: usize) -> usize {
     i.clamp(0, last) as usize
 }
 
-/// A row of the mosaic between its neighbours.
+/// A row of the mosaic and its two neighbours.
 struct Rows<'a>([&'a [u8]; 3]);
 
 impl Rows<'_> {
-    /// Fills the row's three colours: `own` is the colour that the row has at every second pixel from `phase` on, green at the
-    /// others; `other` is that of the rows above and below.
+    /// Fills the three colours of the row. `own` is the colour that the row has at every second pixel from `phase` on, with
+    /// green at the others; `other` is the colour of the rows above and below.
     fn fill(&self, phase: usize, own: &mut [u8], green: &mut [u8], other: &mut [u8]) {
         let width = own.len();
         let mut set = |u: usize, (l, r): (usize, usize)| {

@@ -1,4 +1,4 @@
-//! The blur of a frame, as its clear edges tell it.
+//! The blur of a frame, estimated from its clear edges.
 //!
 //! ```text
 //!   residual of all clear edges       \                     /     sharp: step and rims
@@ -9,21 +9,21 @@
 
 use super::onset::{Kind, Onsets};
 
-/// A blur that is off by no more than this share moves no edge by 0.05 px.
+/// A blur that differs by at most this share moves no edge by 0.05 px.
 pub(super) const SAME_BLUR: f64 = 0.04;
-/// The fit reads the blur of discs of known blur (0.6 to 2.0 px) this much too high.
+/// The fit overestimates the blur of discs of known blur (0.6 to 2.0 px) by this factor.
 const READ_HIGH: f64 = 1.05;
 
-/// The blur, px, near one that is expected, and the kind of edges, with which the residual is least. Rounded edges are believed
-/// where they explain `rounded_better` times more than sharp ones.
-pub(super) fn told(near_px: f64, rounded_better: f64, mut residual: impl FnMut(f64, Kind) -> f64) -> (f64, Kind) {
+/// The blur, px, near an expected one, and the kind of edges, with the smallest residual. Rounded edges are accepted where they
+/// explain `rounded_better` times more than sharp ones.
+pub(super) fn estimated(near_px: f64, rounded_better: f64, mut residual: impl FnMut(f64, Kind) -> f64) -> (f64, Kind) {
     let mut least = |kind: Kind| least_near(Models::step(near_px), |step| residual(Models::blur_px(step), kind));
     let (sharp, rounded) = (least(Kind::Sharp), least(Kind::Rounded));
     let (best, kind) = if rounded.1 * rounded_better < sharp.1 { (rounded, Kind::Rounded) } else { (sharp, Kind::Sharp) };
     (Models::blur_px_between(best.0) / READ_HIGH, kind)
 }
 
-/// The models by blur, made once each: a frame needs a few of them, and the next frame the same.
+/// The models by blur, each made once. A frame needs few of them, and the next frame the same ones.
 #[derive(Default)]
 pub(super) struct Models {
     pub search_px: [f64; 2],
@@ -31,7 +31,7 @@ pub(super) struct Models {
 }
 
 impl Models {
-    /// Steps per doubling of the blur; a step is less than [`SAME_BLUR`] of it to either side.
+    /// Steps per doubling of the blur. A step is less than [`SAME_BLUR`] of the blur to either side.
     const PER_DOUBLING: f64 = 12.0;
     const RANGE_PX: (f64, f64) = (0.3, 4.0);
 
@@ -57,8 +57,8 @@ impl Models {
     }
 }
 
-/// Walks downhill in steps of the blur from `start`, first wide, then narrow; between steps by the parabola. Gives the place
-/// and the least residual.
+/// Descends in steps of the blur from `start`, first wide, then narrow, and interpolates between steps by a parabola. Returns
+/// the place and the smallest residual.
 fn least_near(start: i32, mut residual: impl FnMut(i32) -> f64) -> (f64, f64) {
     let bounds = Models::step(Models::RANGE_PX.0)..=Models::step(Models::RANGE_PX.1);
     let mut best = (start, residual(start));
@@ -91,7 +91,7 @@ mod tests {
             for (kind, rounded_by) in [(Kind::Sharp, 0.6), (Kind::Rounded, 0.4)] {
                 let residual =
                     |blur_px: f64, of: Kind| (1.0 + (blur_px / truth).log2().powi(2)) * if of == Kind::Rounded { rounded_by } else { 1.0 };
-                let (found, seen_as) = told(1.2, 2.0, residual);
+                let (found, seen_as) = estimated(1.2, 2.0, residual);
                 assert!((found * READ_HIGH / truth - 1.0).abs() < 0.01 && seen_as == kind, "{found} for {truth}, {seen_as:?}");
             }
         }

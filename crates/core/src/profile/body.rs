@@ -1,4 +1,4 @@
-//! The specimen along the capillary: eyes, width, ends, and what they say.
+//! The specimen along the capillary: eyes, width, ends, and the likelihoods that follow from them.
 //!
 //! ```text
 //!        ___-----____                          width      head blunt, tail pointed: which end is which
@@ -10,18 +10,18 @@ use super::detection::{Head, Side, above, any};
 use super::opacity::{BODY, Grid};
 use super::pieces::{BLACK, Piece, Things};
 
-/// Half the width of a solid black place that may be an eye. An eye seen edge on has 0.1 and more; a bladder's rim and
-/// pigment have 0.08 at most.
+/// Half the width from which a solid black place may be an eye. An eye seen edge on has at least 0.1; a bladder's rim and
+/// pigment have at most 0.08.
 const EYE_BORE: f64 = 0.09;
 const LEAST_EYE_BORE: f64 = 0.07;
-/// Black places nearer than this along the capillary are the two eyes of one head.
+/// Black places closer than this along the capillary are the two eyes of one head.
 const HEAD_BORE: f64 = 0.4;
-/// How far behind the eyes the bladder lies.
+/// Distance of the bladder behind the eyes.
 const BLADDER_BORE: std::ops::Range<f64> = 0.6..1.6;
-/// How far behind an end its width is taken: a head has its full width there, a tail a quarter.
+/// Distance behind an end at which its width is taken. A head has its full width there, a tail a quarter.
 const END_BORE: f64 = 0.5;
 
-/// The eyes of one head: where along the capillary from the left end, and half the width of the larger one.
+/// The eyes of one head: their position along the capillary from the left end, and half the width of the larger one.
 #[derive(Debug, Clone, Copy)]
 struct Eyes {
     at_bore: f64,
@@ -32,26 +32,26 @@ struct Eyes {
 pub(super) struct Body {
     /// Extent along the capillary.
     length_bore: f64,
-    /// Those of the head with the largest eye.
+    /// The eyes of the head with the largest eye.
     eyes: Option<Eyes>,
-    /// How likely any further black place is another head's eyes.
+    /// Likelihood that any other black place is the eyes of another head.
     second_head: f64,
-    /// Width near the left and the right end, share of the greatest; none where that end is out of sight.
+    /// Width near the left and the right end, share of the greatest. `None` where that end is not visible.
     ends: [Option<f64>; 2],
-    /// Depth of the deepest neck: 1 - its width over the lesser of the widths to both sides of it.
+    /// Depth of the deepest neck: 1 - its width over the smaller one of the widths on both sides of it.
     neck: f64,
-    /// The lesser width beside that neck.
+    /// The smaller width beside that neck.
     beside_neck_bore: f64,
-    /// Opacity that all but a twentieth of its inner parts exceed.
+    /// Opacity that 95 % of its inner parts exceed.
     least_opacity: f64,
-    /// How likely a further piece is a larva.
+    /// Likelihood that another piece is a larva.
     others: f64,
 }
 
-/// Measures bodies; keeps its memory from frame to frame.
+/// Measures bodies. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct BodyFinder {
-    /// By label: the specimen's pieces.
+    /// For each label, whether the piece belongs to the specimen.
     owned: Vec<bool>,
     /// Along the capillary: cells of the body, its width, and the greatest width from there on to the right.
     count: Vec<f64>,
@@ -61,7 +61,7 @@ pub(super) struct BodyFinder {
     groups: Vec<Group>,
 }
 
-/// Black places near each other: first and last column, and how deep the deepest is, in cells.
+/// A group of black places: first and last column, and the depth of the deepest, in cells.
 #[derive(Debug, Clone, Copy)]
 struct Group {
     from: usize,
@@ -82,9 +82,10 @@ impl BodyFinder {
     /// The specimen's body; `None` where there is none.
     pub fn find(&mut self, grid: &Grid, things: &Things) -> Option<Body> {
         let (labels, pieces) = (&things.labels, &things.pieces);
-        // A larva that the segmentation lost is there all the same.
+        // A larva that the segmentation missed is there nevertheless.
         let largest = pieces.iter().find(|p| p.in_mask).or_else(|| pieces.first().filter(|p| p.looks().larva > 0.5))?;
-        // What else is another's: a tail that a transparent stretch cuts off is in the mask and lies behind the body.
+        // All other pieces do not belong to the specimen, except for a tail behind a transparent stretch, which is in the mask
+        // and lies behind the body.
         let own = |p: &&Piece| p.label == largest.label || p.in_mask && !p.beside(largest);
         let owned = &mut self.owned;
         owned.clear();
@@ -144,20 +145,20 @@ impl BodyFinder {
 }
 
 impl Body {
-    /// How likely it is more than one larva.
+    /// Likelihood that it is more than one larva.
     pub fn two(&self) -> f64 {
         // In opaque tissue every place may be as black as an eye.
         let heads = self.second_head * (1.0 - self.dead());
         let neck = above(self.neck, 0.45, 0.12) * above(self.beside_neck_bore, 0.25, 0.06);
-        // The longest larva in the narrowest bore in use has 7.
+        // The longest larva in the narrowest bore in use has a ratio of 7.
         let long = above(self.length_bore, 7.5, 0.3);
         any([heads, neck, long, self.others])
     }
 
-    /// Towards which side the head lies, by the logarithms of odds that its eyes, its ends and its girth give.
+    /// The side of the head, from the logarithms of the odds that its eyes, its ends and its girth give.
     pub fn head(&self) -> Head {
         let [left, right] = self.ends;
-        // An end out of sight is further away than what is seen.
+        // An end that is not visible is further away than the border.
         let eyes = self.eyes.map_or(0.0, |eyes| {
             let to_left = eyes.at_bore + if left.is_some() { 0.0 } else { 1.0 };
             let to_right = self.length_bore - eyes.at_bore + if right.is_some() { 0.0 } else { 1.0 };
@@ -173,25 +174,25 @@ impl Body {
         Head { side: Some(side), confidence }
     }
 
-    /// How likely it is dead: no bright regions are left. A living one lets half of the light through somewhere.
+    /// Likelihood that it is dead: no bright regions are left. A living larva transmits half of the light somewhere.
     pub fn dead(&self) -> f64 {
         above(self.least_opacity, 0.445, 0.05)
     }
 }
 
-/// How likely any of the other black places is another head's eyes.
+/// Likelihood that any of the other black places is the eyes of another head.
 fn second_head(first: Eyes, others: impl Iterator<Item = Eyes>, length_bore: f64) -> f64 {
     any(others.map(|eyes| {
         let eye = above(eyes.radius_bore, EYE_BORE, 0.015);
         let apart = (eyes.at_bore - first.at_bore).abs();
-        // Where the bladder lies, pigment over its dark rim may look like an eye. It is none where the larger one is near
-        // an end, as the eyes of one larva are.
+        // Near the bladder, pigment over its dark rim may look like an eye. It is not one where the larger eye is near an end,
+        // as the eyes of one larva are.
         let nearest = first.at_bore.min(length_bore - first.at_bore);
         if BLADDER_BORE.contains(&apart) { eye * above(nearest, 1.1, 0.2) } else { eye }
     }))
 }
 
-/// Leaves the heads by their eyes: groups of solid black places, the one with the largest eye first. `depth` is memory.
+/// Finds the heads by their eyes: groups of solid black places, the one with the largest eye first. `depth` is memory.
 fn heads(grid: &Grid, body: &impl Fn(usize) -> bool, depth: &mut Vec<f32>, groups: &mut Vec<Group>) {
     grid.depth(|at| body(at) && grid.opacity[at] > BLACK, depth);
     let gap = HEAD_BORE * grid.per_bore;
@@ -206,11 +207,11 @@ fn heads(grid: &Grid, body: &impl Fn(usize) -> bool, depth: &mut Vec<f32>, group
             _ => groups.push(Group { from: u, to: u, radius: deepest }),
         }
     }
-    // Of two as large the left one stays first.
+    // Of two equally large groups the left one stays first.
     groups.sort_unstable_by(|a, b| b.radius.total_cmp(&a.radius).then(a.from.cmp(&b.from)));
 }
 
-/// The deepest place between two wider ones: its depth relative to the lesser of them, and the width of that. `right` is
+/// The deepest place between two wider ones: its depth relative to the smaller of them, and the width of that one. `right` is
 /// memory.
 fn neck(width: &[f64], right: &mut Vec<f64>) -> (f64, f64) {
     right.clear();
@@ -223,7 +224,7 @@ fn neck(width: &[f64], right: &mut Vec<f64>) -> (f64, f64) {
         left = left.max(w);
         let beside = left.min(right);
         let depth = 1.0 - w / beside.max(1e-9);
-        // A deep neck between narrow places is a tail's business.
+        // A deep neck between narrow places belongs to a tail.
         if depth * beside > best.0 * best.1 { (depth, beside) } else { best }
     })
 }

@@ -1,10 +1,10 @@
-//! Air bubbles: round, black, with a small bright middle; cut off the specimen that they touch.
+//! Air bubbles: round, black, with a small bright middle. They are cut off the specimen that they touch.
 //!
 //! ```text
 //!   opacity of the blocks -> black, filled -> deepest places -> discs that stand free, with a bright middle = bubbles
 //!   specimen less the discs -> what the discs hid is bridged by the straight way across
 //! ```
-//! An eye is as black and as round, and has no bright middle; a bead's bright middle is most of it.
+//! An eye is as black and as round, but has no bright middle. The bright middle of a bead is most of it.
 
 use super::coarse::Coarse;
 use super::region::{Region, Scratch};
@@ -22,7 +22,7 @@ impl Disc {
         (u - self.u).hypot(v - self.v) <= self.radius + RIM
     }
 
-    /// Whether a place of the picture is in a bubble or its blur; for discs in px.
+    /// Whether a place of the picture is in a bubble or its blur. For discs in px.
     pub fn near(&self, at: [f64; 2]) -> bool {
         (at[0] - self.u).hypot(at[1] - self.v) <= self.radius + BLUR_PX
     }
@@ -30,21 +30,21 @@ impl Disc {
 
 /// Opacity from which on a block is black.
 const BLACK: f32 = 0.6;
-/// Opacity of a bubble's ring: 0.92, where that of dead tissue and of plugs is up to 0.87.
+/// Opacity of a bubble's ring: 0.92. Dead tissue and plugs have up to 0.87.
 const RING: f32 = 0.88;
-/// What is around it takes less than this: every body takes more, so that a swim bladder is none.
+/// Upper limit of the opacity around a bubble. Every body has more, so that a swim bladder does not count.
 const CLEAR: f32 = 0.12;
-/// Smaller discs show no middle, blocks.
+/// Smallest radius of a disc that shows its middle, blocks.
 const LEAST_RADIUS: f64 = 4.0;
-/// The blur around a bubble, blocks.
+/// Width of the blur around a bubble, blocks.
 const RIM: f64 = 1.2;
 /// The same in px of the picture.
 const BLUR_PX: f64 = 5.0;
-/// Share of the circle around a bubble that must be clear: the rest may touch the specimen.
+/// Share of the circle around a bubble that must be clear. The rest may touch the specimen.
 const FREE_SHARE: f64 = 0.5;
-/// The middle lets this much more light through than the ring, as a share of the ring's opacity.
+/// The middle transmits more light than the ring by at least this share of the ring's opacity.
 const BRIGHT_MIDDLE: f32 = 0.4;
-/// A middle that is larger than this share of the disc is a bead's.
+/// A middle that is larger than this share of the disc is that of a bead.
 const MIDDLE_SHARE: f64 = 0.15;
 
 #[derive(Debug, Default)]
@@ -72,7 +72,7 @@ impl Bubbles {
         self.order.sort_unstable_by(|&a, &b| self.depth[b].total_cmp(&self.depth[a]).then(a.cmp(&b)));
         for &at in &self.order {
             let disc = Disc { u: (at % w) as f64, v: (at / w) as f64, radius: f64::from(self.depth[at]) };
-            // The deepest place of each black thing decides on all of it.
+            // The deepest place of each black thing decides about all of it.
             if self.tried.iter().any(|d| d.holds(disc.u, disc.v)) {
                 continue;
             }

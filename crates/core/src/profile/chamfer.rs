@@ -1,4 +1,4 @@
-//! How deep the cells of a set lie.
+//! The depth of cells within a set.
 //!
 //! ```text
 //!    . . . . . .
@@ -7,8 +7,9 @@
 //!    . 1 1 1 1 .
 //! ```
 
-/// Leaves the chamfer distance of each cell of a set from the nearest one outside it; 0 outside. The border of the map, which
-/// is `width` cells wide, is no outside: where the whole map is in the set, every cell is as deep as the map's sides together.
+/// Computes the chamfer distance of each cell of a set from the nearest cell outside; 0 outside. The border of the map, which
+/// is `width` cells wide, does not count as outside: where the whole map is in the set, every cell is as deep as the map's
+/// sides together.
 pub(super) fn depth(width: usize, set: impl ExactSizeIterator<Item = bool>, depth: &mut Vec<f32>) {
     const ASLANT: f32 = std::f32::consts::SQRT_2;
     let (w, len) = (width, set.len());

@@ -1,17 +1,17 @@
-//! The bore at the resolution at which the specimen is told from it: some 60 rows across, whatever the camera's scale.
+//! The bore at the resolution at which the specimen is found: some 60 rows across, for any scale of the camera.
 //!
-//! Blocks of pixels are averaged, which halves the noise and quarters the work; where the edge is, to a fraction of a pixel,
-//! is found later in the pixels themselves. Contrast counts by its logarithm where it is high: an eye is not a hundred times
-//! more specimen than a fin, and photon noise and texture grow with it.
+//! Blocks of pixels are averaged, which halves the noise and quarters the work. The edge is later located in the pixels
+//! themselves, to a fraction of a pixel. High contrast counts by its logarithm: an eye is not a hundred times more specimen
+//! than a fin, and photon noise and texture grow with contrast.
 
 use super::background::{Bore, Contrast};
 use super::plane::quantile;
 
-/// Rows across the bore that are aimed at.
+/// Number of rows across the bore to aim at.
 const ROWS: f64 = 60.0;
-/// Contrast from which on the logarithm bends it, standard deviations.
+/// Contrast from which on the logarithm is used, standard deviations.
 const BEND: f32 = 6.0;
-/// What the background's model may be off by, grey values: no noise is believed to be less.
+/// Smallest noise that is assumed, grey values: the possible error of the background's model.
 const MODEL_GREY: f64 = 0.6;
 
 /// Contrast maps at working resolution, in standard deviations of their own noise.
@@ -24,7 +24,7 @@ pub(super) struct Coarse {
     pub lightness: Vec<f32>,
     /// All 0 for grey pictures.
     pub colour: Vec<f32>,
-    /// Lightness and colour, smoothed a little.
+    /// Lightness and colour, slightly smoothed.
     pub smooth: [Vec<f32>; 2],
     /// Share of the light that is missing.
     pub opacity: Vec<f32>,
@@ -53,7 +53,7 @@ impl Coarse {
             average(&contrast.colour, bore, self.step, &mut self.colour);
         }
         self.mark_within(bore, wall_margin_px);
-        // In the maps' unit, a pixel's noise, the model's error is this.
+        // The error of the model in the unit of the maps, which is a pixel's noise.
         let model = (MODEL_GREY / contrast.noise_grey.max(1e-3)) as f32;
         normalise(&mut self.lightness, self.width, model, &mut self.scratch);
         if !grey {
@@ -64,7 +64,7 @@ impl Coarse {
         }
     }
 
-    /// The maps of a test: this lightness, no colour, walls nowhere.
+    /// Maps for tests: the given lightness, no colour, no walls.
     #[cfg(test)]
     pub fn of_lightness(width: usize, lightness: Vec<f32>) -> Self {
         let mut coarse = Self { width, height: lightness.len() / width, step: 1, ..Self::default() };
@@ -92,7 +92,7 @@ impl Coarse {
     }
 }
 
-/// Means of blocks; those at the far ends are of what is there.
+/// Means of blocks. Those at the far ends are means of the pixels that exist.
 fn average(data: &[f32], bore: &Bore, step: usize, out: &mut Vec<f32>) {
     let width = bore.width.div_ceil(step);
     out.clear();
@@ -111,8 +111,8 @@ fn average(data: &[f32], bore: &Bore, step: usize, out: &mut Vec<f32>) {
     }
 }
 
-/// Divides a map by its noise and bends it. The noise is that of the calmest quarter of all differences of blocks two apart,
-/// which share no pixel of the mosaic.
+/// Divides a map by its noise and applies the logarithm. The noise is that of the calmest quarter of all differences of blocks
+/// two apart, which share no pixel of the mosaic.
 fn normalise(map: &mut [f32], width: usize, least: f32, scratch: &mut Vec<f32>) {
     scratch.clear();
     scratch.extend(map.chunks_exact(width).flat_map(|row| row.windows(3).map(|w| (w[2] - w[0]).abs())));

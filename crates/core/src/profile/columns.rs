@@ -1,4 +1,4 @@
-//! A profile column by column: where each column of the image enters it and leaves it, to a part of a pixel.
+//! A profile column by column: where each column of the image enters and leaves it, to a fraction of a pixel.
 //!
 //! ```text
 //!        upper[u]  ____----____        one column u of the image sees one slice of the specimen: its two edges are the
@@ -9,16 +9,18 @@
 
 use super::{Mask, Polygon};
 
-/// The edges of one column, px, v down.
+/// The edges of one column, px. v runs down.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ColumnEdges {
+    /// Row in which the column enters the profile.
     pub upper: f64,
+    /// Row in which the column leaves the profile.
     pub lower: f64,
-    /// Between them but not covered: the slice is seen to be hollow there, or to be two bodies.
+    /// Length between the edges that is not covered: the slice is seen as hollow there, or as two bodies.
     pub gap: f64,
 }
 
-/// The edges of every column.
+/// The edges of every column of a profile.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Columns {
     edges: Vec<Option<ColumnEdges>>,
@@ -26,7 +28,7 @@ pub struct Columns {
 }
 
 impl Columns {
-    /// Where the vertical through each column's centre crosses the outlines.
+    /// The crossings of the outlines with the vertical through each column's centre. `width` and `height` are the image's, px.
     pub fn from_outlines(outlines: &[Polygon], width: usize, height: usize) -> Self {
         let mut crossings: Vec<Vec<(f64, i32)>> = vec![Vec::new(); width];
         let mut edges = vec![None; width];
@@ -63,7 +65,8 @@ impl Columns {
         Self::from_coverage(mask.width(), mask.height(), mask.data())
     }
 
-    /// From anti-aliased coverage, 255 wholly inside: a run of covered pixels is as long as the sum of its coverage.
+    /// From anti-aliased coverage, row by row, 255 where a pixel is completely inside. A run of covered pixels is as long as
+    /// the sum of its coverage.
     pub fn from_coverage(width: usize, height: usize, coverage: &[u8]) -> Self {
         let share = |u: usize, v: usize| f64::from(coverage[v * width + u]) / 255.0;
         let edges = (0..width)
@@ -89,19 +92,22 @@ impl Columns {
         Self { edges, height }
     }
 
+    /// Columns of the image.
     pub fn width(&self) -> usize {
         self.edges.len()
     }
 
+    /// Rows of the image.
     pub fn height(&self) -> usize {
         self.height
     }
 
+    /// The edges of column `u`. `None` where it shows nothing.
     pub fn get(&self, u: usize) -> Option<ColumnEdges> {
         self.edges.get(u).copied().flatten()
     }
 
-    /// Edges between two columns, by a line.
+    /// The edges between two columns, by linear interpolation. `None` where one of them shows nothing.
     pub fn at(&self, u: f64) -> Option<ColumnEdges> {
         let left = u.floor();
         if !(left >= 0.0 && left < self.edges.len() as f64) {
@@ -116,18 +122,18 @@ impl Columns {
         Some(ColumnEdges { upper: mix(a.upper, b.upper), lower: mix(a.lower, b.lower), gap: a.gap.max(b.gap) })
     }
 
-    /// First and last column that have edges.
+    /// First and last column that have edges. `None` where no column has.
     pub fn extent(&self) -> Option<(usize, usize)> {
         Some((self.edges.iter().position(Option::is_some)?, self.edges.iter().rposition(Option::is_some)?))
     }
 
-    /// Pixels covered.
+    /// Area covered, px^2.
     pub fn area_px(&self) -> f64 {
         self.edges.iter().flatten().map(|e| e.lower - e.upper - e.gap).sum()
     }
 }
 
-/// Ends of a run of covered pixels `first..end`; nothing where no pixel of it counts as inside.
+/// Ends of a run of covered pixels `first..end`. `None` where no pixel of it counts as inside.
 fn run(first: usize, end: usize, share: impl Fn(usize) -> f64) -> Option<(f64, f64)> {
     let inside = |v: usize| share(v) >= 128.0 / 255.0;
     if !(first..end).any(inside) {

@@ -1,4 +1,5 @@
-//! What the frame shows: nothing, one larva or two, a bead, air, debris; which way it lies, and whether it is all in view.
+//! Detects what a frame shows: nothing, one larva or two, a bead, air, debris; how it lies, and whether it is completely in
+//! view.
 //!
 //! ```text
 //!   opacity on a grid of 1/48 bore -> pieces -> what each piece looks like ---------> empty, larva, two, bubble, debris, bead
@@ -6,8 +7,8 @@
 //!                                       └─ the body: eyes, width along it, ends ----> two, head, dead, clipped
 //! ```
 //! Each question is a soft threshold on one measured figure, so that an answer near its threshold has a low confidence. The
-//! answers are combined as if they were independent; the six kinds sum to 1. Lengths are in bores, so that they hold at
-//! any magnification.
+//! answers are combined as if they were independent. The six kinds sum to 1. Lengths are in bores, so that they hold at any
+//! magnification.
 
 use super::Mask;
 use super::background::Bore;
@@ -18,11 +19,13 @@ use super::pieces::{Piece, Things};
 use super::plane::Plane;
 use serde::{Deserialize, Serialize};
 
-/// What there is to detect.
+/// The kinds of contents.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
+    /// Nothing.
     Empty,
+    /// One larva.
     Larva,
     /// Two larvae or more.
     Two,
@@ -30,11 +33,12 @@ pub enum Kind {
     Bubble,
     /// Something small and irregular, and no specimen.
     Debris,
+    /// A bead.
     Bead,
 }
 
 impl Kind {
-    /// The word for it in files and in the status.
+    /// The name in files and in the status.
     pub fn name(self) -> &'static str {
         match self {
             Self::Empty => "empty",
@@ -47,14 +51,20 @@ impl Kind {
     }
 }
 
-/// How likely each kind is; they sum to 1.
+/// The likelihood of each kind; they sum to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Likelihoods {
+    /// Nothing.
     pub empty: f64,
+    /// One larva.
     pub larva: f64,
+    /// Two larvae or more.
     pub two: f64,
+    /// Air, and no specimen.
     pub bubble: f64,
+    /// Something small and irregular, and no specimen.
     pub debris: f64,
+    /// A bead.
     pub bead: f64,
 }
 
@@ -62,43 +72,48 @@ pub struct Likelihoods {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Side {
+    /// The left side.
     Left,
+    /// The right side.
     Right,
 }
 
-/// Towards which side the head lies.
+/// The side towards which the head lies.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Head {
-    /// `None` where the picture does not tell, or there is no one larva.
+    /// `None` where the picture does not show it, or there is not one larva.
     pub side: Option<Side>,
-    /// From 0.5 (could be either) to 1 for the side named; 0 without one.
+    /// From 0.5 (either side) to 1 for the side that is named. 0 without one.
     pub confidence: f64,
 }
 
-/// What was detected, with confidences from 0 to 1.
+/// What was detected in a frame, with confidences from 0 to 1.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Detection {
     /// The likeliest kind.
     pub kind: Kind,
-    /// How likely it is.
+    /// Its likelihood.
     pub confidence: f64,
+    /// The likelihood of every kind.
     pub likelihoods: Likelihoods,
-    /// The specimen goes on beyond the left border of the picture.
+    /// Likelihood that the specimen goes on beyond the left border of the picture.
     pub clipped_left: f64,
+    /// Likelihood that it goes on beyond the right border.
     pub clipped_right: f64,
+    /// The side of the head.
     pub head: Head,
-    /// The larva looks dead: opaque throughout.
+    /// Likelihood that the larva is dead: opaque throughout.
     pub dead: f64,
 }
 
-/// From here on a yes is more likely than a no.
+/// From here on yes is more likely than no.
 const LIKELY: f64 = 0.5;
-/// A specimen is not thrown away for less than this.
+/// Least confidence with which a specimen is given up.
 const SURE: f64 = 0.8;
 
 impl Detection {
-    /// Why this well isn't worth a revolution; `None` where it is, or where the picture doesn't tell surely enough: then the
-    /// revolution decides.
+    /// Why this well is not worth a revolution. `None` where it is, and where the picture does not show it surely enough: then
+    /// the revolution decides.
     pub fn skip_reason(&self) -> Option<&'static str> {
         let sure = match self.kind {
             Kind::Larva | Kind::Bead => return None,
@@ -108,14 +123,17 @@ impl Detection {
         (self.confidence >= sure).then(|| self.kind.name())
     }
 
+    /// Whether the specimen goes on beyond the left border.
     pub fn is_clipped_left(&self) -> bool {
         self.clipped_left > LIKELY
     }
 
+    /// Whether the specimen goes on beyond the right border.
     pub fn is_clipped_right(&self) -> bool {
         self.clipped_right > LIKELY
     }
 
+    /// Whether the larva looks dead.
     pub fn looks_dead(&self) -> bool {
         self.dead > LIKELY
     }

@@ -7,8 +7,9 @@
 //!                                            |
 //!      one place per step where the darkness sets in, chosen together (neighbours differ little) -> polygon
 //! ```
-//! A pixel's width of dilation is 7 % of a larva's volume, so the edge is not where a threshold is crossed, which moves with
-//! contrast and blur, but where the fitted darkness begins (see [`super::onset`]). How blurred a frame is, its own edges tell.
+//! A dilation by one pixel is 7 % of a larva's volume. A threshold moves with contrast and blur, so the edge is not where one
+//! is crossed, but where the fitted darkness begins (see [`super::onset`]). The blur of a frame is estimated from its own
+//! edges.
 
 use super::blur::{self, Models, SAME_BLUR};
 use super::bubble::Disc;
@@ -18,14 +19,14 @@ use super::path::Path;
 use super::plane::{Plane, gaussian};
 use super::settings::EdgeSettings;
 
-/// How sure one vertex of the refined outline is.
+/// The certainty of one vertex of the refined outline.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgePoint {
-    /// Height of the fitted darkness, in standard deviations of one pixel's noise.
+    /// Height of the fitted darkness, in standard deviations of a pixel's noise.
     pub contrast: f64,
-    /// Standard error of the position, px; infinite where nothing could be fitted.
+    /// Standard error of the position, px. Infinite where nothing could be fitted.
     pub error_px: f64,
-    /// The vertex lies on a wall, on the frame's border or at a bubble, where the specimen's own edge cannot be seen.
+    /// Whether the vertex lies on a wall, on the frame's border or at a bubble, where the specimen's own edge cannot be seen.
     pub bounded: bool,
 }
 
@@ -88,7 +89,7 @@ pub(super) struct Refined {
     pub edge: Vec<Polygon>,
     /// How sure each vertex of each outline is.
     pub points: Vec<Vec<EdgePoint>>,
-    /// The frame's blur as its edges tell it; none where they don't.
+    /// The frame's blur by its edges. `None` where they do not determine it.
     pub blur_px: Option<f64>,
 }
 
@@ -189,8 +190,8 @@ impl EdgeFinder {
         }
     }
 
-    /// The blur of the frame, px, and the kind of its edges: those with which its clear edges are explained best, all together;
-    /// none where too few are clear.
+    /// The blur of the frame, px, and the kind of its edges: those that explain all its clear edges best. `None` where too few
+    /// are clear.
     fn blur(&mut self, near: f64) -> Option<(f64, Kind)> {
         let clear = |least: f32| move |place: &&Place| !place.at_border && place.contrast >= least && place.seen + 4 >= SAMPLES;
         let enough = |least: f32| self.places.iter().filter(clear(least)).count() >= BLUR_PLACES;
@@ -203,7 +204,7 @@ impl EdgeFinder {
             // In units of each edge's own height, so that no edge outweighs the others.
             chosen.map(|(p, samples)| f64::from(settle(model, p.shift, &samples[..p.seen]).1 / (p.contrast * p.contrast))).sum::<f64>()
         };
-        Some(blur::told(near, rounded_better, residual))
+        Some(blur::estimated(near, rounded_better, residual))
     }
 
     /// Places the edge of one outline between the shifts.
@@ -248,11 +249,11 @@ impl EdgeFinder {
     }
 }
 
-/// Edges of which the blur is told: so high that noise adds nothing. Where a frame has too few, fainter ones have to do.
-/// Rounded courses explain a sharp edge a little better too, having more freedom, and roundness looks like blur: they are
-/// believed where they explain this many times more. High edges, as they are where light is bent away, speak against them.
+/// Edges that determine the blur: so high that noise adds nothing. Where a frame has too few, fainter ones are used. Rounded
+/// courses explain a sharp edge a little better too, since they have more freedom, and roundness looks like blur. So they are
+/// believed only where they explain this many times more. High edges, as where light is bent away, speak against them.
 const BLUR_CONTRASTS: [(f32, f64); 2] = [(25.0, 8.0), (8.0, 2.0)];
-/// Fewer clear places than this don't tell a frame's blur, and more than twice as many only cost time.
+/// Fewer clear places than this do not determine a frame's blur. More than twice as many only cost time.
 const BLUR_PLACES: usize = 60;
 
 /// Variance that averaging along the outline leaves of a pixel's noise.

@@ -1,4 +1,4 @@
-//! The transparent fringe: fin folds and whatever else shows by little more than its border.
+//! The transparent fringe: fin folds and other parts of which little more than the border is visible.
 //!
 //! ```text
 //!        . . . . . . . .  <- a line of a few grey values, two px wide, hundreds long
@@ -6,10 +6,10 @@
 //!     ___ the background ____
 //!    (______ body ___________)      along each normal of the body's outline: where, going inwards, does it get darker?
 //! ```
-//! No pixel of a fin need stand out from the noise, nor from what the background's model is off by. Its border does, once it
-//! is averaged along the outline and asked to run on: the path around the body that gathers the most border, each place
-//! counting no more than a faint line would, so that no bubble or speck beside the larva pulls it out. What is thin and much
-//! darker than any fin's border, a scratch or a grain, is taken out beforehand.
+//! Single pixels of a fin need not differ from the noise, nor from the background model's error. The border of the fin does,
+//! once it is averaged along the outline and required to be continuous. The fringe is the path around the body that collects
+//! the most border. Each place counts no more than a faint line would, so that no bubble or speck beside the larva attracts the
+//! path. What is thin and much darker than any fin's border, a scratch or a grain, is removed beforehand.
 
 use super::background::{Bore, Contrast};
 use super::outline::{Crossings, Outlines, fill, normals, smooth_cyclic};
@@ -17,35 +17,35 @@ use super::path::Path;
 use super::plane::{gaussian, quantile};
 use super::settings::FringeSettings;
 
-/// The fringe is followed this many times, each from what was found before.
+/// Number of times that the fringe is followed, each time from the previous result.
 pub(super) const ROUNDS: usize = 2;
-/// Steps along the outline, and smoothing of the body's outline, px: normals that do not cross near by.
+/// Step along the outline, and smoothing length of the body's outline, px. Normals then do not cross nearby.
 pub(super) const STEP_PX: f64 = 2.0;
 pub(super) const OUTLINE_SMOOTHING_PX: f64 = 5.0;
 /// Samples before the first distance: inside the outline.
 const INNER: usize = 3;
 /// Samples beyond the last distance: the bright side of the border.
 const OUTER: usize = 11;
-/// Samples inside a border that are compared, and the fewest outside.
+/// Samples inside of a border that are compared, and the fewest outside.
 const INSIDE: usize = 5;
 const LEAST_OUTSIDE: usize = 5;
-/// A border's course going outwards: the fin, its line, the line's blur; then the water. In bright field the line takes twice
-/// what the fin takes.
+/// Profile of a border from inside to outside: the fin, its line, the blur of the line; then the water. In bright field the
+/// line takes twice as much light as the fin.
 const FIN: f32 = 0.55;
 const LINE: [f32; 3] = [1.1, 1.1, 0.25];
-/// How nearly straight the background's model is off over that course: the squared px by which its slope is held near 0.
+/// How nearly linear the background's error is over that profile: the squared px by which its slope is held near 0.
 const SLOPE_PX2: f32 = 500.0;
-/// Nearer to a wall its own line shows, px.
+/// Distance from a wall within which the wall's own line is visible, px.
 const WALL_LINE_PX: f64 = 4.0;
-/// A mark takes this share of the light at least, and these standard deviations of a pixel's noise: a fin's border takes
-/// 2 %, in the noise too.
+/// Smallest share of the light that a mark takes, and smallest number of standard deviations of a pixel's noise. A fin's border
+/// takes 2 %, also within the noise.
 const MARK_SHARE: f32 = 0.04;
 const MARK_SIGMA: f32 = 5.0;
-/// Its greatest width and that of its blur on either side, samples. What is wider is opaque.
+/// Greatest width of a mark with its blur on either side, samples. What is wider is opaque.
 const MARK_WIDTH: usize = 9;
 const MARK_BLUR: usize = 2;
 
-/// Finds the fringe; keeps its memory from frame to frame.
+/// Finds the fringe. The memory is reused from frame to frame.
 #[derive(Default)]
 pub(super) struct Fringe {
     kernel: Vec<f32>,
@@ -62,10 +62,10 @@ pub(super) struct Fringe {
     crossings: Crossings,
 }
 
-/// How round an outline may be and still have fins: its area over that of a disc with its length. Larvae are below 0.4.
+/// Roundness up to which an outline may have fins: its area over that of a disc with its length. Larvae are below 0.4.
 const ROUND: f64 = 0.85;
 
-/// Whether an outline is that of a bead: a disc has no fins, and the blurred rim of one passes for a fin's border.
+/// Whether an outline is that of a bead. A disc has no fins, and its blurred rim looks like a fin's border.
 pub(super) fn is_disc(outline: &[[f64; 2]]) -> bool {
     let sides = || outline.iter().zip(outline.iter().cycle().skip(1));
     let twice_area: f64 = sides().map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum();
@@ -74,7 +74,7 @@ pub(super) fn is_disc(outline: &[[f64; 2]]) -> bool {
 }
 
 impl Fringe {
-    /// Adds to `inside`, the pixels of the bore's window, what lies between the outlines and their fringes.
+    /// Adds the area between the outlines and their fringes to `inside`, the pixels of the bore's window.
     pub fn add(&mut self, outlines: &Outlines, contrast: &Contrast, bore: &Bore, settings: &FringeSettings, inside: &mut [bool]) {
         let reach = (settings.reach_bore * bore.mean_px).round() as usize;
         if reach < 4 {
@@ -90,7 +90,7 @@ impl Fringe {
             for (p, n) in outline.iter().zip(&self.inward) {
                 self.raw.extend((0..samples).map(|k| {
                     let s = k as f64 - INNER as f64;
-                    // Of an even noise, also where little light falls.
+                    // This map has even noise, also where there is little light.
                     contrast.lightness.sample(p[0] - s * n[0], p[1] - s * n[1])
                 }));
             }
@@ -111,8 +111,8 @@ impl Fringe {
         }
     }
 
-    /// How much of a border there is at each distance. Where the body's own edge is not yet passed there is none; near the wall
-    /// and behind something opaque there can be none.
+    /// Computes how much of a border there is at each distance. There is none before the edge of the body is passed; near the
+    /// wall and behind something opaque there can be none.
     fn gather(&mut self, outline: &[[f64; 2]], bore: &Bore, samples: usize, reach: usize, settings: &FringeSettings) {
         let last_u = (bore.width - 1) as f64;
         let opaque = settings.opaque_sigma as f32;
@@ -141,14 +141,14 @@ impl Fringe {
         }
     }
 
-    /// What passes for a border by chance: the standard deviation of all places, most of which show none.
+    /// The response that arises by chance: the standard deviation over all places, most of which show no border.
     fn chance(&mut self) -> f32 {
         self.raw.clear();
         self.raw.extend(self.borders.iter().filter(|b| b.is_finite() && **b != 0.0).map(|b| b.abs()));
         quantile(&mut self.raw, 0.5) / 0.6745
     }
 
-    /// Follows the border around and takes back what chance alone would give.
+    /// Follows the border around and subtracts what chance alone would give.
     fn follow(&mut self, steps: usize, reach: usize, settings: &FringeSettings) {
         let chance = self.chance().max(1e-3);
         let (bar, most) = (settings.bar as f32, settings.most as f32);
@@ -160,7 +160,8 @@ impl Fringe {
             _ => bar - (border / chance).clamp(-most, most),
         }));
         self.path.cheapest(steps, reach, settings.kink as f32);
-        // Along the found path chance gives more than its mean, as the path looks for it: what is believed must be clearly more.
+        // Along the path chance gives more than its mean, because the path seeks high values. An accepted border must therefore
+        // be clearly stronger.
         let found = |i: usize| (self.borders[i * reach + self.path.chosen[i]] / chance).clamp(-most, most);
         let window = (settings.run_px / STEP_PX / 2.0) as usize;
         self.runs.clear();
@@ -169,7 +170,7 @@ impl Fringe {
             let (sum, n) = near.filter(|&j| self.path.chosen[j] > 0).fold((0.0, 0), |(s, n), j| (s + found(j), n + 1));
             if self.path.chosen[i] > 0 && 2 * n > window { sum / n as f32 } else { 0.0 }
         }));
-        // What is believed goes on, both ways around, as long as some border is left.
+        // An accepted border is continued in both directions as long as some border is left.
         let least = settings.least as f32;
         self.believed.clear();
         self.believed.extend(self.runs.iter().map(|run| *run >= least));
@@ -185,7 +186,7 @@ impl Fringe {
     }
 }
 
-/// Matched filters of a border by the samples that there are of it.
+/// Matched filters of a border by the number of samples that they cover.
 struct Filters(Vec<Vec<f32>>);
 
 impl Filters {
@@ -194,7 +195,7 @@ impl Filters {
         &self.0[inside * (OUTER + 2) + outside]
     }
 
-    /// The border's course without what an uneven background shows as well, a level and a slope; white noise of 1 gives 1.
+    /// The profile of the border without its level and slope, which an uneven background has as well. White noise of 1 gives 1.
     fn made(inside: usize, outside: usize) -> Vec<f32> {
         let course = |k: usize| if k < inside { FIN } else { LINE.get(k - inside).copied().unwrap_or(0.0) };
         let n = (inside + outside) as f32;
@@ -213,14 +214,14 @@ impl Default for Filters {
     }
 }
 
-/// Takes out of a normal, outside the body, what is thin and darker than `mark`.
+/// Removes from a normal, outside of the body, what is thin and darker than `mark`.
 fn clear_marks(normal: &mut [f32], mark: f32) {
     let Some(outside) = normal.iter().position(|d| *d < mark / 2.0) else { return };
     let mut at = outside;
     while at < normal.len() {
         let width = normal[at..].iter().take_while(|d| **d > mark).count();
         let beyond = at + width;
-        // What goes on beyond the last sample may be of any width.
+        // What continues beyond the last sample may have any width.
         if (1..=MARK_WIDTH).contains(&width) && beyond < normal.len() {
             let (from, upto) = (at.saturating_sub(MARK_BLUR).max(outside), (beyond + MARK_BLUR).min(normal.len()));
             normal[from..upto].fill(0.0);
@@ -229,11 +230,11 @@ fn clear_marks(normal: &mut [f32], mark: f32) {
     }
 }
 
-/// Darkness below which the body's edge is passed, standard deviations of a pixel's noise.
+/// Darkness below which the edge of the body is passed, standard deviations of a pixel's noise.
 const OUTSIDE_SIGMA: f32 = 0.8;
-/// A believed fringe goes on while it shows this share of the border that is needed to be believed.
+/// An accepted fringe is continued while it shows this share of the border that is needed for acceptance.
 const GOES_ON: f32 = 0.75;
-/// What is fainter than this may be fringe already.
+/// Fainter parts may already be fringe, standard deviations.
 const FAINT_SIGMA: f32 = 5.0;
 /// Cost of a place that the fringe cannot reach.
 const BLOCKED: f32 = 50.0;

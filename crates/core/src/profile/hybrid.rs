@@ -1,11 +1,11 @@
-//! Mean shift and level set combined: which blocks of the bore are specimen.
+//! Mean shift and level set combined: which blocks of the bore belong to the specimen.
 //!
 //! ```text
 //!   mean shift: whole, soft   --+-- what of it hangs together with --> closing -> holes -> opening -> pieces -> the specimen
 //!   level set: compact, sharp --+   the level set's body
 //! ```
-//! Alone, mean shift takes along every shade that the background's model leaves, and level set loses what is transparent.
-//! Together, a faint thing counts where it hangs on something certain.
+//! Mean shift alone includes every shade that the background's model leaves; level set alone loses what is transparent.
+//! Combined, a faint piece counts where it is connected to a certain one.
 
 use super::background::Bore;
 use super::bubble::{Bubbles, Disc};
@@ -15,20 +15,20 @@ use super::mean_shift::MeanShift;
 use super::region::{Pieces, Region, Scratch};
 use super::settings::{Method, SegmentSettings};
 
-/// A faint piece steps down at its border by at least this share of the contrast that continues foreground.
+/// The contrast of a faint piece falls at its border by at least this share of the contrast at which foreground is continued.
 const OWN_EDGE: f32 = 0.6;
 
-/// The blur of a body's edge: it would tie all faint pieces around the body together.
+/// Blur of a body's edge, blocks. It would connect all faint pieces around the body.
 const RIM_BLOCKS: usize = 2;
 
-/// Finds the specimen's blocks; keeps its memory from frame to frame.
+/// Finds the blocks of the specimen. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Hybrid {
     mean_shift: MeanShift,
     level_set: LevelSet,
-    /// The specimen, holes filled; empty where nothing is large enough.
+    /// The specimen with its holes filled. Empty where nothing is large enough.
     pub specimen: Region,
-    /// All foreground that is larger than a speck, the specimen's pieces and others.
+    /// All foreground that is larger than a speck: the pieces of the specimen and others.
     pub pieces: Pieces,
     bubbles: Bubbles,
     near: Region,
@@ -81,8 +81,8 @@ impl Hybrid {
         discs.iter().map(move |d| Disc { u: d.u * step + middle, v: d.v * step + middle + top, radius: d.radius * step })
     }
 
-    /// Takes back what was grown on to the certain part, `near`, and has no edge of its own: where the background's model is off,
-    /// contrast fades slowly into the bore; where a fin ends, it steps down.
+    /// Removes what was added to the certain part, `near`, and has no edge of its own. Where the background's model has an
+    /// error, contrast fades slowly into the bore; where a fin ends, it falls in a step.
     fn drop_shades(&mut self, coarse: &Coarse, low: f32) {
         let (w, len) = (coarse.width, coarse.within.len());
         self.near.dilate(RIM_BLOCKS, &mut self.scratch);
@@ -102,7 +102,7 @@ impl Hybrid {
                     continue;
                 }
                 for (du, dv) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
-                    // Two blocks outside against one inside: the blur of the blocks lies between.
+                    // Two blocks outside against one inside. The blur of the blocks lies in between.
                     let (one, two, back) = ((u + du, v + dv), (u + 2 * du, v + 2 * dv), (u - du, v - dv));
                     let index = |(u, v): (isize, isize)| {
                         ((0..w).contains(&u) && (0..h).contains(&v)).then_some((v * w + u) as usize).filter(|&i| coarse.within[i])
@@ -136,7 +136,7 @@ impl Hybrid {
         region.open(radius(settings.opening_px), scratch);
     }
 
-    /// Keeps the largest piece, and pieces of some size that nearly touch what is kept: a tail beyond a transparent stretch.
+    /// Keeps the largest piece, and larger pieces that nearly touch what is kept, such as a tail beyond a transparent stretch.
     fn keep_specimen(&mut self, coarse: &Coarse, bore: &Bore, settings: &SegmentSettings) {
         let bore2 = (bore.mean_px / coarse.step as f64).powi(2);
         let (speck, least) = (settings.speck_bore2 * bore2, settings.min_area_bore2 * bore2);
@@ -162,11 +162,11 @@ impl Hybrid {
         }
     }
 
-    /// Marks the pixels of the bore's window that the specimen's blocks cover, corners rounded.
+    /// Marks the pixels of the bore's window that the specimen's blocks cover, with rounded corners.
     pub fn to_pixels(&self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
         let (w, h, step) = (coarse.width, coarse.height, coarse.step);
         let middle = (step - 1) as f32 / 2.0;
-        // Between the middles of blocks, a pixel is inside where the four around it say so by their nearness.
+        // Between the middles of blocks, a pixel is inside by bilinear interpolation of the four around it.
         let place = |at: usize, last: usize| {
             let x = ((at as f32 - middle) / step as f32).clamp(0.0, (last - 1) as f32);
             (x as usize, (x as usize + 1).min(last - 1), x.fract())

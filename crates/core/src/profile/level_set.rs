@@ -4,18 +4,18 @@
 //!   phi_t = |grad phi| ( a (I - mu)  +  b div( g grad phi / |grad phi| ) )          phi > 0 inside
 //!                         region            edge: shortest way along weak g
 //! ```
-//! `I` is the lightness contrast, `mu` a level between background and body, `g` falls where `I` is steep. It is compact and
-//! sharp, and leaks where the larva is transparent. `phi` stays near a distance by a diffusion that pulls its slope towards 1
-//! (Li et al. 2010), so that it is never built anew; only a band around the front is moved.
+//! `I` is the lightness contrast, `mu` a level between background and body, and `g` falls where `I` is steep. The method is
+//! compact and sharp, and leaks where the larva is transparent. `phi` is kept near a distance function by a diffusion that
+//! pulls its slope towards 1 (Li et al. 2010), so that it is never rebuilt. Only a band around the front is moved.
 
 use super::coarse::Coarse;
 use super::plane::quantile;
 use super::settings::LevelSetSettings;
 
-/// Half the width of the band that moves, blocks.
+/// Half the width of the band that is moved, blocks.
 const BAND: f32 = 3.0;
 const TIME_STEP: f32 = 0.3;
-/// Weight of the pull towards slope 1; stable for `TIME_STEP` times this below 1/4.
+/// Weight of the pull towards slope 1. It is stable where its product with `TIME_STEP` is below 1/4.
 const DISTANCE_PULL: f32 = 0.3;
 
 #[derive(Debug, Default)]
@@ -31,7 +31,7 @@ pub(super) struct LevelSet {
 }
 
 impl LevelSet {
-    /// Starts from what is clearly darker than `mu` and lets the front run.
+    /// Starts from the parts that are clearly darker than `mu` and moves the front.
     pub fn run(&mut self, coarse: &Coarse, settings: &LevelSetSettings) {
         let (w, h) = (coarse.width, coarse.height);
         let size = w * h;
@@ -52,7 +52,7 @@ impl LevelSet {
             }
         }
         self.phi.clear();
-        // Outside the walls nothing can be; there the front never comes.
+        // There is no specimen outside of the walls; the front never gets there.
         self.phi.extend(
             coarse.smooth[0].iter().zip(&coarse.within).map(|(i, within)| if *within { (i - mu).clamp(-BAND, BAND) } else { -BAND }),
         );
@@ -61,7 +61,7 @@ impl LevelSet {
         }
     }
 
-    /// `mu`: a share of the body's typical contrast, but well above the noise.
+    /// Computes `mu`: a share of the body's typical contrast, but clearly above the noise.
     fn level_between(&mut self, coarse: &Coarse, settings: &LevelSetSettings) -> f32 {
         let clear = settings.least_sigma as f32;
         self.scratch.clear();

@@ -1,6 +1,6 @@
-//! A binary mask: which pixels a profile covers.
+//! A binary mask: the pixels that a profile covers.
 
-/// Inside is 255, outside 0; pixel (u, v) is at `v * width + u`.
+/// A mask. Pixel (u, v) is at `v * width + u`; inside is 255, outside 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mask {
     width: usize,
@@ -8,24 +8,30 @@ pub struct Mask {
     data: Vec<u8>,
 }
 
+/// The data do not fit the mask's size.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 #[error("a {width} x {height} mask has {expected} pixels, found {found}")]
 pub struct WrongMaskSize {
+    /// Width of the mask, px.
     pub width: usize,
+    /// Height of the mask, px.
     pub height: usize,
+    /// Pixels that the mask has.
     pub expected: usize,
+    /// Values given.
     pub found: usize,
 }
 
 impl Mask {
+    /// A mask without a pixel inside.
     pub fn empty(width: usize, height: usize) -> Self {
         Self { width, height, data: vec![0; width * height] }
     }
 
-    /// Takes 8-bit coverage and calls a pixel inside from `128` on.
+    /// The mask of 8-bit coverage, row by row. A pixel is inside from 128 on.
     ///
     /// # Errors
-    /// Refuses data that is not `width * height` long.
+    /// Data that is not `width * height` long.
     pub fn from_coverage(width: usize, height: usize, mut data: Vec<u8>) -> Result<Self, WrongMaskSize> {
         if data.len() != width * height {
             return Err(WrongMaskSize { width, height, expected: width * height, found: data.len() });
@@ -36,32 +42,46 @@ impl Mask {
         Ok(Self { width, height, data })
     }
 
+    /// Width, px.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// Height, px.
     pub fn height(&self) -> usize {
         self.height
     }
 
+    /// All pixels, row by row: 0 or 255.
     pub fn data(&self) -> &[u8] {
         &self.data
     }
 
+    /// The pixels of row `v`.
     pub fn row(&self, v: usize) -> &[u8] {
         &self.data[v * self.width..(v + 1) * self.width]
     }
 
-    /// Whether the pixel whose centre is nearest to `(u, v)` is inside; outside the image nothing is.
+    /// Whether the pixel whose centre is nearest to `(u, v)` is inside. Outside the image none is.
     pub fn covers(&self, u: f64, v: f64) -> bool {
         let (u, v) = ((u + 0.5).floor(), (v + 0.5).floor());
         u >= 0.0 && v >= 0.0 && u < self.width as f64 && v < self.height as f64 && self.get(u as usize, v as usize)
     }
 
+    /// Whether pixel (u, v) is inside.
+    ///
+    /// # Panics
+    ///
+    /// For a pixel outside the mask.
     pub fn get(&self, u: usize, v: usize) -> bool {
         self.data[v * self.width + u] != 0
     }
 
+    /// Sets whether pixel (u, v) is inside.
+    ///
+    /// # Panics
+    ///
+    /// For a pixel outside the mask.
     pub fn set(&mut self, u: usize, v: usize, inside: bool) {
         self.data[v * self.width + u] = if inside { 255 } else { 0 };
     }
@@ -71,7 +91,7 @@ impl Mask {
         self.data.iter().filter(|&&p| p != 0).count()
     }
 
-    /// Intersection over union; two empty masks agree.
+    /// Intersection over union. 1 for two empty masks.
     pub fn iou(&self, other: &Self) -> f64 {
         let (mut both, mut either) = (0usize, 0usize);
         for (a, b) in self.data.iter().zip(&other.data) {
@@ -81,7 +101,7 @@ impl Mask {
         if either == 0 { 1.0 } else { both as f64 / either as f64 }
     }
 
-    /// Mean position of the pixels inside, `[u, v]`; nothing where none is.
+    /// Mean position of the pixels inside, `[u, v]`, px. `None` where there is none.
     pub fn centroid(&self) -> Option<[f64; 2]> {
         let (mut n, mut su, mut sv) = (0u64, 0u64, 0u64);
         for v in 0..self.height {

@@ -3,20 +3,20 @@
 //! ```text
 //!   (u, v, lightness, colour)  ->  mean of all blocks within the spatial and the range bandwidth  ->  ...  ->  its mode
 //! ```
-//! Each block takes on the contrast of the mode that it climbs to. What is uniform is averaged over the whole window, so that
-//! a fin that is fainter than the noise stands out; what differs by more than the range bandwidth is not mixed, so that edges
-//! stay, though they are soft where the specimen fades. It keeps the whole larva.
+//! Each block takes the contrast of the mode to which it climbs. Uniform parts are averaged over the whole window, so that a
+//! fin fainter than the noise becomes visible. Parts that differ by more than the range bandwidth are not mixed, so that edges
+//! remain, although they are soft where the specimen fades. The method keeps the whole larva.
 
 use super::coarse::Coarse;
 use super::settings::MeanShiftSettings;
-use rayon::prelude::*;
+use crate::parallel::prelude::*;
 
-/// Blocks on each side of the middle that the window reaches: 9 of the bore's 60 rows. A constant, so that the sums over a
-/// window's row are unrolled.
+/// Blocks that the window reaches on each side of its middle: 9 of the bore's 60 rows. It is a constant so that the sums over a
+/// row of the window are unrolled.
 const REACH: usize = 4;
 const SPAN: usize = 2 * REACH + 1;
 const MOST_STEPS: usize = 6;
-/// A contrast that nothing is near to: around the map and outside the walls.
+/// A contrast far from any other: used around the map and outside of the walls.
 const NOWHERE: f32 = 1e9;
 
 #[derive(Debug, Default)]
@@ -64,7 +64,7 @@ struct Window<'a> {
 }
 
 impl Window<'_> {
-    /// The mode that the block at `(u, v)` climbs to.
+    /// The mode to which the block at `(u, v)` climbs.
     fn climb(&self, u: usize, v: usize, height: usize, start: [f32; 2]) -> [f32; 2] {
         let width = self.wide - 2 * REACH;
         let (mut u, mut v) = (u, v);
@@ -80,7 +80,7 @@ impl Window<'_> {
                     let near = f32::from(x * x + y * y <= self.range2);
                     row_n += near;
                     row_u += near * (i as f32 - REACH as f32);
-                    // Outside the maps the difference is huge: times 0 it is still 0.
+                    // Outside of the maps the difference is huge but finite: times 0 it is still 0.
                     row_l += near * x;
                     row_c += near * y;
                 }

@@ -1,4 +1,4 @@
-//! Frame to profile: the outline of the specimen in one view.
+//! From a frame to a profile: the outline of the specimen in one view.
 //!
 //! ```text
 //! RawFrame -> Picture (colour) -> capillary walls -> specimen inside the bore -> sub-pixel edge -> Profile
@@ -14,6 +14,7 @@ mod coarse;
 mod columns;
 mod detection;
 mod edge;
+mod empty_capillary;
 mod fringe;
 mod hybrid;
 mod level_set;
@@ -28,7 +29,6 @@ mod picture;
 mod pieces;
 mod plane;
 mod quality;
-mod reference;
 mod region;
 mod segment;
 mod segmenters;
@@ -40,12 +40,12 @@ mod walls;
 pub use columns::{ColumnEdges, Columns};
 pub use detection::{Detection, Head, Kind, Likelihoods, Side};
 pub use edge::EdgePoint;
+pub use empty_capillary::EmptyCapillary;
 pub use mask::{Mask, WrongMaskSize};
 pub use moving::{Moving, MovingError, Spot};
 pub use outline::Polygon;
 pub use picture::Picture;
 pub use quality::ProfileQuality;
-pub use reference::Reference;
 pub use segment::{Profile, ProfileError, Segmenter, segment};
 pub use segmenters::Segmenters;
 pub use settings::{EdgeSettings, FringeSettings, LevelSetSettings, MeanShiftSettings, Method, SegmentSettings, WallSettings};

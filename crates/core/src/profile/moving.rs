@@ -1,52 +1,68 @@
-//! Dark spots that do not stand still in the pictures of one turn.
+//! Dark spots that move in the pictures of one turn.
 //!
 //! ```text
 //!  pictures ── grey ─┬─ median over the turn, pixel by pixel: walls, window, light ── a picture of what stands still
 //!                    └─ darker than it, less what all of a row has in common (a wall that trembles) ── connected spots
 //! ```
 
-use super::{Picture, ProfileError, Reference, WallSettings, Walls};
-use rayon::prelude::*;
+use super::{EmptyCapillary, Picture, ProfileError, WallSettings, Walls};
+use crate::parallel::prelude::*;
 
-/// Something dark.
+/// A dark spot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
-    /// Its middle, weighed by how dark it is.
+    /// Column of its middle, px, weighted by darkness.
     pub u_px: f64,
+    /// Row of its middle, px.
     pub v_px: f64,
-    /// Sum over its pixels of the share of the light that is missing: pixels of ink.
+    /// Sum over its pixels of the share of light that is missing: pixels of ink.
     pub ink_px: f64,
 }
 
-/// The pictures of a turn in grey, and what they have in common.
+/// The pictures of a turn in grey, with what they have in common.
 pub struct Moving {
     width: usize,
     greys: Vec<Vec<u8>>,
     still: Vec<u8>,
 }
 
+/// Why pictures cannot be compared.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum MovingError {
+    /// Too few pictures.
     #[error("{found} pictures; what moves is told from what stands still by {LEAST_PICTURES} or more")]
-    Few { found: usize },
+    Few {
+        /// Pictures given.
+        found: usize,
+    },
+    /// The pictures differ in size.
     #[error("picture {at} (counted from 0) is {found:?} px, the first {expected:?}; pictures of one camera are expected")]
-    Size { at: usize, found: [usize; 2], expected: [usize; 2] },
+    Size {
+        /// Number of the picture, from 0.
+        at: usize,
+        /// Its width and height, px.
+        found: [usize; 2],
+        /// Width and height of the first, px.
+        expected: [usize; 2],
+    },
 }
 
-/// The median of fewer pictures shows what moves.
+/// The median of fewer pictures still shows what moves.
 const LEAST_PICTURES: usize = 5;
-/// Share of the light that a spot takes, at least: five times the noise of a pixel on dark glass.
+/// Least share of the light that a spot takes: five times the noise of a pixel on dark glass.
 const DARK: f32 = 0.15;
-/// Fewer pixels are noise.
+/// Least pixels of a spot. Fewer are noise.
 const LEAST_PX: usize = 6;
-/// More spots in a picture are texture of something large; the darkest count.
+/// Most spots of a picture, the darkest first. More are the texture of something large.
 const MOST_SPOTS: usize = 48;
-/// Of the light, grey values: where there is none a share means nothing.
+/// Least light, grey values: a share of less light means nothing.
 const LEAST_LIGHT: f32 = 16.0;
 
 impl Moving {
+    /// Compares the pictures of one turn.
+    ///
     /// # Errors
-    /// Refuses too few pictures, and pictures of unlike size.
+    /// Too few pictures, and pictures of unlike size.
     pub fn new(pictures: impl IntoIterator<Item = Picture>) -> Result<Self, MovingError> {
         let (mut greys, mut size): (Vec<Vec<u8>>, Option<[usize; 2]>) = (Vec::new(), None);
         for (at, picture) in pictures.into_iter().enumerate() {
@@ -72,14 +88,15 @@ impl Moving {
         Ok(Self { width: size.map_or(0, |s| s[0]), greys, still })
     }
 
-    /// The walls of what stands still.
+    /// The walls in the picture of what stands still.
     ///
     /// # Errors
-    /// As a [`Reference`]: pictures that show no capillary.
+    /// As [`EmptyCapillary::new`].
     pub fn walls(&self, settings: &WallSettings) -> Result<Walls, ProfileError> {
-        Ok(Reference::new(Picture::from_grey(self.width, self.still.clone()), settings)?.walls())
+        Ok(EmptyCapillary::new(Picture::from_grey(self.width, self.still.clone()), settings)?.walls())
     }
 
+    /// Width of the pictures, px.
     pub fn width(&self) -> usize {
         self.width
     }

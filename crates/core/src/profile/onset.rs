@@ -1,4 +1,4 @@
-//! How the darkness sets in at a specimen's edge, and where: least squares at one place of the outline.
+//! How and where the darkness begins at a specimen's edge: a least-squares fit at one place of the outline.
 //!
 //! ```text
 //!      step: a plate, a fin     rims: light bent away,       root: a round body, whose thickness
@@ -8,26 +8,26 @@
 //!         e                       e      e                 e
 //!      y(s) = level + a step(s - e) + c rim(s - e) + d rim'(s - e) + q root(s - e),   all blurred;   a, c, d, q >= 0
 //! ```
-//! Which of them an edge shows depends on the specimen and on the light, so each place of the outline finds its own
-//! mixture. All of them begin at the edge and none may be negative: so the edge is where the darkness begins, whatever course
-//! it takes from there. The level outside is free, but held near 0 by what is known of the background.
+//! Which of the profiles an edge shows depends on the specimen and on the light, so each place of the outline has its own
+//! mixture. All of them begin at the edge and none may be negative: the edge is where the darkness begins, whatever its
+//! profile. The level outside is free, but held near 0 by what is known about the background.
 
 /// Samples along a normal: from `REACH_PX` outside to `REACH_PX` inside.
 pub(super) const PER_PX: usize = 2;
 pub(super) const REACH_PX: usize = 9;
 pub(super) const SAMPLES: usize = 2 * REACH_PX * PER_PX + 1;
-/// Positions that the fit tries per px.
+/// Positions per px that the fit tries.
 pub(super) const SHIFTS_PER_PX: usize = 8;
 
-/// Depths at which the dark rim has half faded that an edge shows in bright field where it bends the light away: a fin's is
-/// about as thin as the blur, a round body's grows with its radius.
+/// Depths at which the dark rim has faded to half. In bright field an edge shows this rim where it refracts the light: a fin's
+/// is about as thin as the blur, that of a round body grows with its radius.
 const RIMS_PX: [f64; 2] = [1.0, 4.0];
-/// The background is known to about this, in standard deviations of a pixel's noise.
+/// Uncertainty of the background, standard deviations of a pixel's noise.
 const LEVEL_SIGMA: f32 = 0.7;
-/// Reach of the fit on either side of the edge, beside what the blur spreads: more of the inside shows pigment and organs.
+/// Reach of the fit on either side of the edge, in addition to the blur. More of the inside would show pigment and organs.
 const WINDOW_PX: f64 = 1.5;
 
-/// The courses of darkness: step, two rims, root.
+/// The profiles of darkness: step, two rims, root.
 const COURSES: usize = 4;
 type Vector = [f32; COURSES];
 type Matrix = [[f32; COURSES]; COURSES];
@@ -35,43 +35,43 @@ type Matrix = [[f32; COURSES]; COURSES];
 /// The fit of one shift at one place.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Fit {
-    /// Energy of the samples about the free level, and what is left of it unexplained.
+    /// Energy of the samples about the free level, and its unexplained part.
     pub energy: f32,
     pub residual: f32,
-    /// Height of step and rim together with the root's one pixel inside.
+    /// Height of step and rim together with that of the root one pixel inside.
     pub height: f32,
     /// Samples in the window.
     pub samples: usize,
 }
 
-/// One shift: the samples that it explains, and the courses over them.
+/// One shift: the samples that it explains, and the profiles over them.
 struct Shift {
     from: usize,
     upto: usize,
-    /// By sample, so that all courses are summed at once.
+    /// By sample, so that all profiles are summed together.
     courses: [Vector; SAMPLES],
-    /// `grams[n]`: products of the courses over the first `n` samples of the window, and their sums.
+    /// `grams[n]`: products of the profiles over the first `n` samples of the window, and their sums.
     grams: Vec<(Matrix, Vector)>,
 }
 
-/// The blurred courses at every shift.
+/// The blurred profiles at every shift.
 pub(super) struct Onsets {
     shifts: Vec<Shift>,
     first_px: f64,
     used: [bool; COURSES],
 }
 
-/// Which courses a frame's edges show.
+/// The profiles that the edges of a frame show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Step and rims: light is bent away at the edge.
+    /// Step and rims: the edge refracts the light.
     Sharp,
-    /// Root as well: nothing bends the light, the darkness grows with the thickness alone.
+    /// Root as well: nothing refracts the light, and the darkness grows with the thickness alone.
     Rounded,
 }
 
 impl Onsets {
-    /// For edges that `sigma` px of blur have spread, looked for as far as `search_px` outside and inside.
+    /// For edges with a blur of `sigma` px, which are searched up to `search_px` outside and inside.
     pub fn new(sigma: f64, kind: Kind, search_px: [f64; 2]) -> Self {
         let per_px = SHIFTS_PER_PX as f64;
         let (first, last) = ((-search_px[0] * per_px).round() as i32, (search_px[1] * per_px).round() as i32);
@@ -92,12 +92,12 @@ impl Onsets {
         self.shifts.len()
     }
 
-    /// Place of a shift, which may lie between two, px inwards.
+    /// Place of a shift, px inwards. The shift may lie between two steps.
     pub fn place_px(&self, shift: f64) -> f64 {
         self.first_px + shift / SHIFTS_PER_PX as f64
     }
 
-    /// Least squares of the samples on the courses of shift `k`, over the window of shift `window`.
+    /// Least-squares fit of the profiles of shift `k` to the samples, over the window of shift `window`.
     pub fn fit(&self, k: usize, window: usize, samples: &[f32]) -> Fit {
         let shift = &self.shifts[k];
         let w = &self.shifts[window];
@@ -114,7 +114,7 @@ impl Onsets {
         for (y, courses) in seen.iter().zip(&shift.courses[from..upto]) {
             right.iter_mut().zip(courses).for_each(|(sum, c)| *sum += y * c);
         }
-        // The free level, projected out: a ridge keeps it near 0.
+        // The free level is projected out; a ridge keeps it near 0.
         let free = 1.0 / (n as f32 + 1.0 / (LEVEL_SIGMA * LEVEL_SIGMA));
         let mut normal = gram;
         for i in 0..COURSES {
@@ -130,7 +130,7 @@ impl Onsets {
     }
 }
 
-/// Products of the courses over the first samples of a window, for every number of them.
+/// Products of the profiles over the first samples of a window, for every number of them.
 fn grams(courses: &[Vector; SAMPLES], from: usize, upto: usize) -> Vec<(Matrix, Vector)> {
     let mut gram = ([[0.0; COURSES]; COURSES], [0.0; COURSES]);
     let mut all = vec![gram];
@@ -154,8 +154,8 @@ fn add_to((gram, sums): &mut (Matrix, Vector), at: &Vector) {
     sums.iter_mut().zip(at).for_each(|(sum, value)| *sum += value);
 }
 
-/// Non-negative least squares: solved freely, and again without the most negative, until none is. Gives the solution and the
-/// energy that it explains.
+/// Non-negative least squares: solved without constraint, and again without the most negative coefficient until none is
+/// negative. Returns the solution and the energy that it explains.
 fn non_negative(normal: &Matrix, right: &Vector, mut used: [bool; COURSES]) -> (Vector, f32) {
     for _ in 0..COURSES {
         let x = solved(normal, right, used);
@@ -168,7 +168,7 @@ fn non_negative(normal: &Matrix, right: &Vector, mut used: [bool; COURSES]) -> (
     ([0.0; COURSES], 0.0)
 }
 
-/// Solves the equations of the unknowns in use by Cholesky's way; the others are 0.
+/// Solves the equations of the unknowns in use by Cholesky decomposition. The others are 0.
 fn solved(normal: &Matrix, right: &Vector, used: [bool; COURSES]) -> Vector {
     let mut lower = [[0.0f32; COURSES]; COURSES];
     let mut x = [0.0f32; COURSES];
@@ -190,18 +190,18 @@ fn solved(normal: &Matrix, right: &Vector, used: [bool; COURSES]) -> Vector {
     x
 }
 
-/// The blurred courses over the depth, at every place that samples and shifts can be apart.
+/// The blurred profiles over the depth, at every distance that samples and shifts can have.
 struct Courses {
     table: Vec<Vector>,
 }
 
-/// Farthest depth of the table, px, and its steps per px.
+/// Greatest depth of the table, px, and its steps per px.
 const DEPTH_PX: usize = 2 * REACH_PX + 2;
 const STEPS_PER_PX: usize = if PER_PX > SHIFTS_PER_PX { PER_PX } else { SHIFTS_PER_PX };
 
 impl Courses {
     fn new(sigma: f64) -> Self {
-        // Cells this fine make the blur an integral; none straddles the edge.
+        // With cells this fine the sum approximates the integral of the blur, and no cell contains the edge.
         const CELLS: usize = 16;
         let cell = 1.0 / CELLS as f64;
         let reach = (4.0 * sigma * CELLS as f64).ceil() as i64;
@@ -223,7 +223,7 @@ impl Courses {
         Self { table: (first..=last).map(blurred).collect() }
     }
 
-    /// The courses at the depths of all samples.
+    /// The profiles at the depths of all samples.
     fn at(&self, depth_px: impl Fn(usize) -> f64) -> [Vector; SAMPLES] {
         std::array::from_fn(|i| {
             let step = (depth_px(i) * STEPS_PER_PX as f64).round() + (DEPTH_PX * STEPS_PER_PX) as f64;
@@ -232,16 +232,16 @@ impl Courses {
     }
 }
 
-/// The courses at a depth inside, before blur.
+/// The profiles at a depth inside, before blur.
 fn course(depth_px: f64) -> [f64; COURSES] {
-    // A ray's bend grows with the slope of the thickness, which falls as the root of the depth; what the lens still catches of
-    // it falls with the fourth power of that slope.
+    // The deflection of a ray grows with the slope of the thickness, which falls with the root of the depth. The light that the
+    // lens still collects falls with the fourth power of that slope.
     let rim = |half: f64| 1.0 / (1.0 + (depth_px / half).powi(2));
     [1.0, rim(RIMS_PX[0]), rim(RIMS_PX[1]), depth_px.sqrt()]
 }
 
-/// What a normal shows without noise of darkness that begins at depth `begins`: the courses in these heights, blurred by sums
-/// over a hundredth of a px, on a level.
+/// The noiseless samples of a normal on which darkness begins at depth `begins`: the profiles with these heights, blurred by
+/// sums over a hundredth of a px, on a level.
 #[cfg(test)]
 pub(super) fn blurred_samples(begins: f64, blur: f64, heights: [f64; COURSES], level: f64) -> [f32; SAMPLES] {
     const STEP: f64 = 0.01;

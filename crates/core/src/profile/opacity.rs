@@ -1,4 +1,4 @@
-//! The share of light that is missing, on a grid of cells that are a 48th of the bore high.
+//! The share of missing light, on a grid of cells whose height is 1/48 of the bore.
 //!
 //! ```text
 //!   pixels of the bore -> cells -> opacity 0 (clear) .. 1 (black), inside the mask or not, away from the walls or not
@@ -11,11 +11,11 @@ use super::chamfer;
 use super::detection::above;
 use super::plane::Plane;
 
-/// Cells across the bore: an eye is ten of them wide.
+/// Number of cells across the bore. An eye is ten of them wide.
 const CELLS_ACROSS: f64 = 48.0;
-/// Opacity from which a cell shows something whatever the segmentation says: a fin takes less, every body more.
+/// Opacity from which a cell counts as filled without regard to the segmentation. A fin has less, every body more.
 pub(super) const BODY: f32 = 0.12;
-/// Cells this near to a wall show the wall's own line, px.
+/// Distance from a wall within which cells show the wall's own line, px.
 const WALL_PX: f64 = 4.0;
 
 #[derive(Debug, Default)]
@@ -25,11 +25,11 @@ pub(super) struct Grid {
     /// Cells per bore, along either axis.
     pub per_bore: f64,
     pub opacity: Vec<f32>,
-    /// More than half of the cell is in the mask.
+    /// Whether more than half of the cell is in the mask.
     pub masked: Vec<bool>,
-    /// The cell is clear of the walls' own lines.
+    /// Whether the cell is clear of the walls' own lines.
     pub open: Vec<bool>,
-    /// The cell belongs to the mask or is darker than an empty bore can be.
+    /// Whether the cell belongs to the mask or is darker than an empty bore can be.
     pub filled: Vec<bool>,
     /// Pixels of the mask in each cell of a row.
     covered: Vec<usize>,
@@ -66,17 +66,17 @@ impl Grid {
                 let (u, v) = ((column * cell + cell / 2) as f64, (bore.top + row * cell + cell / 2) as f64);
                 self.open[at] = v - bore.walls.upper.inner.at(u) > WALL_PX && bore.walls.lower.inner.at(u) - v > WALL_PX;
                 self.masked[at] = 2 * covered > cell * cell;
-                // A bubble that was cut off the specimen is no part of it, and no second one.
+                // A bubble that was cut off the specimen is not part of it, and not a second specimen either.
                 let cut_off = specimen && bubbles.iter().any(|b| b.near([u, v]));
                 self.filled[at] = self.masked[at] || self.open[at] && self.opacity[at] > least && !cut_off;
             }
         }
     }
 
-    /// How surely what is in the mask leaves the picture to the left and to the right: by how much light the mask's cells
-    /// next to the border take. A leak of the mask along clear water takes none.
+    /// Likelihood that what is in the mask leaves the picture to the left and to the right, from the light that the mask's
+    /// cells next to the border take. A leak of the mask along clear water takes none.
     pub fn clipped(&self) -> [f64; 2] {
-        // Three columns: the outermost alone may be the sensor's.
+        // Three columns are used, because the outermost alone may be an artefact of the sensor.
         [0..3.min(self.width), self.width.saturating_sub(3)..self.width].map(|columns| {
             let (mut cells, mut taken) = (0.0, 0.0);
             for row in 0..self.height {
@@ -85,12 +85,12 @@ impl Grid {
                     taken += f64::from(self.opacity[at].max(0.0));
                 }
             }
-            // A fin's tip takes 4 % of the light, a body 30 % and more.
+            // The tip of a fin takes 4 % of the light, a body at least 30 %.
             if cells == 0.0 { 0.0 } else { above(taken / cells, 0.08, 0.04) }
         })
     }
 
-    /// How deep each cell of `set` lies, in cells.
+    /// The depth of each cell within `set`, in cells.
     pub fn depth(&self, set: impl Fn(usize) -> bool, depth: &mut Vec<f32>) {
         chamfer::depth(self.width, (0..self.opacity.len()).map(set), depth);
     }

@@ -9,9 +9,10 @@ use super::plane::gaussian;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// A closed outline in pixel coordinates (pixel centres at integers), the last vertex joined to the first.
+/// A closed outline in pixel coordinates (pixel centres at integers). The last vertex is joined to the first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Polygon {
+    /// The vertices `[u, v]`, px.
     pub vertices: Vec<[f64; 2]>,
 }
 

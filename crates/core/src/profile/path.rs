@@ -1,4 +1,4 @@
-//! The cheapest closed path along an outline: one state for every step, neighbours near each other.
+//! The cheapest closed path along an outline: one state for every step, with small changes between neighbours.
 
 /// One state per step of a closed outline.
 #[derive(Debug, Default)]
@@ -13,10 +13,11 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// The cheapest closed path in which neighbours differ by at most `REACH` states, at `kink` per squared state.
+    /// The cheapest closed path in which neighbours differ by at most `REACH` states, at a cost of `kink` per squared state.
     pub fn cheapest(&mut self, steps: usize, states: usize, kink: f32) {
         const REACH: usize = 3;
-        // Going round twice and keeping the second half closes the path: what the start was forgets itself within a few steps.
+        // The path runs around twice and its second half is kept, which closes it: the influence of the start vanishes within a
+        // few steps.
         self.before.clear();
         self.before.resize(states, 0.0);
         self.next.resize(states, 0.0);
@@ -46,7 +47,7 @@ impl Path {
             self.around[step] = k;
             k = k + usize::from(self.came[step * states + k]) - REACH;
         }
-        // The middle of the two rounds is free of both ends.
+        // The middle of the two rounds depends on neither end.
         let half = steps / 2;
         self.chosen.clear();
         self.chosen.extend((0..steps).map(|i| self.around[if i >= half { i } else { i + steps }]));

@@ -1,4 +1,4 @@
-//! A frame as colours: what segmentation reads, whatever the sensor's layout was.
+//! A frame as colours: the input of segmentation, whatever the sensor's layout was.
 
 use crate::frame::{PixelFormat, RawFrame};
 
@@ -11,7 +11,7 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Mono frames give three equal planes; Bayer frames are demosaiced bilinearly.
+    /// The colours of a frame. Mono frames give three equal planes; Bayer frames are demosaiced bilinearly.
     pub fn from_frame(frame: &RawFrame) -> Self {
         let (width, height) = (frame.width() as usize, frame.height() as usize);
         let planes = match frame.format() {
@@ -27,15 +27,17 @@ impl Picture {
         Self { width, height: grey.len() / width.max(1), planes: [grey.clone(), grey.clone(), grey] }
     }
 
+    /// Width, px.
     pub fn width(&self) -> usize {
         self.width
     }
 
+    /// Height, px.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Red, green and blue.
+    /// Red, green and blue, each row by row.
     pub fn planes(&self) -> &[Vec<u8>; 3] {
         &self.planes
     }
@@ -47,7 +49,7 @@ impl Picture {
         Self { width: h, height: w, planes }
     }
 
-    /// Number of planes that say something of their own: 1 where all are equal, else 3.
+    /// Number of planes that differ: 1 where all are equal, else 3.
     pub fn colours(&self) -> usize {
         let [red, green, blue] = &self.planes;
         if red == green && green == blue { 1 } else { 3 }

@@ -1,4 +1,4 @@
-//! The separate things in the bore, and what each looks like by itself.
+//! The separate things in the bore, and the appearance of each.
 //!
 //! ```text
 //!    bubble: black, lit in its middle      (#o#)        bead: clear with a black rim, round      (   )
@@ -13,24 +13,24 @@ use std::f64::consts::FRAC_PI_4;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Piece {
     pub label: u16,
-    /// The segmentation took it for the specimen, or for a part of it.
+    /// Whether the segmentation took it for the specimen or a part of it.
     pub in_mask: bool,
-    /// Its left end.
+    /// Position of its left end.
     pub from_bore: f64,
     pub area_bore2: f64,
     /// Extent along and across the capillary.
     pub size_bore: [f64; 2],
-    /// Share of its inner cells that let hardly any light through.
+    /// Share of its inner cells that transmit hardly any light.
     pub black: f64,
     /// Half its width where it is widest.
     pub half_width_bore: f64,
     /// Opacity next to its outline.
     pub rim: f64,
-    /// By how much the brightest place near its middle is brighter than its mean, share of the light.
+    /// Difference between the brightest place near its middle and its mean, share of the light.
     pub middle_light: f64,
 }
 
-/// What one thing may be; what is missing from 1 says that it may be nothing.
+/// Likelihoods of what a thing may be. The rest to 1 is the likelihood that it is nothing.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Looks {
     pub larva: f64,
@@ -39,9 +39,9 @@ pub(super) struct Looks {
     pub debris: f64,
 }
 
-/// Opacity of what is black: an eye, air.
+/// Opacity from which a cell counts as black: an eye, air.
 pub(super) const BLACK: f32 = 0.9;
-/// Things smaller than this are left out: share of the squared bore (10 um in a bore of 650 um).
+/// Smaller things are ignored: share of the squared bore (10 um in a bore of 650 um).
 const SPECK_BORE2: f64 = 0.000_25;
 
 impl Piece {
@@ -52,21 +52,21 @@ impl Piece {
     }
 
     pub fn looks(&self) -> Looks {
-        // Air is black almost to its outline; a living larva's eyes and pigment are a quarter of it at most.
+        // Air is black almost to its outline. A living larva's eyes and pigment are at most a quarter of it.
         let opaque = above(self.black, 0.5, 0.12);
         let clear = 1.0 - opaque;
-        // Air lets the light through that meets it straight; a bead is clear but for its rim.
+        // Air transmits light at normal incidence. A bead is clear except for its rim.
         let lit = above(self.middle_light, 0.15, 0.06);
         let [along, across] = self.size_bore;
-        // An ellipse fills pi / 4 of its box, a plug more, a larva, a chip and a fibre less.
+        // An ellipse fills pi / 4 of its box. A plug fills more; a larva, a chip and a fibre fill less.
         let full = above(self.area_bore2 / (along * across) / FRAC_PI_4, 0.87, 0.05);
-        // Glass in air magnifies across the capillary alone, by 1.33 at most.
+        // Glass in air magnifies only across the capillary, by at most 1.33.
         let ball = full * lit * above(-(along / across).ln().abs(), -0.38, 0.08) * above(self.rim, 0.45, 0.1);
-        // No larva shows less than a square of half a bore, or is as thin as a scratch, or as clear as the
-        // water between scratches.
+        // No larva shows less than a square of half a bore, is as thin as a scratch, or is as clear as the water between
+        // scratches.
         let large = above(self.area_bore2.ln(), 0.25f64.ln(), 0.5) * above(self.half_width_bore, 0.05, 0.015) * above(self.rim, 0.19, 0.04);
         let air = full * any([lit, large]);
-        // A dead larva is opaque too, and long; bubbles that touch are not.
+        // A dead larva is opaque too, and long. Bubbles that touch are not.
         let long = above((along / across).ln(), 2.5f64.ln(), 0.3);
         // One or two cells may be the noise of a bad pixel.
         let there = above(self.area_bore2.ln(), 0.000_7f64.ln(), 0.7);
@@ -79,7 +79,7 @@ impl Piece {
     }
 }
 
-/// What is summed over the cells of one thing.
+/// The sums over the cells of one thing.
 #[derive(Debug, Clone, Copy)]
 struct Sums {
     cells: usize,
@@ -111,12 +111,12 @@ impl Sums {
     };
 }
 
-/// Finds the things in the bore; keeps its memory from frame to frame.
+/// Finds the things in the bore. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Things {
-    /// Of each cell; 0 where nothing is.
+    /// Label of each cell. 0 where there is nothing.
     pub labels: Vec<u16>,
-    /// From the largest down.
+    /// Sorted with the largest first.
     pub pieces: Vec<Piece>,
     stack: Vec<usize>,
     depth: Vec<f32>,
@@ -138,7 +138,7 @@ impl Things {
             }
         }
         self.measure(grid, count.into());
-        // Of two of the same size the first found stays first.
+        // Of two things of the same size the first one found stays first.
         self.pieces.sort_unstable_by(|a, b| b.area_bore2.total_cmp(&a.area_bore2).then(a.label.cmp(&b.label)));
     }
 
@@ -192,7 +192,7 @@ impl Things {
     }
 }
 
-/// Labels what hangs together with the cells on the stack.
+/// Labels everything that is connected to the cells on the stack.
 fn spread(grid: &Grid, labels: &mut [u16], stack: &mut Vec<usize>, label: u16) {
     let w = grid.width;
     while let Some(at) = stack.pop() {

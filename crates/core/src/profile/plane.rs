@@ -1,4 +1,4 @@
-//! A window of a picture as numbers: what filters and fits work on.
+//! A window of a picture as numbers, for filters and fits.
 
 use super::background::Bore;
 
@@ -7,13 +7,13 @@ use super::background::Bore;
 pub(super) struct Plane {
     pub width: usize,
     pub height: usize,
-    /// Row of the picture that the window's row 0 is.
+    /// Row of the picture in which the window begins.
     pub top: usize,
     pub data: Vec<f32>,
 }
 
 impl Plane {
-    /// Sizes the window for a bore and clears it.
+    /// Sets the size of the window for a bore and clears it.
     pub fn reset(&mut self, bore: &Bore) {
         (self.width, self.height, self.top) = (bore.width, bore.height(), bore.top);
         self.data.clear();
@@ -24,7 +24,7 @@ impl Plane {
         &self.data[v * self.width..(v + 1) * self.width]
     }
 
-    /// Bilinear value at `(u, v)` in picture coordinates; beyond the window its border goes on.
+    /// Bilinear value at `(u, v)` in picture coordinates. Beyond the window its border is continued.
     pub fn sample(&self, u: f64, v: f64) -> f32 {
         let u = u.clamp(0.0, (self.width - 1) as f64);
         let v = (v - self.top as f64).clamp(0.0, (self.height - 1) as f64);
@@ -38,7 +38,7 @@ impl Plane {
     }
 }
 
-/// Leaves the weights of a Gaussian that is cut at three standard deviations and sums to 1.
+/// Computes the weights of a Gaussian that is cut at three standard deviations and sums to 1.
 pub(super) fn gaussian(sigma: f64, kernel: &mut Vec<f32>) {
     let reach = (3.0 * sigma).ceil() as i32;
     let weight = |k: i32| (-0.5 * (f64::from(k) / sigma).powi(2)).exp();

@@ -5,12 +5,12 @@ use super::background::Bore;
 use super::edge::EdgePoint;
 use serde::{Deserialize, Serialize};
 
-/// Figures of one profile. Edge figures are taken over the vertices where the specimen's own edge can be seen.
+/// Figures of one profile. Those of the edge are over the vertices where the specimen's own edge can be seen.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct ProfileQuality {
     /// Median height of the step at the edge, in standard deviations of a pixel's noise.
     pub edge_contrast_sigma: f64,
-    /// Root mean square of the edge's standard error, px; 0 without an edge.
+    /// Root mean square of the edge's standard error, px. 0 without an edge.
     pub edge_error_px: f64,
     /// Share of the outline whose position is uncertain by more than half a pixel.
     pub uncertain_share: f64,
@@ -19,13 +19,14 @@ pub struct ProfileQuality {
     /// Share of the outline that lies on the picture's left or right border: the specimen goes on beyond it.
     #[serde(default)]
     pub border_share: f64,
-    /// Pieces of foreground that are larger than a speck, whether they belong to the specimen or not.
+    /// Pieces of foreground larger than a speck, whether or not they belong to the specimen.
     pub components: usize,
     /// Share of saturated pixels in the bore: where the light saturates, faint tissue is lost.
     pub saturated_share: f64,
     /// Noise of a pixel, grey values, mean of the colours.
     pub noise_grey: f64,
-    /// Blur found at the specimen's edge, comparable to the configured `edge.blur_px`; none where the edge doesn't tell.
+    /// Blur at the specimen's edge, px, comparable to the configured `edge.blur_px`. `None` where the edge does not determine
+    /// it.
     #[serde(default)]
     pub blur_px: Option<f64>,
 }

@@ -1,4 +1,4 @@
-//! Sets of blocks: hysteresis, closing, opening, holes, connected pieces. All write into memory that is kept.
+//! Sets of blocks: hysteresis, closing, opening, holes, connected pieces. All operations write into memory that is reused.
 
 use super::chamfer;
 
@@ -28,7 +28,7 @@ pub(super) fn neighbours(at: usize, width: usize, len: usize, diagonals: bool) -
 }
 
 impl Region {
-    /// Takes the blocks that `inside` says yes to.
+    /// Takes the blocks for which `inside` holds.
     pub fn take(&mut self, width: usize, inside: impl Iterator<Item = bool>) {
         self.width = width;
         self.set.clear();
@@ -41,7 +41,7 @@ impl Region {
         self.set.extend_from_slice(&other.set);
     }
 
-    /// Adds all blocks for which `more` holds and that hang together with the set through such blocks.
+    /// Adds all blocks for which `more` holds and that are connected to the set through such blocks.
     pub fn grow(&mut self, more: impl Fn(usize) -> bool, scratch: &mut Scratch) {
         let stack = &mut scratch.stack;
         stack.clear();
@@ -56,8 +56,8 @@ impl Region {
         }
     }
 
-    /// Bridges gaps narrower than twice the radius, and those narrower than the radius to the map's end, beyond which the set
-    /// is taken to go on.
+    /// Closes gaps narrower than twice the radius, and those narrower than the radius to the end of the map, beyond which the
+    /// set is assumed to continue.
     pub fn close(&mut self, radius: usize, scratch: &mut Scratch) {
         self.dilate(radius, scratch);
         self.invert();
@@ -73,7 +73,7 @@ impl Region {
         self.dilate(radius, scratch);
     }
 
-    /// How deep each block of the set lies.
+    /// The depth of each block within the set.
     pub fn depth(&self, depth: &mut Vec<f32>) {
         chamfer::depth(self.width, self.set.iter().copied(), depth);
     }
@@ -118,11 +118,12 @@ impl Region {
         std::mem::swap(&mut self.set, grown);
     }
 
-    /// Fills background that is shut in by the set alone: the bright swim bladder, a bead's clear centre. What reaches a block
-    /// that is not `within` the walls is open water, also where the specimen touches the wall on both sides of it.
+    /// Fills background that only the set encloses: the bright swim bladder, the clear centre of a bead. Background that is
+    /// connected to a block outside of the walls (not `within`) is open water, also where the specimen touches the wall on both
+    /// sides of it.
     pub fn fill_holes(&mut self, within: &[bool], scratch: &mut Scratch) {
         let (w, len) = (self.width, self.set.len());
-        // Open water, from everything beyond the walls inwards.
+        // Open water, grown inwards from everything beyond the walls.
         let open = &mut scratch.other;
         open.clear();
         open.extend(within.iter().map(|within| !within));
@@ -154,10 +155,10 @@ impl Region {
     }
 }
 
-/// Connected pieces of a region, from the largest down.
+/// Connected pieces of a region, sorted with the largest first.
 #[derive(Debug, Default)]
 pub(super) struct Pieces {
-    /// Number of its piece in each block, from 1; 0 in none.
+    /// Number of the piece of each block, from 1. 0 in none.
     pub labels: Vec<u32>,
     /// Label and size.
     pub sizes: Vec<(u32, usize)>,
@@ -189,7 +190,7 @@ impl Pieces {
             }
             self.sizes.push((label, size));
         }
-        // Of two equal pieces the first found stays first: the same frame gives the same answer.
+        // Of two equal pieces the first one found stays first, so that the same frame gives the same result.
         self.sizes.sort_unstable_by_key(|&(label, size)| (std::cmp::Reverse(size), label));
     }
 }

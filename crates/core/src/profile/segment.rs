@@ -1,4 +1,4 @@
-//! One frame to one profile: the order of the steps and their refusals.
+//! From one frame to one profile: the order of the steps, and their errors.
 
 use super::background::{Background, Bore, MARGIN_PX};
 use super::bubble::Disc;
@@ -10,67 +10,120 @@ use super::hybrid::Hybrid;
 use super::outline::{self, Crossings, Outlines, Polygon, Smoother};
 use super::settings::{Method, SegmentSettings};
 use super::walls::WallFinder;
-use super::{Detection, Mask, Picture, ProfileQuality, Reference, Walls, quality};
+use super::{Detection, EmptyCapillary, Mask, Picture, ProfileQuality, Walls, quality};
 
 /// The outline of the specimen in one view.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Profile {
     /// Pixels whose centres the edge encloses.
     pub mask: Mask,
-    /// Closed outlines at sub-pixel position; none in an empty capillary.
+    /// Closed outlines at sub-pixel positions. Empty in an empty capillary.
     pub edge: Vec<Polygon>,
-    /// How sure each vertex of each outline is.
+    /// The certainty of each vertex of each outline.
     pub edge_points: Vec<Vec<EdgePoint>>,
+    /// The walls of the capillary.
     pub walls: Walls,
+    /// Figures of the profile.
     pub quality: ProfileQuality,
+    /// What was detected in the frame.
     pub detection: Detection,
 }
 
 /// Why a frame has no profile.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum ProfileError {
+    /// The frame is too small.
     #[error("the frame is {width} x {height} px; at least {least} x {least} are needed: check the camera's region of interest")]
-    TooSmall { width: usize, height: usize, least: usize },
+    TooSmall {
+        /// Width of the frame, px.
+        width: usize,
+        /// Height of the frame, px.
+        height: usize,
+        /// Least width and height, px.
+        least: usize,
+    },
+    /// Frame and picture of the empty capillary differ in size.
     #[error(
         "the frame is {width} x {height} px, the picture of the empty capillary {wide} x {high} px: take it again with this region of interest"
     )]
-    ReferenceSize { width: usize, height: usize, wide: usize, high: usize },
+    EmptyCapillarySize {
+        /// Width of the frame, px.
+        width: usize,
+        /// Height of the frame, px.
+        height: usize,
+        /// Width of the picture, px.
+        wide: usize,
+        /// Height of the picture, px.
+        high: usize,
+    },
+    /// The frame is black.
     #[error(
         "the frame is black: its brightest percent starts at {brightest}, at least {needed} is needed; check lamp, shutter and exposure"
     )]
-    Black { brightest: u8, needed: u8 },
+    Black {
+        /// Grey value from which on the brightest percent lies.
+        brightest: u8,
+        /// Least value.
+        needed: u8,
+    },
+    /// The frame is over-exposed.
     #[error("the frame is over-exposed: {share:.3} of its pixels are saturated, at most {limit:.3} may be; shorten the exposure")]
-    OverExposed { share: f64, limit: f64 },
+    OverExposed {
+        /// Share of saturated pixels.
+        share: f64,
+        /// Largest share.
+        limit: f64,
+    },
+    /// No two lines can be the walls.
     #[error(
         "no capillary: of the straight dark lines that cross at least {needed_support:.2} of the frame ({lines} found) no two are its walls; \
          check that the capillary is in view and in focus"
     )]
-    NoWalls { lines: usize, needed_support: f64 },
+    NoWalls {
+        /// Straight dark lines found.
+        lines: usize,
+        /// Share of the frame's width that a line must cross.
+        needed_support: f64,
+    },
+    /// The capillary runs from top to bottom.
     #[error(
         "no capillary from left to right: it seems to run from top to bottom; turn the picture by 90 degrees, or the camera on its mount"
     )]
     OnItsSide,
+    /// The lines that could be the walls are not straight.
     #[error(
         "no capillary: the two dark lines that could be its walls are straight along {straight_share:.2} of the picture, at least \
          {needed_share} is expected; they may be the specimen's own edges: take the picture so that both walls are in view"
     )]
-    CrookedWalls { straight_share: f64, needed_share: f64 },
+    CrookedWalls {
+        /// Share of the picture's width along which they are.
+        straight_share: f64,
+        /// Least share.
+        needed_share: f64,
+    },
+    /// The picture shows too little beside the capillary.
     #[error(
         "the picture shows {beyond_px:.0} px of what is beyond the capillary's walls, at least {needed_px} px are needed above or below it to \
          tell the light from the specimen: leave more of it in the picture, or compare with a picture of the empty capillary"
     )]
-    TooTight { beyond_px: f64, needed_px: usize },
+    TooTight {
+        /// Rows shown beyond a wall, px.
+        beyond_px: f64,
+        /// Least rows, px.
+        needed_px: usize,
+    },
 }
 
 /// Frames smaller than this in either direction cannot hold a capillary and its surroundings.
 const LEAST_PX: usize = 48;
-/// Pieces with a shorter outline are not drawn.
+/// Pieces with a shorter outline are left out.
 const LEAST_CRACKS: usize = 12;
-/// From here on a pixel counts as saturated.
+/// Grey value from which on a pixel counts as saturated.
 const SATURATED: u8 = 254;
 
-/// Segments frames; keeps its memory from frame to frame, so that a warm one allocates only what it hands out: the mask, and the
-/// outlines with their points. (The mean shift's rows go to rayon's pool, which keeps books of its own.)
+/// Segments frames. It keeps its memory from frame to frame, so that a warm one allocates only what it returns: the mask, and
+/// the outlines with their points. (The rows of the mean shift go to rayon's pool, which has its own memory.) It keeps no
+/// findings: the same frame always gives the same profile.
 #[derive(Default)]
 pub struct Segmenter {
     walls: WallFinder,
@@ -100,30 +153,30 @@ pub fn segment(picture: &Picture, settings: &SegmentSettings) -> Result<Profile,
 }
 
 impl Segmenter {
-    /// Separates the specimen from the capillary, with a picture of the empty capillary if there is one.
+    /// Separates the specimen from the capillary. `empty` is the picture of the empty capillary, if there is one.
     ///
     /// # Errors
-    /// Refuses frames that show no capillary, with the figures that say why.
+    /// [`ProfileError`] for a frame that shows no capillary, with the figures that say why.
     pub fn segment(
         &mut self,
         picture: &Picture,
         settings: &SegmentSettings,
-        reference: Option<&Reference>,
+        empty: Option<&EmptyCapillary>,
     ) -> Result<Profile, ProfileError> {
         let (width, height) = (picture.width(), picture.height());
         if width < LEAST_PX || height < LEAST_PX {
             return Err(ProfileError::TooSmall { width, height, least: LEAST_PX });
         }
-        if let Some((wide, high)) = reference.map(Reference::size).filter(|size| *size != (width, height)) {
-            return Err(ProfileError::ReferenceSize { width, height, wide, high });
+        if let Some((wide, high)) = empty.map(EmptyCapillary::size).filter(|size| *size != (width, height)) {
+            return Err(ProfileError::EmptyCapillarySize { width, height, wide, high });
         }
         check_exposure(picture, settings)?;
         let walls = self.walls.find(picture, &settings.walls)?;
-        if reference.is_none() {
+        if empty.is_none() {
             check_surroundings(&walls, width, height)?;
         }
         let bore = Bore::of(picture, walls);
-        self.background.take_away(&bore, picture, reference);
+        self.background.take_away(&bore, picture, empty);
         let contrast = &self.background.contrast;
         self.coarse.fill(&bore, contrast, settings.wall_margin_px);
         self.hybrid.find(&self.coarse, &bore, settings);

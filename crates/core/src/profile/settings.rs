@@ -1,6 +1,6 @@
-//! The settings of a profile, and what each may be.
+//! The settings of a profile, with their ranges.
 //!
-//! The ranges keep out what no frame can mean and what would cost the run its time; inside them the defaults are good ones.
+//! The ranges exclude what no frame can need and what would take too long.
 
 use super::onset::REACH_PX;
 use crate::range::{OutOfRange, Setting, outside};
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct WallSettings {
     /// Largest tilt of the capillary, degrees.
     pub max_tilt_deg: f64,
-    /// Largest bend of a wall, as the depth of its ends against its middle, share of the frame's width.
+    /// Largest bend of a wall: depth of its ends against its middle, share of the frame's width.
     pub max_sag_share: f64,
     /// Least share of the frame's width along which a wall must be visible.
     pub min_support: f64,
@@ -44,12 +44,12 @@ impl Default for WallSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EdgeSettings {
-    /// Blur of the rig's frames (optics, sensor and demosaicing) as a Gaussian's standard deviation, px: from where the search for
-    /// a frame's own blur starts, and what stands for it where its edges don't tell.
+    /// Blur of the rig's frames (optics, sensor and demosaicing) as the standard deviation of a Gaussian, px. The search for a
+    /// frame's own blur starts here, and this value is used where the edges do not determine one.
     pub blur_px: f64,
     /// How far outside the coarse outline the edge is searched, px.
     pub search_outside_px: f64,
-    /// How far inside the coarse outline the edge is searched, px: the coarse outline errs outwards.
+    /// How far inside the coarse outline the edge is searched, px. The coarse outline errs outwards.
     pub search_inside_px: f64,
     /// Averaging along the outline before the fit, standard deviation in px.
     pub along_px: f64,
@@ -75,11 +75,11 @@ impl Default for EdgeSettings {
     }
 }
 
-/// How the specimen is told from the empty bore, before its edge is placed.
+/// How the specimen is separated from the empty bore, before its edge is placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Mean shift and level set combined, then refined: the one to measure with.
+    /// Mean shift and level set combined, then refined: for measurements.
     #[default]
     Hybrid,
     /// Mean shift alone: keeps the whole larva, soft at its edge.
@@ -92,7 +92,7 @@ pub enum Method {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MeanShiftSettings {
-    /// Bandwidth of contrast, standard deviations of a block's noise; high contrast counts by its logarithm.
+    /// Bandwidth of contrast, standard deviations of a block's noise. High contrast counts by its logarithm.
     pub range_sigma: f64,
 }
 
@@ -108,13 +108,13 @@ impl Default for MeanShiftSettings {
 pub struct LevelSetSettings {
     /// The level between background and body, as a share of the body's typical contrast.
     pub level_share: f64,
-    /// That level is at least this, standard deviations of a block's noise; high contrast counts by its logarithm.
+    /// Least value of that level, standard deviations of a block's noise. High contrast counts by its logarithm.
     pub least_sigma: f64,
     /// Weight of the region term.
     pub region: f64,
     /// Weight of the edge term.
     pub edge: f64,
-    /// Steps of the front.
+    /// Number of steps of the front.
     pub steps: usize,
 }
 
@@ -128,18 +128,19 @@ impl Default for LevelSetSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FringeSettings {
-    /// How far from the body a fin's border is looked for, share of the bore's height.
+    /// How far from the body a fin's border is searched, share of the bore's height.
     pub reach_bore: f64,
     /// Averaging along the outline, standard deviation in px.
     pub along_px: f64,
-    /// A place further out than the body must show this much border, in standard deviations of what chance shows.
+    /// Border that a place further out than the body must show, in standard deviations of chance.
     pub bar: f64,
-    /// No place counts more than this.
+    /// Most that one place counts, in the same unit.
     pub most: f64,
-    /// Along this length a fringe that is believed shows this much border in the mean.
+    /// Length over which a fringe must show `least` in the mean, px.
     pub run_px: f64,
+    /// Least mean border of a fringe that is believed, in standard deviations of chance.
     pub least: f64,
-    /// Nothing as dark as this lies between the body and its fringe, standard deviations of a pixel's noise.
+    /// Darkness that cannot lie between the body and its fringe, standard deviations of a pixel's noise.
     pub opaque_sigma: f64,
     /// Cost of a kink in the fringe: per squared px of difference between neighbouring steps.
     pub kink: f64,
@@ -151,15 +152,21 @@ impl Default for FringeSettings {
     }
 }
 
-/// How a frame is segmented. Lengths "per bore" are shares of the bore's height, so that they hold at any magnification.
+/// How a frame is segmented. Lengths in bores are shares of the bore's height, so that they hold at any magnification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SegmentSettings {
+    /// Method of segmentation.
     pub method: Method,
+    /// How walls are found.
     pub walls: WallSettings,
+    /// The mean shift.
     pub mean_shift: MeanShiftSettings,
+    /// The level set.
     pub level_set: LevelSetSettings,
+    /// The transparent fringe.
     pub fringe: FringeSettings,
+    /// How the edge is placed.
     pub edge: EdgeSettings,
     /// Contrast of a mode that starts foreground, standard deviations of a block's noise.
     pub high_sigma: f64,

@@ -8,10 +8,10 @@
 //!   ----------------  lower.inner
 //!   ================  lower.outer
 //! ```
-//! The frame is cut into vertical strips. Each strip votes for the rows at which it is darker than both sides within a
-//! wall's thickness; the votes are summed along every tilt in range, and a vote counts the same however dark it is, so that
-//! an eye weighs no more than a wall. The lines found are then placed to a fraction of a pixel by a robust straight fit
-//! through the strips' half-levels.
+//! The frame is cut into vertical strips. Each strip votes for the rows at which it is darker than both sides within a wall's
+//! thickness. The votes are summed along every tilt in range, and a vote has the same weight for any darkness, so that an eye
+//! weighs no more than a wall. The lines found are then placed to a fraction of a pixel by a robust straight fit through the
+//! strips' half-levels.
 
 use super::Picture;
 use super::plane::quantile;
@@ -19,48 +19,53 @@ use super::segment::ProfileError;
 use super::settings::WallSettings;
 use serde::{Deserialize, Serialize};
 
-/// A nearly straight line `v = v_mid + slope (u - u_mid) + bend (u - u_mid)^2` in pixel coordinates: lenses and pulled glass
+/// A nearly straight line `v = v_mid + slope (u - u_mid) + bend (u - u_mid)^2` in pixel coordinates. Lenses and pulled glass
 /// bend walls by a few px over a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Line {
-    /// The frame's middle column.
+    /// Middle column of the frame, px.
     pub u_mid: f64,
+    /// Row in that column, px.
     pub v_mid: f64,
+    /// Slope, px per px.
     pub slope: f64,
-    /// Per px.
+    /// Bend, per px.
     pub bend: f64,
 }
 
 impl Line {
+    /// Row in column `u`, px.
     pub fn at(&self, u: f64) -> f64 {
         let from_mid = u - self.u_mid;
         self.v_mid + from_mid * (self.slope + self.bend * from_mid)
     }
 
-    /// The same course through another row of the middle column.
+    /// The same line shifted to another row of the middle column.
     fn through(&self, v_mid: f64) -> Self {
         Self { v_mid, ..*self }
     }
 }
 
-/// One wall by the middles of its dark lines; both are the same line where the wall shows as one.
+/// One wall, by the middles of its dark lines. Both are the same line where the wall shows as one.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Wall {
-    /// The line away from the bore.
+    /// The line on the side away from the bore.
     pub outer: Line,
-    /// The line along the bore: the glass' inner face, beyond which no specimen can be.
+    /// The line on the side of the bore: the inner face of the glass, beyond which no specimen can be.
     pub inner: Line,
 }
 
 /// Both walls of the capillary.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Walls {
+    /// The upper wall.
     pub upper: Wall,
+    /// The lower wall.
     pub lower: Wall,
 }
 
 impl Walls {
-    /// Tilt of the bore, positive when its right end is lower, degrees.
+    /// Tilt of the bore, deg. Positive when its right end is lower.
     pub fn tilt_deg(&self) -> f64 {
         f64::midpoint(self.upper.inner.slope, self.lower.inner.slope).atan().to_degrees()
     }
@@ -70,7 +75,7 @@ impl Walls {
         self.lower.inner.at(u) - self.upper.inner.at(u)
     }
 
-    /// The bore's middle in column `u`: row in px.
+    /// Row of the bore's middle in column `u`, px.
     pub fn middle_v(&self, u: f64) -> f64 {
         f64::midpoint(self.upper.inner.at(u), self.lower.inner.at(u))
     }
@@ -121,7 +126,7 @@ impl Strips {
     }
 }
 
-/// A straight dark line that enough strips voted for: its row in the middle column, and its share of strips.
+/// A straight dark line with enough votes: its row in the middle column, and its share of the strips.
 #[derive(Debug, Clone, Copy)]
 struct Candidate {
     v: f64,
@@ -134,7 +139,7 @@ const LEAST_STRAIGHT_SHARE: f64 = 0.45;
 /// Lines nearer to the picture's upper or lower end cannot be placed.
 const BORDER_PX: f64 = 4.0;
 
-/// Finds walls; keeps its memory from frame to frame.
+/// Finds walls. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct WallFinder {
     strips: Strips,
@@ -151,7 +156,7 @@ pub(super) struct WallFinder {
 struct Scratch {
     /// Where the strips show a line.
     points: Vec<(f64, f64)>,
-    /// Greys of the glass by depth, and of one depth by strip.
+    /// Grey values of the glass by depth, and those of one depth by strip.
     greys: Vec<f32>,
     across: Vec<f32>,
 }
@@ -159,9 +164,9 @@ struct Scratch {
 impl WallFinder {
     /// # Errors
     /// [`ProfileError::NoWalls`] with the number of straight dark lines that were found; [`ProfileError::OnItsSide`] where they
-    /// go from top to bottom; [`ProfileError::CrookedWalls`] where what was found is as straight as no wall.
+    /// run from top to bottom; [`ProfileError::CrookedWalls`] where the lines found are too crooked for walls.
     pub fn find(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
-        /// Across a narrow bore, an eye may be a line; along a capillary both walls are.
+        /// Across a narrow bore an eye may look like a line; along a capillary both walls have at least this share.
         const CLEAR_SUPPORT: f64 = 0.8;
         let found = self.search(picture, settings);
         if found.is_err() {
@@ -177,7 +182,7 @@ impl WallFinder {
         self.strips.read(picture);
         let reach = (settings.line_reach_share * picture.height() as f64).round().max(4.0) as usize;
         self.strips.dips(reach, &mut self.dips);
-        // A dip of half the least depth counts nothing, one of the least depth and more counts 1.
+        // A dip of half the least depth does not count; one of the least depth or more counts 1.
         let half = settings.min_depth / 2.0;
         self.weights.resize(self.dips.len(), Vec::new());
         for (weights, dips) in self.weights.iter_mut().zip(&self.dips) {
@@ -213,7 +218,7 @@ impl WallFinder {
     }
 }
 
-/// What the strips say of each row of the middle column, along one course.
+/// The votes of the strips for each row of the middle column, along one tilt and bend.
 #[derive(Debug)]
 struct Votes {
     course: Line,
@@ -229,11 +234,11 @@ impl Default for Votes {
     }
 }
 
-/// A bend counts only if it raises the score by this: a straight wall is not bent by what lies beside it.
+/// A bend is accepted only if it raises the score by this factor, so that objects beside a straight wall do not bend it.
 const BENT_BETTER: f32 = 1.05;
 
 impl Votes {
-    /// Votes along the course, tilt and bend, on which they pile up highest.
+    /// The votes along the tilt and bend with the highest maximum.
     fn cast(&mut self, strips: &Strips, dips: &[Vec<f32>], weights: &[Vec<f32>], mid_u: f64, settings: &WallSettings) {
         let height = dips[0].len();
         let half_width = mid_u.max(1.0);
@@ -297,7 +302,7 @@ impl Votes {
     }
 }
 
-/// Leaves the rows that are darkest within 3 px of themselves, where enough strips voted.
+/// Collects the rows that are the darkest within 3 px and for which enough strips voted.
 fn candidates(votes: &Votes, settings: &WallSettings, lines: &mut Vec<Candidate>) {
     const APART: usize = 3;
     let (support, depth) = (&votes.support, &votes.depth);
@@ -312,8 +317,8 @@ fn candidates(votes: &Votes, settings: &WallSettings, lines: &mut Vec<Candidate>
     }
 }
 
-/// Chooses the outer and inner line of both walls. The walls are the outermost well-supported lines; a wall's second line is
-/// taken at the depth at which the other wall has one too, since glass is as thick above as below.
+/// Chooses the outer and inner line of both walls. The walls are the outermost well-supported lines. A wall's second line is
+/// taken at the depth at which the other wall has one too, since the glass has the same thickness above and below.
 fn pair(lines: &[Candidate], height: usize, settings: &WallSettings) -> Option<([f64; 2], [f64; 2])> {
     let strongest = lines.iter().map(|l| l.support).fold(0.0, f64::max);
     let mut strong = lines.iter().filter(|l| l.support >= 0.6 * strongest).map(|l| l.v);
@@ -333,14 +338,14 @@ fn pair(lines: &[Candidate], height: usize, settings: &WallSettings) -> Option<(
             }
         }
     }
-    // A specimen may hide the inner line of one wall altogether: the other wall's thickness then stands for both.
+    // A specimen may hide the inner line of one wall completely. The thickness of the other wall is then used for both.
     Some(([upper, upper + inner.0], [lower - inner.1, lower]))
 }
 
-/// Moves the inner lines to the foot of the glass where that is dark throughout and shows no lines of its own. The foot is
-/// where the brightest strips, which show no specimen there, come half the way up to the bore.
+/// Moves the inner lines to the foot of the glass where the glass is dark throughout and shows no lines of its own. At the
+/// foot, the brightest strips, which show no specimen there, rise half way to the level of the bore.
 fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings, scratch: &mut Scratch) -> Walls {
-    /// Below the foot lies the line, by its half width; and nearer than a line's width nothing new is found.
+    /// Half the width of the line, which lies below the foot. Nothing new is found closer than a line's width.
     const LINE_PX: f64 = 1.0;
     const APART_PX: f64 = 2.5;
     let outer_px = walls.lower.outer.v_mid - walls.upper.outer.v_mid;
@@ -362,7 +367,8 @@ fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings, s
     };
     let feet = [foot(walls.upper.outer, 1.0), foot(walls.lower.outer, -1.0)];
     for (wall, inwards, own, other) in [(&mut walls.upper, 1.0, feet[0], feet[1]), (&mut walls.lower, -1.0, feet[1], feet[0])] {
-        // A specimen all along a wall makes it look thicker; glass is as thick above as below, but a wall's outer line may be missed.
+        // A specimen all along a wall makes it look thicker. The glass has the same thickness above and below, but a wall's
+        // outer line may be missed.
         let Some(depth) = own.map(|own| other.filter(|other| own > 2.0 * other && *other > APART_PX).unwrap_or(own)) else { continue };
         if depth > inwards * (wall.inner.v_mid - wall.outer.v_mid) + APART_PX {
             wall.inner = wall.outer.through(wall.outer.v_mid + inwards * depth);
@@ -371,8 +377,9 @@ fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings, s
     walls
 }
 
-/// Places the dark line near `rough`: the darkest place of each strip that shows it, then the straight line that most strips
-/// agree on. Gives their share too; at the picture's border, where nothing can be placed, all are taken to agree.
+/// Places the dark line near `rough`: the darkest place of each strip that shows it, then the straight line on which most
+/// strips agree. Returns their share too. At the picture's border, where nothing can be placed, all strips are assumed to
+/// agree.
 fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSettings, points: &mut Vec<(f64, f64)>) -> (Line, f64) {
     let shown = strips.rows.iter().zip(dips).zip(&strips.centres_u);
     points.clear();
@@ -384,7 +391,7 @@ fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSe
     }
 }
 
-/// The darkest place within 3 px of `near`, between rows by the parabola through three of them.
+/// The darkest place within 3 px of `near`, interpolated between rows by a parabola through three of them.
 fn darkest_near(rows: &[f32], dips: &[f32], near: f64, min_depth: f32) -> Option<f64> {
     let near = near.round();
     if near < BORDER_PX || near + BORDER_PX + 1.0 > rows.len() as f64 {
@@ -394,15 +401,15 @@ fn darkest_near(rows: &[f32], dips: &[f32], near: f64, min_depth: f32) -> Option
     let darkest = (near - 3..=near + 3).min_by(|&a, &b| rows[a].total_cmp(&rows[b]))?;
     let (a, b, c) = (f64::from(rows[darkest - 1]), f64::from(rows[darkest]), f64::from(rows[darkest + 1]));
     let bend = a - 2.0 * b + c;
-    // At the end of the search the dark goes on: that is the specimen's side of the wall, not the wall.
+    // At the end of the search range it is still getting darker: this is the specimen beside the wall, not the wall.
     if dips[darkest] < min_depth || b > a || b > c || bend <= 0.0 {
         return None;
     }
     Some(darkest as f64 + 0.5 * (a - c) / bend)
 }
 
-/// The course through two of the points, bent as `rough` is or a little more or less, that has the most others within
-/// `AGREE_PX`; then least squares through those. Only courses within a degree of `rough` count.
+/// The line through two of the points, bent as `rough` or slightly more or less, with the most others within `AGREE_PX`; then
+/// least squares through those. Only lines within a degree of `rough` are considered.
 fn consensus(points: &mut Vec<(f64, f64)>, rough: Line) -> Option<Line> {
     const AGREE_PX: f64 = 0.7;
     const SAG_STEPS: i32 = 3;
@@ -419,7 +426,7 @@ fn consensus(points: &mut Vec<(f64, f64)>, rough: Line) -> Option<Line> {
                 }
                 let line = Line { v_mid: a.1 - curve(a.0) - slope * (a.0 - rough.u_mid), slope, bend, ..rough };
                 let score: f64 = points.iter().map(|p| (1.0 - ((p.1 - line.at(p.0)) / AGREE_PX).powi(2)).max(0.0)).sum();
-                // A wall is straight until that much says otherwise.
+                // A penalty: a wall counts as straight unless the points clearly contradict it.
                 let score = score - 0.3 * f64::from(sag.abs());
                 if score > best.map_or(0.0, |b| b.0) {
                     best = Some((score, line));
@@ -432,7 +439,7 @@ fn consensus(points: &mut Vec<(f64, f64)>, rough: Line) -> Option<Line> {
     Some(straightened(points, line))
 }
 
-/// Moves and tilts a course to the least squares of the points.
+/// Shifts and tilts a line to the least-squares fit of the points.
 fn straightened(points: &[(f64, f64)], line: Line) -> Line {
     let n = points.len() as f64;
     let (mean_u, mean_off) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1 - line.at(p.0)).sum::<f64>() / n);

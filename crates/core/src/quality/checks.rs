@@ -1,36 +1,40 @@
-//! One number against one limit, and all of a specimen's.
+//! One number against one limit, and all checks of a specimen.
 
 use serde::{Deserialize, Serialize};
 
-/// A number beside its limit.
+/// A number and its limit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Check {
-    /// The limit's key in the method's `quality`.
+    /// Key of the limit in the method's `quality` table.
     pub name: String,
+    /// Unit of `found`, `sd` and `limit`.
     pub unit: String,
-    /// `null` where nothing tells it.
+    /// The number. `None` where the data do not determine it; it is serialized as `null`.
     pub found: Option<f64>,
     /// Standard deviation of `found`. `None` where the check does not use one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sd: Option<f64>,
+    /// The limit, from the method's `quality` table.
     pub limit: f64,
-    /// The view that it is of, where it is the worst of the views'.
+    /// The view that the number belongs to, where it is the worst of all views.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub view: Option<u32>,
-    /// Beyond the limit: the flag is raised. Where there is an `sd`, the interval of two `sd` about `found` is wholly beyond it.
+    /// Whether the limit is exceeded, so that the flag is raised. Where there is an `sd`, the interval of two `sd` about
+    /// `found` must lie wholly beyond the limit.
     pub over: bool,
-    /// That interval holds the limit: the measurement cannot tell whether the limit is exceeded. No flag is raised.
+    /// Whether that interval contains the limit: the measurement cannot tell whether the limit is exceeded. No flag is raised.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub undecided: bool,
+    /// The flag that this check raises.
     pub flag: String,
 }
 
-/// Standard deviations to either side of a number that has one: 95 % of readings lie within them.
+/// Half width of the interval, standard deviations: 95 % of readings lie within it.
 const SURE: f64 = 2.0;
 
 impl Check {
     fn new(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64, over: impl Fn(f64) -> bool) -> Self {
-        // What is no number is no measure of anything: it is within no limit.
+        // A value that is not a number measures nothing, so it is within no limit.
         let over = found.is_some_and(|x| !x.is_finite() || over(x));
         let found = found.filter(|x| x.is_finite());
         Self {
@@ -46,12 +50,12 @@ impl Check {
         }
     }
 
-    /// At most, whatever the sign.
+    /// An upper limit on the magnitude.
     pub(super) fn at_most(name: &str, unit: &str, flag: &str, found: Option<f64>, limit: f64) -> Self {
         Self::new(name, unit, flag, found, limit, |x| x.abs() > limit)
     }
 
-    /// At most, whatever the sign, of a number with a standard deviation. Without one as [`Self::at_most`].
+    /// An upper limit on the magnitude of a number with a standard deviation. Without one the same as [`Self::at_most`].
     pub(super) fn at_most_surely(name: &str, unit: &str, flag: &str, found: Option<f64>, sd: Option<f64>, limit: f64) -> Self {
         let Some(sd) = sd.filter(|sd| sd.is_finite()) else { return Self::at_most(name, unit, flag, found, limit) };
         let check = Self::new(name, unit, flag, found, limit, |x| x.abs() - SURE * sd > limit);
@@ -68,17 +72,18 @@ impl Check {
     }
 }
 
-/// A specimen's checks.
+/// The checks of a specimen.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {
-    /// Nothing is over its limit.
+    /// Whether no number exceeds its limit.
     pub passed: bool,
+    /// Every check that was made, in a fixed order.
     pub checks: Vec<Check>,
 }
 
 const REFERENCE_Z: &str = "reference_z";
 /// Flags of a volume and of an area that are far from those of reference larvae.
-pub const OFF_REFERENCES: [&str; 2] = ["volume_off_references", "area_off_references"];
+pub(crate) const OFF_REFERENCES: [&str; 2] = ["volume_off_references", "area_off_references"];
 
 impl Quality {
     pub(super) fn new(checks: Vec<Check>) -> Self {
@@ -86,25 +91,28 @@ impl Quality {
         Self { passed, checks }
     }
 
-    /// The same with a larva's place among reference larvae, in standard deviations from their mean: volume and area.
+    /// These checks and those of a larva's place among reference larvae, in standard deviations from their mean: volume and
+    /// area. `None` for a quantity without a reference. Earlier checks against references are replaced.
     #[must_use]
     pub fn among_references(mut self, volume_z: Option<f64>, area_z: Option<f64>, limit: f64) -> Self {
-        // Of other references, where it was held against some before.
+        // Checks against the references that were used before.
         self.checks.retain(|c| c.name != REFERENCE_Z);
         let of = |flag: &str, z| Check::at_most(REFERENCE_Z, "standard deviations", flag, z, limit);
         self.checks.extend([of(OFF_REFERENCES[0], volume_z), of(OFF_REFERENCES[1], area_z)]);
         Self::new(self.checks)
     }
 
+    /// The check of the limit `name`, if it was made.
     pub fn check(&self, name: &str) -> Option<&Check> {
         self.checks.iter().find(|c| c.name == name)
     }
 
+    /// Whether a check raises this flag.
     pub fn raises(&self, flag: &str) -> bool {
         self.checks.iter().any(|c| c.over && c.flag == flag)
     }
 
-    /// Each flag that is raised, once.
+    /// Each raised flag, once, in the order of the checks.
     pub fn flags(&self) -> Vec<&str> {
         let mut flags: Vec<&str> = Vec::new();
         for check in self.checks.iter().filter(|c| c.over) {

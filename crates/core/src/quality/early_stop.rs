@@ -1,12 +1,12 @@
-//! When a turn may end before its last view: the bias-corrected volume has settled and is known well enough.
+//! When a turn may end before its last view: when the bias-corrected volume has settled and is known well enough.
 //!
 //! ```text
 //!  estimates after each view ── at least min_views ──┬─ slices told as finely as they ever are ──────────┐
 //!                                                    ├─ the last ones within spread_percent of one another ─┼─ stop
 //!                                                    └─ t_{0.975} sd of the newest within promised_error_percent
 //! ```
-//! The raw hull of few views is too large; the estimates are of support functions, which are not. Views must stand well spread
-//! around the turn from the first on: coarse to fine, not one after the other.
+//! The raw hull of few views is too large. The estimates come from support functions, which do not have this bias. The views
+//! must be well spread around the turn from the start: coarse to fine, not one after the other.
 
 use super::estimate::Estimate;
 use crate::calibration::HARMONICS_MOST;
@@ -17,15 +17,17 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EarlyStopSettings {
-    /// Off unless asked for: a turn that ends early has no view left to tell that something went wrong.
+    /// Whether turns may end early. Off by default: a turn that ends early has no view left that could show that something went
+    /// wrong.
     pub enabled: bool,
-    /// No turn ends before so many views.
+    /// Fewest views after which a turn may end.
     pub min_views: usize,
-    /// So many of the newest estimates must agree.
+    /// Number of newest estimates that must agree.
     pub last: usize,
-    /// Most that they may differ by, the largest less the smallest, % of the newest.
+    /// Largest allowed difference between the largest and the smallest of them, % of the newest.
     pub spread_percent: f64,
-    /// The volume at the stop is off by no more than this in 95 of 100 turns; the newest estimate's own 95 % interval must be as narrow.
+    /// Error of the volume at the stop that is not exceeded in 95 of 100 turns, %. Half of the newest estimate's own 95 %
+    /// interval must not be wider.
     pub promised_error_percent: f64,
 }
 
@@ -49,13 +51,13 @@ impl EarlyStopSettings {
         ])
     }
 
-    /// Whether an estimate after so many views is of use: earlier ones decide nothing.
+    /// Whether an estimate after this number of views is used. Earlier ones decide nothing.
     pub fn asks(&self, views: usize) -> bool {
         views + self.last > self.min_views
     }
 }
 
-/// Whether the turn may end. `estimates` are in the order of taking, the newest last.
+/// Whether the turn may end. `estimates` are in the order of acquisition, the newest last.
 pub fn should_stop(estimates: &[Estimate], settings: &EarlyStopSettings) -> bool {
     settings.enabled && has_converged(estimates, settings)
 }
@@ -68,7 +70,7 @@ pub fn has_converged(estimates: &[Estimate], settings: &EarlyStopSettings) -> bo
     }
     let last = &estimates[estimates.len() - settings.last..];
     let fine = newest.harmonics >= HARMONICS_MOST;
-    // An estimate for every view: one that is missing may be the one that disagrees.
+    // There must be an estimate for every view: a missing one may be the one that disagrees.
     let consecutive = last.windows(2).all(|pair| pair[1].views == pair[0].views + 1);
     let [low, high] = last.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], e| [l.min(e.volume_um3), h.max(e.volume_um3)]);
     let numbers = last.iter().all(|e| e.volume_um3.is_finite());

@@ -4,43 +4,49 @@ use super::gate::GateSettings;
 use crate::range::{OutOfRange, outside};
 use serde::{Deserialize, Serialize};
 
-/// What is over one of these is flagged, never dropped. Each check bears the name of its limit.
+/// A number beyond one of these limits is flagged, never dropped. Each check has the name of its limit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct QualitySettings {
-    /// Least overlap of the profiles at 0 and 360 deg, intersection over union.
+    /// Smallest overlap of the profiles at 0 and 360 deg, intersection over union.
     pub closure_overlap: f64,
-    /// Most that the specimen may lie elsewhere at 360 deg, along the capillary and across it.
+    /// Largest displacement of the specimen at 360 deg along the capillary, px.
     pub closure_along_px: f64,
+    /// Largest displacement of the specimen at 360 deg across the capillary, px.
     pub closure_across_px: f64,
-    /// Most that it may have turned in the capillary.
+    /// Largest turn of the specimen in the capillary, deg.
     pub closure_turn_deg: f64,
-    /// Least views that count, and least of the planned ones, %.
+    /// Fewest views that count.
     pub views_least: usize,
+    /// Smallest share of the planned views that count, %.
     pub usable_percent: f64,
-    /// Widest angle in which no view sees an edge.
+    /// Widest angle in which no view sees an edge, deg.
     pub gap_deg: f64,
-    /// Most that the edges of the views may lie from what the others make expected: of the median view, and of any.
+    /// Largest residual of the median view: the distance between its edges and those that the others make expected, px.
     pub residual_px: f64,
+    /// Largest residual of any view, px.
     pub residual_view_px: f64,
-    /// Least of a profile that what no view misses covers, %: of any view.
+    /// Smallest share of any view's profile that the hull that no view misses (VRV) covers, %.
     pub overlap_percent: f64,
-    /// Most that the volume may be uncertain by, %: the standard deviation by views, calibration and corners, without the rig's scale and edges.
+    /// Largest standard deviation of the volume, %: from views, calibration and corners, without the rig's scale and edges.
     pub volume_sd_percent: f64,
-    /// Most that the turn's camera may be off the rig's.
+    /// Largest difference in uy between the turn's camera and the rig's, px.
     pub uy_px: f64,
+    /// Largest difference in gamma between the turn's camera and the rig's, deg.
     pub gamma_deg: f64,
+    /// Largest difference in alpha between the turn's camera and the rig's, deg.
     pub alpha_deg: f64,
-    /// Most that true angles may be off the ledger's, %, where they are by five of their standard deviations.
+    /// Largest difference between true angles and the ledger's, %. It is checked where it exceeds five of its standard
+    /// deviations.
     pub rho_percent: f64,
-    /// Most standard deviations off the mean of reference larvae of its age.
+    /// Largest distance from the mean of reference larvae of the same age, standard deviations.
     pub reference_z: f64,
-    /// Of the daily beads.
+    /// Limits of the daily bead gate.
     pub gate: GateSettings,
 }
 
 impl Default for QualitySettings {
-    /// Where each is from stands in docs/quality.md.
+    /// docs/quality.md gives the source of each value.
     fn default() -> Self {
         Self {
             closure_overlap: 0.95,

@@ -1,25 +1,31 @@
-//! Whether a number may be trusted: every limit has a name and a unit in the method, and what is over one is a flag.
+//! Whether a number may be trusted. Every limit has a name and a unit in the method; a number beyond its limit raises a flag.
 //!
 //! ```text
 //!  a turn's views, closure, calibration ── Quality::of ── checks: found, limit, unit ── over: a flag by name
 //!                     place among references ──┘
+//!  the checks, and facts of views, hull and calibration ── flags ── what an operator must know
 //!  residual strip ── spoiled ── views to be taken again
 //!  corrected estimates so far ── has_converged ── should_stop ── enough views
 //!  a few beads, this instrument's earlier gates ── BeadGate::of ── verdict and words
 //! ```
-//! Values in, values out. `docs/quality.md` says what each number is and what an operator does about it.
+//! Functions of values only. `docs/quality.md` explains each number and what an operator does about it.
 
 mod checks;
 mod early_stop;
 mod estimate;
+mod flags;
 pub mod gate;
 mod limits;
 mod strip;
 mod turn;
 
-pub use checks::{Check, OFF_REFERENCES, Quality};
+pub(crate) use checks::OFF_REFERENCES;
+pub use checks::{Check, Quality};
 pub use early_stop::{EarlyStopSettings, has_converged, should_stop};
 pub use estimate::Estimate;
+pub(crate) use flags::{FlagFacts, add_raised, flags, views_needed};
 pub use limits::QualitySettings;
-pub use strip::{Spoiled, ViewStrip, spoiled};
-pub use turn::{CalibrationOff, ClosureOff, ClosureSd, TurnFacts, tell_little};
+pub use strip::Spoiled;
+pub(crate) use strip::{ViewStrip, spoiled};
+pub use turn::tell_little;
+pub(crate) use turn::{CalibrationOff, ClosureOff, ClosureSd, TurnFacts};

@@ -1,29 +1,31 @@
 //! The residual strip of a turn, one entry per view, and the views that spoil the model.
 
-/// What the strip has of a view.
+/// One view in the strip.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct ViewStrip {
+pub(crate) struct ViewStrip {
     pub view: u32,
-    /// It counts in the model.
+    /// Whether it counts in the model.
     pub used: bool,
-    /// Why it does not.
+    /// Why it does not count.
     pub reason: Option<String>,
-    /// Between its edges and what all other views make expected, px; robust.
+    /// Robust distance between its edges and those that all other views make expected, px.
     pub residual_px: Option<f64>,
-    /// Of its profile, what no view misses covers (VRV seen again), %.
+    /// Share of its profile that the projected hull that no view misses (VRV) covers, %.
     pub overlap_percent: Option<f64>,
 }
 
-/// A view to be taken again.
+/// A view that should be taken again.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Spoiled {
+    /// Number of the view in the plan.
     pub view: u32,
+    /// Why it spoils the model.
     pub reason: String,
 }
 
-/// The views that spoil the model, the first around the turn first: those that gave no profile or do not belong, and those whose
-/// residual is over the limit although they were kept.
-pub fn spoiled(strip: &[ViewStrip], residual_view_px: f64) -> Vec<Spoiled> {
+/// The views that spoil the model, ordered by number: those that gave no profile or do not belong to the turn, and those that
+/// were kept although their residual exceeds the limit.
+pub(crate) fn spoiled(strip: &[ViewStrip], residual_view_px: f64) -> Vec<Spoiled> {
     let mut found: Vec<Spoiled> = strip
         .iter()
         .filter_map(|v| {

@@ -1,4 +1,4 @@
-//! What is checked of a turn.
+//! The checks of a turn.
 //!
 //! ```text
 //!  closure ─── overlap, px along, px across, deg of turn ─┐
@@ -14,57 +14,67 @@ use super::strip::ViewStrip;
 use crate::calibration::widest_gap;
 use crate::statistics::median;
 
-/// The view at 360 deg against the view at 0 deg.
+/// The view at 360 deg compared with the view at 0 deg.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClosureOff {
+pub(crate) struct ClosureOff {
     pub overlap: f64,
     pub along_px: f64,
     pub across_px: f64,
-    /// Nothing where the turn's slices do not tell it.
+    /// `None` where the turn's slices do not determine it.
     pub turn_deg: Option<f64>,
-    /// Of the three above. `None` where they are only the shift of the profile's centroid.
+    /// Standard deviations of the three numbers above. `None` where they are only the shift of the profile's centroid.
     pub sd: Option<ClosureSd>,
+}
+
+impl ClosureOff {
+    /// Whether the specimen has certainly moved, judged by the two profiles alone before the turn is measured. A fin that one
+    /// of the profiles lacks shifts the centroid by as much as a limit, so twice the limit is allowed here.
+    pub fn is_far(&self, limits: &QualitySettings) -> bool {
+        self.overlap < limits.closure_overlap
+            || self.along_px.abs() > 2.0 * limits.closure_along_px
+            || self.across_px.abs() > 2.0 * limits.closure_across_px
+    }
 }
 
 /// Standard deviations of a [`ClosureOff`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ClosureSd {
+pub(crate) struct ClosureSd {
     pub along_px: f64,
     pub across_px: f64,
     pub turn_deg: f64,
 }
 
-/// The turn's own camera less the rig's.
+/// The turn's own camera minus the rig's.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CalibrationOff {
+pub(crate) struct CalibrationOff {
     pub uy_px: f64,
     pub gamma_deg: f64,
     pub alpha_deg: f64,
     pub rho_percent: f64,
-    /// The ratio of angles is another than 1 beyond doubt.
-    pub is_rho_told: bool,
+    /// Whether the ratio of angles differs significantly from 1.
+    pub is_rho_significant: bool,
 }
 
-/// A turn, as far as it is checked.
+/// The facts of a turn that are checked.
 #[derive(Debug, Clone, PartialEq)]
-pub struct TurnFacts<'a> {
+pub(crate) struct TurnFacts<'a> {
     pub planned_views: usize,
-    /// Of the views that count, rad.
+    /// Angles of the views that count, rad.
     pub omegas: &'a [f64],
     pub strip: &'a [ViewStrip],
     pub closure: Option<ClosureOff>,
     pub calibration: Option<CalibrationOff>,
-    /// Of the volume, by views and calibration.
+    /// Standard deviation of the volume from views and calibration, %.
     pub volume_sd_percent: Option<f64>,
 }
 
-/// Whether so few views, or so few directions, tell little of a slice's shape.
+/// Whether there are too few views, or too few directions, to determine the shape of a slice.
 pub fn tell_little(omegas: &[f64], limits: &QualitySettings) -> bool {
     omegas.len() < limits.views_least || widest_gap(omegas).to_degrees() > limits.gap_deg
 }
 
 impl Quality {
-    pub fn of(turn: &TurnFacts, l: &QualitySettings) -> Self {
+    pub(crate) fn of(turn: &TurnFacts, l: &QualitySettings) -> Self {
         let used = || turn.strip.iter().filter(|v| v.used);
         let residuals: Vec<f64> = used().filter_map(|v| v.residual_px).collect();
         let residual = (!residuals.is_empty()).then(|| median(residuals));
@@ -75,8 +85,8 @@ impl Quality {
         let sd = |of: fn(&ClosureSd) -> f64| turn.closure.and_then(|c| c.sd).as_ref().map(of);
         let surely = |name, unit, found, sd, limit| Check::at_most_surely(name, unit, "moved", found, sd, limit);
         let off = |of: fn(&CalibrationOff) -> f64| turn.calibration.as_ref().map(of);
-        // A ratio that is not told apart from 1 is none.
-        let rho = turn.calibration.map(|c| if c.is_rho_told { c.rho_percent } else { 0.0 });
+        // A ratio that does not differ significantly from 1 counts as 1.
+        let rho = turn.calibration.map(|c| if c.is_rho_significant { c.rho_percent } else { 0.0 });
         Self::new(vec![
             Check::at_least("closure_overlap", "share", "moved", closure(|c| c.overlap), l.closure_overlap),
             surely("closure_along_px", "px", closure(|c| c.along_px), sd(|s| s.along_px), l.closure_along_px),
@@ -120,7 +130,8 @@ mod tests {
 
     const GOOD: ClosureOff = ClosureOff { overlap: 0.985, along_px: 0.2, across_px: -0.3, turn_deg: Some(0.4), sd: Some(KNOWN) };
     const KNOWN: ClosureSd = ClosureSd { along_px: 0.02, across_px: 0.02, turn_deg: 0.04 };
-    const NEAR: CalibrationOff = CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_told: false };
+    const NEAR: CalibrationOff =
+        CalibrationOff { uy_px: -12.0, gamma_deg: 0.4, alpha_deg: -0.2, rho_percent: 1.4, is_rho_significant: false };
 
     fn of(omegas: &[f64], strip: &[ViewStrip], closure: Option<ClosureOff>, calibration: Option<CalibrationOff>) -> Quality {
         let facts = TurnFacts { planned_views: 21, omegas, strip, closure, calibration, volume_sd_percent: Some(0.6) };
@@ -161,7 +172,7 @@ mod tests {
         ] {
             assert_eq!(off.flags(), ["calibration_off"]);
         }
-        assert_eq!(camera(CalibrationOff { is_rho_told: true, ..NEAR }).flags(), ["wrong_steps"]);
+        assert_eq!(camera(CalibrationOff { is_rho_significant: true, ..NEAR }).flags(), ["wrong_steps"]);
         let mut views = strip(21);
         views[6].residual_px = Some(3.5);
         let found = seen(&even(21), &views);

@@ -1,25 +1,26 @@
-//! What a turn's views tell of their own camera, held against the camera as given.
+//! The calibration of a turn from its own views, compared with the given camera.
 
 use super::Reconstruction;
-use crate::calibration::{Calibration, CalibrationError, Gate, GivenView, Moved, Priors, Verdict, ViewState, calibrate, gate};
+use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Priors, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv};
 use crate::geometry::{Camera, Projection};
 use crate::range::{OutOfRange, outside};
 use serde::{Deserialize, Serialize};
 
-/// How a turn is calibrated, and what is believed of the rig before it.
+/// How a turn is calibrated, and the prior on the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationSettings {
-    /// Find uy, gamma, alpha, the ratio of angles and each view's shift from the turn itself.
+    /// Whether uy, gamma, alpha, the ratio of angles and each view's shift are determined from the turn itself.
     pub enabled: bool,
-    /// What the capillary may be rolled and tilted by against the rig's camera, standard deviations.
+    /// Prior standard deviation of the roll gamma of the capillary against the rig's camera, deg.
     pub gamma_sd_deg: f64,
+    /// Prior standard deviation of the tilt alpha of the capillary against the rig's camera, deg.
     pub alpha_sd_deg: f64,
-    /// What a view may be shifted by, standard deviation.
+    /// Prior standard deviation of a view's shift, px.
     pub dy_sd_px: f64,
-    /// Standard deviation of the rig's scale: three times as much goes into the volume's.
+    /// Standard deviation of the rig's scale, %. The volume's share is three times as large.
     pub scale_sd_percent: f64,
-    /// What all edges may be too far out or in by together, standard deviation.
+    /// Standard deviation of an error that all edges have in common, outwards or inwards, px.
     pub edge_sd_px: f64,
 }
 
@@ -51,38 +52,48 @@ impl CalibrationSettings {
     }
 }
 
-/// Why a turn is measured with the camera as given.
+/// Why a turn is measured with the given camera.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NotCalibrated {
+    /// The settings do not ask for a calibration.
     #[error("calibration was not asked for")]
     NotAsked,
+    /// The views do not determine a calibration.
     #[error(transparent)]
     Failed(#[from] CalibrationError),
+    /// With the calibration the views agree less than with the given camera: the hull that no view misses is smaller.
     #[error(
         "the calibrated camera leaves {solution_um3:.4e} um^3 that no view misses, the camera as given {given_um3:.4e} um^3: the views do not \
          show one turn of one body. Look at views and angles, or take another turn"
     )]
-    Worse { given_um3: f64, solution_um3: f64 },
+    Worse {
+        /// Volume of the hull that no view misses with the given camera, um^3.
+        given_um3: f64,
+        /// The same with the calibrated camera, um^3.
+        solution_um3: f64,
+    },
 }
 
-/// A turn's calibration that the gate did not stop.
+/// A calibration that passed the comparison with the given camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Judged {
+    /// The calibration.
     pub calibration: Calibration,
-    pub gate: Gate,
+    /// The hulls that no view misses (VRV), by which it was judged.
+    pub vrv: VrvCheck,
 }
 
-/// The views of a turn by their angles, and what they tell.
+/// The views of a turn sorted by angle, and their calibration.
 #[derive(Debug, Clone)]
 pub struct Calibrated {
-    /// Views in the order of observing, ordered by their angles: whatever order they came in, the same bits come out.
+    /// Views in the order of observing, sorted by angle: every order of acquisition gives the same bits.
     pub(super) order: Vec<usize>,
-    /// Its views are in that order.
+    /// The calibration; its views are in that order.
     pub(super) found: Result<Judged, NotCalibrated>,
 }
 
 impl Calibrated {
-    /// What became of each view, in the order of observing; nothing where there is no calibration.
+    /// The state of each view, in the order of observing. Empty without a calibration.
     pub fn states(&self) -> Vec<ViewState> {
         let Ok(judged) = &self.found else { return Vec::new() };
         let mut by_view: Vec<(usize, ViewState)> = self.order.iter().copied().zip(judged.calibration.views.iter().copied()).collect();
@@ -90,32 +101,32 @@ impl Calibrated {
         by_view.into_iter().map(|(_, state)| state).collect()
     }
 
-    /// Whether the specimen lay elsewhere from some view on.
+    /// Whether the specimen moved during the turn.
     pub fn has_moved(&self) -> bool {
         self.found.as_ref().is_ok_and(|judged| judged.calibration.moved.is_some())
     }
 
-    /// The views that count, each with the projection that it is carved through.
+    /// The views that count, each with the projection through which it is carved.
     pub(super) fn used(&self, of: &Reconstruction) -> Vec<(usize, Projection)> {
         let projection = |at: usize, i: usize| match &self.found {
-            Ok(Judged { calibration: c, .. }) => c.views[at].bad.is_none().then(|| c.projection(at, of.seen[i].omega)),
-            Err(_) => Some(of.camera.projection(of.seen[i].omega)),
+            Ok(Judged { calibration: c, .. }) => c.views[at].bad.is_none().then(|| c.projection(at, of.observed[i].omega)),
+            Err(_) => Some(of.camera.projection(of.observed[i].omega)),
         };
         self.order.iter().enumerate().filter_map(|(at, &i)| Some((i, projection(at, i)?))).collect()
     }
 }
 
 impl Reconstruction {
-    /// The views so far by their angles.
+    /// The views so far, sorted by angle.
     pub(super) fn given(&self, order: &[usize]) -> Vec<GivenView<'_>> {
-        order.iter().map(|&i| GivenView { columns: &self.seen[i].columns, omega: self.seen[i].omega }).collect()
+        order.iter().map(|&i| GivenView { columns: &self.observed[i].columns, omega: self.observed[i].omega }).collect()
     }
 
-    /// Calibrates on the views so far, and holds the result against the camera as given.
+    /// Calibrates on the views so far and compares the result with the given camera.
     pub fn calibrate(&self) -> Calibrated {
         let settings = &self.settings.calibration;
-        let mut order: Vec<usize> = (0..self.seen.len()).collect();
-        order.sort_by(|&a, &b| self.seen[a].omega.total_cmp(&self.seen[b].omega));
+        let mut order: Vec<usize> = (0..self.observed.len()).collect();
+        order.sort_by(|&a, &b| self.observed[a].omega.total_cmp(&self.observed[b].omega));
         let given = self.given(&order);
         let judged = || {
             if !settings.enabled {
@@ -128,39 +139,45 @@ impl Reconstruction {
         Calibrated { order, found }
     }
 
-    /// Lets a calibration pass that leaves no less than the camera as given.
+    /// Accepts a calibration whose hull that no view misses is not smaller than with the given camera.
     pub(super) fn judge(&self, calibration: Calibration, given: &[GivenView]) -> Result<Judged, NotCalibrated> {
-        match gate(&calibration, &self.camera, given) {
-            Gate { verdict: Verdict::Worse, given_um3, solution_um3, .. } => Err(NotCalibrated::Worse { given_um3, solution_um3 }),
-            gate => Ok(Judged { calibration, gate }),
+        match check_vrv(&calibration, &self.camera, given) {
+            VrvCheck { verdict: VrvVerdict::Worse, given_um3, solution_um3, .. } => Err(NotCalibrated::Worse { given_um3, solution_um3 }),
+            vrv => Ok(Judged { calibration, vrv }),
         }
     }
 }
 
-/// A turn's calibration, to be written down.
+/// The calibration of a turn as it is stored.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationRecord {
-    /// The camera that the numbers are of.
+    /// The camera with which the numbers were made.
     pub psi: Camera,
+    /// Standard deviation of uy, px.
     pub uy_sd_px: f64,
+    /// Standard deviation of gamma, rad.
     pub gamma_sd_rad: f64,
+    /// Standard deviation of alpha, rad.
     pub alpha_sd_rad: f64,
     /// True angles over the ledger's.
     pub rho: f64,
+    /// Standard deviation of `rho`.
     pub rho_sd: f64,
-    /// Of the profiles' edges against the model, um.
+    /// Residual of the profiles' edges against the model, standard deviation, um.
     pub residual_sd_um: f64,
+    /// Passes of the solver.
     pub passes: usize,
+    /// Whether the last pass changed nothing of importance.
     pub converged: bool,
-    /// From which view on the specimen lay elsewhere, if it did.
+    /// The view from which on the specimen lay elsewhere. `None` if it did not move.
     pub moved: Option<Moved>,
-    /// What no view misses, with this camera, the given one and the best that a search finds.
+    /// Volumes of the hull that no view misses: with this camera, the given one, and the best one that a search finds.
     #[serde(default)]
-    pub vrv: Option<Gate>,
+    pub vrv: Option<VrvCheck>,
 }
 
 impl From<&Judged> for CalibrationRecord {
-    fn from(Judged { calibration: c, gate }: &Judged) -> Self {
+    fn from(Judged { calibration: c, vrv }: &Judged) -> Self {
         Self {
             psi: c.camera.clone(),
             uy_sd_px: c.sd.uy_px,
@@ -172,7 +189,7 @@ impl From<&Judged> for CalibrationRecord {
             passes: c.passes,
             converged: c.converged,
             moved: c.moved,
-            vrv: Some(*gate),
+            vrv: Some(*vrv),
         }
     }
 }

@@ -1,31 +1,30 @@
-//! The live model of a camera that the views themselves tell, while they still come in.
+//! The live model with a camera calibrated on the views so far.
 //!
 //! ```text
 //!   view ── observe ──┬─ hull through the camera as given         what the end is made of: runs, edges, angles
 //!                     └─ hull through the refined camera ── page
 //!   now and then, when nobody waits: refine ── calibrate on the views so far ── all of them carved again
 //! ```
-//! What is refined is only shown: [`Reconstruction::finish`] calibrates on all views, and gives the same bits whether or not
+//! A refined model is only shown. [`Reconstruction::finish`] calibrates on all views and gives the same bits whether or not
 //! anything was refined before.
 
 use super::calibrated::Judged;
 use super::{LiveVolume, Reconstruction};
 use crate::calibration::Calibration;
 use crate::carver::{CarveError, Carver, Leaves};
-use crate::geometry::Camera;
 use crate::profile::Mask;
 use crate::quality::Estimate;
 use std::f64::consts::{PI, TAU};
 
-/// Fewer views tell less of the axis than the rig's camera does.
+/// Fewer views determine the axis less well than the rig's camera does.
 const VIEWS_LEAST: usize = 7;
-/// Half a turn shows every slice from each side once, which any axis fits. Further on views meet what others saw from the other
-/// side, and from 30 deg of that on the axis is told.
+/// Half a turn shows every slice from each side once, which any axis fits. Later views see what others saw from the opposite
+/// side; from 30 deg of overlap on the axis is determined.
 const GAP_MOST: f64 = 150.5 / 180.0 * PI;
-/// Of the planned views, what comes in between two refinements.
+/// Between two refinements this share of the planned views must be observed: one in `SHARE`.
 const SHARE: usize = 12;
 
-/// A camera and the hull that it leaves.
+/// A camera and the hull carved with it.
 #[derive(Debug, Clone)]
 pub(super) struct Refined {
     calibration: Calibration,
@@ -33,7 +32,7 @@ pub(super) struct Refined {
 }
 
 impl Refined {
-    /// Carves with a view that came after the calibration: its angle is known by the others', its own shift is not.
+    /// Carves with a view that came after the calibration. The calibration gives its angle, but not its own shift.
     pub fn observe(&mut self, mask: &Mask, omega: f64, leaves: Leaves) -> Result<(), CarveError> {
         let Calibration { camera, .. } = &self.calibration;
         self.carver.observe(mask, &camera.projection(self.calibration.angle(omega)), leaves)
@@ -41,21 +40,22 @@ impl Refined {
 }
 
 impl Reconstruction {
-    /// Whether enough views have come in since the last refinement, from enough sides, for another to be worth its time.
+    /// Whether enough views from enough sides have arrived since the last refinement for another one to be worth its time.
     pub fn is_refinable(&self) -> bool {
         let due = self.refined_at + self.hull.carver().planned_views().div_ceil(SHARE);
-        self.settings.calibration.enabled && self.seen.len() >= due && self.is_seen_around()
+        self.settings.calibration.enabled && self.observed.len() >= due && self.is_seen_around()
     }
 
-    /// Whether the views so far tell axis and slices.
+    /// Whether the views so far determine axis and slices.
     pub(super) fn is_seen_around(&self) -> bool {
-        is_seen_around(self.seen.iter().map(|s| s.omega))
+        is_seen_around(self.observed.iter().map(|s| s.omega))
     }
 
-    /// Calibrates on the views so far and carves them again for the live model; as given where they tell no camera. A view that
-    /// does not belong is left out. What [`Self::finish`] gives does not depend on it. The estimate is that of [`Self::estimate`].
+    /// Calibrates on the views so far and carves them again for the live model; with the given camera where they do not
+    /// determine one. A view that does not belong is left out. The result of [`Self::finish`] does not depend on it. The
+    /// estimate is that of [`Self::estimate`].
     pub fn refine(&mut self) -> Option<Estimate> {
-        self.refined_at = self.seen.len();
+        self.refined_at = self.observed.len();
         let calibrated = self.calibrate();
         let estimate = self.estimated(&calibrated);
         let views = calibrated.used(self);
@@ -66,24 +66,19 @@ impl Reconstruction {
         estimate
     }
 
-    /// The live model's camera, where the views have told one.
-    pub fn refined_camera(&self) -> Option<&Camera> {
-        self.refined.as_ref().map(|r| &r.calibration.camera)
-    }
-
-    /// The hull that is shown.
-    pub fn live_carver(&self) -> &Carver {
+    /// The hull that is displayed.
+    pub(crate) fn live_carver(&self) -> &Carver {
         self.refined.as_ref().map_or(self.hull.carver(), |r| &r.carver)
     }
 
-    /// The model so far. From view to view it only falls; a refinement may find it larger.
+    /// The model so far. From view to view its volume never increases; a refinement may increase it.
     pub fn live(&self) -> LiveVolume {
         let carver = self.live_carver();
-        LiveVolume { views: self.seen.len(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
+        LiveVolume { views: self.observed.len(), voxels: carver.live_voxels(), volume_um3: carver.volume_um3() }
     }
 }
 
-/// Whether views from these angles (rad) are enough, and see the specimen from enough sides, to tell axis and slices.
+/// Whether views from these angles (rad) are enough, and see the specimen from enough sides, to determine axis and slices.
 pub fn is_seen_around(omegas: impl Iterator<Item = f64>) -> bool {
     let mut angles: Vec<f64> = omegas.map(|omega| omega.rem_euclid(TAU)).collect();
     angles.sort_by(f64::total_cmp);

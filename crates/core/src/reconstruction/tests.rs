@@ -1,6 +1,7 @@
 use super::*;
 use crate::geometry::BoxUm;
 use crate::geometry::Camera;
+use crate::surface::topology::Topology;
 use std::f64::consts::{PI, TAU};
 
 fn camera() -> Camera {
@@ -60,7 +61,7 @@ fn made(views: &[(Mask, f64)]) -> Model {
 /// radius of 45 px, 0.6 % of volume. The diameter has a third of all that, less the third of fairing's loss: within 1 %.
 #[test]
 fn a_bead_has_its_size() {
-    let Model { mesh, measurement: m } = made(&views(21));
+    let Model { mesh, unfaired, measurement: m, touches_box } = made(&views(21));
     let sphere = m.sphere.unwrap();
     assert!((sphere.diameter_um / 500.0 - 1.0).abs() < 0.01, "{sphere:?}");
     assert!(sphere.rms_um < 0.02 * 250.0, "{sphere:?}");
@@ -82,8 +83,22 @@ fn a_bead_has_its_size() {
     assert!((m.field_area_um2 / (4.0 * PI * 250.0 * 250.0) - 1.0).abs() < 0.03, "{}", m.field_area_um2);
     assert!((measure::area(&mesh) - m.field_area_um2).abs() < 1e-9 * m.field_area_um2, "the mesh that is kept is the field's");
     assert_eq!(voxel.volume_um3, m.voxels as f64 * 6.93f64.powi(3));
-    assert_eq!(mesh.topology().euler_characteristic(), 2);
-    assert!(mesh.topology().is_closed());
+    assert!(!touches_box && measure::area(&unfaired) == m.unfaired_area_um2);
+    assert_eq!(Topology::of(&mesh).euler_characteristic(), 2);
+    assert!(Topology::of(&mesh).is_closed());
+}
+
+/// The ball reaches to 40 + 250 um along x.
+#[test]
+fn a_hull_that_reaches_the_end_of_its_box_is_named() {
+    for (end, touches) in [(250.0, true), (320.0, false)] {
+        let grid = VoxelGrid::new(BoxUm { min: [-350.0; 3], max: [end, 350.0, 350.0] }, 6.93).unwrap();
+        let mut model = Reconstruction::new(&camera(), grid, 7, ReconstructionSettings::default()).unwrap();
+        for (mask, omega) in views(7) {
+            model.observe(&mask, &[], omega, Leaves::default()).unwrap();
+        }
+        assert_eq!(model.finish(false).unwrap().model.touches_box, touches, "to {end} um");
+    }
 }
 
 #[test]
@@ -111,7 +126,7 @@ fn the_live_volume_falls_to_the_final_one_and_has_a_mesh_on_the_way() {
         assert!(live.volume_um3 <= last);
         last = live.volume_um3;
         let mesh = model.live_mesh();
-        assert!(mesh.topology().is_closed());
+        assert!(Topology::of(&mesh).is_closed());
         // The coarse surface cuts the hull's edges by a part of its 28 um.
         let share = measure::volume(&mesh) / last;
         assert!((0.85..1.05).contains(&share), "{share}");
@@ -130,8 +145,8 @@ fn a_calibration_that_leaves_less_than_the_camera_as_given_is_not_used() {
     }
     let mut calibrated = model.calibrate();
     let given = model.given(&calibrated.order);
-    let Judged { calibration, gate } = calibrated.found.clone().unwrap();
-    assert!(gate.solution_um3 > 0.99 * gate.given_um3 && model.judge(calibration.clone(), &given).is_ok());
+    let Judged { calibration, vrv } = calibrated.found.clone().unwrap();
+    assert!(vrv.solution_um3 > 0.99 * vrv.given_um3 && model.judge(calibration.clone(), &given).is_ok());
     let mut wrong = calibration;
     wrong.camera.uy += 3.0;
     let why = model.judge(wrong, &given).unwrap_err();
@@ -175,7 +190,7 @@ fn a_live_model_is_refined_from_enough_sides_only_and_not_after_each_view() {
             assert!(!model.is_refinable(), "nothing is new");
         }
         assert_eq!(model.live().views, n);
-        assert_eq!(model.refined_camera().is_some(), !refined_at.is_empty());
+        assert_eq!(model.refined.is_some(), !refined_at.is_empty());
     }
     // Eight views of 12 leave a gap of 150 deg.
     assert_eq!(refined_at, [8, 9, 10, 11, 12]);
@@ -189,7 +204,7 @@ fn a_live_model_is_refined_from_enough_sides_only_and_not_after_each_view() {
         assert!(!as_given.is_refinable(), "calibration is not asked for");
     }
     model.replan(24).unwrap();
-    assert!(model.refined_camera().is_none(), "carved by the old plan");
+    assert!(model.refined.is_none(), "carved by the old plan");
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::calibrated::{Calibrated, Judged, NotCalibrated};
 use super::refined::Refined;
 use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
-use crate::calibration::{Calibration, GivenView, Lie, Pose, Psi, TurnView, lie, seen_again};
+use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView, pose_offset, reprojected_areas};
 use crate::carver::Leaves;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
@@ -11,40 +11,43 @@ use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
 use crate::surface::{self, Coarse, Mesh};
 
-/// A view as it was observed; its mask is in the carver.
+/// A view as it was observed. Its mask is in the carver.
 #[derive(Debug, Clone)]
-pub(super) struct Seen {
+pub(super) struct ObservedView {
     pub columns: Columns,
     outlines: Vec<Polygon>,
     pub omega: f64,
 }
 
-/// A turn measured.
+/// A measured turn.
 #[derive(Debug, Clone)]
 pub struct TurnModel {
+    /// The surfaces and their numbers.
     pub model: Model,
-    /// The hull that is measured: carved again with what the calibration found.
+    /// The hull that is measured: carved again with the calibration.
     pub hull: HullModel,
-    /// The turn's own pose of camera and views, or why there is none.
+    /// The turn's own pose of camera and views, or the reason why there is none.
     pub calibration: Result<Judged, NotCalibrated>,
-    /// The projection of each view observed, in the order of observing.
+    /// The projection of each observed view, in the order of observing.
     pub projections: Vec<Projection>,
-    /// In that order too: what no view misses, seen again, and the profile, um^2 at the axis; nothing of a view that does not count, or
-    /// of a turn that is not calibrated.
-    pub seen_again: Vec<Option<[f64; 2]>>,
-    /// Where the closure view shows the specimen, less where the view at 0 deg does.
-    pub closure: Option<Lie>,
+    /// For each view in the order of observing: the projected area of the hull that no view misses and the area of the profile,
+    /// um^2 at the axis. `None` for a view that does not count, and without a calibration.
+    pub reprojected_areas: Vec<Option<[f64; 2]>>,
+    /// Pose of the specimen in the closure view minus that in the view at 0 deg. `None` without a closure view or a
+    /// calibration.
+    pub closure: Option<PoseOffset>,
 }
 
 /// The view at 360 deg, which is never carved.
 #[derive(Debug, Clone)]
 struct ClosureView {
     columns: Columns,
-    /// Of the view at 0 deg, in the order of observing.
+    /// Index of the view at 0 deg in the order of observing.
     first: usize,
 }
 
-/// A hull that allows misses holds its specimen: one that is smaller by this shows slices that are hollow in no single view.
+/// A hull that allows misses contains its specimen. One that is smaller than this share has slices that are hollow, which no
+/// single view shows.
 pub(super) const HULL_LEAST: f64 = 0.95;
 
 /// A model of the views of one camera at known angles.
@@ -79,18 +82,23 @@ pub(super) const HULL_LEAST: f64 = 0.95;
 pub struct Reconstruction {
     pub(super) camera: Camera,
     pub(super) settings: ReconstructionSettings,
-    /// Carved through the camera as given, while the views come in.
+    /// Carved through the given camera while the views arrive.
     pub(super) hull: HullModel,
-    pub(super) seen: Vec<Seen>,
-    /// What is shown instead once the views have told a better camera, and at how many views that was last asked.
+    pub(super) observed: Vec<ObservedView>,
+    /// The refined model that is shown instead once the views have given a better camera, and the number of views at the last
+    /// attempt.
     pub(super) refined: Option<Refined>,
     pub(super) refined_at: usize,
     closure: Option<ClosureView>,
 }
 
 impl Reconstruction {
+    /// An empty model of one camera.
+    ///
     /// # Errors
-    /// Refuses a camera, a plan or settings that make no model, before any view is taken.
+    /// # Errors
+    ///
+    /// A camera, a plan or settings from which no model can be made.
     pub fn new(
         camera: &Camera,
         grid: VoxelGrid,
@@ -99,50 +107,56 @@ impl Reconstruction {
     ) -> Result<Self, ReconstructionError> {
         camera.check()?;
         let hull = HullModel::new(grid, planned_views, settings)?;
-        Ok(Self { camera: camera.clone(), settings, hull, seen: Vec::new(), refined: None, refined_at: 0, closure: None })
+        Ok(Self { camera: camera.clone(), settings, hull, observed: Vec::new(), refined: None, refined_at: 0, closure: None })
     }
 
-    /// Takes the view at angle `omega` (rad); `outlines` are those that the mask was filled from, if there are any.
+    /// Observes the view at angle `omega` (rad). `outlines` are those that the mask was filled from, if there are any.
     ///
     /// # Errors
-    /// Refuses a mask that is not of the sensor's size, and what the carver refuses; the model is then unchanged.
+    /// # Errors
+    ///
+    /// A mask that does not have the size of the sensor, and whatever the carver refuses. The model is then unchanged.
     pub fn observe(&mut self, mask: &Mask, outlines: &[Polygon], omega: f64, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
         self.observe_edges(mask, outlines, columns_of(mask, outlines), omega, leaves)
     }
 
-    /// Takes the view at 360 deg, to be held against the view that was observed as number `first`.
+    /// Observes the view at 360 deg, which is compared with the view that was observed as number `first`.
     pub fn observe_closure(&mut self, mask: &Mask, outlines: &[Polygon], first: usize) {
         self.closure = Some(ClosureView { columns: columns_of(mask, outlines), first });
     }
 
-    /// Takes back the view that was observed as number `at`; the later ones move up.
+    /// Removes the view that was observed as number `at`; the numbers of later ones decrease by one.
     ///
     /// # Errors
-    /// As [`Self::observe`]; the model is then unchanged.
+    /// # Errors
+    ///
+    /// As [`Self::observe`]. The model is then unchanged.
     pub fn take_back(&mut self, at: usize) -> Result<(), ReconstructionError> {
         let carver = self.hull.carver();
         let mut hull = HullModel::new(*carver.grid(), carver.planned_views(), self.settings)?;
-        for (_, (seen, view)) in self.seen.iter().zip(carver.views()).enumerate().filter(|(i, _)| *i != at) {
+        for (_, (seen, view)) in self.observed.iter().zip(carver.views()).enumerate().filter(|(i, _)| *i != at) {
             hull.observe(&view.runs.mask(), &seen.outlines, &self.camera.projection(seen.omega), view.leaves)?;
         }
         self.hull = hull;
-        if at < self.seen.len() {
-            self.seen.remove(at);
+        if at < self.observed.len() {
+            self.observed.remove(at);
         }
-        // Both knew the view.
+        // Both contained the view.
         (self.refined, self.refined_at, self.closure) = (None, 0, None);
         Ok(())
     }
 
-    /// Whether the specimen goes on beyond the image on the left and right in any of these views.
+    /// Whether the specimen continues beyond the image on the left and on the right in any of these views.
     pub(super) fn open(&self, views: &(impl Iterator<Item = usize> + Clone)) -> [bool; 2] {
         let leaves = |side: fn(&Leaves) -> bool| views.clone().any(|i| side(&self.hull.carver().views()[i].leaves));
         [leaves(|l| l.left), leaves(|l| l.right)]
     }
 
-    /// The same with edges from elsewhere than mask and outlines.
+    /// The same with edges that do not come from mask and outlines.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`Self::observe`].
     pub fn observe_edges(
         &mut self,
@@ -165,54 +179,60 @@ impl Reconstruction {
             return Err(ReconstructionError::Omega { found: omega });
         }
         self.hull.observe(mask, outlines, &self.camera.projection(omega), leaves)?;
-        self.seen.push(Seen { columns, outlines: outlines.to_vec(), omega });
+        self.observed.push(ObservedView { columns, outlines: outlines.to_vec(), omega });
         if let Some(refined) = &mut self.refined {
             refined.observe(mask, omega, leaves)?;
         }
         Ok(self.live())
     }
 
-    /// Carves the views so far again with the tolerance of another plan.
+    /// Carves all views so far again with the tolerance of another plan.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`HullModel::replan`].
     pub fn replan(&mut self, planned_views: usize) -> Result<(), ReconstructionError> {
         self.hull.replan(planned_views)?;
-        // Carved by the old plan; the next refinement goes by the new one.
+        // It was carved by the old plan. The next refinement uses the new one.
         self.refined = None;
         Ok(())
     }
 
-    /// The hull through the camera as given.
+    /// The hull through the given camera.
     pub fn hull(&self) -> &HullModel {
         &self.hull
     }
 
-    /// The hull's surface on a lattice four times as wide as the grid's: small and quick, for the page.
+    /// The surface of the hull on a lattice four times as coarse as the grid: small and quick, for display.
     pub fn live_mesh(&self) -> Mesh {
         surface::extract(&Coarse::new(self.live_carver()))
     }
 
-    /// Calibrates, carves again with what was found, and measures; `sphere` fits one, for beads.
+    /// Calibrates, carves again with the result, and measures. `sphere` fits a sphere, for beads.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`HullModel::finish`].
     pub fn finish(&self, sphere: bool) -> Result<TurnModel, ReconstructionError> {
         self.measure(self.calibrate(), sphere)
     }
 
-    /// Carves again with what calibrating all views found, and measures.
+    /// Carves again with a calibration on all views, and measures.
     ///
     /// # Errors
+    /// # Errors
+    ///
     /// As [`HullModel::finish`].
     pub fn measure(&self, calibrated: Calibrated, sphere: bool) -> Result<TurnModel, ReconstructionError> {
         let used = calibrated.used(self);
         let Calibrated { order, found } = calibrated;
         let given = self.given(&order);
-        let mut projections: Vec<Projection> = self.seen.iter().map(|s| self.camera.projection(s.omega)).collect();
+        let mut projections: Vec<Projection> = self.observed.iter().map(|s| self.camera.projection(s.omega)).collect();
         if let Ok(Judged { calibration: c, .. }) = &found {
             for (at, &i) in order.iter().enumerate() {
-                projections[i] = c.projection(at, self.seen[i].omega);
+                projections[i] = c.projection(at, self.observed[i].omega);
             }
         }
         let hull = self.carved_again(&used)?;
@@ -223,24 +243,24 @@ impl Reconstruction {
             Err(_) => (
                 Pose::new(&self.camera),
                 given.iter().map(|v| TurnView { columns: v.columns, omega: v.omega, dy_px: 0.0 }).collect(),
-                // Nothing is known of how edges scatter: one px.
+                // The scatter of the edges is not known: one px is assumed.
                 1.0 / self.camera.ky,
             ),
         };
         let mut closure = None;
         match Sections::of(&pose, &views, sd_um, open) {
-            Some(sections) => {
+            Ok(sections) => {
                 closure = self.closure.as_ref().and_then(|closure| {
                     let at = used.iter().position(|(i, _)| *i == closure.first)?;
                     closed(&pose, &sections, &views[at], &closure.columns)
                 });
-                let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given));
+                let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given).ok());
                 let fitted = sphere.then(|| sections.sphere()).flatten();
                 self.trust(&mut model.measurement, &sections, calibration, fitted);
             }
-            None => model.measurement.fallback = Some("the views have no stretch of slices in common".into()),
+            Err(why) => model.measurement.fallback = Some(why.to_string()),
         }
-        let mut again = vec![None; self.seen.len()];
+        let mut again = vec![None; self.observed.len()];
         if let Ok(Judged { calibration: c, .. }) = &found {
             for (&(i, _), areas) in used.iter().zip(again_of(c, &given)) {
                 again[i] = Some(areas);
@@ -252,10 +272,10 @@ impl Reconstruction {
             order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
             judged
         });
-        Ok(TurnModel { model, hull, calibration, projections, seen_again: again, closure })
+        Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure })
     }
 
-    /// The hull of some of the views, through these projections. The tolerance is a share of the views that count.
+    /// The hull of some of the views through these projections. The tolerance is a share of the views that count.
     fn carved_again(&self, used: &[(usize, Projection)]) -> Result<HullModel, ReconstructionError> {
         let carver = self.hull.carver();
         if used.is_empty() {
@@ -264,12 +284,12 @@ impl Reconstruction {
         let mut hull = HullModel::new(*carver.grid(), used.len(), self.settings)?;
         for (i, projection) in used {
             let view = &carver.views()[*i];
-            hull.observe(&view.runs.mask(), &self.seen[*i].outlines, projection, view.leaves)?;
+            hull.observe(&view.runs.mask(), &self.observed[*i].outlines, projection, view.leaves)?;
         }
         Ok(hull)
     }
 
-    /// Puts the support functions' numbers beside the voxels', and those to trust on top.
+    /// Adds the numbers of the support functions to those of the voxels and selects the ones to be trusted.
     fn trust(&self, m: &mut Measurement, sections: &Sections, calibration: Option<[f64; 2]>, sphere: Option<SphereFit>) {
         let support = SupportEstimate::of(sections);
         let voxel = m.estimators.voxel.volume_um3;
@@ -301,8 +321,8 @@ impl Reconstruction {
         m.estimators.support = Some(support);
     }
 
-    /// What volume and area are uncertain by: views, calibration and corners, which another turn has other errors of, and the rig's scale
-    /// and edges, which it has not.
+    /// Standard deviations of volume and area: views, calibration and corners, which differ between turns, and the rig's scale
+    /// and edges, which do not.
     pub(super) fn spread(
         &self,
         sections: &Sections,
@@ -323,7 +343,7 @@ impl Reconstruction {
             volume_scale_um3: 3.0 * scale * volume_um3,
             area_scale_um2: 2.0 * scale * area_um2,
             volume_edge_um3: edge_um * area_um2,
-            // Each slice's outline grows by 2 pi times the shift.
+            // The perimeter of each slice grows by 2 pi times the shift.
             area_edge_um2: edge_um * std::f64::consts::TAU * support.length_um,
         }
     }
@@ -333,14 +353,14 @@ fn columns_of(mask: &Mask, outlines: &[Polygon]) -> Columns {
     if outlines.is_empty() { Columns::from_mask(mask) } else { Columns::from_outlines(outlines, mask.width(), mask.height()) }
 }
 
-/// Of each view that counts, what no view misses and its profile, um^2.
+/// For each view that counts, the projected area of the hull that no view misses and that of its profile, um^2.
 fn again_of(found: &Calibration, given: &[GivenView]) -> Vec<[f64; 2]> {
     let ledger: Vec<f64> = given.iter().map(|v| v.omega).collect();
     let columns: Vec<&Columns> = found.turn_views(given).iter().map(|v| v.columns).collect();
-    seen_again(&columns, &Psi::of(found, &ledger))
+    reprojected_areas(&columns, &Psi::of(found, &ledger))
 }
 
-/// Where the closure view shows the specimen, less where view 0 does.
-fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<Lie> {
-    lie(pose, first, &TurnView { columns, ..*first }, sections.sections.iter().map(|s| (s.x_um, &s.support)))
+/// Pose of the specimen in the closure view minus that in view 0.
+fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<PoseOffset> {
+    pose_offset(pose, first, &TurnView { columns, ..*first }, sections.slices.iter().map(|s| (s.x_um, &s.support)))
 }

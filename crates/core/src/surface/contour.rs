@@ -4,56 +4,68 @@
 //!  sides of the polygons, or of the mask's pixels ── nearest within the band ── + inside, - outside ── um at the grid's depth
 //!        . . -3 -2 -1 | 1  2  3  3  3  3 | ..                bilinear between pixel centres
 //! ```
-//! A displacement of the image is worth as many um as the shortest displacement of the object that makes it, so that distances
-//! of views with other scales along and across the capillary can be compared.
+//! A displacement in the image is converted to the length of the shortest displacement of the object that causes it, so that
+//! distances in views with different scales along and across the capillary can be compared.
 
 use crate::carver::Leaves;
 use crate::geometry::Projection;
 use crate::profile::{Mask, Polygon};
 
-/// The band, as a sample.
+/// The width of the band, as a sample.
 const WHOLE_BAND: f32 = i16::MAX as f32;
-/// Edge of the tiles whose extremes are known, px.
+/// Edge of the tiles whose extremes are stored, px.
 const TILE: usize = 4;
 
+/// Why a view has no signed distances.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum ContourError {
+    /// The centre of the box is at or too close to the camera.
     #[error(
         "the middle of the voxel box lies {depth} um in front of the camera, where a voxel and a half are {voxel_px} px, in an image of {image_px} \
          px: no outline can be followed there. Check the projection, the box and their units"
     )]
-    Depth { depth: f64, voxel_px: f64, image_px: usize },
+    Depth {
+        /// Depth of the box's centre, um.
+        depth: f64,
+        /// Width of a voxel and a half in the image, px.
+        voxel_px: f64,
+        /// Larger side of the image, px.
+        image_px: usize,
+    },
 }
 
+/// One view's outline as a signed distance, um, positive inside.
 #[derive(Debug, Clone)]
 pub struct Contour {
-    /// The projection into the crop: column 0, row 0 of the samples is at (0, 0).
+    /// The projection into the crop. Sample (0, 0) of the crop is at column 0, row 0.
     rows: [[f64; 4]; 3],
     columns: usize,
     lines: usize,
-    /// In 32767ths of the band: half the memory, and to a thousandth of a um.
+    /// Distances in 32767ths of the band: half the memory of `f32`, with a resolution of a thousandth of a um.
     samples: Vec<i16>,
-    /// Least and largest distance that a point of the tile can be interpolated from.
+    /// Smallest and largest distance that can be interpolated from the samples of each tile.
     tiles: Vec<[f32; 2]>,
     tile_columns: usize,
     band_um: f32,
 }
 
-/// What a view says of a whole box.
+/// Where a whole box lies in one view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Side {
-    /// At least the band away from the outline, and inside it.
+    /// At least the width of the band away from the outline, on the inside.
     Inside,
     Outside,
     Near,
 }
 
 impl Contour {
-    /// `outlines` are those that `mask` was filled from; without any, the sides of the mask's pixels are the outline. Distances
-    /// are of use up to `reach_um` and measured at `centre`'s depth.
+    /// The distances of one view. `outlines` are those that `mask` was filled from; without any, the sides of the mask's pixels
+    /// are the outline. Distances are valid up to `reach_um`, measured at the depth of `centre`.
     ///
     /// # Errors
-    /// Refuses a camera at or close before the box's centre, where distances have no scale.
+    /// # Errors
+    ///
+    /// A camera at or close to the box's centre, where distances have no scale.
     pub fn new(
         mask: &Mask,
         outlines: &[Polygon],
@@ -65,11 +77,12 @@ impl Contour {
         let metric = Metric::at(projection, centre);
         let [wide, high] = metric.span_px(reach_um);
         let (depth, voxel_px, image_px) = (projection.depth(centre), wide.max(high), mask.width().max(mask.height()));
-        // Numbers that are none fail every comparison.
+        // Values that are not numbers fail every comparison.
         if !(depth > 0.0 && voxel_px < image_px as f64 && metric.pixel_um().is_finite()) {
             return Err(ContourError::Depth { depth, voxel_px, image_px });
         }
-        // Samples around the outline must be exact where a point within reach is interpolated from them: a pixel's diagonal.
+        // Samples around the outline must be exact where a point within reach is interpolated from them: up to a pixel's
+        // diagonal.
         let band_um = reach_um + 2.0 * metric.pixel_um();
         let sides: Vec<[[f64; 2]; 2]> = if outlines.is_empty() {
             pixel_sides(mask)
@@ -89,11 +102,12 @@ impl Contour {
             let [from, to] = [a, b].map(|p| [p[0] - low[0], p[1] - low[1]]);
             metric.draw(from, to, band_um, columns, &mut squares);
         }
-        // What is beyond the border is not known; the outline is taken to go on as it reaches it.
+        // What lies beyond the border is not known. The outline is assumed to continue in the direction in which it reaches the
+        // border.
         let end = [mask.width(), mask.height()].map(|n| n.max(1) as f64 - 1.0);
         let sample = |n: usize| {
             let (u, v) = ((n % columns) as f64 + low[0], (n / columns) as f64 + low[1]);
-            // Beyond a side that it leaves through, a specimen goes on as in the image's last column.
+            // Beyond a side through which it leaves, the specimen is assumed to continue as in the last column of the image.
             let least = if leaves.left { 0.0 } else { f64::NEG_INFINITY };
             let most = if leaves.right { end[0] } else { f64::INFINITY };
             let column = ((u.clamp(least, most) - low[0]) as usize).min(columns - 1);
@@ -110,7 +124,7 @@ impl Contour {
         Ok(Self { rows: [shifted(0), shifted(1), p[2]], columns, lines, samples, tiles, tile_columns, band_um })
     }
 
-    /// Where all of a box of points between two corners lies.
+    /// Where all points of a box between two corners lie.
     pub(super) fn side(&self, low: [f64; 3], high: [f64; 3]) -> Side {
         let (mut from, mut to) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for n in 0..8 {
@@ -124,7 +138,7 @@ impl Contour {
                 to[a] = to[a].max(at);
             }
         }
-        // A hundredth of a pixel for the rounding of the points in between.
+        // A hundredth of a pixel is added for the rounding of the points in between.
         let tile = |at: f64, end: usize| (at.clamp(0.0, (end - 1) as f64) as usize) / TILE;
         let [first, last] =
             [(from, -0.01), (to, 0.01)].map(|(at, more)| [tile(at[0] + more, self.columns), tile(at[1] + more, self.lines)]);
@@ -135,7 +149,7 @@ impl Contour {
                 largest = largest.max(*high);
             }
         }
-        // The band went through a square and a root.
+        // The band was squared and its root taken again, which rounds it.
         let band_um = 0.999 * self.band_um;
         match (least, largest) {
             (low, _) if low >= band_um => Side::Inside,
@@ -151,15 +165,15 @@ impl Contour {
     /// Distances of the points `start + n step e_x`, um.
     pub(super) fn row<const N: usize>(&self, start: [f64; 3], step: f64) -> [f32; N] {
         let at = self.rows.map(|r| r[0] * start[0] + ((r[1] * start[1] + r[2] * start[2]) + r[3]));
-        // In the crop's small coordinates f32 is good for a ten-thousandth of a pixel.
+        // In the small coordinates of the crop `f32` has a resolution of a ten-thousandth of a pixel.
         let at = at.map(|x| x as f32);
         let by = self.rows.map(|r| (r[0] * step) as f32);
-        // The last sample is outside by the whole band, and so is what would lie between it and the next.
+        // The last sample is outside by the whole band, and so is every value between it and the next.
         let (right, bottom) = (below(self.columns - 1), below(self.lines - 1));
         let w: [f32; N] = std::array::from_fn(|n| at[2] + n as f32 * by[2]);
         let u: [f32; N] = std::array::from_fn(|n| clamp((at[0] + n as f32 * by[0]) / w[n], right));
         let v: [f32; N] = std::array::from_fn(|n| clamp((at[1] + n as f32 * by[1]) / w[n], bottom));
-        // Whole columns and lines; i32 is what processors round to at once.
+        // Whole columns and rows. Processors convert to `i32` in one instruction.
         let (i, j) = (u.map(|u| u as i32), v.map(|v| v as i32));
         let (s, t): ([f32; N], [f32; N]) = (std::array::from_fn(|n| u[n] - i[n] as f32), std::array::from_fn(|n| v[n] - j[n] as f32));
         let mut corners = [[0.0; 4]; N];
@@ -177,18 +191,18 @@ impl Contour {
     }
 }
 
-/// The number before one.
+/// The largest number below `n`.
 fn below(n: usize) -> f32 {
     (n as f32).next_down()
 }
 
-/// Between 0 and `end`, and 0 for what is no number.
+/// Limits `x` to 0 and `end`; 0 for a value that is not a number.
 fn clamp(x: f32, end: f32) -> f32 {
     let x = if x > 0.0 { x } else { 0.0 };
     if x < end { x } else { end }
 }
 
-/// The image itself ends: beyond its border nothing is covered, but where the specimen leaves it.
+/// The border of the image. Nothing is covered beyond it, except where the specimen leaves the image.
 struct Border {
     width: f64,
     height: f64,
@@ -197,7 +211,7 @@ struct Border {
 }
 
 impl Border {
-    /// An outline that runs down a side which the specimen leaves through is none of the specimen's.
+    /// Whether an outline runs along a side through which the specimen leaves. It is then not the specimen's outline.
     fn is_left_through(&self, side: &[[f64; 2]; 2]) -> bool {
         (self.leaves.left && side.iter().all(|p| p[0] < 0.5)) || (self.leaves.right && side.iter().all(|p| p[0] > self.width - 1.5))
     }
@@ -211,7 +225,7 @@ impl Border {
     }
 }
 
-/// Between inside and outside pixels, and around those at the image's border.
+/// Sides between inside and outside pixels, and those of inside pixels at the image's border.
 fn pixel_sides(mask: &Mask) -> Vec<[[f64; 2]; 2]> {
     let (w, h) = (mask.width(), mask.height());
     let inside = |u: usize, v: usize| u < w && v < h && mask.get(u, v);
@@ -224,7 +238,7 @@ fn pixel_sides(mask: &Mask) -> Vec<[[f64; 2]; 2]> {
             for u in 0..=w {
                 let here = inside(u, v);
                 let at = [u as f64 - 0.5, v as f64 - 0.5];
-                // Pixels before the first wrap to huge numbers, which are outside.
+                // Pixels before the first one wrap to huge numbers, which are outside.
                 if here != inside(u.wrapping_sub(1), v) {
                     sides.push([at, [at[0], at[1] + 1.0]]);
                 }
@@ -238,7 +252,8 @@ fn pixel_sides(mask: &Mask) -> Vec<[[f64; 2]; 2]> {
     sides
 }
 
-/// Per tile the extremes of the samples that its points are interpolated from: those of the next column and row included.
+/// For each tile the extremes of the samples from which its points are interpolated, including those of the next column and
+/// row.
 fn extremes(samples: &[f32], columns: usize, lines: usize) -> (Vec<[f32; 2]>, usize) {
     let tile_columns = columns.div_ceil(TILE);
     let mut tiles = vec![[f32::INFINITY, f32::NEG_INFINITY]; tile_columns * lines.div_ceil(TILE)];
@@ -255,7 +270,7 @@ fn extremes(samples: &[f32], columns: usize, lines: usize) -> (Vec<[f32; 2]>, us
     (tiles, tile_columns)
 }
 
-/// What a displacement of the image, px, is worth in um: `|W d|`, with `W W^T` the inverse of `J J^T` and `J` the derivative
+/// Converts a displacement in the image, px, to um: `|W d|`, where `W W^T` is the inverse of `J J^T` and `J` is the derivative
 /// of the image by the object.
 struct Metric {
     w: [[f64; 2]; 2],
@@ -287,12 +302,12 @@ impl Metric {
         length([1.0, 0.0]).max(length([0.0, 1.0]))
     }
 
-    /// How far displacements of that length reach along u and v.
+    /// How far displacements of that length reach along u and v, px.
     fn span_px(&self, um: f64) -> [f64; 2] {
         [0, 1].map(|a| um * self.gain[a][a].sqrt())
     }
 
-    /// Lowers the squared distances of the samples around a side to those to it.
+    /// Lowers the squared distances of the samples around a side to the distance to that side.
     fn draw(&self, a: [f64; 2], b: [f64; 2], band_um: f64, columns: usize, squares: &mut [f32]) {
         let reach = self.span_px(band_um);
         let range = |axis: usize| {

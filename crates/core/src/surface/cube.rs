@@ -47,7 +47,7 @@ fn edge_between(a: usize, b: usize) -> usize {
 
 fn triangles(inside: usize) -> Vec<[u8; 3]> {
     let is_in = |corner: usize| inside >> corner & 1 != 0;
-    // From the edge where a run of inside corners is entered to the edge where it is left.
+    // From the edge where a run of inside corners begins to the edge where it ends.
     let mut next = [None; 12];
     for face in FACES {
         for i in 0..4 {

@@ -1,4 +1,4 @@
-//! The tolerant hull as a continuous field: how far inside the outlines a point lies, the tolerated misses left out.
+//! The tolerant hull as a continuous field: how far inside the outlines a point lies, without the tolerated misses.
 //!
 //! ```text
 //!   value = the (budget + 1)-th smallest, over the views, of the distance inside the view's outline (um, negative outside)
@@ -7,36 +7,37 @@
 //!      . . . [#][#][#][#] .        where the field changes sign towards it
 //!      . .[#][#] full [#] .
 //! ```
-//! A point that more than `budget` views see outside their outlines has a negative value, every other a positive one: the
-//! sign is the hull's own, at the outlines' sub-pixel positions instead of at pixel centres, so that the surface between two
-//! voxels is found where it is and not half way.
+//! A point that more than `budget` views see outside of their outlines has a negative value, every other point a positive one.
+//! The sign agrees with the hull at the sub-pixel positions of the outlines instead of at pixel centres, so that the surface
+//! between two voxels is interpolated and not put half way.
 
 use super::occupancy::{Kinds, inside_rows};
 use super::{Contour, Field, Inside, contour::Side};
 use crate::carver::{BLOCK, Bits, BlockKind, Carver};
 use crate::geometry::VoxelGrid;
-use rayon::prelude::*;
+use crate::parallel::prelude::*;
 
 const VOXELS: usize = BLOCK * BLOCK * BLOCK;
 
 /// One block's values; voxel `(x, y, z)` is at `(z * BLOCK + y) * BLOCK + x`.
 type Values = [f32; VOXELS];
 
+/// The field of a carver's hull near its surface, um, positive inside.
 pub struct Distance<'a> {
     grid: &'a VoxelGrid,
     kinds: Kinds,
-    /// Which of `values` a block has, by its number.
+    /// Index of each block's values in `values`, by the number of the block.
     slots: Vec<Option<u32>>,
     values: Vec<Values>,
 }
 
 impl<'a> Distance<'a> {
-    /// Distances up to this are exact; the surface needs one voxel.
+    /// Distance up to which the views' contours must be exact, um. The surface needs one voxel.
     pub fn reach_um(grid: &VoxelGrid) -> f64 {
         1.5 * grid.size()
     }
 
-    /// `contours` are those of the views that `carver` has observed.
+    /// The field of a hull. `contours` are those of the views that `carver` has observed.
     pub fn new(carver: &'a Carver, contours: &[Contour]) -> Self {
         let grid = carver.grid();
         let kinds = Kinds::new(carver);
@@ -58,14 +59,14 @@ impl<'a> Distance<'a> {
         field
     }
 
-    /// Whether the voxels' surface passes a block, or one of its faces.
+    /// Whether the voxels' surface passes through a block or one of its faces.
     fn is_at_surface(&self, block: [i32; 3]) -> bool {
         let kind = self.kinds.of(block);
         let other = if kind == BlockKind::Full { BlockKind::Dead } else { BlockKind::Full };
         kind == BlockKind::Mixed || neighbours(block).any(|(_, _, next)| self.kinds.of(next) == other)
     }
 
-    /// Blocks without values that an edge of the lattice leads to on which the field changes sign.
+    /// Blocks without values at the end of a lattice edge on which the field changes its sign.
     fn crossed_neighbours(&self, block: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
         let values = self.evaluated(block);
         neighbours(block).filter_map(move |(axis, up, next)| {
@@ -97,7 +98,7 @@ impl<'a> Distance<'a> {
         }
     }
 
-    /// Where no value was needed, one as far from the surface as there can be.
+    /// The value of a voxel; where none was computed, the largest possible distance from the surface.
     fn value(&self, at: [i32; 3]) -> f32 {
         let block = at.map(|c| c.div_euclid(BLOCK as i32));
         let far = far(self.grid);
@@ -137,12 +138,12 @@ impl Field for Distance<'_> {
     }
 }
 
-/// Two voxels: next to the surface nothing is farther from it than one.
+/// Two voxels, um: next to the surface no point is farther from it than one.
 fn far(grid: &VoxelGrid) -> f32 {
     (2.0 * grid.size()) as f32
 }
 
-/// The six blocks around one: along which axis, whether upwards, and which.
+/// The six neighbours of a block: the axis, whether upwards, and the block.
 fn neighbours(block: [i32; 3]) -> impl Iterator<Item = (usize, bool, [i32; 3])> {
     (0..6).map(move |n| {
         let (axis, up) = (n / 2, n % 2 == 1);
@@ -152,7 +153,7 @@ fn neighbours(block: [i32; 3]) -> impl Iterator<Item = (usize, bool, [i32; 3])> 
     })
 }
 
-/// The smallest distances so far at each voxel of a block, ascending, one more than may miss.
+/// The smallest distances so far at each voxel of a block, ascending; one more than the number of views that may miss.
 struct Nearest {
     ranks: Vec<Values>,
 }
@@ -193,7 +194,7 @@ impl Nearest {
     fn insert(&mut self, row: usize, mut found: [f32; BLOCK]) {
         for rank in &mut self.ranks {
             for (kept, new) in rank[row * BLOCK..][..BLOCK].iter_mut().zip(&mut found) {
-                // Without the care that `f32::min` takes of what is no number.
+                // Comparisons instead of `f32::min`, which also has to treat values that are not numbers.
                 let (low, high) = if *new < *kept { (*new, *kept) } else { (*kept, *new) };
                 *kept = low;
                 *new = high;

@@ -3,47 +3,66 @@
 //! ```text
 //!   x' = x + d      (I - lambda U) d = lambda U x      x in f64, d in f32: a part in 10^7 of a step of a um
 //! ```
-//! `U` is the umbrella operator, `U x_i = mean of the neighbours of i - x_i`: the one that reproduces the paper's areas with
-//! lambda = 0.8 and 10 iterations. In the inner product that weighs each vertex by the number of its neighbours it is
-//! symmetric, and `I - lambda U` has eigenvalues between 1 and 1 + 2 lambda: conjugate gradients need a handful of steps, and
-//! no matrix but the list of neighbours.
+//! `U` is the umbrella operator, `U x_i = mean of the neighbours of i - x_i`, which reproduces the paper's areas with lambda =
+//! 0.8 and 10 iterations. In the inner product that weights each vertex by the number of its neighbours it is symmetric, and
+//! `I - lambda U` has eigenvalues between 1 and 1 + 2 lambda. Conjugate gradients therefore need few steps, and no matrix
+//! besides the list of neighbours.
 
 use super::Mesh;
-use rayon::prelude::*;
+use crate::parallel::prelude::*;
 
 /// How a mesh is faired.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fairing {
     /// Weight of the umbrella operator in one iteration.
     pub lambda: f64,
+    /// Number of iterations.
     pub iterations: usize,
 }
 
+/// Why a mesh cannot be faired.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum FairingError {
+    /// The weight is negative or not a number.
     #[error("fairing lambda is {found}; it must be a finite number of at least 0")]
-    Lambda { found: f64 },
+    Lambda {
+        /// The weight that was given.
+        found: f64,
+    },
+    /// The mesh is not closed.
     #[error("fairing: the side from vertex {from} to {to} is not that of two triangles that run it opposite ways; mend the mesh")]
-    Open { from: u32, to: u32 },
+    Open {
+        /// Vertex at one end of an open side.
+        from: u32,
+        /// Vertex at its other end.
+        to: u32,
+    },
+    /// The solver did not reach its goal.
     #[error("fairing: conjugate gradients are still off by {residual:.1e} of the mesh's size after {steps} steps; lower lambda")]
-    NotConverged { residual: f64, steps: usize },
+    NotConverged {
+        /// Relative residual that is left.
+        residual: f64,
+        /// Steps that were made.
+        steps: usize,
+    },
 }
 
-/// The residual that ends an iteration, root of its mean square over that of the distances from the mesh's centre: on a body
-/// of 4 mm a hundredth of a um.
+/// Relative residual that ends an iteration: its root mean square over that of the distances from the mesh's centre. On a body
+/// of 4 mm it is a hundredth of a um.
 const TOLERANCE: f64 = 1e-6;
 const MAX_STEPS: usize = 500;
-/// Sums are taken over pieces of this many vertices, in order, so that they don't depend on the number of threads.
+/// Sums are taken over pieces of this many vertices, in order, so that they do not depend on the number of threads.
 const PIECE: usize = 4096;
 
-/// The fourth number fills it up to what the processor loads at once.
+/// The fourth number pads the vector to the width of a processor's load.
 type Vector = [f32; 4];
 
 /// The faired mesh; its triangles are those of `mesh`.
 ///
 /// # Errors
-/// Refuses a lambda that is no weight and a mesh that is not closed, and says so when a lambda so large was given that the
-/// solver does not get through.
+/// # Errors
+///
+/// A lambda that is no weight, a mesh that is not closed, and a lambda so large that the solver does not converge.
 pub fn fair(mesh: &Mesh, fairing: Fairing) -> Result<Mesh, FairingError> {
     let lambda = fairing.lambda;
     if !(lambda.is_finite() && lambda >= 0.0) {
@@ -57,14 +76,14 @@ pub fn fair(mesh: &Mesh, fairing: Fairing) -> Result<Mesh, FairingError> {
     Ok(Mesh { vertices, triangles: mesh.triangles.clone() })
 }
 
-/// Who is next to whom: neighbours of vertex i are `list[starts[i]..starts[i + 1]]`.
+/// Adjacency of the vertices: the neighbours of vertex i are `list[starts[i]..starts[i + 1]]`.
 struct Neighbours {
     starts: Vec<u32>,
     list: Vec<u32>,
 }
 
 impl Neighbours {
-    /// In a closed mesh each neighbour of a vertex is at the end of one side that a triangle runs from it.
+    /// In a closed mesh each neighbour of a vertex is the end of exactly one side that a triangle runs from it.
     fn new(mesh: &Mesh) -> Result<Self, FairingError> {
         let sides = || mesh.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
         let mut starts = vec![0u32; mesh.vertices.len() + 1];
@@ -96,7 +115,7 @@ impl Neighbours {
         &self.list[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }
 
-    /// Number of a vertex' neighbours, its weight in the inner product.
+    /// Number of a vertex's neighbours, which is its weight in the inner product.
     fn weight(&self, vertex: usize) -> f64 {
         f64::from(self.starts[vertex + 1] - self.starts[vertex])
     }
@@ -109,7 +128,7 @@ struct State {
     r: Vector,
 }
 
-/// `x -> x'`, with its memory.
+/// The solver of `x -> x'` with its memory.
 struct Solver {
     lambda: f64,
     neighbours: Neighbours,
@@ -132,9 +151,9 @@ impl Solver {
         Ok(Self { lambda, neighbours, goal, state: vec![State::default(); n], p: vec![[0.0; 4]; n], q: vec![[0.0; 4]; n] })
     }
 
-    /// One iteration of the fairing. The three coordinates are one system, as the same operator acts on each.
+    /// One iteration of the fairing. The three coordinates are solved together, as the same operator acts on each.
     fn step(&mut self, x: &mut [[f64; 3]]) -> Result<(), FairingError> {
-        // The old position is the first guess: no displacement, and lambda U x is what is left.
+        // The old position is the first guess: the displacement is zero, and the residual is lambda U x.
         let mut rr = self.start(x);
         for _ in 0..MAX_STEPS {
             if rr <= self.goal {
@@ -152,7 +171,7 @@ impl Solver {
         Err(FairingError::NotConverged { residual: TOLERANCE * (rr / self.goal).sqrt(), steps: MAX_STEPS })
     }
 
-    /// Sets `r = p = lambda U x` and gives the square of `r`.
+    /// Sets `r = p = lambda U x` and returns the square of `r`.
     fn start(&mut self, x: &[[f64; 3]]) -> f64 {
         let (neighbours, lambda) = (&self.neighbours, self.lambda);
         let rr = sum(&mut self.state, |i, state| {
@@ -170,7 +189,7 @@ impl Solver {
         rr
     }
 
-    /// Sets `q = (I - lambda U) p` and gives `p q`.
+    /// Sets `q = (I - lambda U) p` and returns `p q`.
     fn apply(&mut self) -> f64 {
         let (neighbours, lambda, p) = (&self.neighbours, self.lambda as f32, &self.p);
         sum(&mut self.q, |i, q| {
@@ -185,7 +204,7 @@ impl Solver {
         })
     }
 
-    /// Goes `alpha p` further and gives the square of the residual there.
+    /// Moves by `alpha p` and returns the square of the residual there.
     fn advance(&mut self, alpha: f32) -> f64 {
         let (neighbours, p, q) = (&self.neighbours, &self.p, &self.q);
         sum(&mut self.state, |i, State { d, r }| {
@@ -202,7 +221,7 @@ fn dot(a: Vector, b: Vector) -> f64 {
     f64::from((a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]))
 }
 
-/// Changes every item by its number and sums what that gives, the same on any number of threads.
+/// Applies `change` to every item with its number and sums the results. The sum is the same on any number of threads.
 fn sum<T: Send>(items: &mut [T], change: impl Fn(usize, &mut T) -> f64 + Sync) -> f64 {
     let piece = |(n, piece): (usize, &mut [T])| piece.iter_mut().enumerate().map(|(i, item)| change(n * PIECE + i, item)).sum();
     let sums: Vec<f64> = items.par_chunks_mut(PIECE).enumerate().map(piece).collect();

@@ -5,29 +5,29 @@
 //!                             │ sums of the counts: where each block's vertices and triangles go
 //!                             └──────────────────────> vertices, triangles    written there, block by block
 //! ```
-//! Every crossed edge of the lattice belongs to the block of its lower end, which numbers it by its rank among the
-//! block's crossed edges. A cell finds the vertices of its twelve edges by a bit count in one of eight blocks: no hash
-//! of vertices, no merging afterwards, and the same mesh on any number of threads. Blocks go slice by slice along x, so
-//! that vertices that are neighbours are near each other in memory, too.
+//! Every crossed edge of the lattice belongs to the block of its lower end, which numbers it by its rank among the block's
+//! crossed edges. A cell finds the vertices of its twelve edges by a bit count in one of eight blocks. No hash of vertices and
+//! no merging is needed, and the mesh is the same on any number of threads. Blocks are ordered slice by slice along x, so that
+//! neighbouring vertices are also near each other in memory.
 
 use super::cube::{EDGES, TRIANGLES};
 use super::{Field, Inside, Mesh, SIDE};
 use crate::carver::BLOCK;
-use rayon::prelude::*;
+use crate::parallel::prelude::*;
 
-/// A block's crossed edges and which of its samples are inside.
+/// The crossed edges of a block, and which of its samples are inside.
 struct Crossings {
     block: [i32; 3],
     /// Bit `8 y + x` of word `8 axis + z`.
     edges: [u64; 3 * BLOCK],
-    /// Edges in the words before.
+    /// Number of edges in the words before.
     ranks: [u16; 3 * BLOCK],
     inside: Inside,
     triangles: usize,
     first_vertex: u32,
 }
 
-/// The surface of a field.
+/// Extracts the surface of a field as a closed mesh.
 pub fn extract(field: &impl Field) -> Mesh {
     let mut blocks = field.blocks();
     blocks.sort_unstable_by_key(|&block| key(block));
@@ -47,7 +47,7 @@ pub fn extract(field: &impl Field) -> Mesh {
     mesh
 }
 
-/// Slice by slice along x, the axis that a specimen is long along.
+/// Sorts blocks slice by slice along x, the long axis of a specimen.
 fn key([x, y, z]: [i32; 3]) -> [i32; 3] {
     [x, z, y]
 }
@@ -95,7 +95,7 @@ impl Crossings {
         self.first_vertex + u32::from(self.ranks[word]) + (self.edges[word] & ((1 << bit) - 1)).count_ones()
     }
 
-    /// Calls back with every cell that has corners on both sides, and which of them are inside.
+    /// Calls `each` with every cell that has corners on both sides, and with the pattern of its inside corners.
     fn cut_cells(&self, mut each: impl FnMut([usize; 3], usize)) {
         for z in 0..BLOCK {
             for y in 0..BLOCK {
@@ -136,7 +136,7 @@ impl Crossings {
 
     /// Writes the block's triangles.
     fn join(&self, active: &[Self], out: &mut [[u32; 3]]) {
-        // The block itself and its seven neighbours towards larger coordinates, where its last cells' edges may live.
+        // The block itself and its seven neighbours towards larger coordinates, which may own the edges of its last cells.
         let around: [Option<&Self>; 8] = std::array::from_fn(|n| {
             let wanted: [i32; 3] = std::array::from_fn(|a| self.block[a] + (n >> a & 1) as i32);
             active.binary_search_by_key(&key(wanted), |b| key(b.block)).ok().map(|at| &active[at])
@@ -147,7 +147,7 @@ impl Crossings {
                 let (start, axis) = EDGES[edge as usize];
                 let at: [usize; 3] = std::array::from_fn(|a| cell[a] + (start >> a & 1));
                 let owner = (0..3).fold(0, |n, a| n | (at[a] / BLOCK) << a);
-                // A field that keeps its promise of blocks has them all.
+                // A field that lists its blocks correctly has them all.
                 around[owner].map_or(0, |b| b.vertex(axis, at.map(|c| c % BLOCK)))
             };
             for (triangle, to) in TRIANGLES[pattern].iter().zip(out.by_ref()) {

@@ -1,54 +1,27 @@
-//! A triangle mesh and what can be checked of it without knowing what it shows.
+//! A triangle mesh.
 
-/// Triangles turn counter-clockwise seen from outside.
+/// A triangle mesh. Triangles turn counter-clockwise seen from outside.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {
+    /// World coordinates of each vertex, um.
     pub vertices: Vec<[f64; 3]>,
+    /// Indices of each triangle's corners in `vertices`.
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// How the triangles of a mesh hang together.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Topology {
-    pub vertices: usize,
-    pub edges: usize,
-    pub triangles: usize,
-    /// Sides of triangles without exactly one partner that runs the other way.
-    pub unpaired_sides: usize,
-}
-
-impl Topology {
-    /// Every side has its one partner: the mesh bounds a volume, and all its triangles are turned alike.
-    pub fn is_closed(&self) -> bool {
-        self.unpaired_sides == 0
-    }
-
-    /// `V - E + F`: 2 for each closed body without a handle, 2 less for each handle.
-    pub fn euler_characteristic(&self) -> i64 {
-        self.vertices as i64 - self.edges as i64 + self.triangles as i64
-    }
-}
-
 impl Mesh {
+    /// Whether there are no triangles.
     pub fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
+    /// World coordinates of a triangle's corners, um.
     pub fn corners(&self, triangle: [u32; 3]) -> [[f64; 3]; 3] {
         triangle.map(|v| self.vertices[v as usize])
     }
 
-    pub fn topology(&self) -> Topology {
-        let mut sides: Vec<(u32, u32)> = self.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
-        sides.sort_unstable();
-        let twice = sides.chunk_by(|a, b| a == b).filter(|run| run.len() > 1).map(<[_]>::len).sum::<usize>();
-        sides.dedup();
-        let alone = sides.iter().filter(|&&(a, b)| sides.binary_search(&(b, a)).is_err()).count();
-        let edges = sides.iter().filter(|&&(a, b)| a < b || sides.binary_search(&(b, a)).is_err()).count();
-        Topology { vertices: self.vertices.len(), edges, triangles: self.triangles.len(), unpaired_sides: twice + alone }
-    }
-
-    /// Unit normals per vertex: the mean of the adjoining triangles' normals by area; zero where there is none.
+    /// Unit normals per vertex: the mean of the adjoining triangles' normals, weighted by area. Zero for a vertex without
+    /// triangles.
     pub fn normals(&self) -> Vec<[f64; 3]> {
         let mut normals = vec![[0.0; 3]; self.vertices.len()];
         for &triangle in &self.triangles {

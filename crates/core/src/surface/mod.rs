@@ -6,8 +6,8 @@
 //!         └─ Distance (to the outlines, um) ──┴─ extract ── Mesh ── fair ── Mesh      Mesh + Projection ── silhouette
 //!  Mask, outlines ── Contour ─┘
 //! ```
-//! A [`Field`] says which samples of a lattice are inside, block by block, and where its surface crosses between two of them;
-//! [`extract`] welds marching cubes over the blocks that can hold surface. Meshes are closed, and their triangles turn
+//! A [`Field`] tells which samples of a lattice are inside, block by block, and where its surface crosses between two of them.
+//! [`extract`] runs welded marching cubes over the blocks that can contain surface. Meshes are closed, and their triangles turn
 //! counter-clockwise seen from outside.
 
 mod contour;
@@ -19,6 +19,8 @@ mod marching;
 mod mesh;
 mod occupancy;
 mod silhouette;
+#[cfg(test)]
+pub(crate) mod topology;
 
 #[cfg(test)]
 #[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
@@ -29,6 +31,6 @@ pub use distance::Distance;
 pub use fairing::{Fairing, FairingError, fair};
 pub use field::{Field, Inside, SIDE};
 pub use marching::extract;
-pub use mesh::{Mesh, Topology};
+pub use mesh::Mesh;
 pub use occupancy::{Coarse, Occupancy};
 pub use silhouette::silhouette;

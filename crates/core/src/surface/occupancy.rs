@@ -1,8 +1,8 @@
-//! The fields that a carver carries: occupancy voxel by voxel, and the share of live voxels on a coarser lattice.
+//! The fields of a carver: occupancy voxel by voxel, and the share of live voxels on a coarser lattice.
 
 use super::{Field, Inside, SIDE};
 use crate::carver::{BLOCK, Bits, BlockKind, Carver};
-use rayon::prelude::*;
+use crate::parallel::prelude::*;
 
 /// 1 in live voxels, 0 elsewhere: the paper's binary volume.
 pub struct Occupancy<'a>(pub &'a Carver);
@@ -24,13 +24,13 @@ impl Field for Occupancy<'_> {
         inside_rows(|[i, j, k]| self.0.block([x + i, y + j, z + k]))
     }
 
-    /// Half way: nothing is known but that one of the two lives.
+    /// Half way: it is only known that one of the two samples is inside.
     fn crossing(&self, _at: [i32; 3], _axis: usize) -> f64 {
         0.5
     }
 }
 
-/// What each block of a carver holds; one layer around the grid is dead.
+/// The kind of each block of a carver, with one layer of dead blocks around the grid.
 pub(super) struct Kinds {
     counts: [i32; 3],
     stride: [usize; 3],
@@ -51,12 +51,12 @@ impl Kinds {
         found
     }
 
-    /// Numbers in use are below this.
+    /// Upper bound of the numbers in use.
     pub fn len(&self) -> usize {
         self.of_blocks.len()
     }
 
-    /// Number of a block that is at most one layer outside the grid.
+    /// Number of a block that lies at most one layer outside of the grid.
     pub fn number(&self, [x, y, z]: [i32; 3]) -> usize {
         ((z + 1) as usize * self.stride[1] + (y + 1) as usize) * self.stride[0] + (x + 1) as usize
     }
@@ -74,8 +74,8 @@ impl Kinds {
         each([0; 3], self.counts)
     }
 
-    /// A block and its seven neighbours towards larger coordinates hold the samples of its cells: there is no surface where all
-    /// eight are full, or all dead, and none is said to be `mixed`.
+    /// The blocks with surface. A block and its seven neighbours towards larger coordinates contain the samples of its cells:
+    /// there is no surface where all eight are full, all are dead, and none counts as `mixed`.
     pub fn surface_blocks(&self, mixed: impl Fn([i32; 3]) -> bool + Sync) -> Vec<[i32; 3]> {
         let is_cut = |[x, y, z]: [i32; 3]| {
             let first = self.of([x, y, z]);
@@ -106,7 +106,7 @@ fn each(lo: [i32; 3], hi: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
     (lo[2]..hi[2]).flat_map(move |z| (lo[1]..hi[1]).flat_map(move |y| (lo[0]..hi[0]).map(move |x| [x, y, z])))
 }
 
-/// Share of live voxels in cubes of 4^3: small enough to be sent after each view, smooth enough to be looked at.
+/// Share of live voxels in cubes of 4^3: small enough to be sent after each view, smooth enough to be displayed.
 pub struct Coarse {
     origin: [f64; 3],
     spacing: f64,
@@ -120,6 +120,7 @@ impl Coarse {
     /// The share at the surface.
     const LEVEL: f32 = 0.5;
 
+    /// The shares of a carver's voxels.
     pub fn new(carver: &Carver) -> Self {
         let grid = carver.grid();
         let counts = carver.block_counts().map(|n| 2 * n);
@@ -142,7 +143,7 @@ impl Coarse {
         Self { origin: std::array::from_fn(|a| grid.centre(a, 0) + middle), spacing: grid.size() * Self::CUBE as f64, counts, shares }
     }
 
-    /// Share of live voxels in a cube; none outside the grid.
+    /// Share of live voxels in a cube. 0 outside of the grid.
     fn share(&self, at: [i32; 3]) -> f32 {
         // Negative coordinates wrap to huge ones.
         let at = at.map(|c| c as usize);

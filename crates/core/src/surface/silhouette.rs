@@ -1,11 +1,11 @@
-//! A mesh seen through a projection, as a mask: for the overlap of a hull with its profiles, and for pictures.
+//! A mesh projected to a mask: for the overlap of a hull with its profiles, and for pictures.
 
 use super::Mesh;
 use crate::geometry::Projection;
 use crate::profile::Mask;
 
-/// A pixel is inside where its centre lies in the image of some triangle. Triangles with a corner that is not in front of
-/// the camera are left out.
+/// The silhouette of a mesh. A pixel is inside where its centre lies in the image of some triangle. Triangles with a corner
+/// that is not in front of the camera are left out.
 pub fn silhouette(mesh: &Mesh, projection: &Projection, width: usize, height: usize) -> Mask {
     let points: Vec<Option<(f64, f64)>> = mesh.vertices.iter().map(|&v| projection.project(v)).collect();
     let mut mask = Mask::empty(width, height);
@@ -17,7 +17,7 @@ pub fn silhouette(mesh: &Mesh, projection: &Projection, width: usize, height: us
     mask
 }
 
-/// Row by row, between the crossings of the sides; both ends belong to the triangle, so that neighbours leave no gap.
+/// Row by row between the crossings of the sides. Both ends belong to the triangle, so that neighbours leave no gap.
 fn fill(mask: &mut Mask, corners: [(f64, f64); 3]) {
     let low = corners.iter().fold(f64::INFINITY, |m, c| m.min(c.1));
     let high = corners.iter().fold(f64::NEG_INFINITY, |m, c| m.max(c.1));
@@ -33,7 +33,7 @@ fn fill(mask: &mut Mask, corners: [(f64, f64); 3]) {
                 continue;
             }
             let share = (y - v0) / (v1 - v0);
-            // A side that lies in the row has no share: both its ends count.
+            // A side that lies in the row has no crossing: both its ends count.
             let ends = if share.is_finite() { [u0 + share * (u1 - u0); 2] } else { [u0, u1] };
             left = left.min(ends[0].min(ends[1]));
             right = right.max(ends[0].max(ends[1]));

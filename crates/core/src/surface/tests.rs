@@ -1,6 +1,8 @@
 //! Surfaces of fields whose area and volume are known.
 
+use super::topology::Topology;
 use super::*;
+use crate::carver::tests::is_live;
 use crate::carver::{BLOCK, Carver, Leaves};
 use crate::geometry::{BoxUm, Projection, VoxelGrid};
 use crate::profile::Mask;
@@ -92,7 +94,7 @@ fn balls_have_their_area_and_volume_at_three_resolutions() {
     let radius = 100.0;
     for spacing in [20.0, 10.0, 5.0] {
         let mesh = extract(&ball_field(radius, spacing, [1.3, -2.7, 0.4]));
-        let topology = mesh.topology();
+        let topology = Topology::of(&mesh);
         assert!(topology.is_closed() && topology.euler_characteristic() == 2, "{topology:?}");
         let bound = 0.5 * (spacing / radius) * (spacing / radius);
         let area_error = area(&mesh) / (4.0 * PI * radius * radius) - 1.0;
@@ -147,7 +149,7 @@ proptest! {
         };
         let field = Made { from: [-2; 3], to: [3; 3], spacing: 1.0, level: 0.5, value: inside };
         let mesh = extract(&field);
-        let topology = mesh.topology();
+        let topology = Topology::of(&mesh);
         prop_assert!(topology.is_closed(), "{:?}", topology);
         prop_assert!(volume(&mesh) > 0.0);
         let mut used = mesh.triangles.concat();
@@ -180,7 +182,7 @@ fn the_binary_field_is_the_hull_to_the_grids_edge() {
     let carver = prism();
     let field = Occupancy(&carver);
     let mesh = extract(&field);
-    let topology = mesh.topology();
+    let topology = Topology::of(&mesh);
     assert!(topology.is_closed(), "{topology:?}");
     assert_eq!(topology.euler_characteristic(), 0, "a ring has one handle");
     // The surface passes half a voxel outside the centres of the outermost live voxels: between the hull's volume and the
@@ -194,7 +196,7 @@ fn the_binary_field_is_the_hull_to_the_grids_edge() {
         spacing: 1.0,
         level: 0.5,
         value: |x: [f64; 3]| {
-            let live = x.iter().all(|&c| c >= 0.0) && carver.is_live(x[0] as usize, x[1] as usize, x[2] as usize);
+            let live = x.iter().all(|&c| c >= 0.0) && is_live(&carver, x.map(|c| c as usize));
             f32::from(u8::from(live))
         },
     });
@@ -210,8 +212,8 @@ fn the_coarse_field_is_the_share_of_live_voxels() {
     // The level is half the cube: 32 of its 64 voxels; where two cubes differ in sign, the crossing tells their shares.
     let live = |at: [i32; 3]| {
         let of = |n: i32| -> [i32; 3] { std::array::from_fn(|a| 4 * at[a] + [n % 4, n / 4 % 4, n / 16][a]) };
-        let is_live = |v: &[i32; 3]| v.iter().all(|&c| c >= 0) && carver.is_live(v[0] as usize, v[1] as usize, v[2] as usize);
-        (0..64).map(of).filter(is_live).count() as f64 / 64.0
+        let counted = |v: &[i32; 3]| v.iter().all(|&c| c >= 0) && is_live(&carver, v.map(|c| c as usize));
+        (0..64).map(of).filter(counted).count() as f64 / 64.0
     };
     let mut crossed = 0;
     for block in coarse.blocks() {
@@ -229,7 +231,7 @@ fn the_coarse_field_is_the_share_of_live_voxels() {
         }
     }
     assert!(crossed > 10);
-    assert!(extract(&coarse).topology().is_closed());
+    assert!(Topology::of(&extract(&coarse)).is_closed());
 }
 
 /// Against the dense solution of the same system.

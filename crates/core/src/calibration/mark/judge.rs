@@ -1,4 +1,4 @@
-//! The operator's word against the mark's way.
+//! The operator's sighting of the mark, compared with the track of the mark.
 //!
 //! ```text
 //!   said near, goes down at the first view ── sense as recorded        said top, seen below the axis ── upside down
@@ -9,73 +9,89 @@
 use super::{MarkError, MarkTrack};
 use crate::geometry::Camera;
 
+/// Whether something is in the half towards the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Depth {
+    /// In the half towards the camera.
     Near,
+    /// In the half away from the camera.
     Far,
 }
 
+/// Whether something is in the upper or the lower half.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Edge {
+    /// Above the axis.
     Top,
+    /// Below the axis.
     Bottom,
 }
 
+/// Whether something is to the left or to the right of the picture's middle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
+    /// To the left.
     Left,
+    /// To the right.
     Right,
 }
 
-/// Where the mark is at the first view to an eye where the camera stands, upright.
+/// Where the operator sees the mark at the first view, with the eye at the camera, upright.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Seen {
+pub struct MarkSighting {
+    /// Near or far.
     pub depth: Depth,
+    /// Above or below.
     pub edge: Edge,
+    /// Left or right.
     pub end: End,
 }
 
-/// What the mark tells.
+/// What the mark says of the sense of rotation and of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Verdict {
-    /// Positive omega, as recorded, moves the near wall to larger v.
+    /// Whether positive omega, as recorded, moves the near wall to larger v.
     pub sense_agrees: bool,
-    /// The picture shows left for right; top for bottom.
+    /// Whether the picture has left and right exchanged.
     pub left_for_right: bool,
+    /// Whether the picture has top and bottom exchanged.
     pub upside_down: bool,
-    /// By how much the mark is seen further out where the word makes it near, and what perspective makes of that, where this bears the
-    /// word out. `None` where a tilt could do as much.
+    /// How much further from the picture's middle the mark is seen while the sighting makes it near, px; and how much the
+    /// perspective makes expected, px. `None` where a tilt of the capillary could have the same effect.
     pub perspective_px: Option<[f64; 2]>,
-    /// Where the mark is at the first view, in radii: down the picture, and towards the camera.
+    /// Place of the mark at the first view, down the picture, in radii.
     pub down: f64,
+    /// Place of the mark at the first view, towards the camera, in radii.
     pub near: f64,
-    /// The outer radius that the mark goes around with.
+    /// Radius of the circle on which the mark goes, um: the outer radius of the glass.
     pub radius_um: f64,
 }
 
 impl Verdict {
+    /// Whether the picture is a mirror image: one of the two exchanges, not both.
     pub fn mirrored(&self) -> bool {
         self.left_for_right != self.upside_down
     }
 }
 
-/// Nearer to the border of two quarters an eye is not sure.
+/// An eye is not sure of a mark that is nearer than this to the border of two quarters, deg.
 const SURE_DEG: f64 = 15.0;
-/// The same of left and right, share of the picture's width.
+/// The same of left and right, as a share of the picture's width.
 const SURE_SHARE: f64 = 0.05;
-/// What the capillary may be tilted by, deg: depth then moves the mark along u too.
+/// Tilt that a capillary may have, deg. The depth then moves the mark along u, too.
 const TILT_DEG: f64 = 1.0;
-/// Perspective must be larger than tilt by this.
+/// The perspective must exceed the effect of the tilt by this factor.
 const CLEAR: f64 = 1.2;
-/// Standard deviations within which a shift is what is expected.
+/// Standard deviations within which a shift agrees with the expected one.
 const WITHIN_SD: f64 = 4.0;
 const CLOSURE_MOST_PX: f64 = 5.0;
 
-/// `first` is the angle of the view that the operator looked at; `back_px` how far beside its first place the mark is after a turn.
+/// Compares the sighting with the track. `first` is the angle (rad) of the view that the operator looked at. `back_px` is the
+/// distance of the mark from its first place after one turn, px; `None` where there is no such view.
 ///
 /// # Errors
-/// Names what an eye or the picture cannot tell, and a word that the perspective contradicts.
-pub fn judge(track: &MarkTrack, camera: &Camera, first: f64, said: Seen, back_px: Option<f64>) -> Result<Verdict, MarkError> {
+/// Names what an eye or the picture cannot distinguish, and a sighting that the perspective contradicts.
+pub fn judge(track: &MarkTrack, camera: &Camera, first: f64, said: MarkSighting, back_px: Option<f64>) -> Result<Verdict, MarkError> {
     if let Some(found_px) = back_px.filter(|px| *px > CLOSURE_MOST_PX) {
         return Err(MarkError::Closure { found_px, most_px: CLOSURE_MOST_PX });
     }
@@ -93,7 +109,8 @@ pub fn judge(track: &MarkTrack, camera: &Camera, first: f64, said: Seen, back_px
     }
     let sense_agrees = (near > 0.0) == (said.depth == Depth::Near);
     let radius_um = track.amplitude_px() / camera.ky;
-    // Nearer by the radius is further out by radius / f; the word says on which half of the turn that is.
+    // A mark that is nearer by the radius is seen further out by radius / f. The sighting says on which half of the turn this
+    // is.
     let beside = track.u_px - camera.ux;
     let expected_px = beside.abs() * radius_um / camera.f;
     let found_px = beside.signum() * if sense_agrees { track.out_px } else { -track.out_px };

@@ -1,4 +1,4 @@
-//! The one spot that goes around as a point of the glass' outside does.
+//! Finds the spot that goes around as a point on the outside of the glass does.
 //!
 //! ```text
 //!   column u alike in all views │ phase by phase: v = axis + R sin(omega + phase), most ink ── least squares: a, b, c
@@ -10,51 +10,57 @@ use crate::statistics::{self, median};
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
-/// A view of the turn.
+/// A view of the turn with its dark spots.
 #[derive(Debug, Clone, Copy)]
 pub struct MarkView<'a> {
-    /// Angle as recorded, rad: its sign is what is to be found.
+    /// Angle as recorded, rad. Its sign is what is to be determined.
     pub omega: f64,
+    /// Dark spots, the darkest first.
     pub spots: &'a [Spot],
 }
 
-/// A mark followed around the turn.
+/// A mark that was followed around the turn.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarkTrack {
+    /// Views given.
     pub views: usize,
-    /// Views in which it was found.
+    /// Views in which the mark was found.
     pub seen: usize,
+    /// Column of the mark, px.
     pub u_px: f64,
-    /// Against the middle between the walls.
+    /// Row of the axis in that column, px, by the mark itself.
     pub axis_px: f64,
-    /// `v = axis + b cos omega + c sin omega`.
+    /// Coefficient of cos omega in `v = axis + b cos omega + c sin omega`, px.
     pub b_px: f64,
+    /// Coefficient of sin omega, px.
     pub c_px: f64,
-    /// Half the distance of the outer walls there.
+    /// Half the distance of the outer walls in that column, px.
     pub wall_px: f64,
-    /// Root mean square along v.
+    /// Root mean square distance along v, px.
     pub residual_px: f64,
-    /// How far out the dot is seen in u along its way in depth, and its standard deviation: `u = u_px + .. + out n`, where `n`, from -1
-    /// to 1, is how near it is if positive omega moves the near wall to larger v.
+    /// How far the mark moves outwards in u with its depth, px: `u = u_px + .. + out n`. `n` runs from -1 to 1 and is the
+    /// nearness of the mark if positive omega moves the near wall to larger v.
     pub out_px: f64,
+    /// Standard deviation of `out_px`, px.
     pub out_sd_px: f64,
-    /// Ink of the next spot that goes around, over the mark's, and its column.
+    /// Ink of the next spot that goes around over that of the mark, and its column, px. `None` where there is no other.
     pub rival: Option<(f64, f64)>,
 }
 
 impl MarkTrack {
+    /// Radius of the mark's circle in the picture, px.
     pub fn amplitude_px(&self) -> f64 {
         self.b_px.hypot(self.c_px)
     }
 
-    /// At an angle: down the picture against the axis, and nearness as `out_px` has it, both in radii.
+    /// Place of the mark at an angle (rad): down the picture from the axis, and nearness as in `out_px`, both in radii.
     pub fn at(&self, omega: f64) -> [f64; 2] {
         let (sin, cos) = omega.sin_cos();
         let a = self.amplitude_px();
         [(self.b_px * cos + self.c_px * sin) / a, (self.c_px * cos - self.b_px * sin) / a]
     }
 
-    /// The mark in a view, which may lie beside its circle.
+    /// The spot of a view that is nearest to where the mark should be. `None` where none is within 0.4 radii.
     pub fn nearest(&self, view: &MarkView) -> Option<Spot> {
         let row = self.axis_px + self.amplitude_px() * self.at(view.omega)[0];
         let off = |s: &Spot| (s.u_px - self.u_px).hypot(s.v_px - row);
@@ -62,32 +68,33 @@ impl MarkTrack {
     }
 }
 
-/// Fewer views do not tell a circle.
+/// Fewer views do not determine a circle.
 const VIEWS_LEAST: usize = 8;
-/// Of the views, in which the mark is found at least.
+/// Least share of the views in which the mark is found.
 const SEEN_LEAST: f64 = 0.6;
-/// A third of the turn without the mark leaves its circle open.
+/// Widest arc without the mark, deg: a third of the turn leaves the circle undetermined.
 const GAP_MOST_DEG: f64 = 120.0;
-/// How far the dot's column may be from another view's: roll of 2.5 deg and perspective move it by some px.
+/// Largest difference of the mark's column between views, px: a roll of 2.5 deg and the perspective move it by some px.
 const COLUMN_PX: f64 = 7.0;
-/// How far a spot may lie from the circle, while it is sought as a share of the radius, and in the end in px.
+/// How far a spot may lie from the circle: a share of the radius during the search, and px at the end.
 const SOUGHT: f64 = 0.08;
 const NEAR_PX: f64 = 4.0;
-/// Where the mark is looked for after a turn, share of the radius.
+/// Reach of the search for the mark after one turn, share of the radius.
 const BESIDE: f64 = 0.4;
-/// Phases that are tried: a step moves the dot by less than `SOUGHT`.
+/// Number of phases that are tried: a step moves the dot by less than `SOUGHT`.
 const PHASES: usize = 120;
-/// Fits, each with the spots near to the one before.
+/// Number of fits. Each uses the spots near to the one before.
 const ROUNDS: usize = 4;
 
 const RADIUS_OFF_PERCENT: f64 = 6.0;
 const RESIDUAL_MOST_PX: f64 = 2.5;
 const RIVAL_MOST: f64 = 0.5;
 
-/// Follows the mark; `glass` gives the row of the axis and the outer wall's distance from it in a column, px.
+/// Follows the mark around the turn. `glass` gives, for a column, the row of the axis and the distance of the outer wall from
+/// it, px.
 ///
 /// # Errors
-/// Names what is not as it must be, with what was found and what is needed.
+/// [`MarkError`] with what was found and what is needed.
 pub fn track(views: &[MarkView], glass: impl Fn(f64) -> [f64; 2]) -> Result<MarkTrack, MarkError> {
     if views.len() < VIEWS_LEAST {
         return Err(MarkError::FewViews { found: views.len(), needed: VIEWS_LEAST });
@@ -146,11 +153,11 @@ pub fn track(views: &[MarkView], glass: impl Fn(f64) -> [f64; 2]) -> Result<Mark
     Ok(columns(found, &on))
 }
 
-/// A circle's image, tried or fitted.
+/// The image of a circle, tried or fitted.
 #[derive(Debug, Clone, Copy)]
 struct Way {
     u_px: f64,
-    /// Down from the walls' middle, and of cos and sin of omega.
+    /// Offset down from the middle between the walls, and coefficients of cos and sin of omega, px.
     fit: [f64; 3],
     seen: usize,
     ink_px: f64,
@@ -162,13 +169,13 @@ impl Way {
         axis + a + b * omega.cos() + c * omega.sin()
     }
 
-    /// The darkest spot near to where the way passes.
+    /// The darkest spot near to the circle.
     fn spot(&self, view: &MarkView, axis: f64, near_px: f64) -> Option<Spot> {
         let row = self.row(view.omega, axis);
         view.spots.iter().find(|s| (s.u_px - self.u_px).abs() < COLUMN_PX && (s.v_px - row).abs() < near_px).copied()
     }
 
-    /// Between the phases of two ways, rad.
+    /// Difference of the phases of two circles, rad.
     fn apart(&self, other: &Self) -> f64 {
         let phase = |w: &Self| w.fit[1].atan2(w.fit[2]);
         let d = phase(self) - phase(other);
@@ -176,7 +183,7 @@ impl Way {
     }
 }
 
-/// The best way through each column that has spots.
+/// The best circle through each column that has spots.
 fn ways(views: &[MarkView], glass: impl Fn(f64) -> [f64; 2]) -> Vec<Way> {
     let mut columns: Vec<f64> = views.iter().flat_map(|v| v.spots.iter().map(|s| s.u_px)).collect();
     columns.sort_by(f64::total_cmp);
@@ -194,13 +201,13 @@ fn ways(views: &[MarkView], glass: impl Fn(f64) -> [f64; 2]) -> Vec<Way> {
     columns.into_iter().filter_map(best).collect()
 }
 
-/// Least squares of v - axis over 1, cos, sin.
+/// Least squares of v - axis on 1, cos and sin.
 fn circle(on: &[(f64, Spot)], axis: f64) -> Option<[f64; 3]> {
     let row = |(omega, spot): &(f64, Spot)| (Vector3::new(1.0, omega.cos(), omega.sin()), spot.v_px - axis, 1.0);
     statistics::fit(on.iter().map(row), Matrix3::zeros()).map(Into::into)
 }
 
-/// What u does along the way: roll goes with the row, perspective with the depth.
+/// Fits the course of u: the roll goes with the row, the perspective with the depth.
 fn columns(track: MarkTrack, on: &[(f64, Spot)]) -> MarkTrack {
     let row = |(omega, spot): &(f64, Spot)| {
         let [down, near] = track.at(*omega);

@@ -1,44 +1,50 @@
-//! Whether a set of beads has the diameter that it should have: the paper's score, and what it can see.
+//! Tests whether a set of beads has its nominal diameter: the paper's score, and the bias that it can show.
 //!
 //! ```text
 //!  t = |mean - nominal| sqrt(n - 1) / SD         SD with the divisor n: Student's t with n - 1 degrees of freedom
 //! ```
-//! The paper holds it against 2.787, the two-sided 1 % point of 25 degrees of freedom; its 25 beads leave 24, and 2.797.
+//! The paper compares the score with 2.787, the two-sided 1 % point of 25 degrees of freedom. Its 25 beads leave 24, and 2.797.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, Continuous, ContinuousCDF, Normal, StudentsT};
 use statrs::statistics::Statistics;
 
-/// The share of sound sets that the test calls unsound, as in the paper.
+/// Share of good sets that the test rejects, as in the paper.
 pub const LEVEL: f64 = 0.01;
 
-/// A set of beads against its nominal diameter.
+/// The score of a set of beads against its nominal diameter.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BeadScore {
+    /// Number of beads.
     pub n: u32,
+    /// Nominal diameter.
     pub nominal_um: f64,
+    /// Mean diameter.
     pub mean_um: f64,
-    /// With the divisor n.
+    /// Standard deviation of the diameters, with the divisor n.
     pub sd_um: f64,
+    /// The paper's score: `|mean - nominal| sqrt(n - 1) / sd`.
     pub t_score: f64,
-    /// Two-sided point of Student's t, by default at [`LEVEL`], with n - 1 degrees of freedom: a larger score says that the mean is off.
+    /// Two-sided point of Student's t with n - 1 degrees of freedom, by default at [`LEVEL`]. A larger score says that the mean
+    /// is off.
     pub critical: f64,
+    /// Two-sided probability of such a score or a larger one, for beads of the nominal diameter.
     pub p: f64,
-    /// The deviation of the mean that the score passes `critical` for in four of five such sets, um. A score below it means no
-    /// more than that the mean is not off by more than about this.
+    /// The deviation of the mean, um, that four of five such sets would show by a score above `critical`. A lower score only
+    /// says that the mean is off by not much more than this.
     pub detectable_um: f64,
 }
 
-/// The paper's score, of the numbers in its table 1.
+/// The paper's score, from the numbers in its table 1.
 pub fn t_score(mean_um: f64, sd_um: f64, n: u32, nominal_um: f64) -> f64 {
     (mean_um - nominal_um).abs() * (f64::from(n) - 1.0).sqrt() / sd_um
 }
 
-/// The chance that the score of n beads passes `critical` when the mean is off by `deviation_um`.
+/// The probability that the score of n beads exceeds the critical value at `level` when the mean is off by `deviation_um`.
 ///
-/// With s = SD over its true value, s^2 being chi-squared over its degrees of freedom, and lambda = deviation sqrt(n - 1) / SD:
-/// the mean over s of Phi(lambda - critical s) + Phi(-lambda - critical s), by Simpson's rule. Nothing for fewer than three beads,
-/// of which the density of s has no corner at 0.
+/// With s = SD over its true value, s^2 chi-squared over its degrees of freedom, and lambda = deviation sqrt(n - 1) / SD: the
+/// mean over s of Phi(lambda - critical s) + Phi(-lambda - critical s), by Simpson's rule. `None` for fewer than three beads,
+/// for which the density of s has a corner at 0.
 pub fn power(deviation_um: f64, sd_um: f64, n: u32, level: f64) -> Option<f64> {
     const PANELS: u32 = 1000;
     if n < 3 {
@@ -49,7 +55,7 @@ pub fn power(deviation_um: f64, sd_um: f64, n: u32, level: f64) -> Option<f64> {
     let chi = ChiSquared::new(degrees).ok()?;
     let normal = Normal::standard();
     let lambda = deviation_um.abs() * degrees.sqrt() / sd_um;
-    // Beyond eight standard deviations of s (each 1 / sqrt(2 degrees) or less) nothing is left; s is not negative.
+    // Beyond eight standard deviations of s (each 1 / sqrt(2 degrees) or less) nothing is left. s is not negative.
     let reach = 8.0 / (2.0 * degrees).sqrt();
     let (from, to) = ((1.0 - reach).max(0.0), 1.0 + reach);
     let step = (to - from) / f64::from(2 * PANELS);
@@ -67,18 +73,18 @@ pub fn power(deviation_um: f64, sd_um: f64, n: u32, level: f64) -> Option<f64> {
     Some(points.sum::<f64>() * step / 3.0)
 }
 
-/// Two-sided point of Student's t for n beads.
+/// Two-sided point of Student's t for n beads. `None` for fewer than two beads.
 pub fn critical(n: u32, level: f64) -> Option<f64> {
     Some(StudentsT::new(0.0, 1.0, f64::from(n) - 1.0).ok()?.inverse_cdf(1.0 - level / 2.0))
 }
 
 impl BeadScore {
-    /// Nothing for fewer than three beads, or beads without spread.
+    /// The score at [`LEVEL`]. `None` for fewer than three beads, or beads without spread.
     pub fn of(diameters_um: &[f64], nominal_um: f64) -> Option<Self> {
         Self::at(diameters_um, nominal_um, LEVEL)
     }
 
-    /// The same where another share of sound sets may be called unsound.
+    /// The score at another level: the share of good sets that may be rejected.
     pub fn at(diameters_um: &[f64], nominal_um: f64, level: f64) -> Option<Self> {
         let n = u32::try_from(diameters_um.len()).ok().filter(|n| *n > 2)?;
         let (mean_um, sd_um) = (diameters_um.mean(), diameters_um.population_std_dev());
@@ -100,7 +106,7 @@ impl BeadScore {
     }
 }
 
-/// Where the power is 0.8, by halving.
+/// The deviation at which the power is 0.8, by bisection.
 fn detectable(sd_um: f64, n: u32, level: f64) -> Option<f64> {
     let (mut low, mut high) = (0.0, sd_um);
     while power(high, sd_um, n, level)? < 0.8 {

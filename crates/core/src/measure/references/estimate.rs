@@ -1,27 +1,30 @@
-//! The numbers of a measurement by the name of what made them.
+//! The numbers of a measurement, by the name of their estimator.
 
 use crate::measure::{Estimators, Measurement};
 
-/// Volume of the voxels and area of their faired surface: the paper's numbers.
+/// Name of the paper's estimator: volume of the voxels, area of their faired surface.
 pub const VOXEL: &str = "voxel";
-/// Volume and area of the surface where the outlines put it.
+/// Name of the field's estimator: volume and area of the surface where the outlines put it.
 pub const FIELD: &str = "field";
 
-/// By support functions of the slices.
+/// Name of the estimator by support functions of the slices.
 pub const SUPPORT: &str = "support";
 
-/// Volume and area that one estimator gave.
+/// Volume and area by one estimator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Estimate {
+    /// Name of the estimator.
     pub estimator: &'static str,
+    /// Volume.
     pub volume_um3: f64,
+    /// Area.
     pub area_um2: f64,
 }
 
-/// Every estimator's numbers, the paper's first. A further estimator is a further line here.
+/// The numbers of every estimator, the paper's first.
 pub fn estimates(measurement: &Measurement) -> Vec<Estimate> {
-    // Each estimator is named, so that a further one does not compile before it has been thought of here: references of one must
-    // never be compared with the numbers of another. Those on top are one of these.
+    // Each estimator is named, so that a further one does not compile before it is added here: references of one must never be
+    // compared with the numbers of another. `volume_um3` and `area_um2` are those of one of these.
     let Measurement { estimators: Estimators { voxel, support }, field_volume_um3, field_area_um2, .. } = measurement;
     let of = |estimator, volume_um3: &f64, area_um2: &f64| Estimate { estimator, volume_um3: *volume_um3, area_um2: *area_um2 };
     let mut all = vec![of(VOXEL, &voxel.volume_um3, &voxel.area_um2), of(FIELD, field_volume_um3, field_area_um2)];

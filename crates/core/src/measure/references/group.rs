@@ -1,61 +1,70 @@
-//! Reference larvae as they are written down: groups of one age, treatment and way of measuring.
+//! Reference larvae as they are stored: groups of one age, treatment and way of measuring.
 
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// What a file of references says it is.
+/// Value of `schema` in a file of references.
 pub const SCHEMA: &str = "carved.references/1";
 
 /// One file of references.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct References {
+    /// [`SCHEMA`].
     pub schema: String,
+    /// Name of the set.
     pub name: String,
-    /// What one would look for here and not find.
+    /// Numbers that a reader would expect here and that are missing.
     #[serde(default, rename = "missing", skip_serializing_if = "Vec::is_empty")]
     pub gaps: Vec<Gap>,
+    /// The groups.
     #[serde(default, rename = "group")]
     pub groups: Vec<Group>,
 }
 
-/// What is compared.
+/// A quantity that is compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
+    /// Volume.
     Volume,
+    /// Area.
     Area,
     /// Volume and area together.
     Joint,
 }
 
-/// A number that these references do not have, and why.
+/// A number that these references do not have, with the reason.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gap {
+    /// The quantity.
     pub quantity: Quantity,
-    /// Of larvae of this age only.
+    /// Age of the larvae that it is missing for, days post fertilisation. `None` for every age.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dpf: Option<f64>,
+    /// The reason.
     pub why: String,
 }
 
-/// Larvae of one age that were measured in one way. What is left out is not known.
+/// Larvae of one age that were measured in one way. `None` means not known.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Group {
+    /// Name of the group, unique within its file.
     pub name: String,
     /// Days post fertilisation.
     pub dpf: f64,
     /// `fixed`, `living`, or what was done to them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub treatment: Option<String>,
+    /// Strain.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub strain: Option<String>,
-    /// A further word that keeps larvae apart: a batch, a clutch.
+    /// A further name that separates larvae: a batch, a clutch.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cohort: Option<String>,
-    /// Larvae.
+    /// Number of larvae.
     pub n: u32,
     /// ASD: views per revolution.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -66,30 +75,35 @@ pub struct Group {
     /// Share of the views that may miss a voxel.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
-    /// What made the numbers; the paper's is `voxel`.
+    /// Estimator of the numbers; the paper's is `voxel`.
     pub estimator: String,
-    /// Measured on an emulated rig.
+    /// Whether they were measured on an emulated rig.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub simulated: bool,
+    /// Mean and standard deviation of the volume, um^3.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub volume_um3: Option<Moments>,
+    /// Mean and standard deviation of the area, um^2.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub area_um2: Option<Moments>,
-    /// Of volume and area over the larvae, um^5 (um^3 times um^2), with the divisor n - 1.
+    /// Covariance of volume and area over the larvae, um^5 (um^3 times um^2), with the divisor n - 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub covariance_um5: Option<f64>,
+    /// Where the numbers are from.
     pub source: String,
 }
 
-/// Mean and standard deviation over the larvae, in the unit of the key.
+/// Mean and standard deviation (divisor n - 1) over the larvae, in the unit of the key.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Moments {
+    /// Mean.
     pub mean: f64,
+    /// Standard deviation.
     pub sd: f64,
 }
 
-/// One thing wrong with references, and what it should be.
+/// One fault in references, with what is expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{place}{key} = {found}; expected {expected}")]
 pub struct Breach {
@@ -100,6 +114,7 @@ pub struct Breach {
 }
 
 impl Quantity {
+    /// The name in messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::Volume => "volume",
@@ -116,7 +131,7 @@ impl fmt::Display for Quantity {
 }
 
 impl References {
-    /// Everything that is wrong, not the first thing only.
+    /// Every fault, not only the first.
     pub fn check(&self) -> Vec<Breach> {
         let mut breaches = Vec::new();
         let mut wrong = |key, found: &dyn fmt::Debug, expected| {
@@ -139,7 +154,8 @@ impl References {
 }
 
 impl Group {
-    /// Numbers that say something: a place among fewer than three larvae is none, and nothing is measured without spread.
+    /// Checks that the numbers can be used: a place among fewer than three larvae says nothing, and without spread nothing can
+    /// be compared.
     fn check(&self) -> Vec<Breach> {
         let mut breaches = Vec::new();
         let mut wrong = |key, found: String, expected| {

@@ -1,4 +1,4 @@
-//! Volume and area together: how far a larva lies from the cloud of n, counted along the cloud's own axes.
+//! Volume and area together: the distance of a larva from the distribution of n larvae.
 //!
 //! ```text
 //!  d^2 = (zv^2 - 2 r zv za + za^2) / (1 - r^2)       Mahalanobis, r = covariance / (SDv SDa)
@@ -12,20 +12,24 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use std::f64::consts::TAU;
 
-/// Where volume and area together stand in a group.
+/// The place of volume and area together in a group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct JointPlace {
+    /// Name of the group.
     pub group: String,
+    /// Larvae of the group.
     pub n: u32,
     /// Correlation of volume and area over the group's larvae.
     pub correlation: f64,
-    /// Mahalanobis' d, in standard deviations.
+    /// Mahalanobis' distance, in standard deviations.
     pub distance: f64,
-    /// Hotelling's, for one new larva.
+    /// Hotelling's T^2, for one new larva.
     pub t_squared: f64,
+    /// The value of F that belongs to it, with 2 and n - 2 degrees of freedom.
     pub f: f64,
-    /// How often a larva of the group lies as far out or further.
+    /// Share of larvae of the group that lie as far out or further.
     pub p: f64,
+    /// Differences between the specimen and the group.
     pub mismatches: Vec<Mismatch>,
 }
 
@@ -40,7 +44,7 @@ pub(super) struct JointPredictive {
 }
 
 impl JointPredictive {
-    /// Nothing without a covariance, or of fewer than three larvae.
+    /// `None` without a covariance, or for fewer than three larvae.
     pub fn of(group: &Group) -> Option<Self> {
         let (volume, area, covariance) = (group.volume_um3?, group.area_um2?, group.covariance_um5?);
         let fisher = FisherSnedecor::new(2.0, f64::from(group.n) - 2.0).ok()?;

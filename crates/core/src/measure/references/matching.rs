@@ -1,4 +1,4 @@
-//! Which group of references a specimen may be compared with, and what of it does not match.
+//! Selects the group of references that a specimen may be compared with, and lists what does not match.
 //!
 //! ```text
 //!  groups ─ of its age? ─ of this estimator? ─ with this quantity? ─ not of another ASD? ─► the one with fewest mismatches
@@ -10,11 +10,11 @@ use super::estimate::Estimate;
 use super::group::{Group, Quantity, References};
 use serde::{Deserialize, Serialize};
 
-/// A larva of the plan's age is compared with groups within this, days: in a tenth of a day the paper's larvae grow by a fifth
-/// of their standard deviation at most (table 5, ASD 21: 0.29e6 um^2 from 4 to 5 dpf, SD 0.14e6).
+/// Largest difference of age, days, at which larvae are compared: in a tenth of a day the paper's larvae grow by at most a
+/// fifth of their standard deviation (table 5, ASD 21: 0.29e6 um^2 from 4 to 5 dpf, SD 0.14e6).
 const SAME_AGE_DAYS: f64 = 0.1;
 
-/// One larva as it was measured.
+/// One larva, as it was measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Specimen {
     /// Days post fertilisation.
@@ -23,59 +23,74 @@ pub struct Specimen {
     pub asd: u32,
     /// Views that carved.
     pub views: usize,
+    /// Edge of a voxel, um.
     pub voxel_um: f64,
+    /// Share of the views that may miss a voxel.
     pub epsilon: f64,
+    /// Whether it was measured on an emulated rig.
     pub simulated: bool,
-    /// By the plate map; `None` where it does not say.
+    /// Strain by the plate map. `None` where the map does not state it.
     pub strain: Option<String>,
+    /// Treatment by the plate map. `None` where the map does not state it.
     pub treatment: Option<String>,
+    /// The numbers of every estimator.
     pub estimates: Vec<Estimate>,
 }
 
-/// Whether two words of people's are the same.
+/// Whether two words of an operator are the same.
 fn is_same(one: &str, other: &str) -> bool {
     one.trim().eq_ignore_ascii_case(other.trim())
 }
 
-/// A value of a method or a word.
+/// A value of a setting, or a word.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum Known {
+    /// A number.
     Number(f64),
+    /// A word.
     Word(String),
 }
 
-/// One way in which a specimen and its reference larvae differ; `null` is what is not known.
+/// One difference between a specimen and its reference larvae. `null` means not known.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Mismatch {
     /// `asd`, `views`, `voxel_um`, `epsilon`, `treatment`, `strain`, `cohort` or `mode`.
     pub key: String,
+    /// Value of the specimen.
     pub specimen: Option<Known>,
+    /// Value of the references.
     pub reference: Option<Known>,
 }
 
-/// At which question no group was left.
+/// The question at which no group was left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum MissingReason {
+    /// No group of this age.
     Age,
+    /// No group of this estimator.
     Estimator,
+    /// No group with this quantity.
     Quantity,
+    /// No group of this ASD.
     Asd,
 }
 
-/// Why there is nothing to compare with.
+/// Why there is no reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Missing {
+    /// The quantity.
     pub quantity: Quantity,
+    /// The question at which no group was left.
     pub reason: MissingReason,
     /// What there is instead: ages in dpf, or views per revolution.
     pub there_are: Vec<f64>,
-    /// What the references themselves say of it.
+    /// The reasons that the references themselves state.
     pub why: Vec<String>,
 }
 
-/// A group that may be asked.
+/// A group that may be compared with.
 #[derive(Debug, Clone)]
 pub(super) struct Match<'a> {
     pub group: &'a Group,
@@ -91,13 +106,14 @@ impl Match<'_> {
     }
 }
 
-/// Whether reference and specimen are of the same ASD, as far as is known.
+/// Whether reference and specimen have the same ASD, as far as it is known.
 pub(super) fn asd_is_matched(mismatches: &[Mismatch]) -> bool {
     mismatches.iter().all(|m| m.key != "asd")
 }
 
 impl Specimen {
-    /// The best group of the specimen's age by this estimator, with what `numbers` takes of it for this quantity.
+    /// The best group of the specimen's age and this estimator, with the numbers that `numbers` takes from it for this
+    /// quantity.
     pub(super) fn find<'a, N>(
         &self,
         references: &'a [References],
@@ -137,11 +153,11 @@ impl Specimen {
     }
 
     fn is_of(&self, dpf: f64) -> bool {
-        // A hundredth of a second is forgiven to decimal ages.
+        // Decimal ages are not exact; a hundredth of a second is ignored.
         (self.dpf - dpf).abs() <= SAME_AGE_DAYS + 1e-7
     }
 
-    /// What does not match, whatever the group's age and quantities; nothing where it is of another ASD.
+    /// The differences from a group, apart from age and quantities. `None` where the group has another ASD.
     #[allow(clippy::float_cmp, reason = "a method's settings are the same or they are not")]
     pub(super) fn fit<'a>(&self, group: &'a Group) -> Option<Match<'a>> {
         if group.asd.is_some_and(|asd| asd != self.asd) {

@@ -11,9 +11,9 @@
 //!  bead ─── the paper's t score of a set of beads, and its power
 //!  summary ─ groups of a lab's own controls
 //! ```
-//! Age, estimator and ASD decide whether a number is compared at all: the paper's own means move by several standard
-//! deviations with the ASD. What else does not match, or is not known, is said beside each number; what has no reference is
-//! said to have none. `docs/references.md` has the formulas.
+//! Age, estimator and ASD decide whether a number is compared at all: the paper's own means differ by several standard
+//! deviations between ASDs. Other differences, and values that are not known, are stated beside each number. A number without a
+//! reference is stated to have none. `docs/references.md` has the formulas.
 
 pub mod bead;
 mod estimate;

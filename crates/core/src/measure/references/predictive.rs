@@ -1,4 +1,4 @@
-//! One new larva against n: the spread of the next value when mean and SD are themselves of n larvae only.
+//! One new larva against n: the distribution of the next value when mean and SD are themselves known from n larvae only.
 //!
 //! ```text
 //!  z = (x - mean) / SD       t = z / sqrt(1 + 1/n), Student's with n - 1 degrees of freedom
@@ -9,27 +9,32 @@ use super::matching::Mismatch;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Continuous, ContinuousCDF, StudentsT};
 
-/// Where a value stands in a group.
+/// The place of a value in a group.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Place {
+    /// Name of the group.
     pub group: String,
+    /// Larvae of the group.
     pub n: u32,
+    /// Mean of the group, in the unit of the value.
     pub mean: f64,
+    /// Standard deviation of the group, in the unit of the value.
     pub sd: f64,
     /// Standard deviations above the mean.
     pub z: f64,
-    /// z with the mean's own error counted: z / sqrt(1 + 1/n), of Student's t with n - 1 degrees of freedom.
+    /// z with the error of the mean: z / sqrt(1 + 1/n). It has Student's t distribution with n - 1 degrees of freedom.
     pub t: f64,
-    /// Two-sided: how often a larva of the group is as far off or further.
+    /// Two-sided probability: share of larvae of the group that are as far off or further.
     pub p: f64,
     /// Share of larvae of the group that are smaller, %.
     pub percentile: f64,
-    /// Nineteen of twenty further larvae of the group lie in here.
+    /// Interval that holds 95 % of further larvae of the group, in the unit of the value.
     pub interval_95: [f64; 2],
+    /// Differences between the specimen and the group.
     pub mismatches: Vec<Mismatch>,
 }
 
-/// The distribution of the next value.
+/// The distribution of the next value of a group.
 #[derive(Debug, Clone, Copy)]
 pub struct Predictive {
     mean: f64,
@@ -39,7 +44,7 @@ pub struct Predictive {
 }
 
 impl Predictive {
-    /// Nothing where there is no spread to be known: fewer than two larvae, or an SD that is not above 0.
+    /// `None` where the spread is not known: fewer than two larvae, or an SD that is not above 0.
     pub fn new(Moments { mean, sd }: Moments, n: u32) -> Option<Self> {
         let student = StudentsT::new(0.0, 1.0, f64::from(n) - 1.0).ok()?;
         (mean.is_finite() && sd.is_finite() && sd > 0.0).then_some(Self { mean, sd, n, student })
@@ -50,6 +55,7 @@ impl Predictive {
         self.sd * (1.0 + 1.0 / f64::from(self.n)).sqrt()
     }
 
+    /// The place of a value. `group` is the name of the group, `mismatches` are its differences from the specimen.
     pub fn place(&self, value: f64, group: &str, mismatches: Vec<Mismatch>) -> Place {
         let t = (value - self.mean) / self.spread();
         let half = self.student.inverse_cdf(0.975) * self.spread();

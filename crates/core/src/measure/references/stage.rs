@@ -1,5 +1,4 @@
-//! Which age a larva looks like: the probability of each age for which there are references of the same kind, all ages being
-//! equally likely beforehand.
+//! The age that a larva looks like: the probability of each age for which there are references of one kind, with equal priors.
 //!
 //! ```text
 //!  P(age | x) = f_age(x) / sum of f over the ages      f: density of the next value, Student's t of that age's n larvae
@@ -13,21 +12,27 @@ use super::predictive::Predictive;
 use serde::{Deserialize, Serialize};
 use std::cmp::Reverse;
 
-/// The ages and how probable each is.
+/// The probability of each age.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Stage {
-    /// What the probabilities are by.
+    /// Quantity that the probabilities rest on.
     pub by: Quantity,
     /// One per age, youngest first; they sum to 1.
     pub ages: Vec<StageShare>,
+    /// Differences between the specimen and the references.
     pub mismatches: Vec<Mismatch>,
 }
 
+/// The probability of one age.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct StageShare {
+    /// Age, days post fertilisation.
     pub dpf: f64,
+    /// Name of the group.
     pub group: String,
+    /// Larvae of the group.
     pub n: u32,
+    /// Probability, 0 to 1.
     pub probability: f64,
 }
 
@@ -35,8 +40,8 @@ pub struct StageShare {
 type Series<'a> = Vec<(Match<'a>, f64)>;
 
 impl Specimen {
-    /// By volume and area together where references have both, else by one of them: the one whose references match better,
-    /// then of more ages, then the area, which depends less on where the edge is.
+    /// By volume and area together where the references have both, else by one of them: the one whose references match better,
+    /// then the one with more ages, then the area, which depends less on the place of the edge.
     pub(super) fn stage(&self, references: &[References], estimate: &Estimate) -> Result<Stage, Missing> {
         let quantities = [Quantity::Joint, Quantity::Area, Quantity::Volume];
         let series = quantities.iter().filter_map(|by| Some((*by, self.series(references, estimate, *by)?)));

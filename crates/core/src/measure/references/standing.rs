@@ -1,4 +1,4 @@
-//! Everything that the references say of one larva.
+//! The place of one larva by every estimator.
 
 use super::estimate::{Estimate, VOXEL};
 use super::group::{Group, Moments, Quantity, References};
@@ -8,30 +8,37 @@ use super::predictive::{Place, Predictive};
 use super::stage::Stage;
 use serde::{Deserialize, Serialize};
 
-/// What there is, or why there is nothing.
+/// A result, or the reason why there is none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer<T> {
+    /// The result.
     Known(T),
+    /// Why there is none.
     Missing(Missing),
 }
 
-/// The place of a larva among reference larvae of its age, by every estimator that has any.
+/// The place of a larva among reference larvae of its age, by every estimator that has references.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Standing {
-    /// The age that it was compared at: the plate map's.
+    /// Age at which it was compared, days post fertilisation: that of the plate map.
     pub dpf: f64,
-    /// The paper's estimator first, whether it has references or not.
+    /// One entry per estimator. The paper's is first, with or without references.
     pub estimates: Vec<EstimateStanding>,
 }
 
 /// The place of one estimator's numbers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EstimateStanding {
+    /// Name of the estimator.
     pub estimator: String,
+    /// Place of the volume.
     pub volume: Answer<Place>,
+    /// Place of the area.
     pub area: Answer<Place>,
+    /// Place of both together.
     pub joint: Answer<JointPlace>,
+    /// Probability of each age.
     pub stage: Answer<Stage>,
 }
 
@@ -42,6 +49,7 @@ impl<T> From<Result<T, Missing>> for Answer<T> {
 }
 
 impl<T> Answer<T> {
+    /// The result, if there is one.
     pub fn known(&self) -> Option<&T> {
         match self {
             Self::Known(found) => Some(found),
@@ -51,6 +59,7 @@ impl<T> Answer<T> {
 }
 
 impl Standing {
+    /// Compares a specimen with all references.
     pub fn of(specimen: &Specimen, references: &[References]) -> Self {
         let has = |name: &str| name == VOXEL || references.iter().flat_map(|r| &r.groups).any(|g| g.estimator == name);
         let asked = specimen.estimates.iter().filter(|e| has(e.estimator));
@@ -71,8 +80,8 @@ impl Standing {
         Self { dpf: specimen.dpf, estimates: asked.map(of_one).collect() }
     }
 
-    /// Standard deviations from the mean of larvae of its age and ASD, volume and area, by this estimator; by the paper's where only that
-    /// one has references.
+    /// Volume and area in standard deviations from the mean of larvae of the same age and ASD, by this estimator; by the
+    /// paper's where only that one has references. `None` without a reference.
     pub fn z(&self, estimator: &str) -> [Option<f64>; 2] {
         let of = |quantity: fn(&EstimateStanding) -> &Answer<Place>| {
             let place = |name| quantity(self.by(name)?).known().filter(|p| asd_is_matched(&p.mismatches));
@@ -81,7 +90,7 @@ impl Standing {
         [of(|e| &e.volume), of(|e| &e.area)]
     }
 
-    /// The place of this estimator's numbers.
+    /// The place of this estimator's numbers. `None` where it was not compared.
     pub fn by(&self, estimator: &str) -> Option<&EstimateStanding> {
         self.estimates.iter().find(|e| e.estimator == estimator)
     }

@@ -1,51 +1,87 @@
-//! Reference groups from single controls: n, mean, SD and covariance of what was measured alike.
+//! Reference groups from single controls: n, mean, SD and covariance of larvae that were measured alike.
 
 use super::group::{Group, Moments};
 use statrs::statistics::Statistics;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Fewer larvae than this make no group: two have a spread, but t with one degree of freedom places nothing (its 95 % interval
-/// is 15.6 SD to either side; with three larvae 5.0).
+/// Least larvae of a group. Two larvae have a spread, but t with one degree of freedom says nothing (its 95 % interval is 15.6
+/// SD to either side; with three larvae 5.0).
 pub const FEWEST: usize = 3;
 
-/// One control larva by one estimator. What is `None` is not known.
+/// One control larva by one estimator. `None` means not known.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Control {
+    /// Age, days post fertilisation.
     pub dpf: f64,
+    /// Treatment.
     pub treatment: Option<String>,
+    /// Strain.
     pub strain: Option<String>,
+    /// Batch or clutch.
     pub cohort: Option<String>,
+    /// Views per revolution.
     pub asd: Option<u32>,
+    /// Edge of a voxel, um.
     pub voxel_um: Option<f64>,
+    /// Share of the views that may miss a voxel.
     pub epsilon: Option<f64>,
+    /// Name of the estimator.
     pub estimator: String,
+    /// Whether it was measured on an emulated rig.
     pub simulated: bool,
+    /// Volume, um^3.
     pub volume_um3: Option<f64>,
+    /// Area, um^2.
     pub area_um2: Option<f64>,
 }
 
-/// Why controls make no group.
+/// Why controls do not make a group.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Unfit {
+    /// Too few larvae.
     #[error("{group}: {n} larva(e); a place among fewer than {FEWEST} says nothing: measure more controls or leave these out")]
-    TooFew { group: String, n: usize },
+    TooFew {
+        /// Name of the group.
+        group: String,
+        /// Larvae.
+        n: usize,
+    },
+    /// Only some larvae have the number.
     #[error("{group}: {with} of {n} larvae have {key}; give it for all of them or for none")]
-    Uneven { group: String, key: &'static str, with: usize, n: usize },
+    Uneven {
+        /// Name of the group.
+        group: String,
+        /// Name of the number.
+        key: &'static str,
+        /// Larvae that have it.
+        with: usize,
+        /// Larvae.
+        n: usize,
+    },
+    /// All larvae have the same number.
     #[error("{group}: {key} is the same number {n} times: is one larva given more than once?")]
-    NoSpread { group: String, key: &'static str, n: usize },
+    NoSpread {
+        /// Name of the group.
+        group: String,
+        /// Name of the number.
+        key: &'static str,
+        /// Larvae.
+        n: usize,
+    },
 }
 
-/// What a set of controls gave.
+/// The groups that a set of controls gives.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Summaries {
     /// Youngest first.
     pub groups: Vec<Group>,
+    /// Sets that make no group.
     pub refusals: Vec<Unfit>,
-    /// Ways of measuring that were mixed; they are kept apart.
+    /// Ways of measuring that are mixed in the set; their groups are kept apart.
     pub warnings: Vec<String>,
 }
 
-/// Groups the controls by age, treatment, strain, cohort and way of measuring.
+/// Groups controls by age, treatment, strain, cohort and way of measuring. `source` is stored with each group.
 pub fn summarise(controls: &[Control], source: &str) -> Summaries {
     let mut by_name: BTreeMap<String, Vec<&Control>> = BTreeMap::new();
     for control in controls {

@@ -7,7 +7,8 @@ use super::standing::Answer;
 use std::fmt;
 
 impl Answer<Place> {
-    /// As an operator reads it: `area 0.8 SD below the mean of 24 larvae of 4 dpf`, `volume: no reference at this ASD`.
+    /// The sentence for an operator: `area 0.8 SD below the mean of 24 larvae of 4 dpf`, `volume: no reference at this ASD`.
+    /// `dpf` is the specimen's age.
     pub fn words(&self, quantity: Quantity, dpf: f64) -> String {
         match self {
             Self::Known(place) if asd_is_matched(&place.mismatches) => format!("{quantity} {}", place.words(dpf)),

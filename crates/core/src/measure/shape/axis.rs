@@ -5,37 +5,38 @@
 //!    (principal axis)      it, their centres       their centres               twice more
 //!   ----+----+----+---     |  / . \  |  .          __..--*--..__               / | \
 //! ```
-//! The curve is a polynomial of degree 4 in each coordinate over the relative arc length, fitted by least squares with the
-//! slices' thickness (root of the area) as weight, and goes on straight from the first and last slice to where the body ends.
-//! The outermost slices are not fitted: one that stands a little aslant in a blunt end is cut off on one side, its centre is
-//! pushed to the other, and the next slice stands more aslant.
+//! The curve is a polynomial of degree 4 in each coordinate over the relative arc length. It is fitted by least squares with
+//! the thickness of the slices (root of the area) as weight, and continues straight from the first and last slice to the ends
+//! of the body. The outermost slices are not fitted: a slice that is a little oblique in a blunt end is cut off on one side,
+//! which moves its centre to the other side and makes the next slice more oblique.
 
 use super::section::{Flat, Plane, cut, ranks};
 use super::{Refusal, Solid, Vector};
 use crate::surface::Mesh;
 use nalgebra::{SMatrix, SVector};
 
-/// Slices along the axis. Each stands in the middle of its hundredth, so that none lies on a flat end.
+/// Number of slices along the axis. Each is in the middle of its hundredth of the length, so that none lies on a flat end.
 pub const STATIONS: usize = 100;
-/// Degree of the curve. An S has 3; an arc of 90 deg is off by 1e-4 of its radius; more follows a yolk and not the body.
+/// Degree of the curve. An S has 3, and an arc of 90 deg is off by 1e-4 of its radius. A higher degree follows a yolk and not
+/// the body.
 const DEGREE: usize = 4;
-/// Slices at either end that the fit leaves out: in a straight slice's first look at a tube that stands 30 deg aslant, 3 %.
+/// Slices at either end that the fit leaves out: 3 % for the first slices of a tube that is oblique by 30 deg.
 const NOT_FITTED: usize = 3;
 /// Fits after the straight start. From a tube bent by 90 deg, the third changes the length by less than 1e-4.
 const FITS: usize = 3;
 /// Pieces of the arc length's table: the chord of a piece is short of its arc by 1e-7 at a bend of a right angle.
 const PIECES: usize = 400;
-/// A long axis is one if the solid's second moment along it is this many times that across: half as long again as wide.
+/// A body has a long axis if its second moment along it is this many times that across: half as long again as wide.
 const ELONGATED: f64 = 2.25;
 
 type Coefficients = SMatrix<f64, { DEGREE + 1 }, 3>;
 
-/// A curve of known length with the body's first end at 0.
+/// A curve of known length, from the body's first end.
 #[derive(Debug, Clone)]
 pub struct Axis {
     /// Of Legendre's polynomials in u.
     coefficients: Coefficients,
-    /// u at the curve's ends, and the straight way on to the body's.
+    /// u at the curve's ends, and the straight distance from there to the ends of the body.
     from_to: [f64; 2],
     reach_um: [f64; 2],
     /// Arc length from the curve's first end at `PIECES + 1` even values of u.

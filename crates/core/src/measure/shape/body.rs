@@ -1,4 +1,4 @@
-//! The body along its axis: slices, bending, and a frame of its own.
+//! The body along its axis: slices, bending and its own frame.
 //!
 //! ```text
 //!         dorsal
@@ -15,24 +15,28 @@ use super::{Refusal, Solid, Vector};
 use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
 
-/// What is measured along the axis.
+/// What is measured along the body axis.
 ///
-/// Errors, on the mesh's facets: the length's that of the ends' places (a tip's radius of curvature r makes a slanting end
-/// plane err by r/2 times the slant squared); areas err as the facets do, by some `(facet / radius)^2 / 8`; the axis is known to
-/// `axis_rms_um`.
+/// Errors, on the facets of the mesh: the length has the error of the ends (a tip with radius of curvature r makes an oblique
+/// end plane err by r/2 times the squared angle). Areas have the error of the facets, some `(facet / radius)^2 / 8`. The axis
+/// is known to `axis_rms_um`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Body {
     /// Arc length of the body axis from end to end.
     pub length_um: f64,
-    /// Slices' areas times their thickness over the solid's volume: 1 where the slices follow the body (Pappus).
+    /// Areas of the slices times their thickness over the solid's volume: 1 where the slices follow the body (Pappus).
     pub slices_volume_share: f64,
     /// Root mean square distance of the slices' centres from the axis.
     pub axis_rms_um: f64,
+    /// Which end is the head.
     pub head: Head,
+    /// Which side is the back.
     pub dorsal: Dorsal,
+    /// The motion into the body's own frame.
     pub to_body: ToBody,
+    /// How the axis bends.
     pub bending: Bending,
-    /// At even places, head first.
+    /// The slices, at even places, head first.
     pub stations: Vec<Station>,
 }
 
@@ -41,6 +45,7 @@ pub struct Body {
 pub struct Station {
     /// Arc length from the first end.
     pub s_um: f64,
+    /// Area of the slice.
     pub area_um2: f64,
     /// Extent from side to side, across the height.
     pub width_um: f64,
@@ -57,14 +62,15 @@ pub struct Station {
 pub struct Bending {
     /// Sum of the angles between the axis' directions at neighbouring stations; 0 for a straight body.
     pub total_deg: f64,
-    /// Largest curvature between neighbouring stations in the middle nine tenths; ends are too short to tell theirs.
+    /// Largest curvature between neighbouring stations in the middle nine tenths. The ends are too short for theirs.
     pub max_curvature_per_mm: f64,
     /// Straight distance of the axis' two ends over its length; 1 for a straight body.
     pub end_to_end_share: f64,
 }
 
 /// A rigid motion into the body's own frame: `rotation (x - origin_um)`. There x runs from the first end to the other, y from
-/// dorsal to ventral, and z makes the two right-handed: the frame of a larva that looks to the left, back up, as pictures show it.
+/// dorsal to ventral, and z completes a right-handed frame. It is the frame of a larva that looks to the left with its back up,
+/// as pictures show it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ToBody {
     /// Rows are the body's axes in the coordinates of the mesh.
@@ -74,6 +80,7 @@ pub struct ToBody {
 }
 
 impl ToBody {
+    /// A point (um, in the coordinates of the mesh) in the body's frame, um.
     pub fn apply(&self, point: [f64; 3]) -> [f64; 3] {
         let from: [f64; 3] = std::array::from_fn(|a| point[a] - self.origin_um[a]);
         self.rotation.map(|row| (0..3).map(|a| row[a] * from[a]).sum())

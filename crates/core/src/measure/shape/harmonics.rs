@@ -6,9 +6,9 @@
 //!
 //!   X(z, phi) = sum of c_lm Y_lm          power of degree l = sum over m and the three coordinates of |c_lm|^2 / 4 pi
 //! ```
-//! `r(theta, phi)` around the centroid would need a body that is star-shaped around it, which a larva that is bent by its own
-//! thickness is not. The places themselves as functions on a sphere need star-shaped slices only, bent body or not.
-//! Turning the body mixes coordinates, turning the sphere mixes orders m: neither changes a degree's power.
+//! `r(theta, phi)` around the centroid would need a body that is star-shaped around it; a larva that is bent by its own
+//! thickness is not. The coordinates themselves as functions on a sphere need only slices that are star-shaped. A turn of the
+//! body mixes coordinates and a turn of the sphere mixes orders m: neither changes the power of a degree.
 
 use super::axis::STATIONS;
 use super::body::Slices;
@@ -18,7 +18,7 @@ use crate::surface::Mesh;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// Highest degree that is told.
+/// Highest degree that is computed.
 pub const MAX_DEGREE: usize = 8;
 /// Coefficients of a degree: cosines of orders 0 to 8, then sines of orders 1 to 8.
 const ORDERS: usize = 2 * MAX_DEGREE + 1;
@@ -28,20 +28,22 @@ const RAYS: usize = 64;
 const ALL: i32 = RAYS as i32;
 /// Bins of the area along the axis.
 const BINS: usize = 4 * STATIONS;
-/// Rays that meet the surface several times or never, of all, from which on slices are not star-shaped. A hull's fins cost up to half of it.
+/// Largest share of rays that meet the surface several times or never. Beyond it slices are not star-shaped. The fins of a hull
+/// take up to half of it.
 const STRAY_SHARE: f64 = 0.05;
 
-/// Power of the surface per degree, free of place and turn.
+/// Power of the surface per degree, independent of position and orientation.
 ///
-/// Errors: 1e-3 of the sum for bodies with rounded ends on 250 000 triangles. A flat end counts as if it were a
-/// four-hundredth of the length deep.
+/// Error: 1e-3 of the sum for bodies with rounded ends on 250 000 triangles. A flat end counts as if it were a four-hundredth
+/// of the length deep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Harmonics {
-    /// Of degrees 1 to 8, um^2. Degree 1 is the ellipsoid-like part; a ball has its squared radius there and no more.
+    /// Power of degrees 1 to 8, um^2. Degree 1 is the part of an ellipsoid; a ball has its squared radius there and nothing
+    /// else.
     pub power_um2: Vec<f64>,
-    /// Each over their sum: free of size, too.
+    /// Each power over their sum: independent of size, too.
     pub power_share: Vec<f64>,
-    /// Mean square distance of the surface from its centre less the powers: what finer degrees hold, um^2.
+    /// Mean square distance of the surface from its centre less the powers: the part of finer degrees, um^2.
     pub finer_um2: f64,
 }
 
@@ -118,7 +120,7 @@ impl Harmonics {
 fn area_ahead(mesh: &Mesh, slices: &Slices) -> Vec<f64> {
     let Slices { axis, s_um, planes, ranks, .. } = slices;
     let per_bin = BINS as f64 / axis.length_um();
-    // A vertex's place between two planes is told by its distances from both.
+    // The place of a vertex between two planes follows from its distances to both.
     let place = |v: u32| {
         let (rank, at) = (ranks[v as usize] as usize, mesh.vertices[v as usize]);
         let height = |p: usize| planes[p].height(at);
@@ -139,7 +141,7 @@ fn area_ahead(mesh: &Mesh, slices: &Slices) -> Vec<f64> {
         let mut s = triangle.map(place);
         s.sort_by(f64::total_cmp);
         let [low, middle, high] = s;
-        // Share of a triangle before a place: a parabola from its foremost corner, another to its last.
+        // Share of a triangle in front of a place: quadratic from its first corner, and quadratic to its last.
         let before = |at: f64| match at {
             at if at <= low => 0.0,
             at if at >= high => 1.0,

@@ -1,12 +1,12 @@
-//! The shape of a specimen: numbers that need no picture, only its surface.
+//! The shape of a specimen: numbers that need only its surface.
 //!
 //! ```text
 //!  Mesh ─┬─ Solid       volume, area, centroid, principal moments and axes, sphericity
 //!        └─ Axis ─┬──── Body        length, head, dorsal, bending, 100 slices across the axis, frame of its own
 //!                 └──── Harmonics   power of the surface per degree of the spherical harmonics
 //! ```
-//! `docs/shape.md` has the formulas. Each part is there or a reason is: what a mesh does not tell is not guessed. All sums are
-//! in a fixed order, so that the same mesh gives the same bits on any number of threads.
+//! `docs/shape.md` has the formulas. Each part is either there or has a reason: what a mesh does not determine is not guessed.
+//! All sums are in a fixed order, so that the same mesh gives the same bits on any number of threads.
 
 mod axis;
 mod body;
@@ -29,20 +29,23 @@ type Vector = nalgebra::Vector3<f64>;
 /// Shape of a closed mesh in um.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shape {
+    /// Numbers of the whole solid. `None` with `solid_reason`.
     pub solid: Option<Solid>,
-    /// Why there is no `solid`; then there is nothing else either.
+    /// Why there is no `solid`. There is then no other part either.
     pub solid_reason: Option<String>,
+    /// The body along its axis. `None` with `body_reason`.
     pub body: Option<Body>,
     /// Why there is no `body`.
     pub body_reason: Option<String>,
+    /// Power of the surface per degree. `None` with `harmonics_reason`.
     pub harmonics: Option<Harmonics>,
     /// Why there are no `harmonics`.
     pub harmonics_reason: Option<String>,
 }
 
-/// Why a part of the shape is not told.
+/// Why a part of the shape cannot be computed.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
-pub enum Refusal {
+pub(crate) enum Refusal {
     #[error("the surface is not closed: its area vectors leave {open_um2:.3e} um^2 instead of 0. Close its holes first")]
     Open { open_um2: f64 },
     #[error("{triangles} triangles enclose {volume_um3:.3e} um^3; a shape needs a solid whose triangles turn outwards")]
@@ -68,20 +71,20 @@ pub enum Refusal {
 impl Shape {
     /// Measures a closed mesh whose triangles turn counter-clockwise seen from outside, in um.
     pub fn of(mesh: &Mesh) -> Self {
-        let (solid, solid_reason) = told(Solid::of(mesh));
+        let (solid, solid_reason) = value_or_reason(Solid::of(mesh));
         let found = solid.as_ref().map(|solid| body::measure(mesh, solid));
-        let (found, body_reason) = found.map_or((None, None), told);
+        let (found, body_reason) = found.map_or((None, None), value_or_reason);
         let harmonics = found.as_ref().map(|(_, slices)| Harmonics::of(mesh, slices));
         let (harmonics, harmonics_reason) = match (harmonics, &body_reason) {
-            (Some(harmonics), _) => told(harmonics),
-            (None, Some(_)) => told(Err(Refusal::NoAxis)),
+            (Some(harmonics), _) => value_or_reason(harmonics),
+            (None, Some(_)) => value_or_reason(Err(Refusal::NoAxis)),
             (None, None) => (None, None),
         };
         Self { solid, solid_reason, body: found.map(|(body, _)| body), body_reason, harmonics, harmonics_reason }
     }
 }
 
-fn told<T>(result: Result<T, Refusal>) -> (Option<T>, Option<String>) {
+fn value_or_reason<T>(result: Result<T, Refusal>) -> (Option<T>, Option<String>) {
     match result {
         Ok(value) => (Some(value), None),
         Err(refusal) => (None, Some(refusal.to_string())),

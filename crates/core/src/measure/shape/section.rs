@@ -5,13 +5,13 @@
 //!      |  0 | 1 . | 2  |             a triangle with corners of ranks 1 and 3 is cut by planes 1 and 2,
 //!      |    |  /\ |    |             each time in one side that is directed as its border is: area on its left
 //! ```
-//! The sides of a section are not linked: area, centre, second moments and perimeter are sums over directed sides (Green), the
-//! same in any order but for rounding; holes and several pieces come out right. Triangles are gone through in their order, so
-//! that the sums are the same bits on any number of threads.
+//! The sides of a section are not linked. Area, centre, second moments and perimeter are sums over directed sides (Green),
+//! which do not depend on their order except for rounding; holes and several pieces are correct. Triangles are visited in their
+//! order, so that the sums are the same bits on any number of threads.
 
 use super::Vector;
+use crate::parallel::prelude::*;
 use crate::surface::Mesh;
-use rayon::prelude::*;
 
 /// A plane with directions of its own.
 #[derive(Debug, Clone, Copy)]
@@ -37,18 +37,19 @@ impl Plane {
     }
 }
 
-/// Per vertex the number of planes that it lies beyond. The planes must stand one behind the other as far as the mesh reaches.
+/// For each vertex the number of planes behind it. The planes must be in order and not meet within the mesh.
 pub fn ranks(mesh: &Mesh, planes: &[Plane]) -> Vec<u32> {
     mesh.vertices.par_iter().map(|&v| planes.partition_point(|p| p.height(v) > 0.0) as u32).collect()
 }
 
-/// Sides of one section in the plane's coordinates, um, counter-clockwise around what is inside.
+/// Sides of one section in the plane's coordinates, um, counter-clockwise around the inside.
 #[derive(Debug, Clone, Default)]
 pub struct Section {
     pub sides: Vec<[[f64; 2]; 2]>,
 }
 
-/// All sections, and how many corners of triangles lie on the wrong side of a plane: the planes meet within the body there.
+/// All sections, and the number of triangle corners that lie on the wrong side of a plane: the planes meet within the body
+/// there.
 pub fn cut(mesh: &Mesh, planes: &[Plane], ranks: &[u32]) -> (Vec<Section>, usize) {
     let mut sections = vec![Section::default(); planes.len()];
     let mut folded = 0;
@@ -65,13 +66,14 @@ pub fn cut(mesh: &Mesh, planes: &[Plane], ranks: &[u32]) -> (Vec<Section>, usize
             for k in 0..3 {
                 let next = (k + 1) % 3;
                 if beyond[k] != beyond[next] {
-                    // From the corner before the plane, whichever triangle asks: neighbours get the same bits for their common end.
+                    // Always from the corner before the plane: neighbouring triangles then get the same bits for their common
+                    // end.
                     let (from, to) = if beyond[k] { (next, k) } else { (k, next) };
                     let span = heights[from] - heights[to];
-                    // Of two ends on one side of a folded plane the middle serves: such sections are refused.
+                    // Where both ends are on one side of a folded plane the middle is used. Such sections are refused.
                     let part = if span == 0.0 { 0.5 } else { (heights[from] / span).clamp(0.0, 1.0) };
                     let (a, b) = (Vector::from(corners[from]), Vector::from(corners[to]));
-                    // Walked around the triangle, its side begins where the border comes back through the plane.
+                    // Seen around the triangle, the side begins where the border returns through the plane.
                     side[usize::from(beyond[next])] = plane.flat(a + (b - a) * part);
                 }
             }
@@ -81,7 +83,7 @@ pub fn cut(mesh: &Mesh, planes: &[Plane], ranks: &[u32]) -> (Vec<Section>, usize
     (sections, folded)
 }
 
-/// What a section's border encloses.
+/// The area that a section's border encloses.
 #[derive(Debug, Clone, Copy)]
 pub struct Flat {
     pub area_um2: f64,
@@ -92,7 +94,7 @@ pub struct Flat {
 }
 
 impl Section {
-    /// Nothing where no area is enclosed.
+    /// `None` where no area is enclosed.
     pub fn flat(&self) -> Option<Flat> {
         let (mut area, mut first, mut second, mut perimeter) = (0.0, [0.0; 2], [0.0; 3], 0.0);
         for &[[x, y], [u, v]] in &self.sides {

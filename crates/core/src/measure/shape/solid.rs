@@ -2,9 +2,9 @@
 
 use super::{Refusal, Vector};
 use crate::measure::{area, centroid, volume};
+use crate::parallel::prelude::*;
 use crate::surface::Mesh;
 use nalgebra::Matrix3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -13,16 +13,16 @@ use std::f64::consts::PI;
 pub struct Solid {
     /// Enclosed by the mesh.
     pub volume_um3: f64,
-    /// Of its triangles, by Heron's formula.
+    /// Area of its triangles, by Heron's formula.
     pub area_um2: f64,
     /// Centre of mass.
     pub centroid_um: [f64; 3],
-    /// Moments of inertia around the principal axes through the centroid at density 1, um^5, the smallest first: of an
-    /// elongated body that around its long axis.
+    /// Moments of inertia about the principal axes through the centroid at density 1, um^5, the smallest first. That of an
+    /// elongated body about its long axis is the first.
     pub principal_moments_um5: [f64; 3],
-    /// The axes they belong to: unit vectors, right-handed; the sign of each is that of its largest component.
+    /// The axes of these moments: unit vectors, right-handed. The sign of each is that of its largest component.
     pub principal_axes: [[f64; 3]; 3],
-    /// Wadell's: area of the ball of the same volume over the area, `(36 pi V^2)^(1/3) / A`; 1 for a ball.
+    /// Wadell's sphericity: area of the ball of the same volume over the area, `(36 pi V^2)^(1/3) / A`. 1 for a ball.
     pub sphericity: f64,
     /// Area over volume, 1/um.
     pub surface_per_volume_per_um: f64,

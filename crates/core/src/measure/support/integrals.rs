@@ -1,69 +1,54 @@
 //! Volume and area of slices.
 
 use super::cap::Cap;
-use super::sections::{Section, Sections};
-use crate::calibration::{HARMONICS_MOST, Support};
-use rayon::prelude::*;
+use super::sections::Sections;
+use crate::calibration::{Support, area_loss};
+use crate::parallel::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Of the mean radius, what an outline's distance from its centre is at least where it is called round.
+/// Least distance of an outline from its centre, in mean radii, at which it counts as round.
 const ROUND: f64 = 0.4;
 
 impl Sections {
-    /// As the slices are: [`Self::volume_bias_um3`] is still in it.
-    pub fn volume_um3(&self) -> f64 {
-        let areas: Vec<f64> = self.sections.iter().map(|s| s.support.area_um2()).collect();
+    /// Volume of the slices as they are: [`Self::volume_bias_um3`] is still in it.
+    pub(super) fn volume_um3(&self) -> f64 {
+        let areas = self.areas_um2();
         let n = areas.len();
         if n < 2 {
             return 0.0;
         }
         let inner: f64 = areas.windows(2).map(|w| f64::midpoint(w[0], w[1])).sum::<f64>() * self.step_um;
-        // The trapezia's own error, from the slopes at both ends.
+        // Error of the trapezoidal rule, from the slopes at both ends.
         let bend = (areas[n - 1] - areas[n - 2] - (areas[1] - areas[0])) * self.step_um / 12.0;
         inner - bend + self.caps().iter().map(|c| c.volume_um3()).sum::<f64>()
     }
 
-    /// What the profiles' errors make of the volume on average: harmonics that are none enclose less (jackknife).
-    pub fn volume_bias_um3(&self) -> f64 {
+    /// What errors of the profiles add to the volume on average (jackknife): spurious harmonics enclose less.
+    pub(super) fn volume_bias_um3(&self) -> f64 {
         let n = self.without.len() as f64;
         (n - 1.0) / n * self.without.iter().map(|c| c.square).sum::<f64>()
     }
 
-    /// What shifts of single views make of the volume: their odd harmonics are in every slice's outline, whose area they shrink.
-    /// Mean and standard deviation; how far views shift is told by the part of the shifts that is no harmonic.
-    pub fn shift_bias_um3(&self) -> [f64; 2] {
+    /// What shifts of single views do to the volume: mean and standard deviation. Their odd harmonics are in the outline of
+    /// every slice, and reduce its area. The part of the shifts that is no harmonic says how far views are shifted.
+    pub(super) fn shift_bias_um3(&self) -> [f64; 2] {
         let each = 4.0 * self.shift_variance_um2 / self.without.len() as f64;
-        let lost: Vec<f64> = (3..=self.harmonics).step_by(2).map(|k| FRAC_PI_2 * ((k * k) as f64 - 1.0) * each).collect();
-        let length = self.sections.len() as f64 * self.step_um;
+        let lost: Vec<f64> = (3..=self.harmonics).step_by(2).map(|k| FRAC_PI_2 * area_loss(k) * each).collect();
+        let length = self.slices.len() as f64 * self.step_um;
         [-length * lost.iter().sum::<f64>(), length * lost.iter().map(|l| l * l).sum::<f64>().sqrt()]
     }
 
-    /// What the corners of fins that a short series leaves out would take off the volume, were the last even harmonic a corner's: a
-    /// corner's fall with `k^2`, and cost the area `k^2 - 1` of their squares; of odd ones half as much is counted, which is between fins that
-    /// face each other and fins on one side. A series of the most harmonics has that taken off already.
-    pub fn left_out_um3(&self) -> f64 {
-        let last = self.harmonics / 2 * 2;
-        if last == 0 || self.harmonics >= HARMONICS_MOST {
-            return 0.0;
-        }
-        let share = |k: usize| ((k * k) as f64 - 1.0) * (last as f64 / k as f64).powi(4);
-        // From harmonic 200 on they add 1 % of it.
-        let beyond: f64 = (last + 2..200).step_by(2).map(share).sum();
-        let squares = |s: &Section| s.support.coefficients[2 * last - 1].powi(2) + s.support.coefficients[2 * last].powi(2);
-        1.5 * FRAC_PI_2 * beyond * self.sections.iter().map(squares).sum::<f64>() * self.step_um
-    }
-
-    /// What it would scatter by on another turn, by jackknife over the views; so is the area's.
-    pub fn volume_sd_um3(&self) -> f64 {
+    /// Standard deviation on another turn, by jackknife over the views.
+    pub(super) fn volume_sd_um3(&self) -> f64 {
         jackknife_sd(self.without.iter().map(|c| c.linear)).hypot(self.shift_bias_um3()[1])
     }
 
-    pub fn area_sd_um2(&self) -> f64 {
+    pub(super) fn area_sd_um2(&self) -> f64 {
         jackknife_sd(self.without.iter().map(|c| c.outline))
     }
 
-    pub fn area_um2(&self) -> f64 {
-        let rings: Vec<f64> = (0..self.sections.len()).into_par_iter().map(|i| self.ring(i)).collect();
+    pub(super) fn area_um2(&self) -> f64 {
+        let rings: Vec<f64> = (0..self.slices.len()).into_par_iter().map(|i| self.ring(i)).collect();
         let inner: f64 = rings.windows(2).map(|w| f64::midpoint(w[0], w[1])).sum::<f64>() * self.step_um;
         inner + self.caps().iter().map(|c| c.area_um2()).sum::<f64>()
     }
@@ -71,11 +56,12 @@ impl Sections {
     /// Area of the surface per um of x: `Int (h + h'') sqrt(1 + h_x^2) dtheta`.
     fn ring(&self, at: usize) -> f64 {
         const DIRECTIONS: u32 = 96;
-        let n = self.sections.len();
+        let n = self.slices.len();
         let (before, after) = (at.saturating_sub(1), (at + 1).min(n - 1));
-        let (a, here, b) = (&self.sections[before].support, &self.sections[at].support, &self.sections[after].support);
+        let (a, here, b) = (&self.slices[before].support, &self.slices[at].support, &self.slices[after].support);
         let across = (after - before) as f64 * self.step_um;
-        // About its own centre a round outline's square falls evenly up to the specimen's very end, where its radius falls as a root.
+        // About its own centre the squared distance of a round outline falls evenly up to the very end of the specimen, where
+        // its radius falls as a root.
         let centred = |support: &Support, (sin, cos): (f64, f64), theta: f64| {
             support.at(theta)[0] - support.coefficients[1] * cos - support.coefficients[2] * sin
         };
@@ -88,7 +74,7 @@ impl Sections {
                 let shrinks = if own > ROUND * here.coefficients[0] {
                     (after * after - before * before) / (2.0 * own)
                 } else {
-                    // The edge of a fin has no square to speak of.
+                    // The squared distance of a fin's edge is hardly different from 0.
                     after - before
                 };
                 let slope = shrinks / across + moves[0] * cos + moves[1] * sin;
@@ -100,25 +86,25 @@ impl Sections {
     }
 
     /// From end to end along the capillary.
-    pub fn length_um(&self) -> f64 {
-        (self.sections.len() as f64 - 1.0) * self.step_um + self.caps().iter().map(|c| c.length_um).sum::<f64>()
+    pub(super) fn length_um(&self) -> f64 {
+        (self.slices.len() as f64 - 1.0) * self.step_um + self.caps().iter().map(|c| c.length_um).sum::<f64>()
     }
 
     fn caps(&self) -> [Cap; 2] {
-        let n = self.sections.len();
-        let squares = |i: usize| self.sections[i].support.coefficients[0].powi(2);
+        let n = self.slices.len();
+        let squares = |i: usize| self.slices[i].support.coefficients[0].powi(2);
         [(0, 1.min(n - 1), self.open[0]), (n - 1, n.saturating_sub(2), self.open[1])].map(|(end, next, open)| {
             if open {
                 return Cap { square_um2: 0.0, length_um: 0.0 };
             }
             let fall = ((squares(next) - squares(end)) / self.step_um).max(1e-9);
-            let square = self.sections[end].support.area_um2().max(0.0) / PI;
+            let square = self.corners().area_um2(&self.slices[end].support).max(0.0) / PI;
             Cap { square_um2: square, length_um: (square / fall).min(2.0 * self.step_um) }
         })
     }
 }
 
-/// Of a number that changes by so much when each view is left out.
+/// Standard deviation of a number from its changes when each view is left out (jackknife).
 fn jackknife_sd(without: impl ExactSizeIterator<Item = f64> + Clone) -> f64 {
     let n = without.len() as f64;
     let mean = without.clone().sum::<f64>() / n;

@@ -5,10 +5,11 @@
 //!                                                 smoothed along x ─────────┴─ Sections ── volume = Int A dx
 //!                                                                                      └── area   = Int Int (h + h'') sqrt(1 + h_x^2)
 //! ```
-//! A slice is taken for convex: what is measured is the ideal visual hull, each slice filled to its convex outline. Where views
-//! show slices to be two, `gap_share` says so, and the voxels are the ones to trust.
+//! A slice is taken as convex. What is measured is the ideal visual hull, with each slice filled to its convex outline. Where
+//! views show a slice as two, `gap_share` says so, and the voxels are trusted instead.
 
 mod cap;
+mod corners;
 mod estimate;
 mod integrals;
 mod sections;
@@ -16,6 +17,5 @@ mod sensitivity;
 mod smoothing;
 
 pub use estimate::SupportEstimate;
-pub use sections::{Section, Sections};
+pub use sections::{Sections, SectionsError};
 pub use sensitivity::calibration_sd;
-pub use smoothing::Change;

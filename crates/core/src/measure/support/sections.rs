@@ -1,51 +1,83 @@
 //! Slices at every column, smoothed along the capillary.
 
+use super::corners::Corners;
 use super::smoothing::{Change, Smoother};
-use crate::calibration::{Fit, Pose, Slice, Support, TurnView, fit, harmonics};
-use rayon::prelude::*;
+use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, fit, harmonics};
+use crate::parallel::prelude::*;
 
-/// Slices to either side that one is smoothed with.
+/// Slices to either side that the smoothing uses.
 const REACH: usize = 8;
 
 /// A slice of the specimen.
 #[derive(Debug, Clone)]
-pub struct Section {
+pub(crate) struct Section {
     pub x_um: f64,
     pub support: Support,
-    /// Of the slice's extent, what is hollow in the view that shows most of it.
+    /// Share of the slice's extent that is hollow, in the view that shows most of it.
     pub gap_share: f64,
 }
 
-/// A specimen, slice by slice from left to right.
+/// A specimen as slices, from left to right.
 #[derive(Debug, Clone)]
 pub struct Sections {
-    pub sections: Vec<Section>,
-    /// Between two slices.
-    pub step_um: f64,
-    /// Of the tangents' distances from the fitted outlines, root of the mean square.
-    pub residual_sd_um: f64,
-    pub harmonics: usize,
-    /// Whether the specimen goes on beyond the image on the left and right.
-    pub open: [bool; 2],
-    /// Of what single views are shifted by, where they are known to be.
-    pub shift_variance_um2: f64,
-    /// What leaving out each view does.
-    pub without: Vec<Change>,
+    pub(crate) slices: Vec<Section>,
+    /// Distance of two slices.
+    pub(super) step_um: f64,
+    /// Root of the mean square distance of the tangents from the fitted outlines.
+    pub(super) residual_sd_um: f64,
+    pub(super) harmonics: usize,
+    /// Whether the specimen goes on beyond the image on the left and on the right.
+    pub(super) open: [bool; 2],
+    /// Variance of the views' shifts, where it is known.
+    pub(super) shift_variance_um2: f64,
+    /// What leaving out each view changes.
+    pub(super) without: Vec<Change>,
 }
 
-/// Every so many columns a slice is fitted twice, to know where tangents touch.
+/// Least slices of a specimen.
+const SLICES_LEAST: usize = 5;
+
+/// Why views do not show a stretch of slices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum SectionsError {
+    /// No view shows the specimen.
+    #[error("no view shows the specimen")]
+    NoProfile,
+    /// The views have no long enough stretch of slices in common.
+    #[error("the longest stretch of slices that the views have in common has {longest}; {SLICES_LEAST} are needed. {lost}")]
+    ShortStretch {
+        /// Slices of the longest stretch.
+        longest: usize,
+        /// The slices without an outline, by cause.
+        lost: SlicesLost,
+    },
+    /// Smoothing leaves too few slices.
+    #[error("{found} of {of} slices enclose something after they were smoothed along the capillary; {SLICES_LEAST} are needed")]
+    FewSmoothed {
+        /// Slices left.
+        found: usize,
+        /// Slices before.
+        of: usize,
+    },
+}
+
+/// Every so many columns a slice is fitted twice, which shows where its tangents touch.
 const COARSE: usize = 8;
 
 impl Sections {
-    /// Nothing where no stretch of slices is seen by most views. `sd_um` is what an edge scatters by.
-    pub fn of(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2]) -> Option<Self> {
+    /// The slices that these views show. `sd_um` is the standard deviation of an edge, um; `open` says whether the specimen goes on
+    /// beyond the image on the left and on the right.
+    ///
+    /// # Errors
+    /// [`SectionsError`], with the cause.
+    pub fn of(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2]) -> Result<Self, SectionsError> {
         let (series, from, to) = span(views)?;
         let coarse: Vec<Option<Support>> = (from..to + 2 * COARSE)
             .into_par_iter()
             .step_by(COARSE)
-            .map(|u| touched(pose.slice(u as f64), pose, views, series, sd_um))
+            .map(|u| touched(pose.slice(u as f64), pose, views, series, sd_um).ok())
             .collect();
-        let found: Vec<Option<(Slice, Fit)>> = (from..=to)
+        let found: Vec<Result<(Slice, Fit), SliceError>> = (from..=to)
             .into_par_iter()
             .map(|u| {
                 let (at, part) = ((u - from) / COARSE, ((u - from) % COARSE) as f64 / COARSE as f64);
@@ -59,13 +91,16 @@ impl Sections {
                 };
                 let slice = Slice::of(pose.slice(u as f64), pose, views, near.as_ref())?;
                 let fit = fit(&slice, series, sd_um, 2)?;
-                (fit.support.coefficients[0] > 0.0).then_some((slice, fit))
+                if fit.support.coefficients[0] > 0.0 { Ok((slice, fit)) } else { Err(SliceError::Empty) }
             })
             .collect();
         // The longest stretch without a hole is the specimen.
-        let (start, end) = longest(&found)?;
+        let (start, end) = longest(&found);
+        if end - start < SLICES_LEAST {
+            return Err(SectionsError::ShortStretch { longest: end - start, lost: SlicesLost::among(&found) });
+        }
         let found: Vec<(Slice, Fit)> = found.into_iter().skip(start).take(end - start).flatten().collect();
-        let step_um = (found.last()?.0.x_um - found.first()?.0.x_um) / (found.len().max(2) - 1) as f64;
+        let step_um = (found[found.len() - 1].0.x_um - found[0].0.x_um) / (found.len() - 1) as f64;
         let residuals: Vec<f64> = found.iter().flat_map(|(_, f)| f.residuals.iter().copied()).collect();
         let residual_sd_um = (residuals.iter().map(|r| r * r).sum::<f64>() / residuals.len() as f64).sqrt();
         let raw: Vec<Support> = found.iter().map(|(_, f)| f.support.clone()).collect();
@@ -84,15 +119,18 @@ impl Sections {
             })
             .collect();
         let mut without = vec![Change::default(); views.len()];
-        let mut sections = Vec::with_capacity(smoothed.len());
+        let mut slices = Vec::with_capacity(smoothed.len());
         for (section, changes) in smoothed.into_iter().flatten() {
             for (sum, change) in without.iter_mut().zip(&changes) {
                 sum.add(change, step_um);
             }
-            sections.push(section);
+            slices.push(section);
         }
-        (sections.len() >= 5).then_some(Self {
-            sections,
+        if slices.len() < SLICES_LEAST {
+            return Err(SectionsError::FewSmoothed { found: slices.len(), of: raw.len() });
+        }
+        Ok(Self {
+            slices,
             step_um,
             residual_sd_um,
             harmonics: series,
@@ -103,57 +141,61 @@ impl Sections {
     }
 }
 
-/// Of the views' shifts, by the part of them that is told: their mean and odd harmonics are not.
+/// Variance of the views' shifts, from their part that is observable: their mean and odd harmonics are gauge directions.
 fn shift_variance(pose: &Pose, views: &[TurnView], series: usize) -> f64 {
-    let told = views.len() as f64 - (1 + 2 * series.div_ceil(2)) as f64;
-    let px2 = views.iter().map(|v| v.dy_px * v.dy_px).sum::<f64>() / told.max(2.0);
+    let free = views.len() as f64 - (1 + 2 * series.div_ceil(2)) as f64;
+    let px2 = views.iter().map(|v| v.dy_px * v.dy_px).sum::<f64>() / free.max(2.0);
     px2 / pose.camera().ky.powi(2)
 }
 
-/// Volume and area to a per mille, of every eighth slice unsmoothed: for what changes with the pose.
-pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<[f64; 2]> {
+/// Volume and area to a per mille, from every eighth slice without smoothing. It serves to see how they change with the pose.
+pub(super) fn rough(pose: &Pose, views: &[TurnView], sd_um: f64) -> Result<[f64; 2], SectionsError> {
     let (series, from, to) = span(views)?;
+    let corners = Corners::of(series);
     let slices: Vec<Option<[f64; 2]>> = (from..to + 1)
         .into_par_iter()
         .step_by(COARSE)
         .map(|u| {
-            let support = touched(pose.slice(u as f64), pose, views, series, sd_um)?;
-            // The few edges of a slice at the specimen's end fit an outline that is none: its harmonics outweigh its radius.
-            let area_um2 = support.area_um2();
+            let support = touched(pose.slice(u as f64), pose, views, series, sd_um).ok()?;
+            // A slice at the specimen's end has few edges, and its harmonics may outweigh its radius: such an outline encloses
+            // nothing.
+            let area_um2 = corners.area_um2(&support);
             (area_um2 > 0.0).then(|| [area_um2, support.perimeter_um()])
         })
         .collect();
     let step_um = pose.slice(to as f64) - pose.slice(from as f64);
     let step_um = step_um * COARSE as f64 / (to - from) as f64;
     let sum = slices.iter().flatten().fold([0.0; 2], |sum, s| [sum[0] + s[0], sum[1] + s[1]]);
-    Some(sum.map(|s| s * step_um))
+    Ok(sum.map(|s| s * step_um))
 }
 
 /// Harmonics, and the first and last column in which any view shows the specimen.
-fn span(views: &[TurnView]) -> Option<(usize, usize, usize)> {
+fn span(views: &[TurnView]) -> Result<(usize, usize, usize), SectionsError> {
     let omegas: Vec<f64> = views.iter().map(|v| v.omega).collect();
     let extents: Vec<(usize, usize)> = views.iter().filter_map(|v| v.columns.extent()).collect();
-    let (from, to) = (extents.iter().map(|e| e.0).min()?, extents.iter().map(|e| e.1).max()?);
-    Some((harmonics(&omegas), from, to.max(from + 1)))
+    let ends = extents.iter().map(|e| e.0).min().zip(extents.iter().map(|e| e.1).max());
+    let (from, to) = ends.ok_or(SectionsError::NoProfile)?;
+    Ok((harmonics(&omegas), from, to.max(from + 1)))
 }
 
-/// A slice fitted twice: the first time tells where tangents touch, and so in which column to look.
-fn touched(x_um: f64, pose: &Pose, views: &[TurnView], series: usize, sd_um: f64) -> Option<Support> {
+/// A slice that is fitted twice: the first fit shows where its tangents touch, and so which column to read.
+fn touched(x_um: f64, pose: &Pose, views: &[TurnView], series: usize, sd_um: f64) -> Result<Support, SliceError> {
     let first = fit(&Slice::of(x_um, pose, views, None)?, series, sd_um, 1)?;
-    Some(fit(&Slice::of(x_um, pose, views, Some(&first.support))?, series, sd_um, 1)?.support)
+    Ok(fit(&Slice::of(x_um, pose, views, Some(&first.support))?, series, sd_um, 1)?.support)
 }
 
-fn longest(found: &[Option<(Slice, Fit)>]) -> Option<(usize, usize)> {
+/// The longest stretch of slices without a hole, from its first to before its end.
+fn longest<T>(found: &[Result<T, SliceError>]) -> (usize, usize) {
     let mut best = (0, 0);
     let mut start = 0;
     for (i, f) in found.iter().enumerate() {
-        if f.is_none() {
+        if f.is_err() {
             start = i + 1;
         } else if i + 1 - start > best.1 - best.0 {
             best = (start, i + 1);
         }
     }
-    (best.1 - best.0 >= 5).then_some(best)
+    best
 }
 
 #[cfg(test)]
@@ -177,7 +219,7 @@ mod tests {
             let views: Vec<TurnView> =
                 (0..12).map(|i| TurnView { columns: &columns, omega: TAU * f64::from(i) / 12.0, dy_px: 0.0 }).collect();
             let found = Sections::of(&Pose::new(&camera), &views, 1.0, [false; 2]).unwrap();
-            let middle = &found.sections[found.sections.len() / 2];
+            let middle = &found.slices[found.slices.len() / 2];
             // Rays that lean by a thousandth, and a series of few harmonics.
             assert!((middle.gap_share - 4.0 / 24.0).abs() < 0.003, "kx = {kx}: {}", middle.gap_share);
         }

@@ -1,12 +1,16 @@
-//! What the pose's own uncertainty makes of volume and area.
+//! The uncertainty of volume and area that the uncertainty of the pose causes.
 
-use super::sections::rough;
+use super::sections::{SectionsError, rough};
 use crate::calibration::{Calibration, GivenView, Pose, TurnView};
 use crate::geometry::Camera;
 use nalgebra::Vector4;
 
-/// Standard deviations of volume (um^3) and area (um^2) that follow from the covariance of uy, gamma, alpha and rho.
-pub fn calibration_sd(calibration: &Calibration, given: &[GivenView]) -> Option<[f64; 2]> {
+/// Standard deviations of volume (um^3) and area (um^2) that follow from the covariance of uy, gamma, alpha and rho. `given`
+/// are all views that were calibrated.
+///
+/// # Errors
+/// [`SectionsError::NoProfile`] where no view that counts shows the specimen.
+pub fn calibration_sd(calibration: &Calibration, given: &[GivenView]) -> Result<[f64; 2], SectionsError> {
     let sd_um = calibration.residual_sd_um;
     let views = calibration.turn_views(given);
     let at = |camera: &Camera, views: &[TurnView]| rough(&Pose::new(camera), views, sd_um);
@@ -20,7 +24,7 @@ pub fn calibration_sd(calibration: &Calibration, given: &[GivenView]) -> Option<
         at(&Camera { alpha: camera.alpha + steps[2], ..camera.clone() }, &views)?,
         at(camera, &turned)?,
     ];
-    Some([0, 1].map(|number| {
+    Ok([0, 1].map(|number| {
         let slope = Vector4::from_fn(|i, _| (moved[i][number] - here[number]) / steps[i]);
         slope.dot(&(calibration.covariance * slope)).max(0.0).sqrt()
     }))

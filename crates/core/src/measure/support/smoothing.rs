@@ -1,16 +1,18 @@
 //! Slices smoothed along the capillary, and what leaving out a view does to them.
 
-use crate::calibration::{Support, area_loss};
+use super::corners::Corners;
+use crate::calibration::Support;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
 
-/// What leaving out a view does to one slice, and, summed up, to the specimen.
+/// What leaving out a view changes in one slice and, summed over the slices, in the specimen.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Change {
-    /// To the area of a slice (um^2) or the volume (um^3): in proportion to the change, and its square.
+pub(super) struct Change {
+    /// Change of the area of a slice (um^2) or of the volume (um^3): the part in proportion to the change of the outline, and
+    /// its square.
     pub linear: f64,
     pub square: f64,
-    /// To the perimeter (um) or the area (um^2).
+    /// Change of the perimeter (um) or of the area (um^2).
     pub outline: f64,
 }
 
@@ -22,14 +24,14 @@ impl Change {
     }
 }
 
-/// Each coefficient by the parabola nearest to it and its neighbours. What is smoothed is the centre, the square of the mean
-/// radius and the shape, the other harmonics against the radius: where the specimen ends in an ellipsoid, these are a parabola
-/// and constants.
+/// Savitzky-Golay filter along the capillary: each coefficient becomes the value of the parabola nearest to it and its
+/// neighbours. It smooths the centre, the square of the mean radius, and the other harmonics over the radius: where a specimen
+/// ends in an ellipsoid, these are a parabola and constants.
 pub(super) struct Smoother<'a> {
     near: &'a [Support],
     first: usize,
     even: Vec<f64>,
-    /// A thin slice tells its shape badly.
+    /// Weights by size: a thin slice determines its shape badly.
     by_size: Vec<f64>,
 }
 
@@ -38,8 +40,8 @@ impl<'a> Smoother<'a> {
         let window = (2 * reach + 1).min(raw.len());
         let first = at.saturating_sub(reach).min(raw.len() - window);
         let near = &raw[first..first + window];
-        let even = parabola(&vec![1.0; window], at - first)?;
-        let by_size = parabola(&near.iter().map(|s| s.coefficients[0].powi(2)).collect::<Vec<_>>(), at - first)?;
+        let even = savitzky_golay(&vec![1.0; window], at - first)?;
+        let by_size = savitzky_golay(&near.iter().map(|s| s.coefficients[0].powi(2)).collect::<Vec<_>>(), at - first)?;
         Some(Self { near, first, even, by_size })
     }
 
@@ -47,7 +49,7 @@ impl<'a> Smoother<'a> {
         weights.iter().zip(values).map(|(w, v)| w * v).sum()
     }
 
-    /// Nothing beyond the specimen's end, where the parabola falls below nothing.
+    /// `None` beyond the specimen's end, where the parabola is not above 0.
     pub fn support(&self) -> Option<Support> {
         let of = |k: usize| self.near.iter().map(move |s| s.coefficients[k]);
         let square = Self::mean(&self.even, of(0).map(|r| r * r));
@@ -60,16 +62,17 @@ impl<'a> Smoother<'a> {
         Some(Support { coefficients: coefficients.collect() })
     }
 
-    /// What changes of the raw slices' coefficients do to the smoothed one's area and perimeter.
+    /// The change of the smoothed slice's area and perimeter that follows from changes of the raw coefficients.
     pub fn change<'c>(&self, smooth: &Support, raw_change: impl Fn(usize) -> &'c [f64]) -> Change {
         let radius = smooth.coefficients[0];
         let near = || self.near.iter().enumerate().map(|(j, s)| (&s.coefficients, raw_change(self.first + j)));
         let wider = Self::mean(&self.even, near().map(|(c, d)| c[0] * d[0])) / radius;
+        let corners = Corners::of(smooth.coefficients.len() / 2);
         let mut change = Change { linear: 2.0 * radius * wider, square: wider * wider, outline: 2.0 * PI * wider };
         for k in 3..smooth.coefficients.len() {
             let shape = Self::mean(&self.by_size, near().map(|(c, d)| (d[k] - c[k] / c[0] * d[0]) / c[0]));
             let by = radius * shape + wider * smooth.coefficients[k] / radius;
-            let loss = area_loss(k.div_ceil(2), smooth.coefficients.len() / 2);
+            let loss = corners.area_loss(k.div_ceil(2));
             change.linear -= loss * smooth.coefficients[k] * by;
             change.square -= loss / 2.0 * by * by;
         }
@@ -79,8 +82,9 @@ impl<'a> Smoother<'a> {
     }
 }
 
-/// What each of some even places counts, by its weight, in the value at place `at` of the parabola nearest to them.
-fn parabola(weights: &[f64], at: usize) -> Option<Vec<f64>> {
+/// Weights of a Savitzky-Golay filter of second order at place `at` of evenly spaced values: the share of each value in the
+/// value of the nearest parabola, with the given weights of the values.
+fn savitzky_golay(weights: &[f64], at: usize) -> Option<Vec<f64>> {
     let row = |i: usize| {
         let u = i as f64 - at as f64;
         Vector3::new(1.0, u, u * u)

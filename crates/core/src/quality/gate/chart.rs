@@ -1,12 +1,13 @@
-//! A quantity over this instrument's gates: Shewhart's chart for a jump, cumulative sums for a drift.
+//! A quantity over the gates of one instrument: Shewhart's chart for a jump, cumulative sums for a drift.
 //!
 //! ```text
 //!  x_1 .. x_n earlier, x today       T = sqrt(i / (i + 1)) (x_{i+1} - mean_i) / sd_i      Student's t, i - 1 degrees of freedom
 //!  U = the normal deviate as rare as T ── |U| over the limit: today is out
 //!  C+ = max(0, C+ + U - slack), C- likewise ── over the limit: it has drifted
 //! ```
-//! Self-starting (Hawkins 1987): mean and SD are this instrument's own from its earlier gates, however few; the U are standard normal
-//! whatever their number, so that limits promise the same from the first chart on.
+//! The charts are self-starting (Hawkins 1987): mean and standard deviation come from the instrument's own earlier gates,
+//! however few. The deviates are standard normal for any number of gates, so that the limits have the same error rate from the
+//! first chart on.
 
 use super::GateSettings;
 use super::numbers::GateNumbers;
@@ -14,28 +15,33 @@ use crate::statistics::Spread;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
-/// Of one quantity.
+/// The chart of one quantity.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Chart {
+    /// Name of the quantity.
     pub name: String,
+    /// Unit of the quantity.
     pub unit: String,
+    /// Today's value.
     pub found: f64,
-    /// Over the earlier gates.
+    /// Mean and standard deviation of the earlier gates.
     pub history: Spread,
-    /// Between these today's is no jump.
+    /// Lower and upper limit; a value outside of them is a jump.
     pub limits: [f64; 2],
-    /// Today's as a normal deviate.
+    /// Today's value as a standard normal deviate.
     pub deviate: f64,
-    /// Cumulative sums up and down, today's included, standard deviations.
+    /// Cumulative sums upwards and downwards, including today's, standard deviations.
     pub cusum: [f64; 2],
+    /// Whether today's value is outside of `limits`.
     pub jumped: bool,
+    /// Whether a cumulative sum exceeds its limit.
     pub drifted: bool,
 }
 
 type Of = fn(&GateNumbers) -> Option<f64>;
 
-/// The quantities, each with the least that it scatters by from day to day as far as is believed: repeats that agree to the last digit
-/// say nothing of tomorrow's.
+/// The quantities, each with the smallest day-to-day standard deviation that is accepted: repeats that agree to the last digit
+/// say nothing about tomorrow's.
 const QUANTITIES: [(&str, &str, f64, Of); 6] = [
     ("diameter_um", "um", 0.5, |n| Some(n.diameter_um.mean)),
     ("aspect_ratio", "(ratio)", 0.0005, |n| Some(n.aspect_ratio.mean)),
@@ -45,7 +51,7 @@ const QUANTITIES: [(&str, &str, f64, Of); 6] = [
     ("gamma_deg", "deg", 0.005, |n| n.gamma_deg.map(|s| s.mean)),
 ];
 
-/// Charts of all quantities with enough of a history, which is the oldest first.
+/// Charts of all quantities with enough of a history, which is sorted with the oldest gate first.
 pub(super) fn charts(history: &[GateNumbers], today: &GateNumbers, settings: &GateSettings) -> Vec<Chart> {
     let of = |&(name, unit, sd_least, of): &(&str, &str, f64, Of)| {
         let earlier: Vec<f64> = history.iter().filter_map(of).collect();
@@ -58,7 +64,7 @@ pub(super) fn charts(history: &[GateNumbers], today: &GateNumbers, settings: &Ga
     QUANTITIES.iter().filter_map(of).collect()
 }
 
-/// Where a gate stands after those before it.
+/// The state of the chart after one gate.
 #[derive(Debug, Clone, Copy)]
 struct Step {
     deviate: f64,
@@ -75,7 +81,7 @@ impl Step {
     }
 }
 
-/// One step per gate from the third on: the first two say nothing of how they scatter.
+/// One step per gate from the third on: two gates give no standard deviation.
 fn steps(all: &[f64], sd_least: f64, slack_sd: f64) -> Option<Vec<Step>> {
     let mut cusum = [0.0_f64; 2];
     let step = |at: usize| {
@@ -107,13 +113,14 @@ fn chart(earlier: &[f64], found: f64, sd_least: f64, settings: &GateSettings) ->
     })
 }
 
-/// The standard normal deviate that is as rare as this value is among so many earlier ones.
+/// The standard normal deviate with the same tail probability as this value has among the earlier ones.
 fn deviate_of(earlier: &[f64], value: f64, sd_least: f64) -> Option<f64> {
     let spread = Spread::of(earlier)?;
     let n = earlier.len() as f64;
     let t = (value - spread.mean) / (spread.sd?.max(sd_least) * (1.0 + 1.0 / n).sqrt());
     let student = StudentsT::new(0.0, 1.0, n - 1.0).ok()?;
-    // In the nearer tail, where probabilities keep their digits; beyond 8 deviates nothing is told apart.
+    // Computed in the nearer tail, where probabilities keep their digits. Beyond 8 deviates values can no longer be
+    // distinguished.
     let tail = student.cdf(-t.abs()).max(1e-15);
     Some(-Normal::standard().inverse_cdf(tail) * t.signum())
 }

@@ -8,50 +8,60 @@ use crate::measure::references::bead::BeadScore;
 use crate::quality::Check;
 use serde::{Deserialize, Serialize};
 
+/// The verdict of a gate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GateVerdict {
+    /// Within every limit and on every chart.
     Passed,
-    /// Within every limit, and too few earlier gates to say whether the instrument is what it was.
+    /// Within every limit, but with too few earlier gates to say whether the instrument has changed.
     NoHistory,
+    /// Too few different beads to decide.
     TooFewBeads,
+    /// A limit or a chart is exceeded.
     Failed,
 }
 
 impl GateVerdict {
-    /// Specimens may be measured.
+    /// Whether specimens may be measured.
     pub fn passes(self) -> bool {
         matches!(self, Self::Passed | Self::NoHistory)
     }
 }
 
-/// A gate: every number, and what follows.
+/// A gate: every number, the verdict, and what the operator is told.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct BeadGate {
+    /// The verdict.
     pub verdict: GateVerdict,
-    /// What was found and what to do, a sentence each.
+    /// What was found and what to do, one sentence each.
     pub words: Vec<String>,
+    /// The numbers of the beads together.
     pub numbers: GateNumbers,
-    /// The paper's t score, and the bias that so many beads would show.
+    /// The paper's t score and the bias that this number of beads would show. `None` with fewer than two beads.
     pub score: Option<BeadScore>,
+    /// The checks against the limits.
     pub checks: Vec<Check>,
-    /// Earlier gates that today's is held against.
+    /// Number of earlier gates that today's is compared with.
     pub history: usize,
+    /// The charts of all quantities. Empty with too short a history.
     pub charts: Vec<Chart>,
 }
 
 impl BeadGate {
-    /// `history` are this instrument's gates that passed, the oldest first. Nothing of no beads.
+    /// The gate of these turns. `history` contains the gates of this instrument that passed, the oldest first. `None` without
+    /// beads.
     pub fn of(turns: &[BeadMeasured], history: &[GateNumbers], settings: &GateSettings) -> Option<Self> {
         let numbers = GateNumbers::of(turns)?;
         let score = BeadScore::at(&numbers.diameters_um, settings.nominal_um, settings.t_percent / 100.0);
-        // Beads that are more alike than one is to itself make a certainty of a bias that is within what the rig repeats.
+        // Beads that differ from each other less than one bead differs between its turns would make a bias significant that is
+        // within the repeatability of the rig.
         let off_um = (numbers.diameter_um.mean - settings.nominal_um).abs();
-        let told = score.as_ref().filter(|_| off_um > settings.repeat_um);
+        let beyond_repeat = score.as_ref().filter(|_| off_um > settings.repeat_um);
         let most = |name: &str, unit: &str, found, limit| Check::at_most(name, unit, "bead_gate", found, limit);
         let checks = vec![
             Check::at_least("beads_least", "beads", "bead_gate", Some(numbers.beads as f64), settings.beads_least as f64),
-            Check::at_least("t_percent", "%", "bead_gate", told.map(|s| 100.0 * s.p), settings.t_percent),
+            Check::at_least("t_percent", "%", "bead_gate", beyond_repeat.map(|s| 100.0 * s.p), settings.t_percent),
             most("aspect_off", "(ratio)", Some(numbers.aspect_ratio.mean - 1.0), settings.aspect_off),
             most("roundness_um", "um", Some(numbers.worst_sphere_rms_um), settings.roundness_um),
             most("residual_px", "px", numbers.worst_residual_px, settings.residual_px),

@@ -1,11 +1,11 @@
-//! The daily gate: whether a few beads say that the instrument is today what it was.
+//! The daily gate: whether a few beads show that the instrument has not changed.
 //!
 //! ```text
 //!  3 to 5 beads ─┬─ aspect, roundness, residual, repeat, t score ── against the limits of the method ─┐
 //!                └─ the run's means ── against this instrument's own earlier gates: Shewhart, CUSUM ──┴─ verdict, words
 //! ```
-//! Beads of a batch tell the scale to 25 um over the root of their number: a score within its limit is no proof, and says what bias
-//! it would have found.
+//! The scale from beads of a batch is known to 25 um divided by the root of their number. A score within its limit is no proof;
+//! the gate also reports the bias that it would have detected.
 
 mod chart;
 mod judge;
@@ -23,33 +23,34 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GateSettings {
-    /// From this age on a gate is no gate any more.
+    /// Age at which a gate expires, h.
     pub max_age_h: f64,
-    /// Fewer different beads are no gate.
+    /// Fewest different beads of a valid gate.
     pub beads_least: usize,
-    /// What the beads' mean diameter should be.
+    /// Nominal mean diameter of the beads, um.
     pub nominal_um: f64,
-    /// Of the t score's two-sided probability, %: below, the mean diameter is off.
+    /// Smallest two-sided probability of the t score, %. Below it the mean diameter differs from the nominal one.
     pub t_percent: f64,
-    /// Most that the mean length over width may be off 1: it is that of ky over kx.
+    /// Largest deviation of the mean ratio of length to width from 1. That ratio is the ratio of ky to kx.
     pub aspect_off: f64,
-    /// Most that a bead's surface may lie off its sphere, root of the mean square.
+    /// Largest root of the mean square distance between a bead's surface and its sphere, um.
     pub roundness_um: f64,
-    /// Most that the edges of a bead's median view may lie from what the others make expected.
+    /// Largest distance between the edges of a bead's median view and those that its other views make expected, px.
     pub residual_px: f64,
-    /// Most that one bead's diameters may differ by.
+    /// Largest difference between two diameters of one bead, um.
     pub repeat_um: f64,
-    /// Of fewer earlier gates there is no chart.
+    /// Fewest earlier gates of a chart.
     pub history_least: usize,
     /// Shewhart's limit, standard deviations.
     pub shewhart_sd: f64,
-    /// Of the cumulative sums: what a gate may be off without being summed, and their limit, standard deviations.
+    /// Slack of the cumulative sums: the deviation of one gate that is not accumulated, standard deviations.
     pub cusum_slack_sd: f64,
+    /// Limit of the cumulative sums, standard deviations.
     pub cusum_limit_sd: f64,
 }
 
 impl Default for GateSettings {
-    /// Where each is from stands in docs/quality.md.
+    /// docs/quality.md gives the source of each value.
     fn default() -> Self {
         Self {
             max_age_h: 24.0,

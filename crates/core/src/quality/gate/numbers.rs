@@ -1,50 +1,58 @@
-//! What measured beads say together.
+//! The numbers of measured beads taken together.
 
 use crate::statistics::{Spread, mean};
 use serde::{Deserialize, Serialize};
 
-/// One bead of one turn.
+/// One turn of one bead.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BeadMeasured {
-    /// Which bead: the same name is the same bead, measured again.
+    /// Name of the bead. The same name means the same bead, measured again.
     pub bead: String,
+    /// Diameter of the fitted sphere, um.
     pub diameter_um: f64,
     /// Length along the capillary over width across it.
     pub aspect_ratio: f64,
-    /// Of its surface off its sphere.
+    /// Root of the mean square distance between the surface and its sphere, um.
     pub sphere_rms_um: f64,
-    /// Of its median view.
+    /// Residual of the median view, px. `None` where the turn was not calibrated.
     pub residual_px: Option<f64>,
-    /// Of the turn's own camera, where it calibrated itself.
+    /// Shift uy of the turn's own camera, px. `None` where the turn was not calibrated.
     pub uy_px: Option<f64>,
+    /// Roll gamma of the turn's own camera, deg. `None` where the turn was not calibrated.
     pub gamma_deg: Option<f64>,
 }
 
-/// A gate's numbers, which the next one's are held against.
+/// The numbers of a gate. Later gates are compared with them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GateNumbers {
-    /// Different beads, and turns of them.
+    /// Number of different beads.
     pub beads: usize,
+    /// Number of turns of these beads.
     pub turns: usize,
-    /// Over the beads; one that was measured several times has its mean.
+    /// Diameter over the beads, um. A bead that was measured several times counts with its mean.
     pub diameter_um: Spread,
-    /// Over the turns.
+    /// Length over width, over the turns.
     pub aspect_ratio: Spread,
+    /// Deviation from the sphere over the turns, um.
     pub sphere_rms_um: Spread,
+    /// Residual of the median view over the turns, px. `None` where no turn has one.
     pub residual_px: Option<Spread>,
+    /// Shift uy over the turns, px. `None` where no turn has one.
     pub uy_px: Option<Spread>,
+    /// Roll gamma over the turns, deg. `None` where no turn has one.
     pub gamma_deg: Option<Spread>,
-    /// Of the bead that is least round, and of the one whose views agree least.
+    /// Deviation from the sphere of the bead that is least round, um.
     pub worst_sphere_rms_um: f64,
+    /// Residual of the bead whose views agree least, px. `None` where no turn has one.
     pub worst_residual_px: Option<f64>,
-    /// Largest less smallest diameter of one bead; of the bead for which that is largest. `null` where none was measured twice.
+    /// Largest difference between the diameters of one bead, um. `None` where no bead was measured twice.
     pub repeat_um: Option<f64>,
-    /// Diameter of each bead.
+    /// Diameter of each bead, um.
     pub diameters_um: Vec<f64>,
 }
 
 impl GateNumbers {
-    /// Nothing of no beads.
+    /// The numbers of these turns. `None` without any.
     pub fn of(turns: &[BeadMeasured]) -> Option<Self> {
         let mut names: Vec<&str> = turns.iter().map(|t| t.bead.as_str()).collect();
         names.sort_unstable();

@@ -1,4 +1,4 @@
-//! A gate in plain words: what was found, and what an operator does about it.
+//! A gate in plain words: what was found, and what the operator does about it.
 
 use super::GateSettings;
 use super::chart::Chart;

@@ -6,6 +6,7 @@ use crate::geometry::{BoxUm, Camera, Projection};
 use crate::measure;
 use crate::profile::{Mask, Polygon};
 use crate::surface::extract;
+use crate::surface::topology::Topology;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 const RADIUS: f64 = 250.0;
@@ -92,7 +93,7 @@ fn balls_have_their_hulls_volume_and_area_at_three_resolutions_and_any_scale() {
         for size in [20.8, 10.4, 5.2] {
             let found = carved(&camera(ky, 160), 21, epsilon, size, true);
             let mesh = extract(&Distance::new(&found.carver, &found.contours));
-            let topology = mesh.topology();
+            let topology = Topology::of(&mesh);
             assert!(topology.is_closed() && topology.euler_characteristic() == 2, "{topology:?}");
             let lattice = 1.5 * (size / RADIUS).powi(2);
             let volume = measure::volume(&mesh) / (4.0 / 3.0 * PI * RADIUS.powi(3)) - 1.0;
@@ -148,7 +149,7 @@ fn a_value_is_the_ranked_distance_and_its_sign_that_of_the_tolerant_hull() {
 fn masks_alone_give_the_voxels_hull() {
     let found = carved(&camera(1.0 / 5.5, 160), 21, 0.05, 6.93, false);
     let mesh = extract(&Distance::new(&found.carver, &found.contours));
-    assert!(mesh.topology().is_closed());
+    assert!(Topology::of(&mesh).is_closed());
     let ratio = measure::volume(&mesh) / found.carver.volume_um3();
     assert!((ratio - 1.0).abs() < 0.004, "{ratio}");
 }
@@ -159,7 +160,7 @@ fn the_image_ends_what_is_covered() {
     let camera = camera(1.0 / 5.5, 100);
     let found = carved(&camera, 12, 0.0, 6.93, true);
     let mesh = extract(&Distance::new(&found.carver, &found.contours));
-    assert!(mesh.topology().is_closed());
+    assert!(Topology::of(&mesh).is_closed());
     let end = (99.5 - camera.ux) / camera.kx;
     let found_end = measure::extents(&mesh).unwrap().max[0];
     // Half a percent nearer than the axis the picture holds that much less.
@@ -175,7 +176,7 @@ fn a_specimen_that_leaves_the_image_goes_on_as_it_left() {
     for ((camera, leaves, column, way), with_outlines) in [(&right, true), (&right, false), (&left, true), (&left, false)] {
         let found = carved_leaving(camera, 12, 0.0, 6.93, with_outlines, *leaves);
         let mesh = extract(&Distance::new(&found.carver, &found.contours));
-        assert!(mesh.topology().is_closed());
+        assert!(Topology::of(&mesh).is_closed());
         let grid = found.carver.grid();
         let last = grid.centre(0, grid.counts()[0] - 1);
         let reached = mesh.vertices.iter().map(|v| way * v[0]).fold(f64::NEG_INFINITY, f64::max);

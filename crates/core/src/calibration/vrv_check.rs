@@ -1,12 +1,12 @@
-//! The paper's objective as the judge of a calibration: it must leave as much as the camera as given does, and as a search for the
-//! most that can be left.
+//! The VRV check: the paper's objective judges a calibration. The calibrated camera must leave as much as the camera as given,
+//! and as much as a search for the largest volume.
 //!
 //! ```text
 //!   camera as given ──────────────────────────────────── VRV before ──────────┐
 //!   closed form ─┬─ least squares ───────────────────── VRV at the solution ──┼─ passed: less than neither
 //!                └─ simplex over uy and gamma, bounded ─ the largest VRV ─────┘
 //! ```
-//! VRV with eps = 0 of the slices' polygons: some tenths of a ms an evaluation, so that every turn is judged.
+//! VRV is taken with epsilon 0, from the polygons of slices. An evaluation takes some tenths of a ms, so every turn is checked.
 
 use super::free::Free;
 use super::hull_slices::HullSlices;
@@ -19,40 +19,44 @@ use crate::geometry::Camera;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// The closed form is off by less than this, px and rad.
+/// Largest error of the closed form, px and rad.
 const UY_FAR_PX: f64 = 3.0;
 const GAMMA_FAR: f64 = 0.3 * PI / 180.0;
-/// First steps are a fifteenth of that, 0.2 px and 0.02 deg; a sixteenth of those is 0.0125 px.
+/// The first steps are a fifteenth of that: 0.2 px and 0.02 deg. A sixteenth of those is 0.0125 px.
 const STOP: Stop = Stop { evaluations: 60, share: 1.0 / 16.0 };
-/// What a solution may leave less: a tenth of a px beside a larva's axis costs as much.
+/// How much less a solution may leave, relative. A tenth of a px beside a larva's axis costs as much.
 const TOLERANCE: f64 = 0.0025;
 
-/// What the gate says.
+/// The result of the VRV check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum VrvVerdict {
+    /// The calibrated camera leaves the most.
     Passed,
-    /// Another axis leaves more: the solution is better than the camera as given, but not the best.
+    /// Another axis leaves more: the solution is better than the camera as given, but not the best one.
     NotLargest,
-    /// The camera as given leaves more: the views do not show one turn of one body, or that camera is better.
+    /// The camera as given leaves more: the views do not show one turn of one body, or that camera is the better one.
     Worse,
 }
 
-/// Volumes that no view misses, um^3.
+/// Volumes that no view misses (VRV), with three cameras.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Gate {
-    /// With the camera as given and the ledger's angles.
+pub struct VrvCheck {
+    /// With the camera as given and the ledger's angles, um^3.
     pub given_um3: f64,
+    /// With the calibrated camera, um^3.
     pub solution_um3: f64,
-    /// The largest that a search over uy and gamma from the closed form found, with the ledger's angles.
+    /// The largest that a search over uy and gamma finds, from the closed form and with the ledger's angles, um^3.
     pub search_um3: f64,
+    /// Evaluations of the volume.
     pub evaluations: usize,
-    pub verdict: Verdict,
+    /// The result.
+    pub verdict: VrvVerdict,
 }
 
-/// Holds a calibration against the camera that it was given and against a search from its start. `given` are the views that were
-/// calibrated, all of them, with the ledger's angles.
-pub fn gate(found: &Calibration, camera: &Camera, given: &[GivenView]) -> Gate {
+/// Compares a calibration with the camera that it was given, and with a search from its start. `given` are all views that were
+/// calibrated, with the ledger's angles.
+pub fn check_vrv(found: &Calibration, camera: &Camera, given: &[GivenView]) -> VrvCheck {
     let ledger: Vec<f64> = given.iter().map(|v| v.omega).collect();
     let used: Vec<&GivenView> = given.iter().zip(&found.views).filter(|(_, state)| state.bad.is_none()).map(|(view, _)| view).collect();
     let slices = HullSlices::new(used.iter().map(|v| v.columns).collect(), &found.camera);
@@ -65,9 +69,9 @@ pub fn gate(found: &Calibration, camera: &Camera, given: &[GivenView]) -> Gate {
     let search_um3 = -searched.value;
     let least = |of_um3: f64| solution_um3 >= of_um3 * (1.0 - TOLERANCE);
     let verdict = match (least(given_um3), least(search_um3)) {
-        (true, true) => Verdict::Passed,
-        (true, false) => Verdict::NotLargest,
-        (false, _) => Verdict::Worse,
+        (true, true) => VrvVerdict::Passed,
+        (true, false) => VrvVerdict::NotLargest,
+        (false, _) => VrvVerdict::Worse,
     };
-    Gate { given_um3, solution_um3, search_um3, evaluations: searched.evaluations + 2, verdict }
+    VrvCheck { given_um3, solution_um3, search_um3, evaluations: searched.evaluations + 2, verdict }
 }

@@ -1,24 +1,27 @@
-//! The rig's empty capillary, seen once: what a frame is compared with where there is such a picture.
+//! The rig's empty capillary: a picture that frames are compared with.
 
 use super::settings::WallSettings;
 use super::walls::WallFinder;
 use super::{Picture, ProfileError, Walls};
 
-/// A picture of the empty capillary with its walls, by which it is laid over each frame.
+/// A picture of the empty capillary with its walls, which place it over each frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Reference {
+pub struct EmptyCapillary {
     picture: Picture,
     walls: Walls,
 }
 
-impl Reference {
+impl EmptyCapillary {
+    /// Finds the walls of a picture of the empty capillary.
+    ///
     /// # Errors
-    /// Refuses a picture without two walls.
+    /// A picture without two walls.
     pub fn new(picture: Picture, settings: &WallSettings) -> Result<Self, ProfileError> {
         let walls = WallFinder::default().find(&picture, settings)?;
         Ok(Self { picture, walls })
     }
 
+    /// The walls of the picture.
     pub fn walls(&self) -> Walls {
         self.walls
     }

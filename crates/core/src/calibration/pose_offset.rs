@@ -1,4 +1,4 @@
-//! How a specimen lies in one view against another view from the same direction: the closure view against view 0.
+//! The pose of a specimen in one view against another view from the same direction: the closure view against view 0.
 //!
 //! ```text
 //!   edges of both views ── distances from each slice's support function ── their differences d
@@ -6,8 +6,8 @@
 //!   variance = what the fit changes by when a stretch of an edge is left out (jackknife)
 //!            + what an error of 0.1 px that a whole edge has in common makes of the fit + what the prior leaves open
 //! ```
-//! What the model errs by in that direction is in both views and cancels. Errors of neighbouring edges are alike (a fin is lost for a
-//! stretch), so the jackknife leaves out stretches and not single slices.
+//! Errors of the model in that direction are in both views and cancel. Errors of neighbouring edges are alike (a fin is lost
+//! over a stretch), so the jackknife leaves out stretches and not single slices.
 
 use super::screen::{row, trimmed_rms};
 use super::support::Support;
@@ -16,58 +16,68 @@ use crate::statistics::mad_sd;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// How far the specimen lies from where it lay.
+/// Offset of the specimen's pose between two views from the same direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Lie {
+pub struct PoseOffset {
     /// To the right in the image, px.
     pub along_px: f64,
     /// Down the image, px.
     pub across_px: f64,
     /// About the capillary's axis, rad.
     pub turn_rad: f64,
-    /// Distance of the later view's edges from the model's, px; robust.
+    /// Distance of the later view's edges from the model's, px: root of the mean square without the largest 5 %.
     pub rms_px: f64,
-    /// `None` in records of versions that did not work it out.
+    /// Standard deviations. `None` in records of versions that did not compute them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sd: Option<LieSd>,
+    pub sd: Option<PoseOffsetSd>,
 }
 
-/// Standard deviations of a [`Lie`] by the two views' own edges. A specimen that is nearly round has edges that hardly tell its turn:
-/// the standard deviation is then near that of the prior, 10 deg.
+/// Standard deviations of a [`PoseOffset`] by the edges of the two views. The turn of a nearly round specimen is hardly
+/// observable: its standard deviation is then near that of the prior, 10 deg.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct LieSd {
+pub struct PoseOffsetSd {
+    /// Of `along_px`, px.
     pub along_px: f64,
+    /// Of `across_px`, px.
     pub across_px: f64,
+    /// Of `turn_rad`, rad.
     pub turn_rad: f64,
 }
 
-/// Prior standard deviations of across (px), along (px) and turn (rad), beside edges that scatter by 1 px: they only decide what the
-/// edges do not tell.
+/// Prior standard deviations of across (px), along (px) and turn (rad), for edges that scatter by 1 px. They decide only what
+/// the edges leave open.
 const PRIOR_SD: [f64; 3] = [10.0, 10.0, 10.0 * std::f64::consts::PI / 180.0];
-/// Stretches of each edge whose errors are taken to be independent.
+/// Number of stretches of each edge whose errors are taken as independent.
 const STRETCHES: usize = 8;
-/// Error that one whole edge has in common in two frames of a specimen at rest, standard deviation, px: segmentation is no better. With
-/// it, two frames of rendered larvae at rest differ by 0.5 to 0.8 of the stated standard deviation (root of the mean square of 28 to 32).
+/// Standard deviation of the error that a whole edge has in common in two frames of a specimen at rest, px. Segmentation is no
+/// better. With it, two frames of rendered larvae at rest differ by 0.5 to 0.8 of the stated standard deviation (root of the
+/// mean square of 28 to 32).
 const COMMON_PX: f64 = 0.1;
-/// Fits, each with the weights of the one before.
+/// Number of fits. Each uses the weights of the one before.
 const ROUNDS: usize = 12;
-/// A residual of so many standard deviations has no weight (Tukey's biweight, 95 % as good as least squares where all is well).
+/// A residual of so many standard deviations has no weight (Tukey's biweight; 95 % as efficient as least squares for normal
+/// errors).
 const TUKEY: f64 = 4.685;
-/// Edges are known no better than this, px.
+/// Least standard deviation of an edge, px.
 const SD_LEAST_PX: f64 = 0.05;
 
-/// One edge of a slice in both views.
+/// One edge of a slice, in both views.
 struct Pair {
-    /// 0 or 1.
+    /// 0 for the upper edge, 1 for the lower one.
     side: usize,
-    /// Along the specimen, of [`STRETCHES`].
+    /// Number of the stretch along the specimen, below [`STRETCHES`].
     stretch: usize,
     row: Vector3<f64>,
     differs_px: f64,
 }
 
-/// `again` against `first`. `None` where the views share no slices.
-pub fn lie<'a>(pose: &Pose, first: &TurnView, again: &TurnView, slices: impl ExactSizeIterator<Item = (f64, &'a Support)>) -> Option<Lie> {
+/// The pose in view `again` less that in view `first`. `None` where the views share no slices.
+pub(crate) fn pose_offset<'a>(
+    pose: &Pose,
+    first: &TurnView,
+    again: &TurnView,
+    slices: impl ExactSizeIterator<Item = (f64, &'a Support)>,
+) -> Option<PoseOffset> {
     let ky = pose.camera().ky;
     let per_stretch = slices.len().div_ceil(STRETCHES).max(1);
     let (mut pairs, mut left_px): (Vec<Pair>, Vec<f64>) = (Vec::new(), Vec::new());
@@ -88,12 +98,12 @@ pub fn lie<'a>(pose: &Pose, first: &TurnView, again: &TurnView, slices: impl Exa
     }
     let Fitted { found, .. } = fitted(&pairs, |_| true)?;
     let variance = variance(&pairs)?;
-    Some(Lie {
+    Some(PoseOffset {
         along_px: found[1],
         across_px: found[0],
         turn_rad: found[2],
         rms_px: trimmed_rms(left_px.into_iter()),
-        sd: Some(LieSd { along_px: variance[1].sqrt(), across_px: variance[0].sqrt(), turn_rad: variance[2].sqrt() }),
+        sd: Some(PoseOffsetSd { along_px: variance[1].sqrt(), across_px: variance[0].sqrt(), turn_rad: variance[2].sqrt() }),
     })
 }
 
@@ -101,7 +111,7 @@ struct Fitted {
     /// Across (px), along (px) and turn (rad).
     found: Vector3<f64>,
     inverse: Matrix3<f64>,
-    /// One per pair; 0 of those left out.
+    /// One per pair; 0 for pairs that are left out.
     weights: Vec<f64>,
 }
 
@@ -109,7 +119,7 @@ fn prior() -> Matrix3<f64> {
     Matrix3::from_diagonal(&Vector3::from(PRIOR_SD).map(|sd| 1.0 / (sd * sd)))
 }
 
-/// The fit to the pairs that `counts` lets through. `None` of none.
+/// The fit to the pairs for which `counts` is true. `None` where there are none.
 fn fitted(pairs: &[Pair], counts: impl Fn(&Pair) -> bool) -> Option<Fitted> {
     let counted: Vec<bool> = pairs.iter().map(counts).collect();
     if !counted.contains(&true) {
@@ -139,7 +149,7 @@ fn fitted(pairs: &[Pair], counts: impl Fn(&Pair) -> bool) -> Option<Fitted> {
     }
 }
 
-/// Of across (px^2), along (px^2) and turn (rad^2).
+/// Variances of across (px^2), along (px^2) and turn (rad^2).
 fn variance(pairs: &[Pair]) -> Option<Vector3<f64>> {
     let Fitted { found, inverse, weights } = fitted(pairs, |_| true)?;
     let pieces: Vec<(usize, usize)> = (0..STRETCHES)
