@@ -17,8 +17,9 @@ PAGE_SOURCES := $(wildcard web/src/*) web/build.mjs
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
 
-build: deps-build $(PAGE) ## the daemon, release, with the operator's page inside: target/release/carved
+build: deps-build $(PAGE) ## the daemon, release, with the operator's page inside: target/release/carved, its symbols beside it
 	$(CARGO) build --release --locked
+	scripts/split-symbols $(TARGET_DIR)/release/carved
 
 run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes to carved simulate)
 	$(TARGET_DIR)/release/carved simulate $(ARGS)
@@ -35,7 +36,8 @@ test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc test
 lint: deps-build deps-python $(NODE_MODULES) ## formatting, clippy with and without features, types and formatting of page and Python client
 	$(CARGO) fmt --all --check
 	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
-	$(CARGO) clippy --workspace --all-targets --locked --no-default-features -- -D warnings
+	$(CARGO) clippy --workspace --all-targets --locked --no-default-features --features simulate -- -D warnings
+	$(CARGO) clippy -p carved --locked --no-default-features -- -D warnings
 	$(CARGO) clippy -p carved-core --all-targets --locked --no-default-features -- -D warnings
 	@if [ -d "$$(rustc --print target-libdir --target $(WASM))" ]; then \
 		set -x; $(CARGO) check -p carved-core --locked --no-default-features --target $(WASM); \

@@ -11,6 +11,7 @@ mod camera;
 mod check;
 mod daemon;
 mod doctor;
+#[cfg(feature = "simulate")]
 pub mod emulated;
 mod import;
 mod index;
@@ -23,7 +24,9 @@ mod replay;
 mod run;
 mod segment;
 mod serve;
+#[cfg(feature = "simulate")]
 mod simulate;
+#[cfg(feature = "simulate")]
 mod validate;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -42,6 +45,7 @@ enum Command {
     /// Serve an instrument.
     Serve(serve::Args),
     /// Start the emulated rig and the daemon on it, and run a demo plate.
+    #[cfg(feature = "simulate")]
     Simulate(simulate::Args),
     /// Measure recordings again from their frames.
     Measure(measure::Args),
@@ -63,6 +67,7 @@ enum Command {
     /// Find the specimen's outline in single pictures.
     Segment(segment::Args),
     /// Measure simulated specimens of known size: the paper's tables, and how well it measures.
+    #[cfg(feature = "simulate")]
     Validate(validate::Args),
     /// Copy runs elsewhere, verify every hash of the copy and leave a receipt.
     Archive(archive::ArchiveArgs),
@@ -126,6 +131,7 @@ fn run() -> anyhow::Result<ExitCode> {
     let matches = with_negative_numbers(Cli::command()).get_matches();
     match Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit()).command {
         Command::Serve(args) => serve::run(&args),
+        #[cfg(feature = "simulate")]
         Command::Simulate(args) => simulate::run(args),
         Command::Measure(args) => measure::run(&args),
         Command::Replay(args) => replay::run(&args),
@@ -136,6 +142,7 @@ fn run() -> anyhow::Result<ExitCode> {
         // A refusal is an answer of its own: it is printed, and has its own code.
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
+        #[cfg(feature = "simulate")]
         Command::Validate(args) => validate::run(&args),
         Command::Archive(args) => archive::archive(&args),
         Command::Prune(args) => archive::prune(&args),

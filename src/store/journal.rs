@@ -3,9 +3,10 @@
 //!
 //! ```text
 //! append ─> DATA/events.jsonl ─> DATA/runs/RUN/events.jsonl ─> the event counts ─> index
-//!               synced               synced                                        follows by itself
+//!               synced               synced, but for views                         follows by itself
 //! ```
-//! A crash between the two leaves the run's file one line short: the next start adds it.
+//! A crash between the two leaves the run's file one line short. A power loss may also take views from it, which are synced there with
+//! the next other event. The next start adds what is missing.
 //!
 //! Ids rise strictly. A start that finds one that does not (a file that was edited, or a bit that flipped) keeps the file as it is under
 //! another name and numbers on from the line before: no event is lost, and the ids before the damage stay.
@@ -54,9 +55,7 @@ impl Journal {
             None => last_fault(&path)?,
         };
         let mut journal = Self { all, runs: root.join("runs"), of_run: None, next_id, last_fault, index };
-        if let Some(last) = tail.last() {
-            journal.mend(last)?;
-        }
+        journal.mend(&tail)?;
         Ok((journal, tail))
     }
 
@@ -64,11 +63,11 @@ impl Journal {
         self.last_fault
     }
 
-    /// Adds the last event to its run's file where a crash came between the two.
-    fn mend(&mut self, last: &Event) -> Result<(), StoreError> {
-        let Some(run) = last.body.run.as_deref() else { return Ok(()) };
+    /// Adds the newest events to the file of their run where a crash has kept them from it.
+    fn mend(&mut self, tail: &[Event]) -> Result<(), StoreError> {
+        let Some((last, run)) = tail.iter().rev().find_map(|event| Some((event, event.body.run.as_deref()?))) else { return Ok(()) };
         if !is_plain_name(run) {
-            tracing::warn!(run, id = last.id, "the journal's last event names no run, and is in no run's file");
+            tracing::warn!(run, id = last.id, "the newest event of a run has no run's name, and is in no run's file");
             return Ok(());
         }
         let folder = self.runs.join(run);
@@ -77,7 +76,11 @@ impl Journal {
             return Ok(());
         }
         let newest = self.of_run(run)?.tail(1)?.first().and_then(|line| serde_json::from_slice::<Event>(line).ok());
-        if newest.is_none_or(|e| e.id < last.id) { self.append_of_run(run, &line_of(last)?) } else { Ok(()) }
+        let known = newest.map_or(0, |event| event.id);
+        for event in tail.iter().filter(|event| event.id > known && event.body.run.as_deref() == Some(run)) {
+            self.append_of_run(event)?;
+        }
+        Ok(())
     }
 
     fn of_run(&mut self, run: &str) -> Result<&mut Lines, StoreError> {
@@ -93,10 +96,13 @@ impl Journal {
         }
     }
 
-    fn append_of_run(&mut self, run: &str, line: &[u8]) -> Result<(), StoreError> {
+    fn append_of_run(&mut self, event: &Event) -> Result<(), StoreError> {
+        let Some(run) = event.body.run.as_deref() else { return Ok(()) };
+        let line = line_of(event)?;
         let lines = self.of_run(run)?;
-        lines.append(line)?;
-        lines.keep(line);
+        // A turn has a view in each second, and nothing of a restart depends on them.
+        if event.body.data.kind() == kind::VIEW_TAKEN { lines.append_unsynced(&line)? } else { lines.append(&line)? }
+        lines.keep(&line);
         Ok(())
     }
 
@@ -108,9 +114,8 @@ impl Journal {
     /// Writes an event and syncs it; the id it got comes back with it.
     pub fn write(&mut self, body: &EventBody) -> Result<Event, StoreError> {
         let event = Event { id: self.next_id, body: body.clone() };
-        let run = event.body.run.as_deref();
         let line = line_of(&event)?;
-        self.all.append(&line).and_then(|()| run.map_or(Ok(()), |run| self.append_of_run(run, &line))).inspect_err(|_| {
+        self.all.append(&line).and_then(|()| self.append_of_run(&event)).inspect_err(|_| {
             // Not acknowledged, so it is better gone; where that fails too the next line takes its place.
             self.all.drop_rest();
             self.of_run.iter_mut().for_each(|(_, lines)| lines.drop_rest());

@@ -1,4 +1,4 @@
-//! A file of lines that only grows: what was appended and kept is whole and synced; the rest of a line is cut off.
+//! A file of lines that only grows: what was appended and kept is whole; the rest of a line is cut off.
 //!
 //! ```text
 //! line\nline\nline\n│li          open: cut behind the last whole line
@@ -72,15 +72,21 @@ impl Lines {
         Ok(lines[skip..].iter().map(|line| line.to_vec()).collect())
     }
 
-    /// Writes a line (with its end) and syncs it. It counts when it is kept; else the next one takes its place.
+    /// Writes a line (with its end) and syncs it, with all lines before it. It counts when it is kept; else the next one takes its
+    /// place.
     pub fn append(&mut self, line: &[u8]) -> Result<(), StoreError> {
+        self.append_unsynced(line)?;
+        disk::sync(&self.file, &self.path).map_err(StoreError::io("sync", &self.path))
+    }
+
+    /// Writes a line that a power loss may take away.
+    pub fn append_unsynced(&mut self, line: &[u8]) -> Result<(), StoreError> {
         let io = |what| StoreError::io(what, &self.path);
         // What an earlier failure left behind the last good line must not become the beginning of this one.
         if self.file.metadata().map_err(io("look at"))?.len() != self.good_bytes {
             disk::cut(&self.file, &self.path, self.good_bytes).map_err(io("cut the torn last line of"))?;
         }
-        disk::append(&mut self.file, &self.path, line).map_err(io("append to"))?;
-        disk::sync(&self.file, &self.path).map_err(io("sync"))
+        disk::append(&mut self.file, &self.path, line).map_err(io("append to"))
     }
 
     /// Takes away what was written and not kept, where that can be done.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! run folders, events.jsonl ──── the truth
-//!        │ each write is followed here, in one transaction (WAL, synchronous FULL)
+//!        │ each write is followed here, in one transaction (WAL, synchronous NORMAL: after a power loss it may lack the newest)
 //!        ▼
 //!   index.sqlite ──── refreshed at a start: what was written since, by length of the journal and stamp of each run.json
 //!        │            missing or broken: made anew from the folders
@@ -164,7 +164,7 @@ fn connect(path: &Path) -> Result<Connection, StoreError> {
         let connection = Connection::open(path)?;
         connection.busy_timeout(BUSY)?;
         connection.pragma_update(None, "journal_mode", "WAL")?;
-        connection.pragma_update(None, "synchronous", "FULL")?;
+        connection.pragma_update(None, "synchronous", "NORMAL")?;
         Ok(connection)
     };
     prepare().map_err(failed("open", path))
