@@ -49,10 +49,10 @@ impl Running {
         if let Some(left) = self.left_for_the_loader() {
             return Err(self.capillary_full(left.to_owned()));
         }
-        if let Some(open) = self.state.plate.open() {
+        if let Some(open) = self.state().plate.open() {
             return Err(Refusal::HandoffOpen { barcode: open.barcode.clone() });
         }
-        if let Some(inside) = self.state.plate.inside().filter(|inside| *inside != plan.plate_barcode) {
+        if let Some(inside) = self.state().plate.inside().filter(|inside| *inside != plan.plate_barcode) {
             return Err(Refusal::OtherBarcode { expected: inside.to_owned(), found: plan.plate_barcode });
         }
         // `check` has looked it up; a plan that names no method never comes here.

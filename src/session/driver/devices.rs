@@ -68,7 +68,7 @@ impl Running {
 
     /// Raises what a look has found, unless a fault of that code stands already.
     fn stands(&mut self, code: &str, error: DeviceError) {
-        if self.state.faults.open().iter().all(|fault| fault.code != code) {
+        if self.state().faults.open().iter().all(|fault| fault.code != code) {
             self.raise(&error.into());
         }
     }

@@ -34,7 +34,7 @@ impl Running {
         let accepted = self.accepted();
         let Some(active) = &self.active else { return };
         let policy = active.record.method.policy.interrupted;
-        let mut wells = self.state.run.as_ref().map_or_else(Vec::new, |run| run.begun().to_vec());
+        let mut wells = self.state().run.as_ref().map_or_else(Vec::new, |run| run.begun().to_vec());
         // What the loader has brought is not begun: it stays, and is used when the run goes on.
         wells.retain(|well| self.capillary().brought() != Some(well));
         wells.sort_unstable();
@@ -100,7 +100,7 @@ impl Running {
         active.may_go_on = false;
         let record = active.record.clone();
         let status = run_status(&record);
-        let newest = self.state.faults.open().last().filter(|_| by_fault);
+        let newest = self.state().faults.open().last().filter(|_| by_fault);
         let cause = newest.map_or_else(HoldCause::operator, |f| HoldCause { code: f.code.clone(), words: f.plainly().to_owned() });
         let by = if by_fault { HeldBy::Fault } else { HeldBy::Operator };
         self.save(record);

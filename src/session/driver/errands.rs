@@ -55,7 +55,7 @@ impl Running {
                 self.instrument = Some(instrument);
                 self.axis_is_taken(seen.intervention());
                 let status = self.publisher.status();
-                let inside = self.state.plate.inside();
+                let inside = self.state().plate.inside();
                 let checks = preflight::checks(&self.config, &plan, &seen, &status, inside, self.store.free_bytes(), self.disk_budget());
                 // A run would be taken again, before the client can ask for one.
                 self.publish(|_| ());

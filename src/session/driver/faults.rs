@@ -22,7 +22,7 @@ impl Running {
             self.ask(Asked::Halt);
         }
         // What is raised is written behind what failed; a second failure adds nothing.
-        if !std::mem::replace(&mut self.store_failed, true) {
+        if !self.outbox.set_failing(true) {
             self.raise(&error.into());
         }
         if works && HOLDABLE.contains(&self.publisher.status().state) {
@@ -33,13 +33,13 @@ impl Running {
     /// A fault of the run under way.
     pub(super) fn fault(&mut self, error: &RunError) {
         if matches!(error, RunError::Store(_)) {
-            self.store_failed = true;
+            self.outbox.set_failing(true);
         }
         self.raise(error);
     }
 
     pub(super) fn raise(&mut self, error: &RunError) {
-        let raised = fault::of(self.state.faults.newest() + 1, error);
+        let raised = fault::of(self.state().faults.newest() + 1, error);
         let lost = fault::lost_device(error);
         if let Some(lost) = lost.filter(|lost| !self.lost.contains(lost)) {
             self.lost.push(lost);
@@ -54,7 +54,7 @@ impl Running {
 
     /// Takes out of the list what is over, in one revision with what shows that it is.
     pub(super) fn fault_over(&mut self, is_over: impl Fn(&Fault) -> bool, why: &str, change: impl FnOnce(&mut Status)) {
-        let seq = self.state.faults.open().iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
+        let seq = self.state().faults.open().iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
         self.event(None, EventData::FaultsCleared(FaultsCleared { seq, why: why.to_owned() }));
         self.publish(change);
     }
@@ -62,7 +62,7 @@ impl Running {
     /// A disk that failed is tried until it takes writes; what is not on it yet goes first.
     pub(super) fn try_the_store(&mut self) {
         let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
-        if !self.store_failed || works || self.store.free_bytes().is_some_and(|free| free < ROOM_BYTES) {
+        if !self.outbox.is_failing() || works || self.store.free_bytes().is_some_and(|free| free < ROOM_BYTES) {
             return;
         }
         let written = self
@@ -73,7 +73,7 @@ impl Running {
             tracing::warn!(%error, "the disk does not take writes yet");
             return;
         }
-        self.store_failed = false;
+        self.outbox.set_failing(false);
         self.fault_over(Fault::is_of_storage, "the disk takes writes again", |_| ());
         self.resume_by_itself();
     }
@@ -83,7 +83,7 @@ impl Running {
         if let Some(lost) = self.lost.first() {
             return Err(Refusal::DeviceLost { why: lost.way_out().to_owned() });
         }
-        match self.state.faults.open().iter().find(|f| f.operator_required) {
+        match self.state().faults.open().iter().find(|f| f.operator_required) {
             Some(f) if f.is_of_storage() => self.disk_fault().map_or(Ok(()), Err),
             Some(f) => Err(Refusal::FaultStands { seq: f.seq, code: f.code.clone(), message: f.message.clone() }),
             None => Ok(()),
@@ -91,8 +91,8 @@ impl Running {
     }
 
     pub(super) fn acknowledge(&mut self, seq: u64) -> Result<(), Refusal> {
-        let newest = self.state.faults.newest();
-        let Some(fault) = self.state.faults.open().iter().find(|f| f.seq == seq) else {
+        let newest = self.state().faults.newest();
+        let Some(fault) = self.state().faults.open().iter().find(|f| f.seq == seq) else {
             // Over already, by itself or by somebody's word.
             return if (1..=newest).contains(&seq) { Ok(()) } else { Err(Refusal::UnknownFault { seq, newest }) };
         };
@@ -115,9 +115,9 @@ impl Running {
         if !self.publisher.halt().take() {
             return;
         }
-        let latched = self.state.faults.open().iter().any(|f| f.code == fault_table::EMERGENCY_STOP.code);
+        let latched = self.state().faults.open().iter().any(|f| f.code == fault_table::EMERGENCY_STOP.code);
         if !latched {
-            let (seq, since) = (self.state.faults.newest() + 1, jiff::Timestamp::now().to_string());
+            let (seq, since) = (self.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
             let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
             self.event(None, EventData::FaultRaised(fault));
             self.publish(|_| ());

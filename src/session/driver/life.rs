@@ -37,19 +37,12 @@ impl Running {
         });
         // What waits for the disk comes first.
         self.flush()?;
-        let journalled = self.store.save_run(&record).and_then(|()| self.journal.append(Some(id), None, accepted));
-        match journalled {
-            Ok(event) => {
-                self.state.apply(&event.body);
-                self.publisher.announce(event);
+        if let Err(refused) = self.store.save_run(&record).and_then(|()| self.promise_of(Some(id), None, accepted)) {
+            // Not accepted: the same request must not read as known when it comes again.
+            if let Err(error) = self.store.forget_run(id) {
+                tracing::error!(%error, "a run that was refused is still on disk");
             }
-            Err(e) => {
-                // Not accepted: the same request must not read as known when it comes again.
-                if let Err(error) = self.store.forget_run(id) {
-                    tracing::error!(%error, "a run that was refused is still on disk");
-                }
-                return Err(e);
-            }
+            return Err(refused);
         }
         let status = run_status(&record);
         let barcode = record.plan.plate_barcode.clone();
@@ -286,7 +279,7 @@ impl Running {
         let asd = record.method.asd;
         let (status, barcode) = (run_status(&record), record.plan.plate_barcode.clone());
         let end_request = run.end_request();
-        self.state.run = Some(run);
+        self.outbox.recall(run);
         self.active = Some(Active::new(record));
         let loaded_by = if self.loaded_from_outside { LoadedBy::Loader } else { LoadedBy::Sampler };
         self.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }));

@@ -18,6 +18,7 @@ mod errands;
 mod faults;
 mod life;
 mod loader;
+mod outbox;
 mod plates;
 mod progress;
 mod publish;
@@ -26,7 +27,6 @@ mod sealing;
 mod start;
 #[cfg(test)]
 mod tests;
-mod unwritten;
 
 use super::handle::{Command, Publisher};
 use super::heart::{self, Heart};
@@ -41,11 +41,10 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::LoaderGate;
 use carved_records::{Capillary, Device, Event, EventData, InstrumentState, Mode, RunState};
 use errands::Errand;
-use std::collections::VecDeque;
+use outbox::Outbox;
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::mpsc;
-use unwritten::Unwritten;
 
 /// What the driver is made of; `run` consumes it.
 pub struct Driver {
@@ -74,7 +73,7 @@ struct Running {
     config: Arc<Config>,
     mode: Mode,
     store: Store,
-    journal: Journal,
+    outbox: Outbox,
     publisher: Publisher,
     gate: LoaderGate,
     /// Whether the loader fills the capillary.
@@ -84,16 +83,10 @@ struct Running {
     /// At rest while there is no worker and no errand.
     instrument: Option<Instrument>,
     active: Option<Active>,
-    /// What the events say: changed by [`Self::event`] and [`Self::promise`] alone.
-    state: InstrumentState,
     /// A specimen that no run asked for is in the capillary, by the sampler's wire.
     unasked: bool,
     /// Why not even one well would fit on the disk.
     no_room: Option<String>,
-    /// A write failed: what is shown is not all on disk.
-    store_failed: bool,
-    /// What is not on disk yet, oldest first.
-    unwritten: VecDeque<Unwritten>,
     /// Devices that do not answer any more; nothing runs without them.
     lost: Vec<Device>,
     /// Whether the camera is there, wherever the instrument is now.
@@ -181,12 +174,8 @@ impl Running {
             tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
             publisher.tail().iter().map(|event| Event::clone(event)).collect()
         });
-        let mut state = InstrumentState::after(&remembered);
-        state.faults.number_from(journal.last_fault());
-        // A run is known once it is taken up or shown again, from its own file.
-        state.run = None;
         Self {
-            state,
+            outbox: Outbox::new(journal, InstrumentState::after(&remembered)),
             loaded_from_outside: instrument.sampler.waits_for_loader(),
             brings_again: instrument.sampler.brings_again(),
             camera: instrument.rig.camera.link(),
@@ -194,14 +183,11 @@ impl Running {
             config,
             mode,
             store,
-            journal,
             publisher,
             gate,
             active: None,
             unasked: false,
             no_room: None,
-            store_failed: false,
-            unwritten: VecDeque::new(),
             lost: Vec::new(),
             errand: None,
             starting: true,
@@ -209,10 +195,15 @@ impl Running {
         }
     }
 
+    /// What the events say.
+    fn state(&self) -> &InstrumentState {
+        self.outbox.state()
+    }
+
     /// What is in the capillary, as far as is known: in the run under way, or since the newest one.
     fn capillary(&self) -> &Capillary {
         const NOTHING: &Capillary = &Capillary::empty();
-        self.state.run.as_ref().map_or(NOTHING, RunState::capillary)
+        self.state().run.as_ref().map_or(NOTHING, RunState::capillary)
     }
 
     fn beat(&mut self) {

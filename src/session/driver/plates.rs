@@ -21,7 +21,7 @@ impl Running {
         if plate.intent == HandoffIntent::Load && (self.active.is_some() || !STARTABLE.contains(&status.state)) {
             return Err(Refusal::WrongState { state: status.state, accepted_in: STARTABLE.to_vec() });
         }
-        if self.state.plate.open() != Some(&plate) {
+        if self.state().plate.open() != Some(&plate) {
             self.promise(None, EventData::PlateAnnounced(plate.clone()))?;
             self.publish(|_| ());
         }
@@ -33,15 +33,15 @@ impl Running {
         if self.active.is_some() {
             return Some("the run to end".into());
         }
-        if self.store_failed {
+        if self.outbox.is_failing() {
             return Some("the disk to take what is not written yet".into());
         }
         self.capillary().inside().map(to_be_taken_out)
     }
 
     pub(super) fn end_handoff(&mut self, end: HandoffEnd) -> Result<(), Refusal> {
-        let Some(plate) = self.state.plate.open().cloned() else {
-            return if self.state.plate.ended() == Some(end) { Ok(()) } else { Err(Refusal::NoHandoff) };
+        let Some(plate) = self.state().plate.open().cloned() else {
+            return if self.state().plate.ended() == Some(end) { Ok(()) } else { Err(Refusal::NoHandoff) };
         };
         let moved = end == HandoffEnd::Completed;
         if let Some(needs) = self.before_the_plate().filter(|_| moved) {
@@ -55,7 +55,7 @@ impl Running {
         };
         self.promise(None, data)?;
         if moved {
-            let inside = self.state.plate.inside().map(str::to_owned);
+            let inside = self.state().plate.inside().map(str::to_owned);
             self.publish(|s| s.plate = Plate { present: inside.is_some(), barcode: inside, ..Plate::default() });
         } else {
             self.publish(|_| ());

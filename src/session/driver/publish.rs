@@ -54,7 +54,7 @@ impl Running {
             stop: self.stopping || asked == Asked::Stop,
             abort: asked == Asked::Abort,
         };
-        s.faults = self.state.faults.open().to_vec();
+        s.faults = self.state().faults.open().to_vec();
         if let Some(specimen) = &mut s.specimen {
             specimen.in_capillary = self.capillary().inside() == Some(&specimen.well);
         }
@@ -67,26 +67,26 @@ impl Running {
         s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
         // Everything of it is on disk, and only who takes a specimen out knows that it is out. A start may yet take a run up.
         let over = !self.starting && self.active.is_none() && self.capillary().inside().is_none() && !self.unasked;
-        s.plate.removable = over && s.plate.barcode.is_some() && !self.store_failed;
+        s.plate.removable = over && s.plate.barcode.is_some() && !self.outbox.is_failing();
         s.not_ready_reason = self.not_ready(s);
         s.ready = s.not_ready_reason.is_none();
         if let (Some(active), Some(run)) = (&self.active, &mut s.run) {
-            let begun = self.state.run.as_ref().map_or(&[][..], RunState::begun);
+            let begun = self.state().run.as_ref().map_or(&[][..], RunState::begun);
             let recovering = active.recovery.iter().flat_map(Recovery::wells).filter(|well| !begun.iter().any(|b| b == well)).count();
             let waiting = run.wells.pending.saturating_sub((begun.len() + recovering) as u32);
             let shown = s.specimen.as_ref().map(|specimen| specimen.well.as_str());
-            run.eta_s = self.state.paces.remaining(&active.record.plan.method, shown, waiting, jiff::Timestamp::now());
+            run.eta_s = self.state().paces.remaining(&active.record.plan.method, shown, waiting, jiff::Timestamp::now());
         }
         s.doing = sentence::of(s);
     }
 
     pub(super) fn is_held_by_operator(&self) -> bool {
-        self.state.run.as_ref().is_some_and(RunState::is_held_by_operator)
+        self.state().run.as_ref().is_some_and(RunState::is_held_by_operator)
     }
 
     /// Whether the run's method lets it go on once what holds it is over; not for ever where no well gets done.
     pub(super) fn resumes_by_itself(&self) -> bool {
-        let resumed = self.state.run.as_ref().map_or(0, RunState::resumed_by_itself);
+        let resumed = self.state().run.as_ref().map_or(0, RunState::resumed_by_itself);
         resumed < RESUMED_BY_ITSELF && self.active.as_ref().is_some_and(|a| a.record.method.policy.resume == Resume::Automatic)
     }
 
@@ -100,7 +100,7 @@ impl Running {
     /// Why the run is held, and what is to be done next: by the same rule by which it goes on.
     fn hold_of(&self, faults: &[Fault], goes_on_by_itself: bool) -> Option<Hold> {
         let active = self.active.as_ref()?;
-        let run = self.state.run.as_ref()?;
+        let run = self.state().run.as_ref()?;
         let cause = run.held_by()?;
         let times = run.times_held_by(&cause.code).max(1);
         let comes_back = run.resumed_by_itself() > 0 && !self.resumes_by_itself();
@@ -152,7 +152,7 @@ impl Running {
                 self.left_for_the_loader()
                     .map(|well| format!("the specimen of well {well} is still in the capillary; take it out and say so"))
             })
-            .or_else(|| self.state.plate.open().map(|open| format!("plate {} is being handed over", open.barcode)))
+            .or_else(|| self.state().plate.open().map(|open| format!("plate {} is being handed over", open.barcode)))
             .or_else(|| matches!(self.errand, Some(Errand::Preflight { .. })).then(|| Refusal::Busy.to_string()))
             .or_else(|| self.no_room.clone())
     }

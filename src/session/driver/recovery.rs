@@ -203,7 +203,7 @@ impl Running {
         while let Some(planned) = wells.front() {
             let well = planned.well.clone();
             let Some(active) = &self.active else { return };
-            let tried = self.state.run.as_ref().map_or(0, |run| run.recoveries_of(&well));
+            let tried = self.state().run.as_ref().map_or(0, |run| run.recoveries_of(&well));
             if tried >= ATTEMPTS {
                 let why = format!("the daemon has ended in each of {ATTEMPTS} attempts to make its numbers from its frames");
                 let failed = without_numbers(&self.store.run_folder(&active.record.id), planned, &why);

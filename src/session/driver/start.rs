@@ -14,7 +14,7 @@ impl Running {
         let has_translation = self.config.translation.is_some();
         let disk_free_bytes = self.store.free_bytes();
         let calibration = self.calibration();
-        let inside = self.state.plate.inside().map(str::to_owned);
+        let inside = self.state().plate.inside().map(str::to_owned);
         let open = self.open_runs();
         self.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: self.mode }));
         self.publish(|s| {
@@ -67,7 +67,7 @@ impl Running {
         let tail = self.publisher.tail();
         let plate_is_away = tail.iter().any(|event| matches!(event.body.data, EventData::PlateUnloaded(_)) && event.id > accepted);
         let state = rests_in(record.outcome, run.end_request());
-        self.state.run = Some(run);
+        self.outbox.recall(run);
         let barcode = record.plan.plate_barcode.clone();
         let change = self.over(record);
         self.publish(|s| {

@@ -123,7 +123,7 @@ fn is_whole(b: &Bench, root: &Path, outcome: RunOutcome, when: &str) {
         let done = events.iter().filter(|e| e.body.data.kind() == "specimen.done" && e.body.well.as_ref() == Some(&well.well)).count();
         assert_eq!(done, usize::from(well.outcome == Some(carved_records::SpecimenOutcome::Succeeded)), "{when}: {kinds:?}");
     }
-    assert!(b.d.unwritten.is_empty() && b.status().faults.is_empty(), "{when}: {:?}", b.status().faults);
+    assert!(b.d.outbox.waiting() == 0 && b.status().faults.is_empty(), "{when}: {:?}", b.status().faults);
 }
 
 /// Accepts the run, with room made where it was refused.

@@ -143,7 +143,7 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
         drop(b);
         let b = bench(dir.path(), true);
         let status = b.status();
-        assert_eq!((status.plate.present, b.d.state.plate.inside()), (true, Some("P-1")));
+        assert_eq!((status.plate.present, b.d.state().plate.inside()), (true, Some("P-1")));
         assert_eq!(status.faults.iter().map(|f| f.code.as_str()).collect::<Vec<_>>(), [fault_table::INTERNAL_ERROR.code]);
         let active = b.d.active.as_ref().unwrap();
         assert!(b.d.is_held_by_operator() && active.take_out.as_deref() == Some("A02"), "{:?}", active.take_out);

@@ -188,10 +188,10 @@ fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
         b.d.look();
         b.d.try_the_store();
         let status = b.status();
-        assert_eq!((status.state, status.faults.len(), b.d.state.run.as_ref().unwrap().resumed_by_itself()), (State::Held, 0, 0));
+        assert_eq!((status.state, status.faults.len(), b.d.state().run.as_ref().unwrap().resumed_by_itself()), (State::Held, 0, 0));
         b.errand_ends().await;
         assert!(b.works() && b.status().state == State::Unholding, "{:?}", b.status().state);
-        assert_eq!(b.d.state.run.as_ref().unwrap().resumed_by_itself(), 1);
+        assert_eq!(b.d.state().run.as_ref().unwrap().resumed_by_itself(), 1);
     });
 }
 

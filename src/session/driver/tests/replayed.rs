@@ -118,11 +118,7 @@ async fn takes(b: &mut Bench, step: &Step) {
 /// The state that the journal and what waits for the disk say.
 fn replayed(b: &Bench, root: &Path) -> InstrumentState {
     let mut state = InstrumentState::after(&journalled(root));
-    for waits in &b.d.unwritten {
-        if let Unwritten::Event(body) = waits {
-            state.apply(body);
-        }
-    }
+    b.d.outbox.waiting_events().for_each(|body| state.apply(body));
     state
 }
 
@@ -138,8 +134,8 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
                 takes(&mut b, step).await;
             }
             let when = format!("after step {at} of {steps:?}");
-            assert_eq!(b.d.state, replayed(&b, dir.path()), "{when}");
-            assert_eq!(b.status().faults, b.d.state.faults.open(), "{when}");
+            assert_eq!(*b.d.state(), replayed(&b, dir.path()), "{when}");
+            assert_eq!(b.status().faults, b.d.state().faults.open(), "{when}");
             let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
             assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
         }
