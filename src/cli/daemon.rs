@@ -2,7 +2,7 @@
 
 use super::notify;
 use crate::config::Config;
-use crate::session::{self, Driver, Heart, Instrument, MethodOffer, SessionHandle};
+use crate::session::{self, Driver, Heartbeat, Instrument, MethodOffer, SessionHandle};
 use crate::store::{Claim, Store};
 use anyhow::Context;
 use carved_devices::sampler::LoaderGate;
@@ -38,8 +38,8 @@ impl Daemon {
         let reader = store.reader();
         let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
         let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
-        let heart = Heart::default();
-        let driver = Driver { config: config.clone(), mode, store, journal, publisher, instrument, gate, heart: heart.clone() };
+        let heartbeat = Heartbeat::default();
+        let driver = Driver { config: config.clone(), mode, store, journal, publisher, instrument, gate, heartbeat: heartbeat.clone() };
         let (stop_in, stop) = watch::channel(false);
         // The driver syncs to disk: it has a thread of its own, so that no request waits for a disk.
         let driving = {
@@ -50,7 +50,7 @@ impl Daemon {
                 .context("cannot start the driver")?
         };
         let served = runtime.block_on(async {
-            let told = tokio::spawn(tell_systemd(handle.clone(), heart.clone()));
+            let told = tokio::spawn(tell_systemd(handle.clone(), heartbeat.clone()));
             let mut serving = tokio::spawn(crate::http::serve(listener, handle.clone(), reader, config.http.clone(), stopped(stop)));
             announce!("{greeting} http://{listen}  status: http://{listen}/v1/status");
             let beside = beside(handle);
@@ -89,8 +89,8 @@ impl Daemon {
     }
 }
 
-/// Ready, then the sentence of every revision, and the watchdog's ping while the driver's heart beats.
-async fn tell_systemd(session: SessionHandle, heart: Heart) {
+/// Ready, then the sentence of every revision, and the watchdog's ping while the driver's heartbeat is recent.
+async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
     let sentences = async {
         // The first snapshot is the driver's promise; the second is its first word.
         let mut status = session.status_after(1).await;
@@ -100,7 +100,7 @@ async fn tell_systemd(session: SessionHandle, heart: Heart) {
             notify::status(&status.doing);
         }
     };
-    tokio::join!(sentences, notify::watchdog(|| heart.beats()));
+    tokio::join!(sentences, notify::watchdog(|| heartbeat.is_alive()));
 }
 
 async fn stopped(mut stop: watch::Receiver<bool>) {

@@ -11,7 +11,7 @@ mod fault;
 mod gate;
 mod halt;
 mod handle;
-mod heart;
+mod heartbeat;
 mod live;
 pub mod numbers;
 mod offer;
@@ -26,7 +26,7 @@ mod worker;
 pub use driver::{Driver, DriverError};
 pub use halt::Halt;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Shown, Towards, channel};
-pub use heart::Heart;
+pub use heartbeat::Heartbeat;
 pub use offer::MethodOffer;
 pub use preflight::Check;
 pub use status::{

@@ -1,8 +1,8 @@
 //! What a run would need, looked at before it is asked for: everything that fails is told, each with its way out.
 //!
 //! ```text
-//! blocking thread: look ──► axis asked, one frame taken and judged ──► Seen
-//! driver: checks(plan, Seen, status, disk) ──► [code, passed, blocks, detail, what to do]
+//! blocking thread: look ──► axis asked, one frame taken and judged ──► DeviceReport
+//! driver: checks(plan, DeviceReport, status, disk) ──► [code, passed, blocks, detail, what to do]
 //! ```
 
 use super::worker::Instrument;
@@ -32,12 +32,12 @@ pub struct Check {
 }
 
 /// What a look at the instrument has found.
-pub struct Seen {
+pub struct DeviceReport {
     axis: Result<(), DeviceError>,
     light: Result<Light, DeviceError>,
 }
 
-impl Seen {
+impl DeviceReport {
     /// What a person or a safety circuit has done to the axis; some controllers say so once only.
     pub fn intervention(&self) -> Option<&DeviceError> {
         self.axis.as_ref().err().filter(|error| matches!(error, DeviceError::Intervention { .. }))
@@ -45,7 +45,7 @@ impl Seen {
 }
 
 /// Asks the axis and takes a frame; nothing moves.
-pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Seen) {
+pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, DeviceReport) {
     let rig = &mut instrument.rig;
     let axis = rig.rotation.check();
     let camera = rig.camera.as_mut();
@@ -55,7 +55,7 @@ pub fn look(mut instrument: Instrument, deadline: Duration) -> (Instrument, Seen
     {
         tracing::warn!(%error, "the camera did not disarm");
     }
-    (instrument, Seen { axis, light })
+    (instrument, DeviceReport { axis, light })
 }
 
 /// Background below which a profile drowns in the sensor's noise, grey levels of 255.
@@ -101,7 +101,7 @@ pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
 pub fn checks(
     config: &Config,
     plan: &RunPlan,
-    seen: &Seen,
+    seen: &DeviceReport,
     status: &Status,
     plate_inside: Option<&str>,
     free_bytes: Option<u64>,
@@ -220,7 +220,7 @@ mod tests {
         let status = crate::session::driver::Driver::first_status(carved_records::Mode::Hardware, "b".into());
         let calibration = |specimen| {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
-            let seen = Seen { axis: Ok(()), light: Ok(Light { background: 200.0, saturated: 0.0, focus: 1.0 }) };
+            let seen = DeviceReport { axis: Ok(()), light: Ok(Light { background: 200.0, saturated: 0.0, focus: 1.0 }) };
             let checks = checks(&config, &plan, &seen, &status, None, Some(u64::MAX), None);
             checks.into_iter().find(|c| c.code == "calibration").unwrap()
         };

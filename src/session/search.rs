@@ -16,17 +16,17 @@ use tokio::task::JoinHandle;
 pub const LOOK: Duration = Duration::from_millis(250);
 
 /// What a look has found of each device.
-pub struct Found {
+pub struct DevicesFound {
     pub rotation: Result<(), DeviceError>,
     pub camera: Result<(), DeviceError>,
 }
 
 /// One look at the devices; it owns the instrument meanwhile.
-pub type Search = JoinHandle<(Instrument, Found)>;
+pub type Search = JoinHandle<(Instrument, DevicesFound)>;
 
 pub fn begin(mut instrument: Instrument) -> Search {
     tokio::task::spawn_blocking(move || {
-        let found = Found { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
+        let found = DevicesFound { rotation: instrument.rig.rotation.check(), camera: instrument.rig.camera.reopen() };
         // The wire is watched also while a person has the axis: specimens may be exchanged by hand then.
         if matches!(found.rotation, Ok(()) | Err(DeviceError::Intervention { .. }))
             && let Err(error) = instrument.sampler.look(instrument.rig.rotation.as_mut())

@@ -1,7 +1,7 @@
 //! A run from its acceptance to its outcome, and the work on it.
 
 use super::super::worker::{Instrument, Progress, RunEnd};
-use super::recovery::{Made, Recovery, Then};
+use super::recovery::{Made, Recovery, Continuation};
 use crate::store::RunRecord;
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
@@ -10,7 +10,7 @@ use tokio::task::{JoinError, JoinHandle};
 
 /// What becomes of the run once its worker has ended; the later one wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Asked {
+pub(super) enum Request {
     Nothing,
     Hold,
     /// By a fault.
@@ -28,9 +28,9 @@ pub(super) struct Active {
     /// Numbers that are made from the frames of specimens that are gone.
     pub recovery: Option<Recovery>,
     /// What waits for these numbers.
-    pub then: Option<Then>,
-    pub asked: Asked,
-    /// What else held it is over by itself: it goes on once an errand has brought the instrument back.
+    pub continuation: Option<Continuation>,
+    pub request: Request,
+    /// What else held it is over by itself: it goes on once a background task has brought the instrument back.
     pub may_go_on: bool,
     /// The well whose specimen the loader is asked for.
     pub waiting_for: Option<String>,
@@ -69,8 +69,8 @@ impl Active {
             record,
             work: None,
             recovery: None,
-            then: None,
-            asked: Asked::Nothing,
+            continuation: None,
+            request: Request::Nothing,
             may_go_on: false,
             waiting_for: None,
             take_out: None,
@@ -81,26 +81,26 @@ impl Active {
     }
 }
 
-pub(super) enum Word {
+pub(super) enum Message {
     Progress(Progress),
     Ended(Result<(Instrument, RunEnd), JoinError>),
     Recovered(Made),
 }
 
 /// The worker's next word, its end only after everything it said before; or numbers that were made from frames.
-pub(super) async fn word_of(active: &mut Option<Active>) -> Word {
+pub(super) async fn next_message(active: &mut Option<Active>) -> Message {
     let Some(Active { work, recovery, .. }) = active else { return std::future::pending().await };
     let worker = async {
         let Some(work) = work else { return std::future::pending().await };
         tokio::select! {
             biased;
-            Some(progress) = work.progress.recv() => Word::Progress(progress),
-            ended = &mut work.worker => Word::Ended(ended),
+            Some(progress) = work.progress.recv() => Message::Progress(progress),
+            ended = &mut work.worker => Message::Ended(ended),
         }
     };
     let numbers = async {
         match recovery {
-            Some(recovery) => Word::Recovered(recovery.made().await),
+            Some(recovery) => Message::Recovered(recovery.made().await),
             None => std::future::pending().await,
         }
     };

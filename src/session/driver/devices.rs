@@ -3,7 +3,7 @@
 use super::super::{Status, gate};
 use super::super::{search, worker::Instrument};
 use super::Running;
-use super::errands::Errand;
+use super::background::BackgroundTask;
 use crate::store::calibrations;
 use carved_devices::DeviceError;
 use carved_records::{CalibrationStatus, Device, fault_table};
@@ -19,16 +19,16 @@ impl Running {
 
     /// At rest the devices are asked whether they are still there.
     pub(super) fn look(&mut self) {
-        if self.errand.is_some() || self.instrument.is_none() {
+        if self.task.is_some() || self.instrument.is_none() {
             return;
         }
         if self.camera.is_lost() {
             self.lose(Device::Camera, DeviceError::ControlLost);
         }
-        self.errand = self.instrument.take().map(|instrument| Errand::Search(search::begin(instrument)));
+        self.task = self.instrument.take().map(|instrument| BackgroundTask::Search(search::begin(instrument)));
     }
 
-    pub(super) fn searched(&mut self, instrument: Instrument, found: search::Found) {
+    pub(super) fn searched(&mut self, instrument: Instrument, found: search::DevicesFound) {
         let identity = instrument.rig.rotation.identity().to_owned();
         let specimen = instrument.sampler.sees_specimen();
         self.instrument = Some(instrument);

@@ -9,9 +9,9 @@
 use super::super::state::Trigger;
 use super::super::{State, Status, gate};
 use super::Running;
-use super::active::Asked;
+use super::active::Request;
 use super::publish::run_status;
-use super::recovery::Then;
+use super::recovery::Continuation;
 use crate::config::Interrupted;
 use crate::store::RunRecord;
 use carved_records::{EventData, HeldBy, HoldCause, RunEnded, RunHeld, RunOutcome, SpecimenInterrupted, SpecimenOutcome, WellCounts};
@@ -96,7 +96,7 @@ impl Running {
             self.go(Trigger::Hold);
         }
         let Some(active) = &mut self.active else { return };
-        active.then = None;
+        active.continuation = None;
         active.may_go_on = false;
         let record = active.record.clone();
         let status = run_status(&record);
@@ -112,7 +112,7 @@ impl Running {
     pub(super) fn finish(&mut self) {
         self.go(Trigger::WellsDone);
         self.recover();
-        if !self.waits_for_numbers(Then::Finish) {
+        if !self.waits_for_numbers(Continuation::Finish) {
             self.close();
         }
     }
@@ -138,7 +138,7 @@ impl Running {
     /// Ends the run as it was asked to, once specimens that are gone have their numbers.
     pub(super) fn end_run(&mut self) {
         self.recover();
-        if !self.waits_for_numbers(Then::End) {
+        if !self.waits_for_numbers(Continuation::End) {
             self.end_now();
         }
     }
@@ -146,18 +146,18 @@ impl Running {
     /// Stopped, aborted, or with the daemon.
     pub(super) fn end_now(&mut self) {
         let Some(active) = &self.active else { return };
-        let (asked, mut record) = (active.asked, active.record.clone());
+        let (asked, mut record) = (active.request, active.record.clone());
         let (left, reason) = match asked {
-            Asked::Abort => (SpecimenOutcome::Aborted, "the run was aborted"),
-            Asked::Stop => (SpecimenOutcome::Aborted, "the run was stopped before this well"),
+            Request::Abort => (SpecimenOutcome::Aborted, "the run was aborted"),
+            Request::Stop => (SpecimenOutcome::Aborted, "the run was stopped before this well"),
             _ => (SpecimenOutcome::Interrupted, "the daemon was stopped"),
         };
         for well in record.wells.iter_mut().filter(|w| w.outcome.is_none()) {
             well.end(left, Some(reason));
         }
         record.end(match asked {
-            Asked::Abort => RunOutcome::Aborted,
-            Asked::Stop => RunOutcome::of_stopped(&record.wells),
+            Request::Abort => RunOutcome::Aborted,
+            Request::Stop => RunOutcome::of_stopped(&record.wells),
             _ => RunOutcome::Interrupted,
         });
         self.seal_run(&record.id);
@@ -168,8 +168,8 @@ impl Running {
         self.no_room = self.lacks_room();
         let change = self.over(&record);
         match asked {
-            Asked::Abort => self.go_with(Trigger::MotorsStopped, change),
-            Asked::Stop if !self.stopping => self.go_with(Trigger::Joined, change),
+            Request::Abort => self.go_with(Trigger::MotorsStopped, change),
+            Request::Stop if !self.stopping => self.go_with(Trigger::Joined, change),
             // The daemon's own end follows when everything is joined.
             _ => self.publish(change),
         }

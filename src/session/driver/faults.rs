@@ -4,7 +4,7 @@ use super::super::fault;
 use super::super::state::{HOLDABLE, Trigger};
 use super::super::worker::RunError;
 use super::super::{Refusal, State, Status};
-use super::{Asked, Running};
+use super::{Request, Running};
 use crate::store::StoreError;
 use carved_records::{Device, EventData, Fault, FaultAcknowledged, FaultsCleared, fault_table};
 
@@ -19,7 +19,7 @@ impl Running {
         tracing::error!(%error, "not stored");
         let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
         if works {
-            self.ask(Asked::Halt);
+            self.ask(Request::Halt);
         }
         // What is raised is written behind what failed; a second failure adds nothing.
         if !self.outbox.set_failing(true) {

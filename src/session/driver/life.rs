@@ -11,7 +11,7 @@ use super::super::state::Trigger;
 use super::super::worker::{self, Instrument, RunContext, RunEnd};
 use super::super::{Plate, Refusal, State, Status, gate};
 use super::Running;
-use super::active::{Active, Asked, Work};
+use super::active::{Active, Request, Work};
 use super::ends::Fate;
 use super::publish::run_status;
 use crate::config::Method;
@@ -92,7 +92,7 @@ impl Running {
             progress: progress_in,
         };
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
-        active.asked = Asked::Nothing;
+        active.request = Request::Nothing;
         active.halted = false;
         active.lacks_gate = lacks_gate;
         active.work = Some(Work { cancel, pause, stop, worker, progress });
@@ -105,23 +105,23 @@ impl Running {
     }
 
     /// Notes how the run is to end, and tells the worker: after its specimen, or at once.
-    pub(super) fn ask(&mut self, what: Asked) {
+    pub(super) fn ask(&mut self, what: Request) {
         let Some(active) = &mut self.active else { return };
-        active.asked = active.asked.max(what);
-        active.halted |= what == Asked::Halt;
+        active.request = active.request.max(what);
+        active.halted |= what == Request::Halt;
         let Some(work) = &active.work else { return };
         match what {
-            Asked::Nothing => {}
-            Asked::Hold | Asked::Stop => {
+            Request::Nothing => {}
+            Request::Hold | Request::Stop => {
                 work.pause.cancel();
                 self.gate.give_up();
             }
             // Motors first; the worker then ends by itself.
-            Asked::Halt => {
+            Request::Halt => {
                 work.cancel.cancel();
                 work.stop.end_motion();
             }
-            Asked::Abort | Asked::ShutDown => {
+            Request::Abort | Request::ShutDown => {
                 work.cancel.cancel();
                 work.stop.stop();
             }
@@ -138,7 +138,7 @@ impl Running {
             self.publish(|_| ());
             return Ok(());
         }
-        self.ask(Asked::Hold);
+        self.ask(Request::Hold);
         self.go(Trigger::Hold);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
             self.rest(false);
@@ -148,7 +148,7 @@ impl Running {
 
     pub(super) fn stop(&mut self) -> Result<(), Refusal> {
         self.promise(None, EventData::RunStopRequested)?;
-        self.ask(Asked::Stop);
+        self.ask(Request::Stop);
         self.go(Trigger::Stop);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
             self.end_run();
@@ -158,7 +158,7 @@ impl Running {
 
     /// Whatever the disk says: it is told as soon as it can be.
     pub(super) fn abort(&mut self) {
-        self.ask(Asked::Abort);
+        self.ask(Request::Abort);
         self.go(Trigger::Abort);
         self.event(None, EventData::RunAbortRequested);
         if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
@@ -212,7 +212,7 @@ impl Running {
         self.go_on_if_it_may();
     }
 
-    /// At once, or when the errand that has the instrument is done.
+    /// At once, or when the background task that has the instrument is done.
     pub(super) fn go_on_if_it_may(&mut self) {
         let may = self.active.as_ref().is_some_and(|a| a.may_go_on) && !self.is_held_by_operator();
         if !may || self.publisher.status().state != State::Held {
@@ -234,10 +234,10 @@ impl Running {
         let Some(active) = &mut self.active else { return };
         active.work = None;
         active.waiting_for = None;
-        let (asked, halted) = (active.asked, active.halted);
+        let (asked, halted) = (active.request, active.halted);
         // Whoever cut it short was told so, also where the last well was done in the same moment.
-        let at_once = matches!(asked, Asked::Abort | Asked::ShutDown);
-        let over = at_once || asked == Asked::Stop && matches!(end, RunEnd::AllWells | RunEnd::Paused);
+        let at_once = matches!(asked, Request::Abort | Request::ShutDown);
+        let over = at_once || asked == Request::Stop && matches!(end, RunEnd::AllWells | RunEnd::Paused);
         match end {
             _ if over => {
                 if let RunEnd::Failed(error) = end {
@@ -245,7 +245,7 @@ impl Running {
                 }
                 self.end_run();
             }
-            RunEnd::AllWells if asked != Asked::Halt => self.finish(),
+            RunEnd::AllWells if asked != Request::Halt => self.finish(),
             RunEnd::Failed(error) => {
                 let fate = match worker::keeps_specimen(&error) {
                     false => Fate::PoseLost,
@@ -257,11 +257,11 @@ impl Running {
                 self.interrupt_specimen(&error.to_string(), fate);
                 self.rest(true);
             }
-            RunEnd::Paused if asked == Asked::Hold => {
+            RunEnd::Paused if asked == Request::Hold => {
                 self.rest(false);
             }
             // Also where it was to stop after its specimen: `rest` then ends it.
-            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Asked::Halt || asked == Asked::Stop && halted => {
+            RunEnd::AllWells | RunEnd::Paused | RunEnd::Cancelled if asked == Request::Halt || asked == Request::Stop && halted => {
                 self.interrupt_specimen("the run could not be stored", Fate::PoseLost);
                 self.rest(true);
             }
@@ -288,10 +288,10 @@ impl Running {
         let to_be_taken_out = self.capillary().inside().filter(|inside| self.capillary().brought() != Some(inside)).map(str::to_owned);
         if let Some(active) = &mut self.active {
             // Known before it is shown: who reads in between is not to take the run for one that waits for somebody.
-            active.asked = match end_request {
-                Some(EndRequest::Abort) => Asked::Abort,
-                Some(EndRequest::Stop) => Asked::Stop,
-                None => Asked::Nothing,
+            active.request = match end_request {
+                Some(EndRequest::Abort) => Request::Abort,
+                Some(EndRequest::Stop) => Request::Stop,
+                None => Request::Nothing,
             };
             active.may_go_on = may_go_on;
             *(if self.loaded_from_outside { &mut active.take_out } else { &mut active.eject_first }) = to_be_taken_out;

@@ -14,7 +14,7 @@ mod active;
 mod commands;
 mod devices;
 mod ends;
-mod errands;
+mod background;
 mod faults;
 mod life;
 mod loader;
@@ -29,18 +29,18 @@ mod start;
 mod tests;
 
 use super::handle::{Command, Publisher};
-use super::heart::{self, Heart};
+use super::heartbeat::{self, Heartbeat};
 use super::state::Trigger;
 use super::worker::Instrument;
 use super::{Plate, State, Status, search};
 use crate::config::Config;
 use crate::store::{Journal, Store, StoreError};
-use active::{Active, Asked, Word, word_of};
+use active::{Active, Request, Message, next_message};
 use carved_devices::Link;
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::LoaderGate;
 use carved_records::{Capillary, Device, Event, EventData, InstrumentState, Mode, RunState};
-use errands::Errand;
+use background::BackgroundTask;
 use outbox::Outbox;
 use std::future::Future;
 use std::sync::Arc;
@@ -56,7 +56,7 @@ pub struct Driver {
     pub instrument: Instrument,
     /// Where the loader's word goes, on a rig that is loaded from outside.
     pub gate: LoaderGate,
-    pub heart: Heart,
+    pub heartbeat: Heartbeat,
 }
 
 /// Why the driver ended.
@@ -80,7 +80,7 @@ struct Running {
     loaded_from_outside: bool,
     /// Whether a specimen that was taken out can be brought again.
     brings_again: bool,
-    /// At rest while there is no worker and no errand.
+    /// At rest while there is no worker and no task.
     instrument: Option<Instrument>,
     active: Option<Active>,
     /// A specimen that no run asked for is in the capillary, by the sampler's wire.
@@ -92,7 +92,7 @@ struct Running {
     /// Whether the camera is there, wherever the instrument is now.
     camera: Link,
     /// A look at the devices without a run, which has the instrument.
-    errand: Option<Errand>,
+    task: Option<BackgroundTask>,
     /// What an earlier life left is not looked at yet.
     starting: bool,
     stopping: bool,
@@ -125,30 +125,30 @@ impl Driver {
 
     /// Serves commands until `shutdown`; then the motors are stopped, the record is closed and everything is joined.
     pub async fn run(self, mut mailbox: mpsc::Receiver<Command>, shutdown: impl Future<Output = ()>) -> Result<(), DriverError> {
-        let (heart, halt) = (self.heart.clone(), self.publisher.halt().clone());
+        let (heartbeat, halt) = (self.heartbeat.clone(), self.publisher.halt().clone());
         let mut d = Running::new(self);
-        d.first_words();
+        d.first_report();
         tokio::pin!(shutdown);
-        let mut beat = tokio::time::interval(heart::BEAT);
+        let mut beat = tokio::time::interval(heartbeat::INTERVAL);
         let mut look = tokio::time::interval(search::LOOK);
         loop {
-            if d.stopping && d.active.is_none() && d.errand.is_none() {
+            if d.stopping && d.active.is_none() && d.task.is_none() {
                 d.go(Trigger::Joined);
-                return Ok(d.last_word()?);
+                return Ok(d.final_report()?);
             }
             tokio::select! {
                 biased;
                 () = &mut shutdown, if !d.stopping => d.shut_down(),
                 // Not only by the mailbox: who pressed it may have hung up before its word was in.
                 () = halt.pressed(), if !d.stopping => d.emergency_pressed(),
-                word = word_of(&mut d.active) => match word {
-                    Word::Progress(progress) => d.progress(progress),
-                    Word::Recovered(ended) => d.recovered(ended),
-                    Word::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?),
+                word = next_message(&mut d.active) => match word {
+                    Message::Progress(progress) => d.progress(progress),
+                    Message::Recovered(ended) => d.recovered(ended),
+                    Message::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?),
                 },
-                done = errands::ended(&mut d.errand) => d.errand_done(done.map_err(|_| DriverError::WorkerPanicked)?),
+                done = background::ended(&mut d.task) => d.task_done(done.map_err(|_| DriverError::WorkerPanicked)?),
                 _ = beat.tick() => {
-                    heart.beat();
+                    heartbeat.beat();
                     d.beat();
                 }
                 _ = look.tick(), if d.active.is_some() => d.show_camera(),
@@ -167,7 +167,7 @@ impl Driver {
 
 impl Running {
     fn new(driver: Driver) -> Self {
-        let Driver { config, mode, store, journal, publisher, instrument, gate, heart: _ } = driver;
+        let Driver { config, mode, store, journal, publisher, instrument, gate, heartbeat: _ } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
         // The journal's tail alone would forget a plate within some dozen wells: most of it are views.
         let remembered = store.remembered().unwrap_or_else(|error| {
@@ -189,7 +189,7 @@ impl Running {
             unasked: false,
             no_room: None,
             lost: Vec::new(),
-            errand: None,
+            task: None,
             starting: true,
             stopping: false,
         }
@@ -218,7 +218,7 @@ impl Running {
 
     fn shut_down(&mut self) {
         self.stopping = true;
-        self.ask(Asked::ShutDown);
+        self.ask(Request::ShutDown);
         self.go(Trigger::ShutDown);
         if self.active.is_some() {
             self.event(None, EventData::DaemonStopping);

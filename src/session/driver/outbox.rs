@@ -155,7 +155,7 @@ impl Running {
     }
 
     /// The daemon's last word, and one more try for what is not on disk.
-    pub(super) fn last_word(&mut self) -> Result<(), StoreError> {
+    pub(super) fn final_report(&mut self) -> Result<(), StoreError> {
         let told = self.promise(None, EventData::DaemonStopped);
         if self.outbox.waiting() > 0 {
             tracing::error!(waiting = self.outbox.waiting(), "the daemon ends with events and records that the disk did not take");

@@ -4,7 +4,7 @@ use super::super::state::Trigger;
 use super::super::worker::Progress;
 use super::super::{Live, Shown, SpecimenStatus, State, gate};
 use super::Running;
-use super::active::Asked;
+use super::active::Request;
 use super::publish::run_status;
 use carved_records::{AttemptFailed, EventData, Phase, PhaseEntered, SpecimenDone, ViewTaken, WellStatus, WellTimes};
 
@@ -94,7 +94,7 @@ impl Running {
     fn waits_for_loader(&mut self, well: &str) {
         if self.capillary().brought() == Some(well) {
             // Brought before the run went on. Not over a hold's word to the one who waits: it then stays until the run goes on again.
-            if self.active.as_ref().is_some_and(|a| a.asked == Asked::Nothing) {
+            if self.active.as_ref().is_some_and(|a| a.request == Request::Nothing) {
                 self.gate.say_loaded(well);
             }
             return;

@@ -3,7 +3,7 @@
 use super::super::state::{self, Trigger};
 use super::super::{Hold, Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
 use super::recovery::Recovery;
-use super::{Active, Asked, Errand, Running};
+use super::{Active, Request, BackgroundTask, Running};
 use crate::store::RunRecord;
 use carved_records::{Fault, Phase, Resume, RunState, WellCounts};
 
@@ -47,12 +47,12 @@ impl Running {
 
     /// What follows from the rest.
     fn derive(&self, s: &mut Status) {
-        let asked = self.active.as_ref().map_or(Asked::Nothing, |a| a.asked);
+        let asked = self.active.as_ref().map_or(Request::Nothing, |a| a.request);
         let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
         s.pending = Pending {
-            hold: works && matches!(asked, Asked::Hold | Asked::Halt),
-            stop: self.stopping || asked == Asked::Stop,
-            abort: asked == Asked::Abort,
+            hold: works && matches!(asked, Request::Hold | Request::Halt),
+            stop: self.stopping || asked == Request::Stop,
+            abort: asked == Request::Abort,
         };
         s.faults = self.state().faults.open().to_vec();
         if let Some(specimen) = &mut s.specimen {
@@ -106,7 +106,7 @@ impl Running {
         let comes_back = run.resumed_by_itself() > 0 && !self.resumes_by_itself();
         let next_action = match faults.last() {
             Some(fault) => Some(fault.what_to_do.clone()),
-            None if goes_on_by_itself || matches!(active.asked, Asked::Stop | Asked::Abort | Asked::ShutDown) => None,
+            None if goes_on_by_itself || matches!(active.request, Request::Stop | Request::Abort | Request::ShutDown) => None,
             None if comes_back => Some("Find out why it comes back. Then let the run go on.".to_owned()),
             None => Some("Let the run go on when you are ready.".to_owned()),
         };
@@ -153,7 +153,7 @@ impl Running {
                     .map(|well| format!("the specimen of well {well} is still in the capillary; take it out and say so"))
             })
             .or_else(|| self.state().plate.open().map(|open| format!("plate {} is being handed over", open.barcode)))
-            .or_else(|| matches!(self.errand, Some(Errand::Preflight { .. })).then(|| Refusal::Busy.to_string()))
+            .or_else(|| matches!(self.task, Some(BackgroundTask::Preflight { .. })).then(|| Refusal::Busy.to_string()))
             .or_else(|| self.no_room.clone())
     }
 }

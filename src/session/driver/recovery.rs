@@ -55,7 +55,7 @@ pub(super) struct Recovery {
 
 /// What waits for the numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Then {
+pub(super) enum Continuation {
     Finish,
     End,
 }
@@ -69,10 +69,10 @@ impl Recovery {
         let recovery = Self::awaited(wells, run, done, allowed);
         let decided = Arc::clone(&recovery.decided);
         let spawned = std::thread::Builder::new().name("numbers".into()).spawn(move || {
-            let found = Found::of_frames(&folder, &planned);
+            let found = StoredNumbers::of_frames(&folder, &planned);
             if !decided.swap(true, Ordering::AcqRel) {
                 // The driver is gone with the daemon.
-                let _nobody = tell.send(found.and_then(Found::keep));
+                let _nobody = tell.send(found.and_then(StoredNumbers::keep));
             }
         });
         // Its end of the channel is gone with it, as if it had panicked.
@@ -115,7 +115,7 @@ impl Recovery {
 }
 
 /// What the frames of a specimen say, before any of it is written.
-struct Found {
+struct StoredNumbers {
     result: WellStatus,
     reader: RecordingReader,
     numbers: Option<Box<(Mesh, MeasurementFile)>>,
@@ -124,7 +124,7 @@ struct Found {
     closed: bool,
 }
 
-impl Found {
+impl StoredNumbers {
     /// Numbers of a specimen that was accepted, as its live run would have made them.
     ///
     /// # Errors
@@ -225,9 +225,9 @@ impl Running {
     }
 
     /// Whether `then` has to wait for numbers that are being made; it is done once they are there.
-    pub(super) fn waits_for_numbers(&mut self, then: Then) -> bool {
+    pub(super) fn waits_for_numbers(&mut self, then: Continuation) -> bool {
         let Some(active) = self.active.as_mut().filter(|a| a.recovery.is_some()) else { return false };
-        active.then = Some(then);
+        active.continuation = Some(then);
         true
     }
 
@@ -253,9 +253,9 @@ impl Running {
             // As where a live run cannot write them: it is held, and they are made when it goes on.
             Err(error) => {
                 self.keep(Err(error));
-                match self.active.as_mut().and_then(|a| a.then.take()) {
-                    Some(Then::Finish) => self.rest(true),
-                    Some(Then::End) => self.end_now(),
+                match self.active.as_mut().and_then(|a| a.continuation.take()) {
+                    Some(Continuation::Finish) => self.rest(true),
+                    Some(Continuation::End) => self.end_now(),
                     None => {}
                 }
             }
@@ -264,9 +264,9 @@ impl Running {
 
     /// What has waited for the numbers is done.
     fn go_on(&mut self) {
-        match self.active.as_mut().and_then(|a| a.then.take()) {
-            Some(Then::Finish) => self.close(),
-            Some(Then::End) => self.end_now(),
+        match self.active.as_mut().and_then(|a| a.continuation.take()) {
+            Some(Continuation::Finish) => self.close(),
+            Some(Continuation::End) => self.end_now(),
             None => {}
         }
     }

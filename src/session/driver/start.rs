@@ -8,7 +8,7 @@ use carved_records::{DaemonStarted, EndRequest, Event, EventData, InstrumentStat
 
 impl Running {
     /// Puts the first word into the status. A disk that takes nothing is a fault, not the end of the daemon.
-    pub(super) fn first_words(&mut self) {
+    pub(super) fn first_report(&mut self) {
         let second = self.instrument.as_ref().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
         let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
         let has_translation = self.config.translation.is_some();

@@ -2,7 +2,7 @@
 
 use super::bench::{Arm, Bench, bench, count, journalled, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Refusal, Towards};
-use crate::session::search::Found;
+use crate::session::search::DevicesFound;
 use crate::session::worker::RunEnd;
 use carved_devices::DeviceError;
 use carved_records::{Phase, fault_table};
@@ -15,7 +15,7 @@ fn held() -> DeviceError {
 fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
     let mut instrument = b.d.instrument.take().unwrap();
     instrument.sampler = Box::new(Arm { waits: false, brings_again: false, wire });
-    b.d.searched(instrument, Found { rotation, camera: Ok(()) });
+    b.d.searched(instrument, DevicesFound { rotation, camera: Ok(()) });
 }
 
 #[test]

@@ -149,7 +149,7 @@ pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle,
         publisher,
         instrument,
         gate: LoaderGate::default(),
-        heart: Heart::default(),
+        heartbeat: Heartbeat::default(),
     };
     (driver, handle, mailbox)
 }
@@ -158,7 +158,7 @@ pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle,
 pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
     let (driver, handle, mailbox) = driver(root, loaded_from_outside);
     let mut d = Running::new(driver);
-    d.first_words();
+    d.first_report();
     Bench { d, handle, _mailbox: mailbox, inside: None }
 }
 
@@ -219,9 +219,9 @@ impl Bench {
     /// A beat, and the look at the devices that it begins; commands wait for that.
     pub async fn beat(&mut self) {
         self.d.beat();
-        if self.d.errand.is_some() {
-            let done = errands::ended(&mut self.d.errand).await.unwrap();
-            self.d.errand_done(done);
+        if self.d.task.is_some() {
+            let done = background::ended(&mut self.d.task).await.unwrap();
+            self.d.task_done(done);
         }
     }
 

@@ -209,7 +209,7 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
                         is_whole(&b, dir.path(), RunOutcome::Aborted, &when);
                     }
                     b.d.shut_down();
-                    b.d.last_word().unwrap();
+                    b.d.final_report().unwrap();
                     was_full |= disk_trace::was_full();
                     disk_trace::end();
                     drop(b);
@@ -229,7 +229,7 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
     }
 }
 
-/// Asked to stop after its specimen, and halted by the disk in mid-specimen: it ends as it was asked to, and nobody has aborted it.
+/// Request to stop after its specimen, and halted by the disk in mid-specimen: it ends as it was asked to, and nobody has aborted it.
 #[test]
 fn a_stop_on_a_full_disk_stays_a_stop() {
     for at in 0.. {

@@ -3,7 +3,7 @@
 use super::super::*;
 use super::bench::{RUN, bench, count, driver, journalled, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Accepted, Refusal, Towards};
-use crate::session::search::Found;
+use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, ResumedBy, ViewTaken, fault_table};
@@ -59,14 +59,14 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
         b.phase("A01", Phase::Position, true);
         b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
         let mut instrument = b.d.instrument.take().unwrap();
-        b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+        b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
         assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
         instrument = b.d.instrument.take().unwrap();
-        b.d.searched(instrument, Found { rotation: Err(gone()), camera: Ok(()) });
+        b.d.searched(instrument, DevicesFound { rotation: Err(gone()), camera: Ok(()) });
         instrument = b.d.instrument.take().unwrap();
         b.loaded("A01", false).unwrap();
         assert_eq!((b.status().state, b.works()), (State::Held, false));
-        b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+        b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
         assert!(b.works(), "{:?}", b.status().state);
     });
 }

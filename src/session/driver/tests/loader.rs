@@ -3,7 +3,7 @@
 use super::super::*;
 use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Accepted, Refusal, Towards};
-use crate::session::search::Found;
+use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::store::StoreError;
 use carved_devices::DeviceError;
@@ -48,9 +48,9 @@ impl Bench {
         self.status().specimen.filter(|s| s.in_capillary).map(|s| s.well)
     }
 
-    async fn errand_ends(&mut self) {
-        let done = errands::ended(&mut self.d.errand).await.unwrap();
-        self.d.errand_done(done);
+    async fn task_ends(&mut self) {
+        let done = background::ended(&mut self.d.task).await.unwrap();
+        self.d.task_done(done);
     }
 }
 
@@ -167,7 +167,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
             }
             assert_eq!((b.status().state, b.status().run.unwrap().held_by_operator), (State::Held, held));
             let instrument = b.d.instrument.take().unwrap();
-            b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+            b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
             let expected = if held { State::Held } else { State::Suspended };
             assert_eq!((b.status().state, b.status().faults.len()), (expected, 0), "before {before}, after {after}");
             if held {
@@ -189,7 +189,7 @@ fn a_run_that_may_go_on_does_so_when_the_errand_is_done() {
         b.d.try_the_store();
         let status = b.status();
         assert_eq!((status.state, status.faults.len(), b.d.state().run.as_ref().unwrap().resumed_by_itself()), (State::Held, 0, 0));
-        b.errand_ends().await;
+        b.task_ends().await;
         assert!(b.works() && b.status().state == State::Unholding, "{:?}", b.status().state);
         assert_eq!(b.d.state().run.as_ref().unwrap().resumed_by_itself(), 1);
     });
@@ -206,7 +206,7 @@ fn what_is_ready_takes_a_run() {
         b.d.preflight(plan(&["A01"]), answer);
         assert!(b.status().not_ready_reason.is_some_and(|why| why.contains("being checked")));
         assert_eq!(b.put("r1"), Err(Refusal::Busy));
-        b.errand_ends().await;
+        b.task_ends().await;
         assert!(b.status().ready);
         Arc::get_mut(&mut b.d.config).unwrap().store.budget_gb = Some(1e-3);
         b.d.look_for_room();

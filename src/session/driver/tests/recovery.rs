@@ -1,8 +1,8 @@
 //! Numbers that are made from frames, where making them takes too long or costs the daemon its life.
 
-use super::super::active::word_of;
+use super::super::active::next_message;
 use super::super::ends::Fate;
-use super::super::recovery::{Recovery, Then};
+use super::super::recovery::{Recovery, Continuation};
 use super::super::*;
 use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch, started};
 use crate::session::worker::RunEnd;
@@ -134,8 +134,8 @@ fn numbers_that_take_longer_than_the_method_allows_fail_their_well_and_let_the_r
         let active = b.d.active.as_mut().unwrap();
         active.work = None;
         active.recovery = Some(Recovery::awaited(planned, &run, done, Duration::from_millis(1)));
-        active.then = Some(Then::End);
-        let Word::Recovered(made) = word_of(&mut b.d.active).await else { panic!("another word") };
+        active.continuation = Some(Continuation::End);
+        let Message::Recovered(made) = next_message(&mut b.d.active).await else { panic!("another word") };
         b.d.recovered(made);
         let well = of_well(&b, 0);
         let why = well.reason.unwrap();

@@ -3,7 +3,7 @@
 use super::super::*;
 use super::bench::{bench, driver, on_this_thread, plan, scratch, started};
 use crate::session::handle::{Refusal, Towards};
-use crate::session::search::Found;
+use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use crate::store::disk_trace;
 use carved_devices::DeviceError;
@@ -26,7 +26,7 @@ fn snapshots(root: &Path) -> Vec<Status> {
         move || seen.borrow_mut().push(handle.status())
     };
     disk_trace::fill(usize::MAX, witness);
-    d.first_words();
+    d.first_report();
     disk_trace::end();
     seen.borrow_mut().push(handle.status());
     seen.take()
@@ -139,7 +139,7 @@ fn a_hold_whose_cause_is_over_names_it_and_the_next_action() {
             assert_eq!((hold.code.as_str(), hold.times), ("rotation_lost", times));
             assert!(hold.next_action.unwrap().contains("power and cable"), "while it is away");
             let instrument = b.d.instrument.take().unwrap();
-            b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+            b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
             assert_eq!(b.works(), times < 4, "{times}: {:?}", b.status().state);
             b.tell(Progress::Ready);
         }

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, on_this_thread, scratch, started};
 use crate::session::Live;
-use crate::session::search::Found;
+use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd};
 use carved_devices::DeviceError;
 use carved_devices::acquisition::Light;
@@ -63,7 +63,7 @@ fn a_specimen_that_is_begun_anew_is_shown_from_its_first_view_on() {
         b.turns("A01", 5);
         b.ends(RunEnd::Failed(DeviceError::Gone { device: "rotation axis", why: "the cable".into() }.into())).await;
         let instrument = b.d.instrument.take().unwrap();
-        b.d.searched(instrument, Found { rotation: Ok(()), camera: Ok(()) });
+        b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
         assert!(b.works(), "{:?}", b.status().state);
         b.tell(Progress::Ready);
         b.turns("A01", 2);

@@ -1,8 +1,8 @@
 //! What takes the instrument for a moment while no run has it: a look at the devices, or a whole preflight.
 
 use super::super::handle::Refusal;
-use super::super::preflight::{self, Check, Seen};
-use super::super::search::{Found, Search};
+use super::super::preflight::{self, Check, DeviceReport};
+use super::super::search::{DevicesFound, Search};
 use super::super::state::STARTABLE;
 use super::super::worker::Instrument;
 use super::Running;
@@ -10,32 +10,32 @@ use carved_records::RunPlan;
 use tokio::sync::oneshot;
 use tokio::task::{JoinError, JoinHandle};
 
-pub(super) enum Errand {
+pub(super) enum BackgroundTask {
     Search(Search),
-    Preflight { look: JoinHandle<(Instrument, Seen)>, plan: Box<RunPlan>, answer: oneshot::Sender<Result<Vec<Check>, Refusal>> },
+    Preflight { look: JoinHandle<(Instrument, DeviceReport)>, plan: Box<RunPlan>, answer: oneshot::Sender<Result<Vec<Check>, Refusal>> },
 }
 
-/// What an errand has brought back.
+/// What a background task has brought back.
 pub(super) enum Done {
-    Searched(Instrument, Found),
-    Preflight(Instrument, Seen, Box<RunPlan>, oneshot::Sender<Result<Vec<Check>, Refusal>>),
+    Searched(Instrument, DevicesFound),
+    Preflight(Instrument, DeviceReport, Box<RunPlan>, oneshot::Sender<Result<Vec<Check>, Refusal>>),
 }
 
-/// The end of an errand; never, where none is under way.
-pub(super) async fn ended(errand: &mut Option<Errand>) -> Result<Done, JoinError> {
+/// The end of a background task; never, where none is under way.
+pub(super) async fn ended(task: &mut Option<BackgroundTask>) -> Result<Done, JoinError> {
     // Waited for in place: what is given up half way is still there the next time.
     enum Brought {
-        Search((Instrument, Found)),
-        Preflight((Instrument, Seen)),
+        Search((Instrument, DevicesFound)),
+        Preflight((Instrument, DeviceReport)),
     }
-    let brought = match errand {
+    let brought = match task {
         None => return std::future::pending().await,
-        Some(Errand::Search(search)) => Brought::Search(search.await?),
-        Some(Errand::Preflight { look, .. }) => Brought::Preflight(look.await?),
+        Some(BackgroundTask::Search(search)) => Brought::Search(search.await?),
+        Some(BackgroundTask::Preflight { look, .. }) => Brought::Preflight(look.await?),
     };
-    match (brought, errand.take()) {
+    match (brought, task.take()) {
         (Brought::Search((instrument, found)), _) => Ok(Done::Searched(instrument, found)),
-        (Brought::Preflight((instrument, seen)), Some(Errand::Preflight { plan, answer, .. })) => {
+        (Brought::Preflight((instrument, seen)), Some(BackgroundTask::Preflight { plan, answer, .. })) => {
             Ok(Done::Preflight(instrument, seen, plan, answer))
         }
         (Brought::Preflight(_), _) => std::future::pending().await,
@@ -45,10 +45,10 @@ pub(super) async fn ended(errand: &mut Option<Errand>) -> Result<Done, JoinError
 impl Running {
     /// Whether commands wait: a look takes milliseconds, unless a device is away.
     pub(super) fn is_looking(&self) -> bool {
-        matches!(self.errand, Some(Errand::Search(_))) && self.lost.is_empty()
+        matches!(self.task, Some(BackgroundTask::Search(_))) && self.lost.is_empty()
     }
 
-    pub(super) fn errand_done(&mut self, done: Done) {
+    pub(super) fn task_done(&mut self, done: Done) {
         match done {
             Done::Searched(instrument, found) => self.searched(instrument, found),
             Done::Preflight(instrument, seen, plan, answer) => {
@@ -76,7 +76,7 @@ impl Running {
         } else if let Some(instrument) = self.instrument.take() {
             let deadline = std::time::Duration::from_millis(self.config.acquisition.grab_deadline_ms.into());
             let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline));
-            self.errand = Some(Errand::Preflight { look, plan: Box::new(plan), answer });
+            self.task = Some(BackgroundTask::Preflight { look, plan: Box::new(plan), answer });
             // No run would be taken meanwhile.
             self.publish(|_| ());
             return;
