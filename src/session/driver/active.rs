@@ -1,7 +1,7 @@
 //! A run from its acceptance to its outcome, and the work on it.
 
 use super::super::worker::{Instrument, Progress, RunEnd};
-use super::recovery::{Made, Recovery, Continuation};
+use super::recovery::{Continuation, Made, Recovery};
 use crate::store::RunRecord;
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;

@@ -11,10 +11,10 @@
 //! A run is [`Active`] from its acceptance to its outcome. It has a worker, which has the instrument, or none while it is held.
 
 mod active;
+mod background;
 mod commands;
 mod devices;
 mod ends;
-mod background;
 mod faults;
 mod life;
 mod loader;
@@ -35,12 +35,12 @@ use super::worker::Instrument;
 use super::{Plate, State, Status, search};
 use crate::config::Config;
 use crate::store::{Journal, Store, StoreError};
-use active::{Active, Request, Message, next_message};
+use active::{Active, Message, Request, next_message};
+use background::BackgroundTask;
 use carved_devices::Link;
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::LoaderGate;
 use carved_records::{Capillary, Device, Event, EventData, InstrumentState, Mode, RunState};
-use background::BackgroundTask;
 use outbox::Outbox;
 use std::future::Future;
 use std::sync::Arc;

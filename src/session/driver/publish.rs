@@ -3,7 +3,7 @@
 use super::super::state::{self, Trigger};
 use super::super::{Hold, Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
 use super::recovery::Recovery;
-use super::{Active, Request, BackgroundTask, Running};
+use super::{Active, BackgroundTask, Request, Running};
 use crate::store::RunRecord;
 use carved_records::{Fault, Phase, Resume, RunState, WellCounts};
 

@@ -2,7 +2,7 @@
 
 use super::super::active::next_message;
 use super::super::ends::Fate;
-use super::super::recovery::{Recovery, Continuation};
+use super::super::recovery::{Continuation, Recovery};
 use super::super::*;
 use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch, started};
 use crate::session::worker::RunEnd;
