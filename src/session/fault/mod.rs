@@ -98,7 +98,7 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
         RunError::Optics { fault, .. } => match fault {
             OpticsFault::Level(_) | OpticsFault::Light(_) => &table::PICTURE_LIGHT,
             OpticsFault::Capillary(_) => &table::CAPILLARY_NOT_SEEN,
-            OpticsFault::Scale { .. } | OpticsFault::Zoom { .. } => &table::SCALE_OFF,
+            OpticsFault::Scale { .. } | OpticsFault::Bore { .. } | OpticsFault::Zoom { .. } => &table::SCALE_OFF,
             OpticsFault::Frame(_) | OpticsFault::Near(_) | OpticsFault::Plan(_) | OpticsFault::Pipeline(_) => &table::SETUP_UNUSABLE,
         },
         RunError::Store(e) if e.is_full() => &table::DISK_FULL,
