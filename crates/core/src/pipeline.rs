@@ -138,7 +138,8 @@ pub struct SpecimenRecord {
     /// Every number that is held against a limit of the method.
     #[serde(default)]
     pub quality: Option<Quality>,
-    /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the view at 360 deg gave no
+    /// `bad_view`, `clipped_left`, `clipped_right`, `outside_box`, `moved`, `closure_undecided` (the closure view cannot tell whether
+    /// the specimen moved beyond a limit), `no_closure` (the view at 360 deg gave no
     /// profile, so that a specimen that moved would show in the residuals only), `dead_looking` (opaque throughout in most
     /// views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the voxels are trusted), `uncalibrated`
     /// (measured with the rig's camera as it is), `calibration_gate` (another axis leaves a larger hull: views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says),
@@ -426,7 +427,10 @@ impl Pipeline {
         flag(clipped(Detection::is_clipped_right), "clipped_right");
         flag(hull.touches_box(), "outside_box");
         flag(quality.raises("few_views"), "few_views");
-        flag(quality.raises("moved") || found.is_some_and(|c| c.moved.is_some()), "moved");
+        let moved = quality.raises("moved") || found.is_some_and(|c| c.moved.is_some());
+        flag(moved, "moved");
+        // The turn of a bead cannot be told, and changes nothing.
+        flag(quality.is_undecided() && !moved && !self.settings.sphere, "closure_undecided");
         flag(closure.is_none(), "no_closure");
         flag(looks_dead(&self.views), "dead_looking");
         flag(blur_is_off(&self.views, self.settings.segment.edge.blur_px), "blur_mismatch");

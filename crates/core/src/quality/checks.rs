@@ -19,7 +19,7 @@ pub struct Check {
     pub view: Option<u32>,
     /// Beyond the limit: the flag is raised. Where there is an `sd`, the interval of two `sd` about `found` is wholly beyond it.
     pub over: bool,
-    /// That interval holds the limit: the measurement cannot tell whether the limit is exceeded. No flag is raised.
+    /// That interval holds the limit: the measurement cannot tell whether the limit is exceeded. `flag` is not raised.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub undecided: bool,
     pub flag: String,
@@ -102,6 +102,11 @@ impl Quality {
 
     pub fn raises(&self, flag: &str) -> bool {
         self.checks.iter().any(|c| c.over && c.flag == flag)
+    }
+
+    /// Whether the measurement cannot tell of some number whether it is over its limit.
+    pub fn is_undecided(&self) -> bool {
+        self.checks.iter().any(|c| c.undecided)
     }
 
     /// Each flag that is raised, once.
