@@ -33,15 +33,11 @@ pub trait Sampler: Send {
     /// Whether a specimen that was taken out can be brought again: whoever brings what lies next on a plate cannot.
     fn brings_again(&self) -> bool;
     /// A new run begins: a capillary that was seen empty before may have been filled since. A run that goes on is no new one.
-    fn begin_run(&mut self) {}
+    fn begin_run(&mut self);
     /// Looks at the wire that says that a specimen is there, while nothing runs; it moves and resets nothing.
-    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
-        Ok(())
-    }
+    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError>;
     /// Whether the looks while nothing runs have found a specimen; nothing where no wire tells, or not for long enough yet.
-    fn sees_specimen(&self) -> Option<bool> {
-        None
-    }
+    fn sees_specimen(&self) -> Option<bool>;
     /// Brings the specimen of a well into the capillary; nothing where the run was cancelled or paused meanwhile. `axis` may have the
     /// wire that says that it is there.
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
@@ -52,9 +48,7 @@ pub trait Sampler: Send {
     fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError>;
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError>;
     /// Washes what the specimen of this well was in; of an outside loader that is its own business.
-    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
-        Ok(())
-    }
+    fn wash(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError>;
 }
 
 /// What a wait for the loader ends with.
@@ -119,6 +113,16 @@ impl Sampler for LoaderSampler {
         true
     }
 
+    fn begin_run(&mut self) {}
+
+    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        None
+    }
+
     fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (slot, changed) = &*self.gate.0;
         let mut said = slot.lock().unwrap_or_else(PoisonError::into_inner);
@@ -148,6 +152,9 @@ impl Sampler for LoaderSampler {
     }
 
     fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
 }
