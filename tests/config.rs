@@ -119,3 +119,23 @@ fn a_camera_inside_the_box_is_refused_with_both_numbers_and_the_unit() {
     let ((still, _), (tilted, said)) = (check(&[near]), check(&[near, ("alpha_deg = 0.0 ", "alpha_deg = 60.0 ")]));
     assert!(still && !tilted, "{said}");
 }
+
+/// A data sheet's 0.65 mm, and what no capillary is.
+#[test]
+fn a_bore_that_no_capillary_has_is_refused_with_both_numbers() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rig.toml");
+    let text = std::fs::read_to_string(folder().join("simulated.toml")).unwrap();
+    let with = |bore: &str| text.replace("# bore_um = 650.0", &format!("bore_um = {bore}"));
+    for bore in ["0.65", "99.9", "5001", "-650", "nan", "inf"] {
+        std::fs::write(&path, with(bore)).unwrap();
+        let output = run(&["config", "check", path.to_str().unwrap()]);
+        let said = stderr(&output);
+        let value = if bore == "nan" { "NaN" } else { bore };
+        let line = format!("optics.bore_um = {value}; expected 100 to 5000 um");
+        assert!(!output.status.success() && said.lines().any(|l| l.trim() == line), "{line} is not in: {said}");
+        assert!(said.contains("1 value(s)"), "{said}");
+    }
+    assert_eq!(Config::parse(&with("650.0"), &path).unwrap().bore_um, Some(650.0));
+    assert_eq!(Config::parse(&text, &path).unwrap().bore_um, None);
+}

@@ -648,3 +648,18 @@ fn motors_that_are_switched_off_between_moves_are_refused() {
         }
     }
 }
+
+/// A person presses feed hold while the axis stands, and a run ends by a fault of something else before anybody has asked the controller.
+/// The reset of a stop would end that hold.
+#[test]
+fn a_hold_at_rest_outlasts_the_programs_stop_and_not_a_persons() {
+    for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {
+        let mut bench = Bench::with(20.0, controller);
+        bench.settings.answer_timeout_ms = 300;
+        let mut grbl = bench.referenced();
+        bench.press(Button::FeedHold);
+        is_left_alone(&bench, &mut grbl, "feed hold");
+        grbl.stop_handle().stop();
+        bench.is_cured_by_a_reference(&mut grbl);
+    }
+}

@@ -11,7 +11,9 @@ mod common;
 
 use common::spoiled::Spoiled;
 use common::{Instrument, Rate, SLOW, SLOW_REFERENCE, json, run, stderr};
-use hardware_sim::scene::{Placement, Specimen};
+use hardware_sim::SamplerSettings;
+use hardware_sim::sampler::Next;
+use hardware_sim::scene::{Contents, Placement, Specimen};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -183,4 +185,39 @@ fn numbers_are_made_beside_the_next_load_and_no_further() {
     assert!(phase("A01", "reconstruct") < phase("A01", "measure") && phase("A01", "measure") < phase("A01", "eject"));
     assert!(phase("A01", "eject") < at("A01", "specimen.done", None), "done is what is out and on disk");
     assert!(at("A01", "specimen.done", None) < phase("A02", "position"), "no more than one specimen's numbers are made at once");
+}
+
+/// A vendor's sampler does not take the specimen out: what was found of it stands all the same, and is told.
+fn verdict_is_told(specimen: Specimen, outcome: &str) {
+    // Much longer than the daemon waits.
+    let stuck = SamplerSettings { load_s: 20.0, eject_s: 1e6, bounce_s: 0.004 };
+    let changes = [("driver = \"loader\"", "driver = \"trigger\"\ndone_output = true\neject_timeout_ms = 2000".to_owned())];
+    let policy = "retries = 0, clipped = \"skip\", interrupted = \"skip\", bead_gate = \"off\"";
+    let instrument = Instrument::filled_by(Some(stuck), &QUICK, policy, &changes, |scene| scene);
+    instrument.put(&[json!({"well": "A01", "dpf": 4}), json!({"well": "A02", "dpf": 4})]);
+    instrument.daemon.wait("the load", |s| s["specimen"]["phase"] == "load");
+    let (brought, taken) = (instrument.scene.clone(), instrument.scene.clone());
+    let bring = Box::new(move || brought.load(Some(specimen)).unwrap());
+    let take_away = Box::new(move || taken.load(Contents::default()).unwrap());
+    instrument.rig.sampler().unwrap().give(Next { bring, take_away });
+    let status = instrument.daemon.wait("the hold", |s| s["state"] == "Held");
+    assert_eq!(status["faults"][0]["code"], "sampler_failed", "{status}");
+    assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!("A01"), &json!(true)), "{status}");
+    let result = &status["run"]["results"][0];
+    assert_eq!((&result["outcome"], result["volume_um3"].is_number()), (&json!(outcome), outcome == "succeeded"), "{status}");
+    assert_eq!(status["run"]["wells"]["pending"], 1, "{status}");
+    let of_a01 = |kind: &str| instrument.events().into_iter().filter(|e| e["kind"] == kind && e["well"] == "A01").collect::<Vec<_>>();
+    let done = of_a01("specimen.done");
+    assert_eq!((done.len(), &done[0]["data"]["outcome"]), (1, &json!(outcome)), "{done:?}");
+    assert_eq!(of_a01("specimen.interrupted").len(), 0, "{outcome}");
+}
+
+#[test]
+fn numbers_are_told_where_the_specimen_cannot_be_taken_out() {
+    verdict_is_told(larva(), "succeeded");
+}
+
+#[test]
+fn that_a_well_is_skipped_is_told_where_its_specimen_cannot_be_taken_out() {
+    verdict_is_told(larva().placed(Placement { x_um: 2000.0, ..Placement::default() }), "skipped");
 }

@@ -11,7 +11,7 @@ mod common;
 
 use common::{Daemon, Instrument, QUICK};
 use hardware_sim::sampler::Next;
-use hardware_sim::scene::{Contents, Exposure, Scene, Specimen};
+use hardware_sim::scene::{Camera, Contents, Exposure, Scene, SceneSettings, Specimen};
 use hardware_sim::{PixelFormat, Pixels, SamplerSettings, Sight};
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex};
@@ -28,11 +28,28 @@ enum Optics {
     DimmedOnce(u64, u32),
     /// The camera looks beside the capillary, at the lamp.
     NoCapillary,
+    /// Somebody has put in a lens of twice the scale.
+    TwiceTheLens,
 }
 
 struct Before {
     scene: Arc<Scene>,
+    /// The same capillary before a lens of twice the scale.
+    magnified: Scene,
     optics: Arc<Mutex<Optics>>,
+}
+
+impl Before {
+    fn new(scene: Arc<Scene>, optics: Arc<Mutex<Optics>>) -> Self {
+        let settings = scene.settings().clone();
+        let camera = Camera {
+            kx_px_per_um: 2.0 * settings.camera.kx_px_per_um,
+            ky_px_per_um: 2.0 * settings.camera.ky_px_per_um,
+            ..settings.camera
+        };
+        let magnified = Scene::new(SceneSettings { camera, ..settings });
+        Self { scene, magnified, optics }
+    }
 }
 
 impl Sight for Before {
@@ -41,13 +58,17 @@ impl Sight for Before {
     }
 
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels {
+        if *self.optics.lock().unwrap() == Optics::TwiceTheLens {
+            self.magnified.load(Contents::clone(&self.scene.contents())).unwrap();
+            return self.magnified.look(exposure, format);
+        }
         let mut seen = self.scene.look(exposure, format);
         let percent = match *self.optics.lock().unwrap() {
             Optics::NoCapillary => return Pixels::filled(seen.width, seen.height, format, 190),
             Optics::Dimmed(percent) => percent,
             Optics::DimmedFrom(from, percent) if exposure.number >= from => percent,
             Optics::DimmedOnce(at, percent) if exposure.number == at => percent,
-            Optics::Sound | Optics::DimmedFrom(..) | Optics::DimmedOnce(..) => 100,
+            Optics::Sound | Optics::DimmedFrom(..) | Optics::DimmedOnce(..) | Optics::TwiceTheLens => 100,
         };
         seen.bytes.iter_mut().for_each(|byte| *byte = (u32::from(*byte) * percent / 100) as u8);
         seen
@@ -68,7 +89,7 @@ impl Bench {
     fn with(sampler: Option<SamplerSettings>, policy: &str, more: &[(&str, String)]) -> Self {
         let optics = Arc::new(Mutex::new(Optics::Sound));
         let before = Arc::clone(&optics);
-        let instrument = Instrument::filled_by(sampler, &QUICK, policy, more, |scene| Arc::new(Before { scene, optics: before }));
+        let instrument = Instrument::filled_by(sampler, &QUICK, policy, more, |scene| Arc::new(Before::new(scene, before)));
         Self { instrument, optics }
     }
 
@@ -288,4 +309,24 @@ fn a_scale_that_the_capillary_contradicts_holds_the_run() {
     let status = bench.held("A01", "scale_off");
     let said = status["faults"][0]["message"].as_str().unwrap();
     assert!(said.contains("ky_px_per_um = 1.8") && said.contains("box_um"), "{said}");
+}
+
+/// The bore of 650 um then looks 1300 um wide, which a box of 1000 um does not contradict: only the configured bore tells it.
+#[test]
+fn a_lens_of_twice_the_scale_holds_the_run_where_the_bore_is_configured() {
+    let bore = [("[rotation]", "bore_um = 650.0\n[rotation]".to_owned())];
+    let bench = Bench::with(None, POLICY, &bore);
+    bench.put(&["A01", "A02"]);
+    bench.bring("A01");
+    bench.daemon().wait("the second well", |s| s["plate"]["bring"] == "A02" && s["run"]["wells"]["pending"] == 1);
+    bench.set(Optics::TwiceTheLens);
+    bench.bring("A02");
+    let status = bench.held("A02", "scale_off");
+    let said = status["faults"][0]["message"].as_str().unwrap();
+    let seen_um: f64 = said.split("bore measures ").nth(1).and_then(|s| s.split(' ').next()).unwrap().parse().unwrap();
+    // A wall's line is found to a px: 2 px of 236 are 11 um.
+    assert!((seen_um - 1300.0).abs() < 15.0 && said.contains("optics.bore_um is 650 um") && said.contains("20 %"), "{said}");
+    bench.set(Optics::Sound);
+    bench.go_on(&status);
+    bench.ends();
 }

@@ -2,28 +2,22 @@
 //! turn that ends early.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
+mod closures;
+
 use carved::cli::emulated;
-use carved::config::Config;
 use carved_core::calibration::PoseOffset;
 use carved_core::carver::Leaves;
-use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{BoxUm, VoxelGrid};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SegmentedFrame, SpecimenRecord};
 use carved_core::profile::{Mask, Polygon};
 use carved_core::reconstruction::{Reconstruction, ReconstructionSettings};
 use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
+use closures::{ASD, Done, even, finished, readings, rendered, settings};
 use hardware_sim::analytic::{self, Disturbance, Fault, Phantom, Pose};
-use hardware_sim::scene::{Camera, Contents, Exposure, Placement, Scene, SceneSettings, Specimen};
+use hardware_sim::scene::{Camera, Contents, Placement, Specimen};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
-use std::path::Path;
 use std::sync::OnceLock;
-
-const ASD: u32 = 21;
-
-fn even() -> Vec<f64> {
-    (0..ASD).map(|i| TAU * f64::from(i) / f64::from(ASD)).collect()
-}
 
 /// How a larva lies at 360 deg that was moved by `by` after the last view, on a rig with a day's drift and noise.
 fn closed(seed: u64, by: Pose) -> PoseOffset {
@@ -85,37 +79,8 @@ fn the_closure_view_tells_how_far_the_specimen_moved() {
     });
 }
 
-fn settings() -> PipelineSettings {
-    let mut config = Config::parse(include_str!("../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
-    let mut method = config.methods.remove("standard").unwrap();
-    (method.asd, method.voxel_um) = (ASD, 17.1);
-    method.pipeline(&config.optics, false).unwrap()
-}
-
-fn rendered(contents: Contents, omegas: &[f64]) -> Vec<SegmentedFrame> {
-    shown(contents, omegas, 0)
-}
-
-/// Exposures are numbered from `first` on: each has its own noise.
-fn shown(contents: Contents, omegas: &[f64], first: u64) -> Vec<SegmentedFrame> {
-    let looker = Pipeline::new(settings()).unwrap();
-    let scene = Scene::new(SceneSettings::default());
-    scene.load(contents).unwrap();
-    let render = |(number, &angle_rad): (usize, &f64)| {
-        let frame = scene.render(&Exposure { angle_rad, number: first + number as u64 });
-        let frame = RawFrame::new(frame.width, frame.height, PixelFormat::BayerRG8, frame.to_bayer_rg8()).unwrap();
-        looker.look(&frame).unwrap()
-    };
-    omegas.par_iter().enumerate().map(render).collect()
-}
-
 fn larva(seed: u64) -> Contents {
     Specimen::larva(4, seed).unwrap().placed(Placement::default()).into()
-}
-
-fn finished(mut pipeline: Pipeline, closure: &SegmentedFrame) -> SpecimenRecord {
-    pipeline.observe_closure(closure);
-    pipeline.finish().unwrap().1
 }
 
 #[test]
@@ -327,81 +292,53 @@ fn numbers_depend_on_the_newest_takes_alone() {
     });
 }
 
-/// Larvae of 3 to 5 dpf in any place and roll, rendered and segmented, on a shaft without errors: a reading per closure frame, with what
-/// was done to the specimen before it.
-fn readings(seeds: std::ops::Range<u64>) -> Vec<(&'static str, PoseOffset, SpecimenRecord)> {
-    let of_seed = |seed: u64| {
-        let omegas = even();
-        // A fin reaches to 35 um from the glass: there is room for 22 um across, from below the axis to above it.
-        let seeded = analytic::Pose::seeded(seed);
-        // Every other one lies as its left and right are alike in the first view: its edges there hardly tell a turn.
-        let roll_rad = if seed.is_multiple_of(2) { 0.0 } else { seeded.roll_rad };
-        let place = analytic::Pose { y_um: -11.0, z_um: seeded.z_um / 4.0, roll_rad, ..seeded };
-        let larva = Specimen::larva(3 + (seed % 3) as u8, seed).unwrap();
-        let at = |turn_deg: f64, x_um: f64, y_um: f64| -> Contents {
-            let (sin, cos) = turn_deg.to_radians().sin_cos();
-            let place = Placement {
-                x_um: place.x_um + x_um,
-                y_um: place.y_um * cos - place.z_um * sin + y_um,
-                z_um: place.y_um * sin + place.z_um * cos,
-                roll_rad: place.roll_rad + turn_deg.to_radians(),
-                ..Placement::default()
-            };
-            larva.clone().placed(place).into()
-        };
-        let seen = rendered(at(0.0, 0.0, 0.0), &omegas);
-        let cases = [
-            ("still", at(0.0, 0.0, 0.0), 2 * seed + 1000),
-            ("still", at(0.0, 0.0, 0.0), 2 * seed + 1001),
-            ("turned by 10 deg", at(10.0, 0.0, 0.0), 3000),
-            ("turned by -10 deg", at(-10.0, 0.0, 0.0), 3000),
-            ("moved by 4 px along", at(0.0, 22.0, 0.0), 3000),
-            ("moved by 4 px across", at(0.0, 0.0, 22.0), 3000),
-        ];
-        cases.map(|(what, contents, number)| {
-            let closure = shown(contents, &[TAU], number).remove(0);
-            let mut pipeline = Pipeline::new(settings()).unwrap();
-            for (index, (omega, seen)) in (0..).zip(omegas.iter().zip(&seen)) {
-                pipeline.observe(index, *omega, seen).unwrap();
-            }
-            let record = finished(pipeline, &closure);
-            (what, record.closure.clone().unwrap().pose_offset.unwrap(), record)
-        })
-    };
-    seeds.into_par_iter().flat_map_iter(of_seed).collect()
+/// Two larvae, of which one lies as its left and right are alike in the first view, and what the closure says of each.
+///
+/// * At rest the readings scatter by 0.4 deg and 0.05 px, and the standard deviation of the turn is 0.3 deg in the median. For a limit of
+///   5 deg to be undecided it must be 2.3 deg: one of 118 turns has so much (docs/quality.md), and neither of these. So a larva at
+///   rest is neither `moved` nor `closure_undecided`.
+/// * A larva that was carried by 4 px is told to 0.3 px, within 4 +- 1: it is `moved`, beyond 3 px, whichever way.
+/// * A turn of 10 deg is twice the limit. It is `moved`, or, where the edges hardly tell it, `closure_undecided`: never unsaid.
+#[test]
+fn the_closure_judges_what_it_can_tell_and_says_where_it_cannot() {
+    let cases = [Done::Nothing, Done::Turned, Done::TurnedBack, Done::Along, Done::Across];
+    let found = readings(100..102, &cases);
+    assert_eq!(found.len(), 2 * cases.len(), "a larva does not fit the bore");
+    for reading in &found {
+        let (moved, undecided) = (reading.has_flag("moved"), reading.has_flag("closure_undecided"));
+        let said = format!("{:?}: {:?} {:?}", reading.done, reading.record.flags, reading.lie);
+        assert!(!(moved && undecided), "{said}");
+        match reading.done {
+            Done::Nothing => assert!(!moved && !undecided, "{said}"),
+            Done::Turned | Done::TurnedBack => assert!(moved || undecided, "{said}"),
+            Done::Along => assert!(moved && (reading.lie.along_px - 4.0).abs() < 1.0, "{said}"),
+            Done::Across => assert!(moved && (reading.lie.across_px.abs() - 4.0).abs() < 1.0, "{said}"),
+        }
+    }
 }
 
-/// Prints how often the closure is over its limit, for docs/quality.md.
+/// The edges of a bead tell nothing of its turn, and its turn changes none of its numbers.
 #[test]
-#[ignore = "measures for several minutes: cargo test --release --test quality closure_rates -- --ignored --nocapture"]
-fn closure_rates() {
-    let seeds: u64 = std::env::var("SEEDS").ok().and_then(|n| n.parse().ok()).unwrap_or(40);
-    // The error that whole edges have in common was chosen on seeds below 100.
-    let found = readings(100..100 + seeds);
-    for what in ["still", "turned by 10 deg", "turned by -10 deg", "moved by 4 px along", "moved by 4 px across"] {
-        let of = || found.iter().filter(|(case, ..)| *case == what);
-        let n = of().count();
-        let over = |f: &dyn Fn(&SpecimenRecord) -> bool| of().filter(|(_, _, record)| f(record)).count();
-        let check = |r: &SpecimenRecord, name: &str| r.quality.as_ref().unwrap().check(name).unwrap().clone();
-        let turn = over(&|r| check(r, "closure_turn_deg").over);
-        let plain = over(&|r| check(r, "closure_turn_deg").found.is_some_and(|deg| deg.abs() > 5.0));
-        let undecided = over(&|r| check(r, "closure_turn_deg").undecided);
-        let flagged = over(&|r| r.flags.iter().any(|f| f == "moved"));
-        println!("{what}: {n} turns, flagged moved {flagged}, turn over {turn} (without the sd {plain}), turn undecided {undecided}");
-        let spread = |of_lie: &dyn Fn(&PoseOffset) -> (f64, f64)| {
-            let values: Vec<(f64, f64)> = of().map(|(_, lie, _)| of_lie(lie)).collect();
-            let mean = values.iter().map(|v| v.0).sum::<f64>() / n as f64;
-            let sd = (values.iter().map(|v| (v.0 - mean).powi(2)).sum::<f64>() / n as f64).sqrt();
-            let mut stated: Vec<f64> = values.iter().map(|v| v.1).collect();
-            stated.sort_by(f64::total_cmp);
-            let beyond = values.iter().filter(|v| (v.0 - mean).abs() > 2.0 * v.1).count();
-            format!("{mean:+.2} scatter {sd:.2}, stated {:.2} (median) to {:.2}, {beyond} beyond 2 sd", stated[n / 2], stated[n - 1])
-        };
-        println!("   turn, deg: {}", spread(&|l| (l.turn_rad.to_degrees(), l.sd.unwrap().turn_rad.to_degrees())));
-        println!("   along, px: {}", spread(&|l| (l.along_px, l.sd.unwrap().along_px)));
-        println!("   across, px: {}", spread(&|l| (l.across_px, l.sd.unwrap().across_px)));
-    }
-    for (what, lie, _) in found.iter().filter(|(what, lie, _)| *what == "still" && lie.turn_rad.to_degrees().abs() > 3.0) {
-        println!("{what}: {lie:?}");
+fn a_bead_whose_turn_nobody_can_tell_is_not_flagged_for_it() {
+    let omegas = even();
+    let bead = || Contents::from(Specimen::bead(500.0).unwrap());
+    let seen = rendered(bead(), &omegas);
+    let taken = |sphere: bool| {
+        let mut pipeline = Pipeline::new(PipelineSettings { sphere, ..settings() }).unwrap();
+        for (index, (omega, seen)) in (0..).zip(omegas.iter().zip(&seen)) {
+            pipeline.observe(index, *omega, seen).unwrap();
+        }
+        finished(pipeline, &closures::shown(bead(), &[TAU], 1000).remove(0))
+    };
+    for (sphere, flagged) in [(true, false), (false, true)] {
+        let record = taken(sphere);
+        let turn = record.quality.as_ref().unwrap().check("closure_turn_deg").unwrap();
+        assert!(turn.undecided, "a bead measured as a bead: {sphere}, {turn:?}");
+        assert_eq!(
+            record.flags.iter().any(|f| f == "closure_undecided"),
+            flagged,
+            "a bead measured as a bead: {sphere}, {:?}",
+            record.flags
+        );
     }
 }

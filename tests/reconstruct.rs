@@ -392,3 +392,84 @@ fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
     let said = refusal(&run("matrices.txt", &asked));
     assert!(said.contains("--calibrate") && said.contains("px off, 1.0 at most") && said.contains("deg from a common one"), "{said}");
 }
+
+/// The same discs through psi: a camera that looks along z at a capillary along x, 10 px per unit. Nothing says where its specimen is but
+/// the silhouettes.
+#[test]
+fn psi_without_a_unit_takes_its_box_from_the_silhouettes() {
+    let dir = tempfile::tempdir().unwrap();
+    let (views, _) = discs(dir.path());
+    let quarter = std::f64::consts::FRAC_PI_2;
+    let psi = serde_json::json!({
+        "f": 1000.0, "kx": 10.0, "ky": 10.0, "ux": 30.0, "uy": 25.0, "s": 0.0, "alpha": 0.0, "gamma": 0.0, "phi": quarter,
+        "width": 64, "height": 48, "omega": [0.0, quarter, 2.0 * quarter, 3.0 * quarter],
+    });
+    let cameras = dir.path().join("psi.json").display().to_string();
+    std::fs::write(&cameras, psi.to_string()).unwrap();
+    let base = ["--views", &views, "--cameras", &cameras, "--unit", "none", "--no-calibrate"];
+    let found = report(&carved(dir.path(), &base));
+    // As of the matrices, and 15 million voxels.
+    assert!((number(&found, "field_volume") / (16.0 / 3.0 * 8.0) - 1.0).abs() < 0.025, "{found:#}");
+    assert_eq!(found["touches_box"], false, "{found:#}");
+    for axis in 0..3 {
+        let [low, high] = ["min", "max"].map(|end| found["grid"][end][axis].as_f64().unwrap());
+        // 41 px of 10 px per unit, 1/32 of margin and 1/64 of a cell on either side.
+        assert!((-2.4..-2.05).contains(&low) && (2.05..2.4).contains(&high), "axis {axis}: {low} to {high}");
+    }
+    let blank = dir.path().join("blank");
+    std::fs::create_dir(&blank).unwrap();
+    (0..4).for_each(|i| image::GrayImage::new(64, 48).save(blank.join(format!("v{i}.png"))).unwrap());
+    let said = refusal(&carved(dir.path(), &["--views", &blank.display().to_string(), "--cameras", &cameras, "--unit", "none"]));
+    assert!(said.contains("Give --box"), "{said}");
+}
+
+/// The set's camera is 2 px off, and 10 px more here: calibration moves the bead by 12 px of its 47 px of radius.
+#[test]
+fn a_box_of_silhouettes_holds_what_calibration_moves() {
+    let Some((views, cameras, truth)) = set("bead_512um_asd21") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let mut psi: Value = serde_json::from_slice(&std::fs::read(&cameras).unwrap()).unwrap();
+    psi["uy"] = (number(&psi, "uy") + 10.0).into();
+    let off_axis = dir.path().join("psi.json").display().to_string();
+    std::fs::write(&off_axis, psi.to_string()).unwrap();
+    let found = report(&carved(dir.path(), &["--views", &views, "--cameras", &off_axis, "--sphere", "--unit", "none", "--voxel", "6.93"]));
+    assert_eq!((&found["touches_box"], &found["flags"]), (&false.into(), &serde_json::json!([])), "{found:#}");
+    assert!((number(&found["psi"], "uy") - number(&truth["psi"], "uy")).abs() < 0.1, "{found:#}");
+    // The set allows any method so much.
+    assert!((number(&found, "volume") / number(&truth, "volume") - 1.0).abs() < 0.007, "{found:#}");
+    let [low, high] = ["min", "max"].map(|end| found["grid"][end][1].as_f64().unwrap());
+    assert!(high - low < 800.0, "a bead of 512: {low} to {high}");
+}
+
+/// The matrices of a left-handed world with positive depths: the turn is found and calibrated in its mirror image.
+#[test]
+fn a_mirrored_world_is_calibrated_as_its_image() {
+    let Some((views, cameras, _)) = set("larva_drift_asd42") else { return };
+    let dir = tempfile::tempdir().unwrap();
+    let (matrices, [min, max]) = as_matrices(&cameras);
+    let [plain, image] = ["plain.txt", "image.txt"].map(|name| dir.path().join(name));
+    std::fs::write(&plain, &matrices).unwrap();
+    std::fs::write(&image, mirrored(plain.to_str().unwrap())).unwrap();
+    let run = |cameras: &Path, more: &[&str]| {
+        let base = ["--views", &views, "--cameras", cameras.to_str().unwrap(), "--calibrate", "--unit", "none", "--voxel", "0.048"];
+        report(&carved(dir.path(), &[&base[..], more].concat()))
+    };
+    let bounds = |x: [f64; 2]| format!("{},{},{},{},{},{}", x[0], x[1], min[1], max[1], min[2], max[2]);
+    let (of_plain, of_image) = (bounds([min[0], max[0]]), bounds([5.0 - max[0], 5.0 - min[0]]));
+    let expected = run(&plain, &["--box", &of_plain]);
+    assert_eq!(expected["mirrored_world"], false);
+    for more in [&["--box", &of_image][..], &[]] {
+        let found = run(&image, more);
+        assert_eq!((&found["mirrored_world"], &found["flags"]), (&true.into(), &expected["flags"]), "{found:#}");
+        for (key, sd) in [("volume", "volume_sd"), ("area", "area_sd")] {
+            let off = number(&found, key) - number(&expected, key);
+            // A tenth of what another turn would give, as of matrices and psi.
+            assert!(off.abs() < 0.1 * number(&expected, sd), "{key}: {off}");
+        }
+        for (axis, sign, shift) in [(0, -1.0, 5.0), (1, 1.0, 0.0), (2, 1.0, 0.0)] {
+            let [ours, theirs] = [&found, &expected].map(|report| report["centroid"][axis].as_f64().unwrap());
+            // Less than half a voxel.
+            assert!((ours - (shift + sign * theirs)).abs() < 0.02, "axis {axis}: {ours} and {theirs}");
+        }
+    }
+}

@@ -317,3 +317,27 @@ fn beads_are_scored_against_their_nominal_diameter() {
     assert!((score["t_score"].as_f64().unwrap() - 0.866_025_403_784_438_6).abs() < 1e-9, "{score}");
     assert_eq!((&score["n"], &score["mean_um"]), (&serde_json::json!(3), &serde_json::json!(400.0)));
 }
+
+/// The reader takes everything behind an open quote for one last cell: larvae would be missing without a word.
+#[test]
+fn a_table_with_an_open_quote_is_refused_by_the_line_of_the_quote() {
+    let dir = tempfile::tempdir().unwrap();
+    let (table, out) = (dir.path().join("controls.csv"), dir.path().join("lab.toml"));
+    let build = |text: &str| {
+        std::fs::write(&table, text).unwrap();
+        let output = common::run(&["reference", "build", table.to_str().unwrap(), "--out", out.to_str().unwrap()]);
+        (output.status.success(), common::stderr(&output))
+    };
+    let larvae: String = (0..6).map(|i| format!("3,2.{i}e8,fixed\n")).collect();
+    for (text, line) in [
+        (format!("dpf,volume_um3,strain\n{larvae}3,2.4e8,\"AB\n{larvae}"), 8),
+        (format!("\u{feff}\"dpf,volume_um3,strain\n{larvae}"), 1),
+        (format!("# \"said\ndpf,volume_um3,strain\n3,2.4e8,\"A \"\"B\n{larvae}"), 3),
+    ] {
+        let (built, said) = build(&text);
+        assert!(!built && said.contains(&format!("controls.csv, line {line}: a quote opens")) && !out.exists(), "{text}: {said}");
+    }
+    // A quote in a comment or within a cell opens nothing.
+    let (built, said) = build(&format!("# \"said\ndpf,volume_um3,strain\n3,2.4e8,5\" AB\n{larvae}"));
+    assert!(!said.contains("quote"), "{built}: {said}");
+}

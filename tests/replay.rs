@@ -147,7 +147,7 @@ fn what_was_altered_is_told_by_its_name_and_not_mended() {
                 let volume = json(&path)["measurement"]["volume_um3"].to_string();
                 altered(&path, &volume, &format!("1{volume}"));
             },
-            &["A01: differs: measurement.json"],
+            &["A01: differs: measurement.json at /measurement/", "volume_um3"],
         ),
         (
             |a01| {
@@ -208,4 +208,37 @@ fn a_pruned_run_says_where_its_frames_are_and_comes_out_again_there() {
         assert!(code == Some(1) && said.contains("view_000.png: the frame is missing; the recording lists it"), "{said}");
     }
     assert!(hashes(&r1).into_iter().eq(before.into_iter().filter(|(path, _)| !path.starts_with(r1.join("archives")))));
+}
+
+/// The numbers of an earlier build lack fields that this one has. What it did write came out again, and that is what is asked.
+#[test]
+fn numbers_of_an_earlier_build_are_the_same_where_only_fields_were_added() {
+    let stored = stored();
+    let (_dir, r1) = copy_of(&stored);
+    let a01 = r1.join("A01");
+    let mut numbers = json(&a01.join("measurement.json"));
+    numbers.as_object_mut().unwrap().remove("shape").unwrap();
+    for view in numbers["views"].as_array_mut().unwrap() {
+        view.as_object_mut().unwrap().remove("overlap_percent").unwrap();
+    }
+    let write = |numbers: &Value| std::fs::write(a01.join("measurement.json"), serde_json::to_vec(numbers).unwrap()).unwrap();
+    write(&numbers);
+    let measure = || run(&["measure", a01.to_str().unwrap()]);
+    let output = measure();
+    assert!(output.status.success() && stderr(&output).contains("same (2 fields are new)"), "{}", stderr(&output));
+    let line: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&line["stored"], &line["new_fields"]), (&"same".into(), &serde_json::json!(["/shape", "/views/-/overlap_percent"])));
+    let (code, said) = replay(&r1, &[]);
+    assert_eq!((code, said.as_str()), (Some(0), "A01: same (2 fields are new) (measurement.json; mesh.ply is identical)\n"));
+
+    // A field that is not computed any more, and a value that is another one.
+    for (key, value) in [("before", Value::from(1.0)), ("uncalibrated", Value::from("another reason"))] {
+        let mut other = numbers.clone();
+        other[key] = value;
+        write(&other);
+        let output = measure();
+        let said = stderr(&output);
+        assert!(output.status.code() == Some(1) && said.contains(&format!("A01 (at /{key})")), "{key}: {said}");
+        assert_eq!(serde_json::from_slice::<Value>(&output.stdout).unwrap()["stored"], "differs", "{key}");
+    }
 }

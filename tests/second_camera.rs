@@ -159,3 +159,47 @@ fn half_of_a_second_camera_is_refused() {
     let (ok, said) = check(&whole.replace("Mono8", "BayerRG8"));
     assert!(!ok && said.contains("expected Mono8"), "{said}");
 }
+
+/// The cable of the second camera comes out in the middle of a turn. Nothing is wrong with the larva: it waits inside.
+#[test]
+fn a_second_camera_that_dies_in_mid_turn_holds_the_run_and_the_same_larva_is_measured_once_it_is_back() {
+    let mut bench = Bench::new();
+    let settings = FluorescentSettings::default();
+    let second = bench.rig.add_camera(Arc::new(Fluorescent::new(bench.scene.clone(), settings.clone()))).unwrap();
+    let policy = "policy = { retries = 1, interrupted = \"skip\", bead_gate = \"off\" }";
+    let changes = [("asd = 21", format!("asd = 21\n{policy}")), ("voxel_um = 6.93", "voxel_um = 17.1".to_owned())];
+    let daemon = bench.serve(&changes, &tables(second, &settings));
+    let (well, planned, specimen) = larva("A01");
+    let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "t", "plate_map": [planned]});
+    assert_eq!(daemon.put_run("r1", &plan), 201);
+    daemon.wait("the loader to be asked", |s| s["state"] == "Suspended" && s["plate"]["bring"] == well);
+    bench.scene.load(Some(specimen)).unwrap();
+    assert_eq!(daemon.put_loaded("r1", well), 200);
+    daemon.wait("the middle of the turn", |s| s["specimen"]["view"].as_u64() >= Some(3));
+    let camera = bench.rig.faults().second_camera().unwrap();
+    camera.pull_cable(true);
+
+    let status = daemon.wait("the hold", |s| s["state"] == "Held" || !s["run"]["outcome"].is_null());
+    assert_eq!(status["faults"].as_array().map(Vec::len), Some(1), "{status}");
+    let fault = &status["faults"][0];
+    assert_eq!((&fault["code"], &fault["operator_required"]), (&json!("second_camera_failed"), &json!(true)), "{status}");
+    assert_eq!((&status["specimen"]["well"], &status["specimen"]["in_capillary"]), (&json!(well), &json!(true)), "{status}");
+    assert_eq!((&status["plate"]["needs"], &status["plate"]["removable"]), (&Value::Null, &json!(false)), "{status}");
+    assert_eq!(status["run"]["results"][0]["outcome"], Value::Null, "the larva is not to blame: {status}");
+    let (code, problem) = daemon.send("POST", "/v1/runs/r1/unhold", &Value::Null);
+    assert_eq!((code, &problem["code"]), (409, &json!("fault_stands")), "{problem}");
+
+    camera.pull_cable(false);
+    assert_eq!(daemon.post(&format!("/v1/faults/{}/acknowledge", fault["seq"])), 200);
+    assert_eq!(daemon.post("/v1/runs/r1/unhold"), 200);
+    let status = daemon.wait("the run's end", |s| {
+        assert!(s["state"] != "Suspended" && s["plate"]["bring"].is_null(), "the loader is asked for what is inside: {s}");
+        !s["run"]["outcome"].is_null() || s["state"] == "Held"
+    });
+    assert_eq!((&status["run"]["outcome"], &status["faults"]), (&json!("succeeded"), &json!([])), "{status}");
+    let text = std::fs::read_to_string(bench.data().join("events.jsonl")).unwrap();
+    let count = |kind: &str| text.lines().filter(|line| line.contains(&format!("\"{kind}\""))).count();
+    assert_eq!((count("well.awaited"), count("specimen.interrupted"), count("specimen.done")), (1, 1, 1));
+    let found = json(&bench.data().join("runs/r1/A01/measurement.json"));
+    assert_eq!(found["fluorescence"]["views"].as_array().map(Vec::len), Some(21), "{found}");
+}

@@ -245,6 +245,11 @@ impl<'a> Faults<'a> {
         self.rig.camera.faults()
     }
 
+    /// What the second camera sends. `None` where there is none.
+    pub fn second_camera(&self) -> Option<&'a CameraFaults> {
+        self.rig.second.as_ref().map(GigeCamera::faults)
+    }
+
     /// What happens at the motors, where the controller's firmware can do something about it (TMCL, Zaber).
     pub fn motors(&self) -> &'a MotorFaults {
         &self.rig.motors

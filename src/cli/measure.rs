@@ -5,16 +5,17 @@
 //! ```
 //! A recording that fails fails alone; its line says why.
 
+use super::stored::{self, Stored};
 use super::told;
 use crate::config::Method;
 use crate::session::numbers::{self, NumbersError};
-use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError, durable};
+use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError};
 use anyhow::{Context, bail, ensure};
 use carved_core::pipeline::SpecimenRecord;
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
-use carved_devices::regular;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -33,9 +34,12 @@ pub struct Args {
 struct Measured<'a> {
     recording: &'a Path,
     well: &'a str,
-    /// `identical`, `differs`, `none` where the recording holds no measurement, or `not_compared` where fewer views were
-    /// measured than it has.
+    /// `identical`; `same` where every stored value came out again and fields are new, as beside the numbers of an earlier build;
+    /// `differs`; `none` where the recording holds no measurement; or `not_compared` where fewer views were measured than it has.
     stored: &'static str,
+    /// Of `same`: the fields that are not stored, as JSON pointers in which `-` is any element of a list.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    new_fields: Option<&'a BTreeSet<String>>,
     /// Views that were measured, of so many captured.
     asd: u32,
     captured: u32,
@@ -60,7 +64,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     for (path, found) in each(&args.recordings) {
         let line = match found.and_then(|()| line(&path, args.asd)) {
             Ok((line, differs)) => {
-                differ.extend(differs.then(|| path.display().to_string()));
+                differ.extend(differs.map(|at| format!("{} (at {at})", path.display())));
                 line
             }
             Err(e) => {
@@ -84,18 +88,27 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A recording's line, and whether other numbers are stored.
-fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, bool)> {
+/// A recording's line, and where other numbers are stored.
+fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>)> {
     let reader = RecordingReader::open(path)?;
     let recording = reader.recording();
     let captured = recording.method.asd;
     let asd = asd.unwrap_or(captured);
     // As if so many views had been planned.
     let (_, file) = compute(&reader, &Method { asd, ..recording.method.clone() })?;
-    let stored = if asd == captured { compare(reader.folder(), &file)? } else { "not_compared" };
+    let compared = (asd == captured).then(|| stored::compare(reader.folder(), &file)).transpose()?;
+    let stored = compared.as_ref().map_or("not_compared", Stored::word);
+    let (new_fields, differs) = match &compared {
+        Some(same @ Stored::Same { new }) => {
+            note!("carved: {}: {same}", path.display());
+            (Some(new), None)
+        }
+        Some(Stored::Differs { at }) => (None, Some(at.clone())),
+        _ => (None, None),
+    };
     let well = &recording.specimen.well;
-    let line = Measured { recording: path, well, stored, asd, captured, truth: recording.truth.as_ref(), file };
-    Ok((serde_json::to_string(&line)?, stored == "differs"))
+    let line = Measured { recording: path, well, stored, new_fields, asd, captured, truth: recording.truth.as_ref(), file };
+    Ok((serde_json::to_string(&line)?, differs))
 }
 
 /// Every recording that the names stand for; a name that stands for none has its reason.
@@ -183,18 +196,6 @@ fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> anyhow::R
         );
     }
     Ok(chosen)
-}
-
-/// Whether these numbers are the ones stored in a folder, to the last bit.
-pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<&'static str> {
-    let path = folder.join(MEASUREMENT);
-    let stored = match regular::read(&path) {
-        Ok(stored) => stored,
-        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok("none"),
-        Err(source) => return Err(StoreError::Io { what: "read", path, source }.into()),
-    };
-    let ours = durable::json_text(&path, file)?;
-    Ok(if ours == stored { "identical" } else { "differs" })
 }
 
 #[cfg(test)]

@@ -26,6 +26,7 @@ mod segment;
 mod serve;
 #[cfg(feature = "simulate")]
 mod simulate;
+mod stored;
 #[cfg(feature = "simulate")]
 mod validate;
 
@@ -97,7 +98,7 @@ enum ConfigCommand {
 
 const LOG: &str = "Environment:
   CARVED_LOG  what the log on standard error holds: error, warn, info (the default), debug, trace or off; or by part of the program,
-              as in CARVED_LOG=info,carved_devices=debug";
+              as in CARVED_LOG=info,carved_devices=debug. Any other value is named in a warning, and info is used";
 
 /// The error and its causes, each once: many an error names its cause in its own words already.
 pub fn told(error: &anyhow::Error) -> String {

@@ -1,10 +1,11 @@
 //! `carved replay`: a stored run computed again from its frames, by the code of `carved measure`: identical, bit for bit, or not.
 //!
 //! ```text
-//! RUN ── wells ── measure::compute ─┬─ its own method ── measurement.json and mesh.ply beside the stored bytes ── identical | differs
+//! RUN ── wells ── measure::compute ─┬─ its own method ── measurement.json and mesh.ply beside what is stored ── identical | same | differs
 //!                                   └─ --method ──────── WELL/replays/NAME/, beside; what is stored stays as it is
 //! ```
 
+use super::stored::{self, Stored};
 use super::{measure, told};
 use crate::config::{Config, Method};
 use crate::export;
@@ -94,7 +95,7 @@ fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)>
 fn again(folder: &Path) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
-    let numbers = measure::compare(folder, &file)?;
+    let numbers = stored::compare(folder, &file)?;
     let surface = match regular::read(&folder.join(MESH)) {
         Ok(stored) => {
             if stored == ply(&mesh, file.mode)? {
@@ -106,12 +107,14 @@ fn again(folder: &Path) -> anyhow::Result<String> {
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => "none",
         Err(e) => bail!("{}: cannot read it: {e}", folder.join(MESH).display()),
     };
-    Ok(match (numbers, surface) {
-        ("none", _) => "no numbers are stored to compare with".into(),
-        ("identical", "identical") => format!("identical, bit for bit ({MEASUREMENT}, {MESH})"),
-        ("identical", "none") => format!("identical, bit for bit ({MEASUREMENT}; no {MESH} is stored)"),
-        ("identical", _) => format!("{DIFFERS}: {MESH} ({MEASUREMENT} is identical)"),
-        _ => format!("{DIFFERS}: {MEASUREMENT}"),
+    Ok(match (&numbers, surface) {
+        (Stored::None, _) => "no numbers are stored to compare with".into(),
+        (Stored::Differs { at }, _) => format!("{DIFFERS}: {MEASUREMENT} at {at}"),
+        (_, DIFFERS) => format!("{DIFFERS}: {MESH} ({MEASUREMENT} is {numbers})"),
+        (Stored::Identical, "none") => format!("identical, bit for bit ({MEASUREMENT}; no {MESH} is stored)"),
+        (Stored::Identical, _) => format!("identical, bit for bit ({MEASUREMENT}, {MESH})"),
+        (Stored::Same { .. }, "none") => format!("{numbers} ({MEASUREMENT}; no {MESH} is stored)"),
+        (Stored::Same { .. }, _) => format!("{numbers} ({MEASUREMENT}; {MESH} is identical)"),
     })
 }
 

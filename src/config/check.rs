@@ -32,6 +32,9 @@ pub struct Config {
     pub optics: Camera,
     /// What this camera sees of the capillary when it is empty.
     pub empty_capillary: Option<Arc<RawFrame>>,
+    /// Inner diameter of the capillary, um: the scale is held against it before a specimen is measured. `None` where it is not
+    /// configured.
+    pub bore_um: Option<f64>,
     pub rotation: RotationDriver,
     /// The axis along the capillary, where the rotation's controller drives it.
     pub translation: Option<TranslationSettings>,
@@ -68,10 +71,16 @@ pub enum ConfigError {
     Breaches { path: PathBuf, breaches: Vec<String> },
 }
 
-/// Single numbers of the calibration's and the store's tables.
+/// Inner diameters that a capillary for larvae may have, um: a larva is 300 um thick. A bore in mm is below.
+const BORE_UM: std::ops::RangeInclusive<f64> = 100.0..=5000.0;
+
+/// Single numbers of the tables for the calibration, the optics and the store.
 fn check_bounds(raw: &Raw, wrong: &mut impl FnMut(&str, String, &str)) {
     if !(0.01..=3650.0).contains(&raw.calibration.max_age_days) {
         wrong("calibration.max_age_days", raw.calibration.max_age_days.to_string(), "0.01 to 3650 days");
+    }
+    if let Some(um) = raw.optics.bore_um.filter(|um| !BORE_UM.contains(um)) {
+        wrong("optics.bore_um", um.to_string(), &format!("{:.0} to {:.0} um", BORE_UM.start(), BORE_UM.end()));
     }
     if let Some(gb) = raw.store.budget_gb.filter(|gb| !(1.0..=1e6).contains(gb)) {
         wrong("store.budget_gb", gb.to_string(), "1 to 1000000 GB");
@@ -168,6 +177,7 @@ impl Config {
             acquisition: raw.acquisition,
             optics,
             empty_capillary,
+            bore_um: raw.optics.bore_um,
             rotation: raw.rotation,
             translation: raw.translation,
             camera: raw.camera,

@@ -92,6 +92,9 @@ pub(super) struct RawOptics {
     /// A frame of the empty capillary, as this camera takes it; relative to the configuration file.
     #[serde(default)]
     pub empty_capillary: Option<PathBuf>,
+    /// Inner diameter of the capillary, um.
+    #[serde(default)]
+    pub bore_um: Option<f64>,
 }
 
 /// The second camera's, in the same words.

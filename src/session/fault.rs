@@ -62,7 +62,7 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
         RunError::Optics { fault, .. } => match fault {
             OpticsFault::Level(_) | OpticsFault::Light(_) => &fault_table::PICTURE_LIGHT,
             OpticsFault::Capillary(_) => &fault_table::CAPILLARY_NOT_SEEN,
-            OpticsFault::Scale { .. } | OpticsFault::Zoom { .. } => &fault_table::SCALE_OFF,
+            OpticsFault::Scale { .. } | OpticsFault::Bore { .. } | OpticsFault::Zoom { .. } => &fault_table::SCALE_OFF,
             OpticsFault::Frame(_) | OpticsFault::Near(_) | OpticsFault::Plan(_) | OpticsFault::Pipeline(_) => &fault_table::SETUP_UNUSABLE,
         },
         RunError::Store(e) if e.is_full() => &fault_table::DISK_FULL,

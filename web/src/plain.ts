@@ -122,6 +122,15 @@ export function progressLine(status: Status): string {
   return `${parts.join(" · ")}.`;
 }
 
+/** Why the run is held, how often by this cause, and what to do next; empty where it is not held. */
+export function holdLine(status: Status): string {
+  const hold = runsNow(status) ? status.run?.hold : null;
+  if (!hold) return "";
+  const often = hold.times > 1 ? ` It has held the run ${grouped(hold.times)} times since a well was finished.` : "";
+  const next = hold.next_action ?? "Nothing: the run goes on by itself.";
+  return `Held because: ${hold.cause}${often} What to do: ${next}`;
+}
+
 /** Whether a run is under way, held ones included. */
 export function runsNow(status: Status): boolean {
   return status.run !== null && status.run.outcome === null;

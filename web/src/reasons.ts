@@ -11,6 +11,8 @@ const FLAGS: Record<string, string> = {
   calibration_off: "the capillary lies elsewhere than configured: look how it is mounted",
   clipped_left: "it goes on beyond the left of the picture",
   clipped_right: "it goes on beyond the right of the picture",
+  closure_undecided:
+    "its last view cannot tell whether it moved during the turn: look at the frames, or measure it again",
   dead_looking: "it looks dead",
   few_views: "too few views count, or none from one side",
   moved: "it moved during the turn: measure it again",

@@ -100,6 +100,20 @@ export interface RunStatus {
   held_by_operator: boolean;
   /** Held, and it waits for nobody. */
   goes_on_by_itself: boolean;
+  /** Why it is held; null where it is not. */
+  hold: Hold | null;
+}
+
+/** What holds a run. */
+export interface Hold {
+  /** A fault's code, `operator`, or `restart` of the daemon. */
+  code: string;
+  /** The same in plain words; it may be over by now. */
+  cause: string;
+  /** How often it has held the run since a well was finished, this time included. */
+  times: number;
+  /** The one thing to do next; null where the run goes on without it. */
+  next_action: string | null;
 }
 
 export interface SpecimenStatus {

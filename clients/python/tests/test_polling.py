@@ -8,7 +8,7 @@ import httpx
 import pytest
 from fake import Fake, ok, problem, status_body
 
-from carved_client import Event, MalformedAnswer, ProblemError, Resync, Retry, TimedOut
+from carved_client import Event, Hold, MalformedAnswer, ProblemError, Resync, Retry, TimedOut
 
 ONCE = Retry(attempts=1)
 
@@ -92,3 +92,21 @@ def test_a_newer_daemon_may_say_more_and_an_answer_that_lacks_something_is_named
         Fake([ok(**status_body(revision="7"))]).client.status()
     with pytest.raises(MalformedAnswer, match="not JSON"):
         Fake([httpx.Response(200, text="busy")]).client.status()
+
+
+def test_a_held_run_says_why_how_often_and_what_to_do() -> None:
+    counts = dict.fromkeys(["succeeded", "flagged", "failed", "skipped", "interrupted", "pending", "total"], 0)
+    run = {"id": "r", "method": "m", "operator": "o", "started": "t", "wells": counts, "results": []}
+    hold = {
+        "code": "rotation_lost",
+        "cause": "The axis does not answer.",
+        "times": 4,
+        "next_action": "Check its cable.",
+    }
+    held = Fake([ok(**status_body(state="Held", run={**run, "hold": hold}))]).client.status()
+    assert held.run is not None
+    assert held.run.hold == Hold("rotation_lost", "The axis does not answer.", 4, "Check its cable.")
+    for without in ({}, {"hold": None}):
+        status = Fake([ok(**status_body(state="Execute", run={**run, **without}))]).client.status()
+        assert status.run is not None
+        assert status.run.hold is None

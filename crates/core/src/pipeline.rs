@@ -166,7 +166,8 @@ pub struct SpecimenRecord {
     /// Every number that is compared with a limit of the method.
     #[serde(default)]
     pub quality: Option<Quality>,
-    /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `no_closure` (the
+    /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `closure_undecided` (the
+    /// closure view cannot tell whether the specimen moved beyond a limit), `no_closure` (the
     /// view at 360 deg has no profile, so that a specimen that moved would show only in the residuals), `dead_looking` (opaque
     /// throughout in most views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the
     /// voxels are trusted), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
@@ -541,6 +542,7 @@ impl Pipeline {
             is_clipped: [clipped(Detection::is_clipped_left), clipped(Detection::is_clipped_right)],
             touches_box: model.touches_box,
             has_moved: calibration.is_some_and(|judged| judged.calibration.moved.is_some()),
+            is_sphere: self.settings.sphere,
             has_closure,
             looks_dead: &looks_dead,
             blurs_px: &blurs_px,

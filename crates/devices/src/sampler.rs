@@ -41,18 +41,14 @@ pub trait Sampler: Send {
     /// Whether a specimen that was taken out can be brought again. A sampler that brings the next specimen of a plate cannot.
     fn brings_again(&self) -> bool;
     /// A new run begins. What was seen before says nothing about the capillary now. A run that continues is not a new run.
-    fn begin_run(&mut self) {}
+    fn begin_run(&mut self);
     /// Reads the specimen input while nothing runs. Nothing is moved or reset.
     ///
     /// # Errors
     /// The input cannot be read.
-    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
-        Ok(())
-    }
+    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError>;
     /// Whether [`Self::look`] has found a specimen. `None` without such an input, or before it was read for long enough.
-    fn sees_specimen(&self) -> Option<bool> {
-        None
-    }
+    fn sees_specimen(&self) -> Option<bool>;
     /// Brings the specimen of a well into the capillary. `None` if the run was cancelled or paused meanwhile. `axis` may have the
     /// specimen input.
     ///
@@ -73,9 +69,7 @@ pub trait Sampler: Send {
     ///
     /// # Errors
     /// The washing failed.
-    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
-        Ok(())
-    }
+    fn wash(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError>;
 }
 
 /// What ends a wait for the loader.
@@ -142,6 +136,16 @@ impl Sampler for LoaderSampler {
         true
     }
 
+    fn begin_run(&mut self) {}
+
+    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        None
+    }
+
     fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (slot, changed) = &*self.gate.0;
         let mut message = slot.lock().unwrap_or_else(PoisonError::into_inner);
@@ -171,6 +175,9 @@ impl Sampler for LoaderSampler {
     }
 
     fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
 }

@@ -5,8 +5,10 @@
 //!   cube about the point that all views look at ── cut into eighths, again and again ── those outside any half-space are dropped
 //!        ── until the cells are small against what is left: its extents are the box
 //! ```
+//! Of psi, whose angles tell a turn, the box is around a body of revolution: calibration may move the axis, and then the specimen with it.
 //! Each cell that may hold a part of the specimen is kept, so that the box is never too small. A margin keeps the hull off its ends.
 
+use super::cameras::Psi;
 use super::views::View;
 use anyhow::{Context, bail, ensure};
 use carved_core::geometry::{BoxUm, Projection};
@@ -36,9 +38,39 @@ fn rectangle(view: &View) -> Option<[f64; 4]> {
     Some([from as f64 - 0.5, to as f64 + 0.5, top, bottom])
 }
 
+/// What a camera sees: its matrix, and the rectangle around the silhouette.
+type Seen = (Projection, [f64; 4]);
+
 /// What the matrices see in these views, none of which is blank.
-fn rectangles<'a>(projections: &'a [Projection], views: &[View]) -> Vec<(&'a Projection, [f64; 4])> {
-    projections.iter().zip(views).filter_map(|(projection, view)| Some((projection, rectangle(view)?))).collect()
+fn rectangles(projections: &[Projection], views: &[View]) -> Vec<Seen> {
+    projections.iter().zip(views).filter_map(|(projection, view)| Some((*projection, rectangle(view)?))).collect()
+}
+
+/// What a camera sees of a body of revolution about the row `uy` that covers every silhouette of a turn.
+///
+/// Let the true axis be `d` rows off. Where a slice reaches from `uy + d - a` to `uy + d + b`, the view from the other side shows
+/// `uy + d - b` to `uy + d + a`. The body of revolution reaches `|d| + max(a, b)` to either side: it holds the slice about either axis.
+fn revolved(psi: &Psi, views: &[View]) -> Vec<Seen> {
+    let camera = &psi.camera;
+    let all: Vec<[f64; 4]> = views.iter().filter_map(rectangle).collect();
+    let left = all.iter().map(|r| r[0]).fold(f64::INFINITY, f64::min);
+    let right = all.iter().map(|r| r[1]).fold(f64::NEG_INFINITY, f64::max);
+    let half = all.iter().map(|r| (r[3] - camera.uy).max(camera.uy - r[2])).fold(0.0, f64::max);
+    let rectangle = [left, right, camera.uy - half, camera.uy + half];
+    let seen = psi.omega.iter().map(|omega| (camera.projection(*omega), rectangle));
+    if all.is_empty() { Vec::new() } else { seen.collect() }
+}
+
+/// The box around what a turn of psi's camera shows, with a margin for voxels of edge `voxel` (0 where it follows from the box).
+pub(super) fn of_turn(psi: &Psi, views: &[View], voxel: f64) -> anyhow::Result<BoxUm> {
+    let seen = revolved(psi, views);
+    let middle = nearest(&seen)?;
+    around(&seen, middle, voxel)
+}
+
+/// The box around what matrices show, as [`of_turn`]; the specimen lies before each camera, at about `middle`.
+pub(super) fn derived(projections: &[Projection], views: &[View], middle: [f64; 3], voxel: f64) -> anyhow::Result<BoxUm> {
+    around(&rectangles(projections, views), middle, voxel)
 }
 
 /// The plane through the projection centre in which `row x = at depth`, as a half-space without its side.
@@ -51,9 +83,13 @@ fn plane(projection: &Projection, row: usize, at: f64) -> HalfSpace {
 
 /// The point that is nearest to all rays through the rectangles' middles; whether it lies before the cameras or behind them is open.
 pub(super) fn middle(projections: &[Projection], views: &[View]) -> anyhow::Result<[f64; 3]> {
+    nearest(&rectangles(projections, views))
+}
+
+fn nearest(seen: &[Seen]) -> anyhow::Result<[f64; 3]> {
     let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
-    for (projection, [left, to, top, bottom]) in rectangles(projections, views) {
-        for (row, at) in [(0, f64::midpoint(left, to)), (1, f64::midpoint(top, bottom))] {
+    for (projection, [left, to, top, bottom]) in seen {
+        for (row, at) in [(0, f64::midpoint(*left, *to)), (1, f64::midpoint(*top, *bottom))] {
             let HalfSpace { normal: n, offset } = plane(projection, row, at);
             normal += n * n.transpose();
             right -= offset * n;
@@ -65,13 +101,11 @@ pub(super) fn middle(projections: &[Projection], views: &[View]) -> anyhow::Resu
     Ok(found.solve(&right).into())
 }
 
-/// The box around what all views show, with a margin for voxels of edge `voxel` (0 where it follows from the box); the specimen lies before
-/// each camera, at about `middle`.
-pub(super) fn derived(projections: &[Projection], views: &[View], middle: [f64; 3], voxel: f64) -> anyhow::Result<BoxUm> {
+fn around(seen: &[Seen], middle: [f64; 3], voxel: f64) -> anyhow::Result<BoxUm> {
     let mut sides = Vec::new();
     let mut reach = 0.0_f64;
-    for (projection, [left, right, top, bottom]) in rectangles(projections, views) {
-        for (row, at, sign) in [(0, left, 1.0), (0, right, -1.0), (1, top, 1.0), (1, bottom, -1.0)] {
+    for (projection, [left, right, top, bottom]) in seen {
+        for (row, at, sign) in [(0, *left, 1.0), (0, *right, -1.0), (1, *top, 1.0), (1, *bottom, -1.0)] {
             let HalfSpace { normal, offset } = plane(projection, row, at);
             sides.push(HalfSpace { normal: sign * normal, offset: sign * offset });
         }

@@ -49,7 +49,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     pub cameras: PathBuf,
     /// The volume that is carved [default: the paper's -2500,2500,-500,500,-500,500 um; without a unit, what the silhouettes'
-    /// bounding rectangles have in common]
+    /// bounding rectangles have in common; of psi, a body of revolution around them]
     #[arg(long = "box", value_name = "x0,x1,y0,y1,z0,z1", value_parser = parse_box, allow_hyphen_values = true)]
     pub bounds: Option<BoxUm>,
     /// Edge of a voxel [default: 6.93 um; without a unit, 15 million voxels in the box]
@@ -166,15 +166,11 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
         }
     }
     let mirrored = unmirrored(&mut cameras, &views, &mut bounds)?;
+    let voxel = args.voxel.filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.0);
     let bounds = match (bounds, &cameras) {
         (Some(bounds), _) => bounds,
-        (None, Cameras::Matrices { projections, .. }) => {
-            let middle = bounds::middle(projections, &views)?;
-            bounds::derived(projections, &views, middle, args.voxel.filter(|v| v.is_finite() && *v > 0.0).unwrap_or(0.0))?
-        }
-        (None, Cameras::Psi(_)) => {
-            bail!("--box: none given, and psi has no default with --unit none; give x0,x1,y0,y1,z0,z1 in psi's world")
-        }
+        (None, Cameras::Matrices { projections, .. }) => bounds::derived(projections, &views, bounds::middle(projections, &views)?, voxel)?,
+        (None, Cameras::Psi(psi)) => bounds::of_turn(psi, &views, voxel)?,
     };
     let mut grid = grid(args, bounds)?;
     clock.split("read");

@@ -5,6 +5,7 @@ use anyhow::{Context, bail};
 use carved_core::measure::references::{Control, VOXEL, estimates};
 use carved_devices::regular;
 use carved_records::Mode;
+use carved_records::plate_map::{UNCLOSED_QUOTE, unclosed_quote};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -46,10 +47,17 @@ struct Row {
     estimator: Option<String>,
 }
 
+/// A line of a table that begins with it says nothing.
+const COMMENT: u8 = b'#';
+
 /// The rows of a CSV file.
 pub fn of_table(path: &Path, words: &Words) -> anyhow::Result<Vec<Control>> {
-    let file = regular::open(path).with_context(|| format!("{}: cannot read the table", path.display()))?;
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(file);
+    let text = regular::read(path).with_context(|| format!("{}: cannot read the table", path.display()))?;
+    let text = text.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&text);
+    if let Some(line) = unclosed_quote(text, b',', Some(COMMENT)) {
+        bail!("{}, line {line}: {UNCLOSED_QUOTE}", path.display());
+    }
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(COMMENT)).from_reader(text);
     let mut controls = Vec::new();
     let mut line = reader.position().line();
     let headers = reader.headers().with_context(|| path.display().to_string())?.clone();

@@ -142,6 +142,18 @@ impl Sampler for TakenUp {
         self.sampler.brings_again()
     }
 
+    fn begin_run(&mut self) {
+        self.sampler.begin_run();
+    }
+
+    fn look(&mut self, axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        self.sampler.look(axis)
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        self.sampler.sees_specimen()
+    }
+
     fn load(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let loaded = self.sampler.load(axis, expected, cancel)?;
         if loaded.is_some() {
@@ -157,5 +169,9 @@ impl Sampler for TakenUp {
 
     fn eject(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
         self.sampler.eject(axis, well, cancel)
+    }
+
+    fn wash(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.sampler.wash(axis, well, cancel)
     }
 }

@@ -112,6 +112,16 @@ impl Sampler for ReplaySampler {
         true
     }
 
+    fn begin_run(&mut self) {}
+
+    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        None
+    }
+
     fn load(
         &mut self,
         _axis: &mut dyn RotationAxis,
@@ -126,6 +136,9 @@ impl Sampler for ReplaySampler {
     }
 
     fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
+    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
     }
 }

@@ -105,4 +105,7 @@ impl Sampler for Outside {
         self.daemons.eject(axis, well, cancel)?;
         if self.machine.is_some() { Ok(()) } else { self.scenery.fill(well, Contents::default()) }
     }
+    fn wash(&mut self, axis: &mut dyn RotationAxis, well: &str, cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.daemons.wash(axis, well, cancel)
+    }
 }

@@ -86,6 +86,16 @@ impl Sampler for SceneSampler {
         true
     }
 
+    fn begin_run(&mut self) {}
+
+    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    fn sees_specimen(&self) -> Option<bool> {
+        None
+    }
+
     fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, _cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         let (contents, loaded) = self.0.contents(expected)?;
         self.0.fill(expected.well, contents)?;
@@ -99,5 +109,8 @@ impl Sampler for SceneSampler {
 
     fn eject(&mut self, _axis: &mut dyn RotationAxis, well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         self.0.fill(well, Contents::default())
+    }
+    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
     }
 }

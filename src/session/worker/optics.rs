@@ -8,7 +8,7 @@
 //! no walls, walls upright, too little beside the walls     capillary's place    again, then the run is held
 //! crooked walls in nine of ten views                       capillary's place    again, then the run is held
 //! crooked walls in fewer views                             the specimen         the well fails
-//! a bore that contradicts the scale, or the empty picture  scale                again, then the run is held
+//! a bore that contradicts the scale or the empty picture   scale                again, then the run is held
 //! wrong frame size; plan, box, reference picture unusable  setup                the run is held
 //! anything else                                            the specimen         the well fails
 //! ```
@@ -29,6 +29,9 @@ const NO_LIGHT: f64 = 8.0;
 /// A bore is at least this share of the width of the box, and at most `BORE_MOST` times as wide: the box is drawn around the bore.
 const BORE_LEAST: f64 = 0.1;
 const BORE_MOST: f64 = 2.0;
+/// The bore that is configured is measured within this share. Glass around water may make it look up to a tenth wider than it is
+/// (docs/calibration.md); another lens changes it by half and more.
+const BORE_SHARE: f64 = 0.2;
 /// The same capillary before the same lens is as wide as in the picture of the empty one, within this share.
 const ZOOM_SHARE: f64 = 0.1;
 
@@ -45,6 +48,11 @@ pub enum OpticsFault {
         "the capillary's bore measures {bore_um:.0} um by ky_px_per_um = {ky}; with a box_um of {box_um:.0} um across, {least_um:.0} to {most_um:.0} um are expected"
     )]
     Scale { bore_um: f64, ky: f64, box_um: f64, least_um: f64, most_um: f64 },
+    #[error(
+        "the capillary's bore measures {found_um:.0} um by ky_px_per_um = {ky}, and optics.bore_um is {bore_um:.0} um; they may differ by {percent:.0} %. \
+         If lens and capillary are the right ones, measure the scale again"
+    )]
+    Bore { found_um: f64, ky: f64, bore_um: f64, percent: f64 },
     #[error(
         "the capillary's bore is {found_px:.0} px wide, in the picture of the empty capillary {expected_px:.0} px; they may differ by {percent:.0} %"
     )]
@@ -63,7 +71,7 @@ impl OpticsFault {
     /// Whether another picture may be without it.
     pub fn may_pass(&self) -> bool {
         match self {
-            Self::Level(_) | Self::Light(_) | Self::Capillary(_) | Self::Scale { .. } | Self::Zoom { .. } => true,
+            Self::Level(_) | Self::Light(_) | Self::Capillary(_) | Self::Scale { .. } | Self::Bore { .. } | Self::Zoom { .. } => true,
             Self::Frame(_) | Self::Near(_) | Self::Plan(_) | Self::Pipeline(_) => false,
         }
     }
@@ -77,13 +85,15 @@ impl OpticsFault {
     }
 
     /// The fault that the frame shows on which a well is judged.
-    pub fn of_judged(light: &Light, seen: &SegmentedFrame, pipeline: &Pipeline, method: &Method) -> Option<Self> {
+    ///
+    /// `bore_um` is the capillary's configured inner diameter, um. Without one a bore is compared with the box of the method alone.
+    pub fn of_judged(light: &Light, seen: &SegmentedFrame, pipeline: &Pipeline, method: &Method, bore_um: Option<f64>) -> Option<Self> {
         let shows_nothing = |profile: &Profile, policy: &Policy| gates::skipped(profile, policy).is_some();
         Self::of_picture(light, &seen.profile, |profile| shows_nothing(profile, &method.policy)).or_else(|| {
             let (profile, settings) = (seen.profile.as_ref().ok()?, pipeline.settings());
             let (ux, ky) = (settings.camera.ux, settings.camera.ky);
-            let expected_px = settings.empty_capillary.as_deref().map(|empty| empty.walls().bore_px(ux));
-            of_scale(profile.walls.bore_px(ux), ky, method, expected_px)
+            let empty_px = settings.empty_capillary.as_deref().map(|empty| empty.walls().bore_px(ux));
+            of_scale(profile.walls.bore_px(ux), ky, method, KnownBore { um: bore_um, empty_px })
         })
     }
 
@@ -106,16 +116,28 @@ impl OpticsFault {
     }
 }
 
+/// How wide the bore should be, as far as the configuration says it.
+#[derive(Debug, Clone, Copy, Default)]
+struct KnownBore {
+    /// Inner diameter of the capillary, um.
+    um: Option<f64>,
+    /// Width of the bore in the picture of the empty capillary, px.
+    empty_px: Option<f64>,
+}
+
 /// A scale that the capillary contradicts.
-fn of_scale(bore_px: f64, ky: f64, method: &Method, expected_px: Option<f64>) -> Option<OpticsFault> {
+fn of_scale(bore_px: f64, ky: f64, method: &Method, known: KnownBore) -> Option<OpticsFault> {
     let bore_um = bore_px / ky;
+    if let Some(known_um) = known.um.filter(|known_um| (bore_um / known_um - 1.0).abs() > BORE_SHARE) {
+        return Some(OpticsFault::Bore { found_um: bore_um, ky, bore_um: known_um, percent: 100.0 * BORE_SHARE });
+    }
     let bounds = &method.box_um;
     let box_um = (bounds.max[1] - bounds.min[1]).min(bounds.max[2] - bounds.min[2]);
     let (least_um, most_um) = (BORE_LEAST * box_um, BORE_MOST * box_um);
     if !(least_um..=most_um).contains(&bore_um) {
         return Some(OpticsFault::Scale { bore_um, ky, box_um, least_um, most_um });
     }
-    let expected_px = expected_px.filter(|expected| (bore_px / expected - 1.0).abs() > ZOOM_SHARE)?;
+    let expected_px = known.empty_px.filter(|expected| (bore_px / expected - 1.0).abs() > ZOOM_SHARE)?;
     Some(OpticsFault::Zoom { found_px: bore_px, expected_px, percent: 100.0 * ZOOM_SHARE })
 }
 
@@ -209,11 +231,29 @@ mod tests {
     fn a_scale_is_off_where_bore_and_box_cannot_be_of_one_rig_or_the_empty_picture_shows_another_width() {
         let config = Config::parse(include_str!("../../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
         let method = &config.methods["standard"];
-        let of = |k: f64, expected_px| of_scale(118.0, k, method, expected_px);
+        let of = |k: f64, empty_px| of_scale(118.0, k, method, KnownBore { um: None, empty_px });
         let k = config.optics.ky;
         assert!(of(k, None).is_none() && of(k, Some(110.0)).is_none());
         assert!(matches!(of(10.0 * k, None), Some(OpticsFault::Scale { bore_um, .. }) if (bore_um - 64.9).abs() < 0.1));
         assert!(matches!(of(k / 10.0, None), Some(OpticsFault::Scale { .. })));
         assert!(matches!(of(k, Some(150.0)), Some(OpticsFault::Zoom { .. })));
+        assert!(of(k / 2.0, None).is_none(), "1298 um are not too wide for a box of 1000 um");
+    }
+
+    /// A lens of 2x shows the bore twice as wide in px. Glass that shows a bore of 590 um as one of 649 um holds nothing.
+    #[test]
+    fn a_known_bore_tells_a_lens_of_twice_the_scale() {
+        let config = Config::parse(include_str!("../../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
+        let (method, ky) = (&config.methods["standard"], config.optics.ky);
+        let of = |bore_px: f64, um: f64| of_scale(bore_px, ky, method, KnownBore { um: Some(um), empty_px: None });
+        assert!([590.0, 650.0, 780.0].iter().all(|um| of(118.0, *um).is_none()));
+        for bore_px in [236.0, 59.0] {
+            let fault = of(bore_px, 650.0).unwrap();
+            assert!(fault.may_pass() && matches!(fault, OpticsFault::Bore { bore_um: 650.0, .. }));
+            let said = fault.to_string();
+            for word in [&format!("{:.0} um", bore_px / ky), "optics.bore_um is 650 um", "20 %", "scale again"] {
+                assert!(said.contains(word), "{word}: {said}");
+            }
+        }
     }
 }

@@ -215,7 +215,8 @@ impl Worker {
         let found = seen.profile.as_ref().ok().map(|p| p.detection);
         let live = Live { frame_jpg: live::jpeg(&seen.picture), ..Live::default() };
         self.context.tell(Progress::Detected { well: planned.well.clone(), found, live });
-        if let Some(fault) = OpticsFault::of_judged(&Light::of(&frame), &seen, pipeline, &self.context.method) {
+        if let Some(fault) = OpticsFault::of_judged(&Light::of(&frame), &seen, pipeline, &self.context.method, self.context.config.bore_um)
+        {
             return Err(optics_fault(planned, fault));
         }
         // A frame that the specimen may have spoiled is not taken for an empty well: the revolution decides.

@@ -562,6 +562,11 @@ test("hold, go on, and stop after the well, each offered where it applies", asyn
   // A fault holds it: it would go on by itself.
   server.publish({ ...held, faults: [fault()], run: run([well("A01")], { goes_on_by_itself: true }) });
   await until("progress-line", /it goes on by itself once the fault is over/);
+  assert.equal(await page.locator("#hold-line").isVisible(), false);
+  const hold = { code: "camera_lost", cause: "The camera is gone.", times: 3, next_action: "Look at its cable." };
+  const known = run([well("A01")], { goes_on_by_itself: true, hold });
+  server.publish({ ...held, faults: [fault()], run: known });
+  await until("hold-line", /^Held because: The camera is gone\. It has held .* 3 times .* Look at its cable\.$/);
   await button("Keep it held").click();
   await until("answer", /Keep it held: accepted/);
   server.refusal = { code: "fault_stands", detail: "then POST /v1/faults/7/acknowledge" };

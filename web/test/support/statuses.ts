@@ -68,6 +68,7 @@ export function run(results: WellStatus[], change: Partial<RunStatus> = {}): Run
     outcome: null,
     held_by_operator: false,
     goes_on_by_itself: false,
+    hold: null,
     ...change,
   };
 }

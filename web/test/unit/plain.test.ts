@@ -10,12 +10,14 @@ import {
   canStart,
   canStop,
   handedOver,
+  holdLine,
   progress,
   progressLine,
   tally,
   toneOf,
 } from "../../src/plain.ts";
 import { logTicks, roundBelow, viewTicks } from "../../src/ticks.ts";
+import type { Hold } from "../../src/status.ts";
 import { fault, run, specimen, status, well } from "../support/statuses.ts";
 
 const half = status({
@@ -44,6 +46,32 @@ test("the line under the sentence says how far, or how it ended", () => {
   assert.equal(progressLine({ ...half, run: ended }), "Run demo-1 failed: 1 skipped, 1 failed.");
   assert.equal(tally(ended), "1 skipped, 1 failed");
   assert.equal(progressLine(status()), "Ready for a run.");
+});
+
+test("a held run says why, how often and what to do", () => {
+  const hold = {
+    code: "rotation_lost",
+    cause: "The axis' controller does not answer any more.",
+    times: 4,
+    next_action: "Check the controller's power and cable, then let the run go on.",
+  };
+  const held = (change: Partial<Hold> | null) => ({
+    ...half,
+    state: "Held" as const,
+    run: run([well("A01")], { hold: change && { ...hold, ...change } }),
+  });
+  assert.equal(
+    holdLine(held({})),
+    "Held because: The axis' controller does not answer any more. It has held the run 4 times since a well was " +
+      "finished. What to do: Check the controller's power and cable, then let the run go on.",
+  );
+  assert.equal(
+    holdLine(held({ times: 1, next_action: null })),
+    "Held because: The axis' controller does not answer any more. What to do: Nothing: the run goes on by itself.",
+  );
+  assert.equal(holdLine(held(null)), "");
+  assert.equal(holdLine(half), "");
+  assert.equal(holdLine(status()), "");
 });
 
 test("the tone is that of the worst that is so", () => {

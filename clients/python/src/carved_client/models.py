@@ -106,6 +106,20 @@ class WellStatus:
 
 
 @dataclass(frozen=True)
+class Hold:
+    """Why a run is held."""
+
+    #: A fault's code, `operator`, or `restart` of the daemon.
+    code: str
+    #: The same in plain words; it may be over by now.
+    cause: str
+    #: How often it has held the run since a well was finished, this time included.
+    times: int
+    #: The one thing to do next; None where the run goes on without it.
+    next_action: str | None = None
+
+
+@dataclass(frozen=True)
 class RunStatus:
     """The run under way, or the last one until the next starts."""
 
@@ -121,6 +135,8 @@ class RunStatus:
     outcome: RunOutcome | None = None
     held_by_operator: bool = False
     goes_on_by_itself: bool = False
+    #: None where the run is not held.
+    hold: Hold | None = None
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ pub struct Check {
     /// Whether the limit is exceeded, so that the flag is raised. Where there is an `sd`, the interval of two `sd` about
     /// `found` must lie wholly beyond the limit.
     pub over: bool,
-    /// Whether that interval contains the limit: the measurement cannot tell whether the limit is exceeded. No flag is raised.
+    /// Whether that interval contains the limit: the measurement cannot tell whether the limit is exceeded. `flag` is not raised.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub undecided: bool,
     /// The flag that this check raises.
@@ -110,6 +110,11 @@ impl Quality {
     /// Whether a check raises this flag.
     pub fn raises(&self, flag: &str) -> bool {
         self.checks.iter().any(|c| c.over && c.flag == flag)
+    }
+
+    /// Whether, for some number, the measurement cannot tell whether it is over its limit.
+    pub fn is_undecided(&self) -> bool {
+        self.checks.iter().any(|c| c.undecided)
     }
 
     /// Each raised flag, once, in the order of the checks.

@@ -25,6 +25,8 @@ pub(crate) struct FlagFacts<'a> {
     pub touches_box: bool,
     /// Whether the calibration found that the specimen moved during the turn.
     pub has_moved: bool,
+    /// Whether the specimen is a sphere, whose turn the edges never show and whose numbers no turn changes.
+    pub is_sphere: bool,
     /// Whether the view at 360 deg and the view at 0 deg both have a profile.
     pub has_closure: bool,
     /// For each view that counts and has a detection: whether the larva looks dead in it.
@@ -52,7 +54,9 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<String> {
     flag(facts.is_clipped[1], "clipped_right");
     flag(facts.touches_box, "outside_box");
     flag(quality.raises("few_views"), "few_views");
-    flag(quality.raises("moved") || facts.has_moved, "moved");
+    let moved = quality.raises("moved") || facts.has_moved;
+    flag(moved, "moved");
+    flag(quality.is_undecided() && !moved && !facts.is_sphere, "closure_undecided");
     flag(!facts.has_closure, "no_closure");
     flag(most(facts.looks_dead), "dead_looking");
     flag(is_blur_off(facts.blurs_px, facts.configured_blur_px), "blur_mismatch");
@@ -99,6 +103,7 @@ mod tests {
         is_clipped: [false; 2],
         touches_box: false,
         has_moved: false,
+        is_sphere: false,
         has_closure: true,
         looks_dead: &[false, true, false],
         blurs_px: &[1.0, 1.1, 2.0],

@@ -272,6 +272,9 @@ impl Sampler for TriggerSampler {
         self.is_empty = true;
         Ok(())
     }
+    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
 }
 
 #[cfg(test)]

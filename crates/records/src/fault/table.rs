@@ -98,7 +98,7 @@ codes! {
         "Look whether the capillary is in place, clean and in focus, and whether the camera has been moved. Then acknowledge the fault and let the run go on: it measures the same specimen.";
     SCALE_OFF = "scale_off", Optics, EscalateOperator, operator: true, recoverable: true,
         "The capillary in the picture is not as wide as the configuration says. The run is held, and the specimen stays in the capillary.",
-        "Look whether the lens or the capillary was changed. Then acknowledge the fault and let the run go on. If the scale, box_um or the picture of the empty capillary is wrong, correct it and start the daemon again.";
+        "Look whether the lens or the capillary was changed. Then acknowledge the fault and let the run go on. If the scale, bore_um, box_um or the picture of the empty capillary is wrong, correct it and start the daemon again.";
     SETUP_UNUSABLE = "setup_unusable", Optics, EscalateOperator, operator: true, recoverable: false,
         "No specimen can be measured with this method on this rig. The run is held, and nothing is ejected.",
         "If the message names the configuration, correct it and start the daemon again. If it names the method of the run, stop the run and choose another method.";

@@ -15,6 +15,8 @@ mod number;
 mod table;
 mod text;
 
+pub use table::{UNCLOSED_QUOTE, unclosed_quote};
+
 use super::{FieldError, PlannedWell};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;

@@ -12,9 +12,8 @@ pub fn read(bytes: &[u8], reading: &mut Reading) {
     };
     let (told, text, lines_before) = told_delimiter(&text);
     let delimiter = told.unwrap_or_else(|| likely_delimiter(text));
-    if let Some(line) = unclosed_quote(text, delimiter) {
-        let detail = "a quote opens a cell here and is never closed: everything behind it would be one cell; close it, or take it away";
-        return reading.wrong(Mistake::in_line(lines_before + line, "", detail));
+    if let Some(line) = unclosed_quote(text.as_bytes(), delimiter, None) {
+        return reading.wrong(Mistake::in_line(lines_before + line, "", UNCLOSED_QUOTE));
     }
     let decimal = match delimiter {
         b';' => Decimal::Comma,
@@ -74,13 +73,23 @@ fn likely_delimiter(text: &str) -> u8 {
     [b'\t', b';', b','].into_iter().max_by_key(|&d| rate(d)).unwrap_or(b',')
 }
 
-/// The line, from 1, of a quote that the text ends in. The reader takes such a text for one last cell. As for the reader, a quote opens
-/// only at the beginning of a cell, and two of them in a quoted cell are one that is meant.
-fn unclosed_quote(text: &str, delimiter: u8) -> Option<u64> {
-    let (mut line, mut opened, mut begins) = (1, None, true);
-    let mut bytes = text.bytes().peekable();
+/// What is wrong with a line of [`unclosed_quote`], and the way out.
+pub const UNCLOSED_QUOTE: &str =
+    "a quote opens a cell here and is never closed: everything behind it would be one cell; close it, or take it away";
+
+/// The line, from 1, of a quote that the CSV text ends in. The reader takes such a text for one last cell. As for the reader, a quote
+/// opens only at the beginning of a cell, two of them in a quoted cell are one that is meant, and a line that begins with `comment` says
+/// nothing.
+pub fn unclosed_quote(text: &[u8], delimiter: u8, comment: Option<u8>) -> Option<u64> {
+    let (mut line, mut opened, mut begins, mut begins_line, mut in_comment) = (1, None, true, true, false);
+    let mut bytes = text.iter().copied().peekable();
     while let Some(byte) = bytes.next() {
         line += u64::from(byte == b'\n');
+        in_comment = if begins_line { opened.is_none() && Some(byte) == comment } else { in_comment && byte != b'\n' };
+        begins_line = byte == b'\n';
+        if in_comment {
+            continue;
+        }
         match (opened, byte) {
             (Some(_), b'"') if bytes.peek() == Some(&b'"') => {
                 bytes.next();

@@ -14,7 +14,7 @@ fn held() -> DeviceError {
 /// A look that finds this.
 fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
     let mut instrument = b.d.instrument.take().unwrap();
-    instrument.sampler = Box::new(Arm { waits: false, brings_again: false, wire });
+    instrument.sampler = Box::new(Arm { wire, ..Arm::default() });
     b.d.searched(instrument, DevicesFound { rotation, camera: Ok(()) });
 }
 

@@ -13,18 +13,28 @@ use carved_devices::{
 };
 use carved_records::{Event, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
 use std::path::Path;
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// Devices that do nothing; the axis says this when it is next asked whether it is there.
-pub struct Idle(pub Option<DeviceError>);
+/// Devices that do nothing.
+#[derive(Default)]
+pub struct Idle {
+    /// What the axis says when it is next asked whether it is there.
+    pub says: Option<DeviceError>,
+    /// The axis steps through a list, as that of a stock VAST.
+    pub trigger_only: bool,
+    /// The camera arms: the worker goes on to its first well.
+    pub arms: bool,
+}
 
 impl RotationAxis for Idle {
     fn identity(&self) -> &'static str {
         "idle axis"
     }
     fn capabilities(&self) -> Capabilities {
-        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
+        let trigger_only = self.trigger_only;
+        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only }
     }
     fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
         Ok(Achieved { steps: Steps(0), epoch: 1 })
@@ -33,7 +43,7 @@ impl RotationAxis for Idle {
         Ok(Achieved { steps, epoch: 1 })
     }
     fn check(&mut self) -> Result<(), DeviceError> {
-        self.0.take().map_or(Ok(()), Err)
+        self.says.take().map_or(Ok(()), Err)
     }
     fn position(&self) -> Position {
         Position::Unknown
@@ -48,7 +58,7 @@ impl Camera for Idle {
         "idle camera"
     }
     fn arm(&mut self) -> Result<(), DeviceError> {
-        Err(DeviceError::NotArmed)
+        if self.arms { Ok(()) } else { Err(DeviceError::NotArmed) }
     }
     fn grab(&mut self, _deadline: Duration) -> Result<Grabbed, DeviceError> {
         Err(DeviceError::NotArmed)
@@ -68,11 +78,14 @@ impl Camera for Idle {
 }
 
 /// A sampler that brings nothing: of a loader, or driven.
+#[derive(Default)]
 pub struct Arm {
     pub waits: bool,
     pub brings_again: bool,
     /// What its wire has shown while nothing ran.
     pub wire: Option<bool>,
+    /// The wells whose specimens it has taken out.
+    pub ejected: Arc<Mutex<Vec<String>>>,
 }
 
 impl Sampler for Arm {
@@ -82,6 +95,12 @@ impl Sampler for Arm {
 
     fn brings_again(&self) -> bool {
         self.brings_again
+    }
+
+    fn begin_run(&mut self) {}
+
+    fn look(&mut self, _axis: &mut dyn RotationAxis) -> Result<(), DeviceError> {
+        Ok(())
     }
 
     fn sees_specimen(&self) -> Option<bool> {
@@ -104,9 +123,20 @@ impl Sampler for Arm {
     ) -> Result<Option<Loaded>, DeviceError> {
         Ok(None)
     }
-    fn eject(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+    fn eject(&mut self, _axis: &mut dyn RotationAxis, well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        self.ejected.lock().unwrap().push(well.to_owned());
         Ok(())
     }
+
+    fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+/// An instrument whose camera does not arm.
+pub fn instrument(axis: Idle, sampler: Arm) -> Instrument {
+    let rig = Rig { rotation: Box::new(axis), camera: Box::new(Idle::default()) };
+    Instrument { rig, second: None, sampler: Box::new(sampler) }
 }
 
 pub const RUN: &str = "r1";
@@ -132,15 +162,14 @@ pub fn plan(wells: &[&str]) -> RunPlan {
 
 /// A driver that works in this folder, what speaks to it, and what hears that.
 pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
+    driver_of(root, instrument(Idle::default(), Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() }))
+}
+
+fn driver_of(root: &Path, instrument: Instrument) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
     let mut config = Config::parse(include_str!("../../../../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
     config.store.data_dir = root.to_owned();
     let (store, journal, events) = Claim::on(root).and_then(Store::open).unwrap();
     let (handle, mailbox, publisher) = channel(Driver::first_status(Mode::Simulated, "boot".into()), events);
-    let instrument = Instrument {
-        rig: Rig { rotation: Box::new(Idle(None)), camera: Box::new(Idle(None)) },
-        second: None,
-        sampler: Box::new(Arm { waits: loaded_from_outside, brings_again: true, wire: None }),
-    };
     let driver = Driver {
         config: Arc::new(config),
         mode: Mode::Simulated,
@@ -156,7 +185,15 @@ pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle,
 
 /// One that has said its first words.
 pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
-    let (driver, handle, mailbox) = driver(root, loaded_from_outside);
+    spoken(driver(root, loaded_from_outside))
+}
+
+/// The same with an instrument of its own.
+pub fn bench_of(root: &Path, instrument: Instrument) -> Bench {
+    spoken(driver_of(root, instrument))
+}
+
+fn spoken((driver, handle, mailbox): (Driver, SessionHandle, mpsc::Receiver<Command>)) -> Bench {
     let mut d = Running::new(driver);
     d.first_report();
     Bench { d, handle, _mailbox: mailbox, inside: None }
@@ -164,7 +201,15 @@ pub fn bench(root: &Path, loaded_from_outside: bool) -> Bench {
 
 /// A run of these wells whose worker is at it.
 pub fn started(root: &Path, loaded_from_outside: bool, wells: &[&str]) -> Bench {
-    let mut b = bench(root, loaded_from_outside);
+    at_it(bench(root, loaded_from_outside), wells)
+}
+
+/// The same with an instrument of its own.
+pub fn started_with(root: &Path, instrument: Instrument, wells: &[&str]) -> Bench {
+    at_it(bench_of(root, instrument), wells)
+}
+
+fn at_it(mut b: Bench, wells: &[&str]) -> Bench {
     b.put_run(&plan(wells)).unwrap();
     b.tell(Progress::Ready);
     b

@@ -2,13 +2,15 @@
 //! with it, over a restart too.
 
 use super::super::*;
-use super::bench::{Bench, bench, on_this_thread, scratch, started};
-use super::loader::IN;
+use super::bench::{Arm, Bench, Idle, RUN, bench, instrument, journalled, on_this_thread, scratch, started, started_with};
+use super::loader::{IN, out};
 use crate::session::handle::{Refusal, Towards};
 use crate::session::worker::{OpticsFault, Progress, RunEnd, RunError};
+use crate::store::{RecordingWriter, a_recording};
 use carved_core::profile::ProfileError;
 use carved_devices::DeviceError;
-use carved_records::{Phase, fault_table};
+use carved_records::{EventData, Interrupted, Phase, SpecimenOutcome, fault_table};
+use std::sync::Arc;
 
 fn dark() -> RunError {
     let fault = OpticsFault::Light(ProfileError::Black { brightest: 9, needed: 30 });
@@ -131,11 +133,165 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
             let seq = b.status().faults[0].seq;
             b.d.acknowledge(seq).unwrap();
             if !outside {
+                let ejected = Arc::default();
+                let sampler = Arm { brings_again: true, ejected: Arc::clone(&ejected), ..Arm::default() };
+                let mut with_camera = instrument(Idle::default(), sampler);
+                with_camera.rig.camera = Box::new(Idle { arms: true, ..Idle::default() });
+                b.d.instrument = Some(with_camera);
                 b.put("r2").unwrap();
                 b.tell(Progress::Ready);
-                // The larva inside is not used as the new plate's A02.
+                // The larva inside is not used as the new plate's A02: it is ejected first.
                 assert_eq!((b.d.capillary().inside(), b.d.capillary().brought()), (Some("A02"), None));
+                b.ends(RunEnd::Paused).await;
+                assert_eq!(*ejected.lock().unwrap(), ["A02"]);
             }
+        }
+    });
+}
+
+impl Bench {
+    /// What a worker has written of the specimen of well `at` when it ends: a record that nobody closed.
+    fn has_recorded(&self, at: usize) {
+        let record = &self.d.active.as_ref().unwrap().record;
+        let planned = &record.plan.plate_map[at];
+        let folder = self.d.store.run_folder(RUN).join(&planned.well);
+        drop(RecordingWriter::create(&folder, a_recording(RUN, planned), None).unwrap());
+    }
+
+    fn is_sealed(&self, well: &str) -> bool {
+        self.d.store.run_folder(RUN).join(well).join("SHA256SUMS").is_file()
+    }
+
+    /// By the status and by `run.json`.
+    fn outcomes(&self) -> Vec<Option<SpecimenOutcome>> {
+        let shown: Vec<_> = self.status().run.unwrap().results.iter().map(|well| well.outcome).collect();
+        let stored = self.d.store.run(RUN).unwrap().unwrap();
+        assert_eq!(shown, stored.wells.iter().map(|well| well.outcome).collect::<Vec<_>>());
+        shown
+    }
+
+    fn goes_on(&mut self) {
+        let seq = self.status().faults[0].seq;
+        self.d.acknowledge(seq).unwrap();
+        self.steer(Towards::Unhold).unwrap();
+    }
+
+    fn skips_interrupted(&mut self) {
+        self.d.active.as_mut().unwrap().record.method.policy.interrupted = Interrupted::Skip;
+    }
+
+    /// Of each time that the specimen of A02 was interrupted: whether it was kept.
+    fn interruptions(&self) -> Vec<bool> {
+        let events = journalled(&self.d.store.run_folder(RUN));
+        let of_a02 = events.into_iter().filter(|e| e.body.well.as_deref() == Some("A02"));
+        let kept = of_a02.filter_map(|e| match e.body.data {
+            EventData::SpecimenInterrupted(interrupted) => Some(interrupted.kept),
+            _ => None,
+        });
+        kept.collect()
+    }
+}
+
+const SUCCEEDED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Succeeded);
+const INTERRUPTED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Interrupted);
+
+/// Such a sampler brings what lies next on its plate: another larva would be measured under the name of the one that is gone.
+#[test]
+fn a_kept_specimen_that_is_out_ends_its_well_where_the_sampler_brings_none_twice() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = started_with(dir.path(), instrument(Idle::default(), Arm::default()), &["A01", "A02", "A03"]);
+        b.has_recorded(1);
+        held(&mut b, dark()).await;
+        assert_eq!((b.inside_by_status().as_deref(), b.outcomes()), (Some("A02"), vec![SUCCEEDED, None, None]));
+        b.loaded("A02", false).unwrap();
+        assert_eq!((b.inside_by_status(), b.outcomes()), (None, vec![SUCCEEDED, INTERRUPTED, None]));
+        let why = b.status().run.unwrap().results[1].reason.clone().unwrap();
+        assert!(why.contains("took its specimen out"), "{why}");
+        assert!(b.is_sealed("A02"));
+        assert_eq!(b.interruptions(), [true, false]);
+        b.goes_on();
+        assert!(b.works(), "{:?}", b.status().state);
+        b.tell(Progress::Ready);
+        b.phase("A03", Phase::Load, false);
+        assert_eq!((b.d.capillary().brought(), b.status().run.unwrap().wells.pending), (None, 1));
+        b.phase("A03", Phase::Position, true);
+        b.done("A03");
+        b.ends(RunEnd::AllWells).await;
+        assert_eq!(b.outcomes(), [SUCCEEDED, INTERRUPTED, SUCCEEDED]);
+    });
+}
+
+#[test]
+fn a_specimen_whose_pose_is_lost_is_given_up_where_the_policy_skips_it_and_the_run_goes_on_with_the_next() {
+    on_this_thread(async {
+        for outside in [true, false] {
+            let dir = scratch();
+            let mut b = started(dir.path(), outside, &["A01", "A02", "A03"]);
+            b.skips_interrupted();
+            b.has_recorded(1);
+            held(&mut b, RunError::SpecimenThread).await;
+            assert_eq!(b.outcomes(), [SUCCEEDED, INTERRUPTED, None], "a loader: {outside}");
+            assert!(b.is_sealed("A02"));
+            assert_eq!(b.interruptions(), [false]);
+            let active = b.d.active.as_ref().unwrap();
+            let taken_out = if outside { &active.take_out } else { &active.eject_first };
+            assert_eq!(taken_out.as_deref(), Some("A02"), "a loader: {outside}");
+            b.goes_on();
+            if outside {
+                assert_eq!(b.needs(), out("A02"));
+                b.loaded("A02", false).unwrap();
+            }
+            assert!(b.works(), "a loader: {outside}, {:?}", b.status().state);
+            b.tell(Progress::Ready);
+            if outside {
+                b.asks_for("A03");
+                assert_eq!(b.needs(), IN[2]);
+            } else {
+                b.phase("A02", Phase::Eject, true);
+                b.phase("A02", Phase::Wash, false);
+                b.phase("A03", Phase::Load, false);
+            }
+            assert_eq!(b.outcomes(), [SUCCEEDED, INTERRUPTED, None], "a loader: {outside}");
+        }
+    });
+}
+
+/// The instrument is to blame, so that no policy gives it up; and a stock VAST takes no specimen up twice, so that it cannot stay.
+#[test]
+fn what_a_rig_that_steps_through_a_list_could_not_see_is_brought_again_whatever_the_policy_says() {
+    on_this_thread(async {
+        for outside in [true, false] {
+            let dir = scratch();
+            let axis = Idle { trigger_only: true, ..Idle::default() };
+            let sampler = Arm { waits: outside, brings_again: true, ..Arm::default() };
+            let mut b = started_with(dir.path(), instrument(axis, sampler), &["A01", "A02"]);
+            b.skips_interrupted();
+            held(&mut b, dark()).await;
+            assert_eq!(b.outcomes(), [SUCCEEDED, None], "a loader: {outside}");
+            assert_eq!((b.interruptions(), b.d.capillary().brought()), (vec![false], None), "a loader: {outside}");
+            let active = b.d.active.as_ref().unwrap();
+            let taken_out = if outside { &active.take_out } else { &active.eject_first };
+            assert_eq!(taken_out.as_deref(), Some("A02"), "a loader: {outside}");
+            b.goes_on();
+            if outside {
+                assert_eq!(b.needs(), out("A02"));
+                b.loaded("A02", false).unwrap();
+            }
+            assert!(b.works(), "a loader: {outside}, {:?}", b.status().state);
+            b.tell(Progress::Ready);
+            if outside {
+                b.asks_for("A02");
+                assert_eq!((b.status().state, b.needs()), (State::Suspended, IN[1].to_owned()));
+                b.loaded("A02", true).unwrap();
+            } else {
+                b.phase("A02", Phase::Eject, true);
+                b.phase("A02", Phase::Wash, false);
+                b.phase("A02", Phase::Load, false);
+            }
+            b.phase("A02", Phase::Position, true);
+            b.done("A02");
+            assert_eq!(b.outcomes(), [SUCCEEDED, SUCCEEDED], "a loader: {outside}");
         }
     });
 }

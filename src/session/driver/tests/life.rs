@@ -35,6 +35,13 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             b.done("A01");
             b.ends(RunEnd::Failed(sampler_failed())).await;
             let status = b.status();
+            // Its verdict was told before, and nothing takes it back.
+            let of_a01 = |kind: &str| {
+                journalled(dir.path()).iter().filter(|e| e.body.data.kind() == kind && e.body.well.as_deref() == Some("A01")).count()
+            };
+            assert_eq!((of_a01(kind::SPECIMEN_DONE), of_a01(kind::SPECIMEN_INTERRUPTED)), (1, 0), "{wells:?}");
+            let outcome = status.run.as_ref().unwrap().results[0].outcome;
+            assert_eq!(outcome, Some(carved_records::SpecimenOutcome::Succeeded), "{wells:?}");
             assert!(status.specimen.is_some_and(|s| s.well == "A01" && s.in_capillary), "{wells:?}");
             assert!(!status.plate.removable && status.state == State::Held, "{:?}", status.state);
             let active = b.d.active.as_ref().unwrap();

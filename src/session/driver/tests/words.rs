@@ -242,7 +242,7 @@ fn what_a_person_did_at_the_axis_is_a_fault_until_it_is_acknowledged() {
         let mut b = bench(dir.path(), true);
         let what = "the controller reports NC: the axis was turned with the controller's knob".into();
         let by_hand = DeviceError::Intervention { device: "axis", what, way_out: "Let go of the axis" };
-        b.d.instrument.as_mut().unwrap().rig.rotation = Box::new(Idle(Some(by_hand)));
+        b.d.instrument.as_mut().unwrap().rig.rotation = Box::new(Idle { says: Some(by_hand), ..Idle::default() });
         for _ in 0..2 {
             b.beat().await;
             let status = b.status();
