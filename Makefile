@@ -1,7 +1,7 @@
 # `make run` shows the instrument at work on its emulated rig; `make help` lists the rest.
 
 .DEFAULT_GOAL := help
-.PHONY: help build run test lint bench web deny deps-build deps-web deps-python deps-test deps-bench
+.PHONY: help build run test lint bench web contract deny deps-build deps-web deps-python deps-test deps-bench
 
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
@@ -52,6 +52,10 @@ bench: deps-build deps-bench ## benchmarks, then other tools beside carved: docs
 	benches/peers/run.sh
 
 web: $(PAGE) ## the operator's page alone: web/dist
+
+contract: deps-build $(NODE_MODULES) ## after a change of the API: docs/openapi.json from the daemon, the page's types from it
+	CARVED_UPDATE_OPENAPI=1 $(CARGO) test --locked --test http openapi_file
+	cd web && npm run --silent contract
 
 deny: ## licences, banned crates and sources of everything that is built in (installs cargo-deny where missing)
 	command -v cargo-deny >/dev/null || $(CARGO) install cargo-deny --locked --version $(CARGO_DENY_VERSION)

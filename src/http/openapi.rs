@@ -67,6 +67,7 @@ pub(super) async fn get(State(app): State<AppState>) -> Response {
 /// handler says itself stands.
 pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
     let mut contract = serde_json::to_value(contract).unwrap_or_default();
+    require_what_is_always_written(&mut contract);
     contract["components"]["securitySchemes"] = json!({ "token": { "type": "http", "scheme": "bearer" } });
     for (path, item) in contract["paths"].as_object_mut().into_iter().flatten() {
         for (method, operation) in item.as_object_mut().into_iter().flatten() {
@@ -103,6 +104,22 @@ pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
         }
     }
     contract
+}
+
+/// serde writes every property of an answer, `null` where there is no value. utoipa describes an `Option` and a field with a default
+/// as one that may be missing, so a client would have to expect both.
+fn require_what_is_always_written(contract: &mut Value) {
+    for (name, schema) in contract["components"]["schemas"].as_object_mut().into_iter().flatten() {
+        // The schema of a request accepts no other properties. It says itself what a client may leave out.
+        let of_a_request = schema["additionalProperties"] == false;
+        // These leave out what is empty.
+        if of_a_request || matches!(name.as_str(), "Problem" | "Mistake") {
+            continue;
+        }
+        let Some(properties) = schema["properties"].as_object() else { continue };
+        let always: Vec<String> = properties.keys().cloned().collect();
+        schema["required"] = json!(always);
+    }
 }
 
 /// What those behind the handlers answer: a command is journalled, a result is read from the disk.

@@ -120,7 +120,7 @@ fn of_seed(seed: u64, cases: &[Done]) -> Vec<Reading> {
             pipeline.observe(index, *omega, seen).unwrap();
         }
         let record = finished(pipeline, &closure);
-        Reading { done, lie: record.closure.clone().unwrap().lie.unwrap(), record }
+        Reading { done, lie: record.closure.clone().unwrap().pose_offset.unwrap(), record }
     };
     cases.iter().enumerate().map(read).collect()
 }

@@ -87,6 +87,22 @@ fn the_contract_names_every_route_and_leads_nowhere_into_the_void() {
 }
 
 #[test]
+fn an_answer_requires_what_is_always_written_and_a_request_what_must_be_sent() {
+    let rig = Rig::start();
+    let schemas = &rig.contract()["components"]["schemas"];
+    let required = |name: &str| {
+        let required = schemas[name]["required"].as_array().unwrap();
+        required.iter().map(|field| field.as_str().unwrap().to_owned()).collect::<Vec<_>>()
+    };
+    let status = rig.get("/v1/status").json();
+    let written: Vec<String> = status.as_object().unwrap().keys().cloned().collect();
+    assert_eq!(required("Status"), written);
+    assert_eq!(required("RotationStatus"), status["hardware"]["rotation"].as_object().unwrap().keys().cloned().collect::<Vec<_>>());
+    assert_eq!(required("PlannedWell"), ["well"]);
+    assert_eq!(required("Mistake"), ["detail"]);
+}
+
+#[test]
 fn unknown_routes_and_methods_are_problems() {
     let rig = Rig::start();
     for path in ["/nowhere", "/v1", "/v1/", "/v1/status/", "/v2/status", "/../Cargo.toml", "/%2e%2e/Cargo.toml", "//", "/v1/runs/r/fold"] {

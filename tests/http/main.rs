@@ -11,6 +11,7 @@ mod commands;
 mod contract;
 mod lease;
 mod limits;
+mod openapi_file;
 mod plate_maps;
 mod reading;
 mod results;

@@ -1,6 +1,19 @@
 // What the page asks of the daemon, and nothing else.
 
-import type { Check, Method, PlateMap, RunDetail, RunPlan, Specimen, Status } from "./status.ts";
+import type {
+  Check,
+  MethodOffer,
+  Methods,
+  Mistake,
+  PlateMap,
+  Preflight,
+  Problem,
+  RunDetail,
+  RunPlan,
+  Specimen,
+  Status,
+  WellLoaded,
+} from "./status.ts";
 import { authorization } from "./token.ts";
 
 /** The daemon did not give what was asked for: it answered with a problem, or (code 0) not at all. */
@@ -18,27 +31,13 @@ export class Refused extends Error {
   }
 }
 
-/** One thing wrong with a plan or a plate map: where, and what. */
-export interface Mistake {
-  pointer?: string;
-  line?: number | null;
-  column?: string | null;
-  detail: string;
-}
-
 /** In the words of the problem+json body, or by the code alone. */
 async function refusal(response: Response): Promise<Refused> {
   const code = `${response.status} ${response.statusText}`.trim();
-  const body = (await response.json().catch(() => ({}))) as Problem;
+  // A proxy in between answers without them.
+  const body = (await response.json().catch(() => ({}))) as Partial<Problem>;
   const words = ON_THIS_PAGE[body.code ?? ""] ?? body.detail ?? body.title ?? code;
   return new Refused(response.status, words, body.errors ?? []);
-}
-
-interface Problem {
-  code?: string;
-  title?: string;
-  detail?: string;
-  errors?: Mistake[];
 }
 
 /** What a program does about it by another request, an operator does on this page. */
@@ -85,7 +84,8 @@ async function sendJson(method: string, path: string, body: unknown): Promise<Re
 
 /** The loader's word, said by hand: the specimen of this well is in the capillary, or out of it. */
 export async function sayLoaded(run: string, well: string, loaded: boolean): Promise<void> {
-  const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(run)}/wells/${well}`, { loaded });
+  const body: WellLoaded = { loaded };
+  const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(run)}/wells/${well}`, body);
   await response.body?.cancel();
 }
 
@@ -116,13 +116,13 @@ export async function checkPlateMap(file: File): Promise<PlateMap> {
 /** Every precondition of a plan, whether it is met or not. */
 export async function preflight(plan: RunPlan): Promise<Check[]> {
   const response = await sendJson("POST", "/v1/preflight", plan);
-  return ((await response.json().catch(away)) as { checks: Check[] }).checks;
+  return ((await response.json().catch(away)) as Preflight).checks;
 }
 
-export async function fetchMethods(): Promise<Method[]> {
+export async function fetchMethods(): Promise<MethodOffer[]> {
   const response = await ask("/v1/methods");
   if (!response.ok) throw await refusal(response);
-  return ((await response.json().catch(away)) as { methods: Method[] }).methods;
+  return ((await response.json().catch(away)) as Methods).methods;
 }
 
 /** What is stored of a run, its plan included. */

@@ -2,11 +2,11 @@
 //
 //   file ──check──> mistakes by line, or what the plate holds ──preflight──> what the instrument lacks ──start──> the run
 
-import { checkPlateMap, fetchMethods, preflight, Refused, startRun, type Mistake } from "./api.ts";
+import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
 import { capitalised, counted } from "./format.ts";
 import { canStart } from "./plain.ts";
-import type { Check, Method, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
+import type { Check, MethodOffer, Mistake, PlannedWell, PlateMap, RunPlan, Status } from "./status.ts";
 
 const OPERATOR = "carved.operator";
 
@@ -25,7 +25,7 @@ export class NewRun {
   readonly #list: HTMLElement;
   readonly #preflight: HTMLButtonElement;
   readonly #start: HTMLButtonElement;
-  #methods: readonly Method[] = [];
+  #methods: readonly MethodOffer[] = [];
   #methodsOf: string | null = null;
   #map: PlateMap | null = null;
   #startable = false;

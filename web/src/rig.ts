@@ -3,11 +3,11 @@
 import { fact } from "./dom.ts";
 import { age, bytes, capitalised, duration, grouped, micrometres, significant } from "./format.ts";
 import type {
-  AxisStatus,
   CalibrationStatus,
   CameraStatus,
   GateStatus,
   Light,
+  RotationStatus,
   Status,
   TranslationStatus,
 } from "./status.ts";
@@ -39,7 +39,7 @@ export class RigView {
   }
 }
 
-function axis(axis: AxisStatus): string {
+function axis(axis: RotationStatus): string {
   if (!axis.connected) return "✕ not connected";
   if (!axis.referenced) return "reference not found yet: each specimen begins with it";
   return axis.position_deg === null ? "✓ referenced" : `✓ at ${axis.position_deg.toFixed(2)}°`;

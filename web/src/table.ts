@@ -2,7 +2,7 @@
 // the names of the columns, and every line says whether it is a simulation's.
 
 import { fetchRun } from "./api.ts";
-import type { RunDetail } from "./status.ts";
+import type { PlannedWell, RunDetail, RunPlan, WellStatus } from "./status.ts";
 
 /** Of the plate map, then of the result. */
 const COLUMNS = [
@@ -19,10 +19,15 @@ const COLUMNS = [
   ],
   ...["outcome", "reason", "flags", "estimator", "volume_um3", "volume_sd_um3", "area_um2", "area_sd_um2"],
   ...["diameter_um", "signal_per_nl", "views", "views_planned"],
-] as const;
+] as const satisfies readonly (keyof PlannedWell | keyof WellStatus)[];
+
+/** What the table reads of a run. */
+type Tabled = Pick<RunDetail, "id" | "mode" | "plate_barcode" | "method" | "results"> & {
+  plan: Pick<RunPlan, "plate_map">;
+};
 
 /** CSV after RFC 4180. Pure. */
-export function tableOf(run: RunDetail): string {
+export function tableOf(run: Tabled): string {
   const planned = new Map(run.plan.plate_map.map((well) => [well.well, well]));
   const head = { run: run.id, mode: run.mode, plate_barcode: run.plate_barcode, method: run.method };
   const lines = run.results.map((result) => {

@@ -6,7 +6,7 @@ import { after, afterEach, before, beforeEach, test } from "node:test";
 import type { Browser, Page } from "playwright-core";
 import type { Status } from "../../src/status.ts";
 import { drawn, openBrowser, openPage, shoot } from "../support/browser.ts";
-import { FixtureServer, kept } from "../support/fixture-server.ts";
+import { FixtureServer, kept, NO_FILES } from "../support/fixture-server.ts";
 import { ellipsoidGlb, png } from "../support/picture.ts";
 import { carved, fault, placed, run, specimen, status, well } from "../support/statuses.ts";
 
@@ -176,7 +176,7 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   const views = [0, 1, 2].map((i) => `${base}/views/${i}.png`);
   // The second view has no profile.
   const profiles = [0, 2].map((i) => `${base}/profiles/${i}.png`);
-  const links = { mesh_glb: `${base}/mesh.glb`, detection: null, views, profiles };
+  const links = { ...NO_FILES, mesh_glb: `${base}/mesh.glb`, views, profiles };
   server.answers[base] = kept({ recording: { rig: { pixel_format: "BayerRG8" } }, hull_volumes_um3: late, links });
   for (const path of views) server.files[path] = frame;
   for (const path of profiles)
@@ -217,7 +217,7 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   const skipped = "/v1/runs/demo-1/specimens/A04";
   const judged = `${skipped}/views/detection.png`;
   server.files[judged] = frame;
-  server.answers[skipped] = kept({ links: { mesh_glb: null, detection: judged, views: [], profiles: [] } });
+  server.answers[skipped] = kept({ links: { ...NO_FILES, detection: judged } });
   await page.locator('[data-well="A04"].well').click();
   await until("frame-whose", /^as it was found$/);
   assert.equal(await page.locator("#frame-image").isVisible(), true);
@@ -349,7 +349,7 @@ test("a handover whose loader died is called off by the operator, without a run 
 test("what is stored and cannot be read says why, and is read once it can be", async () => {
   const base = "/v1/runs/demo-1/specimens/A01";
   const views = [0, 1].map((i) => `${base}/views/${i}.png`);
-  const links = { mesh_glb: `${base}/mesh.glb`, detection: null, views, profiles: [] };
+  const links = { ...NO_FILES, mesh_glb: `${base}/mesh.glb`, views };
   server.answers[base] = kept({ links });
   for (const path of views) server.files[path] = frame;
   server.files[links.mesh_glb] = ellipsoidGlb([1700, 250, 230]);

@@ -3,7 +3,7 @@
 import { createServer, type IncomingMessage, type Server, type ServerResponse } from "node:http";
 import type { AddressInfo, Socket } from "node:net";
 import { readFile } from "node:fs/promises";
-import type { Specimen, Status } from "../../src/status.ts";
+import type { Links, Specimen, Status } from "../../src/status.ts";
 
 const CSP =
   "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -14,12 +14,21 @@ const PAGE: Record<string, [string, string]> = {
   "/app.css": ["app.css", "text/css"],
 };
 
+/** A specimen without files. */
+export const NO_FILES: Links = { mesh_ply: null, mesh_glb: null, detection: null, views: [], profiles: [] };
+
 /** A stored specimen; nothing of it, where nothing is said. */
 export function kept(change: Partial<Specimen> = {}): Specimen {
   return {
+    run: "demo-1",
+    well: "A01",
+    attempt: 1,
+    earlier_attempts: [],
+    result: null,
     recording: {},
+    measurement: null,
     hull_volumes_um3: [],
-    links: { mesh_glb: null, detection: null, views: [], profiles: [] },
+    links: { ...NO_FILES },
     ...change,
   };
 }

@@ -18,6 +18,8 @@ export function well(name: string, change: Partial<WellStatus> = {}): WellStatus
     field_volume_um3: null,
     field_area_um2: null,
     diameter_um: null,
+    views: null,
+    views_planned: null,
     signal_per_nl: null,
     reference: null,
     ...change,
@@ -107,6 +109,7 @@ export function fault(change: Partial<Fault> = {}): Fault {
 
 export function status(change: Partial<Status> = {}): Status {
   return {
+    schema: "carved/status/1",
     revision: 1,
     boot_id: "b7d1",
     server_time: "2026-03-05T09:31:20Z",

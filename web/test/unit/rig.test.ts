@@ -28,6 +28,9 @@ test("a calibration is one line: by what, how old, how far off, and whether it s
 
 test("daily beads say in words what is so, and whether it counts", () => {
   const failed = {
+    id: "beads-7",
+    measured: "2026-03-05T07:00:00Z",
+    max_age_s: 86_400,
     verdict: "failed",
     stands: false,
     words: ["failed: 7 beads. Measure no specimens", "no bead was measured twice"],

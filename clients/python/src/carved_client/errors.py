@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from .models import SchedulerAction, State
+
 
 class CarvedError(Exception):
     """Everything that this package raises of its own."""
@@ -48,10 +50,10 @@ class Problem:
     code: str
     detail: str
     title: str = ""
-    scheduler_action: str = "escalate_operator"
+    scheduler_action: SchedulerAction = "escalate_operator"
     fault_seq: int | None = None
     errors: tuple[Mistake, ...] = ()
-    accepted_in: tuple[str, ...] = ()
+    accepted_in: tuple[State, ...] = ()
     lease: LeaseStatus | None = None
 
 

@@ -23,6 +23,9 @@ Mode = Literal["hardware", "simulated", "imported"]
 SpecimenKind = Literal["larva", "bead"]
 HandoffIntent = Literal["load", "unload"]
 Control = Literal["positive", "negative"]
+ConcentrationUnit = Literal[
+    "M", "mM", "uM", "nM", "pM", "g/L", "mg/L", "ug/L", "ng/L", "mg/mL", "ug/mL", "ng/mL", "%", "% v/v", "% w/v", "ppm"
+]  # fmt: skip
 
 
 @dataclass(frozen=True)

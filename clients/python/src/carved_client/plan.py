@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
-from .models import Control, SpecimenKind
+from .models import ConcentrationUnit, Control, SpecimenKind
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class PlannedWell:
     dpf: float | None = None
     compound: str | None = None
     concentration: float | None = None
-    concentration_unit: str | None = None
+    concentration_unit: ConcentrationUnit | None = None
     strain: str | None = None
     treatment: str | None = None
     control: Control | None = None

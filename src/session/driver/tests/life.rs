@@ -39,7 +39,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             let of_a01 = |kind: &str| {
                 journalled(dir.path()).iter().filter(|e| e.body.data.kind() == kind && e.body.well.as_deref() == Some("A01")).count()
             };
-            assert_eq!((of_a01(kind::SPECIMEN_DONE), of_a01(kind::SPECIMEN_INTERRUPTED)), (1, 0), "{wells:?}");
+            assert_eq!((of_a01("specimen.done"), of_a01("specimen.interrupted")), (1, 0), "{wells:?}");
             let outcome = status.run.as_ref().unwrap().results[0].outcome;
             assert_eq!(outcome, Some(carved_records::SpecimenOutcome::Succeeded), "{wells:?}");
             assert!(status.specimen.is_some_and(|s| s.well == "A01" && s.in_capillary), "{wells:?}");
