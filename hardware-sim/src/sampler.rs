@@ -119,10 +119,6 @@ impl VendorSampler {
         }
     }
 
-    pub fn set_bounce_s(&self, bounce_s: f64) {
-        self.now().settings.bounce_s = bounce_s;
-    }
-
     /// The wire says this whatever happens: stuck (true), or pulled (false); none mends it.
     pub fn force_line(&self, level: Option<bool>) {
         self.now().forced = level;

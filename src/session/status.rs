@@ -214,6 +214,10 @@ pub struct HardwareStatus {
     #[serde(default)]
     pub camera_second: Option<CameraStatus>,
     pub disk_free_bytes: Option<u64>,
+    /// Why the index lacks what is newest on disk, so that lists of runs and old events are incomplete. Runs go on, and the index catches
+    /// up by itself. `null` where it lacks nothing.
+    #[serde(default)]
+    pub index_trouble: Option<String>,
 }
 
 impl HardwareStatus {

@@ -120,6 +120,7 @@ export interface HardwareStatus {
   camera: CameraStatus;
   camera_second: CameraStatus | null;
   disk_free_bytes: number | null;
+  index_trouble: string | null;
   rotation: RotationStatus;
   translation: TranslationStatus | null;
 }

@@ -21,13 +21,21 @@ export class RigView {
   }
 
   update(status: Status): void {
-    const { rotation, translation, camera, camera_second: second, disk_free_bytes: free } = status.hardware;
+    const {
+      rotation,
+      translation,
+      camera,
+      camera_second: second,
+      disk_free_bytes: free,
+      index_trouble: behind,
+    } = status.hardware;
     const rows: [string, string][] = [["Rotation", axis(rotation)]];
     if (translation) rows.push(["Translation", slide(translation)]);
     rows.push(["Camera", cameraWords(camera)], ["Frames", frames(camera)]);
     if (camera.light) rows.push(["Light", lightWords(camera.light)], ["Focus", focusWords(camera.light)]);
     if (second) rows.push(["Second camera", cameraWords(second)], ["Its frames", frames(second)]);
     if (free !== null) rows.push(["Disk free", bytes(free)]);
+    if (behind !== null) rows.push(["Index", `! lists of runs may be incomplete: ${behind}`]);
     rows.push(["Calibration", calibrationWords(status.calibration)]);
     const gate = status.calibration?.gate;
     if (gate) rows.push(["Daily beads", gateWords(gate)]);

@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 #[derive(Debug, Default)]
 pub struct CameraFaults {
     lost_packets_ppm: AtomicU32,
-    lost_resends_ppm: AtomicU32,
     doubled_packets_ppm: AtomicU32,
     swapped_packets_ppm: AtomicU32,
     dropped_frames: AtomicU32,
@@ -29,11 +28,6 @@ impl CameraFaults {
     /// Of a million stream packets this many never leave; a resend may bring them.
     pub fn lose_packets_ppm(&self, ppm: u32) {
         self.lost_packets_ppm.store(ppm, Ordering::Relaxed);
-    }
-
-    /// The same for packets sent again on request.
-    pub fn lose_resends_ppm(&self, ppm: u32) {
-        self.lost_resends_ppm.store(ppm, Ordering::Relaxed);
     }
 
     /// Of a million stream packets this many leave twice.
@@ -109,10 +103,6 @@ impl CameraFaults {
 
     pub(super) fn loses_packet(&self) -> bool {
         self.unlucky(&self.lost_packets_ppm)
-    }
-
-    pub(super) fn loses_resend(&self) -> bool {
-        self.unlucky(&self.lost_resends_ppm)
     }
 
     pub(super) fn doubles_packet(&self) -> bool {

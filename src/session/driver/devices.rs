@@ -17,6 +17,14 @@ impl Running {
         }
     }
 
+    /// Shows whether the index holds all that is on disk.
+    pub(super) fn show_index(&self) {
+        let trouble = self.store.index_trouble();
+        if self.publisher.status().hardware.index_trouble != trouble {
+            self.publish(|s| s.hardware.index_trouble = trouble);
+        }
+    }
+
     /// At rest the devices are asked whether they are still there.
     pub(super) fn look(&mut self) {
         if self.task.is_some() || self.instrument.is_none() {

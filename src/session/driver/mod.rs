@@ -208,6 +208,7 @@ impl Running {
 
     fn beat(&mut self) {
         self.calibration_ages();
+        self.show_index();
         if !self.stopping {
             // Before the look: that has the instrument for a moment, and a run that goes on needs it.
             self.try_the_store();

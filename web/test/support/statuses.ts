@@ -146,6 +146,7 @@ export function status(change: Partial<Status> = {}): Status {
       },
       camera_second: null,
       disk_free_bytes: 412_300_000_000,
+      index_trouble: null,
     },
     calibration: null,
     faults: [],

@@ -5,7 +5,7 @@ use crate::session::handle::{Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::RunEnd;
 use carved_devices::DeviceError;
-use carved_records::{Phase, fault_table};
+use carved_records::{EventData, Phase, fault_table};
 
 fn held() -> DeviceError {
     DeviceError::Intervention { device: "rotation axis", what: "feed hold".into(), way_out: "Press cycle start" }
@@ -66,6 +66,22 @@ fn a_specimen_that_no_run_asked_for_is_said_and_neither_ready_nor_removable_goes
         assert!(b.status().plate.removable && !b.status().ready, "somebody has to say that it is known");
         b.d.acknowledge(status.faults[0].seq).unwrap();
         assert!(b.status().ready);
+    });
+}
+
+/// Lists of runs are incomplete then, and whoever reads them is to know.
+#[test]
+fn an_index_that_cannot_be_written_is_shown_and_stops_nothing() {
+    on_this_thread(async {
+        let dir = scratch();
+        let mut b = bench(dir.path(), true);
+        assert_eq!(b.status().hardware.index_trouble, None);
+        let other = rusqlite::Connection::open(dir.path().join("index.sqlite")).unwrap();
+        other.execute_batch("ALTER TABLE events RENAME TO elsewhere").unwrap();
+        b.d.event(None, EventData::StoreRegained);
+        b.beat().await;
+        let trouble = b.status().hardware.index_trouble.unwrap();
+        assert!(trouble.contains("events") && b.status().faults.is_empty() && b.status().ready, "{trouble}");
     });
 }
 
