@@ -1,13 +1,13 @@
 //! carved measures zebrafish larvae in 3D while they turn in the capillary of a VAST BioImager.
 //!
-//! This crate is the daemon and its commands. The science is `carved-core`, the devices are `carved-devices`:
+//! This crate is the daemon and its commands. The science is `carved-core`, the devices are `carved-devices`, and what is written
+//! down and said is `carved-records`:
 //!
 //! ```text
-//! carved-core     <- carved-devices     values in, values out <- motors, cameras, samplers
-//!        both     <- session <- http, cli                        edges: store, export, network
+//! carved-core <- carved-devices, carved-records <- store, config <- session <- http, cli
 //! ```
 //! Cargo's manifests hold the arrows between the crates, `tests/house.rs` those between the modules of this one. Only
-//! `session` uses both the science and the devices; `http` sees the session's handle and snapshots.
+//! `session` runs specimens. `config`, `store`, `http` and `cli` use plain types and helpers of the three crates.
 
 pub mod cli;
 pub mod config;

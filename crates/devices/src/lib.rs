@@ -1,14 +1,15 @@
 //! The instrument's devices behind narrow traits. They use units and raw frames, and no science. All calls block.
 //!
 //! ```text
-//!             ┌─ RotationAxis ── Lasting ── one_sided ── Grbl, Tmcl, Zaber, VastBridge, Relay ── link ── serial port, TCP
+//!             ┌─ RotationAxis ── (Watched) ── Lasting ── one_sided ── Grbl, Tmcl, Zaber, VastBridge, Relay ── link ── serial port, TCP
 //! acquisition ┤     ├─ LinearAxis      a second axis of the same controller
 //!             │     └─ SpecimenInput   the sampler's two wires at the same controller ◄── TriggerSampler
 //!             └─ Camera ──────── AravisCamera ── libaravis ── GigE Vision
 //!
 //! any thread ── StopHandle ──► the stop on the wire, also while a move is waited for
 //! ```
-//! Every serial port, connection and camera has exactly one owner.
+//! Every serial port, connection and camera has exactly one owner. `Watched` is there with a trigger sampler only. A new method of
+//! `RotationAxis` must be forwarded by all three wrappers.
 
 #![warn(missing_docs)]
 

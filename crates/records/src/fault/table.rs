@@ -127,7 +127,7 @@ codes! {
         "The sampler did not bring or take away a specimen, or brought one that no run asked for.",
         "Look whether a specimen is stuck in the tubing or the capillary, take it out and say so to the instrument. Then acknowledge the fault and let the run go on.";
     POSITION_OVERRUN = "position_overrun", Motion, PauseInstrument, operator: true, recoverable: true,
-        "The reference, or bringing the specimen into view, took longer than the method's policy allows, more often than it is tried.",
+        "The reference, or bringing the specimen into view, exceeded its deadline in every attempt that the method's policy permits.",
         "Look what holds the capillary or the axis up. Then acknowledge the fault and let the run go on. If it is only slow, allow the phase more time in the method's policy.";
     SAMPLER_OVERRUN = "sampler_overrun", Sampler, PauseInstrument, operator: true, recoverable: true,
         "Loading, ejecting or washing took longer than the method's policy allows.",
