@@ -16,7 +16,7 @@ use super::lines::Lines;
 use super::{StoreError, durable};
 use carved_devices::regular;
 use carved_records::{Event, EventBody, EventData, is_plain_name, kind};
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -47,7 +47,8 @@ impl Journal {
     /// skipped.
     pub(super) fn open(root: &Path, all: Lines, index: Arc<Index>) -> Result<(Self, Vec<Event>), StoreError> {
         let path = root.join(FILE);
-        let tail: Vec<Event> = all.tail(TAIL)?.iter().map(|line| parse(&path, line)).collect::<Result<_, _>>()?;
+        let lines = all.tail(TAIL)?;
+        let tail: Vec<Event> = lines.iter().map(|line| parse(&path, line)).collect::<Result<_, _>>()?;
         let newest = tail.last().map_or(0, |e| e.id);
         let next_id = after(&path, newest)?;
         let last_fault = match index.last_fault() {
@@ -55,7 +56,7 @@ impl Journal {
             None => last_fault(&path)?,
         };
         let mut journal = Self { all, runs: root.join("runs"), of_run: None, next_id, last_fault, index };
-        journal.mend(&tail)?;
+        journal.mend(&tail, &lines)?;
         Ok((journal, tail))
     }
 
@@ -63,8 +64,8 @@ impl Journal {
         self.last_fault
     }
 
-    /// Adds the newest events to the file of their run where a crash has kept them from it.
-    fn mend(&mut self, tail: &[Event]) -> Result<(), StoreError> {
+    /// Adds the newest events to the file of their run where a crash has kept them from it. `lines` are those of `tail`.
+    fn mend(&mut self, tail: &[Event], lines: &[Vec<u8>]) -> Result<(), StoreError> {
         let Some((last, run)) = tail.iter().rev().find_map(|event| Some((event, event.body.run.as_deref()?))) else { return Ok(()) };
         if !is_plain_name(run) {
             tracing::warn!(run, id = last.id, "the newest event of a run has no run's name, and is in no run's file");
@@ -75,10 +76,24 @@ impl Journal {
         if !folder.is_dir() || !folder.join(FILE).exists() && !matches!(last.body.data, EventData::RunAccepted(_)) {
             return Ok(());
         }
-        let newest = self.of_run(run)?.tail(1)?.first().and_then(|line| serde_json::from_slice::<Event>(line).ok());
-        let known = newest.map_or(0, |event| event.id);
-        for event in tail.iter().filter(|event| event.id > known && event.body.run.as_deref() == Some(run)) {
-            self.append_of_run(event)?;
+        let kept = self.of_run(run)?.tail(TAIL)?;
+        let kept: BTreeSet<u64> = kept.iter().filter_map(|line| serde_json::from_slice::<Id>(line).ok()).map(|line| line.id).collect();
+        // What lies before all that the run's file still shows is not looked at.
+        let oldest = kept.first().copied().unwrap_or(0);
+        let is_missing = |event: &Event| event.id > oldest && event.body.run.as_deref() == Some(run) && !kept.contains(&event.id);
+        let missing: Vec<(&Event, &Vec<u8>)> = tail.iter().zip(lines).filter(|(event, _)| is_missing(event)).collect();
+        let only_views = missing.iter().all(|(event, _)| event.body.data.kind() == kind::VIEW_TAKEN);
+        for (event, line) in missing {
+            let line = [line, &b"\n"[..]].concat();
+            match self.append_of_run(event, &line) {
+                // Nothing that a start decides depends on them, and a full disk must not keep the daemon from starting.
+                Err(error) if only_views => {
+                    tracing::warn!(%error, run, "views are missing in the run's file; the journal has them");
+                    self.of_run = None;
+                    return Ok(());
+                }
+                done => done?,
+            }
         }
         Ok(())
     }
@@ -119,7 +134,7 @@ impl Journal {
     pub fn write(&mut self, body: &EventBody) -> Result<Event, StoreError> {
         let event = Event { id: self.next_id, body: body.clone() };
         let line = line_of(&event)?;
-        self.all.append(&line).and_then(|()| self.append_of_run(&event)).inspect_err(|_| {
+        self.all.append(&line).and_then(|()| self.append_of_run(&event, &line)).inspect_err(|_| {
             // Not acknowledged, so it is better gone; where that fails too the next line takes its place.
             self.all.drop_rest();
             self.of_run.iter_mut().for_each(|(_, lines)| lines.drop_rest());
@@ -201,8 +216,7 @@ pub(super) fn repair(root: &Path) -> Result<Repaired, StoreError> {
         }
         newest = after(&path, newest)?;
         renumbered += 1;
-        let event = Event { id: newest, ..event };
-        let new = line_of(&event)?;
+        let new = with_id(line, newest)?;
         lines.extend_from_slice(&new);
         if let Some(run) = event.body.run.filter(|run| is_plain_name(run)) {
             changed.entry(run).or_default().push((line, new));
@@ -236,6 +250,16 @@ fn parse(path: &Path, line: &[u8]) -> Result<Event, StoreError> {
         expected: "one event per line",
         found: format!("{:?}: {e}", String::from_utf8_lossy(&line[..line.len().min(80)])),
     })
+}
+
+/// The same line with another id; all else stays, also what this version does not know.
+fn with_id(line: &[u8], id: u64) -> Result<Vec<u8>, StoreError> {
+    let format = |e: serde_json::Error| StoreError::Format { path: FILE.into(), expected: "one event per line", found: e.to_string() };
+    let mut event: serde_json::Map<String, serde_json::Value> = serde_json::from_slice(line).map_err(format)?;
+    event.insert("id".into(), id.into());
+    let mut line = serde_json::to_vec(&event).map_err(format)?;
+    line.push(b'\n');
+    Ok(line)
 }
 
 fn line_of(event: &Event) -> Result<Vec<u8>, StoreError> {

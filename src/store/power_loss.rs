@@ -168,6 +168,10 @@ fn life(root: &Path, mut told: impl FnMut(&Told)) -> Result<(), StoreError> {
         now.views += 1;
         told(&now);
         event(&mut now, if view == 1 { "fault.raised" } else { "view.taken" })?;
+        if view == 2 {
+            event(&mut now, "view.taken")?;
+            event(&mut now, "view.taken")?;
+        }
         told(&now);
     }
     writer.close()?;
@@ -267,6 +271,9 @@ fn check(root: &Path, told: &Told, when: &str) {
         assert!(told.outcome.is_none() || run.outcome == told.outcome, "{when}: {:?}", run.outcome);
         let of_run = std::fs::read_to_string(root.join("runs/r1/events.jsonl")).unwrap_or_default();
         assert!(of_run.lines().count() >= told.events, "{when}: {of_run}");
+        let lines = |text: &str| text.lines().filter(|line| line.contains("\"run\":\"r1\"")).map(str::to_owned).collect::<Vec<_>>();
+        let journal = std::fs::read_to_string(root.join("events.jsonl")).unwrap_or_default();
+        assert!(of_run.is_empty() || lines(&of_run) == lines(&journal), "{when}: {of_run} is not {journal}");
     }
     let folder = root.join("runs/r1/A01");
     if told.views > 0 {

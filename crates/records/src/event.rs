@@ -10,6 +10,7 @@
 
 use crate::{Fault, Handoff, Interrupted, LiveEstimate, Mode, Phase, RunOutcome, WellCounts, WellStatus, WellTimes};
 use carved_core::profile::Detection;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
 use utoipa::ToSchema;
@@ -83,8 +84,14 @@ macro_rules! read {
         Some(EventData::$variant)
     };
     ($variant:ident, $data:ident, $payload:ty) => {
-        <$payload>::deserialize(&$data).ok().map(EventData::$variant)
+        read_data::<$payload>(&$data).map(EventData::$variant)
     };
+}
+
+/// Early journals have `null` where all of the data may be missing.
+fn read_data<T: DeserializeOwned>(data: &Value) -> Option<T> {
+    let whole = T::deserialize(data).ok();
+    whole.or_else(|| if data.is_null() { T::deserialize(Value::Object(serde_json::Map::new())).ok() } else { None })
 }
 
 /// The data of one variant as JSON.
@@ -496,6 +503,14 @@ mod tests {
         for (kind, data) in [("moon.rises", json!({ "at": 7 })), ("run.held", json!("a word")), ("view.taken", json!({ "index": -1 }))] {
             assert_eq!(reads(kind, &data), EventData::Other { kind: kind.into(), data });
         }
+    }
+
+    #[test]
+    fn data_that_may_all_be_missing_may_be_null() {
+        let loaded = EventData::of("well.loaded", Value::Null);
+        assert_eq!(loaded, EventData::WellLoaded(WellLoaded { in_place_of: None }));
+        assert_eq!(EventData::of("specimen.detected", Value::Null), EventData::SpecimenDetected(None));
+        assert!(matches!(EventData::of("run.held", Value::Null), EventData::Other { .. }));
     }
 
     #[test]

@@ -81,8 +81,7 @@ impl Running {
         let status = run_status(&record);
         self.save(record);
         let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: false };
-        self.event(Some(well), EventData::SpecimenInterrupted(interrupted));
-        self.publish(|s| s.run = Some(status));
+        self.event_shown(Some(well), EventData::SpecimenInterrupted(interrupted), |d| d.publish(|s| s.run = Some(status)));
     }
 
     /// To Held, from wherever the run was: the worker has handed the instrument back.
@@ -104,8 +103,8 @@ impl Running {
         let cause = newest.map_or_else(HoldCause::operator, |f| HoldCause { code: f.code.clone(), words: f.plainly().to_owned() });
         let by = if by_fault { HeldBy::Fault } else { HeldBy::Operator };
         self.save(record);
-        self.event(None, EventData::RunHeld(RunHeld { by, code: Some(cause.code), cause: Some(cause.words) }));
-        self.go_with(Trigger::Rested, |s| s.run = Some(status));
+        let held = RunHeld { by, code: Some(cause.code), cause: Some(cause.words) };
+        self.event_shown(None, EventData::RunHeld(held), |d| d.go_with(Trigger::Rested, |s| s.run = Some(status)));
     }
 
     /// All wells are done, but for numbers that are still made from frames.

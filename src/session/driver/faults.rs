@@ -44,11 +44,12 @@ impl Running {
         if let Some(lost) = lost.filter(|lost| !self.lost.contains(lost)) {
             self.lost.push(lost);
         }
-        self.event(None, EventData::FaultRaised(raised));
-        self.publish(|s| match lost {
-            Some(Device::Camera) => s.hardware.camera.connected = false,
-            Some(Device::Rotation) => s.hardware.lose_axes(),
-            None => {}
+        self.event_shown(None, EventData::FaultRaised(raised), |d| {
+            d.publish(|s| match lost {
+                Some(Device::Camera) => s.hardware.camera.connected = false,
+                Some(Device::Rotation) => s.hardware.lose_axes(),
+                None => {}
+            });
         });
     }
 
@@ -119,8 +120,7 @@ impl Running {
         if !latched {
             let (seq, since) = (self.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
             let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
-            self.event(None, EventData::FaultRaised(fault));
-            self.publish(|_| ());
+            self.event_shown(None, EventData::FaultRaised(fault), |d| d.publish(|_| ()));
         }
         let state = self.publisher.status().state;
         if self.active.is_some() && state != State::Aborting {

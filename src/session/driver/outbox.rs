@@ -114,9 +114,20 @@ impl Running {
         self.event_of(run.as_deref(), well, data);
     }
 
-    /// It has happened, whenever the disk takes it.
     pub(super) fn event_of(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) {
         self.outbox.happened(store::now(run, well, data));
+        self.write();
+    }
+
+    /// Shows what has happened before it is written: a disk that hangs must not keep a fault or a state from being seen.
+    pub(super) fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&Self)) {
+        let run = self.active.as_ref().map(|a| a.record.id.clone());
+        self.outbox.happened(store::now(run.as_deref(), well, data));
+        show(self);
+        self.write();
+    }
+
+    fn write(&mut self) {
         let written = self.flush();
         self.keep(written);
     }
@@ -124,8 +135,7 @@ impl Running {
     /// Writes a run's record, behind all that happened before.
     pub(super) fn save(&mut self, record: RunRecord) {
         self.outbox.waiting.push_back(Unwritten::Run(Box::new(record)));
-        let written = self.flush();
-        self.keep(written);
+        self.write();
     }
 
     /// Tells what somebody asks for, which has not happened where it cannot be written.

@@ -99,25 +99,27 @@ impl Running {
             }
             return;
         }
-        self.event(Some(well), EventData::WellAwaited);
         if let Some(active) = &mut self.active {
             active.waiting_for = Some(well.to_owned());
         }
-        if self.publisher.status().state == State::Execute {
-            self.go(Trigger::WaitForLoader);
-        } else {
-            self.publish(|_| ());
-        }
+        self.event_shown(Some(well), EventData::WellAwaited, |d| {
+            if d.publisher.status().state == State::Execute {
+                d.go(Trigger::WaitForLoader);
+            } else {
+                d.publish(|_| ());
+            }
+        });
     }
 
     fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) {
-        self.event(Some(well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary }));
         let Some(active) = &self.active else { return };
         let views_planned = active.record.method.asd;
-        self.publish(|s| match &mut s.specimen {
-            // Loaded, it begins anew: what an earlier attempt has shown is over.
-            Some(specimen) if specimen.well == well && phase != Phase::Load => specimen.phase = phase,
-            _ => s.specimen = Some(SpecimenStatus::new(well, phase, views_planned)),
+        self.event_shown(Some(well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary }), |d| {
+            d.publish(|s| match &mut s.specimen {
+                // Loaded, it begins anew: what an earlier attempt has shown is over.
+                Some(specimen) if specimen.well == well && phase != Phase::Load => specimen.phase = phase,
+                _ => s.specimen = Some(SpecimenStatus::new(well, phase, views_planned)),
+            });
         });
     }
 
@@ -138,13 +140,14 @@ impl Running {
         self.save(record);
         let well = result.well.clone();
         let done = SpecimenDone { result, times: Some(times), seconds: Some(seconds) };
-        self.event(Some(&well), EventData::SpecimenDone(Box::new(done)));
-        self.publish(|s| {
-            s.run = Some(status);
-            // Where another is shown, it is brought already while the numbers of this one were made.
-            if let Some(next) = next.filter(|_| !stuck && s.specimen.as_ref().is_none_or(|x| x.well == well)) {
-                s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, views_planned));
-            }
+        self.event_shown(Some(&well), EventData::SpecimenDone(Box::new(done)), |d| {
+            d.publish(|s| {
+                s.run = Some(status);
+                // Where another is shown, it is brought already while the numbers of this one were made.
+                if let Some(next) = next.filter(|_| !stuck && s.specimen.as_ref().is_none_or(|x| x.well == well)) {
+                    s.specimen = Some(SpecimenStatus::new(&next, Phase::Load, views_planned));
+                }
+            });
         });
     }
 }

@@ -285,7 +285,6 @@ impl Running {
         let well = result.well.clone();
         self.event(Some(&well), EventData::SpecimenRecovered);
         let done = SpecimenDone { result, times: Some(times), seconds: None };
-        self.event(Some(&well), EventData::SpecimenDone(Box::new(done)));
-        self.publish(|s| s.run = Some(status));
+        self.event_shown(Some(&well), EventData::SpecimenDone(Box::new(done)), |d| d.publish(|s| s.run = Some(status)));
     }
 }

@@ -112,9 +112,9 @@ impl Quality {
         self.checks.iter().any(|c| c.over && c.flag == flag)
     }
 
-    /// Whether, for some number, the measurement cannot tell whether it is over its limit.
+    /// Whether some number is over its limit, but by less than two of its standard deviations.
     pub fn is_undecided(&self) -> bool {
-        self.checks.iter().any(|c| c.undecided)
+        self.checks.iter().any(|c| c.undecided && c.found.is_some_and(|found| found.abs() > c.limit))
     }
 
     /// Each raised flag, once, in the order of the checks.

@@ -108,7 +108,7 @@ impl Pace {
         let well = (quantile(&self.wells_s, 0.5)?, quantile(&self.wells_s, 0.9)?);
         let (mut p50, mut squares) = (well.0 * f64::from(waiting), (well.1 - well.0).powi(2) * f64::from(waiting));
         if let Some(specimen) = specimen {
-            let (at, spent_s) = specimen.phase.map_or((0, 0.0), |(phase, since_s)| (place(phase), now_s - since_s));
+            let (at, spent_s) = specimen.phase.map_or((0, 0.0), |(phase, since_s)| (place(phase), (now_s - since_s).max(0.0)));
             for (phase, seconds) in self.phases_s.iter().enumerate().skip(at) {
                 let (Some(middle), Some(long)) = (quantile(seconds, 0.5), quantile(seconds, 0.9)) else { continue };
                 p50 += if phase == at { (middle - spent_s).max(0.0) } else { middle };
@@ -139,8 +139,8 @@ impl Paces {
                 self.method.clone_from(&accepted.method);
                 self.under_way.clear();
             }
-            // One that was interrupted teaches nothing.
-            (EventData::RunInterrupted(_), _) => self.under_way.clear(),
+            // What was interrupted or held teaches nothing: it begins anew, or the time of the hold would be in it.
+            (EventData::RunInterrupted(_) | EventData::RunHeld(_), _) => self.under_way.clear(),
             (EventData::SpecimenPhase(entered), Some(well)) => {
                 // One has the instrument; the numbers of the others are made beside.
                 self.under_way.iter_mut().filter(|(other, _)| *other != well).for_each(|(_, specimen)| specimen.leave(now_s));
@@ -269,6 +269,20 @@ mod tests {
         let now = "2026-01-01T00:01:00Z".parse().unwrap();
         assert_eq!(paces.remaining("fast", None, 2, now), Some(Eta { p50: 20.0, p90: 20.0 }));
         assert_eq!(paces.remaining("slow", None, 2, now), None);
+    }
+
+    #[test]
+    fn the_time_of_a_hold_is_not_learned() {
+        let held = crate::RunHeld { by: crate::HeldBy::Operator, code: None, cause: None };
+        let events = [
+            phase(1, "A01", Phase::Load),
+            event(2, None, EventData::RunHeld(held)),
+            phase(40, "A01", Phase::Load),
+            phase(42, "A01", Phase::Revolve),
+            done(50, "A01", SpecimenOutcome::Succeeded),
+        ];
+        assert_eq!(after(&events).methods[""], of(&[8.0]));
+        assert!(after(&events[..2]).under_way.is_empty(), "a held specimen would be counted twice");
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::super::*;
 use super::bench::{Bench, bench, journalled, on_this_thread, plan, scratch};
 use crate::session::handle::Towards;
 use crate::session::worker::{Progress, RunEnd, RunError};
+use crate::store::disk_trace;
 use carved_devices::DeviceError;
 use carved_records::{Handoff, HandoffEnd, HandoffIntent, LiveEstimate, Phase};
 use proptest::prelude::*;
@@ -29,6 +30,7 @@ enum Step {
     Fault(u8),
     Acknowledge(u64),
     DiskFails,
+    DiskHasRoom,
     Beat,
     Crash,
 }
@@ -49,6 +51,7 @@ fn step() -> impl Strategy<Value = Step> {
         1 => (0..4_u8).prop_map(Step::Fault),
         2 => (1..6_u64).prop_map(Step::Acknowledge),
         1 => Just(Step::DiskFails),
+        2 => Just(Step::DiskHasRoom),
         2 => Just(Step::Beat),
         2 => Just(Step::Crash),
     ]
@@ -109,7 +112,8 @@ async fn takes(b: &mut Bench, step: &Step) {
         }),
         Step::Fault(which) => b.d.raise(&error(which)),
         Step::Acknowledge(seq) => drop(b.d.acknowledge(seq)),
-        Step::DiskFails => b.d.keep(Err(StoreError::Vanished { path: "/data".into() })),
+        Step::DiskFails => disk_trace::fill(0, || ()),
+        Step::DiskHasRoom => disk_trace::make_room(),
         Step::Beat => b.beat().await,
         _ => {}
     }
@@ -126,9 +130,12 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
     on_this_thread(async {
         let dir = scratch();
         let mut b = bench(dir.path(), loaded_from_outside);
+        disk_trace::begin(None);
         for (at, step) in steps.iter().enumerate() {
             if matches!(step, Step::Crash) {
+                // What the disk did not take is lost with the daemon.
                 drop(b);
+                disk_trace::make_room();
                 b = bench(dir.path(), loaded_from_outside);
             } else {
                 takes(&mut b, step).await;
@@ -139,6 +146,7 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
             let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
             assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
         }
+        disk_trace::end();
     });
 }
 

@@ -62,14 +62,15 @@ fn degrees(hundredths: i64) -> String {
     format!("{sign}{},{:02}", hundredths / 100, hundredths % 100)
 }
 
-/// Whether the list has exactly this text. A list that does not exist has another text.
+/// Whether the list has exactly this text. A list that does not exist, or may not be read, has another text.
 ///
 /// # Errors
 /// The path leads to something that is not a regular file, or that cannot be read. A pipe is not waited for.
 pub(super) fn is(path: &Path, text: &str) -> Result<bool> {
     match regular::read(path) {
         Ok(found) => Ok(found == text.as_bytes()),
-        Err(e) if e.kind() == ErrorKind::NotFound => Ok(false),
+        // A list that this user may not read can still be replaced.
+        Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::PermissionDenied) => Ok(false),
         Err(e) => Err(e),
     }
 }
