@@ -1,10 +1,16 @@
-//! Has cargo look again for the operator's page, which may be built before or after the daemon.
+//! Has cargo look again for the operator's page, which may be built before or after the daemon, and for what tests need.
 
+#[path = "tests/common/needs.rs"]
+mod needs;
+
+use needs::Need;
 use std::path::Path;
 use std::time::SystemTime;
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-changed=tests/common/needs.rs");
+    needs::tell(&[Need::Shared, Need::Python, Need::Program { name: "systemd-analyze", cfg: "has_systemd_analyze" }, Need::Root]);
     // A path that does not exist would make every build start anew, so each is watched only where it stands. Until the
     // page is built its sources' folder tells when it is.
     let built = Path::new("web/dist");

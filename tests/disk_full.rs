@@ -1,9 +1,11 @@
 //! A disk that fills while a run is under way: a file system of a few hundred MB in memory, and a file that takes all of it. Mounting
-//! one needs root; without, the tests say so and are skipped.
+//! one needs root, and in a container the right to mount.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
 mod common;
+#[path = "common/strict.rs"]
+mod strict;
 
 use common::{Daemon, crash, json};
 use serde_json::{Value, json};
@@ -27,7 +29,7 @@ impl SmallDisk {
             Ok(output) => common::stderr(&output),
             Err(error) => error.to_string(),
         };
-        println!("SKIPPED: no file system of {SIZE} can be mounted here, which needs root: {why}");
+        strict::cannot_run(&format!("no file system of {SIZE} can be mounted here: {why}"));
         None
     }
 
@@ -85,6 +87,7 @@ fn sound(data: &Path) {
 
 /// Both in one, so that no more than one such file system is in memory at a time.
 #[test]
+#[cfg_attr(not(has_root), ignore = "mounting a small file system needs root")]
 fn a_run_is_held_while_the_disk_is_full_and_goes_on_where_it_was() {
     let Some(disk) = SmallDisk::mount() else { return };
     let data = disk.data();

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
+#[path = "common/strict.rs"]
+mod strict;
+
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
@@ -131,4 +134,15 @@ fn crates_depend_only_on_what_stands_to_their_left() {
             .collect();
         assert!(used.iter().all(|name| allowed.contains(&name.as_str())), "{folder} depends on {used:?}, may depend on {allowed:?}");
     }
+}
+
+#[test]
+fn a_strict_run_leaves_no_test_out() {
+    strict::holds(&[
+        (cfg!(has_shared), "no folder of shared data: name it by CARVED_SHARED"),
+        (cfg!(has_python), "no Python 3 with venv: apt-get install python3-venv"),
+        (cfg!(has_systemd_analyze), "no systemd-analyze: apt-get install systemd"),
+        (cfg!(has_root), "not built as root: mounting a small file system needs it"),
+        (cfg!(feature = "aravis"), "built without the feature aravis"),
+    ]);
 }

@@ -32,11 +32,11 @@ fn number(value: &Value, key: &str) -> f64 {
     value[key].as_f64().unwrap_or_else(|| panic!("no number {key} in {value:#}"))
 }
 
-/// A profile set with its truth, or nothing where the shared data are absent.
-fn set(name: &str) -> Option<(String, String, Value)> {
-    let folder = shared::shared(&format!("data/profile_sets/{name}"))?;
+/// A profile set of the shared data with its truth.
+fn set(name: &str) -> (String, String, Value) {
+    let folder = shared::shared(&format!("data/profile_sets/{name}"));
     let truth = serde_json::from_slice(&std::fs::read(folder.join("truth.json")).unwrap()).unwrap();
-    Some((folder.display().to_string(), folder.join("camera.json").display().to_string(), truth))
+    (folder.display().to_string(), folder.join("camera.json").display().to_string(), truth)
 }
 
 /// Relative to the truth.
@@ -48,8 +48,9 @@ fn off(found: &Value, key: &str, truth: &Value, true_key: &str) -> f64 {
 /// percent to either side is for the renderer and the grid. Without tolerance the hull is the ideal one, within the 1.8 %
 /// that the set allows any method. What is trusted knows no tolerance: within the set's own 1.8 and 2 %.
 #[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_finned_larva_is_what_the_papers_carver_makes_of_it_and_its_hull_by_slices() {
-    let Some((views, cameras, truth)) = set("larva_fin_asd21") else { return };
+    let (views, cameras, truth) = set("larva_fin_asd21");
     let dir = tempfile::tempdir().unwrap();
     let tolerant = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras]));
     let voxel = &tolerant["estimators"]["voxel"];
@@ -79,8 +80,9 @@ fn a_finned_larva_is_what_the_papers_carver_makes_of_it_and_its_hull_by_slices()
 /// the voxels' radius of 256 um, and one miss is forgiven: what is left of the diameter lies between a ball smaller by 11 um in
 /// radius and the true one. Calibrated, the bead has its size within the set's 0.7 and 0.8 %, and the axis its place.
 #[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_bead_seen_through_a_camera_that_is_off_is_calibrated() {
-    let Some((views, cameras, truth)) = set("bead_512um_asd21") else { return };
+    let (views, cameras, truth) = set("bead_512um_asd21");
     let dir = tempfile::tempdir().unwrap();
     let run = |more: &[&str]| report(&carved(dir.path(), &[&["--views", &views, "--cameras", &cameras, "--sphere"][..], more].concat()));
     let as_given = run(&["--no-calibrate"]);
@@ -103,8 +105,9 @@ fn a_bead_seen_through_a_camera_that_is_off_is_calibrated() {
 
 /// Everything is off on purpose. The set allows 0.6 % of volume and 1.2 % of area; uy and gamma are promised to 0.05 px and 0.02 deg.
 #[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_larva_with_drift_jitter_and_noise_is_solved() {
-    let Some((views, cameras, truth)) = set("larva_drift_asd42") else { return };
+    let (views, cameras, truth) = set("larva_drift_asd42");
     let dir = tempfile::tempdir().unwrap();
     let found = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras]));
     assert!(off(&found, "volume_um3", &truth, "hull_volume").abs() < 0.006, "{found:#}");
@@ -349,8 +352,9 @@ fn as_matrices(cameras: &str) -> (String, [[f64; 3]; 2]) {
 
 /// The same views, the same rays: what differs is where the grid's voxels lie, and rounding. The calibrated estimate uses neither.
 #[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
-    let Some((views, cameras, _)) = set("larva_drift_asd42") else { return };
+    let (views, cameras, _) = set("larva_drift_asd42");
     let dir = tempfile::tempdir().unwrap();
     let (matrices, [min, max]) = as_matrices(&cameras);
     std::fs::write(dir.path().join("matrices.txt"), &matrices).unwrap();
@@ -425,8 +429,9 @@ fn psi_without_a_unit_takes_its_box_from_the_silhouettes() {
 
 /// The set's camera is 2 px off, and 10 px more here: calibration moves the bead by 12 px of its 47 px of radius.
 #[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_box_of_silhouettes_holds_what_calibration_moves() {
-    let Some((views, cameras, truth)) = set("bead_512um_asd21") else { return };
+    let (views, cameras, truth) = set("bead_512um_asd21");
     let dir = tempfile::tempdir().unwrap();
     let mut psi: Value = serde_json::from_slice(&std::fs::read(&cameras).unwrap()).unwrap();
     psi["uy"] = (number(&psi, "uy") + 10.0).into();
@@ -443,8 +448,9 @@ fn a_box_of_silhouettes_holds_what_calibration_moves() {
 
 /// The matrices of a left-handed world with positive depths: the turn is found and calibrated in its mirror image.
 #[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_mirrored_world_is_calibrated_as_its_image() {
-    let Some((views, cameras, _)) = set("larva_drift_asd42") else { return };
+    let (views, cameras, _) = set("larva_drift_asd42");
     let dir = tempfile::tempdir().unwrap();
     let (matrices, [min, max]) = as_matrices(&cameras);
     let [plain, image] = ["plain.txt", "image.txt"].map(|name| dir.path().join(name));

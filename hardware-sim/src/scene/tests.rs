@@ -4,6 +4,8 @@ mod contents;
 mod larvae;
 #[path = "../../../tests/common/shared.rs"]
 mod shared;
+#[path = "../../../tests/common/strict.rs"]
+mod strict;
 
 use super::*;
 use std::f64::consts::PI;
@@ -264,8 +266,14 @@ fn every_larva_fits_the_bore_at_rest() {
 }
 
 #[test]
+fn a_strict_run_leaves_no_test_out() {
+    strict::holds(&[(cfg!(has_shared), "no folder of shared data: name it by CARVED_SHARED")]);
+}
+
+#[test]
+#[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_fish_that_nobody_here_drew_casts_its_mesh() {
-    let Some(path) = shared::shared("data/blub/fish_low_resolution.obj") else { return };
+    let path = shared::shared("data/blub/fish_low_resolution.obj");
     let mesh = Mesh::from_obj_file(&path).unwrap().laid_along_x(800.0);
     let fish = Specimen::mesh(mesh);
     let truth = fish.truth();

@@ -1,4 +1,7 @@
-//! Tests against Aravis' own fake camera, which is independent of this program. They are skipped without Debian's aravis-tools.
+//! Tests against Aravis' own fake camera, which is independent of this program. Debian has it in aravis-tools.
+
+#[path = "../../../../../tests/common/strict.rs"]
+mod strict;
 
 use super::*;
 use carved_core::frame::PixelFormat;
@@ -8,10 +11,9 @@ use std::process::{Child, Command, Stdio};
 struct Fake(Child);
 
 impl Fake {
-    fn start() -> Option<Self> {
+    fn start() -> Self {
         let mut command = Command::new("arv-fake-gv-camera-0.8");
-        let child = command.args(["-i", "127.0.0.1"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().ok()?;
-        Some(Self(child))
+        Self(command.args(["-i", "127.0.0.1"]).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap())
     }
 }
 
@@ -67,13 +69,16 @@ fn takes_what_it_is_told(deadline: Duration) {
     assert!(said.contains("TriggerSource = Line9"), "{said}");
 }
 
+#[test]
+fn a_strict_run_leaves_no_test_out() {
+    strict::holds(&[(cfg!(has_fake_camera), "no arv-fake-gv-camera-0.8: apt-get install aravis-tools")]);
+}
+
 // One test, since all of it needs the one address on which the fake can listen.
 #[test]
+#[cfg_attr(not(has_fake_camera), ignore = "no arv-fake-gv-camera-0.8: apt-get install aravis-tools")]
 fn a_camera_of_another_maker_is_opened_driven_refused_to_others_and_missed_when_gone() {
-    let Some(fake) = Fake::start() else {
-        eprintln!("skipped: arv-fake-gv-camera-0.8 is not installed (apt-get install aravis-tools)");
-        return;
-    };
+    let fake = Fake::start();
     let mut camera = open_within(Duration::from_secs(20));
     assert!(camera.identity().contains("Aravis"), "{}", camera.identity());
     let deadline = Duration::from_secs(5);
