@@ -4,7 +4,7 @@
 //! PyTrinamic, Motion Library ── pty ── emulated module, emulated controller      is what we emulate what they speak to?
 //! our driver ─────────────────── pty ── a module of PyTrinamic's frames          is what we say what they understand?
 //! ```
-//! Where PyPI cannot be reached the tests say so and pass, but fail in a strict run. Zaber has no controller in a package, and nobody a Grbl.
+//! Where `PyPI` cannot be reached the tests say so and pass, but fail in a strict run. Zaber has no controller in a package, and nobody a Grbl.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 #[path = "common/driver.rs"]

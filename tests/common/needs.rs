@@ -59,7 +59,9 @@ fn program(name: &str) -> Option<PathBuf> {
         println!("cargo::rerun-if-changed={}", program.display());
     } else {
         println!("cargo::rerun-if-env-changed=PATH");
-        folders.iter().for_each(|folder| println!("cargo::rerun-if-changed={}", folder.display()));
+        for folder in &folders {
+            println!("cargo::rerun-if-changed={}", folder.display());
+        }
     }
     found
 }
