@@ -96,7 +96,7 @@ fn a_relay_that_never_becomes_idle_ends_the_move_at_its_deadline() {
 
 #[test]
 fn a_machine_that_somebody_else_moves_is_not_moved() {
-    fails(|b| b.knobs.answer_next("1"), |_| {}, |e| matches!(e, DeviceError::Suspect { why } if why.contains("not by a request")));
+    fails(|b| b.knobs.answer_next("1"), |_| {}, |e| matches!(e, DeviceError::Suspect { why } if why.contains("without a request")));
 }
 
 #[test]
