@@ -111,17 +111,16 @@ impl Journal {
         }
     }
 
-    fn append_of_run(&mut self, event: &Event) -> Result<(), StoreError> {
+    fn append_of_run(&mut self, event: &Event, line: &[u8]) -> Result<(), StoreError> {
         let Some(run) = event.body.run.as_deref() else { return Ok(()) };
-        let line = line_of(event)?;
         let lines = self.of_run(run)?;
         // A turn has a view in each second, and nothing of a restart depends on them.
         if event.body.data.kind() == kind::VIEW_TAKEN {
-            lines.append_unsynced(&line)?
+            lines.append_unsynced(line)?
         } else {
-            lines.append(&line)?
+            lines.append(line)?
         }
-        lines.keep(&line);
+        lines.keep(line);
         Ok(())
     }
 
