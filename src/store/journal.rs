@@ -116,9 +116,9 @@ impl Journal {
         let lines = self.of_run(run)?;
         // A turn has a view in each second, and nothing of a restart depends on them.
         if event.body.data.kind() == kind::VIEW_TAKEN {
-            lines.append_unsynced(line)?
+            lines.append_unsynced(line)?;
         } else {
-            lines.append(line)?
+            lines.append(line)?;
         }
         lines.keep(line);
         Ok(())

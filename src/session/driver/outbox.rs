@@ -18,7 +18,7 @@ use std::collections::VecDeque;
 
 /// What a write that failed keeps from the disk.
 enum Unwritten {
-    Event(EventBody),
+    Event(Box<EventBody>),
     Run(Box<RunRecord>),
 }
 
@@ -53,7 +53,7 @@ impl Outbox {
     /// It has happened, whenever the disk takes it.
     fn happened(&mut self, body: EventBody) {
         self.state.apply(&body);
-        self.waiting.push_back(Unwritten::Event(body));
+        self.waiting.push_back(Unwritten::Event(Box::new(body)));
     }
 
     /// Events and records that are not on disk.
@@ -64,7 +64,7 @@ impl Outbox {
     #[cfg(test)]
     pub fn waiting_events(&self) -> impl Iterator<Item = &EventBody> {
         self.waiting.iter().filter_map(|waits| match waits {
-            Unwritten::Event(body) => Some(body),
+            Unwritten::Event(body) => Some(&**body),
             Unwritten::Run(_) => None,
         })
     }

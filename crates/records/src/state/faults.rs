@@ -51,7 +51,9 @@ mod tests {
 
     fn after(events: &[EventData]) -> Vec<u64> {
         let mut faults = OpenFaults::default();
-        events.iter().for_each(|event| faults.apply(event));
+        for event in events {
+            faults.apply(event);
+        }
         faults.open().iter().map(|f| f.seq).collect()
     }
 
@@ -84,7 +86,7 @@ mod tests {
     fn what_asks_to_be_tried_again_is_over_once_it_is() {
         let suspect = raised(1, &fault_table::ROTATION_SUSPECT);
         let resumed = EventData::RunResumed(RunResumed { by: ResumedBy::Operator });
-        assert_eq!(after(&[suspect.clone()]), [1]);
+        assert_eq!(after(std::slice::from_ref(&suspect)), [1]);
         assert!(after(&[suspect.clone(), resumed]).is_empty());
         assert!(after(&[suspect, started()]).is_empty());
     }

@@ -232,7 +232,9 @@ mod tests {
 
     fn after(events: &[EventBody]) -> Paces {
         let mut paces = Paces::default();
-        events.iter().for_each(|event| paces.apply(event));
+        for event in events {
+            paces.apply(event);
+        }
         paces
     }
 

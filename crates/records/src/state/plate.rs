@@ -56,7 +56,9 @@ mod tests {
 
     fn after(events: &[EventData]) -> PlateHandover {
         let mut plate = PlateHandover::default();
-        events.iter().for_each(|event| plate.apply(event));
+        for event in events {
+            plate.apply(event);
+        }
         plate
     }
 

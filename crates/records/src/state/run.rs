@@ -224,7 +224,9 @@ mod tests {
 
     fn after(events: &[EventBody]) -> RunState {
         let mut run = RunState::new("r");
-        events.iter().for_each(|event| run.apply(event));
+        for event in events {
+            run.apply(event);
+        }
         run
     }
 
