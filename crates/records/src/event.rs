@@ -37,7 +37,7 @@ pub struct Event {
     pub body: EventBody,
 }
 
-/// The same as JSON has it.
+/// Something that happened. Ids rise by one and last across restarts.
 #[derive(Serialize, Deserialize, ToSchema)]
 #[schema(as = Event)]
 struct Line {
@@ -48,7 +48,7 @@ struct Line {
     kind: String,
     run: Option<String>,
     well: Option<String>,
-    /// By its kind.
+    /// Its data; `docs/files.md` has those of each kind.
     data: Value,
 }
 

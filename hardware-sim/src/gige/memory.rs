@@ -197,7 +197,11 @@ impl Memory {
         }
         Ok(match register {
             Register::AcquisitionStart => Effect::Start,
-            Register::AcquisitionStop | Register::AcquisitionAbort => Effect::Stop,
+            Register::AcquisitionStop | Register::AcquisitionAbort => {
+                // The next write may come before the sensor has heard of it.
+                self.streaming = false;
+                Effect::Stop
+            }
             Register::TriggerSoftware => Effect::Trigger,
             _ => Effect::None,
         })
