@@ -167,7 +167,7 @@ pub struct SpecimenRecord {
     #[serde(default)]
     pub quality: Option<Quality>,
     /// Flags: `bad_view` (a view does not count), `clipped_left`, `clipped_right`, `outside_box`, `moved`, `closure_undecided` (the
-    /// closure view cannot tell whether the specimen moved beyond a limit), `no_closure` (the
+    /// closure is over a limit, but by less than two standard deviations), `no_closure` (the
     /// view at 360 deg has no profile, so that a specimen that moved would show only in the residuals), `dead_looking` (opaque
     /// throughout in most views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the
     /// voxels are trusted), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
