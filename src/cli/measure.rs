@@ -11,7 +11,6 @@ use crate::config::Method;
 use crate::session::numbers::{self, NumbersError};
 use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError};
 use anyhow::{Context, bail, ensure};
-use carved_core::pipeline::SpecimenRecord;
 use carved_core::surface::Mesh;
 use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -144,12 +143,7 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// The numbers of a recording by its own method, by the same path as a live run: frames and angles in, numbers out.
-pub fn measure(reader: &RecordingReader) -> anyhow::Result<SpecimenRecord> {
-    Ok(compute(reader, &reader.recording().method)?.1.record)
-}
-
-/// Surface and numbers by a method, of as many views as that asks for: all that were captured, or an even subset.
+/// Surface and numbers by a method, on the same path as a live run, of as many views as that asks for: all that were captured, or an even subset.
 pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Result<(Mesh, MeasurementFile)> {
     reader.require_finished()?;
     let recording = reader.recording();

@@ -35,7 +35,7 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
         let file: MeasurementFile = durable::read_json(&stored, "a measurement of this version")?;
         (file.record, stored.display().to_string())
     } else {
-        (measure::measure(&reader)?, format!("`carved measure` of {}", reader.folder().display()))
+        (measure::compute(&reader, &recording.method)?.1.record, format!("`carved measure` of {}", reader.folder().display()))
     };
     config.optics = recording.rig.camera.clone();
     config.empty_capillary = reader.empty_capillary()?.map(Arc::new);
