@@ -252,7 +252,8 @@ pub struct DaemonStarted {
 }
 
 /// Data of `run.accepted`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct RunAccepted {
     /// Barcode of its plate.
     pub plate_barcode: String,
@@ -368,6 +369,7 @@ pub struct AttemptFailed {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SpecimenInterrupted {
     /// What interrupted it.
+    #[serde(default)]
     pub reason: String,
     /// What the method says of such a specimen.
     #[serde(default)]
@@ -378,7 +380,8 @@ pub struct SpecimenInterrupted {
 }
 
 /// Data of `specimen.recovering`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct RecoveryBegun {
     /// The attempt, from 1.
     pub attempt: u32,
@@ -502,6 +505,14 @@ mod tests {
     fn what_is_not_known_is_kept_as_it_is() {
         for (kind, data) in [("moon.rises", json!({ "at": 7 })), ("run.held", json!("a word")), ("view.taken", json!({ "index": -1 }))] {
             assert_eq!(reads(kind, &data), EventData::Other { kind: kind.into(), data });
+        }
+    }
+
+    /// What changes the state is not lost with a field that says no more than why.
+    #[test]
+    fn a_field_that_decides_nothing_may_be_missing() {
+        for kind in ["run.accepted", "specimen.recovering", "specimen.interrupted", "well.loaded"] {
+            assert!(!matches!(EventData::of(kind, json!({})), EventData::Other { .. }), "{kind}");
         }
     }
 
