@@ -330,15 +330,10 @@ fn a_bead_whose_turn_nobody_can_tell_is_not_flagged_for_it() {
         }
         finished(pipeline, &closures::shown(bead(), &[TAU], 1000).remove(0))
     };
-    for (sphere, flagged) in [(true, false), (false, true)] {
+    for sphere in [true, false] {
         let record = taken(sphere);
         let turn = record.quality.as_ref().unwrap().check("closure_turn_deg").unwrap();
         assert!(turn.undecided, "a bead measured as a bead: {sphere}, {turn:?}");
-        assert_eq!(
-            record.flags.iter().any(|f| f == "closure_undecided"),
-            flagged,
-            "a bead measured as a bead: {sphere}, {:?}",
-            record.flags
-        );
+        assert!(!record.flags.iter().any(|f| f == "closure_undecided"), "a bead measured as a bead: {sphere}, {:?}", record.flags);
     }
 }

@@ -116,6 +116,29 @@ mod tests {
         flags(facts, &Quality::default())
     }
 
+    /// A closure that is within its limit and only shows little is no sign of a movement.
+    #[test]
+    fn a_closure_over_its_limit_by_less_than_two_sd_is_flagged_except_for_a_sphere() {
+        let closure = |found: f64| Quality {
+            checks: vec![Check {
+                name: "closure_turn_deg".into(),
+                unit: "deg".into(),
+                found: Some(found),
+                sd: Some(2.0),
+                limit: 5.0,
+                view: None,
+                over: false,
+                undecided: true,
+                flag: "moved".into(),
+            }],
+            passed: true,
+        };
+        assert_eq!(flags(&GOOD, &closure(-6.0)), ["closure_undecided"]);
+        assert!(flags(&GOOD, &closure(-4.0)).is_empty());
+        assert!(flags(&FlagFacts { is_sphere: true, ..GOOD }, &closure(6.0)).is_empty());
+        assert_eq!(flags(&FlagFacts { has_moved: true, ..GOOD }, &closure(6.0)), ["moved"]);
+    }
+
     #[test]
     fn a_good_specimen_has_no_flag_and_each_fact_has_its_own() {
         assert!(raised(&GOOD).is_empty());
