@@ -42,7 +42,7 @@ impl CalibrationStatus {
     }
 }
 
-/// Seconds from a moment as it is told to another.
+/// Seconds from `measured` (RFC 3339) to `now`.
 fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
     Some(now.duration_since(measured.parse().ok()?).as_secs_f64())
 }

@@ -45,7 +45,7 @@ impl Outbox {
         &self.state
     }
 
-    /// A run of an earlier life of the daemon is the newest one.
+    /// Makes a run of an earlier life of the daemon the newest one.
     pub fn recall(&mut self, run: RunState) {
         self.state.run = Some(run);
     }
@@ -110,10 +110,10 @@ impl Outbox {
 impl Running {
     /// Tells what has happened in the run under way, if there is one.
     pub(super) fn event(&mut self, well: Option<&str>, data: EventData) {
-        let run = self.active.as_ref().map(|a| a.record.id.clone());
-        self.event_of(run.as_deref(), well, data);
+        self.event_shown(well, data, |_| ());
     }
 
+    /// Tells what has happened in a run, or in none.
     pub(super) fn event_of(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) {
         self.outbox.happened(store::now(run, well, data));
         self.write();

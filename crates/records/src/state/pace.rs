@@ -76,7 +76,7 @@ impl UnderWay {
 
     /// The specimen is in this phase from now on.
     fn enter(&mut self, phase: Phase, now_s: f64) {
-        // A wait for the loader is told twice; the phase goes on.
+        // A wait for the loader is reported twice. The phase goes on.
         if self.phase.is_some_and(|(now, _)| now == phase) {
             return;
         }

@@ -192,6 +192,20 @@ impl Bench {
     }
 }
 
+/// The specimen of A02 is to be taken out, by the loader or by the sampler; then the run goes on.
+fn goes_on_once_it_is_out(b: &mut Bench, outside: bool) {
+    let active = b.d.active.as_ref().unwrap();
+    let taken_out = if outside { &active.take_out } else { &active.eject_first };
+    assert_eq!(taken_out.as_deref(), Some("A02"), "a loader: {outside}");
+    b.goes_on();
+    if outside {
+        assert_eq!(b.needs(), out("A02"));
+        b.loaded("A02", false).unwrap();
+    }
+    assert!(b.works(), "a loader: {outside}, {:?}", b.status().state);
+    b.tell(Progress::Ready);
+}
+
 const SUCCEEDED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Succeeded);
 const INTERRUPTED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Interrupted);
 
@@ -234,16 +248,7 @@ fn a_specimen_whose_pose_is_lost_is_given_up_where_the_policy_skips_it_and_the_r
             assert_eq!(b.outcomes(), [SUCCEEDED, INTERRUPTED, None], "a loader: {outside}");
             assert!(b.is_sealed("A02"));
             assert_eq!(b.interruptions(), [false]);
-            let active = b.d.active.as_ref().unwrap();
-            let taken_out = if outside { &active.take_out } else { &active.eject_first };
-            assert_eq!(taken_out.as_deref(), Some("A02"), "a loader: {outside}");
-            b.goes_on();
-            if outside {
-                assert_eq!(b.needs(), out("A02"));
-                b.loaded("A02", false).unwrap();
-            }
-            assert!(b.works(), "a loader: {outside}, {:?}", b.status().state);
-            b.tell(Progress::Ready);
+            goes_on_once_it_is_out(&mut b, outside);
             if outside {
                 b.asks_for("A03");
                 assert_eq!(b.needs(), IN[2]);
@@ -270,16 +275,7 @@ fn what_a_rig_that_steps_through_a_list_could_not_see_is_brought_again_whatever_
             held(&mut b, dark()).await;
             assert_eq!(b.outcomes(), [SUCCEEDED, None], "a loader: {outside}");
             assert_eq!((b.interruptions(), b.d.capillary().brought()), (vec![false], None), "a loader: {outside}");
-            let active = b.d.active.as_ref().unwrap();
-            let taken_out = if outside { &active.take_out } else { &active.eject_first };
-            assert_eq!(taken_out.as_deref(), Some("A02"), "a loader: {outside}");
-            b.goes_on();
-            if outside {
-                assert_eq!(b.needs(), out("A02"));
-                b.loaded("A02", false).unwrap();
-            }
-            assert!(b.works(), "a loader: {outside}, {:?}", b.status().state);
-            b.tell(Progress::Ready);
+            goes_on_once_it_is_out(&mut b, outside);
             if outside {
                 b.asks_for("A02");
                 assert_eq!((b.status().state, b.needs()), (State::Suspended, IN[1].to_owned()));
