@@ -27,7 +27,7 @@ run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes 
 # The daemon that the page and the Python client are tested against is the one that `cargo test` has built for the
 # integration tests, so that nothing is compiled twice.
 test: deps-build deps-test deps-python $(PAGE) ## unit, integration and doc tests; the page's in headless Chromium; the Python client's; the unit file
-	$(CARGO) test --workspace --locked
+	$(CARGO) test --workspace --locked --no-fail-fast
 	cd web && npm run --silent test
 	cd web && CARVED_BIN="$(abspath $(TARGET_DIR))/debug/carved" npm run --silent test:browser
 	CARVED_BIN="$(abspath $(TARGET_DIR))/debug/carved" clients/python/check test
