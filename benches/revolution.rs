@@ -11,11 +11,12 @@
 
 use anyhow::Context;
 use carved::config::{CameraDriver, Config, RotationDriver};
-use carved_devices::acquisition::{AcquisitionSettings, LedgerEntry, Next, RevolutionPlan, ViewOrder, revolve};
+use carved_devices::acquisition::{AcquisitionSettings, Next, RevolutionPlan, revolve};
 use carved_devices::camera::{self, CameraSelect};
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Grbl, Port, Tmcl, Zaber};
 use carved_devices::{Rig as Devices, RotationAxis};
+use carved_records::{LedgerEntry, ViewOrder};
 use hardware_sim::motion::MotionProfile;
 use hardware_sim::{Controller, Exposure, PixelFormat, Pixels, Rig, RigSettings, ShaftSettings, Sight, TestCard, grbl, tmcl, zaber};
 use std::path::Path;

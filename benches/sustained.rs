@@ -16,7 +16,7 @@
 use anyhow::Context;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::{Picture, SegmentSettings, Segmenter};
-use carved_devices::hash::sha256_hex;
+use carved_records::sha256_hex;
 use clap::Parser;
 use hardware_sim::scene::Exposure;
 use hardware_sim::scene::frame_set::{FrameSpec, frame_set};

@@ -6,9 +6,9 @@ mod beads;
 mod common;
 
 use beads::{Bead, run};
-use carved::store::gates;
 use carved_core::quality::gate::GateVerdict;
 use carved_records::Mode;
+use carved_store::gates;
 use serde_json::Value;
 use std::path::Path;
 

@@ -283,7 +283,7 @@ fn bad_starts_are_refused_by_name() {
     assert!(stderr(&output).contains("/dev/no-such-port"), "{}", stderr(&output));
 
     // Who has the data folder has the instrument: no port is opened beside it.
-    let _another = carved::store::Claim::on(&data).unwrap();
+    let _another = carved_store::Claim::on(&data).unwrap();
     for args in [["serve", "--config", config.to_str().unwrap()], ["simulate", "--data", data.to_str().unwrap()]] {
         let output = run(&[&args[..], if args[0] == "serve" { &[] } else { &["--listen", "127.0.0.1:0"] }].concat());
         assert!(!output.status.success());

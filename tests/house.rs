@@ -11,18 +11,18 @@ use std::path::{Path, PathBuf};
 /// Every module of the daemon with the daemon's own modules that it may use. Cargo's manifests hold the arrows between crates.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("export", &[]),
-    ("config", &["http", "store"]),
-    ("store", &["config"]),
-    ("session", &["export", "config", "store"]),
-    // `store` to read what runs have left; what the instrument does now comes from `session` alone.
-    ("http", &["session", "store"]),
+    ("config", &["http"]),
+    ("session", &["export", "config"]),
+    ("http", &["session"]),
 ];
 
 /// Crates with the crates of this workspace that they may depend on.
 const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("crates/core", &[]),
+    ("crates/files", &[]),
     ("crates/records", &["carved-core"]),
-    ("crates/devices", &["carved-core"]),
+    ("crates/devices", &["carved-core", "carved-files", "carved-records"]),
+    ("crates/store", &["carved-core", "carved-files", "carved-records"]),
     // A sign that is wrong in the emulated rig and in carved would not show.
     ("hardware-sim", &[]),
 ];

@@ -6,10 +6,10 @@
 mod motion;
 
 use carved_core::units::Steps;
-use carved_devices::acquisition::ViewOrder;
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Degrees, VastBridge, VastBridgeSettings};
 use carved_devices::{Capabilities, DeviceError, Position, RotationAxis};
+use carved_records::ViewOrder;
 use hardware_sim::bridge::{self, Knobs};
 use hardware_sim::{Controller, RigSettings};
 use motion::{PATIENCE, SPEED_DEG_PER_S, is_suspect, targets, true_steps, turn, until, with_camera};

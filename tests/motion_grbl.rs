@@ -8,10 +8,11 @@
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 use carved_core::units::{Steps, StepsPerRevolution};
-use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
+use carved_devices::acquisition::RevolutionPlan;
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Port, Reference};
 use carved_devices::{DeviceError, Position, RotationAxis};
+use carved_records::ViewOrder;
 use hardware_sim::grbl::Settings;
 use hardware_sim::serial::Button;
 use hardware_sim::{Controller, Rig, RigSettings, TestCard};

@@ -6,10 +6,10 @@
 mod motion;
 
 use carved_core::units::Steps;
-use carved_devices::acquisition::ViewOrder;
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{Relay, RelaySettings};
 use carved_devices::{Capabilities, DeviceError, Position, RotationAxis};
+use carved_records::ViewOrder;
 use hardware_sim::RigSettings;
 use hardware_sim::relay::{self, Knobs};
 use motion::{SPEED_DEG_PER_S, is_suspect, true_steps, turn, until, with_camera};

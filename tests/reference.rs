@@ -5,14 +5,13 @@
 mod common;
 
 use carved::config::Config;
-use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::pipeline::{Pipeline, SpecimenRecord};
 use carved_core::profile::{EmptyCapillary, Mask, Picture, Profile, SegmentSettings, Segmenter};
 use carved_core::units::Sense;
-use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
-use carved_devices::hash::sha256_hex;
-use carved_records::{Mode, PlannedWell, SpecimenKind};
+use carved_devices::acquisition::RevolutionPlan;
+use carved_records::{LedgerEntry, Mode, PlannedWell, SpecimenKind, sha256_hex};
+use carved_store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use common::{json, run, stderr};
 use hardware_sim::scene::{Exposure, Marks, Placement, Scene, SceneSettings, Specimen};
 use std::path::Path;

@@ -5,7 +5,6 @@
 mod common;
 
 use carved::config::{Config, references};
-use carved::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use carved_core::carver::Leaves;
 use carved_core::geometry::{BoxUm, VoxelGrid};
 use carved_core::measure::references::{MissingReason, Quantity, References};
@@ -13,6 +12,7 @@ use carved_core::pipeline::SpecimenRecord;
 use carved_core::profile::Mask;
 use carved_core::reconstruction::{HullModel, ReconstructionSettings};
 use carved_records::{Mode, PlannedWell, SpecimenKind};
+use carved_store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, RigRecord};
 use std::path::{Path, PathBuf};
 
 fn shipped(name: &str) -> PathBuf {
@@ -182,7 +182,7 @@ fn a_recording_holds_what_its_larva_is_compared_with() {
     let reader = RecordingReader::open(&folder).unwrap();
     assert_eq!(reader.references().unwrap(), all.to_vec());
     let again = MeasurementFile::new(reader.recording(), &reader.references().unwrap(), live.record.clone());
-    let text = String::from_utf8(carved::store::durable::json_text(&folder, &again).unwrap()).unwrap();
+    let text = String::from_utf8(carved_store::durable::json_text(&folder, &again).unwrap()).unwrap();
     assert_eq!(text, std::fs::read_to_string(folder.join(MEASUREMENT)).unwrap());
     assert_eq!(serde_json::from_str::<MeasurementFile>(&text).unwrap(), live);
 

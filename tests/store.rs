@@ -4,8 +4,8 @@
 
 mod common;
 
-use carved::store::{Claim, Store};
 use carved_records::RunOutcome;
+use carved_store::{Claim, Store};
 use common::stored::stored;
 use common::{carved, run, stderr};
 use std::path::{Path, PathBuf};

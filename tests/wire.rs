@@ -5,11 +5,12 @@
 
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::units::{Sense, Steps, StepsPerRevolution};
-use carved_devices::acquisition::{AcquisitionError, AcquisitionSettings, Ledger, Next, RevolutionPlan, ViewOrder, revolve};
+use carved_devices::acquisition::{AcquisitionError, AcquisitionSettings, Next, RevolutionPlan, revolve};
 use carved_devices::camera::{self, AravisSettings, CameraSelect};
 use carved_devices::cancel::CancelToken;
 use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
 use carved_devices::{DeviceError, Position, Rig, RotationAxis};
+use carved_records::{Ledger, ViewOrder};
 use hardware_sim::{Exposure, ExposureRecord, RigSettings, Sight, TestCard};
 use sha2::{Digest, Sha256};
 use std::f64::consts::TAU;
@@ -110,7 +111,7 @@ fn a_revolution_brings_every_view_pixel_by_pixel_from_the_angle_of_its_ledger() 
         let first = &turned.ledger.entries()[0];
         assert!(first.epoch > last_epoch, "every reference begins an epoch");
         last_epoch = first.epoch;
-        let mean = |of: fn(&carved_devices::acquisition::LedgerEntry) -> f64| turned.ledger.entries().iter().map(of).sum::<f64>() / 22.0;
+        let mean = |of: fn(&carved_records::LedgerEntry) -> f64| turned.ledger.entries().iter().map(of).sum::<f64>() / 22.0;
         println!(
             "{order:?}: per view moved {:.1} ms, settled {:.1} ms, grabbed {:.1} ms",
             mean(|e| e.moved_ms),

@@ -1,8 +1,8 @@
 //! `carved archive` and `carved prune`: runs kept elsewhere, and room made for new ones.
 
 use super::told;
-use crate::store::{self, Pruned, StoreError};
 use anyhow::{bail, ensure};
+use carved_store::{self, Pruned, StoreError};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
@@ -34,7 +34,7 @@ pub struct PruneArgs {
 pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
     let mut refused = Vec::new();
     for run in &args.runs {
-        match store::archive(run, &args.to) {
+        match carved_store::archive(run, &args.to) {
             Ok(receipt) => say!(
                 "{}: {} files, {:.3} GB, every hash verified at {}",
                 receipt.run,
@@ -59,17 +59,17 @@ pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
         bail!("{run:?} is no run's name");
     }
     let mut pruning = Pruning { args, named, failed: Vec::new(), passed_over: Vec::new(), bytes: 0 };
-    let cut_short: Vec<String> = store::cut_short(&args.data)?.into_iter().filter(|run| !named || args.runs.contains(run)).collect();
+    let cut_short: Vec<String> = carved_store::cut_short(&args.data)?.into_iter().filter(|run| !named || args.runs.contains(run)).collect();
     for run in &cut_short {
-        pruning.take(run, store::end_prune(&args.data, run, args.yes), " of an earlier prune that was cut short")?;
+        pruning.take(run, carved_store::end_prune(&args.data, run, args.yes), " of an earlier prune that was cut short")?;
     }
-    let runs = if named { args.runs.clone() } else { store::run_names(&args.data)? };
+    let runs = if named { args.runs.clone() } else { carved_store::run_names(&args.data)? };
     for run in &runs {
         // Of this one nothing else was there.
         if cut_short.contains(run) && !args.data.join("runs").join(run).exists() {
             continue;
         }
-        pruning.take(run, store::prune(&args.data, run, args.all, args.yes), "")?;
+        pruning.take(run, carved_store::prune(&args.data, run, args.all, args.yes), "")?;
     }
     let Pruning { failed, passed_over, bytes, .. } = pruning;
     let done = if args.yes { "freed" } else { "would be freed; --yes does it" };

@@ -3,10 +3,10 @@
 use super::notify;
 use crate::config::Config;
 use crate::session::{self, Driver, Heartbeat, Instrument, MethodOffer, SessionHandle};
-use crate::store::{Claim, Store};
 use anyhow::Context;
 use carved_devices::sampler::LoaderGate;
 use carved_records::Mode;
+use carved_store::{Claim, Store};
 use std::net::TcpListener;
 use std::sync::Arc;
 use tokio::signal::unix::{Signal, SignalKind, signal};

@@ -1,6 +1,6 @@
 //! `carved index`: the index over the run folders, made anew.
 
-use crate::store;
+use carved_store as store;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Subcommand)]

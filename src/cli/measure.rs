@@ -7,12 +7,13 @@
 
 use super::stored::{self, Stored};
 use super::told;
-use crate::config::Method;
 use crate::session::numbers::{self, NumbersError};
-use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError};
 use anyhow::{Context, bail, ensure};
 use carved_core::surface::Mesh;
-use carved_devices::acquisition::{LedgerEntry, RevolutionPlan};
+use carved_devices::acquisition::RevolutionPlan;
+use carved_records::LedgerEntry;
+use carved_records::Method;
+use carved_store::{MEASUREMENT, MeasurementFile, RecordingReader, RunRecord, StoreError};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -1,7 +1,6 @@
 //! `carved plate check`: a plate map's file, read as the instrument would read it.
 
 use anyhow::Context;
-use carved_devices::regular;
 use carved_records::plate_map::{self, Format, Mistake, PlateMap};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -29,7 +28,7 @@ pub struct Args {
 
 /// The plate map of a file, or its mistakes.
 pub fn read(file: &Path, plate: Option<&str>) -> anyhow::Result<Result<PlateMap, Vec<Mistake>>> {
-    let bytes = regular::read(file).with_context(|| format!("cannot read {}", file.display()))?;
+    let bytes = carved_files::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     let json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
     Ok(plate_map::read(&bytes, if json { Format::Json } else { Format::Csv }, plate))
 }

@@ -7,13 +7,12 @@
 
 use super::stored::{self, Stored};
 use super::{measure, told};
-use crate::config::{Config, Method};
+use crate::config::Config;
 use crate::export;
-use crate::store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
 use anyhow::{Context, bail, ensure};
 use carved_core::surface::Mesh;
-use carved_devices::regular;
-use carved_records::{Mode, is_plain_name};
+use carved_records::{Method, Mode, is_plain_name};
+use carved_store::{MEASUREMENT, RecordingReader, ReplayWriter, RunRecord, durable};
 use std::path::{Component, Path, PathBuf};
 
 #[derive(Debug, clap::Args)]
@@ -82,7 +81,7 @@ fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)>
         return Ok((name.to_owned(), method.clone()));
     }
     let file = Path::new(name);
-    let text = regular::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
+    let text = carved_files::read_to_string(file).with_context(|| format!("{name}: no file of a method; a name needs --config"))?;
     let method: Method = toml::from_str(&text).with_context(|| format!("{name}: not the keys of a method"))?;
     let wrong = method.check();
     ensure!(wrong.is_empty(), "{name}: {} value(s) cannot be used:\n  {}", wrong.len(), wrong.join("\n  "));
@@ -96,7 +95,7 @@ fn again(folder: &Path) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
     let numbers = stored::compare(folder, &file)?;
-    let surface = match regular::read(&folder.join(MESH)) {
+    let surface = match carved_files::read(&folder.join(MESH)) {
         Ok(stored) => {
             if stored == ply(&mesh, file.mode)? {
                 "identical"

@@ -3,11 +3,11 @@
 use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::session::Instrument;
-use crate::store::Claim;
 use anyhow::Context;
 use carved_devices::sampler::{LoaderGate, LoaderSampler, Sampler, TriggerSampler};
 use carved_devices::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
 use carved_records::Mode;
+use carved_store::Claim;
 use std::path::PathBuf;
 use std::sync::Arc;
 

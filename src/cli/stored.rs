@@ -6,8 +6,7 @@
 //!  another value, or one that is missing now ──────────► differs
 //! ```
 
-use crate::store::{MEASUREMENT, MeasurementFile, StoreError, durable};
-use carved_devices::regular;
+use carved_store::{MEASUREMENT, MeasurementFile, StoreError, durable};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -54,7 +53,7 @@ impl std::fmt::Display for Stored {
 /// A file that is there and cannot be read.
 pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<Stored> {
     let path = folder.join(MEASUREMENT);
-    let stored = match regular::read(&path) {
+    let stored = match carved_files::read(&path) {
         Ok(stored) => stored,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Stored::None),
         Err(source) => return Err(StoreError::Io { what: "read", path, source }.into()),

@@ -1,18 +1,17 @@
 //! Raw to checked: every breach is found and said, then nothing needs to be doubted again.
 
-use super::Method;
 use super::raw::{CalibrationConfig, CameraDriver, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
 use crate::http::HttpSettings;
-use crate::store::frames;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::references::References;
 use carved_core::profile::{EmptyCapillary, Picture};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
-use carved_devices::regular;
 use carved_devices::rotation::TranslationSettings;
+use carved_records::Method;
+use carved_store::frames;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -89,7 +88,7 @@ fn check_bounds(raw: &Raw, wrong: &mut impl FnMut(&str, String, &str)) {
 
 impl Config {
     pub fn load(path: &Path) -> Result<Self, ConfigError> {
-        let text = regular::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
+        let text = carved_files::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
         Self::parse(&text, path)
     }
 

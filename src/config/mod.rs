@@ -5,11 +5,10 @@
 //! ```
 
 mod check;
-mod method;
 mod raw;
 pub mod references;
+#[cfg(test)]
+mod tests;
 
-pub use carved_records::{BeadGate, Clipped, Deadlines, Interrupted, Policy, Resume};
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
-pub use method::{CameraTooNear, Method};
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};

@@ -1,6 +1,5 @@
 //! The configuration as it is written: every key with its unit in its name.
 
-use super::Method;
 use crate::http::HttpSettings;
 use carved_core::frame::PixelFormat;
 use carved_core::units::StepsPerRevolution;
@@ -9,6 +8,7 @@ use carved_devices::acquisition::AcquisitionSettings;
 use carved_devices::camera::AravisSettings;
 use carved_devices::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
 use carved_devices::sampler::TriggerSettings;
+use carved_records::Method;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -1,7 +1,6 @@
 //! Reference larvae from TOML: the paper's, which are built in, and a lab's own files.
 
 use carved_core::measure::references::{Breach, References};
-use carved_devices::regular;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -31,7 +30,7 @@ pub fn embedded() -> Result<Arc<[References]>, ReferencesError> {
 }
 
 pub fn load(path: &Path) -> Result<References, ReferencesError> {
-    let text = regular::read_to_string(path).map_err(|source| ReferencesError::Read { path: path.to_owned(), source })?;
+    let text = carved_files::read_to_string(path).map_err(|source| ReferencesError::Read { path: path.to_owned(), source })?;
     parse(&text, path)
 }
 

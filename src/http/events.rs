@@ -10,11 +10,11 @@
 
 use super::{AppState, closed};
 use crate::session::Missed;
-use crate::store::EventsAfter;
 use axum::extract::State;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event as Sent, KeepAlive, Sse};
 use carved_records::Event;
+use carved_store::EventsAfter;
 use futures::stream::{self, Stream};
 use std::collections::VecDeque;
 use std::convert::Infallible;

@@ -41,7 +41,6 @@ pub use serve::serve;
 pub use settings::{HttpError, HttpSettings};
 
 use crate::session::SessionHandle;
-use crate::store::StoreReader;
 use axum::body::Bytes;
 use axum::extract::Request;
 use axum::http::header::{self, HeaderName};
@@ -49,6 +48,7 @@ use axum::http::{HeaderValue, StatusCode};
 use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::Response;
 use axum::{Router, http::Uri};
+use carved_store::StoreReader;
 use settings::Guard;
 use std::sync::Arc;
 use std::time::Duration;

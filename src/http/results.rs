@@ -14,11 +14,11 @@ pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, m
 use super::conditional;
 use super::problem::Problem;
 use super::{App, AppState};
-use crate::store::{Cursor, RunRow, RunsQuery, SpecimenFile, StoreError, StoreReader};
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use carved_store::{Cursor, RunRow, RunsQuery, SpecimenFile, StoreError, StoreReader};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};

@@ -10,8 +10,8 @@
 use super::pace::Peer;
 use super::{HttpError, HttpSettings, closed, router};
 use crate::session::SessionHandle;
-use crate::store::StoreReader;
 use axum::Router;
+use carved_store::StoreReader;
 use hyper::Request;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;

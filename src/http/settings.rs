@@ -1,7 +1,6 @@
 //! What the operator may say about the server, and the checks before a port is opened.
 
 use carved_core::range::{OutOfRange, outside};
-use carved_devices::regular;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::io;
@@ -168,7 +167,7 @@ fn bare(name: &str) -> Result<(), HttpError> {
 fn read_token(path: PathBuf) -> Result<String, HttpError> {
     let read = || -> io::Result<(u32, String)> {
         let mode = std::fs::metadata(&path)?.permissions().mode() & 0o7777;
-        Ok((mode, regular::read_to_string(&path)?))
+        Ok((mode, carved_files::read_to_string(&path)?))
     };
     let (mode, text) = match read() {
         Ok(found) => found,

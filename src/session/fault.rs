@@ -79,7 +79,7 @@ pub fn of(seq: u64, error: &RunError) -> Fault {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::store::StoreError;
+    use carved_store::StoreError;
 
     fn full(kind: std::io::ErrorKind) -> RunError {
         RunError::Store(StoreError::Io { what: "write", path: "/data".into(), source: kind.into() })

@@ -1,8 +1,9 @@
 //! The daily beads as a run asks for them: kept after a run that had some, and asked for before numbers are taken for sound.
 
-use crate::config::{BeadGate, Config, Method};
-use crate::store::gates::{self, GateFile};
+use crate::config::Config;
+use carved_records::{BeadGate, Method};
 use carved_records::{CalibrationStatus, FieldError, GateStatus, Mode, RunPlan, SpecimenKind, SpecimenOutcome, WellStatus};
+use carved_store::gates::{self, GateFile};
 use std::path::Path;
 
 fn status_of(file: &GateFile, now: jiff::Timestamp) -> GateStatus {

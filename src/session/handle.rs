@@ -3,8 +3,8 @@
 
 use super::halt::Halt;
 use super::{Check, MethodOffer, State, Status};
-use crate::store::{StoreError, size};
 use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffNeeds, RunOutcome, RunPlan};
+use carved_store::{StoreError, size};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 use tokio::sync::{broadcast, mpsc, oneshot, watch};
@@ -374,7 +374,7 @@ mod tests {
     use carved_records::EventData;
 
     fn event(id: u64) -> Event {
-        Event { id, body: crate::store::now(None, None, EventData::RunStarted) }
+        Event { id, body: carved_store::now(None, None, EventData::RunStarted) }
     }
 
     #[test]

@@ -6,13 +6,11 @@
 //! ```
 
 use super::live;
-use crate::config::Method;
 use crate::export;
-use crate::store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
 use carved_core::pipeline::{Pipeline, PipelineError};
 use carved_core::surface::Mesh;
-use carved_devices::acquisition::LedgerEntry;
-use carved_records::{Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus};
+use carved_records::{LedgerEntry, Method, Mode, ReferenceStatus, SpecimenKind, SpecimenOutcome, WellStatus};
+use carved_store::{self, MEASUREMENT, MeasurementFile, Recording, RecordingReader, RecordingWriter, StoreError};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -65,7 +63,7 @@ pub fn of_recording(
             frames.extend(reader.second(entry)?.map(|frame| (*entry, frame)));
         }
         let frames = frames.iter().map(|(entry, frame)| (*entry, frame));
-        fluorescence = store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
+        fluorescence = carved_store::fluorescence(&mesh, &record.measurement, &second.optics, frames);
     }
     let as_if = Recording { method: method.clone(), ..recording.clone() };
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(&as_if, &reader.references()?, record) };

@@ -1,8 +1,6 @@
 //! What a run may be asked for by name: the methods of the configuration, in short.
 
-use crate::config::Method;
-use carved_devices::acquisition::ViewOrder;
-use carved_records::Versioned;
+use carved_records::{Method, Versioned, ViewOrder};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 

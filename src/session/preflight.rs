@@ -7,12 +7,14 @@
 
 use super::worker::Instrument;
 use super::{Status, gate};
-use crate::config::{BeadGate, Config, Method};
-use crate::store::{Budget, bytes_per_specimen, size};
+use crate::config::Config;
 use carved_devices::DeviceError;
-use carved_devices::acquisition::{Light, grab};
+use carved_devices::acquisition::grab;
 use carved_devices::cancel::CancelToken;
+use carved_records::Light;
+use carved_records::{BeadGate, Method};
 use carved_records::{PlannedWell, RunPlan, SpecimenKind};
+use carved_store::{Budget, bytes_per_specimen, size};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 use utoipa::ToSchema;

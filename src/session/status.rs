@@ -151,7 +151,7 @@ pub struct CameraStatus {
     pub ignored_packets: u64,
     /// Light and focus of the newest view.
     #[serde(default)]
-    pub light: Option<carved_devices::acquisition::Light>,
+    pub light: Option<carved_records::Light>,
 }
 
 impl CameraStatus {

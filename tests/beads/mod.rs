@@ -2,10 +2,10 @@
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 use carved::config::Config;
-use carved::store::{Recording, RigRecord};
 use carved_core::frame::PixelFormat;
 use carved_core::units::Sense;
 use carved_records::{Mode, PlannedWell, SpecimenKind};
+use carved_store::{Recording, RigRecord};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

@@ -1,8 +1,8 @@
 //! The state on disk that a crash leaves, made from a run that ended: the same at every try, and no kill has to come in time.
 
 use super::json;
-use carved::store::RunRecord;
 use carved_records::{WellStatus, kind};
+use carved_store::RunRecord;
 use serde_json::Value;
 use std::path::Path;
 

@@ -7,10 +7,11 @@ pub use wait::{PATIENCE, until};
 
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::units::{Sense, Steps, StepsPerRevolution};
-use carved_devices::acquisition::{AcquisitionSettings, Ledger, Next, RevolutionPlan, ViewOrder, revolve};
+use carved_devices::acquisition::{AcquisitionSettings, Next, RevolutionPlan, revolve};
 use carved_devices::camera::{self, AravisSettings, CameraSelect};
 use carved_devices::cancel::CancelToken;
 use carved_devices::{Position, Rig, RotationAxis};
+use carved_records::{Ledger, ViewOrder};
 use hardware_sim::{Exposure, ExposureRecord, RigSettings, Sight, TestCard};
 use std::f64::consts::TAU;
 use std::sync::Arc;

@@ -1,8 +1,8 @@
 //! A run on disk that no instrument has made.
 
-use carved::store::{Claim, Recording, RecordingWriter, RunRecord, Store};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{Mode, RunOutcome, SpecimenOutcome};
+use carved_store::{Claim, Recording, RecordingWriter, RunRecord, Store};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::path::Path;

@@ -4,7 +4,7 @@ use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{PATIENCE, exchange};
 use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::channel;
-use carved::store::StoreReader;
+use carved_store::StoreReader;
 use std::io::Write;
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt;

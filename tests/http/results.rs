@@ -2,9 +2,9 @@
 
 use crate::client::{carved, text, url};
 use crate::rig::Rig;
-use carved::store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{EventData, Mode, RunOutcome, SpecimenOutcome};
+use carved_store::{Claim, MEASUREMENT, Recording, RecordingWriter, RunRecord, Store, set_aside};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 

@@ -3,9 +3,8 @@
 use crate::wire::{self, Answer};
 use carved::http::{HttpError, HttpSettings, serve};
 use carved::session::{Accepted, Check, Command, HardwareStatus, MethodOffer, Pending, Plate, Publisher, Refusal, State, Status, channel};
-use carved::store::StoreReader;
-use carved_devices::acquisition::ViewOrder;
-use carved_records::{Event, EventBody, EventData, HandoffNeeds, Mode, RunPlan, ViewTaken};
+use carved_records::{Event, EventBody, EventData, HandoffNeeds, Mode, RunPlan, ViewOrder, ViewTaken};
+use carved_store::StoreReader;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::net::SocketAddr;

@@ -16,8 +16,6 @@
 pub mod acquisition;
 pub mod camera;
 pub mod cancel;
-pub mod hash;
-pub mod regular;
 pub mod rotation;
 pub mod sampler;
 

@@ -8,12 +8,12 @@
 
 use super::keep;
 use super::measured::{self, Measured};
-use crate::store::calibrations::BEADS_SCHEMA;
 use anyhow::{Context, ensure};
 use carved_core::calibration::rig::{self, Refraction};
 use carved_core::measure::references::bead::BeadScore;
 use carved_core::statistics::Spread;
 use carved_records::Mode;
+use carved_store::calibrations::BEADS_SCHEMA;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 

@@ -6,8 +6,8 @@
 //! The daemon keeps one after every run with enough beads; this is for beads over several runs, and to look at one again.
 
 use crate::cli::measure::expand;
-use crate::store::gates;
 use anyhow::{Context, ensure};
+use carved_store::gates;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

@@ -6,10 +6,10 @@
 //! ```
 
 use super::beads::BeadsFile;
-use crate::store::calibrations::BEADS_SCHEMA;
-use crate::store::durable;
 use anyhow::{Context, ensure};
 use carved_core::statistics::{Line, Spread};
+use carved_store::calibrations::BEADS_SCHEMA;
+use carved_store::durable;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 

@@ -1,7 +1,7 @@
 //! Where calibrations of a rig are kept: `KIND-DAY-ID.json`, never overwritten.
 
-use crate::store::{StoreError, durable};
 use anyhow::Context;
+use carved_store::{StoreError, durable};
 use serde::Serialize;
 use std::path::Path;
 

@@ -6,11 +6,11 @@
 //! ```
 
 use super::{keep, measured};
-use crate::store::{Recording, RecordingReader};
 use anyhow::Context;
 use carved_core::calibration::mark::{Depth, Edge, End, MarkSighting, MarkTrack, MarkView, Verdict, judge, track};
 use carved_core::profile::{Moving, Picture, Spot};
 use carved_records::Mode;
+use carved_store::{Recording, RecordingReader};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use serde::Serialize;
 use std::path::PathBuf;

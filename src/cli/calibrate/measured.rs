@@ -1,11 +1,10 @@
 //! Recordings of one rig with their numbers, and the id of what was made of them.
 
 use crate::cli::measure::expand;
-use crate::store::{MeasurementFile, RecordingReader};
 use anyhow::{Context, bail, ensure};
 use carved_core::geometry::Camera;
-use carved_devices::hash::sha256_hex;
-use carved_records::{Mode, SpecimenKind};
+use carved_records::{Mode, SpecimenKind, sha256_hex};
+use carved_store::{MeasurementFile, RecordingReader};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 

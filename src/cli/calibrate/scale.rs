@@ -9,11 +9,11 @@
 use super::beads::each;
 use super::keep;
 use super::measured;
-use crate::store::calibrations::SCALE_SCHEMA;
 use anyhow::{Context, ensure};
 use carved_core::calibration::rig::{self, RigError, Scale};
 use carved_core::statistics::Spread;
 use carved_records::Mode;
+use carved_store::calibrations::SCALE_SCHEMA;
 use serde::Serialize;
 use std::path::PathBuf;
 

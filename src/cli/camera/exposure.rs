@@ -8,8 +8,8 @@
 use super::{Configured, average};
 use anyhow::{bail, ensure};
 use carved_core::frame::RawFrame;
-use carved_devices::acquisition::Light;
 use carved_devices::camera::AravisSettings;
+use carved_records::Light;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {

@@ -5,13 +5,12 @@
 
 use super::{Configured, average};
 use crate::config::Config;
-use crate::store::{Software, durable, frames};
 use anyhow::{Context, ensure};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::Pipeline;
 use carved_core::profile::{EmptyCapillary, Picture};
-use carved_devices::acquisition::Light;
-use carved_devices::hash::sha256_hex;
+use carved_records::{Light, sha256_hex};
+use carved_store::{Software, durable, frames};
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

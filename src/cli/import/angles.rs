@@ -9,7 +9,6 @@
 //! Degrees are the axis': the rig's sense makes omega of them. Rad are omega.
 
 use anyhow::{Context, anyhow, bail, ensure};
-use carved_devices::regular;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -25,7 +24,7 @@ pub(super) enum Angles {
 /// Angles of `pictures`, which are file names in their order.
 pub(super) fn read(file: &Path, pictures: &[String]) -> anyhow::Result<Angles> {
     let name = || format!("--angles {}", file.display());
-    let bytes = regular::read(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let bytes = carved_files::read(file).with_context(|| format!("{}: cannot be read", name()))?;
     let text = String::from_utf8(bytes).map_err(|_| anyhow!("{}: found bytes that are no UTF-8 text; save it as plain text", name()))?;
     parse(&text, pictures).with_context(name)
 }

@@ -10,7 +10,7 @@ use crate::cli::segment::input::{self, Kind};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::Picture;
-use carved_devices::hash::sha256_hex;
+use carved_records::sha256_hex;
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 

@@ -15,13 +15,13 @@ mod turn;
 mod write;
 
 use crate::cli::segment::input::Kind;
-use crate::store::{Recording, RigRecord};
 use angles::Angles;
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_core::measure::references::References;
 use carved_core::pipeline::Pipeline;
 use carved_records::{Mode, PlannedWell, RunPlan, SpecimenKind};
+use carved_store::{Recording, RigRecord};
 use frames::Looked;
 use rig::Rig;
 use serde_json::json;

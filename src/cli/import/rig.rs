@@ -2,12 +2,12 @@
 
 use super::Args;
 use crate::cli::segment::{self, input::Kind};
-use crate::config::{Config, Method, references};
+use crate::config::{Config, references};
 use anyhow::{Context, bail, ensure};
 use carved_core::frame::RawFrame;
 use carved_core::geometry::Camera;
 use carved_core::measure::references::References;
-use carved_devices::regular;
+use carved_records::Method;
 use serde::Deserialize;
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
@@ -91,7 +91,7 @@ pub(super) fn read(args: &Args, kind: Kind, warn: &mut dyn FnMut(String)) -> any
 }
 
 fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
-    let text = regular::read_to_string(file).context("cannot be read as text")?;
+    let text = carved_files::read_to_string(file).context("cannot be read as text")?;
     let psi: Psi =
         serde_json::from_str(&text).context("expected an object with f, kx, ky, ux, uy, width, height and the angles omega (rad)")?;
     psi.camera.check()?;
@@ -154,14 +154,14 @@ fn method(args: &Args, config: Option<&Config>) -> anyhow::Result<(String, Metho
         let method = Method {
             version: None,
             asd: 0,
-            order: carved_devices::acquisition::ViewOrder::Sequential,
+            order: carved_records::ViewOrder::Sequential,
             epsilon: 0.05,
             voxel_um: 6.93,
             box_um: carved_core::geometry::BoxUm::PAPER,
             segment: carved_core::profile::SegmentSettings::default(),
             surface: carved_core::reconstruction::SurfaceSettings::default(),
             calibration: carved_core::reconstruction::CalibrationSettings::default(),
-            policy: crate::config::Policy::default(),
+            policy: carved_records::Policy::default(),
             quality: carved_core::quality::QualitySettings::default(),
             early_stop: carved_core::quality::EarlyStopSettings::default(),
         };

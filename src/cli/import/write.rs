@@ -1,10 +1,9 @@
 //! A recording made beside its place and put there whole.
 
 use super::Imported;
-use crate::store::{Recording, RecordingWriter, durable};
 use anyhow::{Context, bail, ensure};
-use carved_devices::acquisition::LedgerEntry;
-use carved_devices::hash::sha256_hex;
+use carved_records::{LedgerEntry, sha256_hex};
+use carved_store::{Recording, RecordingWriter, durable};
 use std::path::{Path, PathBuf};
 
 /// Where the recording goes; nothing that is there is touched.

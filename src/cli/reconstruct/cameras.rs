@@ -9,7 +9,6 @@
 
 use anyhow::{Context, anyhow, bail};
 use carved_core::geometry::{Camera, Projection};
-use carved_devices::regular;
 use nalgebra::{Matrix3, Matrix3x4};
 use serde::Deserialize;
 use serde_json::Value;
@@ -47,7 +46,7 @@ impl Cameras {
 
 pub(in crate::cli) fn read(file: &Path) -> anyhow::Result<Cameras> {
     let name = || format!("--cameras {}", file.display());
-    let bytes = regular::read(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let bytes = carved_files::read(file).with_context(|| format!("{}: cannot be read", name()))?;
     let text =
         String::from_utf8(bytes).map_err(|_| anyhow!("{}: found bytes that are no text, expected JSON or lines of 12 numbers", name()))?;
     parse(&text).with_context(name)

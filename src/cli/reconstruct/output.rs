@@ -1,7 +1,7 @@
 //! Where the mesh goes; a file that is there is never replaced unasked.
 
-use crate::store::durable;
 use anyhow::{Context, bail};
+use carved_store::durable;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,6 @@
 use anyhow::{Context, bail};
 use carved_core::carver::Leaves;
 use carved_core::profile::{Columns, Mask};
-use carved_devices::regular;
 use image::{ImageFormat, ImageReader};
 use rayon::prelude::*;
 use std::fs::File;
@@ -69,7 +68,7 @@ fn unreadable(path: &Path) -> String {
 /// A picture's file, of which the kind is known.
 fn reader(path: &Path) -> anyhow::Result<ImageReader<BufReader<File>>> {
     let name = || path.display().to_string();
-    let file = regular::open(path).with_context(name)?;
+    let file = carved_files::open(path).with_context(name)?;
     let reader = ImageReader::new(BufReader::new(file)).with_guessed_format().with_context(name)?;
     match reader.format() {
         Some(ImageFormat::Png | ImageFormat::Pnm) => Ok(reader),

@@ -1,9 +1,9 @@
 //! `carved reference beads`: whether a set of measured beads has the diameter that it should have.
 
 use crate::cli::measure::expand;
-use crate::store::RecordingReader;
 use anyhow::Context;
 use carved_core::measure::references::bead::BeadScore;
+use carved_store::RecordingReader;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]

@@ -3,9 +3,9 @@
 use super::controls::{self, Words};
 use super::show;
 use crate::cli::measure::expand;
-use crate::store::{RecordingReader, StoreError, durable};
 use anyhow::{Context, bail, ensure};
 use carved_core::measure::references::{Control, References, SCHEMA, Summaries, summarise};
+use carved_store::{RecordingReader, StoreError, durable};
 use std::path::{Path, PathBuf};
 
 #[derive(Debug, clap::Args)]

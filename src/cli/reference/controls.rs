@@ -1,11 +1,10 @@
 //! Control larvae out of recordings and tables.
 
-use crate::store::{MeasurementFile, Recording, RecordingReader};
 use anyhow::{Context, bail};
 use carved_core::measure::references::{Control, VOXEL, estimates};
-use carved_devices::regular;
 use carved_records::Mode;
 use carved_records::plate_map::{UNCLOSED_QUOTE, unclosed_quote};
+use carved_store::{MeasurementFile, Recording, RecordingReader};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -52,7 +51,7 @@ const COMMENT: u8 = b'#';
 
 /// The rows of a CSV file.
 pub fn of_table(path: &Path, words: &Words) -> anyhow::Result<Vec<Control>> {
-    let text = regular::read(path).with_context(|| format!("{}: cannot read the table", path.display()))?;
+    let text = carved_files::read(path).with_context(|| format!("{}: cannot read the table", path.display()))?;
     let text = text.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&text);
     if let Some(line) = unclosed_quote(text, b',', Some(COMMENT)) {
         bail!("{}, line {line}: {UNCLOSED_QUOTE}", path.display());

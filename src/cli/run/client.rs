@@ -3,7 +3,6 @@
 use crate::http::Problem;
 use crate::session::Status;
 use anyhow::{Context, bail};
-use carved_devices::regular;
 use serde_json::Value;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -67,8 +66,10 @@ impl Client {
                 daemon.url
             );
         }
-        let token =
-            daemon.token_file.as_ref().map(|path| regular::read_to_string(path).with_context(|| format!("cannot read {}", path.display())));
+        let token = daemon
+            .token_file
+            .as_ref()
+            .map(|path| carved_files::read_to_string(path).with_context(|| format!("cannot read {}", path.display())));
         let agent = ureq::Agent::config_builder()
             .http_status_as_error(false)
             .timeout_connect(Some(CONNECT))

@@ -3,8 +3,7 @@
 use super::mosaic;
 use anyhow::{Context, bail};
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_devices::hash::sha256_hex;
-use carved_devices::regular;
+use carved_records::sha256_hex;
 use image::{DynamicImage, ImageReader};
 use std::io::Cursor;
 use std::path::Path;
@@ -42,7 +41,7 @@ impl std::fmt::Display for Kind {
 
 /// Alpha is left out: what a picture shows where it is transparent is not known to be light.
 pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
-    let bytes = regular::read(path).context("cannot be read")?;
+    let bytes = carved_files::read(path).context("cannot be read")?;
     let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().context("cannot be read")?;
     if reader.format().is_none() {
         bail!("found no picture, expected PNG, JPEG, TIFF or BMP");

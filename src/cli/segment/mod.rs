@@ -17,7 +17,6 @@ mod overlay;
 
 use anyhow::{Context, bail};
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenters};
-use carved_devices::regular;
 use empty::Empty;
 use output::{Names, Report};
 use rayon::prelude::*;
@@ -136,7 +135,7 @@ fn settings(args: &Args) -> anyhow::Result<SegmentSettings> {
 
 pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
     let name = || format!("--settings {}", file.display());
-    let text = regular::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
+    let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
     let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;
     let breaches: Vec<String> = settings.check().iter().map(ToString::to_string).collect();
     if !breaches.is_empty() {

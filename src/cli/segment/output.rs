@@ -3,9 +3,9 @@
 use super::blocks;
 use super::input::Input;
 use super::overlay;
-use crate::store::{Software, StoreError, durable};
 use anyhow::{Context, bail};
 use carved_core::profile::{Detection, EdgePoint, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Walls};
+use carved_store::{Software, StoreError, durable};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use serde::Serialize;

@@ -3,8 +3,8 @@
 use crate::session::{RunStatus, SessionHandle};
 use carved_records::{PlannedWell, RunPlan, SpecimenKind, WellStatus};
 
-use crate::store::{MEASUREMENT, MeasurementFile, RecordingReader, durable};
 use carved_core::pipeline::SpecimenRecord;
+use carved_store::{MEASUREMENT, MeasurementFile, RecordingReader, durable};
 use std::path::Path;
 
 /// What is done after the start, as a client of the daemon.

@@ -3,7 +3,6 @@
 use super::{Before, Content, Job};
 use crate::cli::measure;
 use crate::config::{CameraDriver, Config, RotationDriver};
-use crate::store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, durable};
 use anyhow::Context;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::units::Steps;
@@ -12,6 +11,7 @@ use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
 use carved_records::RunPlan;
+use carved_store::{MEASUREMENT, MeasurementFile, Recording, RecordingReader, durable};
 use hardware_sim::{Pixels, Replay};
 use std::path::Path;
 use std::sync::Arc;

@@ -7,7 +7,8 @@ use super::turn::{CAPTURED, Turn, estimate, even_plan, off};
 use carved_core::calibration::HARMONICS_MOST;
 use carved_core::quality::{EarlyStopSettings, Estimate, should_stop};
 use carved_core::units::StepsPerRevolution;
-use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
+use carved_devices::acquisition::RevolutionPlan;
+use carved_records::ViewOrder;
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::Camera;
 

@@ -6,7 +6,8 @@ use super::statistics::{Summary, share_within};
 use super::turn::{Turn, estimate, even_plan, off};
 use carved_core::quality::{EarlyStopSettings, Estimate, has_converged};
 use carved_core::units::StepsPerRevolution;
-use carved_devices::acquisition::{RevolutionPlan, ViewOrder};
+use carved_devices::acquisition::RevolutionPlan;
+use carved_records::ViewOrder;
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::Camera;
 

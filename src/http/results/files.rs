@@ -4,11 +4,11 @@ use super::{Attempt, read, unknown_specimen};
 use crate::http::conditional;
 use crate::http::problem::Problem;
 use crate::http::{App, AppState};
-use crate::store::SpecimenFile;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use carved_store::SpecimenFile;
 
 async fn stored(
     app: &App,

@@ -2,9 +2,9 @@
 
 use super::super::worker::{Instrument, Progress, RunEnd};
 use super::recovery::{Continuation, Made, Recovery};
-use crate::store::RunRecord;
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
+use carved_store::RunRecord;
 use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinHandle};
 

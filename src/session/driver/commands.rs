@@ -4,8 +4,8 @@ use super::super::handle::{Accepted, Command, Refusal, Towards};
 use super::super::state::{HOLDABLE, STARTABLE, STOPPABLE};
 use super::super::{State, gate, preflight};
 use super::Running;
-use crate::store::Budget;
 use carved_records::{FieldError, ResumedBy, RunOutcome, RunPlan, is_plain_name};
+use carved_store::Budget;
 use tokio::sync::oneshot;
 
 /// A client that hung up before its answer is no reason to stop: what was decided stands.

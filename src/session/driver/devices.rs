@@ -4,9 +4,9 @@ use super::super::{Status, gate};
 use super::super::{search, worker::Instrument};
 use super::Running;
 use super::background::BackgroundTask;
-use crate::store::calibrations;
 use carved_devices::DeviceError;
 use carved_records::{CalibrationStatus, Device, fault_table};
+use carved_store::calibrations;
 
 impl Running {
     /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.

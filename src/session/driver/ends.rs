@@ -12,9 +12,10 @@ use super::Running;
 use super::active::Request;
 use super::publish::run_status;
 use super::recovery::Continuation;
-use crate::config::Interrupted;
-use crate::store::RunRecord;
-use carved_records::{EventData, HeldBy, HoldCause, RunEnded, RunHeld, RunOutcome, SpecimenInterrupted, SpecimenOutcome, WellCounts};
+use carved_records::{
+    EventData, HeldBy, HoldCause, Interrupted, RunEnded, RunHeld, RunOutcome, SpecimenInterrupted, SpecimenOutcome, WellCounts,
+};
+use carved_store::RunRecord;
 
 /// What becomes of a specimen that is under way when its run is cut short.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

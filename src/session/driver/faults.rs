@@ -5,8 +5,8 @@ use super::super::state::{HOLDABLE, Trigger};
 use super::super::worker::RunError;
 use super::super::{Refusal, State, Status};
 use super::{Request, Running};
-use crate::store::StoreError;
 use carved_records::{Device, EventData, Fault, FaultAcknowledged, FaultsCleared, fault_table};
+use carved_store::StoreError;
 
 /// Free space below which a disk that was full is not tried again, bytes: a few frames and their record.
 const ROOM_BYTES: u64 = 64 << 20;

@@ -14,10 +14,9 @@ use super::Running;
 use super::active::{Active, Request, Work};
 use super::ends::Fate;
 use super::publish::run_status;
-use crate::config::Method;
-use crate::store::{RunRecord, StoreError};
 use carved_devices::cancel::CancelToken;
-use carved_records::{EndRequest, EventData, LoadedBy, ResumedBy, RunAccepted, RunInterrupted, RunPlan, RunResumed, RunState};
+use carved_records::{EndRequest, EventData, LoadedBy, Method, ResumedBy, RunAccepted, RunInterrupted, RunPlan, RunResumed, RunState};
+use carved_store::{RunRecord, StoreError};
 use tokio::sync::mpsc;
 
 impl Running {

@@ -12,8 +12,8 @@
 use super::super::Refusal;
 use super::Running;
 use crate::session::handle::Publisher;
-use crate::store::{self, Journal, RunRecord, Store, StoreError};
 use carved_records::{EventBody, EventData, InstrumentState, RunState, fault_table};
+use carved_store::{self, Journal, RunRecord, Store, StoreError};
 use std::collections::VecDeque;
 
 /// What a write that failed keeps from the disk.
@@ -115,14 +115,14 @@ impl Running {
 
     /// Tells what has happened in a run, or in none.
     pub(super) fn event_of(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) {
-        self.outbox.happened(store::now(run, well, data));
+        self.outbox.happened(carved_store::now(run, well, data));
         self.write();
     }
 
     /// Shows what has happened before it is written: a disk that hangs must not keep a fault or a state from being seen.
     pub(super) fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&Self)) {
         let run = self.active.as_ref().map(|a| a.record.id.clone());
-        self.outbox.happened(store::now(run.as_deref(), well, data));
+        self.outbox.happened(carved_store::now(run.as_deref(), well, data));
         show(self);
         self.write();
     }
@@ -145,7 +145,7 @@ impl Running {
     }
 
     pub(super) fn promise_of(&mut self, run: Option<&str>, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
-        self.outbox.promise(&self.store, &self.publisher, &store::now(run, well, data))
+        self.outbox.promise(&self.store, &self.publisher, &carved_store::now(run, well, data))
     }
 
     /// Writes what waits, as far as the disk takes it.

@@ -4,8 +4,8 @@ use super::super::state::{self, Trigger};
 use super::super::{Hold, Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
 use super::recovery::Recovery;
 use super::{Active, BackgroundTask, Request, Running};
-use crate::store::RunRecord;
 use carved_records::{Fault, Phase, Resume, RunState, WellCounts};
+use carved_store::RunRecord;
 
 /// A run that has gone on this often without finishing a well waits for a person: something is wrong that comes back.
 const RESUMED_BY_ITSELF: u32 = 3;

@@ -1,7 +1,7 @@
 //! The sums of what wells keep whose records nobody closed: their writer ended with the daemon, or their numbers are given up.
 
 use super::Running;
-use crate::store::{self, StoreError};
+use carved_store::{self, StoreError};
 use std::path::Path;
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -34,11 +34,11 @@ fn within(folder: &Path, seal: fn(&Path) -> Result<(), StoreError>) {
 impl Running {
     /// Of a well of the run under way that is over.
     pub(super) fn seal_well(&self, run: &str, well: &str) {
-        within(&self.store.run_folder(run).join(well), store::seal);
+        within(&self.store.run_folder(run).join(well), carved_store::seal);
     }
 
     /// Of every well of a run that ends.
     pub(super) fn seal_run(&self, run: &str) {
-        within(&self.store.run_folder(run), store::seal_run);
+        within(&self.store.run_folder(run), carved_store::seal_run);
     }
 }

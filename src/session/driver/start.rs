@@ -3,8 +3,8 @@
 use super::super::State;
 use super::super::status::{CameraStatus, TranslationStatus};
 use super::Running;
-use crate::store::RunRecord;
 use carved_records::{DaemonStarted, EndRequest, Event, EventData, InstrumentState, RunInterrupted, RunOutcome, RunState};
+use carved_store::RunRecord;
 
 impl Running {
     /// Puts the first word into the status. A disk that takes nothing is a fault, not the end of the daemon.

@@ -6,8 +6,8 @@
 //! own_s = all of them - motors, exposures, loader and sampler (devices_s)
 //! ```
 
-use crate::store::{RecordingWriter, StoreError};
 use carved_records::WellTimes;
+use carved_store::{RecordingWriter, StoreError};
 use serde::Serialize;
 use std::time::Instant;
 

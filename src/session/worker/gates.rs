@@ -1,7 +1,7 @@
 //! What keeps a well from its revolution: the frame on which it is judged, before anything turns.
 
-use crate::config::{Clipped, Policy};
 use carved_core::profile::Profile;
+use carved_records::{Clipped, Policy};
 
 /// From here on the bore is full: a larva of 5 dpf covers a third of it, and no larva this much.
 const BLOCKED_SHARE: f64 = 0.9;

@@ -17,11 +17,12 @@
 
 use super::gates;
 use super::turn::retaken_most;
-use crate::config::{CameraTooNear, Method, Policy};
 use crate::session::preflight;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
 use carved_core::profile::{Profile, ProfileError};
-use carved_devices::acquisition::{Light, PlanError};
+use carved_devices::acquisition::PlanError;
+use carved_records::Light;
+use carved_records::{CameraTooNear, Method, Policy};
 use std::collections::BTreeMap;
 
 /// A picture without light: the median of its pixels. A lit one has 100 and more of 255.

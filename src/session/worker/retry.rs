@@ -17,7 +17,8 @@
 
 use super::{Overrun, RunError};
 use carved_devices::DeviceError;
-use carved_devices::acquisition::{AcquisitionError, LedgerError};
+use carved_devices::acquisition::AcquisitionError;
+use carved_records::LedgerError;
 use carved_records::Phase;
 
 /// Whether a reference and another turn may do better: the specimen is there, and no person is needed first.

@@ -13,12 +13,11 @@ use super::estimator::LiveEstimator;
 use super::optics::Blind;
 use super::{OpticsFault, Progress, RunContext, RunError, optics_fault};
 use crate::session::{live, numbers};
-use crate::store::{self, MeasurementFile, RecordingWriter};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SpecimenRecord, TurnVerdict};
 use carved_core::surface::Mesh;
-use carved_devices::acquisition::{LedgerEntry, Light};
-use carved_records::{Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
+use carved_records::{LedgerEntry, Light, Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
+use carved_store::{self, MeasurementFile, RecordingWriter};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender};
@@ -254,8 +253,9 @@ fn written(
     result: &mut WellStatus,
 ) -> Result<Option<Arc<Vec<u8>>>, RunError> {
     let second = context.config.second.as_ref().filter(|_| !seconds.is_empty());
-    let fluorescence =
-        second.and_then(|s| store::fluorescence(mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame))));
+    let fluorescence = second.and_then(|s| {
+        carved_store::fluorescence(mesh, &record.measurement, &s.optics, seconds.iter().map(|(entry, frame)| (entry, frame)))
+    });
     let file = MeasurementFile { fluorescence, ..MeasurementFile::new(writer.recording(), &context.config.references, record) };
     let glb = numbers::keep(writer, mesh, &file)?;
     numbers::tell(result, &file, context.method.asd);

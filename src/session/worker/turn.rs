@@ -11,11 +11,11 @@ use super::specimen::{Ended, Work};
 use super::watch::within;
 use super::{RunError, WellEnd, Worker};
 use crate::session::Instrument;
-use crate::store::{RecordingWriter, StoreError};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, TurnVerdict};
-use carved_devices::acquisition::{self, AcquisitionError, LedgerEntry, Next, RevolutionPlan, SinkClosed};
-use carved_records::{Phase, PlannedWell, WellTimes};
+use carved_devices::acquisition::{self, AcquisitionError, Next, RevolutionPlan, SinkClosed};
+use carved_records::{LedgerEntry, Phase, PlannedWell, WellTimes};
+use carved_store::{RecordingWriter, StoreError};
 use std::time::{Duration, Instant};
 
 /// How an attempt at a specimen ended.

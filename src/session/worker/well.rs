@@ -14,12 +14,12 @@ use super::turn::Attempt;
 use super::watch::within;
 use super::{OpticsFault, Progress, RunError, WellEnd, Worker, gates, optics_fault, retry};
 use crate::session::{Instrument, Live, live, placing};
-use crate::store::{RecordingWriter, set_aside};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
-use carved_devices::acquisition::{self, Light};
+use carved_devices::acquisition;
 use carved_devices::sampler::{Expected, Loaded};
-use carved_records::{Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes};
+use carved_records::{Light, Phase, PlannedWell, SpecimenKind, SpecimenOutcome, WellStatus, WellTimes};
+use carved_store::{RecordingWriter, set_aside};
 use std::ops::ControlFlow;
 use std::time::Instant;
 

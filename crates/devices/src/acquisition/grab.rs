@@ -1,10 +1,10 @@
 //! One frame from the camera, also if the camera must be opened again for it.
 
-use super::{Light, SecondEntry};
 use crate::cancel::CancelToken;
-use crate::hash::sha256_hex;
 use crate::{Camera, DeviceError, Grabbed};
 use carved_core::frame::RawFrame;
+use carved_records::sha256_hex;
+use carved_records::{Light, SecondEntry};
 use std::time::{Duration, Instant};
 
 /// How long a lost camera is searched before its view fails. Meanwhile the axis is at rest and the specimen waits.

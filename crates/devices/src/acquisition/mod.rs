@@ -6,17 +6,13 @@
 //!                     ▲                                   │
 //!                     └───────── next stop ◄──────────────┘   the axis turns while the frame is evaluated
 //! ```
-//! The plan is immutable. The [`Ledger`] has the achieved position of every view. The science receives the achieved angle, never the
+//! The plan is immutable. The [`Ledger`](carved_records::Ledger) has the achieved position of every view. The science receives the achieved angle, never the
 //! planned one. All functions here block, without an async runtime.
 
 mod grab;
-mod ledger;
-mod light;
 mod plan;
 mod worker;
 
 pub use grab::{grab, grab_second};
-pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};
-pub use light::Light;
-pub use plan::{PlanError, RevolutionPlan, Stop, ViewOrder};
+pub use plan::{PlanError, RevolutionPlan, Stop};
 pub use worker::{AcquisitionError, AcquisitionSettings, Next, SinkClosed, retake, revolve};

@@ -6,19 +6,7 @@
 //! ```
 
 use carved_core::units::{Steps, StepsPerRevolution};
-use serde::{Deserialize, Serialize};
-
-/// The order in which the views of a revolution are taken. The result does not depend on it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ViewOrder {
-    /// Once around, the shortest way.
-    #[default]
-    Sequential,
-    /// Halves, then quarters, then eighths of the turn, and so on. The live model shows its shape after a few views, but the axis turns
-    /// further.
-    CoarseToFine,
-}
+use carved_records::ViewOrder;
 
 /// One stop of the axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -8,12 +8,13 @@
 //! To end a revolution, cancel the token *and* call the rig's stop handle: the token ends it at the next step of the loop, and the
 //! handle ends a move that is under way. A change of epoch ends the revolution, and the next one begins at a new reference.
 
-use super::{Ledger, LedgerEntry, LedgerError, Light, RevolutionPlan, Stop, grab};
+use super::{RevolutionPlan, Stop, grab};
 use crate::cancel::CancelToken;
-use crate::hash::sha256_hex;
 use crate::{DeviceError, Rig, StopHandle};
 use carved_core::frame::RawFrame;
 use carved_core::units::Sense;
+use carved_records::sha256_hex;
+use carved_records::{Ledger, LedgerEntry, LedgerError, Light};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -182,10 +183,10 @@ impl Drop for StopUnlessDone {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::acquisition::ViewOrder;
     use crate::{Achieved, Camera, Capabilities, Grabbed, Link, Position, RotationAxis, StreamCounters};
     use carved_core::frame::PixelFormat;
     use carved_core::units::{Steps, StepsPerRevolution};
+    use carved_records::ViewOrder;
     use std::sync::Arc;
     use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 

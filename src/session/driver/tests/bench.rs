@@ -5,13 +5,13 @@ use super::super::*;
 use crate::session::channel;
 use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
-use crate::store::{Claim, EventsAfter};
 use carved_core::units::Steps;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{
     Achieved, Camera, Capabilities, DeviceError, Grabbed, Link as CameraLink, Position, Rig, RotationAxis, StopHandle, StreamCounters,
 };
 use carved_records::{Event, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
+use carved_store::{Claim, EventsAfter};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;

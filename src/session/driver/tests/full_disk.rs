@@ -9,8 +9,8 @@ use super::bench::{Bench, RUN, bench, count, indexed, journalled, on_this_thread
 use crate::session::handle::{SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
 use crate::session::{State, Status};
-use crate::store::disk_trace;
 use carved_records::{EventData, Phase, RunOutcome};
+use carved_store::testing::trace as disk_trace;
 use std::path::Path;
 
 const WELLS: [&str; 2] = ["A01", "A02"];

@@ -6,10 +6,11 @@ use super::bench::{Arm, Bench, Idle, RUN, bench, instrument, journalled, on_this
 use super::loader::{IN, out};
 use crate::session::handle::{Refusal, Towards};
 use crate::session::worker::{OpticsFault, Progress, RunEnd, RunError};
-use crate::store::{RecordingWriter, a_recording};
 use carved_core::profile::ProfileError;
 use carved_devices::DeviceError;
 use carved_records::{EventData, Interrupted, Phase, SpecimenOutcome, fault_table};
+use carved_store::RecordingWriter;
+use carved_store::testing::recording as a_recording;
 use std::sync::Arc;
 
 fn dark() -> RunError {

@@ -5,9 +5,9 @@ use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch,
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
-use crate::store::StoreError;
 use carved_devices::DeviceError;
 use carved_records::{EventData, Phase, RunOutcome, WellLoaded, kind};
+use carved_store::StoreError;
 use std::path::PathBuf;
 use tokio::sync::oneshot;
 

@@ -4,9 +4,9 @@ use super::super::*;
 use super::bench::{Bench, bench, journalled, on_this_thread, plan, scratch};
 use crate::session::handle::Towards;
 use crate::session::worker::{Progress, RunEnd, RunError};
-use crate::store::disk_trace;
 use carved_devices::DeviceError;
 use carved_records::{Handoff, HandoffEnd, HandoffIntent, LiveEstimate, Phase};
+use carved_store::testing::trace as disk_trace;
 use proptest::prelude::*;
 use std::path::Path;
 

@@ -5,8 +5,7 @@ use crate::session::Live;
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd};
 use carved_devices::DeviceError;
-use carved_devices::acquisition::Light;
-use carved_records::{LiveEstimate, Phase};
+use carved_records::{Light, LiveEstimate, Phase};
 
 impl Bench {
     /// A view of a well has been carved; false where the run is cancelled by then.

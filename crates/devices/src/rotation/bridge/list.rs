@@ -8,7 +8,7 @@
 //! exact, and the ledger's steps are those that the machine makes.
 
 use super::{DEVICE, Degrees, VastBridgeSettings};
-use crate::{DeviceError, regular};
+use crate::DeviceError;
 use carved_core::units::{Steps, StepsPerRevolution};
 use std::fs;
 use std::io::{ErrorKind, Result, Write};
@@ -67,7 +67,7 @@ fn degrees(hundredths: i64) -> String {
 /// # Errors
 /// The path leads to something that is not a regular file, or that cannot be read. A pipe is not waited for.
 pub(super) fn is(path: &Path, text: &str) -> Result<bool> {
-    match regular::read(path) {
+    match carved_files::read(path) {
         Ok(found) => Ok(found == text.as_bytes()),
         // A list that this user may not read can still be replaced.
         Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::PermissionDenied) => Ok(false),

@@ -1,0 +1,377 @@
+//! Runs that are kept elsewhere too: copied with every hash held against the copy, and pruned only when the copy is still good.
+//!
+//! ```text
+//! archive: runs/RUN ── each file ──> DIR/RUN, written and synced ── read again, hashed ──> receipt in both
+//! prune:   receipt ── every file of the copy is another file, hashed again ── what lies here is what was copied ──> frames removed
+//!          --all: runs/RUN ── renamed ──> runs/.RUN.pruned ── all but the receipts removed ── the receipts, the folder removed
+//! ```
+//! A crash during `--all` leaves `.RUN.pruned`. A start names it; the next prune checks the copy again and ends it.
+
+use super::index;
+use super::{RunRecord, Software, StoreError, disk, durable, run, schema, sums};
+use carved_records::{is_plain_name, sha256_hex};
+use nix::fcntl::{PosixFadviseAdvice, posix_fadvise};
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::Read;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Component, Path, PathBuf};
+
+const SCHEMA: &str = "carved.archive/1";
+
+/// Receipts in the run's folder; one of them in the copy's.
+const RECEIPTS: &str = "archives";
+const RECEIPT: &str = "archive.json";
+
+/// What was copied, and where to.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Receipt {
+    pub schema: String,
+    pub software: Software,
+    pub run: String,
+    /// RFC 3339, UTC.
+    pub archived: String,
+    /// The copy's folder.
+    pub destination: PathBuf,
+    pub bytes: u64,
+    /// SHA-256 by name in the folder.
+    pub files: BTreeMap<PathBuf, String>,
+}
+
+/// What a prune takes away.
+#[derive(Debug)]
+pub struct Pruned {
+    pub run: String,
+    pub files: usize,
+    pub bytes: u64,
+    /// Where it can be had; `None` where nothing was left that could be asked for.
+    pub archived: Option<PathBuf>,
+    /// Why the index does not know of it yet, where it does not.
+    pub index: Option<StoreError>,
+}
+
+/// A run that has ended: nobody writes in its folder any more.
+fn ended(folder: &Path) -> Result<RunRecord, StoreError> {
+    let record = RunRecord::read(&folder.join(run::FILE))?;
+    if record.outcome.is_none() { Err(StoreError::Unended { path: folder.to_owned() }) } else { Ok(record) }
+}
+
+/// Files of a run with their hashes, receipts left out.
+fn contents(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
+    let mut files = sums::of_folder(folder)?;
+    files.retain(|name, _| !name.starts_with(RECEIPTS));
+    Ok(files)
+}
+
+/// Holds a run against the sums that its recordings were closed with.
+fn unaltered(folder: &Path, files: &BTreeMap<PathBuf, String>) -> Result<(), StoreError> {
+    for list in files.keys().filter(|name| name.file_name().is_some_and(|n| n == sums::FILE)) {
+        let at = list.parent().unwrap_or(Path::new(""));
+        for (name, expected) in sums::read(&folder.join(list))? {
+            let name = at.join(name);
+            let path = folder.join(&name);
+            match files.get(&name) {
+                Some(found) => sums::same(&path, &expected, found)?,
+                None => return Err(StoreError::Vanished { path }),
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The hash of a file as the disk has it, not as memory does.
+fn hash_on_disk(path: &Path) -> Result<String, StoreError> {
+    let io = |what| StoreError::io(what, path);
+    let mut file = carved_files::open(path).map_err(io("open"))?;
+    posix_fadvise(&file, 0, 0, PosixFadviseAdvice::POSIX_FADV_DONTNEED).map_err(|e| io("read")(e.into()))?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(io("read"))?;
+    Ok(sha256_hex(&bytes))
+}
+
+/// Everything in a run's folder by device and inode, which are the same by every path that leads there: a link, a mount, `..`.
+struct Own {
+    folder: PathBuf,
+    ids: BTreeSet<(u64, u64)>,
+}
+
+/// Device and inode of what a path leads to.
+fn id(path: &Path) -> Result<(u64, u64), StoreError> {
+    std::fs::metadata(path).map(|m| (m.dev(), m.ino())).map_err(StoreError::io("look at", path))
+}
+
+impl Own {
+    fn of(folder: &Path) -> Result<Self, StoreError> {
+        fn add(folder: &Path, ids: &mut BTreeSet<(u64, u64)>) -> Result<(), StoreError> {
+            let list = StoreError::io("list", folder);
+            ids.insert(id(folder)?);
+            for entry in std::fs::read_dir(folder).map_err(&list)? {
+                let path = entry.map_err(&list)?.path();
+                // A link leads to a file that a copy must not be either; what is behind a link to a folder is not walked.
+                let is_link = path.is_symlink();
+                if path.is_dir() && !is_link {
+                    add(&path, ids)?;
+                } else if path.exists() || !is_link {
+                    ids.insert(id(&path)?);
+                }
+            }
+            Ok(())
+        }
+        let mut ids = BTreeSet::new();
+        add(folder, &mut ids)?;
+        Ok(Self { folder: folder.to_owned(), ids })
+    }
+
+    /// Holds that a path, as far as it is there, leads neither into the run's folder nor to one of its files.
+    fn is_apart(&self, path: &Path) -> Result<(), StoreError> {
+        let mut there = path;
+        while !there.exists() {
+            there = durable::folder_of(there);
+        }
+        let whole = there.canonicalize().map_err(StoreError::io("find", there))?;
+        for above in whole.ancestors() {
+            if self.ids.contains(&id(above)?) {
+                return Err(StoreError::NoCopy { path: path.to_owned(), run: self.folder.clone() });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a name from a file leads nowhere but down.
+fn is_below(name: &Path) -> bool {
+    name.components().all(|part| matches!(part, Component::Normal(_)))
+}
+
+impl Receipt {
+    /// Reads the whole copy again: each file of it is there, is not the run's own file, and is what was copied.
+    ///
+    /// # Errors
+    /// The first file that is not.
+    fn verify(&self, own: &Own) -> Result<(), StoreError> {
+        for (name, expected) in &self.files {
+            let path = self.destination.join(name);
+            let found = hash_on_disk(&path)?;
+            own.is_apart(&path)?;
+            sums::same(&path, expected, &found)?;
+        }
+        Ok(())
+    }
+}
+
+/// Copies a run that has ended to `to/RUN` and leaves a receipt in both, once every file of the copy was read again. A copy that was
+/// cut short is finished.
+///
+/// # Errors
+/// A run under way; files that are not what was recorded; other files at the destination; a copy that reads back otherwise.
+pub fn archive(folder: &Path, to: &Path) -> Result<Receipt, StoreError> {
+    let record = ended(folder)?;
+    let whole = |path: &Path| path.canonicalize().map_err(StoreError::io("find", path));
+    let from = whole(folder)?;
+    let own = Own::of(&from)?;
+    // Before anything is made: a folder must not appear in the run either.
+    own.is_apart(&to.join(&record.id))?;
+    durable::create_folder(to)?;
+    let destination = whole(to)?.join(&record.id);
+    if from.starts_with(&destination) {
+        return Err(StoreError::NoCopy { path: destination, run: from });
+    }
+    let files = contents(&from)?;
+    unaltered(&from, &files)?;
+    let mut total = 0;
+    for (name, expected) in &files {
+        let (path, copy) = (from.join(name), destination.join(name));
+        let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+        sums::same(&path, expected, &sha256_hex(&bytes))?;
+        total += bytes.len() as u64;
+        if copy.exists() {
+            own.is_apart(&copy)?;
+            if hash_on_disk(&copy)? != *expected {
+                return Err(StoreError::Exists { path: copy });
+            }
+        } else {
+            durable::create_folder(durable::folder_of(&copy))?;
+            durable::write(&copy, &bytes)?;
+        }
+    }
+    let now = jiff::Timestamp::now();
+    let receipt = Receipt {
+        schema: SCHEMA.into(),
+        software: Software::this(),
+        run: record.id,
+        archived: now.to_string(),
+        destination: destination.clone(),
+        bytes: total,
+        files,
+    };
+    receipt.verify(&own)?;
+    durable::write_json(&destination.join(RECEIPT), &receipt)?;
+    durable::create_folder(&from.join(RECEIPTS))?;
+    durable::write_json(&from.join(RECEIPTS).join(format!("{}.json", now.as_microsecond())), &receipt)?;
+    Ok(receipt)
+}
+
+/// The receipts of a run, newest first.
+fn receipts(folder: &Path) -> Result<Vec<Receipt>, StoreError> {
+    let of = folder.join(RECEIPTS);
+    let Ok(entries) = std::fs::read_dir(&of) else { return Ok(Vec::new()) };
+    // What is no file is no receipt, and stands in nobody's way.
+    let files = entries.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "json"));
+    let mut found = Vec::new();
+    for path in files {
+        let receipt: Receipt = schema::read(&path, SCHEMA)?;
+        if let Some(name) = receipt.files.keys().find(|name| !is_below(name)) {
+            let found = name.display().to_string();
+            return Err(StoreError::Format { path, expected: "names of files in the run's folder", found });
+        }
+        found.push(receipt);
+    }
+    found.sort_by(|a, b| b.archived.cmp(&a.archived));
+    Ok(found)
+}
+
+/// Why a raw frame, `name` in a recording's folder, is not there: it was pruned, where a receipt of its run has it.
+pub(super) fn gone(recording: &Path, name: &str) -> StoreError {
+    let path = recording.join(name);
+    let copied = || {
+        let whole = recording.canonicalize().ok()?;
+        let well = Path::new(whole.file_name()?);
+        // Receipts that cannot be read tell nothing.
+        let receipt = receipts(whole.parent()?).ok()?.into_iter().find(|receipt| receipt.files.contains_key(&well.join(name)))?;
+        let copy = receipt.destination.join(well);
+        Some(StoreError::ArchivedFrame { path: path.clone(), is_there: copy.join(name).is_file(), copy, archived: receipt.archived })
+    };
+    copied().unwrap_or(StoreError::MissingFrame { path })
+}
+
+/// Whether a prune without `all` takes it: raw frames, of which nothing is looked up.
+fn is_raw(name: &Path) -> bool {
+    let mut parts = name.components().skip(1).map(std::path::Component::as_os_str);
+    parts.next().is_some_and(|part| part == "frames" || part == "second") && parts.next().is_some()
+}
+
+/// The newest receipt of a run whose copy has every byte of what is `taken`, as it was read again just now.
+fn good_copy(folder: &Path, id: &str, taken: &BTreeMap<PathBuf, String>) -> Result<Receipt, StoreError> {
+    let path = || folder.to_owned();
+    let mut why = None;
+    for receipt in receipts(folder)? {
+        if receipt.run != id {
+            why = Some(format!("a receipt in it is of the run {:?}", receipt.run));
+            continue;
+        }
+        // Nothing is taken: what was taken before needs no copy to be found today.
+        if taken.is_empty() {
+            return Ok(receipt);
+        }
+        if let Some((name, _)) = taken.iter().find(|(name, hash)| receipt.files.get(*name) != Some(hash)) {
+            why = Some(format!("{} is not in its copy as it is here; archive it again", name.display()));
+            continue;
+        }
+        match Own::of(folder).and_then(|own| receipt.verify(&own)) {
+            Ok(()) => return Ok(receipt),
+            Err(error) => why = Some(format!("its copy is not good: {error}")),
+        }
+    }
+    Err(why.map_or_else(|| StoreError::NeverArchived { path: path() }, |why| StoreError::NoGoodCopy { path: path(), why }))
+}
+
+/// Takes the raw frames of a run, or the whole of it, out of the data folder, where a copy that was read again just now has every
+/// byte of them. Without `really` it only says what it would take.
+///
+/// # Errors
+/// A run under way, without a receipt, whose copy is not what the receipt says, or with files that are not in the copy.
+pub fn prune(root: &Path, id: &str, all: bool, really: bool) -> Result<Pruned, StoreError> {
+    let folder = root.join("runs").join(id);
+    ended(&folder)?;
+    let mut taken = contents(&folder)?;
+    taken.retain(|name, _| all || is_raw(name));
+    let receipt = good_copy(&folder, id, &taken)?;
+    let bytes = bytes_of(&folder, &taken);
+    if really {
+        if all {
+            // Renamed first: half a run must not look like one.
+            let gone = left(root, id);
+            durable::rename(&folder, &gone)?;
+            remove(&gone)?;
+        } else {
+            for name in taken.keys() {
+                let path = folder.join(name);
+                disk::remove(&path).map_err(StoreError::io("remove", &path))?;
+            }
+        }
+    }
+    Ok(pruned(root, id, &taken, bytes, Some(receipt), really))
+}
+
+fn bytes_of(folder: &Path, files: &BTreeMap<PathBuf, String>) -> u64 {
+    files.keys().filter_map(|name| folder.join(name).metadata().ok()).map(|m| m.len()).sum()
+}
+
+fn pruned(root: &Path, id: &str, taken: &BTreeMap<PathBuf, String>, bytes: u64, receipt: Option<Receipt>, really: bool) -> Pruned {
+    let index = if really { index::follow_prune(root, id).err() } else { None };
+    Pruned { run: id.to_owned(), files: taken.len(), bytes, archived: receipt.map(|r| r.destination), index }
+}
+
+/// What a run is renamed to before it is removed.
+fn left(root: &Path, id: &str) -> PathBuf {
+    root.join("runs").join(format!(".{id}.pruned"))
+}
+
+/// Removes a run that was renamed, its receipts last: while a file of it is there, so is the receipt that says where its copy is.
+fn remove(gone: &Path) -> Result<(), StoreError> {
+    let io = |what| StoreError::io(what, gone);
+    for entry in std::fs::read_dir(gone).map_err(io("list"))? {
+        let entry = entry.map_err(io("list"))?;
+        if entry.file_name() == RECEIPTS {
+            continue;
+        }
+        let path = entry.path();
+        let is_folder = entry.file_type().map_err(io("list"))?.is_dir();
+        let removed = if is_folder { std::fs::remove_dir_all(&path) } else { disk::remove(&path) };
+        removed.map_err(StoreError::io("remove", &path))?;
+    }
+    durable::sync_folder(gone)?;
+    std::fs::remove_dir_all(gone).map_err(io("remove"))?;
+    durable::sync_folder(durable::folder_of(gone))
+}
+
+/// Runs of which a prune that was cut short has left something, by name.
+///
+/// # Errors
+/// A folder that cannot be listed.
+pub fn cut_short(root: &Path) -> Result<Vec<String>, StoreError> {
+    let runs = root.join("runs");
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(&runs).map_err(StoreError::io("list", &runs))? {
+        let entry = entry.map_err(StoreError::io("list", &runs))?;
+        let name = entry.file_name().into_string().unwrap_or_default();
+        let run = name.strip_prefix('.').and_then(|name| name.strip_suffix(".pruned")).filter(|run| is_plain_name(run));
+        found.extend(run.filter(|_| entry.path().is_dir()).map(str::to_owned));
+    }
+    found.sort();
+    Ok(found)
+}
+
+/// Removes what a prune that was cut short has left of a run, where the copy of what is left is still good.
+///
+/// # Errors
+/// A copy that is not good, or files that are not in it.
+pub fn end_prune(root: &Path, id: &str, really: bool) -> Result<Pruned, StoreError> {
+    let gone = left(root, id);
+    let taken = contents(&gone)?;
+    // Of a run whose receipts are gone all else was removed before them.
+    let receipt = if taken.is_empty() { None } else { Some(good_copy(&gone, id, &taken)?) };
+    let bytes = bytes_of(&gone, &taken);
+    if really {
+        remove(&gone)?;
+    }
+    Ok(pruned(root, id, &taken, bytes, receipt, really))
+}
+
+/// Runs of a data folder, by name.
+///
+/// # Errors
+/// A folder that cannot be listed.
+pub fn run_names(root: &Path) -> Result<Vec<String>, StoreError> {
+    index::run_names(root)
+}

@@ -1,0 +1,88 @@
+//! Acknowledged means durable: write beside, sync, rename over, sync the folder.
+
+use super::{StoreError, disk};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Replaces `path` by `bytes`, so that a reader and a crash see the old file or the new one, never a mixture.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+    let at = |what| StoreError::io(what, path);
+    let folder = folder_of(path);
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".part");
+    let part = folder.join(name);
+    let written = disk::create(&part, bytes)
+        .map_err(at("write"))
+        .and_then(|file| disk::sync(&file, &part).map_err(at("sync")))
+        .and_then(|()| disk::rename(&part, path).map_err(at("rename")));
+    if written.is_err() {
+        // What is left of it is of no use; that the write failed is the error to tell.
+        let _ = disk::remove(&part);
+    }
+    written?;
+    sync_folder(folder)
+}
+
+/// The folder that a file lies in; of a bare name, the one that is worked in.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Makes names in a folder durable.
+pub fn sync_folder(folder: &Path) -> Result<(), StoreError> {
+    disk::sync_folder(folder).map_err(StoreError::io("sync the folder", folder))
+}
+
+/// Renames a file or folder to a name that is free, durably.
+pub fn rename(from: &Path, to: &Path) -> Result<(), StoreError> {
+    if to.exists() {
+        return Err(StoreError::Exists { path: to.to_owned() });
+    }
+    disk::rename(from, to).map_err(StoreError::io("rename", from))?;
+    sync_folder(folder_of(to))
+}
+
+/// Creates a folder and those above it, each made durable in its parent.
+pub fn create_folder(folder: &Path) -> Result<(), StoreError> {
+    if folder.is_dir() {
+        return Ok(());
+    }
+    let parent = folder_of(folder);
+    create_folder(parent)?;
+    match disk::create_folder(folder) {
+        Err(e) if e.kind() != std::io::ErrorKind::AlreadyExists => Err(StoreError::io("create the folder", folder)(e)),
+        _ => sync_folder(parent),
+    }
+}
+
+/// A value as indented JSON; `path` names it in errors only.
+/// The JSON files of a folder; none where there is no folder.
+pub fn json_files(folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let entries = match fs::read_dir(folder) {
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(StoreError::io("list", folder))?,
+    };
+    let paths: Vec<PathBuf> = entries.map(|entry| Ok(entry.map_err(StoreError::io("list", folder))?.path())).collect::<Result<_, _>>()?;
+    Ok(paths.into_iter().filter(|path| path.extension().is_some_and(|e| e == "json")).collect())
+}
+
+pub fn json_text<T: serde::Serialize>(path: &Path, value: &T) -> Result<Vec<u8>, StoreError> {
+    let mut text = serde_json::to_vec_pretty(value).map_err(|e| StoreError::Format {
+        path: path.to_owned(),
+        expected: "a value JSON can hold",
+        found: e.to_string(),
+    })?;
+    text.push(b'\n');
+    Ok(text)
+}
+
+/// Writes a value as indented JSON, durably.
+pub fn write_json<T: serde::Serialize>(path: &Path, value: &T) -> Result<(), StoreError> {
+    write(path, &json_text(path, value)?)
+}
+
+/// Reads a value from JSON; the error names the file and the line.
+pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path, expected: &'static str) -> Result<T, StoreError> {
+    let text = carved_files::read(path).map_err(|source| StoreError::Io { what: "read", path: path.to_owned(), source })?;
+    serde_json::from_slice(&text).map_err(|e| StoreError::Format { path: path.to_owned(), expected, found: e.to_string() })
+}

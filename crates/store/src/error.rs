@@ -1,0 +1,77 @@
+//! What can go wrong with files: which file, what was found, what was expected.
+
+use std::path::PathBuf;
+
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    #[error("{}: cannot {what}: {source}", path.display())]
+    Io { what: &'static str, path: PathBuf, source: std::io::Error },
+    #[error("{}: expected {expected}, found: {found}", path.display())]
+    Format { path: PathBuf, expected: &'static str, found: String },
+    #[error("{}: its SHA-256 is {found}, the recording says {expected}: the file was altered after it was recorded", path.display())]
+    Altered { path: PathBuf, expected: String, found: String },
+    #[error("{}: the frame is missing; the recording lists it", path.display())]
+    MissingFrame { path: PathBuf },
+    #[error(
+        "{}: the frame is not here any more; it was archived to {} on {archived}{}",
+        path.display(), copy.display(),
+        if *is_there {
+            format!(" and is there: carved measure {}", copy.display())
+        } else {
+            ", and is not there now: mount that disk or bring the copy back, and measure that".into()
+        }
+    )]
+    ArchivedFrame {
+        path: PathBuf,
+        /// The recording's folder in the archive.
+        copy: PathBuf,
+        /// RFC 3339, UTC.
+        archived: String,
+        is_there: bool,
+    },
+    #[error(
+        "{}: {found} views are recorded, {expected} were planned: {}, so it cannot be measured",
+        path.display(),
+        if *found == 0 { "no revolution was made (an empty well, or cut short before it)" } else { "the revolution was not finished" }
+    )]
+    Unfinished { path: PathBuf, expected: u32, found: usize },
+    #[error("{}: it was written and is gone: somebody took it out of the record while the run was going", path.display())]
+    Vanished { path: PathBuf },
+    #[error("{}: it was not closed within {waited_s:.0} s: the disk hangs. Look after it; what is there of the record is kept", path.display())]
+    Unclosed { path: PathBuf, waited_s: f64 },
+    #[error("{}: another carved uses this folder; stop that one first, or name another folder (--data, or data_dir of [store])", path.display())]
+    Locked { path: PathBuf },
+    #[error(
+        "{}: it is of format {found}, this carved ({}) reads up to {known}: a newer carved{} wrote it. Use that one; nothing was changed",
+        path.display(), env!("CARGO_PKG_VERSION"), writer.as_ref().map(|v| format!(" ({v})")).unwrap_or_default()
+    )]
+    Newer { path: PathBuf, found: String, known: String, writer: Option<String> },
+    #[error("{}: the index could not {what}: {source}", path.display())]
+    Index { what: &'static str, path: PathBuf, source: rusqlite::Error },
+    #[error("{}: the run has no outcome yet; wait for its end, or let the daemon end what a crash left open", path.display())]
+    Unended { path: PathBuf },
+    #[error("{}: nothing is removed: it was never archived (carved archive RUN --to DIR)", path.display())]
+    NeverArchived { path: PathBuf },
+    #[error("{}: nothing is removed: {why}", path.display())]
+    NoGoodCopy { path: PathBuf, why: String },
+    #[error(
+        "{}: this is no copy: it leads into the run's own folder {}. Copy the run to a folder apart from the run's own (carved archive RUN --to DIR)",
+        path.display(), run.display()
+    )]
+    NoCopy { path: PathBuf, run: PathBuf },
+    #[error("{}: exists already; nothing is overwritten", path.display())]
+    Exists { path: PathBuf },
+}
+
+impl StoreError {
+    /// The disk is full: nothing is wrong with what was asked.
+    pub fn is_full(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::StorageFull)
+    }
+
+    /// For `map_err`: names what was tried on which file.
+    pub fn io(what: &'static str, path: &std::path::Path) -> impl Fn(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { what, path: path.clone(), source }
+    }
+}

@@ -1,0 +1,203 @@
+//! What is asked of the index. Every question has a connection of its own, which cannot write.
+
+use super::{BUSY, FILE, failed};
+use crate::StoreError;
+use carved_records::{Event, EventBody, EventData, Phase, WellCounts, WellStatus, kind};
+use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, params};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use utoipa::ToSchema;
+
+/// Which runs; what is not given does not matter.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct RunsQuery {
+    pub limit: usize,
+    /// Only those behind this place in the list.
+    pub after: Option<Cursor>,
+    pub plate_barcode: Option<String>,
+    pub method: Option<String>,
+    pub operator: Option<String>,
+    pub external_id: Option<String>,
+    /// `hardware` or `simulated`.
+    pub mode: Option<String>,
+    /// `open` are those that have none.
+    pub outcome: Option<String>,
+}
+
+/// A place in the list of runs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Cursor {
+    pub started_us: i64,
+    pub id: String,
+}
+
+/// A run in a list.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct RunRow {
+    pub id: String,
+    pub external_id: Option<String>,
+    pub mode: String,
+    pub software_version: String,
+    pub plate_barcode: String,
+    pub method: String,
+    pub operator: String,
+    /// RFC 3339, UTC.
+    pub started: String,
+    pub ended: Option<String>,
+    pub outcome: Option<String>,
+    pub wells: WellCounts,
+    #[serde(skip)]
+    pub started_us: i64,
+}
+
+impl RunRow {
+    /// Where a list that ends with it goes on.
+    pub fn cursor(&self) -> Cursor {
+        Cursor { started_us: self.started_us, id: self.id.clone() }
+    }
+}
+
+/// Events behind one that a reader has seen.
+#[derive(Debug, PartialEq)]
+pub enum EventsAfter {
+    /// The next ones, oldest first, without a gap.
+    Events(Vec<Event>),
+    /// So old an event, or one of another journal, cannot be gone on from.
+    Unknown,
+}
+
+fn ask<T>(root: &Path, what: impl FnOnce(&Connection) -> rusqlite::Result<T>) -> Result<T, StoreError> {
+    let path = root.join(FILE);
+    let answer = || {
+        let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
+        let connection = Connection::open_with_flags(&path, flags)?;
+        connection.busy_timeout(BUSY)?;
+        what(&connection)
+    };
+    answer().map_err(failed("be read", &path))
+}
+
+pub fn runs(root: &Path, query: &RunsQuery) -> Result<Vec<RunRow>, StoreError> {
+    let (us, id) = query.after.as_ref().map_or((i64::MAX, ""), |c| (c.started_us, &c.id));
+    ask(root, |c| {
+        let mut select = c.prepare(
+            "SELECT id, external_id, mode, software, plate_barcode, method, operator, started, ended, outcome, started_us FROM runs
+             WHERE (started_us < ?1 OR started_us = ?1 AND id < ?2) AND (?3 IS NULL OR plate_barcode = ?3) AND (?4 IS NULL OR method = ?4)
+               AND (?5 IS NULL OR operator = ?5) AND (?6 IS NULL OR external_id = ?6) AND (?7 IS NULL OR mode = ?7)
+               AND (?8 IS NULL OR COALESCE(outcome, 'open') = ?8)
+             ORDER BY started_us DESC, id DESC LIMIT ?9",
+        )?;
+        let q = query;
+        let found =
+            select.query_map(params![us, id, q.plate_barcode, q.method, q.operator, q.external_id, q.mode, q.outcome, q.limit], run_row)?;
+        let mut rows: Vec<RunRow> = found.collect::<Result<_, _>>()?;
+        let mut wells = c.prepare("SELECT status FROM specimens WHERE run = ? AND attempt = 0")?;
+        for row in &mut rows {
+            let statuses: Vec<String> = wells.query_map([&row.id], |r| r.get(0))?.collect::<Result<_, _>>()?;
+            let statuses: Vec<WellStatus> = statuses.iter().filter_map(|s| serde_json::from_str(s).ok()).collect();
+            row.wells = WellCounts::of(&statuses);
+        }
+        Ok(rows)
+    })
+}
+
+fn run_row(row: &Row) -> rusqlite::Result<RunRow> {
+    Ok(RunRow {
+        id: row.get(0)?,
+        external_id: row.get(1)?,
+        mode: row.get(2)?,
+        software_version: row.get(3)?,
+        plate_barcode: row.get(4)?,
+        method: row.get(5)?,
+        operator: row.get(6)?,
+        started: row.get(7)?,
+        ended: row.get(8)?,
+        outcome: row.get(9)?,
+        wells: WellCounts::default(),
+        started_us: row.get(10)?,
+    })
+}
+
+pub fn events_after(root: &Path, id: u64, most: usize) -> Result<EventsAfter, StoreError> {
+    ask(root, |c| {
+        let known: Option<u64> = c.query_row("SELECT id FROM events WHERE id = ?", [id], |row| row.get(0)).optional()?;
+        if known.is_none() && id > 0 {
+            return Ok(EventsAfter::Unknown);
+        }
+        let mut select = c.prepare("SELECT id, time, kind, run, well, data FROM events WHERE id > ? ORDER BY id LIMIT ?")?;
+        let events: Vec<Event> = select.query_map(params![id, most], event_row)?.collect::<Result<_, _>>()?;
+        let whole = events.iter().zip(id + 1..).all(|(event, expected)| event.id == expected);
+        Ok(if whole { EventsAfter::Events(events) } else { EventsAfter::Unknown })
+    })
+}
+
+pub fn was_accepted(root: &Path, run: &str) -> Result<bool, StoreError> {
+    let known = "SELECT EXISTS (SELECT 1 FROM events WHERE run = ? AND kind = ?)";
+    ask(root, |c| c.query_row(known, [run, kind::RUN_ACCEPTED], |row| row.get(0)))
+}
+
+/// The volume of the live hull after each view of the newest attempt at a well, oldest first.
+pub fn hull_volumes(root: &Path, run: &str, well: &str) -> Result<Vec<f64>, StoreError> {
+    ask(root, |c| {
+        let mut select = c.prepare(
+            "SELECT kind, data FROM events INDEXED BY events_by_run WHERE run = ?1 AND well = ?2 AND kind IN (?3, ?4) ORDER BY id",
+        )?;
+        let mut found = select.query([run, well, kind::SPECIMEN_PHASE, kind::VIEW_TAKEN])?;
+        let mut volumes = Vec::new();
+        while let Some(row) = found.next()? {
+            match data_of(&row.get::<_, String>(0)?, &row.get::<_, String>(1)?) {
+                // Each attempt begins with a reference.
+                EventData::SpecimenPhase(entered) if entered.phase == Phase::Position => volumes.clear(),
+                // The closure view and a view that is taken again have no volume.
+                EventData::ViewTaken(view) => volumes.extend(view.hull_volume_um3),
+                _ => {}
+            }
+        }
+        Ok(volumes)
+    })
+}
+
+fn event_row(row: &Row) -> rusqlite::Result<Event> {
+    let data = data_of(&row.get::<_, String>(2)?, &row.get::<_, String>(5)?);
+    Ok(Event { id: row.get(0)?, body: EventBody { time: row.get(1)?, run: row.get(3)?, well: row.get(4)?, data } })
+}
+
+fn data_of(kind: &str, json: &str) -> EventData {
+    EventData::of(kind, serde_json::from_str(json).unwrap_or_default())
+}
+
+/// The newest `most` events without the views, and those of before that still mean something: faults that nothing has ended, the newest
+/// word on a plate and on its handover, and which methods the runs among them have.
+pub(super) fn remembered(c: &Connection, most: usize) -> rusqlite::Result<Vec<Event>> {
+    let mut select = c.prepare(
+        "WITH newest AS (SELECT id, run FROM events WHERE kind <> ?2 ORDER BY id DESC LIMIT ?1)
+         SELECT id, time, kind, run, well, data FROM events
+         WHERE id IN (SELECT id FROM newest)
+            OR id IN (SELECT event FROM faults WHERE cleared IS NULL AND acknowledged IS NULL)
+            OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4))
+            OR id = (SELECT MAX(id) FROM events WHERE kind IN (?3, ?4, ?6, ?7))
+            OR kind = ?5 AND run IN (SELECT run FROM newest WHERE run IS NOT NULL)
+         ORDER BY id",
+    )?;
+    let kinds = params![
+        most,
+        kind::VIEW_TAKEN,
+        kind::PLATE_LOADED,
+        kind::PLATE_UNLOADED,
+        kind::RUN_ACCEPTED,
+        kind::PLATE_ANNOUNCED,
+        kind::PLATE_HANDOFF_ABORTED
+    ];
+    select.query_map(kinds, event_row)?.collect()
+}
+
+/// Length of the journal as far as it is indexed, and its newest event there.
+pub fn followed(root: &Path) -> Result<(u64, u64), StoreError> {
+    ask(root, |c| {
+        c.query_row("SELECT journal_bytes, (SELECT COALESCE(MAX(id), 0) FROM events) FROM place", [], |row| Ok((row.get(0)?, row.get(1)?)))
+    })
+}
+
+pub fn used_bytes(root: &Path) -> Result<u64, StoreError> {
+    ask(root, |c| c.query_row("SELECT COALESCE(SUM(bytes), 0) FROM specimens", [], |row| row.get(0)))
+}

@@ -1,0 +1,188 @@
+//! What stands in the index of a run, a specimen and an event. Whoever writes it, the daemon or a rebuild, writes it here.
+
+use crate::{MEASUREMENT, RECORDING, RunRecord, attempts, run};
+use carved_records::{Event, EventData, WellStatus, sha256_hex};
+use rusqlite::{Connection, OptionalExtension, params};
+use serde_json::Value;
+use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+
+/// A word as serde writes it: `succeeded`, `simulated`.
+pub(crate) fn word<T: serde::Serialize>(value: &T) -> Option<String> {
+    serde_json::to_value(value).ok()?.as_str().map(str::to_owned)
+}
+
+/// When and how long `run.json` was written: whether it is the one that is known. Zeros where there is none.
+pub(super) fn stamp(file: &Path) -> (i64, i64) {
+    std::fs::metadata(file).map_or((0, 0), |m| (m.mtime() * 1_000_000_000 + m.mtime_nsec(), m.len() as i64))
+}
+
+/// A run's row and those of its wells. Of wells that read as they did, the folders are left alone, unless all is to be read anew.
+pub(super) fn put_run(c: &Connection, root: &Path, record: &RunRecord, anew: bool) -> rusqlite::Result<()> {
+    let folder = root.join("runs").join(&record.id);
+    if anew {
+        remove_run(c, &record.id)?;
+    }
+    let (ns, bytes) = stamp(&folder.join(run::FILE));
+    let plan = &record.plan;
+    let started_us = record.started.parse::<jiff::Timestamp>().map_or(0, jiff::Timestamp::as_microsecond);
+    c.prepare_cached("INSERT OR REPLACE INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+        record.id,
+        record.schema,
+        record.software.version,
+        word(&record.mode),
+        plan.plate_barcode,
+        plan.method,
+        plan.operator,
+        plan.external_id,
+        record.started,
+        started_us,
+        record.ended,
+        word(&record.outcome),
+        record.wells.len(),
+        ns,
+        bytes,
+    ])?;
+    for (place, planned) in plan.plate_map.iter().enumerate() {
+        c.prepare_cached("INSERT OR REPLACE INTO wells VALUES (?, ?, ?, ?, ?)")?.execute(params![
+            record.id,
+            place,
+            planned.well,
+            word(&planned.specimen),
+            planned.dpf
+        ])?;
+    }
+    for status in &record.wells {
+        let text = serde_json::to_string(status).unwrap_or_default();
+        let known: Option<String> = c
+            .prepare_cached("SELECT status FROM specimens WHERE run = ? AND well = ? AND attempt = 0")?
+            .query_row(params![record.id, status.well], |row| row.get(0))
+            .optional()?;
+        if known.as_ref() == Some(&text) {
+            continue;
+        }
+        put_specimen(c, &record.id, &status.well, 0, Some((status, &text)), &folder)?;
+        for attempt in attempts::earlier(&folder, &status.well) {
+            put_specimen(c, &record.id, &status.well, attempt, None, &folder)?;
+        }
+    }
+    Ok(())
+}
+
+pub(super) fn remove_run(c: &Connection, id: &str) -> rusqlite::Result<()> {
+    for table in ["beads", "measurements", "specimens", "wells"] {
+        c.execute(&format!("DELETE FROM {table} WHERE run = ?"), [id])?;
+    }
+    c.execute("DELETE FROM runs WHERE id = ?", [id]).map(|_| ())
+}
+
+/// One attempt at a well. What became of an earlier one its folder says, as far as it does.
+fn put_specimen(
+    c: &Connection,
+    run: &str,
+    well: &str,
+    attempt: u32,
+    status: Option<(&WellStatus, &str)>,
+    of_run: &Path,
+) -> rusqlite::Result<()> {
+    let folder = of_run.join(attempts::folder_name(well, attempt));
+    let recording = json(&folder.join(RECORDING)).unwrap_or_default().1;
+    c.prepare_cached("INSERT OR REPLACE INTO specimens VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+        run,
+        well,
+        attempt,
+        status.and_then(|(s, _)| word(&s.outcome)),
+        status.and_then(|(s, _)| s.reason.as_deref()),
+        status.map(|(s, _)| serde_json::to_string(&s.flags).unwrap_or_default()),
+        recording["started"].as_str(),
+        recording["ledger"].as_array().map_or(0, |l| l.iter().filter(|e| e["closure"] != true && e["retake"].is_null()).count()),
+        bytes_of(&folder),
+        status.map(|(_, text)| text),
+    ])?;
+    for table in ["measurements", "beads"] {
+        c.execute(&format!("DELETE FROM {table} WHERE run = ? AND well = ? AND attempt = ?"), params![run, well, attempt])?;
+    }
+    let Some((sha256, file)) = json(&folder.join(MEASUREMENT)) else { return Ok(()) };
+    let m = &file["measurement"];
+    c.prepare_cached("INSERT INTO measurements VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")?.execute(params![
+        run,
+        well,
+        attempt,
+        sha256,
+        file["mode"].as_str(),
+        m["estimator"].as_str(),
+        m["views"].as_u64(),
+        m["volume_um3"].as_f64(),
+        m["volume_sd_um3"].as_f64(),
+        m["area_um2"].as_f64(),
+        m["area_sd_um2"].as_f64(),
+        m["field_volume_um3"].as_f64(),
+        m["field_area_um2"].as_f64(),
+        m["length_um"].as_f64(),
+    ])?;
+    if let Some(diameter_um) = m["diameter_um"].as_f64() {
+        c.prepare_cached("INSERT INTO beads VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
+            run,
+            well,
+            attempt,
+            diameter_um,
+            m["sphere_rms_um"].as_f64(),
+            m["aspect_ratio"].as_f64(),
+        ])?;
+    }
+    Ok(())
+}
+
+/// A JSON file and the hash of its bytes; none where it is not there or no JSON, which is for whoever reads the recording to tell.
+fn json(path: &Path) -> Option<(String, Value)> {
+    let text = carved_files::read(path).ok()?;
+    Some((sha256_hex(&text), serde_json::from_slice(&text).ok()?))
+}
+
+/// What a folder takes of the disk.
+fn bytes_of(folder: &Path) -> u64 {
+    let Ok(entries) = std::fs::read_dir(folder) else { return 0 };
+    let one = |entry: std::fs::DirEntry| match entry.metadata() {
+        Ok(m) if m.is_dir() => bytes_of(&entry.path()),
+        Ok(m) => m.len(),
+        Err(_) => 0,
+    };
+    entries.flatten().map(one).sum()
+}
+
+/// An event, what it says of faults, and how long the journal is with it.
+pub(super) fn put_event(c: &Connection, event: &Event, journal_bytes: u64) -> rusqlite::Result<()> {
+    let body = &event.body;
+    c.prepare_cached("INSERT INTO events VALUES (?, ?, ?, ?, ?, ?)")?.execute(params![
+        event.id,
+        body.time,
+        body.data.kind(),
+        body.run,
+        body.well,
+        body.data.to_json().to_string()
+    ])?;
+    match &body.data {
+        EventData::FaultRaised(fault) => {
+            c.prepare_cached("INSERT OR REPLACE INTO faults VALUES (?, ?, ?, ?, ?, ?, ?, ?, NULL, NULL)")?.execute(params![
+                fault.seq,
+                event.id,
+                body.run,
+                body.well,
+                fault.code,
+                fault.category,
+                fault.message,
+                body.time,
+            ])?;
+        }
+        EventData::FaultsCleared(over) => {
+            for seq in &over.seq {
+                c.prepare_cached("UPDATE faults SET cleared = ? WHERE seq = ?")?.execute(params![body.time, seq])?;
+            }
+        }
+        EventData::FaultAcknowledged(known) => {
+            c.prepare_cached("UPDATE faults SET acknowledged = ? WHERE seq = ?")?.execute(params![body.time, known.seq])?;
+        }
+        _ => {}
+    }
+    c.prepare_cached("UPDATE place SET journal_bytes = ?")?.execute([journal_bytes]).map(|_| ())
+}

@@ -1,0 +1,95 @@
+//! The index's tables, by version. A step is never changed once it was released: a newer one follows it.
+
+use super::{failed, in_one};
+use crate::StoreError;
+use rusqlite::Connection;
+use std::path::Path;
+
+/// Step `i` leads from version `i` to version `i + 1`, which the file keeps as `user_version`.
+pub(super) const STEPS: &[&str] = &[
+    "
+    CREATE TABLE runs (
+        id TEXT PRIMARY KEY, schema TEXT NOT NULL, software TEXT NOT NULL, mode TEXT NOT NULL, plate_barcode TEXT NOT NULL,
+        method TEXT NOT NULL, operator TEXT NOT NULL, external_id TEXT, started TEXT NOT NULL, started_us INTEGER NOT NULL,
+        ended TEXT, outcome TEXT, wells INTEGER NOT NULL, run_json_ns INTEGER NOT NULL, run_json_bytes INTEGER NOT NULL
+    ) WITHOUT ROWID;
+    CREATE INDEX runs_by_time ON runs (started_us DESC, id DESC);
+    CREATE TABLE wells (
+        run TEXT NOT NULL, place INTEGER NOT NULL, well TEXT NOT NULL, specimen TEXT NOT NULL, dpf REAL,
+        PRIMARY KEY (run, well)
+    ) WITHOUT ROWID;
+    CREATE TABLE specimens (
+        run TEXT NOT NULL, well TEXT NOT NULL, outcome TEXT, reason TEXT, flags TEXT NOT NULL, started TEXT, views INTEGER NOT NULL,
+        bytes INTEGER NOT NULL, status TEXT NOT NULL,
+        PRIMARY KEY (run, well)
+    ) WITHOUT ROWID;
+    CREATE TABLE measurements (
+        run TEXT NOT NULL, well TEXT NOT NULL, sha256 TEXT NOT NULL, mode TEXT, estimator TEXT, views INTEGER, volume_um3 REAL,
+        volume_sd_um3 REAL, area_um2 REAL, area_sd_um2 REAL, field_volume_um3 REAL, field_area_um2 REAL, length_um REAL,
+        PRIMARY KEY (run, well)
+    ) WITHOUT ROWID;
+    CREATE TABLE beads (
+        run TEXT NOT NULL, well TEXT NOT NULL, diameter_um REAL NOT NULL, sphere_rms_um REAL, aspect_ratio REAL,
+        PRIMARY KEY (run, well)
+    ) WITHOUT ROWID;
+    CREATE TABLE events (id INTEGER PRIMARY KEY, time TEXT NOT NULL, kind TEXT NOT NULL, run TEXT, well TEXT, data TEXT NOT NULL);
+    CREATE INDEX events_by_run ON events (run, id);
+    CREATE TABLE faults (
+        seq INTEGER PRIMARY KEY, event INTEGER NOT NULL, run TEXT, well TEXT, code TEXT, category TEXT, message TEXT,
+        raised TEXT NOT NULL, cleared TEXT, acknowledged TEXT
+    );
+    CREATE TABLE place (one INTEGER PRIMARY KEY CHECK (one = 1), journal_bytes INTEGER NOT NULL);
+    INSERT INTO place VALUES (1, 0);
+",
+    "
+    -- Attempts at a specimen: 0 is the newest, whose status run.json has.
+    CREATE TABLE specimens_2 (
+        run TEXT NOT NULL, well TEXT NOT NULL, attempt INTEGER NOT NULL, outcome TEXT, reason TEXT, flags TEXT, started TEXT,
+        views INTEGER NOT NULL, bytes INTEGER NOT NULL, status TEXT,
+        PRIMARY KEY (run, well, attempt)
+    ) WITHOUT ROWID;
+    INSERT INTO specimens_2 SELECT run, well, 0, outcome, reason, flags, started, views, bytes, status FROM specimens;
+    DROP TABLE specimens;
+    ALTER TABLE specimens_2 RENAME TO specimens;
+    CREATE TABLE measurements_2 (
+        run TEXT NOT NULL, well TEXT NOT NULL, attempt INTEGER NOT NULL, sha256 TEXT NOT NULL, mode TEXT, estimator TEXT, views INTEGER,
+        volume_um3 REAL, volume_sd_um3 REAL, area_um2 REAL, area_sd_um2 REAL, field_volume_um3 REAL, field_area_um2 REAL, length_um REAL,
+        PRIMARY KEY (run, well, attempt)
+    ) WITHOUT ROWID;
+    INSERT INTO measurements_2 SELECT run, well, 0, sha256, mode, estimator, views, volume_um3, volume_sd_um3, area_um2, area_sd_um2,
+        field_volume_um3, field_area_um2, length_um FROM measurements;
+    DROP TABLE measurements;
+    ALTER TABLE measurements_2 RENAME TO measurements;
+    CREATE TABLE beads_2 (
+        run TEXT NOT NULL, well TEXT NOT NULL, attempt INTEGER NOT NULL, diameter_um REAL NOT NULL, sphere_rms_um REAL, aspect_ratio REAL,
+        PRIMARY KEY (run, well, attempt)
+    ) WITHOUT ROWID;
+    INSERT INTO beads_2 SELECT run, well, 0, diameter_um, sphere_rms_um, aspect_ratio FROM beads;
+    DROP TABLE beads;
+    ALTER TABLE beads_2 RENAME TO beads;
+",
+];
+
+/// Brings an index to the newest version, each step whole or not at all.
+///
+/// # Errors
+/// An index of a version that this carved does not know.
+pub(super) fn migrate(connection: &mut Connection, path: &Path) -> Result<(), StoreError> {
+    let newest = STEPS.len();
+    let found: usize = connection.pragma_query_value(None, "user_version", |row| row.get(0)).map_err(failed("be read", path))?;
+    if found > newest {
+        let of = |version| format!("index version {version}");
+        return Err(StoreError::Newer { path: path.to_owned(), found: of(found), known: of(newest), writer: None });
+    }
+    for (version, step) in STEPS.iter().enumerate().skip(found) {
+        in_one(connection, |tx| {
+            tx.execute_batch(step)?;
+            tx.pragma_update(None, "user_version", version + 1)
+        })
+        .map_err(failed("be brought to its newest version", path))?;
+        if found > 0 {
+            tracing::info!(path = %path.display(), from = version, to = version + 1, "the index is brought to a newer version");
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,268 @@
+use super::*;
+use crate::power_loss::{entry, frame, record};
+use crate::testing::recording;
+use crate::{Claim, Journal, MEASUREMENT, RecordingWriter, Store, rebuild_index, set_aside};
+use carved_records::{EventData, Fault, RunOutcome, SpecimenOutcome, fault_table};
+use serde_json::json;
+
+mod start;
+
+/// Every row of every table, as text.
+fn rows(root: &Path) -> Vec<String> {
+    let c = connect(&root.join(FILE)).unwrap();
+    let mut tables = c.prepare("SELECT name FROM sqlite_schema WHERE type = 'table' ORDER BY name").unwrap();
+    let tables: Vec<String> = tables.query_map([], |row| row.get(0)).unwrap().map(Result::unwrap).collect();
+    let mut all = Vec::new();
+    for table in tables {
+        let mut select = c.prepare(&format!("SELECT * FROM {table} ORDER BY 1, 2")).unwrap();
+        let columns = select.column_count();
+        let mut found = select.query([]).unwrap();
+        while let Some(row) = found.next().unwrap() {
+            let values: Vec<_> = (0..columns).map(|i| format!("{:?}", row.get_ref(i).unwrap())).collect();
+            all.push(format!("{table}: {}", values.join(" ")));
+        }
+    }
+    all.sort();
+    all
+}
+
+fn count(root: &Path, table: &str) -> usize {
+    rows(root).iter().filter(|row| row.starts_with(&format!("{table}:"))).count()
+}
+
+/// A recording of a well, with numbers.
+fn measured(store: &Store, run: &RunRecord, well: usize, diameter_um: Option<f64>) {
+    let folder = store.run_folder(&run.id).join(&run.plan.plate_map[well].well);
+    let mut writer = RecordingWriter::create(&folder, recording(&run.id, &run.plan.plate_map[well]), None).unwrap();
+    writer.add_view(entry(0), &frame(0)).unwrap();
+    let numbers = json!({"mode": "simulated", "measurement": {"volume_um3": 2.5e8, "area_um2": 3.1e6, "estimator": "support",
+        "views": 1, "diameter_um": diameter_um, "aspect_ratio": 1.002}});
+    writer.add_json(MEASUREMENT, &numbers).unwrap();
+    writer.close().unwrap();
+}
+
+fn say(journal: &mut Journal, kind: &str, run: Option<&str>, data: serde_json::Value) {
+    journal.append(run, run.map(|_| "A01"), EventData::of(kind, data)).unwrap();
+}
+
+fn fault(seq: u64) -> serde_json::Value {
+    json!(Fault::new(seq, &fault_table::CAMERA_LOST, "gone".into(), "2026-01-01T00:00:00Z".into()))
+}
+
+/// Two runs, one of them still open, faults that are over and one that is not.
+fn live(root: &Path) -> (Store, Journal) {
+    let (store, mut journal, _) = Claim::on(root).and_then(Store::open).unwrap();
+    let mut first = record("r1");
+    store.save_run(&first).unwrap();
+    say(&mut journal, "run.accepted", Some("r1"), json!({"plate_barcode": "P-1", "method": "m"}));
+    measured(&store, &first, 0, None);
+    first.wells[0].end(SpecimenOutcome::Succeeded, None);
+    first.wells[0].volume_um3 = Some(2.5e8);
+    store.save_run(&first).unwrap();
+    for seq in 1..=3 {
+        say(&mut journal, "fault.raised", Some("r1"), fault(seq));
+    }
+    say(&mut journal, "fault.cleared", None, json!({"seq": [1, 2], "why": "it is back"}));
+    say(&mut journal, "fault.acknowledged", None, json!({"seq": 3}));
+    measured(&store, &first, 1, Some(499.5));
+    first.wells[1].end(SpecimenOutcome::Succeeded, None);
+    first.wells[1].flags = vec!["moved".into()];
+    first.end(RunOutcome::Succeeded);
+    store.save_run(&first).unwrap();
+    say(&mut journal, "run.ended", Some("r1"), json!({}));
+    store.save_run(&record("r2")).unwrap();
+    say(&mut journal, "run.accepted", Some("r2"), json!({"plate_barcode": "P-2", "method": "m"}));
+    (store, journal)
+}
+
+#[test]
+fn an_index_written_live_has_the_rows_of_one_made_from_the_folders() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(live(dir.path()));
+    let written = rows(dir.path());
+    for (table, expected) in [("runs", 2), ("wells", 4), ("specimens", 4), ("measurements", 2), ("beads", 1), ("faults", 3), ("events", 8)]
+    {
+        assert_eq!(count(dir.path(), table), expected, "{table}");
+    }
+    assert!(written.iter().any(|row| row.starts_with("beads") && row.contains("499.5")), "{written:#?}");
+    let found = rebuild_index(dir.path()).unwrap();
+    assert_eq!((found.runs, found.open), (2, vec!["r2".to_owned()]));
+    assert_eq!(rows(dir.path()), written);
+}
+
+#[test]
+fn what_the_index_missed_is_found_at_the_next_start() {
+    let dir = tempfile::tempdir().unwrap();
+    let (store, journal) = live(dir.path());
+    drop((store, journal));
+    let expected = rows(dir.path());
+    // As a crash between a file and its row leaves it, and as somebody who takes a run away does.
+    let c = connect(&dir.path().join(FILE)).unwrap();
+    c.execute_batch(
+        "DELETE FROM specimens WHERE well = 'A02'; UPDATE runs SET run_json_ns = 1 WHERE id = 'r1'; DELETE FROM runs WHERE id = 'r2'",
+    )
+    .unwrap();
+    let keep: i64 = c.query_row("SELECT journal_bytes FROM place", [], |row| row.get(0)).unwrap();
+    let text = std::fs::read(dir.path().join("events.jsonl")).unwrap();
+    assert_eq!(text.len() as i64, keep);
+    let last = text[..text.len() - 1].iter().rposition(|&b| b == b'\n').unwrap() + 1;
+    c.execute("DELETE FROM events WHERE id = 8", []).unwrap();
+    c.execute("UPDATE place SET journal_bytes = ?", [last]).unwrap();
+    drop(c);
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
+    assert_eq!(rows(dir.path()), expected);
+    std::fs::remove_dir_all(dir.path().join("runs/r1")).unwrap();
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
+    assert_eq!((count(dir.path(), "runs"), count(dir.path(), "beads"), count(dir.path(), "events")), (1, 0, 8));
+}
+
+#[test]
+fn a_missing_or_broken_index_is_made_anew() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(live(dir.path()));
+    let expected = rows(dir.path());
+    let path = dir.path().join(FILE);
+    let whole = std::fs::read(&path).unwrap();
+    let mut torn = whole.clone();
+    torn[100..].fill(0xa5);
+    for broken in [None, Some(b"no database at all, whatever its name says".to_vec()), Some(torn), Some(Vec::new())] {
+        std::fs::remove_file(&path).unwrap();
+        if let Some(bytes) = broken {
+            std::fs::write(&path, bytes).unwrap();
+        }
+        let (store, journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+        assert_eq!((journal.last_fault(), events.len(), store.index_trouble()), (3, 8, None));
+        drop((store, journal));
+        assert_eq!(rows(dir.path()), expected);
+    }
+}
+
+#[test]
+fn a_journal_of_another_folder_is_not_taken_for_the_rest_of_this_one() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(live(dir.path()));
+    let line = json!({"id": 1, "time": "2026-01-01T00:00:00Z", "kind": "other", "run": null, "well": null, "data": null});
+    std::fs::write(dir.path().join("events.jsonl"), format!("{line}\n")).unwrap();
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
+    assert_eq!((count(dir.path(), "events"), count(dir.path(), "faults")), (1, 0));
+}
+
+#[test]
+fn an_index_that_fails_stops_no_run_and_catches_up() {
+    let dir = tempfile::tempdir().unwrap();
+    let (store, mut journal, _) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+    store.save_run(&record("r1")).unwrap();
+    let other = connect(&dir.path().join(FILE)).unwrap();
+    other.execute_batch("ALTER TABLE events RENAME TO elsewhere").unwrap();
+    assert_eq!(journal.append(Some("r1"), None, EventData::of("a", json!(null))).unwrap().id, 1);
+    assert!(store.index_trouble().unwrap().contains("events"), "{:?}", store.index_trouble());
+    let mut run = record("r1");
+    run.end(RunOutcome::Failed);
+    store.save_run(&run).unwrap();
+    assert!(store.index_trouble().is_some());
+    other.execute_batch("ALTER TABLE elsewhere RENAME TO events").unwrap();
+    store.index.state.lock().unwrap().again = std::time::Instant::now();
+    assert_eq!(journal.append(Some("r1"), None, EventData::of("b", json!(null))).unwrap().id, 2);
+    assert_eq!(store.index_trouble(), None);
+    drop((store, journal, other));
+    let caught_up = rows(dir.path());
+    rebuild_index(dir.path()).unwrap();
+    assert_eq!(rows(dir.path()), caught_up);
+}
+
+#[test]
+fn a_newer_index_is_refused_with_both_versions() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
+    connect(&dir.path().join(FILE)).unwrap().pragma_update(None, "user_version", 99).unwrap();
+    let error = Claim::on(dir.path()).and_then(Store::open).err().unwrap().to_string();
+    let known = format!("index version {}", tables::STEPS.len());
+    assert!(error.contains("index.sqlite") && error.contains("index version 99") && error.contains(&known), "{error}");
+}
+
+#[test]
+fn a_run_that_cannot_be_read_is_told_and_left_alone() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(live(dir.path()));
+    let runs = dir.path().join("runs");
+    let newer = std::fs::read_to_string(runs.join("r1/run.json")).unwrap().replace("carved.run/1", "carved.run/77");
+    for (name, text) in [("broken", "{\"schema\": \"carved.run/1\", \"id\": \"bro"), ("newer", newer.as_str())] {
+        std::fs::create_dir(runs.join(name)).unwrap();
+        std::fs::write(runs.join(name).join("run.json"), text).unwrap();
+    }
+    for _ in 0..2 {
+        let (store, journal, events) = Claim::on(dir.path()).and_then(Store::open).unwrap();
+        let told: Vec<String> =
+            events[events.len() - 2..].iter().map(|e| format!("{} {}", e.body.data.kind(), e.body.data.to_json())).collect();
+        assert!(told[0].starts_with("run.unreadable") && told[0].contains("broken/run.json"), "{told:?}");
+        assert!(told[1].contains("carved.run/77") && told[1].contains("carved.run/1"), "{told:?}");
+        assert!(store.run("newer").unwrap_err().to_string().contains("carved.run/77"));
+        let mut open = store.open_runs().unwrap();
+        assert_eq!(open.iter().map(|r| r.id.as_str()).collect::<Vec<_>>(), store_open(&store));
+        for run in &mut open {
+            run.end_interrupted();
+            store.save_run(run).unwrap();
+        }
+        drop((store, journal));
+        assert_eq!(count(dir.path(), "runs"), 2);
+    }
+    assert!(std::fs::read_to_string(runs.join("broken/run.json")).unwrap().ends_with("bro"));
+}
+
+/// What was open at the first of two starts; at the second nothing is.
+fn store_open(store: &Store) -> Vec<&str> {
+    store.open.iter().map(String::as_str).collect()
+}
+
+#[test]
+fn an_index_of_version_1_is_brought_up_with_all_its_rows() {
+    let dir = tempfile::tempdir().unwrap();
+    drop(live(dir.path()));
+    let expected = rows(dir.path());
+    let (path, newest) = (dir.path().join(FILE), dir.path().join("newest"));
+    std::fs::rename(&path, &newest).unwrap();
+    let old = Connection::open(&path).unwrap();
+    old.execute_batch(tables::STEPS[0]).unwrap();
+    old.execute("ATTACH ? AS newest", [newest.to_str().unwrap()]).unwrap();
+    for table in ["runs", "wells", "events", "faults"] {
+        old.execute(&format!("INSERT INTO main.{table} SELECT * FROM newest.{table}"), []).unwrap();
+    }
+    let specimens = "run, well, outcome, reason, flags, started, views, bytes, status";
+    let measurements = "run, well, sha256, mode, estimator, views, volume_um3, volume_sd_um3, area_um2, area_sd_um2, field_volume_um3, \
+                        field_area_um2, length_um";
+    for (table, columns) in
+        [("specimens", specimens), ("measurements", measurements), ("beads", "run, well, diameter_um, sphere_rms_um, aspect_ratio")]
+    {
+        old.execute(&format!("INSERT INTO main.{table} ({columns}) SELECT {columns} FROM newest.{table}"), []).unwrap();
+    }
+    old.execute_batch("UPDATE main.place SET journal_bytes = (SELECT journal_bytes FROM newest.place)").unwrap();
+    old.pragma_update(None, "user_version", 1).unwrap();
+    drop(old);
+    drop(Claim::on(dir.path()).and_then(Store::open).unwrap());
+    assert_eq!(rows(dir.path()), expected);
+    let version: usize = connect(&path).unwrap().pragma_query_value(None, "user_version", |row| row.get(0)).unwrap();
+    assert_eq!(version, tables::STEPS.len());
+}
+
+#[test]
+fn an_earlier_attempt_is_kept_beside_the_newest_and_known() {
+    let dir = tempfile::tempdir().unwrap();
+    let (store, journal) = live(dir.path());
+    let run = store.run("r1").unwrap().unwrap();
+    let first = std::fs::read(store.run_folder("r1").join("A02/measurement.json")).unwrap();
+    assert_eq!(set_aside(&store.run_folder("r1"), "A02").unwrap(), Some(1));
+    assert_eq!(set_aside(&store.run_folder("r1"), "A02").unwrap(), None, "there is nothing more to keep");
+    measured(&store, &run, 1, Some(501.0));
+    assert_eq!(set_aside(&store.run_folder("r1"), "A02").unwrap(), Some(2));
+    measured(&store, &run, 1, Some(502.0));
+    let mut again = run;
+    again.wells[1].diameter_um = Some(502.0);
+    store.save_run(&again).unwrap();
+    drop((store, journal));
+    let written = rows(dir.path());
+    let beads: Vec<_> = written.iter().filter(|row| row.starts_with("beads")).collect();
+    assert!(beads.len() == 3 && beads[0].contains("502") && beads[1].contains("499.5") && beads[2].contains("501"), "{beads:?}");
+    assert_eq!(std::fs::read(dir.path().join("runs/r1/A02.attempt-1/measurement.json")).unwrap(), first);
+    rebuild_index(dir.path()).unwrap();
+    assert_eq!(rows(dir.path()), written);
+}

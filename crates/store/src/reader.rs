@@ -1,0 +1,184 @@
+//! Reading what the store has, beside the daemon that writes it: lists from the index, everything else from the run folders.
+//!
+//! ```text
+//! runs(query) ─────────────── index.sqlite, read-only, a connection per question
+//! run, specimen, file ─────── runs/RUN/..., names checked before they become a path, bytes against SHA256SUMS
+//! ```
+
+use super::index::{self, EventsAfter, RunRow, RunsQuery};
+use super::recording::{DETECTION, MEASUREMENT, RECORDING, frame_name};
+use super::{RunRecord, StoreError, attempts, durable, run, sums};
+use carved_records::{WellStatus, is_plain_name, is_well, sha256_hex};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A handle that anyone may have; it holds nothing open.
+#[derive(Debug, Clone)]
+pub struct StoreReader {
+    root: Arc<Path>,
+}
+
+/// A well of a run as it is stored.
+#[derive(Debug)]
+pub struct StoredSpecimen {
+    /// Of the newest attempt.
+    pub status: Option<WellStatus>,
+    /// Numbers of the earlier attempts.
+    pub earlier: Vec<u32>,
+    pub recording: Value,
+    pub measurement: Option<Value>,
+    /// After each view of the newest attempt; none of an earlier one.
+    pub hull_volumes_um3: Vec<f64>,
+    pub files: Vec<SpecimenFile>,
+}
+
+/// A file of a specimen that can be asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SpecimenFile {
+    Mesh,
+    Model,
+    /// The frame on which the well was judged: all that there is of one that was skipped.
+    Detection,
+    /// By the ledger's number, as it was carved with: the newest take. The closure view has none.
+    View(u32),
+    Profile(u32),
+}
+
+impl SpecimenFile {
+    /// Within the recording.
+    fn name(self, recording: &Path) -> String {
+        match self {
+            Self::Mesh => "mesh.ply".into(),
+            Self::Model => "model.glb".into(),
+            Self::Detection => DETECTION.into(),
+            Self::View(i) => {
+                let takes = (0..).map(|take| frame_name(i, take)).take_while(|name| recording.join(name).is_file());
+                takes.last().unwrap_or_else(|| frame_name(i, 0))
+            }
+            Self::Profile(i) => format!("profiles/view_{i:03}.png"),
+        }
+    }
+}
+
+/// A file that is there: its hash where the recording is closed, and how to get at it.
+#[derive(Debug)]
+pub struct StoredFile {
+    path: PathBuf,
+    sha256: Option<String>,
+}
+
+impl StoredFile {
+    pub fn sha256(&self) -> Option<&str> {
+        self.sha256.as_deref()
+    }
+
+    /// The bytes that were stored, or an error that names the file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or is not what was recorded.
+    pub fn read(self) -> Result<Vec<u8>, StoreError> {
+        let bytes = carved_files::read(&self.path).map_err(StoreError::io("read", &self.path))?;
+        if let Some(expected) = &self.sha256 {
+            sums::same(&self.path, expected, &sha256_hex(&bytes))?;
+        }
+        Ok(bytes)
+    }
+}
+
+impl StoreReader {
+    pub fn new(root: &Path) -> Self {
+        Self { root: root.into() }
+    }
+
+    /// Runs, newest first.
+    ///
+    /// # Errors
+    /// An index that cannot be read.
+    pub fn runs(&self, query: &RunsQuery) -> Result<Vec<RunRow>, StoreError> {
+        index::runs(&self.root, query)
+    }
+
+    /// The journal behind an event.
+    ///
+    /// # Errors
+    /// An index that cannot be read.
+    pub fn events_after(&self, id: u64, most: usize) -> Result<EventsAfter, StoreError> {
+        index::events_after(&self.root, id, most)
+    }
+
+    /// Whether the journal knows a run of this name, also one whose folder is gone.
+    ///
+    /// # Errors
+    /// An index that cannot be read.
+    pub fn was_accepted(&self, run: &str) -> Result<bool, StoreError> {
+        index::was_accepted(&self.root, run)
+    }
+
+    pub(super) fn used_bytes(&self) -> Result<u64, StoreError> {
+        index::used_bytes(&self.root)
+    }
+
+    fn folder(&self, run: &str) -> Option<PathBuf> {
+        is_plain_name(run).then(|| self.root.join("runs").join(run))
+    }
+
+    fn specimen_folder(&self, run: &str, well: &str, attempt: u32) -> Option<PathBuf> {
+        let folder = self.folder(run).filter(|_| is_well(well))?.join(attempts::folder_name(well, attempt));
+        folder.is_dir().then_some(folder)
+    }
+
+    /// A run, if there is one of this name.
+    ///
+    /// # Errors
+    /// A run that cannot be read.
+    pub fn run(&self, id: &str) -> Result<Option<RunRecord>, StoreError> {
+        let Some(file) = self.folder(id).map(|f| f.join(run::FILE)).filter(|f| f.is_file()) else { return Ok(None) };
+        RunRecord::read(&file).map(Some)
+    }
+
+    /// A well of a run, 0 being its newest attempt; none where nothing was ever recorded of it.
+    ///
+    /// # Errors
+    /// Files that are there and cannot be read.
+    pub fn specimen(&self, run: &str, well: &str, attempt: u32) -> Result<Option<StoredSpecimen>, StoreError> {
+        let Some(folder) = self.specimen_folder(run, well, attempt) else { return Ok(None) };
+        let record = self.run(run)?;
+        let status = record.filter(|_| attempt == 0).and_then(|r| r.wells.into_iter().find(|w| w.well == well));
+        let json = |name: &str| match folder.join(name) {
+            path if path.is_file() => durable::read_json::<Value>(&path, "JSON").map(Some),
+            _ => Ok(None),
+        };
+        let recording = json(RECORDING)?.unwrap_or_default();
+        let ledger = recording["ledger"].as_array().into_iter().flatten().filter(|e| e["closure"] != true);
+        let views: Vec<u32> = ledger.filter_map(|e| e["view"].as_u64().map(|v| v as u32)).collect();
+        let mut files = vec![SpecimenFile::Mesh, SpecimenFile::Model, SpecimenFile::Detection];
+        files.extend(views.iter().flat_map(|&v| [SpecimenFile::View(v), SpecimenFile::Profile(v)]));
+        files.sort_unstable();
+        // A view that was taken again stands in the ledger with every take.
+        files.dedup();
+        files.retain(|file| folder.join(file.name(&folder)).is_file());
+        let earlier = folder.parent().map(|run| attempts::earlier(run, well)).unwrap_or_default();
+        let measurement = json(MEASUREMENT)?;
+        let newest = (attempt == 0).then(|| index::hull_volumes(&self.root, run, well)).transpose();
+        // What counts is in the folder: a broken index takes away a curve to look at, and nothing else.
+        let broken = |error: &StoreError| tracing::warn!(%error, "the volumes after each view are not read");
+        let hull_volumes_um3 = newest.inspect_err(broken).ok().flatten().unwrap_or_default();
+        Ok(Some(StoredSpecimen { status, earlier, recording, measurement, hull_volumes_um3, files }))
+    }
+
+    /// A file of a specimen, if it is there.
+    ///
+    /// # Errors
+    /// Sums that cannot be read, or that do not know it.
+    pub fn file(&self, run: &str, well: &str, attempt: u32, file: SpecimenFile) -> Result<Option<StoredFile>, StoreError> {
+        let Some(folder) = self.specimen_folder(run, well, attempt) else { return Ok(None) };
+        let name = file.name(&folder);
+        let path = folder.join(&name);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let sha256 = sums::expected(&folder, &name)?;
+        Ok(Some(StoredFile { path, sha256 }))
+    }
+}

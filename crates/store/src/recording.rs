@@ -1,0 +1,461 @@
+//! A recording: what a run keeps of one specimen, and what replay and offline measuring read.
+//!
+//! ```text
+//! runs/RUN/A01/recording.json          rig, method, ledger (rewritten durably after each view)
+//!              frames/view_000.png     the raw frame, lossless; Bayer frames stay mosaics
+//!              frames/view_000.retake-1.png   the same view taken again, where the first take did not belong
+//!              frames/closure.png      the view at 360 deg
+//!              second/view_000.png     the second camera's frame of the same view, where there is one
+//!              frames/empty.png        the empty capillary that the frames are compared with, where there is one
+//!              frames/detect.png       the frame on which the well was judged
+//!              profiles/view_000.png   the mask that was carved with
+//!              references.json         the larvae that a larva of known age is compared with
+//!              measurement.json        the numbers
+//!              mesh.ply                the surface, um
+//!              model.glb               the same in fewer triangles
+//!              SHA256SUMS              of all of the above, when the record is closed
+//! ```
+
+use super::{StoreError, archive, durable, frames, schema, sums};
+use carved_core::frame::{PixelFormat, RawFrame};
+use carved_core::geometry::{Camera, SecondOptics};
+use carved_core::measure::Measurement;
+use carved_core::measure::fluorescence::{Fluorescence, SecondView};
+use carved_core::measure::references::{References, Specimen, Standing, estimates};
+use carved_core::pipeline::SpecimenRecord;
+use carved_core::profile::Mask;
+use carved_core::surface::Mesh;
+use carved_core::units::{Sense, StepsPerRevolution};
+use carved_records::{Ledger, LedgerEntry, Method, Mode, PlannedWell, is_plain_name, is_well, sha256_hex};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+const SCHEMA: &str = "carved.recording/1";
+pub(super) const RECORDING: &str = "recording.json";
+/// The frame on which the well was judged.
+pub(super) const DETECTION: &str = "frames/detect.png";
+
+/// Name of the file with a recording's numbers.
+pub const MEASUREMENT: &str = "measurement.json";
+
+/// `measurement.json`: the numbers, and whether they are an instrument's. No clock and no name of a run stands in it, so
+/// that equal numbers are equal bytes.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct MeasurementFile {
+    pub mode: Mode,
+    #[serde(flatten)]
+    pub record: SpecimenRecord,
+    /// What the second camera says, where there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fluorescence: Option<Fluorescence>,
+    /// The place among reference larvae, of a larva whose age is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Standing>,
+    /// What the lab calls this state of the method, where it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub method_version: Option<String>,
+}
+
+impl MeasurementFile {
+    /// The numbers of a recording, compared with the references that it holds.
+    pub fn new(recording: &Recording, references: &[References], mut record: SpecimenRecord) -> Self {
+        let measurement = &record.measurement;
+        let standing = |dpf| {
+            let specimen = Specimen {
+                dpf,
+                asd: recording.method.asd,
+                views: measurement.views,
+                voxel_um: measurement.voxel_size_um,
+                epsilon: measurement.epsilon,
+                simulated: recording.mode == Mode::Simulated,
+                strain: recording.specimen.strain.clone(),
+                treatment: recording.specimen.treatment.clone(),
+                estimates: estimates(measurement),
+            };
+            Standing::of(&specimen, references)
+        };
+        let reference = recording.specimen.age_of_larva().filter(|_| !references.is_empty()).map(standing);
+        if let Some(standing) = &reference {
+            let trusted = record.measurement.estimator.name();
+            record.held_against(standing.z(trusted), recording.method.quality.reference_z);
+        }
+        Self { mode: recording.mode, record, fluorescence: None, reference, method_version: recording.method.version.clone() }
+    }
+}
+
+/// The second camera's numbers of a specimen: of its frames beside their ledger entries, the closure view's left out.
+pub fn fluorescence<'a>(
+    mesh: &Mesh,
+    measurement: &Measurement,
+    optics: &SecondOptics,
+    frames: impl Iterator<Item = (&'a LedgerEntry, &'a RawFrame)>,
+) -> Option<Fluorescence> {
+    let views: Vec<SecondView> = frames
+        .filter(|(entry, _)| !entry.closure)
+        .map(|(entry, frame)| SecondView {
+            view: entry.view,
+            projection: optics.projection(entry.omega),
+            pixels: frame.bytes(),
+            width: frame.width() as usize,
+            height: frame.height() as usize,
+        })
+        .collect();
+    Fluorescence::measure(mesh, &views, measurement.volume_um3, measurement.volume_sd_um3)
+}
+
+/// Which program wrote a file.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Software {
+    pub name: String,
+    pub version: String,
+}
+
+impl Software {
+    pub fn this() -> Self {
+        Self { name: "carved".into(), version: env!("CARGO_PKG_VERSION").into() }
+    }
+}
+
+/// The rig as it was.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RigRecord {
+    pub name: String,
+    /// psi; the angles are the ledger's.
+    pub camera: Camera,
+    pub pixel_format: PixelFormat,
+    /// Of the bytes of `frames/empty.png`, where frames were compared with the empty capillary.
+    #[serde(default)]
+    pub empty_capillary_sha256: Option<String>,
+    pub steps_per_revolution: StepsPerRevolution,
+    pub sense: Sense,
+    pub rotation_identity: String,
+    pub camera_identity: String,
+    /// The second camera, where there was one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second: Option<SecondRecord>,
+}
+
+/// The second camera as it was.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SecondRecord {
+    pub optics: SecondOptics,
+    pub identity: String,
+}
+
+/// `recording.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Recording {
+    pub schema: String,
+    pub software: Software,
+    pub mode: Mode,
+    pub run: String,
+    pub specimen: PlannedWell,
+    /// RFC 3339, UTC.
+    pub started: String,
+    pub rig: RigRecord,
+    pub method_name: String,
+    pub method: Method,
+    /// Of a simulated specimen: what a perfect measurement would find. `null` on an instrument.
+    pub truth: Option<serde_json::Value>,
+    /// Of `references.json`, where there are references of a larva.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub references_sha256: Option<String>,
+    /// The turn was ended after so many of its planned views, by the method's rule.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ended_after_views: Option<u32>,
+    /// The turn was taken for good before the specimen was let go: its numbers are to be had from these frames, and from nowhere else.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub accepted: bool,
+    /// In the order in which the views were taken.
+    pub ledger: Ledger,
+}
+
+impl Recording {
+    pub fn new(run: &str, specimen: PlannedWell, mode: Mode, rig: RigRecord, method_name: &str, method: Method) -> Self {
+        Self {
+            schema: SCHEMA.into(),
+            software: Software::this(),
+            mode,
+            run: run.into(),
+            specimen,
+            started: jiff::Timestamp::now().to_string(),
+            rig,
+            method_name: method_name.into(),
+            method,
+            truth: None,
+            references_sha256: None,
+            ended_after_views: None,
+            accepted: false,
+            ledger: Ledger::default(),
+        }
+    }
+}
+
+impl Recording {
+    /// Its names may become paths: they lead nowhere else.
+    fn check(&self, file: &Path) -> Result<(), StoreError> {
+        let named = |expected, found: &str, is: bool| {
+            let wrong = || StoreError::Format { path: file.to_owned(), expected, found: format!("{found:?}") };
+            if is { Ok(()) } else { Err(wrong()) }
+        };
+        let (well, run, method) = (&self.specimen.well, &self.run, &self.method_name);
+        named("a well A01 to P24 as `specimen.well`", well, is_well(well))?;
+        named("a name of letters, digits, '-', '_' and '.' as `run`", run, is_plain_name(run))?;
+        named("a name of letters, digits, '-', '_' and '.' as `method_name`", method, is_plain_name(method))
+    }
+}
+
+/// The frame file of a ledger entry, relative to the recording.
+fn frame_file(entry: &LedgerEntry) -> String {
+    picture_file("frames", entry)
+}
+
+fn second_file(entry: &LedgerEntry) -> String {
+    picture_file("second", entry)
+}
+
+fn picture_file(folder: &str, entry: &LedgerEntry) -> String {
+    let name = if entry.closure { "closure".to_owned() } else { view_name(entry.view) };
+    take_name(folder, &name, entry.retake)
+}
+
+/// The frame file of a take of a view, 0 being the first, relative to the recording.
+pub(super) fn frame_name(view: u32, retake: u32) -> String {
+    take_name("frames", &view_name(view), retake)
+}
+
+fn view_name(view: u32) -> String {
+    format!("view_{view:03}")
+}
+
+fn take_name(folder: &str, name: &str, retake: u32) -> String {
+    match retake {
+        0 => format!("{folder}/{name}.png"),
+        again => format!("{folder}/{name}.retake-{again}.png"),
+    }
+}
+
+/// The frame of the empty capillary, relative to the recording.
+const EMPTY: &str = "frames/empty.png";
+
+/// The reference larvae, relative to the recording.
+const REFERENCES: &str = "references.json";
+
+/// Writes a recording; what `add_view` has returned from survives a crash.
+pub struct RecordingWriter {
+    folder: PathBuf,
+    recording: Recording,
+    /// SHA-256 of every file as it was written, by its name in the folder.
+    written: BTreeMap<String, String>,
+}
+
+impl RecordingWriter {
+    /// Starts a recording in a folder that has none. With the frame of the empty capillary that its frames are compared
+    /// with, it is reproducible from its own folder.
+    pub fn create(folder: &Path, recording: Recording, empty: Option<&RawFrame>) -> Result<Self, StoreError> {
+        if folder.join(RECORDING).exists() {
+            return Err(StoreError::Exists { path: folder.to_owned() });
+        }
+        durable::create_folder(&folder.join("frames"))?;
+        durable::create_folder(&folder.join("profiles"))?;
+        if recording.rig.second.is_some() {
+            durable::create_folder(&folder.join("second"))?;
+        }
+        let mut writer = Self { folder: folder.to_owned(), recording, written: BTreeMap::new() };
+        if let Some(frame) = empty {
+            writer.put(EMPTY, &frames::encode(frame)?)?;
+        }
+        writer.recording.rig.empty_capillary_sha256 = empty.map(|frame| sha256_hex(frame.bytes()));
+        writer.save()?;
+        Ok(writer)
+    }
+
+    /// Goes on with a recording of an earlier life, to add the results that it lacks and to close it.
+    pub fn resume(reader: &RecordingReader) -> Self {
+        Self { folder: reader.folder.clone(), recording: reader.recording.clone(), written: BTreeMap::new() }
+    }
+
+    fn put(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        durable::write(&self.folder.join(name), bytes)?;
+        self.written.insert(name.to_owned(), sha256_hex(bytes));
+        Ok(())
+    }
+
+    fn save(&mut self) -> Result<(), StoreError> {
+        let text = durable::json_text(&self.folder.join(RECORDING), &self.recording)?;
+        self.put(RECORDING, &text)
+    }
+
+    /// The frame on which the well was judged, and what is known of the specimen's truth (simulation only).
+    pub fn add_detection(&mut self, frame: &RawFrame, truth: Option<serde_json::Value>) -> Result<(), StoreError> {
+        self.put(DETECTION, &frames::encode(frame)?)?;
+        self.recording.truth = truth;
+        self.save()
+    }
+
+    /// What the specimen is compared with: of a larva of known age, so that its recording gives its place from its own folder.
+    pub fn add_references(&mut self, references: &[References]) -> Result<(), StoreError> {
+        if self.recording.specimen.age_of_larva().is_none() || references.is_empty() {
+            return Ok(());
+        }
+        let text = durable::json_text(&self.folder.join(REFERENCES), &references)?;
+        self.put(REFERENCES, &text)?;
+        self.recording.references_sha256 = Some(sha256_hex(&text));
+        self.save()
+    }
+
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// Says that the turn is whole with fewer views than were planned.
+    pub fn end_after(&mut self, views: u32) -> Result<(), StoreError> {
+        self.recording.ended_after_views = Some(views);
+        self.save()
+    }
+
+    /// Says that the turn is taken for good: what it is worth outlasts a crash from now on, and the specimen may go.
+    pub fn accept(&mut self) -> Result<(), StoreError> {
+        self.recording.accepted = true;
+        self.save()
+    }
+
+    /// Frame first, then the ledger that names it: a ledger never lists a frame that is not there.
+    pub fn add_view(&mut self, entry: LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
+        self.put(&frame_file(&entry), &frames::encode(frame)?)?;
+        self.recording.ledger.push(entry).map_err(|e| StoreError::Format {
+            path: self.folder.join(RECORDING),
+            expected: "one ledger entry per view, all of one epoch",
+            found: e.to_string(),
+        })?;
+        self.save()
+    }
+
+    /// The second camera's frame of a view that `add_view` is then told of.
+    pub fn add_second(&mut self, entry: &LedgerEntry, frame: &RawFrame) -> Result<(), StoreError> {
+        self.put(&second_file(entry), &frames::encode(frame)?)
+    }
+
+    pub fn add_profile(&mut self, index: u32, mask: &Mask) -> Result<(), StoreError> {
+        self.put(&format!("profiles/view_{index:03}.png"), &frames::encode_mask(mask)?)
+    }
+
+    /// Whether a file of this name is there.
+    pub fn has(&self, name: &str) -> bool {
+        self.folder.join(name).is_file()
+    }
+
+    /// A result beside the frames.
+    pub fn add_file(&mut self, name: &str, bytes: &[u8]) -> Result<(), StoreError> {
+        self.put(name, bytes)
+    }
+
+    pub fn add_json<T: Serialize>(&mut self, name: &str, value: &T) -> Result<(), StoreError> {
+        let text = durable::json_text(&self.folder.join(name), value)?;
+        self.put(name, &text)
+    }
+
+    /// Hashes everything and closes the record; also for a revolution that was cut short. A file that is not any more what
+    /// was written is an error, not a line in the sums.
+    pub fn close(self) -> Result<(), StoreError> {
+        let sums = sums::of_folder(&self.folder)?;
+        for (name, expected) in self.written {
+            let path = self.folder.join(&name);
+            match sums.get(Path::new(&name)) {
+                Some(found) => sums::same(&path, &expected, found)?,
+                None => return Err(StoreError::Vanished { path }),
+            }
+        }
+        durable::write(&self.folder.join(super::sums::FILE), super::sums::text(&sums).as_bytes())
+    }
+}
+
+/// Reads a recording back; every frame it gives is the one that was recorded, or an error that names the file.
+pub struct RecordingReader {
+    folder: PathBuf,
+    recording: Recording,
+}
+
+impl RecordingReader {
+    /// `path` is the recording's folder or its `recording.json`.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        let folder = if path.is_file() { durable::folder_of(path).to_owned() } else { path.to_owned() };
+        let file = folder.join(RECORDING);
+        let recording: Recording = schema::read(&file, SCHEMA)?;
+        recording.check(&file)?;
+        super::sums::check_one(&folder, RECORDING)?;
+        Ok(Self { folder, recording })
+    }
+
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    pub fn recording(&self) -> &Recording {
+        &self.recording
+    }
+
+    /// A whole revolution, or the error that says how much of it there is.
+    pub fn require_finished(&self) -> Result<(), StoreError> {
+        let expected = self.recording.ended_after_views.unwrap_or(self.recording.method.asd);
+        let found = self.recording.ledger.carved().count();
+        if found != expected as usize {
+            return Err(StoreError::Unfinished { path: self.folder.clone(), expected, found });
+        }
+        Ok(())
+    }
+
+    /// Whether the specimen was let go on the strength of these frames, and all of them are there.
+    pub fn is_accepted(&self) -> bool {
+        self.recording.accepted && self.require_finished().is_ok()
+    }
+
+    /// The numbers of a record that was closed with them; nothing where they are still to be made.
+    pub fn closed_numbers(&self) -> Option<MeasurementFile> {
+        let closed = [super::sums::FILE, MEASUREMENT].iter().all(|name| self.folder.join(name).is_file());
+        self.measurement().ok().filter(|_| closed)
+    }
+
+    /// The frame of a ledger entry, checked against the hash that the ledger has.
+    pub fn frame(&self, entry: &LedgerEntry) -> Result<RawFrame, StoreError> {
+        self.raw(&frame_file(entry), self.recording.rig.pixel_format, &entry.sha256)
+    }
+
+    /// The second camera's frame of a ledger entry; none where there was no second camera.
+    pub fn second(&self, entry: &LedgerEntry) -> Result<Option<RawFrame>, StoreError> {
+        let Some(second) = &entry.second else { return Ok(None) };
+        self.raw(&second_file(entry), PixelFormat::Mono8, &second.sha256).map(Some)
+    }
+
+    /// The empty capillary that the frames were compared with, if they were.
+    pub fn empty_capillary(&self) -> Result<Option<RawFrame>, StoreError> {
+        let expected = self.recording.rig.empty_capillary_sha256.as_deref();
+        expected.map(|expected| self.raw(EMPTY, self.recording.rig.pixel_format, expected)).transpose()
+    }
+
+    /// A raw frame; one that was pruned is told with the place where it can be had.
+    fn raw(&self, name: &str, format: PixelFormat, expected: &str) -> Result<RawFrame, StoreError> {
+        let path = self.folder.join(name);
+        if !path.exists() {
+            return Err(archive::gone(&self.folder, name));
+        }
+        let frame = frames::decode(&path, format)?;
+        sums::same(&path, expected, &sha256_hex(frame.bytes()))?;
+        Ok(frame)
+    }
+
+    /// The numbers that are stored beside the frames.
+    pub fn measurement(&self) -> Result<MeasurementFile, StoreError> {
+        super::sums::check_one(&self.folder, MEASUREMENT)?;
+        durable::read_json(&self.folder.join(MEASUREMENT), "the numbers of a specimen")
+    }
+
+    /// The larvae that the specimen is compared with; none of a bead, or of a larva whose age is not known.
+    pub fn references(&self) -> Result<Vec<References>, StoreError> {
+        let Some(expected) = &self.recording.references_sha256 else { return Ok(Vec::new()) };
+        let path = self.folder.join(REFERENCES);
+        sums::same(&path, expected, &sha256_hex(&carved_files::read(&path).map_err(StoreError::io("read", &path))?))?;
+        durable::read_json(&path, "references (carved.references/1)")
+    }
+}

@@ -1,0 +1,101 @@
+//! `run.json`: plan, method and outcome of a run, one entry per well.
+
+use super::{Software, StoreError, schema};
+use carved_core::frame::RawFrame;
+use carved_records::{
+    CalibrationStatus, Method, Mode, RunOutcome, RunPlan, SpecimenOutcome, WellStatus, is_plain_name, is_well, sha256_hex,
+};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+const SCHEMA: &str = "carved.run/1";
+
+pub(super) const FILE: &str = "run.json";
+
+/// `run.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunRecord {
+    pub schema: String,
+    pub id: String,
+    pub software: Software,
+    pub mode: Mode,
+    pub plan: RunPlan,
+    pub method: Method,
+    /// Of the empty capillary's picture that the frames are compared with, as in every `recording.json`.
+    #[serde(default)]
+    pub empty_capillary_sha256: Option<String>,
+    /// The rig's calibration that was the newest when the run started.
+    #[serde(default)]
+    pub calibration: Option<CalibrationStatus>,
+    /// RFC 3339, UTC.
+    pub started: String,
+    pub ended: Option<String>,
+    pub outcome: Option<RunOutcome>,
+    pub wells: Vec<WellStatus>,
+}
+
+impl RunRecord {
+    pub fn new(id: &str, plan: RunPlan, method: Method, mode: Mode, empty: Option<&RawFrame>) -> Self {
+        let wells = plan.plate_map.iter().map(WellStatus::pending).collect();
+        Self {
+            schema: SCHEMA.into(),
+            id: id.into(),
+            software: Software::this(),
+            mode,
+            plan,
+            method,
+            empty_capillary_sha256: empty.map(|frame| sha256_hex(frame.bytes())),
+            calibration: None,
+            started: jiff::Timestamp::now().to_string(),
+            ended: None,
+            outcome: None,
+            wells,
+        }
+    }
+
+    pub fn end(&mut self, outcome: RunOutcome) {
+        self.ended = Some(jiff::Timestamp::now().to_string());
+        self.outcome = Some(outcome);
+    }
+
+    /// Ends a run that nobody will go on with: it must not look as if somebody did.
+    pub fn end_interrupted(&mut self) {
+        for well in self.wells.iter_mut().filter(|w| w.outcome.is_none()) {
+            well.end(SpecimenOutcome::Interrupted, Some("the daemon ended before this well was done"));
+        }
+        self.end(RunOutcome::Interrupted);
+    }
+
+    /// Reads the `run.json` of a run's folder, which may have another name than the run: a copy may.
+    ///
+    /// # Errors
+    /// A newer format, or names that lead out of the folder.
+    pub fn of_folder(folder: &Path) -> Result<Self, StoreError> {
+        Self::checked(&folder.join(FILE))
+    }
+
+    /// Its names become paths.
+    fn checked(file: &Path) -> Result<Self, StoreError> {
+        let run: Self = schema::read(file, SCHEMA)?;
+        let wrong = |expected, found: &str| StoreError::Format { path: file.to_owned(), expected, found: format!("{found:?}") };
+        if !is_plain_name(&run.id) {
+            return Err(wrong("a run's name of letters, digits, '-', '_' and '.' as its id", &run.id));
+        }
+        let planned = run.plan.plate_map.iter().map(|planned| &planned.well);
+        if let Some(well) = planned.chain(run.wells.iter().map(|status| &status.well)).find(|well| !is_well(well)) {
+            return Err(wrong("wells A01 to P24", well));
+        }
+        Ok(run)
+    }
+
+    /// Reads a `run.json`, of the folder that has the run's name.
+    pub(super) fn read(file: &Path) -> Result<Self, StoreError> {
+        let run = Self::checked(file)?;
+        let folder = file.parent().and_then(Path::file_name).unwrap_or_default();
+        if folder != run.id.as_str() {
+            let found = format!("run {:?} in the folder {}", run.id, folder.display());
+            return Err(StoreError::Format { path: file.to_owned(), expected: "the run that its folder is named after", found });
+        }
+        Ok(run)
+    }
+}

@@ -1,0 +1,104 @@
+//! `SHA256SUMS`, as `sha256sum -c` reads it.
+
+use super::{StoreError, durable};
+use carved_records::{is_well, sha256_hex};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+pub const FILE: &str = "SHA256SUMS";
+
+fn files(folder: &Path, under: &Path, found: &mut Vec<PathBuf>) -> Result<(), StoreError> {
+    let here = folder.join(under);
+    for entry in std::fs::read_dir(&here).map_err(StoreError::io("list", &here))? {
+        let entry = entry.map_err(StoreError::io("list", &here))?;
+        let name = under.join(entry.file_name());
+        if entry.path().is_dir() {
+            files(folder, &name, found)?;
+        } else if name != Path::new(FILE) && name.extension().is_none_or(|e| e != "part") {
+            found.push(name);
+        }
+    }
+    Ok(())
+}
+
+/// SHA-256 of every file of the folder, by its name in it.
+pub fn of_folder(folder: &Path) -> Result<BTreeMap<PathBuf, String>, StoreError> {
+    let mut names = Vec::new();
+    files(folder, Path::new(""), &mut names)?;
+    let hash = |name: PathBuf| {
+        let path = folder.join(&name);
+        let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+        Ok((name, sha256_hex(&bytes)))
+    };
+    names.into_iter().map(hash).collect()
+}
+
+/// Writes the sums of a recording's folder that has none, because its writer ended before it could close it.
+///
+/// # Errors
+/// A file that cannot be read, or sums that cannot be written.
+pub fn seal(folder: &Path) -> Result<(), StoreError> {
+    let sums = folder.join(FILE);
+    if !folder.is_dir() || sums.exists() {
+        return Ok(());
+    }
+    durable::write(&sums, text(&of_folder(folder)?).as_bytes())
+}
+
+/// Seals every well's folder of a run, earlier attempts included.
+///
+/// # Errors
+/// The last folder that could not be sealed; the others are.
+pub fn seal_run(run: &Path) -> Result<(), StoreError> {
+    let mut sealed = Ok(());
+    for entry in std::fs::read_dir(run).map_err(StoreError::io("list", run))?.flatten() {
+        let name = entry.file_name().into_string().unwrap_or_default();
+        if name.get(..3).is_some_and(is_well)
+            && let Err(error) = seal(&entry.path())
+        {
+            sealed = Err(error);
+        }
+    }
+    sealed
+}
+
+/// One line per file, as `sha256sum` writes it.
+pub fn text(sums: &BTreeMap<PathBuf, String>) -> String {
+    sums.iter().map(|(name, hash)| format!("{hash}  {}\n", name.display())).collect()
+}
+
+/// The names and hashes of a `SHA256SUMS`.
+pub fn read(sums: &Path) -> Result<Vec<(String, String)>, StoreError> {
+    let text = carved_files::read_to_string(sums).map_err(StoreError::io("read", sums))?;
+    Ok(text.lines().filter_map(|l| l.split_once("  ")).map(|(hash, name)| (name.to_owned(), hash.to_owned())).collect())
+}
+
+/// What a file of the folder should be; none in an interrupted record, which has no sums.
+pub fn expected(folder: &Path, name: &str) -> Result<Option<String>, StoreError> {
+    let sums = folder.join(FILE);
+    if !sums.exists() {
+        return Ok(None);
+    }
+    match read(&sums)?.into_iter().find(|(n, _)| n == name) {
+        Some((_, hash)) => Ok(Some(hash)),
+        None => {
+            Err(StoreError::Format { path: sums, expected: "a line for every file of the recording", found: format!("none for {name}") })
+        }
+    }
+}
+
+/// Checks one file against the folder's sums, where there are any.
+pub fn check_one(folder: &Path, name: &str) -> Result<(), StoreError> {
+    let Some(expected) = expected(folder, name)? else { return Ok(()) };
+    let path = folder.join(name);
+    let bytes = carved_files::read(&path).map_err(StoreError::io("read", &path))?;
+    same(&path, &expected, &sha256_hex(&bytes))
+}
+
+/// Whether a file is what was recorded, by its hash.
+pub fn same(path: &Path, expected: &str, found: &str) -> Result<(), StoreError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(StoreError::Altered { path: path.to_owned(), expected: expected.to_owned(), found: found.to_owned() })
+}
