@@ -63,7 +63,7 @@ fn numbers(of: &Value) -> [f64; 2] {
     ["volume_um3", "area_um2"].map(|key| of[key].as_f64().unwrap_or_else(|| panic!("no {key} in {of:#}")))
 }
 
-/// From anti-aliased outlines. The error of an edge has three parts: 255 grey levels; the polygon of an outline, which lies up to 0.001 px
+/// The numbers from anti-aliased outlines. The error of an edge has three parts: 255 grey levels; the polygon of an outline, which lies up to 0.001 px
 /// inside it; and the mean of an outline of radius R px over a column, 1/(24 R) px, which is 0.006 px at the tail of 7 px. Together an edge
 /// is known to 1/100 px. The volume is therefore known to area x 0.01 px, which is 0.07 to 0.08 %. The area of a tube has half of this
 /// relative error; the other half is for the ends, which are found from slices of one pixel. 12 views are enough: the slices are ellipses
@@ -90,7 +90,7 @@ fn calibrated_volume_and_area_of_smooth_solids_are_right() {
     }
 }
 
-/// Voxels, through the true matrices. An even number n of views gives n tangents of a slice, whose polygon is larger than a disc by `n
+/// The numbers from voxels, with the true matrices. An even number n of views gives n tangents of a slice, whose polygon is larger than a disc by `n
 /// tan(pi/n) / pi - 1`; the finned solid has its own polygon in truth.json. The edge of a mask is rounded to a pixel, and the smaller of
 /// two opposite views counts: the mean of the smaller of two uniform errors of up to half a pixel is -1/6 px. The same amount is allowed on
 /// either side.
