@@ -63,11 +63,11 @@ fn numbers(of: &Value) -> [f64; 2] {
     ["volume_um3", "area_um2"].map(|key| of[key].as_f64().unwrap_or_else(|| panic!("no {key} in {of:#}")))
 }
 
-/// The numbers from anti-aliased outlines. The error of an edge has three parts: 255 grey levels; the polygon of an outline, which lies up to 0.001 px
-/// inside it; and the mean of an outline of radius R px over a column, 1/(24 R) px, which is 0.006 px at the tail of 7 px. Together an edge
-/// is known to 1/100 px. The volume is therefore known to area x 0.01 px, which is 0.07 to 0.08 %. The area of a tube has half of this
-/// relative error; the other half is for the ends, which are found from slices of one pixel. 12 views are enough: the slices are ellipses
-/// with an axis ratio below 1.5, whose harmonics from the sixth on are below 1e-5 of the area.
+/// The numbers from anti-aliased outlines. The error of an edge has three parts: 255 grey levels; the polygon of an outline, which lies up
+/// to 0.001 px inside it; and the mean of an outline of radius R px over a column, 1/(24 R) px, which is 0.006 px at the tail of 7 px.
+/// Together an edge is known to 1/100 px. The volume is therefore known to area x 0.01 px, which is 0.07 to 0.08 %. The area of a tube has
+/// half of this relative error; the other half is for the ends, which are found from slices of one pixel. 12 views are enough: the slices
+/// are ellipses with an axis ratio below 1.5, whose harmonics from the sixth on are below 1e-5 of the area.
 ///
 /// The axis of the camera as given is 3 px off, and its roll is missing. The mean of some hundred columns, whose edges are known to 1/100
 /// px, gives the row of the axis to at least 0.01 px, and the roll to 0.01 px over 200 px.
@@ -90,10 +90,10 @@ fn calibrated_volume_and_area_of_smooth_solids_are_right() {
     }
 }
 
-/// The numbers from voxels, with the true matrices. An even number n of views gives n tangents of a slice, whose polygon is larger than a disc by `n
-/// tan(pi/n) / pi - 1`; the finned solid has its own polygon in truth.json. The edge of a mask is rounded to a pixel, and the smaller of
-/// two opposite views counts: the mean of the smaller of two uniform errors of up to half a pixel is -1/6 px. The same amount is allowed on
-/// either side.
+/// The numbers from voxels, with the true matrices. An even number n of views gives n tangents of a slice, whose polygon is larger than a
+/// disc by `n tan(pi/n) / pi - 1`; the finned solid has its own polygon in truth.json. The edge of a mask is rounded to a pixel, and the
+/// smaller of two opposite views counts: the mean of the smaller of two uniform errors of up to half a pixel is -1/6 px. The same amount is
+/// allowed on either side.
 #[test]
 fn voxels_are_the_hull_of_their_views() {
     for solid in SMOOTH.into_iter().chain(["finned"]) {

@@ -1,5 +1,5 @@
-//! The number of lost frames and the time per frame, over many frames: `CARVED_FRAMES=10000 cargo test --test camera numbers --
-//! --nocapture`.
+//! The number of lost frames and the time per frame, over many frames:
+//! `CARVED_FRAMES=10000 cargo test --test camera numbers -- --nocapture`.
 
 use crate::bench::Bench;
 use std::time::Instant;
