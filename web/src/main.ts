@@ -2,7 +2,7 @@
 //
 //   keepLive ── Status ──> header, sentence, faults, plate, well, chart, rig      (numbers, at once)
 //                     └──> frame, model                                           (fetched when the revision or the subject changed)
-//                              └── live, or stored for the well that the operator chose: subject.ts
+//                             └── live, or stored for the well that the operator chose: subject.ts
 
 import { AttentionList } from "./attention.ts";
 import { VolumeChart } from "./chart.ts";

@@ -1,6 +1,6 @@
 // A new run: plate map, method, barcode, operator, and a list of everything that is wrong before anything moves.
 //
-//    file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
+//   file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
 
 import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
 import { element, setText, show } from "./dom.ts";

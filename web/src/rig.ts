@@ -91,7 +91,7 @@ export function gateWords({ stands, words }: GateStatus): string {
   return `${stands ? "✓" : "✕"} ${words.map((sentence) => capitalised(sentence.replace(/\.$/, ""))).join(". ")}.`;
 }
 
-/** Lost frames and packets. Complete frames are not counted here: their number is updated only after each well, which would look like a loss during a turn. */
+/** Lost frames and packets. The number of good frames is left out: it rises only after each well, which looks like a loss. */
 function frames(camera: CameraStatus): string {
   const parts: string[] = [];
   if (camera.failed_frames > 0) parts.push(`${grouped(camera.failed_frames)} failed`);

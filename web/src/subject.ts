@@ -1,7 +1,7 @@
 // Which specimen's pictures the page shows: those of the run as it proceeds, or the stored ones of the well that the operator chose. Pure.
 //
-//    no well chosen ──> the newest pictures; of a run that has ended, those of the last measured well, like the numbers
-//    chosen, under way ──> the newest pictures, if they are of that well
+//   no well chosen ──> the newest pictures; of a run that has ended, those of the last measured well, like the numbers
+//   chosen, under way ──> the newest pictures, if they are of that well
 //   chosen, measured ──> stored
 
 import { underWay } from "./plain.ts";
