@@ -20,7 +20,7 @@ pub(super) struct Judged {
     pub reason: Option<String>,
     pub dy_px: Option<f64>,
     pub residual_px: Option<f64>,
-    /// Overlap of its mask with the image of the hull. `None` for a view that was not used.
+    /// Overlap of its mask with the image of the hull. `None` for a blank view.
     pub overlap: Option<f64>,
 }
 

@@ -27,7 +27,7 @@ pub enum Who {
 }
 
 impl Who {
-    /// Configures how the daemon learns of a specimen. The built-in sampler needs no change.
+    /// Configures how the daemon learns of a specimen. Only `Trigger` changes the configuration.
     pub fn configure(self, config: &mut Config, time_scale: f64) {
         if self == Self::Trigger {
             let usual = TriggerSettings::default();
