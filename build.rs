@@ -1,4 +1,5 @@
-//! Has cargo look again for the operator's page, which may be built before or after the daemon, and for what tests need.
+//! Makes cargo run this script again when the operator's page changes, which may be built before or after the daemon, and when the needs of
+//! tests change.
 
 #[path = "tests/common/needs.rs"]
 mod needs;
@@ -11,14 +12,14 @@ fn main() {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rerun-if-changed=tests/common/needs.rs");
     needs::tell(&[Need::Shared, Need::Python, Need::Program { name: "systemd-analyze", cfg: "has_systemd_analyze" }, Need::Root]);
-    // A path that does not exist would make every build start anew, so each is watched only where it stands. Until the
-    // page is built its sources' folder tells when it is.
+    // Cargo reruns the script in every build if a watched path does not exist, so each path is watched only if it exists. Before the page
+    // is built, a change in the folder of its sources shows that it was.
     let built = Path::new("web/dist");
     let sources = Path::new("web");
     if let Some(watched) = [built, sources].into_iter().find(|path| path.exists()) {
         println!("cargo::rerun-if-changed={}", watched.display());
     }
-    // A page of another day than its sources would be served without a word.
+    // Without this warning an outdated page would be served silently.
     if built.exists() {
         println!("cargo::rerun-if-changed=web/src");
         if newest(&sources.join("src")) > newest(built) {
@@ -29,7 +30,7 @@ fn main() {
     }
 }
 
-/// When the newest file of a folder was written; nothing of one that cannot be read.
+/// The time of the newest file in a folder. `None` if it cannot be read.
 fn newest(folder: &Path) -> Option<SystemTime> {
     let files = std::fs::read_dir(folder).ok()?.flatten();
     files.filter_map(|file| file.metadata().ok()?.modified().ok()).max()

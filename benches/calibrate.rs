@@ -1,6 +1,6 @@
-//! Calibrating a larva's turn: `cargo bench --bench calibrate`.
+//! Calibration of a larva's turn: `cargo bench --bench calibrate`.
 //!
-//! Profiles of the phantom larva as a day's drift leaves them: camera, angles, views and edges off.
+//! Profiles of the phantom larva after one day's drift, which affects camera, angles, views and edges.
 
 use carved_core::calibration::{Calibration, GivenView, Priors, Psi, Vrv, calibrate, check_vrv, coherence};
 use carved_core::carver::{Leaves, Runs};
@@ -46,7 +46,7 @@ impl Turn {
         calibrate(&self.camera, &self.given(), Priors::default()).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Every view's: what the two objectives cost does not depend on the last px.
+    /// psi with the parameters of every view, close to the truth: the cost of the two objectives does not depend on the last px.
     fn psi(&self) -> Psi {
         Psi::new(self.calibrated().camera, self.ledger.clone())
     }
@@ -72,7 +72,7 @@ fn calibrating(c: &mut Criterion) {
         }
         let columns: Vec<&Columns> = turn.columns.iter().collect();
         group.bench_function(BenchmarkId::new("coherence", asd), |b| b.iter(|| coherence(&columns, &psi)));
-        // What a turn waits for after its last view, and what the live model does now and then: 6.93 um, 15e6 voxels.
+        // The calibration after the last view of a turn, and from time to time in the live model: 6.93 um, 15e6 voxels.
         let settings = ReconstructionSettings::default();
         let mut model = Reconstruction::new(&turn.camera, grid(6.93), turn.ledger.len(), settings).unwrap_or_else(|e| panic!("{e}"));
         for ((mask, columns), &omega) in turn.masks.iter().zip(&turn.columns).zip(&turn.ledger) {

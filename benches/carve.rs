@@ -1,7 +1,7 @@
-//! Carving and measuring a larva-like solid: `cargo bench --bench carve`.
+//! Carving and measurement of a larva-like solid: `cargo bench --bench carve`.
 //!
-//! The solid has elliptic slices and a thin fin. Its silhouettes come column by column from the slices' extents across the
-//! line of sight: parallel rays, which at 60 mm is half a pixel from the pinhole's, as good a load as any.
+//! The solid has elliptic slices and a thin fin. Its silhouettes are computed by column from the extents of the slices across the line of
+//! sight. The rays are parallel, which differs from the pinhole by half a pixel at 60 mm and gives the same load.
 
 use carved_core::carver::{Carver, Leaves};
 use carved_core::geometry::{BoxUm, Camera, Projection, VoxelGrid};

@@ -1,7 +1,7 @@
 //! Carved's side of the comparison with its peers: `cargo bench --bench carve_peers -- FOLDER`.
 //!
 //! FOLDER holds `clean`, `rolled` and `ragged`, each with `views.json` (a list `views` of `P`, 3 x 4, and `file`) and the silhouettes.
-//! Times are medians of repeated runs, the carver's making included, and printed as lines that start with `@`.
+//! Times are medians of repeated runs, including the construction of the carver, and are printed as lines that start with `@`.
 
 use carved_core::carver::{Carver, Leaves, ResidualVolume, Runs};
 use carved_core::geometry::{BoxUm, Projection, VoxelGrid};

@@ -1,4 +1,4 @@
-//! How often the closure view calls a larva `moved` or `closure_undecided`, at rest and moved: the table of docs/quality.md.
+//! How often the closure view flags a larva as `moved` or `closure_undecided`, at rest and moved: the table of docs/quality.md.
 //!
 //! ```sh
 //! cargo bench --bench closure_rates            # 12 larvae, five cases, some minutes
@@ -17,7 +17,7 @@ fn main() {
     let larvae: u64 = args.iter().find_map(|a| a.parse().ok()).unwrap_or(12);
     let rest_only = args.iter().any(|a| a == "rest");
     let all = [Done::Nothing, Done::Nothing, Done::Turned, Done::TurnedBack, Done::Along, Done::Across];
-    // The error that whole edges have in common was chosen on seeds below 100.
+    // Seeds below 100 were used to choose the common error of whole edges.
     let found = readings(100..100 + larvae, if rest_only { &all[..2] } else { &all });
     for done in [Done::Nothing, Done::Turned, Done::TurnedBack, Done::Along, Done::Across] {
         let of: Vec<&Reading> = found.iter().filter(|reading| reading.done == done).collect();

@@ -1,5 +1,5 @@
-//! Processor time that the daemon takes between runs, with its rotation axis and without: `cargo bench --bench idle`. Looking after the
-//! devices is to cost next to nothing, and an axis that is away is not to be looked for in a busy loop.
+//! Processor time of the daemon between runs, with its rotation axis and without: `cargo bench --bench idle`. Monitoring the devices must
+//! cost almost nothing, and the search for a lost axis must not be a busy loop.
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a benchmark may panic; the tests' harness is part of it
 
 #[path = "../tests/common/mod.rs"]

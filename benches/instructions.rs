@@ -1,11 +1,11 @@
-//! One hot path, run once, for counting its instructions: `benches/peers/run.sh instructions` runs this under callgrind.
+//! Runs one hot path once, to count its instructions: `benches/peers/run.sh instructions` runs this under callgrind.
 //!
 //! ```text
 //! instructions FOLDER carve|surface|fairing --sd 5.5       FOLDER: views.json and sil/ of benches/peers/phantom.py
 //! instructions PICTURE segment
 //! ```
-//! Counts are the same from run to run and on a busy machine, where times are not. All work is done on the main thread, and
-//! each path lies in a function of its own whose name callgrind starts and stops at: nothing else is counted.
+//! The counts are the same in every run and on a busy machine, unlike times. All work is done on the main thread. Each path is in a
+//! function of its own, at whose name callgrind starts and stops, so that nothing else is counted.
 
 use anyhow::Context;
 use carved_core::carver::{CarveError, Carver, Leaves};
@@ -26,7 +26,7 @@ struct Options {
     path: HotPath,
     #[arg(long, default_value_t = 5.5)]
     sd: f64,
-    /// What `cargo bench` passes on.
+    /// Passed on by `cargo bench`.
     #[arg(long, hide = true)]
     bench: bool,
 }
@@ -41,7 +41,7 @@ enum HotPath {
 
 fn main() -> anyhow::Result<()> {
     let options = Options::parse();
-    // callgrind counts by thread: the pool shall have no other thread than this one.
+    // callgrind counts by thread, so the pool must use only this thread.
     rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global()?;
     if options.path == HotPath::Segment {
         let picture = picture(&options.input)?;
@@ -61,7 +61,7 @@ fn main() -> anyhow::Result<()> {
     Ok(())
 }
 
-// No closures in these four: theirs would bear the function's name too, and callgrind would stop at them.
+// These four functions contain no closures: the name of a closure contains that of its function, and callgrind would stop at it.
 
 #[inline(never)]
 fn hot_carve(carver: &mut Carver, views: &[(Mask, Projection)]) -> Result<(), CarveError> {

@@ -4,7 +4,7 @@
 //! carved simulate (child) <── plan of larvae of 3, 4 and 5 dpf at ASD 21, SD 6.93
 //!        └── events.jsonl: the times of each specimen.done ──> median and 95th percentile per phase, and the program's own time
 //! ```
-//! The rig's motors and exposures take their own time; what is the program's own is what is left of a well.
+//! The rig's motors and exposures take their own time. The rest of the time per well is the program's own.
 
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
@@ -18,15 +18,15 @@ use std::time::Duration;
 struct Options {
     #[arg(long, default_value_t = 12)]
     wells: u32,
-    /// How many times faster than real time motor and shutter work.
+    /// Speed-up of motor and shutter over real time.
     #[arg(long, default_value_t = 1.0)]
     time_scale: f64,
-    /// What `cargo bench` passes on.
+    /// Passed on by `cargo bench`.
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-/// Ended with this program, however that ends.
+/// A child process that is killed when this program ends, however it ends.
 struct Simulator(Child);
 
 impl Drop for Simulator {

@@ -1,4 +1,4 @@
-//! Frame to profile on the emulated rig's frames, 1024 x 1024: `cargo bench --bench profile`.
+//! From frame to profile, on frames of the emulated rig of 1024 x 1024: `cargo bench --bench profile`.
 
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenter};
@@ -7,7 +7,7 @@ use hardware_sim::scene::Exposure;
 use hardware_sim::scene::frame_set::{Class, detection_set, frame_set};
 use std::hint::black_box;
 
-/// The first of each kind in the set that segmentation is judged by.
+/// The first frame of each kind in the set that is used to judge the segmentation.
 fn frames() -> Result<Vec<(&'static str, RawFrame)>, Box<dyn std::error::Error>> {
     let specs = frame_set(1)?.into_iter().chain(detection_set(1)?).collect::<Vec<_>>();
     let wanted = [("larva", Class::Larva), ("bead", Class::Bead), ("empty", Class::Empty)];

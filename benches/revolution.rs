@@ -1,13 +1,13 @@
-//! Where the time of a step goes: turns of 21 and of 84 views through a real driver and the real camera on the emulated rig, in real time:
-//! `cargo bench --bench revolution [-- grbl|tmcl|zaber]`.
+//! The duration of the parts of a step: turns of 21 and of 84 views through a real driver and the real camera on the emulated rig, in real
+//! time: `cargo bench --bench revolution [-- grbl|tmcl|zaber]`.
 //!
 //! ```text
 //! step ├─ move ──────────────────┤ settle ├ trigger ├ exposure ├ wire ├ rest ┤
 //!      ├ trapezoid ┤ ours        │ given  │ ours    │ given    │ given│ ours │
 //! ```
-//! Given are the trapezoid of the configured speed and acceleration, rest and exposure as configured, and the wire: a frame's packets at the
-//! camera's bytes per second. Everything else is ours, what the emulated devices take by themselves included. They show one picture that was
-//! made before.
+//! The given parts are the trapezoid of the configured speed and acceleration, the settling time and exposure as configured, and the wire:
+//! a frame's packets at the camera's bytes per second. All other time is ours, including that of the emulated devices. They show a single
+//! picture that was rendered before.
 
 use anyhow::Context;
 use carved::config::{CameraDriver, Config, RotationDriver};
@@ -31,10 +31,10 @@ const MAKES: [(&str, &str); 3] = [
 const VIEWS: [u32; 2] = [21, 84];
 /// The emulated camera's `StreamBytesPerSecond`.
 const BYTES_PER_S: f64 = 115.0e6;
-/// Of a packet; IP, UDP and stream header.
+/// Headers of a packet, bytes: IP, UDP and stream.
 const HEADERS: f64 = 36.0;
 
-/// One picture, whatever the angle.
+/// The same picture at every angle.
 struct Still(Pixels);
 
 impl Sight for Still {
@@ -47,7 +47,7 @@ impl Sight for Still {
     }
 }
 
-/// Times of a step, ms.
+/// Durations of the parts of a step, ms.
 struct Step {
     whole: f64,
     given_move: f64,
@@ -101,7 +101,7 @@ fn turn(make: &str, config: &Config, views: u32) -> anyhow::Result<()> {
         began = now;
         Ok(Next::View)
     })?;
-    // At the first view nothing moves.
+    // The axis does not move to the first view.
     let steps = &steps[1..];
     let of = |time: &dyn Fn(&Step) -> f64| percentiles(steps.iter().map(time).collect());
     let settle_ms = f64::from(settings.settle_ms);
@@ -137,7 +137,7 @@ fn open(driver: &RotationDriver, emulated: &Rig) -> anyhow::Result<Box<dyn Rotat
     })
 }
 
-/// What the motor takes by its configured speed and acceleration.
+/// Duration of a move of the motor with the configured speed and acceleration, ms.
 fn trapezoid_ms(driver: &RotationDriver, steps: i64) -> f64 {
     let way = steps.unsigned_abs() as f64;
     let profile = match driver {
@@ -148,7 +148,7 @@ fn trapezoid_ms(driver: &RotationDriver, steps: i64) -> f64 {
         RotationDriver::Tmcl(settings) => {
             MotionProfile::trapezoid(way, f64::from(settings.max_speed), f64::from(settings.max_acceleration))
         }
-        // Of the protocol's units.
+        // In the units of the protocol.
         RotationDriver::Zaber(settings) => {
             MotionProfile::trapezoid(way, f64::from(settings.maxspeed) / 1.6384, f64::from(settings.accel) * 1e4 / 1.6384)
         }

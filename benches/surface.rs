@@ -26,7 +26,7 @@ const PARTS: [([f64; 3], [f64; 3]); 4] = [
     ([950.0, 0.0, 20.0], [950.0, 230.0, 16.0]),
 ];
 
-/// The ellipse in which a camera sees an ellipsoid, as the matrix of its points: `x C x` has the sign of the centre's inside.
+/// The image of an ellipsoid, an ellipse, as the matrix of its points: inside, `x C x` has the same sign as at the centre.
 struct Ellipse {
     points: Matrix3<f64>,
     low: [f64; 2],
@@ -34,7 +34,7 @@ struct Ellipse {
 }
 
 impl Ellipse {
-    /// Planes that touch the ellipsoid are seen as lines that touch the ellipse: `P Q* P^T`.
+    /// Planes that touch the ellipsoid are imaged as lines that touch the ellipse: `P Q* P^T`.
     fn of((centre, half): ([f64; 3], [f64; 3]), projection: &Projection) -> Self {
         let p = Matrix3x4::from_fn(|i, j| projection.rows()[i][j]);
         let mut place = Matrix4::identity();

@@ -1,16 +1,15 @@
-//! Whole frames through demosaicing and segmentation, as a run does it, on the 72 frames of the set:
-//! `cargo bench --bench sustained`.
+//! Demosaicing and segmentation of whole frames as in a run, on the 72 frames of the set: `cargo bench --bench sustained`.
 //!
 //! ```text
 //! one thread    each frame timed: p50 and p95 of demosaicing, segmentation and both
 //! two threads   frames per second over three rounds
 //! ```
-//! The digest is of all masks and outlines, bit by bit: a change that only saves time leaves it as it is.
+//! The digest covers all masks and outlines, bit by bit: a change that only saves time leaves it unchanged.
 //!
 //! ```text
 //! --write DIR   writes the frames as PNG, in colour, and measures nothing
 //! --read DIR    takes the PNG pictures of a folder instead of the set
-//! --rows N      keeps the middle N rows of each frame, as somebody would who has found the bore already
+//! --rows N      keeps the middle N rows of each frame, as if the bore had been found already
 //! ```
 
 use anyhow::Context;
@@ -29,7 +28,7 @@ const SEED: u64 = 1;
 const THREADS: usize = 2;
 const ROUNDS: usize = 3;
 
-/// Frames through segmentation, timed.
+/// Times the segmentation of frames.
 #[derive(Parser)]
 struct Options {
     #[arg(long, value_name = "DIR")]
@@ -38,7 +37,7 @@ struct Options {
     read: Option<PathBuf>,
     #[arg(long, value_name = "N")]
     rows: Option<u32>,
-    /// What `cargo bench` passes on.
+    /// Passed on by `cargo bench`.
     #[arg(long, hide = true)]
     bench: bool,
 }
@@ -77,7 +76,7 @@ fn read(folder: &Path) -> anyhow::Result<Vec<(String, RawFrame)>> {
     files.iter().map(picture).collect()
 }
 
-/// The middle rows of a frame. They begin on an even row, so that a mosaic stays the same mosaic.
+/// The middle rows of a frame. They begin on an even row, so that the mosaic keeps its pattern.
 fn middle(frame: &RawFrame, rows: u32) -> anyhow::Result<RawFrame> {
     let (width, height) = (frame.width(), frame.height());
     anyhow::ensure!((1..=height).contains(&rows), "--rows {rows}: the frames have {height}");
@@ -116,7 +115,7 @@ fn single(frames: &[(String, RawFrame)]) {
             let profile = segmenter.segment(&picture, &settings, None);
             let whole = began.elapsed();
             if round == 0 {
-                // Buffers grow and caches fill: what comes out is kept, the time is not.
+                // The first pass lets buffers grow and fills caches. Its results are used, its times are not.
                 match profile {
                     Ok(p) => {
                         found += 1;
@@ -158,7 +157,7 @@ fn sustained(frames: &[(String, RawFrame)]) {
                         break;
                     }
                     let picture = Picture::from_frame(&frames[at % frames.len()].1);
-                    // A frame without a profile is a result too.
+                    // A frame without a profile is also a valid result.
                     let _ = std::hint::black_box(segmenter.segment(&picture, &settings, None));
                 }
             });

@@ -5,7 +5,7 @@ here=$(dirname "$(readlink -f "$0")")
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-# `verify` wants the program to be there: any that is stands in for it.
+# `verify` requires an existing program, so another one is used in its place.
 mkdir "$work/carved.service.d"
 sed "s|^ExecStart=/usr/bin/carved |ExecStart=$(command -v true) |" "$here/carved.service" >"$work/carved.service"
 cp "$here/camera-subnet.conf" "$work/carved.service.d/"
@@ -15,14 +15,14 @@ if [ -n "$complaints" ]; then
     exit 1
 fi
 
-# In tenths: at most 1.5 of 10. The table goes to stdout only where the unit fails.
+# The threshold is in tenths: at most 1.5 of 10. The table is printed on stdout only if the unit fails.
 if ! table=$(systemd-analyze security --no-pager --offline=true --threshold=15 "$here/carved.service" 2>&1); then
     echo "$table" >&2
     exit 1
 fi
 echo "$table" | tail -n 1
 
-# Newer than Debian 12's udev.
+# Debian 12's udev has no `udevadm verify`.
 if udevadm verify --help >/dev/null 2>&1; then
     udevadm verify "$here/60-carved.rules"
 else

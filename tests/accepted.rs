@@ -1,8 +1,8 @@
-//! A specimen that was accepted is let go while its numbers are made: whatever ends the daemon or the run then, it gets its numbers,
-//! from its frames, and nobody is asked for it again.
+//! Once a specimen is accepted it is released from the capillary while its numbers are still computed. Whatever ends the daemon or the run
+//! at that moment, the numbers are computed from the stored frames and no loader is asked to bring the specimen again.
 //!
 //! ```text
-//! undisturbed run ── copies of its data, taken back to before its first well was done ──► the daemon again ──► the same bytes
+//! undisturbed run ── copies of its data, rewound to before its first well was done ──► restarted daemon ──► the same bytes
 //! ```
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
@@ -34,7 +34,7 @@ fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-/// A recording's files but for the clock's, its sums without the clock's line.
+/// The files of a recording without `timings.json` and without its line in `SHA256SUMS`: only these depend on the clock.
 fn timeless(well: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut files = files(well);
     assert!(files.remove("timings.json").is_some(), "a live run leaves them");
@@ -59,7 +59,7 @@ fn count(data: &Path, kind: &str, well: &str) -> usize {
     events(data).iter().filter(|e| e["kind"] == kind && e["well"] == well).count()
 }
 
-/// The status once a daemon that was started on these data has brought the run to this state.
+/// Starts a daemon on these data and returns the status once the run has reached this state.
 fn taken_up(data: &Path, what: &str, state: &str) -> Value {
     Daemon::start(data, &SIMULATED).wait(what, |s| s["state"] == state)
 }
@@ -101,7 +101,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
         assert_eq!(told, [1, 1, 0]);
     };
 
-    // Killed while the second specimen was brought: the run goes on.
+    // Killed while the loader was to bring the second specimen: the run continues.
     let data = taken_back("killed", None);
     crash::without_results(&data.join("runs/r1/A01"));
     let status = taken_up(&data, "the run's end", "Complete");
@@ -113,7 +113,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     assert_eq!(status["run"]["results"][0], expected, "{status}");
     as_live(&data);
 
-    // And cut short in the middle of a file.
+    // Killed while a result file was being written.
     let data = taken_back("torn", Some("run.abort_requested"));
     crash::without_results(&data.join("runs/r1/A01"));
     std::fs::write(data.join("runs/r1/A01/mesh.ply.part"), "ply").unwrap();
@@ -121,7 +121,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     assert_eq!((&status["run"]["outcome"], &status["run"]["results"][1]["outcome"]), (&json!("aborted"), &json!("aborted")), "{status}");
     as_live(&data);
 
-    // Everything was on disk but the run's word for it: it stays as it is, the clock's file too.
+    // All results were on disk, only the event of their completion was missing: every file stays as it is, `timings.json` too.
     let data = taken_back("closed", Some("run.stop_requested"));
     let before = files(&data.join("runs/r1/A01"));
     let status = taken_up(&data, "the stop", "Stopped");
@@ -129,7 +129,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     as_live(&data);
     assert!(files(&data.join("runs/r1/A01")) == before, "nothing is written twice");
 
-    // Frames that are not what was recorded are no numbers; nothing else keeps the run from its end.
+    // A frame that differs from the recorded one gives no numbers. The run still reaches its end.
     let data = taken_back("altered", Some("run.stop_requested"));
     let well = data.join("runs/r1/A01");
     crash::without_results(&well);
@@ -138,7 +138,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     let found = &status["run"]["results"][0];
     assert!(found["outcome"] == "failed" && found["reason"].as_str().unwrap().contains("view_004.png"), "{found}");
 
-    // A turn that nobody had accepted is none: by the policy it would be done again, and an abort ends it.
+    // A turn that was not accepted counts as not measured. The policy would repeat it; the abort ends it.
     let data = taken_back("turning", Some("run.abort_requested"));
     let well = data.join("runs/r1/A01");
     crash::without_results(&well);
@@ -150,7 +150,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     assert_eq!((count(&data, "specimen.recovered", "A01"), count(&data, "specimen.interrupted", "A01")), (0, 1));
     sums_hold(&well);
 
-    // Numbers on which the daemon died three times are given up; what is kept of the larva is protected by its sums.
+    // After three crashes during the computation the numbers are given up. SHA256SUMS still protects what is kept of the larva.
     let data = taken_back("given up", Some("run.stop_requested"));
     let well = data.join("runs/r1/A01");
     crash::without_results(&well);
@@ -162,7 +162,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     let sums = std::fs::read_to_string(well.join("SHA256SUMS")).unwrap();
     assert!(sums.contains("  frames/view_020.png\n") && sums.contains("  recording.json\n"), "{sums}");
 
-    // A loader is asked for the next specimen at once, and never for this one.
+    // The loader is asked for the next specimen at once, and never for the accepted one.
     let data = taken_back("loader", None);
     crash::without_results(&data.join("runs/r1/A01"));
     let daemon = Daemon::start(&data, &["--time-scale", "10", "--no-demo", "--sampler", "loader"]);
@@ -177,7 +177,7 @@ fn a_specimen_that_is_gone_gets_its_numbers_from_its_frames_bit_for_bit() {
     as_live(&data);
 }
 
-/// The sampler takes its time to get the specimen out: until then its well is not done, whatever is on disk.
+/// The sampler needs time to eject the specimen. Until then the well is not done, even if all its results are on disk.
 #[test]
 fn an_abort_leaves_an_accepted_specimen_its_numbers() {
     let dir = tempfile::tempdir().unwrap();

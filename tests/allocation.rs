@@ -1,7 +1,8 @@
-//! A warm segmenter and a warm count of the residual volume work in the memory that they have: counted by the allocator of this program, which is why it stands alone.
+//! A warm segmenter and a warm count of the residual volume allocate nothing beyond their results. A counting global allocator measures
+//! this, so these tests have a program of their own.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
-#![allow(unsafe_code)] // an allocator cannot be written without
+#![allow(unsafe_code)] // a global allocator needs unsafe code
 
 use carved_core::carver::{ResidualVolume, Runs};
 use carved_core::frame::{PixelFormat, RawFrame};
@@ -14,7 +15,7 @@ use std::cell::Cell;
 struct Counting;
 
 thread_local! {
-    /// Calls and bytes asked for, and bytes held, of this thread: what the test harness and other threads do is not counted.
+    /// Calls, bytes requested and bytes held by this thread. Other threads and the test harness are not counted.
     static COUNTED: Cell<Counted> = const { Cell::new(Counted { calls: 0, bytes: 0, held: 0 }) };
 }
 
@@ -26,7 +27,7 @@ struct Counted {
 }
 
 fn count(asked: usize, freed: usize) {
-    // A thread that ends has no counter any more.
+    // A thread that is ending may have dropped its counter already.
     let _ = COUNTED.try_with(|counted| {
         let now = counted.get();
         counted.set(Counted {
@@ -37,7 +38,7 @@ fn count(asked: usize, freed: usize) {
     });
 }
 
-// SAFETY: every call is handed to the system's allocator as it came.
+// SAFETY: every call is forwarded unchanged to the system allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count(layout.size(), 0);
@@ -75,12 +76,13 @@ fn pictures() -> Vec<Picture> {
     (0..4).map(picture).collect()
 }
 
-/// What a frame may ask for beside what it hands out: a list of one outline has room for four, and the pool takes its queue of jobs in blocks
-/// of 31.
+/// Allocations that a frame may make beside its result: a list of one outline reserves room for four, and the thread pool allocates its job
+/// queue in blocks of 31.
 const BESIDE_BYTES: usize = 1024;
 const BESIDE_CALLS: usize = 1;
 
-/// Bytes and number of the vectors in a profile: the mask, the lists of outlines and of their points, and what is in these.
+/// Total size in bytes and number of the vectors in a profile: the mask, the list of outlines, the list of their points, and the contents
+/// of these.
 fn handed_out(profile: &Profile) -> (usize, usize) {
     let vertices: usize = profile.edge.iter().map(|p| p.vertices.len()).sum();
     let lists = profile.edge.len() * (size_of::<Polygon>() + size_of::<Vec<EdgePoint>>());
@@ -92,7 +94,7 @@ fn handed_out(profile: &Profile) -> (usize, usize) {
 fn a_warm_segmenter_asks_for_what_it_hands_out_and_keeps_nothing() {
     let (pictures, settings) = (pictures(), SegmentSettings::default());
     let mut segmenter = Segmenter::default();
-    // Twice through all: models of every blur that these frames have are made, buffers are as large as any needs.
+    // Two passes over all pictures fill the caches: a model for every blur in these frames, and buffers of the largest size.
     for picture in pictures.iter().chain(&pictures) {
         segmenter.segment(picture, &settings, None).unwrap();
     }
@@ -106,12 +108,12 @@ fn a_warm_segmenter_asks_for_what_it_hands_out_and_keeps_nothing() {
     }
 }
 
-/// Calibration counts thousands of times; upright and rolled cameras are looked up in different ways.
+/// Calibration counts the residual volume thousands of times. Upright and rolled cameras take different code paths.
 #[test]
 fn a_warm_count_of_the_residual_volume_asks_for_nothing() {
     let mut mask = Mask::empty(256, 256);
     for (u, v) in (40..200).flat_map(|u| (100..160).map(move |v| (u, v))) {
-        // A ragged edge has rows of many runs.
+        // A ragged edge gives rows with many runs.
         mask.set(u, v, v > 103 || u % 3 == 0);
     }
     let runs = Runs::new(&mask).unwrap();
@@ -130,7 +132,7 @@ fn a_warm_count_of_the_residual_volume_asks_for_nothing() {
         width: 256,
         height: 256,
     };
-    // The work has to be done by this thread, whose calls are counted.
+    // The work must run on this thread, because only its calls are counted.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
     pool.install(|| {
         let mut residual = ResidualVolume::new(grid, 0.0).unwrap();

@@ -16,17 +16,17 @@ use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use std::cell::Cell;
 
-/// What is drawn; lengths as shares of the picture's sides, darkness as a share of the light.
+/// A random drawing. Lengths are shares of the picture's sides, darkness is a share of the light.
 #[derive(Debug, Clone)]
 struct Drawing {
     size: (u32, u32),
     light: u8,
     noise: u8,
     seed: u64,
-    /// Rows of the two walls at the picture's middle, their darkness, what they sink to the right and at their ends, and the
-    /// glass between a wall's two lines.
+    /// Rows of the two walls in the middle of the picture, their darkness, their slope, their bend, and the glass between the two lines of
+    /// a wall.
     walls: Option<([f64; 2], f64, f64, f64, f64)>,
-    /// Middle, half axes, darkness.
+    /// Centre, half axes, darkness.
     blobs: Vec<([f64; 2], [f64; 2], f64)>,
     /// Corner, size, darkness.
     marks: Vec<([f64; 2], [f64; 2], f64)>,
@@ -45,7 +45,7 @@ fn drawing() -> impl Strategy<Value = Drawing> {
 }
 
 impl Drawing {
-    /// Share of the light that comes through at `x, y`.
+    /// Transmitted share of the light at `x, y`.
     fn through(&self, x: f64, y: f64) -> f64 {
         let mut light = 1.0;
         if let Some((rows, dark, sink, sag, glass)) = self.walls {
@@ -87,7 +87,7 @@ impl Drawing {
     }
 }
 
-/// Settings of which most have their default and the others are anywhere in their ranges.
+/// Random settings: most keep their default, the others lie anywhere in their ranges.
 fn settings() -> impl Strategy<Value = SegmentSettings> {
     let drawn = (prop::bool::weighted(0.2), 0.0..=1.0f64);
     (prop::sample::select(vec![Method::Hybrid, Method::Hybrid, Method::MeanShift, Method::LevelSet]), prop::collection::vec(drawn, 64))
@@ -157,7 +157,7 @@ fn settings() -> impl Strategy<Value = SegmentSettings> {
         })
 }
 
-/// One picture in ten and more must come as far as an outline (a quarter does): drawings that are all refused prove nothing.
+/// At least one picture in ten must give an outline (a quarter does): a test in which all drawings are refused would prove nothing.
 #[test]
 fn no_picture_and_no_settings_make_it_panic() {
     const CASES: u32 = 150;

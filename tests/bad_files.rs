@@ -1,4 +1,4 @@
-//! Files that a user names, or that a record names, and that are not what they should be: refused by name, and none is waited for.
+//! Wrong files that a user or a record names: each is refused by name, and no command waits for one of them.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// Ended with its test, however that ends.
+/// A child process that is killed when the test ends, however it ends.
 struct Ended(Child);
 
 impl Drop for Ended {
@@ -24,7 +24,7 @@ impl Drop for Ended {
     }
 }
 
-/// The exit code of a command and all that it said; a command that waits for something is ended, and has no code.
+/// The exit code of a command and all its output. A command that waits for input is killed and has no exit code.
 fn ended(args: &[&str]) -> (Option<i32>, String) {
     let mut child = Ended(carved().args(args).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap());
     let until = Instant::now() + PATIENCE;
@@ -136,7 +136,7 @@ fn a_pipe_in_a_record_is_named_and_not_waited_for() {
     }
 }
 
-/// Changes one value of a JSON file, and its line in the sums beside it, as somebody would who made the file so.
+/// Changes one value of a JSON file and removes the sums beside it, like a person who edits the file on purpose.
 fn with(file: &Path, pointer: &str, value: Value) {
     let mut content = json(file);
     *content.pointer_mut(pointer).unwrap() = value;
@@ -174,13 +174,13 @@ fn names_in_a_record_that_lead_out_of_it_are_refused() {
         stored(dir.path(), "r1", Some(RunOutcome::Failed));
         let run = dir.path().join("runs/r1");
         with(&run.join(file), pointer, value.clone());
-        // A run's folder stands for the recordings that were measured.
+        // A run's folder stands for its measured recordings.
         std::fs::write(run.join("A01/measurement.json"), "{}").unwrap();
         let mut commands: Vec<Vec<&str>> = vec![vec!["replay", text(&run), "A01"]];
         commands.push(if file == "run.json" { vec!["archive", text(&run), "--to", "/nowhere"] } else { vec!["measure", text(&run)] });
         for args in commands {
             let (code, said) = ended(&args);
-            // Quoted: `..` alone stands in every path that leads up.
+            // The quotes matter: a bare `..` occurs in every path that leads upwards.
             let found = format!("{:?}", value.as_str().unwrap());
             assert!(
                 code == Some(1) && said.contains(&found) && said.contains(file.rsplit('/').next().unwrap()),

@@ -1,4 +1,4 @@
-//! `carved calibrate gate` as its users meet it: recordings of beads with known numbers, a history, and what must fail.
+//! `carved calibrate gate` as its users meet it: recordings of beads with known numbers, a history of gates, and what must fail.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -12,7 +12,7 @@ use carved_store::gates;
 use serde_json::Value;
 use std::path::Path;
 
-/// Three beads as this instrument measures them on a day.
+/// Three beads with the numbers that this instrument usually measures.
 fn usual(day: u32) -> Vec<Bead> {
     let off = f64::from(day % 3) - 1.0;
     (0..3).map(|i| Bead(day, 495.0 + 5.0 * f64::from(i) + 0.3 * off, 1.001 + 0.0003 * off, 511.5 + 0.1 * off)).collect()
@@ -40,7 +40,7 @@ fn gates_of_many_days_make_a_history_and_a_jump_is_seen_in_it() {
         );
         assert!(said.contains("in four of five"), "the power is told: {said}");
     }
-    // Within every limit of the method, and not where this rig's axis was.
+    // These numbers are within every limit of the method, but the axis has moved on this rig.
     let moved: Vec<Bead> = usual(7).into_iter().map(|Bead(day, d, a, uy)| Bead(day, d, a, uy + 3.0)).collect();
     run(under, "moved", "rig", &moved);
     let (passed, gate, said) = gated(under, &["moved", "--out", "kept"]);
@@ -48,7 +48,7 @@ fn gates_of_many_days_make_a_history_and_a_jump_is_seen_in_it() {
     let newest = gates::newest(&under.join("kept"), "rig", Mode::Simulated).unwrap().unwrap();
     let at = |hour: &str| format!("2026-11-{hour}:00:00Z").parse().unwrap();
     assert!(newest.found.gate.verdict == GateVerdict::Failed && !newest.stands(at("07T10")));
-    // The failed gate is no history; one that begins a new one has none.
+    // The failed gate does not count as history, and a gate that begins a new history has none.
     let (passed, gate, _) = gated(under, &["moved", "--out", "kept", "--begin-history"]);
     assert!(passed && gate["gate"]["verdict"] == "no_history");
     let newest = gates::newest(&under.join("kept"), "rig", Mode::Simulated).unwrap().unwrap();

@@ -1,4 +1,4 @@
-//! The daily beads through the daemon: a run of beads makes the gate that larvae are asked for, and its policy keeps to it.
+//! The daily bead gate through the daemon: a run of beads makes the gate, and the policy of a method requires it for larvae.
 //!
 //! ```text
 //! no gate ── refused, flagged ── 3 beads ── gate ── accepted, not flagged ── a day later: refused
@@ -15,7 +15,7 @@ use hardware_sim::scene::Specimen;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// A method that refuses beside the one that flags, which is the default; both of few views and large voxels.
+/// A method whose policy refuses, beside the default method, which flags. Both have few views and large voxels.
 const STRICT: &str = "
 [methods.strict]
 asd = 9
@@ -37,12 +37,12 @@ fn end(daemon: Daemon) {
     assert_eq!(daemon.ended(), Some(0));
 }
 
-/// Three of a batch.
+/// Three beads of one batch.
 fn beads() -> [(&'static str, Value, Specimen); 3] {
     [bead("A01", 496.0), bead("A02", 500.0), bead("A03", 504.0)]
 }
 
-/// Why a plan with a larva is refused by the strict method.
+/// The reason with which the strict method refuses a plan with a larva.
 fn refused(daemon: &Daemon) -> String {
     let wells = json!([{"well": "A01", "specimen": "bead"}, {"well": "A02", "specimen": "larva", "dpf": 4}]);
     let (code, problem) = daemon.send("PUT", "/v1/runs/refused", &plan("strict", &wells));
@@ -59,7 +59,7 @@ fn flags(status: &Value) -> Vec<&str> {
     status["run"]["results"][0]["flags"].as_array().unwrap().iter().map(|f| f.as_str().unwrap()).collect()
 }
 
-/// Where the one gate is kept.
+/// The file of the only gate.
 fn kept(bench: &Bench) -> PathBuf {
     let mut gates: Vec<PathBuf> = std::fs::read_dir(bench.data().join("calibrations")).unwrap().map(|e| e.unwrap().path()).collect();
     gates.retain(|path| path.file_name().unwrap().to_str().unwrap().starts_with("gate-"));
@@ -77,7 +77,7 @@ fn larvae_are_refused_or_flagged_without_a_gate_and_measured_with_one_that_is_fr
     assert!(status["run"]["results"][0]["outcome"] == "succeeded" && flags(&status).contains(&"bead_gate"), "{status}");
     assert_eq!(status["run"]["wells"]["flagged"], 1, "{status}");
 
-    // Beads alone need no gate: they are what makes one.
+    // Beads alone need no gate, because they make one.
     let status = bench.measured(&daemon, "beads", "strict", &beads());
     assert_eq!(status["run"]["wells"]["succeeded"], 3, "{status}");
     let gate = daemon.wait("the gate", |s| !s["calibration"]["gate"].is_null())["calibration"].clone();
@@ -92,7 +92,7 @@ fn larvae_are_refused_or_flagged_without_a_gate_and_measured_with_one_that_is_fr
     assert_eq!(status["calibration"]["gate"]["id"], gate["gate"]["id"], "{status}");
     end(daemon);
 
-    // A day old within seconds: the daemon sees it stand when it starts, and not any more when it is asked.
+    // This gate expires within seconds: it is valid when the daemon starts, and no longer when a run is requested.
     let soon = jiff::Timestamp::now() - jiff::SignedDuration::from_secs(24 * 3600 - 5);
     let mut file = file;
     file["measured"] = json!(soon.to_string());
@@ -105,7 +105,7 @@ fn larvae_are_refused_or_flagged_without_a_gate_and_measured_with_one_that_is_fr
     assert!(why.contains("bead_gate = \"refuse\""), "{why}");
 }
 
-/// ky is 2 % off, as with air in place of water around the capillary: beads are long.
+/// ky is 2 % wrong, as with air in place of water around the capillary: the beads appear elongated.
 #[test]
 fn beads_on_a_rig_whose_scale_is_off_make_a_gate_that_failed() {
     let bench = Bench::new();

@@ -14,10 +14,10 @@ use std::process::Output;
 
 const VIEWS: u32 = 16;
 
-/// How the rig is put together, against what carved is told.
+/// How the rig is really built, in contrast to what carved is told.
 #[derive(Clone, Copy)]
 struct Built {
-    /// What a positive degree of the axis does to omega.
+    /// Sign of omega for a positive move of the axis.
     sense: f64,
     left_for_right: bool,
     upside_down: bool,
@@ -25,7 +25,7 @@ struct Built {
 
 const AS_TOLD: Built = Built { sense: 1.0, left_for_right: false, upside_down: false };
 
-/// Near, in the upper half and at the right end, at the first view.
+/// The mark at the first view: near side, upper half, right end.
 fn ink() -> InkDot {
     InkDot { x_um: 2100.0, angle_rad: -0.8, radius_um: 55.0, opacity: 0.9 }
 }
@@ -36,7 +36,7 @@ fn dirty() -> Nuisances {
     Nuisances { seed: 11, window, glass, ..Nuisances::default() }
 }
 
-/// Renders a turn and imports it with the sense that the rig is told to have.
+/// Renders a turn and imports it with the rotation sense that the configuration states.
 fn turn(dir: &Path, built: Built, ink: Option<InkDot>, nuisances: Nuisances, contents: impl Into<Contents>) -> PathBuf {
     let camera = Camera { height: 224, uy_px: 111.5, gamma_rad: 0.004, ..Camera::default() };
     let scene =
@@ -97,7 +97,7 @@ fn every_sense_and_every_mirror_is_told_through_noise_and_dirt_and_a_specimen() 
         let built = Built { sense, left_for_right, upside_down };
         let recording = turn(dir.path(), built, Some(ink()), dirty(), bead());
         let report = told(&recording, ["near", "top", "right"]);
-        // Upside down, what went down goes up: the sense is that of the picture.
+        // With the picture upside down a downward motion appears upward: the sense that is found is that of the picture.
         let agrees = (sense > 0.0) != upside_down;
         assert_eq!(report["sense_agrees"], agrees, "{sense} {left_for_right} {upside_down}: {report:#}");
         assert_eq!(report["sense"], if agrees { 1 } else { -1 });
@@ -105,10 +105,10 @@ fn every_sense_and_every_mirror_is_told_through_noise_and_dirt_and_a_specimen() 
         assert_eq!(report["mirrored"], left_for_right != upside_down);
         let mark = &report["mark"];
         let number = |key: &str| mark[key].as_f64().unwrap();
-        // 361 um of glass at a third of a pixel, and the walls' lines to a pixel.
+        // 361 um of glass to a third of a pixel, and the lines of the walls to a pixel.
         assert!((number("radius_um") - 361.0).abs() < 7.0 && (number("wall_radius_um") - 361.0).abs() < 7.0, "{mark:#}");
         assert!(number("residual_px") < 1.0 && number("closure_px") < 1.0, "{mark:#}");
-        // 382 px beside the middle, 361 um of 60 mm: 2.30 px, whichever way it turns.
+        // 382 px from the middle, at 361 um of a distance of 60 mm: 2.30 px of perspective, in both rotation senses.
         assert!((mark["perspective_px"][0].as_f64().unwrap() - 2.30).abs() < 0.5, "{mark:#}");
         assert!((mark["perspective_px"][1].as_f64().unwrap() - 2.30).abs() < 0.1, "{mark:#}");
     }
@@ -126,7 +126,7 @@ fn a_calibration_is_kept_with_its_day_and_never_overwritten() {
     assert_eq!(serde_json::from_slice::<Value>(&std::fs::read(&file).unwrap()).unwrap(), report);
     let again = marked(&recording, ["near", "top", "right"], &kept);
     assert!(!again.status.success() && stderr(&again).contains("exists already"), "{}", stderr(&again));
-    // The eye was mistaken about the side: far and going down would be the other sense, but the perspective is that of near.
+    // The stated side is wrong: far and moving down would mean the other sense, but the perspective is that of the near side.
     refused(&recording, ["far", "top", "right"], &["said to be far", "-2.30 px", "+2.28 px"]);
 }
 
@@ -137,7 +137,7 @@ fn what_does_not_tell_is_refused_with_both_numbers() {
         refused(&turn(dir.path(), AS_TOLD, ink, nuisances, None::<Specimen>), ["near", "top", "right"], with);
     };
     let quiet = Nuisances::default;
-    // Dirt on the window stands still.
+    // Dirt on the window does not move.
     let window = Marks { scratches: 6, dust: 40, contrast: 0.8 };
     case(None, Nuisances { seed: 3, window, ..quiet() }, &["no mark was found", "of 16 views", "10 or more"]);
     case(Some(InkDot { angle_rad: -1.45, ..ink() }), quiet(), &["7 deg from where the near and the far half meet", "15 or more"]);

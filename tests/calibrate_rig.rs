@@ -42,7 +42,7 @@ fn a_micrometer_gives_the_lines_to_paste() {
     let lines: Vec<&str> = report["toml"].as_array().unwrap().iter().map(|l| l.as_str().unwrap()).collect();
     assert_eq!((lines[0], lines[4]), ("[optics]", "scale_sd_percent = 0.2500"), "{lines:?}");
     assert!(lines[1].starts_with("kx_px_per_um = 0.182100000 ") && lines[2].starts_with("ky_px_per_um = 0.240000000 "), "{lines:?}");
-    // What is pasted is TOML.
+    // The text to paste is TOML.
     let pasted: toml::Table = lines.join("\n").parse().unwrap();
     assert_eq!(pasted["methods"]["NAME"]["calibration"]["scale_sd_percent"].as_float(), Some(0.25));
     let again = scale(&["--micrometer", "1000,182,1000,182.2", "--micrometer-across", "500,120"]);
@@ -60,18 +60,18 @@ fn a_micrometer_gives_the_lines_to_paste() {
 fn certified_beads_and_a_bore_correct_the_scale_of_today() {
     let dir = tempfile::tempdir().unwrap();
     let k = 1.0 / 5.5;
-    // Mean 505 of 500, scatter 5 / sqrt(3) and certificate 1.
+    // Mean 505 of 500, scatter 5 / sqrt(3) and the certificate's 1.
     run(dir.path(), "beads", "vast-1", &[Bead(20, 500.0, 1.0, 511.0), Bead(20, 505.0, 1.0, 511.0), Bead(20, 510.0, 1.0, 511.0)]);
     let report = answer(dir.path(), &["scale", "--bead-um", "500", "--bead-sd", "1", "beads"]);
     near(&report["kx_px_per_um"], 1.01 * k);
     near(&report["scale_sd_percent"], 100.0 * (5.0 / 3.0_f64.sqrt() / 505.0).hypot(0.002));
     assert_eq!(report["rig"], "vast-1");
-    // Walls 650, 655, 660 um apart where 655 is certified.
+    // The walls are 650, 655, 660 um apart, the certificate says 655.
     let report = answer(dir.path(), &["scale", "--bore-um", "655", "beads"]);
     assert_eq!(report["kx_px_per_um"], Value::Null);
     near(&report["ky_px_per_um"], k);
     near(&report["ky_sd_percent"], 100.0 * 5.0 / 3.0_f64.sqrt() / 655.0);
-    // 1 % too long: the length has two thirds more, the width a third less than the sphere's.
+    // A sphere that is measured 1 % too long: two thirds of the error are in its length, one third in its width.
     run(dir.path(), "long", "vast-1", &[Bead(20, 500.0, 1.01, 511.0), Bead(21, 500.0, 1.01, 511.0)]);
     let report = answer(dir.path(), &["scale", "--bead-um", "500", "--bead-sd", "1", "long"]);
     near(&report["kx_px_per_um"], k * 3.0 * 1.01 / 3.01);
@@ -127,7 +127,7 @@ fn history_is_told_in_the_order_of_measuring_with_its_drift() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let at = |text: &str| told.find(text).unwrap_or_else(|| panic!("no {text} in {told}"));
     assert!(at("2026-11-20T") < at("2026-11-22T") && at("2026-11-22T") < at("2026-11-24T"), "{told}");
-    // 1 px in four days.
+    // A drift of 1 px in four days.
     assert!(told.lines().any(|l| l.trim_start().starts_with("uy_px") && l.contains("+0.2500 +- 0.0000")), "{told}");
     let svg = std::fs::read_to_string(dir.path().join("plot.svg")).unwrap();
     assert_eq!(svg.matches("<circle").count(), 12);

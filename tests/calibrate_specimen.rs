@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// A larva's turn of 21 views with a day's drift; what the axis is seen at, px.
+/// Writes the profiles of a larva's turn of 21 views with one day's drift. Returns the true row of the axis, px.
 fn profiles(folder: &Path) -> f64 {
     let nominal = Camera::default();
     let omega: Vec<f64> = (0..21).map(|i| TAU * f64::from(i) / 21.0).collect();
@@ -68,7 +68,8 @@ fn every_objective_finds_the_axis_and_says_what_it_did() {
     }
 }
 
-/// Neither is searched with: a search over noise looks at each of its pieces hundreds of times, and a large picture takes the memory.
+/// The search must not start with either picture: with noise each of its hundreds of pieces is evaluated hundreds of times, and a large
+/// picture takes the memory.
 #[test]
 fn a_view_that_is_no_silhouette_or_of_another_size_is_refused_by_name_before_the_search() {
     let folder = tempfile::tempdir().unwrap();
@@ -84,10 +85,10 @@ fn a_view_that_is_no_silhouette_or_of_another_size_is_refused_by_name_before_the
         let said = stderr(&refused);
         assert!(!refused.status.success() && said.contains("view_005.png is no silhouette") && said.contains("expected 16"), "{said}");
     }
-    // Least squares leave it out by themselves.
+    // The least-squares calibration leaves this view out by itself.
     let found = report(&specimen(folder.path(), &[]));
     assert_eq!(found["left_out"][0]["view"], "view_005.png", "{found:#}");
-    // A head that promises more than any memory holds: nothing behind it is read.
+    // A header that announces more pixels than any memory holds: nothing behind it is read.
     let mut head = std::fs::read(&kept).unwrap();
     head[16..24].copy_from_slice(&[0, 1, 0, 0, 0, 1, 0, 0]);
     let crc = crc32(&head[12..29]);
@@ -97,7 +98,7 @@ fn a_view_that_is_no_silhouette_or_of_another_size_is_refused_by_name_before_the
     assert!(said.contains("view_005.png is 65536 x 65536 px, expected 1024 x 1024 as view_000.png"), "{said}");
 }
 
-/// As PNG has it.
+/// CRC-32 as in PNG.
 fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
     for byte in bytes {

@@ -1,6 +1,6 @@
-//! Calibration and measuring on specimens whose truth is known by formulas: drift, noise, slip and views that are wrong.
+//! Calibration and measurement of specimens with a known truth: drift, noise, slip and wrong views.
 //!
-//! Profiles are analytic (`hardware_sim::analytic`), so that what is found is the method's and not a segmentation's.
+//! The profiles are analytic (`hardware_sim::analytic`), so that the results test the method and not the segmentation.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -21,12 +21,12 @@ fn even(asd: u32) -> Vec<f64> {
     (0..asd).map(|i| TAU * f64::from(i) / f64::from(asd)).collect()
 }
 
-/// A turn as its profiles show it.
+/// A turn, given by its profiles.
 struct Turn {
     columns: Vec<Columns>,
     omegas: Vec<f64>,
     camera: Camera,
-    /// uy and gamma as a solver is to find them: the mean of the views' shifts is the axis'.
+    /// The uy and gamma that a solver must find. The mean shift of the views belongs to the axis.
     uy_px: f64,
     gamma_rad: f64,
     hull: [f64; 2],
@@ -59,7 +59,7 @@ impl Turn {
         calibrate(&self.camera, &self.given(), Priors::default())
     }
 
-    /// Volume and area against those of the ideal hull.
+    /// Relative errors of volume and area, compared with the ideal hull.
     fn errors(&self, calibration: &Calibration) -> [f64; 2] {
         let views = calibration.turn_views(&self.given());
         let sections = Sections::of(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, [false; 2]).unwrap();
@@ -72,7 +72,7 @@ fn larva(seed: u64) -> Phantom {
     Phantom::larva(3 + (seed % 3) as u8, seed).unwrap().placed(Place::seeded(seed))
 }
 
-/// The goals: every one solved, uy within 0.05 px, gamma within 0.02 deg, at most 8 passes, volume within 1 %, area within 0.7 %.
+/// The goals: every turn is solved, uy within 0.05 px, gamma within 0.02 deg, at most 8 passes, volume within 1 %, area within 0.7 %.
 #[test]
 fn drifted_rigs_are_solved() {
     (0..30u64).into_par_iter().for_each(|seed| {
@@ -84,7 +84,7 @@ fn drifted_rigs_are_solved() {
         assert!(c.moved.is_none() && c.views.iter().all(|v| v.bad.is_none()) && !c.has_wrong_steps(), "seed {seed}: {c:?}");
         let [volume, area] = turn.errors(&c);
         assert!(volume.abs() < 0.01 && area.abs() < 0.007, "seed {seed}: {volume} {area}");
-        // Nothing is far outside of what the covariance says; 5 of them in 30 x 2 chances don't happen.
+        // No result is far outside its covariance: an error of 5 standard deviations does not occur in 30 x 2 results.
         assert!((c.camera.uy - turn.uy_px).abs() < 5.0 * c.sd.uy_px.max(0.01), "seed {seed}: {:?}", c.sd);
     });
 }
@@ -107,7 +107,7 @@ fn clean_solids_have_their_volume_and_area_from_seven_views_on() {
     }
 }
 
-/// Against the ideal hull: 2 % at 21 views, 1.5 % from 28 on, area within 2 %.
+/// Compared with the ideal hull: volume within 2 % at 21 views and 1.5 % from 28 views on, area within 2 %.
 #[test]
 fn finned_larvae_have_their_hulls_volume() {
     for (asd, most) in [(21, 0.02), (28, 0.015), (42, 0.015)] {
@@ -118,8 +118,8 @@ fn finned_larvae_have_their_hulls_volume() {
     }
 }
 
-/// Segmentation finds a fin in one view and misses it in the next. The camera is known as well as without fins all the same, and what it
-/// is not known by makes no more of the volume.
+/// Segmentation finds a fin in one view and misses it in the next. The camera must be calibrated as accurately as without fins, and the
+/// inconsistent fins must not enlarge the volume.
 #[test]
 fn fins_that_some_views_miss_leave_the_camera_known() {
     (0..12u64).into_par_iter().for_each(|seed| {
@@ -150,7 +150,7 @@ fn slip_and_wrong_steps_are_measured_and_named() {
     }
 }
 
-/// Descending and uneven angles, another scale across: legal, and nothing is flagged.
+/// Descending and uneven angles and a different scale across the capillary are legal: no flag is set.
 #[test]
 fn any_turn_and_either_scale_is_legal() {
     let uneven: Vec<f64> = even(28).iter().map(|w| w + 0.05 * (3.0 * w).sin()).collect();
@@ -197,7 +197,7 @@ fn a_specimen_that_moved_is_flagged_with_what_it_did() {
         let c = turn.calibrated().unwrap();
         match c.moved {
             Some(moved) => assert!(moved.view.abs_diff(13) <= 2, "move {at}: {moved:?}"),
-            // One turn within the capillary and slip throughout look alike to a turn that is fitted with slip.
+            // The fit includes slip. A single turn within the capillary and slip throughout then look alike.
             None => assert!(at == 2 && c.has_wrong_steps(), "move {at} was not seen: {c:?}"),
         }
     }
@@ -221,7 +221,7 @@ fn each_cause_of_a_failed_calibration_has_its_own_words() {
     assert!(said.contains("of the columns"), "{said}");
 }
 
-/// Views that jumped, at the turn's end, are no step of the specimen: they are left out by name.
+/// Views that jumped at the end of the turn are not a move of the specimen: they are left out by name.
 #[test]
 fn outliers_at_the_end_of_a_turn_do_not_make_a_still_specimen_move() {
     for (asd, jumps) in [(84, vec![(82, 30.0)]), (21, vec![(19, 30.0), (20, 25.0)]), (84, vec![(1, -20.0), (2, 30.0)])] {
@@ -234,7 +234,7 @@ fn outliers_at_the_end_of_a_turn_do_not_make_a_still_specimen_move() {
     }
 }
 
-/// A view that jumped far hides by its own scatter that the specimen lies elsewhere from some view on.
+/// A view that jumped far increases the scatter, which could hide that the specimen moved.
 #[test]
 fn an_outlier_does_not_hide_that_the_specimen_moved() {
     for view in [5, 22] {
@@ -245,7 +245,7 @@ fn an_outlier_does_not_hide_that_the_specimen_moved() {
         let turn = Turn::of(&larva(4), &looking(), even(28), &Disturbance { faults, ..Disturbance::drift(21) });
         let c = turn.calibrated().unwrap();
         let moved = c.moved.unwrap_or_else(|| panic!("view {view} jumped: the move was not seen: {:?}", c.views));
-        // 4.5 px; the model that views are held against is of both places, and takes a part of it.
+        // The specimen moved by 4.5 px. The model that the views are compared with contains both positions and absorbs a part of the move.
         assert!(moved.view.abs_diff(13) <= 2 && (2.0..5.5).contains(&moved.along_px), "{moved:?}");
     }
 }

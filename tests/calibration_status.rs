@@ -1,4 +1,5 @@
-//! The rig's calibration in the status: beads are measured, calibrated with, and told from then on.
+//! The calibration of the rig in the status: beads are measured, `carved calibrate` uses them, and the status reports the result from then
+//! on.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -17,7 +18,7 @@ fn run_to_its_end(daemon: &Daemon, id: &str, well: &Value) {
     daemon.wait("the run's end", |s| s["run"]["id"] == id && !s["run"]["outcome"].is_null() && s["ready"] == true);
 }
 
-/// As `calibrate` keeps it, changed.
+/// Stores a changed copy of a calibration, as `calibrate` would.
 fn put(folder: &Path, name: &str, kept: &Value, change: impl Fn(&mut Value)) {
     let mut file = kept.clone();
     change(&mut file);
@@ -37,13 +38,14 @@ fn the_newest_calibration_of_this_rig_is_told_until_it_is_too_old() {
     let output = calibrate.args(["calibrate", "beads"]).arg(data.join("runs/beads")).arg("--out").arg(&kept).output().unwrap();
     assert!(output.status.success(), "{}", stderr(&output));
     let beads: Value = serde_json::from_slice(&output.stdout).unwrap();
-    // What a real turn says of a bead of 500 um and its rig: the scale to half a percent, round, in water, the axis where it is.
+    // What a real turn tells about a bead of 500 um and its rig: the scale to half a percent, a round bead, water around it, and the
+    // position of the axis.
     let found = |pointer: &str| beads.pointer(pointer).unwrap().as_f64().unwrap();
     assert!((found("/diameter_um/mean") / 500.0 - 1.0).abs() < 0.005 && (found("/aspect_ratio/mean") - 1.0).abs() < 0.005, "{beads:#}");
     assert!(beads["refraction"]["words"].as_str().unwrap().starts_with("water"), "{beads:#}");
     assert!((found("/uy_px/mean") - 511.5).abs() < 0.1 && (found("/gamma_rad/mean").to_degrees() - 0.25).abs() < 0.05, "{beads:#}");
 
-    // The second run looks again.
+    // The second run reads the calibrations again.
     run_to_its_end(&daemon, "empty", &json!({"well": "A04"}));
     let told = daemon.status()["calibration"].clone();
     assert_eq!((&told["id"], &told["kind"], &told["valid"]), (&beads["id"], &json!("beads"), &json!(true)), "{told}");
@@ -54,7 +56,7 @@ fn the_newest_calibration_of_this_rig_is_told_until_it_is_too_old() {
     daemon.signal("TERM");
     assert_eq!(daemon.ended(), Some(0));
 
-    // Newer ones of another rig and of an instrument, one that is broken, an older one: none of them counts.
+    // A newer one of another rig, a newer one of a real instrument, a broken one and an older one: none of them counts.
     put(&kept, "calibration-1.json", &beads, |f| {
         (f["rig"], f["id"], f["measured"]) = ("other".into(), "b".into(), "2099-01-01T00:00:00Z".into());
     });
@@ -69,7 +71,7 @@ fn the_newest_calibration_of_this_rig_is_told_until_it_is_too_old() {
     daemon.signal("TERM");
     assert_eq!(daemon.ended(), Some(0));
 
-    // A scale, measured so long ago that it grows too old while the daemon runs: told as a change of state.
+    // A scale whose age reaches the limit while the daemon runs: the status reports it as a change of state.
     let of_beads = json(
         &std::fs::read_dir(&kept)
             .unwrap()

@@ -11,7 +11,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// The scene's light is that of this exposure, us.
+/// Exposure at which the scene has its nominal brightness, us.
 const NOMINAL_US: f32 = 4000.0;
 
 struct Bench {

@@ -1,5 +1,5 @@
-//! `carved serve` on a camera that goes away: what the status says, that a run goes on where the camera comes back in time, that one
-//! that cannot go on ends as a fault, and that the fault is over, without a restart, when the camera answers again.
+//! `carved serve` with a camera that is lost. The status reports it. A run continues if the camera returns in time, and otherwise ends in a
+//! fault. The fault clears without a restart when the camera answers again.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -13,11 +13,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Ten times as fast as real; 9 views.
+/// Ten times faster than real time; 9 views.
 const TIME_SCALE: f64 = 10.0;
 const ASD: usize = 9;
 
-/// The daemon goes first: it lets the devices go before they end.
+/// The daemon is dropped first, so that it releases the devices before they end.
 struct Instrument {
     daemon: Daemon,
     rig: hardware_sim::Rig,
@@ -40,7 +40,7 @@ impl Instrument {
         self.rig.faults().camera()
     }
 
-    /// A bead in the capillary, and its revolution begun.
+    /// Puts a bead into the capillary and starts its revolution.
     fn begin(&self, run: &str) {
         let wells = json!([{"well": "A01", "specimen": "bead"}]);
         let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells});
@@ -51,7 +51,7 @@ impl Instrument {
         self.daemon.wait("the first views", |s| s["specimen"]["view"].as_u64() >= Some(2));
     }
 
-    /// Every view of the record is what was exposed at the angle that the record has for it.
+    /// Every recorded view shows the exposure at the recorded angle.
     fn views_are_true(&self, run: &str, views: usize) {
         let record = json(&self.data.join(format!("runs/{run}/A01/recording.json")));
         let ledger = record["ledger"].as_array().unwrap();
@@ -76,7 +76,7 @@ impl Instrument {
     }
 }
 
-/// R7: what is over within ten seconds costs time and no view.
+/// R7: a loss of less than ten seconds costs time but no view.
 #[test]
 fn a_run_goes_on_where_the_camera_comes_back() {
     let instrument = Instrument::start();
@@ -121,7 +121,7 @@ fn a_cable_that_is_out_for_half_a_minute_holds_the_run_and_it_goes_on_by_itself(
     assert_eq!((&status["run"]["outcome"], &status["ready"]), (&Value::Null, &json!(false)), "{status}");
     let why = status["not_ready_reason"].as_str().unwrap();
     assert!(why.contains("camera") && why.contains("when it answers"), "{why}");
-    // The loader need not wait for the camera to take the specimen out.
+    // The loader can take the specimen out without waiting for the camera.
     assert_eq!(daemon.put_unloaded("r1", "A01"), 200);
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": [{"well": "A01"}]});
     assert_eq!(daemon.put_run("other", &plan), 409, "one run at a time");
@@ -146,7 +146,7 @@ fn a_cable_that_is_out_for_half_a_minute_holds_the_run_and_it_goes_on_by_itself(
     assert!(first["ledger"].as_array().unwrap().len() >= 2, "what there is of the first attempt is kept: {first}");
 }
 
-/// With nothing to do the loss is seen all the same, and over when it is over.
+/// An idle daemon also detects the loss, and its end.
 #[test]
 fn an_idle_instrument_says_that_its_camera_is_gone_and_back() {
     let instrument = Instrument::start();

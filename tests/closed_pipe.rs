@@ -1,4 +1,4 @@
-//! Output that nobody reads: `carved ... | head -1`, a log whose reader has died. Commands end quietly; an instrument goes on.
+//! Output without a reader: `carved ... | head -1`, or a log whose reader has died. Commands end quietly; a daemon continues.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -11,10 +11,10 @@ use serde_json::json;
 use std::path::Path;
 use std::process::Stdio;
 
-/// As a shell says that SIGPIPE ended a program.
+/// The exit code with which a shell reports a program that SIGPIPE ended.
 const PIPE_CLOSED: i32 = 141;
 
-/// A pipe whose reader has gone.
+/// A pipe whose read end is closed.
 fn closed() -> Stdio {
     let (reader, writer) = std::io::pipe().unwrap();
     drop(reader);
@@ -49,7 +49,7 @@ fn a_command_whose_output_nobody_reads_ends_without_a_word() {
         (&["prune", text(&data)], PIPE_CLOSED),
         (&["archive", text(&run), "--to", text(&copies)], PIPE_CLOSED),
         (&["reconstruct", "--views", text(&none), "--cameras", text(&none)], PIPE_CLOSED),
-        // These have nothing for standard output.
+        // These commands write nothing to standard output.
         (&["plate", "check", text(&bad)], 3),
         (&["config", "check", text(&none)], 1),
         (&["calibrate", "specimen", "--views", text(&none), "--cameras", text(&none)], 1),
@@ -61,13 +61,13 @@ fn a_command_whose_output_nobody_reads_ends_without_a_word() {
         let said = common::stderr(&output);
         assert!(!said.contains("panicked") && !said.contains("roken pipe"), "{args:?}: {said}");
         assert_eq!(output.status.code(), Some(code), "{args:?}: {said}");
-        // Nor does it matter to whom its remarks go.
+        // A closed standard error makes no difference either.
         let status = carved().args(args).stdout(Stdio::null()).stderr(closed()).status().unwrap();
         assert!(status.code().is_some_and(|code| code != 101 && code != PIPE_CLOSED), "{args:?}: {status:?}");
     }
 }
 
-/// The reader of the log dies in the middle of a turn.
+/// The reader of the log dies during a turn.
 #[test]
 fn a_daemon_whose_log_nobody_reads_turns_and_measures_on() {
     let dir = tempfile::tempdir().unwrap();

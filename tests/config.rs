@@ -1,4 +1,4 @@
-//! The shipped configurations and what `carved config check` says of broken ones.
+//! The shipped configurations, and the messages of `carved config check` about wrong ones.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -27,7 +27,7 @@ fn every_shipped_configuration_is_sound() {
     assert!(seen >= 2, "simulated.toml and vast-grbl.toml stand in config/, found {seen}");
 }
 
-/// Every key that is marked as a default may be left out, and what is left out has the value that is written.
+/// Every key that is marked as a default may be left out. Its value is then the written one.
 #[test]
 fn the_defaults_are_those_that_the_file_names() {
     let text = std::fs::read_to_string(folder().join("simulated.toml")).unwrap();
@@ -59,7 +59,7 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
     assert!(said.contains("setle_ms") && said.contains("broken.toml"), "{said}");
     let said = check(&text.replace("sense = 1 ", "sense = 0 "));
     assert!(said.contains("sense is 0"), "{said}");
-    // Each on a line of its own, with key, value, range and unit.
+    // Each fault has a line of its own, with key, value, range and unit.
     let mut broken = text.replace("\"127.0.0.1:8420\"", "\"0.0.0.0:8420\"\nmax_connections = 0\nallowed_hosts = [\"http://x\"]");
     broken += "[methods.standard.surface]\nfairing_lambda = -1.0\n";
     broken += "[methods.standard.segment]\nclosing_px = 100000\nlow_sigma = 9.0\n";
@@ -87,7 +87,7 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
     assert!(said.contains("/no/such/file.toml"), "{said}");
 }
 
-/// Somebody typed millimetres: every view of every well would be refused, since the camera would stand inside the box.
+/// A distance in millimetres: every view of every well would be refused, because the camera would stand inside the box.
 #[test]
 fn a_camera_inside_the_box_is_refused_with_both_numbers_and_the_unit() {
     let dir = tempfile::tempdir().unwrap();
@@ -105,22 +105,23 @@ fn a_camera_inside_the_box_is_refused_with_both_numbers_and_the_unit() {
     };
     let (sound, said) = check(&[("distance_um = 60000.0", "distance_um = 60.0")]);
     assert!(!sound, "{said}");
-    // A box of 1000 um across turns in a circle of half its diagonal, 707 um; its 144 voxels of 6.93 um end 1 um before, and one more is kept.
+    // A box of 1000 um across has half a diagonal of 707 um, the radius that it needs to turn. Its 144 voxels of 6.93 um end 1 um short, so
+    // one more is kept.
     for word in ["optics.distance_um = 60;", "\"standard\"", "708 um", "60 mm", "60000"] {
         assert!(said.contains(word), "{word} is not in: {said}");
     }
     assert!(said.contains("1 value(s)"), "{said}");
-    // No unit makes this one right: the box is meant for another rig.
+    // No unit makes this distance right: the box is meant for another rig.
     let wide = "voxel_um = 200.0\nbox_um = { min = [-2500.0, -90000.0, -500.0], max = [2500.0, 90000.0, 500.0] }";
     let (sound, said) = check(&[("voxel_um = 6.93", wide)]);
     assert!(!sound && said.contains("optics.distance_um = 60000;") && said.contains("box_um") && !said.contains(" mm"), "{said}");
-    // A tilt carries an end of the box towards the camera: 2500 um at 60 deg by 2165 um.
+    // A tilt moves one end of the box towards the camera: 2500 um at 60 deg by 2165 um.
     let near = ("distance_um = 60000.0", "distance_um = 2000.0");
     let ((still, _), (tilted, said)) = (check(&[near]), check(&[near, ("alpha_deg = 0.0 ", "alpha_deg = 60.0 ")]));
     assert!(still && !tilted, "{said}");
 }
 
-/// A data sheet's 0.65 mm, and what no capillary is.
+/// A data sheet's 0.65 mm, and a value that no capillary has.
 #[test]
 fn a_bore_that_no_capillary_has_is_refused_with_both_numbers() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,4 +1,4 @@
-//! The whole daemon on the emulated rig of each make of controller.
+//! The whole daemon on the emulated rig of each type of controller.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -7,7 +7,7 @@ mod common;
 use common::{Daemon, json};
 use serde_json::json;
 
-/// A bead is measured as it is on the demo plate, whatever turns the capillary, and the ledger is in that controller's steps.
+/// A bead is measured as on the demo plate with every controller, and the ledger uses the steps of that controller.
 fn measures_a_bead(controller: &str, identity: &str, steps_per_revolution: f64) {
     let dir = tempfile::tempdir().unwrap();
     let data = dir.path().join("data");

@@ -1,4 +1,4 @@
-//! The daemon on the emulated rig, as a user meets it: the real program, real wires, the API, the files.
+//! The daemon on the emulated rig as a user meets it: the real program, real serial and network lines, the API, the files.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -17,12 +17,12 @@ fn plan(wells: &[Value]) -> Value {
     json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells})
 }
 
-/// One demo plate, and everything that must be true of what it leaves behind.
+/// One demo plate, and every property of the files that it leaves.
 #[test]
 fn the_demo_plate_is_measured_stored_and_reproduced() {
     let dir = tempfile::tempdir().unwrap();
     let mut daemon = Daemon::start(&dir.path().join("data"), &["--time-scale", "10"]);
-    // From its acceptance to its end a run never reads as idle or finished, also between two wells.
+    // From its acceptance to its end a run never appears as idle or finished, also between two wells.
     let status = daemon.wait("the run's outcome", |s| {
         if s["run"]["id"].is_string() && s["run"]["outcome"].is_null() {
             assert!(!["Idle", "Complete", "Stopped"].contains(&s["state"].as_str().unwrap()), "{s}");
@@ -38,7 +38,8 @@ fn the_demo_plate_is_measured_stored_and_reproduced() {
     assert_eq!(well(&status, "A04")["reason"], "empty");
 
     let folder = daemon.run_folder();
-    // A larva's volume within 5 % of its ideal hull: the carver reads up to +4 % there, the finite number of views included.
+    // The volume of a larva is within 5 % of its ideal hull. The carver is up to 4 % too large there, including the effect of the finite
+    // number of views.
     for name in ["A01", "A02"] {
         let truth = &json(&folder.join(name).join("recording.json"))["truth"];
         let (found, hull) = (well(&status, name)["volume_um3"].as_f64().unwrap(), truth["hull_volume_um3"].as_f64().unwrap());
@@ -64,7 +65,8 @@ fn the_demo_plate_is_measured_stored_and_reproduced() {
     replay_gives_the_same_numbers(&folder.join("A03"), dir.path());
 }
 
-/// Larvae of 3 and 5 dpf stand among the paper's of their age and ASD; its volumes by ASD are not known, and a bead has no age.
+/// The larvae of 3 and 5 dpf are placed among the paper's larvae of their age and ASD. The paper has no volumes by ASD, and a bead has no
+/// age.
 fn larvae_have_their_place(status: &Value, folder: &Path) {
     for (name, dpf, n) in [("A01", 3, 12), ("A02", 5, 24)] {
         let stored = &json(&folder.join(name).join("measurement.json"))["reference"]["estimates"][0]["area"]["known"];
@@ -80,7 +82,7 @@ fn larvae_have_their_place(status: &Value, folder: &Path) {
     assert!(json(&folder.join("A03/measurement.json")).get("reference").is_none());
 }
 
-/// `carved measure` finds the same bytes of numbers, and the last live volume is the measured one.
+/// `carved measure` computes the same bytes, and the last live volume is the measured one.
 fn live_equals_offline(recording: &Path) {
     let output = run(&["measure", recording.to_str().unwrap()]);
     assert!(output.status.success(), "{}", stderr(&output));
@@ -129,10 +131,10 @@ fn events_tell_the_run(daemon: &Daemon, journal: &Path) {
         .filter_map(|e| e["data"]["hull_volume_um3"].as_f64())
         .collect();
     assert_eq!(volumes.len(), 21);
-    // From view to view the live hull only shrinks; where it is calibrated anew what views had taken off by mistake comes back.
+    // The live hull only shrinks from view to view. A new calibration may give back what earlier views removed by mistake.
     assert!(volumes.windows(2).all(|w| w[1] <= 1.1 * w[0]), "{volumes:?}");
     let status = daemon.status();
-    // The live hull is the paper's: some per cent above what is measured in the end.
+    // The live hull is that of the paper, some per cent larger than the measured volume.
     let a02 = well(&status, "A02");
     let excess = volumes[20] / a02["volume_um3"].as_f64().unwrap() - 1.0;
     assert!((0.0..0.06).contains(&excess), "{excess}");
@@ -174,7 +176,7 @@ fn replay_gives_the_same_numbers(recording: &Path, scratch: &Path) {
     assert!(model.starts_with(b"glTF") && (model.len() as u64) < surface / 4, "{} of {surface} bytes", model.len());
 }
 
-/// kill -9 in the middle of a revolution: what was acknowledged is readable, and the run is there again after the next start.
+/// kill -9 during a revolution: everything that was acknowledged is readable, and the next start finds the run.
 #[test]
 fn a_killed_daemon_loses_nothing_that_it_acknowledged() {
     let dir = tempfile::tempdir().unwrap();
@@ -190,7 +192,7 @@ fn a_killed_daemon_loses_nothing_that_it_acknowledged() {
     let ledger = recording["ledger"].as_array().unwrap();
     assert!(ledger.len() >= acknowledged, "{} of {acknowledged} acknowledged views are in the ledger", ledger.len());
     for entry in ledger {
-        // A mosaic's PNG is one grey channel: its pixels are the bytes that the camera sent.
+        // The PNG of a mosaic has one grey channel: its pixels are the bytes that the camera sent.
         let name = format!("runs/r1/B02/frames/view_{:03}.png", entry["view"].as_u64().unwrap());
         let frame = image::open(data.join(&name)).unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!((frame.color(), frame.width(), frame.height()), (image::ColorType::L8, 1024, 1024), "{name}");
@@ -204,14 +206,14 @@ fn a_killed_daemon_loses_nothing_that_it_acknowledged() {
     let daemon = Daemon::start(&data, &["--time-scale", "10", "--no-demo"]);
     let status = daemon.wait("the run", |s| s["run"]["id"] == "r1");
     assert_ne!(status["state"], "Idle", "a run without an outcome: {status}");
-    // The client's retry of the same plan is the same run; it is not started twice.
+    // A client that repeats the same plan gets the same run. It is not started twice.
     assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "B02", "dpf": 4}), json!({"well": "B03", "dpf": 4})])), 200);
     assert_eq!(daemon.put_run("r1", &plan(&[json!({"well": "B02"})])), 409);
     assert_eq!(daemon.post("/v1/runs/r1/abort"), 200);
     assert_eq!(daemon.wait_for_outcome()["run"]["outcome"], "aborted");
 }
 
-/// SIGTERM in the middle of a move: controlled stop, the record is closed.
+/// SIGTERM during a move: the axis stops under control, and the record is closed.
 #[test]
 fn a_signal_stops_the_motor_and_closes_the_record() {
     let dir = tempfile::tempdir().unwrap();
@@ -228,7 +230,7 @@ fn a_signal_stops_the_motor_and_closes_the_record() {
     assert!(std::fs::read_to_string(data.join("events.jsonl")).unwrap().contains("daemon.stopped"));
 }
 
-/// Abort is acknowledged at once, ends by itself, and is not mistaken for success; the next run starts from there.
+/// An abort is acknowledged at once, ends without further requests, and is not reported as success. The next run starts from this state.
 #[test]
 fn an_abort_ends_as_aborted_and_a_new_run_may_follow() {
     let dir = tempfile::tempdir().unwrap();
@@ -262,7 +264,7 @@ fn bad_starts_are_refused_by_name() {
     assert!(!output.status.success());
     assert!(stderr(&output).contains("/nowhere/A01"), "{}", stderr(&output));
 
-    // Nothing is started: an address that is taken would be said else.
+    // Nothing is started, because an address in use would give another message.
     let output = run(&["simulate", "--empty", "A03,Z99", "--listen", &taken, "--data", data.to_str().unwrap()]);
     assert!(!output.status.success());
     let said = stderr(&output);
@@ -282,7 +284,7 @@ fn bad_starts_are_refused_by_name() {
     assert!(!output.status.success());
     assert!(stderr(&output).contains("/dev/no-such-port"), "{}", stderr(&output));
 
-    // Who has the data folder has the instrument: no port is opened beside it.
+    // The holder of the data folder owns the instrument: a second daemon opens no port.
     let _another = carved_store::Claim::on(&data).unwrap();
     for args in [["serve", "--config", config.to_str().unwrap()], ["simulate", "--data", data.to_str().unwrap()]] {
         let output = run(&[&args[..], if args[0] == "serve" { &[] } else { &["--listen", "127.0.0.1:0"] }].concat());

@@ -1,4 +1,4 @@
-//! What is called what: the labelled frames of the emulated rig, with seeds on which nothing was tuned.
+//! Classification of the labelled frames of the emulated rig, with seeds that were not used for tuning.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -12,7 +12,7 @@ const SEEDS: [u64; 2] = [101, 102];
 
 struct Judged {
     spec: FrameSpec,
-    /// `None` where the frame was refused.
+    /// `None` if the frame was refused.
     found: Option<Detection>,
 }
 
@@ -35,7 +35,7 @@ fn kind_of(class: Class) -> Kind {
     match class {
         Class::Empty => Kind::Empty,
         Class::Bead => Kind::Bead,
-        // Whether it is dead is a question of its own.
+        // Whether a larva is dead is a separate question.
         Class::Larva | Class::DeadLarva => Kind::Larva,
         Class::TwoLarvae => Kind::Two,
         Class::Bubble => Kind::Bubble,
@@ -43,12 +43,12 @@ fn kind_of(class: Class) -> Kind {
     }
 }
 
-/// One frame does not tell a grain or a scratch on the glass from debris in the bore: both are wells without a specimen.
+/// A single frame cannot distinguish a grain or a scratch on the glass from debris in the bore. Both mean a well without a specimen.
 fn no_specimen(expected: Kind, called: Kind) -> bool {
     expected == Kind::Empty && called == Kind::Debris
 }
 
-/// Nine of ten of each class are called by their name, and no wrong answer is as sure as the right ones commonly are.
+/// Nine of ten frames of each class get the right label. No wrong label has the confidence that right labels usually have.
 #[test]
 fn each_class_is_told_from_the_others() {
     let mut table: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
@@ -92,7 +92,7 @@ fn no_bead_is_skipped() {
     }
 }
 
-/// Share of right answers to a question about some of the frames.
+/// Share of right answers among some of the frames.
 fn share(name: &str, answers: impl Iterator<Item = (String, bool, f64)>) -> f64 {
     let (mut right, mut all) = (0usize, 0usize);
     for (frame, good, confidence) in answers {

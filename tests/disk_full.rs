@@ -1,5 +1,5 @@
-//! A disk that fills while a run is under way: a file system of a few hundred MB in memory, and a file that takes all of it. Mounting
-//! one needs root, and in a container the right to mount.
+//! A disk that fills during a run: a file system of a few hundred MB in memory, and a file that fills it. Mounting it needs root, and in a
+//! container the right to mount.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -13,7 +13,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// Room for the plate, and for as much again as the daemon wants free before it goes on.
+/// Space for the plate, and for the free space that the daemon requires before it continues.
 const SIZE: &str = "size=256m";
 
 struct SmallDisk {
@@ -41,7 +41,7 @@ impl SmallDisk {
         std::fs::File::options().create(true).append(true).open(self.dir.path().join("ballast")).unwrap()
     }
 
-    /// Takes all that is free.
+    /// Fills all free space.
     fn fill(&self) {
         let mut ballast = self.ballast();
         for block in [1 << 20, 1 << 12, 1] {
@@ -56,7 +56,7 @@ impl SmallDisk {
 
 impl Drop for SmallDisk {
     fn drop(&mut self) {
-        // Lazily: a test that failed may have left a daemon that is just ending.
+        // A lazy unmount, because a failed test may have left a daemon that is still ending.
         let _ = Command::new("umount").arg("--lazy").arg(self.dir.path()).status();
     }
 }
@@ -64,9 +64,9 @@ impl Drop for SmallDisk {
 const SIMULATED: [&str; 3] = ["--time-scale", "10", "--no-demo"];
 
 fn held_by_the_disk(daemon: &Daemon) -> Value {
-    // A run that is taken up is held before anything of it is written.
+    // A run that is resumed is held before it writes anything.
     let status = daemon.wait("the fault", |s| s["state"] == "Held" && s["faults"] != json!([]));
-    // A frame and an event may both have met the end of it.
+    // Both a frame and an event may have met the full disk.
     assert!(status["faults"].as_array().unwrap().iter().all(|f| f["code"] == "disk_full"), "{status}");
     assert_eq!((&status["faults"][0]["category"], &status["run"]["outcome"]), (&json!("storage"), &Value::Null), "{status}");
     assert_eq!((&status["plate"]["removable"], &status["ready"]), (&json!(false), &json!(false)), "{status}");
@@ -85,20 +85,20 @@ fn sound(data: &Path) {
     }
 }
 
-/// Both in one, so that no more than one such file system is in memory at a time.
+/// Both cases in one test, so that only one such file system is in memory at a time.
 #[test]
 #[cfg_attr(not(has_root), ignore = "mounting a small file system needs root")]
 fn a_run_is_held_while_the_disk_is_full_and_goes_on_where_it_was() {
     let Some(disk) = SmallDisk::mount() else { return };
     let data = disk.data();
-    // What is left is soon filled, and is more than the plate is said to need.
+    // The rest is filled soon, but is more than the estimate for the plate.
     disk.ballast().write_all(&vec![0; 100 << 20]).unwrap();
     let daemon = Daemon::start(&data, &SIMULATED);
     let wells = [json!({"well": "A01", "specimen": "bead"}), json!({"well": "A02", "specimen": "bead"})];
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "test", "plate_map": wells});
     assert_eq!(daemon.put_run("r1", &plan), 201);
 
-    // In the middle of a turn.
+    // During a turn.
     let status = daemon.wait("the first views", |s| s["specimen"]["well"] == "A01" && s["specimen"]["view"].as_u64() >= Some(2));
     let told = status["specimen"]["view"].as_u64().unwrap() as usize;
     disk.fill();
@@ -110,7 +110,7 @@ fn a_run_is_held_while_the_disk_is_full_and_goes_on_where_it_was() {
     assert!(first["ledger"].as_array().unwrap().len() >= told, "views that were told of are kept: {first}");
     sound(&data);
 
-    // While the numbers of a specimen that is gone are made.
+    // While the numbers of a released specimen are computed.
     daemon.signal("TERM");
     daemon.ended();
     crash::before_the_first_well_was_done(&data, "r1", None);

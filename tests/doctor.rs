@@ -1,4 +1,4 @@
-//! `carved doctor` on emulated controllers: who they are, what to configure, and that nothing was moved.
+//! `carved doctor` on emulated controllers: what they are, what to configure, and that nothing moved.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 mod common;
@@ -21,7 +21,7 @@ fn doctor(port: &str) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// What the doctor says, after it was made sure that the shaft stands where it stood.
+/// The report of the doctor, after a check that the shaft did not move.
 fn examined(rig: &Rig) -> String {
     let before = rig.shaft().angle_rad();
     let said = doctor(rig.serial_path().to_str().unwrap());
@@ -54,7 +54,7 @@ fn motors_that_are_switched_off_after_a_move_are_told() {
 #[test]
 fn a_controller_that_does_not_restart_is_known_by_its_report() {
     let rig = rig(Controller::default());
-    // It has started once; the greeting of the start that the doctor brings about is lost on the way.
+    // The controller has started once. The greeting of the restart that the doctor causes is lost on the way.
     let mut first = serialport::new(rig.serial_path().to_str().unwrap(), 115_200).timeout(Duration::from_secs(30)).open_native().unwrap();
     let mut heard = Vec::new();
     while !heard.ends_with(b"unlock]\r\n") {
@@ -125,7 +125,7 @@ fn cameras_are_listed_with_who_has_them_and_what_to_configure() {
         assert!(own.contains(part), "{part:?} is missing: {own}");
     }
     assert!(said.contains("net.core.rmem_max = ") && said.contains("GB free for runs in /no/such/folder"), "{said}");
-    // Being looked at costs a camera nothing, and its controller neither.
+    // The doctor's look at a camera disturbs neither the camera nor the program that controls it.
     let settings = AravisSettings::new(CameraSelect::Address(rig.camera_address()), PixelFormat::Mono8, 64, 64, 1000.0);
     let mut ours = camera::open(settings).unwrap();
     ours.arm().unwrap();
@@ -137,7 +137,7 @@ fn cameras_are_listed_with_who_has_them_and_what_to_configure() {
 fn a_port_that_somebody_holds_is_left_alone() {
     let rig = rig(Controller::default());
     let path = rig.serial_path();
-    // By the driver itself, which leaves it to nobody else.
+    // The port is held by the driver itself, which locks it against all others.
     let _held = Grbl::open(GrblSettings {
         port: path.to_str().unwrap().into(),
         baud: 115_200,

@@ -1,5 +1,5 @@
-//! A turn that ends early, from the axis to the numbers: the rig stands still, the closure view is taken, the outcome says how many
-//! views there are of how many planned, and the numbers are those that the recording gives again.
+//! A turn that ends early: the axis stops, the closure view is taken, the outcome has the number of views and of planned views, and the
+//! recording reproduces the numbers.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -14,13 +14,13 @@ use std::collections::BTreeSet;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Instant;
 
-/// Odd, so that no two views are mirror images of one another.
+/// An odd number, so that no two views are mirror images.
 const PLANNED: usize = 45;
-/// With 17 views a slice has its eight harmonics.
+/// 17 views give a slice its eight harmonics.
 const LEAST: usize = 17;
 
-/// The scene, whose pictures wait for the science: no view is shown before the one before the last was carved. However slow the
-/// computer is, the rule's word comes in time.
+/// The scene, slowed down to the speed of the carving: a view is shown only after the last view but one was carved. The early stop thus
+/// comes in time on any computer.
 struct Paced {
     scene: Arc<Scene>,
     pace: Mutex<Pace>,
@@ -29,7 +29,7 @@ struct Paced {
 
 #[derive(Default)]
 struct Pace {
-    /// A frame that is lost is shown again, and is no other view.
+    /// Angles that were shown. A lost frame that is taken again adds no angle.
     angles: BTreeSet<i64>,
     carved: usize,
     is_over: bool,
@@ -44,7 +44,7 @@ impl Sight for Paced {
         let mut pace = self.pace.lock().unwrap();
         pace.angles.insert((exposure.angle_rad * 1e6).round() as i64);
         let shown = pace.angles.len();
-        // The first is the look on which the well is judged.
+        // The first picture is the one that judges the well.
         let waits = |pace: &mut Pace| !pace.is_over && pace.carved + 2 < shown;
         drop(self.carved.wait_timeout_while(pace, PATIENCE, waits).unwrap());
         self.scene.look(exposure, format)
@@ -60,7 +60,7 @@ fn a_turn_ends_as_soon_as_its_volume_is_known_and_says_so() {
         paced
     });
     let sight = sight.unwrap();
-    // Loose limits: the rule's own numbers are checked elsewhere; here it is to fire as soon as it may.
+    // Loose limits, so that the rule fires as soon as it may. Other tests check the numbers of the rule.
     let early = "asd = 45\nearly_stop = { enabled = true, min_views = 17, last = 2, spread_percent = 10.0, promised_error_percent = 10.0 }";
     let changes = [
         ("asd = 21", early.to_owned()),
@@ -91,12 +91,12 @@ fn a_turn_ends_as_soon_as_its_volume_is_known_and_says_so() {
     let recording = json(&a01.join("recording.json"));
     let ledger = recording["ledger"].as_array().unwrap();
     let views = ledger.iter().filter(|e| e["closure"] == false).count();
-    // One more is under way when the rule has its numbers.
+    // One more view is under way when the rule decides.
     assert!((LEAST..=LEAST + 3).contains(&views), "{views} views");
     assert_eq!((&recording["ended_after_views"], &recording["method"]["asd"]), (&json!(views), &json!(PLANNED)));
     assert_eq!((&well["views"], &well["views_planned"]), (&json!(views), &json!(PLANNED)), "{well}");
 
-    // The axis made no stop but these, and the closure view is the first's stop a turn on.
+    // The axis made no further stop, and the closure view is one turn after the first.
     let [first, last] = [&ledger[0], ledger.last().unwrap()];
     assert_eq!((&last["closure"], ledger.len()), (&json!(true), views + 1));
     assert_eq!(last["achieved_steps"].as_i64().unwrap() - first["achieved_steps"].as_i64().unwrap(), 500);

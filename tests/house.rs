@@ -1,4 +1,4 @@
-//! The house's rules: data flows one way, and the science knows no runtime, files, network or clock.
+//! The rules of the architecture: dependencies point one way, and the science uses no runtime, files, network or clock.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -8,7 +8,7 @@ mod strict;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Every module of the daemon with the daemon's own modules that it may use. Cargo's manifests hold the arrows between crates.
+/// The modules of the daemon, each with the other modules that it may use. Cargo's manifests define the dependencies between crates.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("export", &[]),
     ("config", &["http"]),
@@ -23,14 +23,14 @@ const MAY_DEPEND_ON: &[(&str, &[&str])] = &[
     ("crates/records", &["carved-core"]),
     ("crates/devices", &["carved-core", "carved-files", "carved-records"]),
     ("crates/store", &["carved-core", "carved-files", "carved-records"]),
-    // A sign that is wrong in the emulated rig and in carved would not show.
+    // The emulated rig must not share code with carved: a wrong sign in shared code would not show.
     ("hardware-sim", &[]),
 ];
 
 const NOT_IN_SCIENCE: &[&str] =
     &["tokio", "std::fs", "std::net", "std::thread", "std::time", "Instant::now", "SystemTime", "jiff", "axum", "tracing", "println!"];
 
-/// What follows from events must not depend on when it is asked for, or on what is on the disk.
+/// What is derived from events must depend neither on the time of the request nor on the disk.
 const NOT_IN_RECORDS: &[&str] =
     &["tokio", "std::fs", "std::net", "std::thread", "Instant", "SystemTime", "Timestamp::now", "axum", "tracing", "println!"];
 
@@ -83,7 +83,7 @@ fn modules_use_only_what_stands_to_their_left() {
     assert!(breaches.is_empty(), "{}", breaches.join("\n"));
 }
 
-/// The status is polled: only the routes of results, and events older than memory holds, read the disk.
+/// The status is polled, so it must not read the disk. Only the routes of results, and of events older than the memory holds, may do so.
 #[test]
 fn only_results_and_old_events_read_the_store() {
     let reads: Vec<String> = module_sources("http")
@@ -99,7 +99,7 @@ fn the_table_names_every_module() {
     let lib = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();
     let modules: BTreeSet<_> = lib.lines().filter_map(|l| l.strip_prefix("pub mod ")).map(|l| l.trim_end_matches(';')).collect();
     let mut table: BTreeSet<_> = MAY_USE.iter().map(|(m, _)| *m).collect();
-    // The commands are the edge where everything is put together.
+    // The commands assemble everything, so they may use every module.
     table.insert("cli");
     assert_eq!(modules, table);
 }

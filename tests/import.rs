@@ -1,4 +1,4 @@
-//! A lab's own frames, as a user has them, to numbers: `carved import`, then `carved measure`.
+//! From a lab's own frames to numbers: `carved import`, then `carved measure`.
 //!
 //! ```text
 //!  scene ── frames under odd names ── import ── recording ── measure ── beside the scene's truth
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 const CONFIG: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/config/simulated.toml");
 
-/// Frames of a specimen at these angles, named by `name`; colour, as a lab's program saves them.
+/// Writes colour frames of a specimen at these angles, named by `name`, as a lab's program saves them.
 fn frames(folder: &Path, specimen: Specimen, angles_deg: &[f64], name: impl Fn(usize) -> String) -> Scene {
     std::fs::create_dir_all(folder).unwrap();
     let scene = Scene::new(SceneSettings::default());
@@ -32,7 +32,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// Runs and gives the lines of JSON that were printed.
+/// Runs a command and returns the lines of JSON that it printed.
 fn lines(args: &[&str]) -> Vec<Value> {
     let output = run(args);
     assert!(output.status.success(), "{args:?}: {}", stderr(&output));
@@ -52,13 +52,13 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// 24 views of a bead: even, and subsets of it, beside the truth; and the recording's own frames give the recording's numbers.
+/// 24 views of a bead, and even subsets of them, are compared with the truth. The frames of the recording reproduce its numbers.
 #[test]
 fn a_beads_frames_become_a_recording_that_measures() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("bead frames");
     let angles: Vec<f64> = (0..=24).map(|i| f64::from(i) * 15.0).collect();
-    // Sorted byte by byte, b10 comes before b9.
+    // In byte order b10 comes before b9.
     frames(&folder, Specimen::bead(500.0).unwrap(), &angles, |i| format!("Bead b{}.{}", i + 1, if i % 2 == 0 { "png" } else { "bmp" }));
     std::fs::write(folder.join("notes.txt"), "no picture").unwrap();
     let out = dir.path().join("bead");
@@ -82,12 +82,12 @@ fn a_beads_frames_become_a_recording_that_measures() {
     let diameter = |line: &Value| line["measurement"]["sphere"]["diameter_um"].as_f64().unwrap();
     assert!((diameter(measured) / 500.0 - 1.0).abs() < 0.015, "{} um, truth 500 um", diameter(measured));
 
-    // A third of the views, with the tolerance of eight.
+    // A third of the views, with the tolerance for eight views.
     let part = &lines(&["measure", "--asd", "8", text(&out)])[0];
     assert_eq!((&part["stored"], &part["asd"], &part["captured"]), (&"not_compared".into(), &8.into(), &24.into()));
     assert_eq!((&part["measurement"]["planned_views"], part["views"].as_array().unwrap().len()), (&8.into(), 8));
     assert!((diameter(part) / 500.0 - 1.0).abs() < 0.03, "{} um", diameter(part));
-    // Where one name fails, the others are measured.
+    // One recording fails; the others are measured.
     let missing = dir.path().join("missing");
     let output = run(&["measure", "--asd", "5", text(&missing), text(&out)]);
     assert!(!output.status.success() && stderr(&output).contains("possible are 3, 4, 6, 8, 12, 24"), "{}", stderr(&output));
@@ -96,7 +96,7 @@ fn a_beads_frames_become_a_recording_that_measures() {
     assert!(!output.status.success() && stderr(&output).contains("1 recording(s) could not be measured"), "{}", stderr(&output));
     assert!(printed[0]["error"].as_str().unwrap().contains("missing") && printed[1]["asd"] == 3, "{printed:?}");
 
-    // The recording's own frames, by its own angles.
+    // The recording's own frames with its own angles.
     let views: Vec<PathBuf> = (0..24).map(|i| out.join(format!("frames/view_{i:03}.png"))).collect();
     let mut psi = recording["rig"]["camera"].clone();
     psi["omega"] = recording["ledger"].as_array().unwrap()[..24].iter().map(|e| e["omega"].clone()).collect();
@@ -116,12 +116,12 @@ fn a_beads_frames_become_a_recording_that_measures() {
     assert!(said.contains("frames' folder of a recording"), "{said}");
 }
 
-/// Uneven and falling angles of a larva, as rad in camera.json and as VAST's list.
+/// Uneven and descending angles of a larva, in rad in camera.json and as VAST's list.
 #[test]
 fn a_larvas_falling_uneven_turn_is_measured() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("frames");
-    // Off the even places by up to 2 deg, and no multiples of any coarse step.
+    // The angles differ by up to 2 deg from even spacing, and are no multiples of a coarse step.
     let angles: Vec<f64> = (0..21).map(|i| -(f64::from(i) * 360.0 / 21.0 + 2.0 * (1.7 * f64::from(i)).sin())).collect();
     let scene = frames(&folder, Specimen::larva(4, 3).unwrap(), &angles, |i| format!("larve_{i}.png"));
     let hull_um3 = scene.truth().unwrap().hull_volume_um3;
@@ -145,7 +145,7 @@ fn a_larvas_falling_uneven_turn_is_measured() {
     assert!((volume_um3 / hull_um3 - 1.0).abs() < 0.04, "{volume_um3} um^3, ideal hull {hull_um3} um^3");
 }
 
-/// Every bad input is named, and nothing is left behind.
+/// Every bad input is named, and no files are left.
 #[test]
 fn what_cannot_be_imported_is_named_and_leaves_nothing() {
     let dir = tempfile::tempdir().unwrap();
@@ -214,7 +214,7 @@ fn what_cannot_be_imported_is_named_and_leaves_nothing() {
     assert!(import(&["--even"]).contains("have one name"));
     std::fs::remove_file(folder.join("v3.bmp")).unwrap();
 
-    // v10 follows v3: told, and written down; and what is there is not overwritten.
+    // v10 follows v3: the command says so and records it. An existing output is not overwritten.
     let output = run(&["import", text(&folder), "--even", "--out", text(&out)]);
     assert!(output.status.success() && stderr(&output).contains("v10.png follows v3.png"), "{}", stderr(&output));
     assert!(json(&out.join("import.json"))["warnings"].to_string().contains("v10.png follows v3.png"));

@@ -1,5 +1,5 @@
-//! `carved reconstruct` on silhouettes of solids with known volume and area, which `tests/independent/generate.py` has computed without
-//! any code of carved or of the emulated rig. `tests/independent/README.md` has the frames and the formulas.
+//! `carved reconstruct` on silhouettes of solids with known volume and area. `tests/independent/generate.py` computes them without any code
+//! of carved or of the emulated rig. `tests/independent/README.md` describes the frames and the formulas.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 use serde_json::{Value, json};
@@ -9,7 +9,7 @@ use std::process::Command;
 
 const PIXEL_UM: f64 = 5.5;
 const VIEWS: usize = 24;
-/// Their slices are smooth, and their ideal hull is the solid.
+/// Solids with smooth slices whose ideal hull is the solid.
 const SMOOTH: [&str; 3] = ["ellipsoid", "capsule", "tapered"];
 
 fn committed(solid: &str) -> PathBuf {
@@ -20,7 +20,7 @@ fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
 }
 
-/// A solid with the first of every 24 / `views` views, in a folder of its own.
+/// A solid with every (24 / `views`)th view, in its own folder.
 struct Set {
     dir: tempfile::TempDir,
     truth: Value,
@@ -44,7 +44,7 @@ impl Set {
         Self { truth: json(&from.join("truth.json")), dir }
     }
 
-    /// No view may miss a voxel of the hull: with a share of them the paper's carver reads more, on purpose.
+    /// Reconstructs with epsilon 0. With a larger epsilon the paper's carver gives more volume by design.
     fn reconstructed(&self, cameras: &str) -> Value {
         let mut command = Command::new(env!("CARGO_BIN_EXE_carved"));
         command.current_dir(self.dir.path()).args(["reconstruct", "--views", "views", "--epsilon", "0", "--cameras", cameras]);
@@ -63,14 +63,14 @@ fn numbers(of: &Value) -> [f64; 2] {
     ["volume_um3", "area_um2"].map(|key| of[key].as_f64().unwrap_or_else(|| panic!("no {key} in {of:#}")))
 }
 
-/// From anti-aliased outlines. Grey has 255 levels. The polygon of an outline lies up to 0.001 px inside it, and the mean of an outline
-/// with a radius of R px over a column 1/(24 R) px: 0.006 px at the tail of 7 px. Together an edge is known to 1/100 px, so that the
-/// volume is known to area x 0.01 px, 0.07 to 0.08 %. The area of a tube errs by half of this share; the other half is for the ends,
-/// which are found from slices of a pixel. 12 views are enough: slices are ellipses with an axis ratio below 1.5, of which the
-/// harmonics from the sixth on are below 1e-5 of the area.
+/// The numbers from anti-aliased outlines. The error of an edge has three parts: 255 grey levels; the polygon of an outline, which lies up
+/// to 0.001 px inside it; and the mean of an outline of radius R px over a column, 1/(24 R) px, which is 0.006 px at the tail of 7 px.
+/// Together an edge is known to 1/100 px. The volume is therefore known to area x 0.01 px, which is 0.07 to 0.08 %. The area of a tube has
+/// half of this relative error; the other half is for the ends, which are found from slices of one pixel. 12 views are enough: the slices
+/// are ellipses with an axis ratio below 1.5, whose harmonics from the sixth on are below 1e-5 of the area.
 ///
-/// The camera as given has an axis that is 3 px off and no roll. A mean over some hundred columns of an edge known to 1/100 px gives
-/// the row of the axis to 0.01 px at least, and the roll to 0.01 px over 200 px.
+/// The axis of the camera as given is 3 px off, and its roll is missing. The mean of some hundred columns, whose edges are known to 1/100
+/// px, gives the row of the axis to at least 0.01 px, and the roll to 0.01 px over 200 px.
 #[test]
 fn calibrated_volume_and_area_of_smooth_solids_are_right() {
     for solid in SMOOTH {
@@ -90,10 +90,10 @@ fn calibrated_volume_and_area_of_smooth_solids_are_right() {
     }
 }
 
-/// Voxels, through the true matrices. n views of an even number see n tangents of a slice, whose polygon is larger than a disc by
-/// `n tan(pi/n) / pi - 1`; the finned solid has its own polygon in truth.json. A mask's edge is rounded to a pixel, and of two opposite
-/// views the smaller one counts: the mean of the smaller of two even errors of up to half a pixel is -1/6 px. As much again is allowed
-/// to either side.
+/// The numbers from voxels, with the true matrices. An even number n of views gives n tangents of a slice, whose polygon is larger than a
+/// disc by `n tan(pi/n) / pi - 1`; the finned solid has its own polygon in truth.json. The edge of a mask is rounded to a pixel, and the
+/// smaller of two opposite views counts: the mean of the smaller of two uniform errors of up to half a pixel is -1/6 px. The same amount is
+/// allowed on either side.
 #[test]
 fn voxels_are_the_hull_of_their_views() {
     for solid in SMOOTH.into_iter().chain(["finned"]) {
@@ -118,7 +118,8 @@ fn voxels_are_the_hull_of_their_views() {
     }
 }
 
-/// Another zlib may pack the same pixels into other bytes, so pictures are compared by their pixels and all else by its bytes.
+/// Another zlib may compress the same pixels to other bytes. Pictures are therefore compared by their pixels, and all other files by their
+/// bytes.
 #[test]
 #[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
 fn the_committed_silhouettes_are_what_the_generator_makes() {

@@ -1,4 +1,4 @@
-//! What status and events say of a specimen's volume while its capillary turns.
+//! The live volume estimate in status and events while the capillary turns.
 //!
 //! ```text
 //! test = plate-loader ── status, events ──► carved serve (child) ── pty, GigE ──► emulated rig with one larva
@@ -14,19 +14,19 @@ use serde_json::{Value, json};
 use std::cell::RefCell;
 use std::io::{BufRead, BufReader};
 
-/// With a rule each estimate from view 18 on is made, whether or not there is time.
+/// With a rule for an early stop every estimate from view 18 on is made, even if there is no spare time.
 const RATE: Rate = Rate { asd: 25, order: "coarse_to_fine", ..QUICK };
 const ASD: u64 = RATE.asd as u64;
-/// No interval is as narrow as this promises: the turn goes to its end.
+/// A promised error that no interval reaches, so the turn is complete.
 const NEVER: &str = "enabled = true, min_views = 20, spread_percent = 10.0, promised_error_percent = 0.05";
 const AT_ONCE: &str = "enabled = true, min_views = 20, spread_percent = 10.0, promised_error_percent = 5.0";
 
 struct Turned {
-    /// Of each status that was seen while the capillary turned, with what it says of the volume.
+    /// The `specimen` of each status during the revolution.
     seen: Vec<Value>,
-    /// Of the last status.
+    /// The last status.
     end: Value,
-    /// The data of the views' events, as a reader of the stream has them.
+    /// The data of the events of the views, as a reader of the stream gets them.
     views: Vec<Value>,
     recording: Value,
     measurement: Value,
@@ -62,7 +62,7 @@ fn turned(early_stop: &'static str) -> Turned {
     }
 }
 
-/// From the stream of events, up to the run's end.
+/// Reads the stream of events until the run ends.
 fn views(daemon: &Daemon) -> Vec<Value> {
     let agent: ureq::Agent = ureq::Agent::config_builder().build().into();
     let stream = agent.get(format!("{}/v1/events", daemon.url)).header("Last-Event-ID", "0").call().unwrap();
@@ -83,7 +83,7 @@ fn a_volume_is_told_with_its_spread_while_the_capillary_turns_and_is_the_measure
     let Turned { seen, end, views, recording, measurement, truth_um3 } = turned(NEVER);
     assert_eq!(views.len() as u64, ASD);
     assert!(recording["ended_after_views"].is_null(), "nothing is known to 0.05 %: {}", recording["ended_after_views"]);
-    // Six views are too few to tell an axis by.
+    // Six views are too few to determine the axis.
     for view in &views[..6] {
         assert!(KEYS.iter().all(|key| view[key].is_null()) && view["hull_volume_um3"].is_f64(), "{view}");
     }
@@ -92,7 +92,7 @@ fn a_volume_is_told_with_its_spread_while_the_capillary_turns_and_is_the_measure
         assert_eq!((view["volume_views"].as_u64(), view["converged"].as_bool()), (Some(taken), Some(false)), "{view}");
         let (volume, sd) = (number(view, "volume_um3"), number(view, "volume_sd_um3"));
         assert!(0.001 < sd / volume && sd / volume < 0.03, "{view}");
-        // The hull of so many views is 6 % too large; the estimate does not come down to the end, it is there.
+        // The hull of so few views is 6 % too large. The estimate is right at once and does not sink towards the final volume.
         assert!((volume - final_um3).abs() < (0.02 * final_um3).min(4.0 * sd), "{view}, in the end {final_um3}");
         assert!((volume / truth_um3 - 1.0).abs() < 0.04, "{view}, truly {truth_um3}");
     }
@@ -106,7 +106,7 @@ fn a_volume_is_told_with_its_spread_while_the_capillary_turns_and_is_the_measure
         assert!(KEYS.iter().all(|key| specimen[key].is_null() == nothing), "{specimen}");
         assert_eq!(specimen["hull_volumes_um3"].as_array().unwrap().len() as u64, specimen["view"].as_u64().unwrap());
     }
-    // The events tell what the status told.
+    // The events agree with the status.
     for specimen in told {
         assert!(views.iter().any(|view| KEYS.iter().all(|key| view[key] == specimen[key])), "{specimen}");
     }
@@ -124,7 +124,7 @@ fn a_turn_has_converged_where_its_rule_ends_it() {
     let first = views.iter().position(|view| view["converged"] == true).unwrap_or_else(|| panic!("never: {views:?}"));
     assert!(first + 1 >= 20 && !converged[0], "not before 20 views: {views:?}");
     assert_eq!(end["specimen"]["converged"], true, "{end}");
-    // Views that were under way when the rule held are measured too.
+    // Views that were under way when the rule was met are measured too.
     let taken = views.len() as u64;
     let ended = if taken < ASD { json!(taken) } else { Value::Null };
     assert_eq!((&recording["ended_after_views"], &measurement["views"]), (&ended, &json!(taken)));

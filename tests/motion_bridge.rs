@@ -1,4 +1,4 @@
-//! The VAST trigger bridge's driver against an emulated VAST behind its bridge.
+//! The driver of the VAST trigger bridge against an emulated VAST behind its bridge.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used)] // helpers of tests fail like tests
 
@@ -56,7 +56,7 @@ impl Bench {
         VastBridge::open(self.settings(Degrees::Absolute), motion::per_revolution()).unwrap()
     }
 
-    /// An axis that stands at the first of the plan's stops.
+    /// An axis at the first stop of the plan.
     fn standing(&self) -> VastBridge {
         let mut axis = self.open();
         self.take_up(&mut axis, ViewOrder::Sequential);
@@ -113,14 +113,14 @@ fn only_the_next_stop_of_the_list_can_be_moved_to_and_the_refusal_says_both() {
     assert_eq!(axis.position(), Position::Referenced { steps: stops[1], epoch: 1 });
 }
 
-/// Turns a knob, makes the next move, and holds that it failed as it should, that no trigger followed, and that the axis
-/// can be had again.
+/// Sets a fault and makes the next move. Checks that the move fails as expected, that no further trigger follows, and that the axis can be
+/// recovered.
 fn fails(fault: impl FnOnce(&Bench), as_it_should: impl Fn(&DeviceError) -> bool) {
     let bench = Bench::new(Degrees::Absolute);
     let mut axis = bench.standing();
     let stops = targets(ViewOrder::Sequential);
     fault(&bench);
-    // A doubled arrival shows when the next move is asked for.
+    // A duplicated arrival shows at the next request.
     let error = stops[1..3].iter().find_map(|stop| axis.move_to(*stop).err()).unwrap();
     assert!(as_it_should(&error), "{error:?}");
     assert!(is_suspect(&axis), "{:?}", axis.position());
@@ -149,7 +149,7 @@ fn out_of_step(error: &DeviceError, word: &str) -> bool {
 #[test]
 fn a_trigger_that_is_lost_or_not_acknowledged_is_never_repeated() {
     fails(|b| b.knobs.lose_requests(1), |e| silent_on(e, "TT"));
-    // Here VAST has turned all the same.
+    // In this case VAST turns nevertheless.
     fails(|b| b.emulated.faults().serial().drop_answers(1), |e| out_of_step(e, "before the trigger was acknowledged"));
     fails(|b| b.emulated.faults().serial().rewrite_next(b"OK", b"O\xcb"), |e| out_of_step(e, "before the trigger was acknowledged"));
 }
@@ -216,7 +216,7 @@ fn a_late_answer_to_the_greeting_is_no_ok_to_a_trigger() {
     let bench = Bench::new(Degrees::Absolute);
     let mut axis = bench.open();
     axis.announce(&targets(ViewOrder::Sequential)).unwrap();
-    // It is asked again after 700 ms, and then answers twice.
+    // After 700 ms the driver asks again. The bridge then answers twice.
     bench.emulated.faults().serial().delay_answer_after(0, Duration::from_secs(1));
     bench.knobs.take_up_specimen();
     axis.reference(&CancelToken::new()).unwrap();
@@ -231,7 +231,7 @@ fn split_and_merged_lines_and_noise_between_them_cost_nothing() {
     bench.emulated.faults().serial().split_answers(true);
     let mut devices = with_camera(&bench.emulated, Box::new(axis));
     bench.take_up(&mut *devices.rotation, ViewOrder::Sequential);
-    // Two lines in one: the acknowledgement and the arrival that ends it.
+    // A lost line end merges the acknowledgement and the arrival into one line.
     bench.knobs.lose_line_ends(1);
     bench.emulated.faults().serial().stray_to_host(b"\xfe\x00?\n");
     turn(&bench.emulated, &mut devices, ViewOrder::Sequential);
@@ -288,7 +288,7 @@ fn vast_never_goes_by_another_list_than_the_one_that_was_announced() {
     let written = std::fs::read_to_string(bench.list()).unwrap();
     assert!(written.contains("\t30,24\t") && written.ends_with("\t360,00\t1\t1\t0\t1\r\n"), "{written}");
 
-    // It takes a specimen up by one list, and then another is announced.
+    // VAST takes up a specimen with one list. Another list is then announced.
     bench.knobs.take_up_specimen();
     let mut orders = [ViewOrder::CoarseToFine, ViewOrder::Sequential].into_iter().cycle();
     until("the refusal of a list that comes too late", || {

@@ -1,5 +1,5 @@
-//! The Grbl driver against the emulated firmware over a pty, with everything going wrong that can go wrong on a serial line
-//! or in a controller. docs/faults.md has what operator and loader are told of each.
+//! The Grbl driver against the emulated firmware over a pty, with the faults of serial lines and controllers. docs/faults.md describes what
+//! operator and loader see of each.
 //!
 //! ```text
 //! driver ── pty ── line: flips, strays, cuts, delays ── firmware ── shaft
@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 const STEPS: f64 = 500.0;
 /// View 1 of 21.
 const TARGET: Steps = Steps(24);
-/// Rigs among which the many short cases are shared out: they mostly wait.
+/// The many short cases are distributed over this number of rigs, because they mostly wait.
 const RIGS: usize = 12;
 /// Far longer than anything here takes.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -44,7 +44,7 @@ impl Bench {
         let link = folder.path().join("motor");
         let rig = RigSettings { time_scale, controller, serial_link: Some(link.clone()), ..RigSettings::default() };
         let rig = Rig::start(rig, Arc::new(TestCard::new(64, 64))).unwrap();
-        // The emulated firmware's defaults: 100 steps per unit, 500 units/min, 20 units/s^2.
+        // The defaults of the emulated firmware: 100 steps per unit, 500 units/min, 20 units/s^2.
         let settings = GrblSettings {
             port: Port::from(link.to_str().unwrap()),
             baud: 115_200,
@@ -76,7 +76,7 @@ impl Bench {
         grbl
     }
 
-    /// True steps from the reference switch: homing leaves the axis one pull-off of 0.05 units before it.
+    /// True steps from the reference switch. Homing leaves the axis one pull-off of 0.05 units before it.
     fn true_steps(&self) -> f64 {
         self.rig.shaft().angle_rad() / TAU * STEPS + 5.0
     }
@@ -86,7 +86,7 @@ impl Bench {
         assert!((found - steps.0 as f64).abs() < 1e-6, "the shaft stands at {found}, the driver says {steps}");
     }
 
-    /// After whatever happened the axis is found again by a reference, and goes where it is sent.
+    /// After any fault a reference finds the axis again, and the axis then reaches its target.
     fn is_cured_by_a_reference(&self, grbl: &mut Grbl) {
         grbl.reference(&CancelToken::new()).unwrap();
         grbl.move_to(TARGET).unwrap();
@@ -99,13 +99,13 @@ fn reference_and_move(grbl: &mut Grbl) -> Result<(), DeviceError> {
     grbl.move_to(TARGET).map(|_| ())
 }
 
-/// A failed reference leaves the place unknown, a failed move makes it doubtful; either way nothing moves.
+/// After a failed reference the position is unknown, after a failed move it is suspect. In both cases nothing moves.
 fn refuses_to_move(grbl: &mut Grbl) {
     assert!(matches!(grbl.position(), Position::Unknown | Position::Suspect { .. }), "{:?}", grbl.position());
     assert!(grbl.move_to(Steps(48)).is_err());
 }
 
-/// Runs `case` for every byte of a reference and a move, until it says that the byte lies behind them; how many there were.
+/// Runs `case` for every byte of a reference and a move until it returns false, behind the last byte. Returns the number of bytes.
 fn for_each_byte(scale: f64, case: impl Fn(&Bench, usize) -> bool + Sync) -> usize {
     let (scale, case) = (&scale, &case);
     std::thread::scope(|scope| {
@@ -163,7 +163,7 @@ fn a_bit_that_changes_in_any_byte_never_gives_a_wrong_place() {
                 refuses_to_move(&mut grbl);
             }
             bench.rig.faults().serial().clear_line();
-            // One bit makes `!` of a `1`: a feed hold like any other.
+            // One flipped bit turns `1` into `!`, a feed hold.
             bench.press(Button::CycleStart);
             bench.is_cured_by_a_reference(&mut grbl);
             offset < if direction == "to the host" { 900 } else { 50 }
@@ -177,7 +177,7 @@ fn one_bit_that_makes_homing_an_unlocking_is_noticed() {
     let bench = Bench::new(1000.0);
     let mut grbl = bench.open();
     bench.rig.faults().serial().rewrite_next_received(b"$H", b"$X");
-    // It is homed once more.
+    // The driver repeats the homing.
     bench.is_cured_by_a_reference(&mut grbl);
 }
 
@@ -185,11 +185,11 @@ fn one_bit_that_makes_homing_an_unlocking_is_noticed() {
 fn a_position_with_a_wrong_digit_is_not_believed() {
     let bench = Bench::new(1000.0);
     let mut grbl = bench.referenced();
-    // The place after the move is 0.240 - 0.050 units.
+    // After the move the position is 0.240 - 0.050 units.
     bench.rig.faults().serial().rewrite_next(b"MPos:0.190", b"MPos:4.190");
     assert_eq!(grbl.move_to(TARGET).unwrap().steps, TARGET);
     bench.stands_at(TARGET);
-    // A target with a wrong digit is a place that nobody asked for.
+    // A wrong digit in the target moves the axis to a wrong place.
     bench.rig.faults().serial().rewrite_next_received(b"X0.430F", b"X0.470F");
     let error = grbl.move_to(Steps(48)).unwrap_err();
     assert!(matches!(error, DeviceError::Missed { target: Steps(48), achieved: Steps(52) }), "{error}");
@@ -202,12 +202,12 @@ fn an_answer_that_comes_after_its_time_is_not_the_answer_to_something_else() {
     let mut bench = Bench::new(1000.0);
     bench.settings.answer_timeout_ms = 200;
     let mut grbl = bench.referenced();
-    // Later than three reports are asked for.
+    // Later than the time for three requests of a report.
     bench.rig.faults().serial().delay_answers(Duration::from_millis(900));
     let error = grbl.move_to(TARGET).unwrap_err();
     assert!(matches!(error, DeviceError::Silent { .. }), "{error}");
     refuses_to_move(&mut grbl);
-    // Each of these is answered by an `ok`, which arrives, late, in the middle of the reference.
+    // Each line end is answered by an `ok`, which arrives late, during the reference.
     bench.rig.faults().serial_noise(b"\n\n\n");
     bench.rig.faults().serial().delay_answers(Duration::ZERO);
     bench.is_cured_by_a_reference(&mut grbl);
@@ -257,7 +257,7 @@ fn stray_bytes_and_split_and_merged_lines_do_no_harm() {
         } else {
             refuses_to_move(&mut grbl);
         }
-        // A stray `!` is a feed hold like any other.
+        // A stray `!` is a feed hold.
         bench.press(Button::CycleStart);
         bench.is_cured_by_a_reference(&mut grbl);
     }
@@ -270,7 +270,7 @@ fn stray_bytes_and_split_and_merged_lines_do_no_harm() {
     }
 }
 
-/// A move of hundreds of turns, in the middle of which `meanwhile` happens.
+/// A move of hundreds of turns. `meanwhile` runs during it.
 fn disturbed_move(bench: &Bench, grbl: &mut Grbl, meanwhile: impl FnOnce()) -> DeviceError {
     let from = bench.true_steps();
     std::thread::scope(|scope| {
@@ -354,7 +354,7 @@ fn the_receive_buffer_never_runs_over() {
         bench.stands_at(stop.target);
     }
     assert_eq!(bench.rig.faults().serial().lost_bytes(), 0);
-    // What the counter counts: bytes behind a line that is not done yet.
+    // This line overruns the buffer on purpose: the bytes behind a line that is still executed are counted as lost.
     let dwell = [&b"G4P1000\n"[..], &[b' '; 200]].concat();
     bench.rig.faults().serial_noise(&dwell);
     let until = Instant::now() + PATIENCE;
@@ -371,14 +371,14 @@ fn a_hard_limit_is_named_and_its_deaf_controller_is_woken_by_the_next_reference(
     let mut bench = Bench::with(20.0, Controller::Grbl(limited));
     bench.settings.reference = Reference::Here;
     let mut grbl = bench.referenced();
-    // The switch trips within a revolution of where the shaft stood when it was switched on.
+    // The switch trips within one revolution of the power-on position.
     let error = grbl.move_to(Steps(1000)).unwrap_err();
     assert!(matches!(&error, DeviceError::Alarm { what, .. } if what.contains("ALARM:1")), "{error}");
     refuses_to_move(&mut grbl);
     assert_eq!(grbl.reference(&CancelToken::new()).unwrap().epoch, 3);
     grbl.move_to(Steps(-100)).unwrap();
 
-    // Where nobody was listening when it tripped, it answers neither `?` nor `$X`.
+    // The switch trips while no command waits for an answer. The controller then answers neither `?` nor `$X`.
     bench.rig.faults().serial_noise(b"G91G1X5F500\n");
     let until = Instant::now() + PATIENCE;
     let mut before = f64::NAN;
@@ -417,7 +417,7 @@ fn an_error_that_grblhal_would_repeat_for_ever_is_cleared_before_the_next_line()
     let mut grbl = bench.referenced();
     assert!(grbl.identity().contains("GrblHAL 1.1f"), "{}", grbl.identity());
     for target in [TARGET, Steps(48), Steps(500)] {
-        // Noise on the line that the controller takes for a command.
+        // Noise on the line that the controller reads as a command.
         bench.rig.faults().serial_noise(b"G1Q3\n");
         assert_eq!(grbl.move_to(target).unwrap().steps, target);
         bench.stands_at(target);
@@ -429,14 +429,14 @@ fn grblhal_that_did_not_home_is_homed_once_more() {
     let bench = Bench::with(1000.0, Controller::GrblHal(Settings::default()));
     let mut grbl = bench.open();
     bench.rig.faults().serial().rewrite_next_received(b"$H", b"$X");
-    // It is homed once more.
+    // The driver repeats the homing.
     bench.is_cured_by_a_reference(&mut grbl);
 }
 
-/// The axis stands, and whatever carved does after an intervention leaves it so.
+/// After an intervention the axis stands, and no command of carved moves it.
 fn is_left_alone(bench: &Bench, grbl: &mut Grbl, reads: &str) {
     let stands = bench.settled();
-    // What the daemon does when a run ends by a fault.
+    // The daemon does this when a fault ends a run.
     grbl.stop_handle().end_motion();
     for _ in 0..2 {
         let found = [grbl.reference(&CancelToken::new()).unwrap_err(), grbl.check().unwrap_err()];
@@ -450,7 +450,7 @@ fn is_left_alone(bench: &Bench, grbl: &mut Grbl, reads: &str) {
 }
 
 impl Bench {
-    /// Where the shaft comes to rest.
+    /// The position at which the shaft comes to rest.
     fn settled(&self) -> f64 {
         let until = Instant::now() + PATIENCE;
         let mut before = f64::NAN;
@@ -581,7 +581,7 @@ fn a_door_that_opens_during_homing_is_no_failed_homing() {
     is_left_alone(&bench, &mut grbl, "door");
 }
 
-/// A move of many turns that a hand holds up; the driver notices when it has not arrived in time.
+/// A move of many turns that a person holds up. The driver reports that it did not arrive in time.
 fn held_move(bench: &Bench, grbl: &mut Grbl, hold: impl FnOnce()) -> DeviceError {
     let from = bench.true_steps();
     std::thread::scope(|scope| {
@@ -596,7 +596,7 @@ fn held_move(bench: &Bench, grbl: &mut Grbl, hold: impl FnOnce()) -> DeviceError
     })
 }
 
-/// One character of what the controller answers, wherever in a turn: it is asked again, and the turn goes on.
+/// One wrong character in any answer of a turn: the driver asks again, and the turn continues.
 #[test]
 fn a_character_that_changes_in_any_answer_of_a_turn_costs_neither_a_view_nor_an_epoch() {
     let bytes = for_each_byte(1000.0, |bench, offset| {
@@ -621,7 +621,7 @@ fn a_character_that_changes_in_any_answer_of_a_turn_costs_neither_a_view_nor_an_
 
 #[test]
 fn a_restart_whose_greeting_is_garbled_is_still_one() {
-    // At 0 the controller counts where it stood before: only its greeting tells.
+    // At 0 the controller restarts with the position that the driver expects: only its greeting shows the restart.
     let mut without_lock = Settings::default();
     without_lock.set(22, 0.0).unwrap();
     let mut bench = Bench::with(20.0, Controller::Grbl(without_lock));
@@ -653,8 +653,8 @@ fn motors_that_are_switched_off_between_moves_are_refused() {
     }
 }
 
-/// A person presses feed hold while the axis stands, and a run ends by a fault of something else before anybody has asked the controller.
-/// The reset of a stop would end that hold.
+/// A person presses feed hold while the axis stands. Before the controller is asked again another fault ends the run. The reset of that
+/// stop must not end the hold.
 #[test]
 fn a_hold_at_rest_outlasts_the_programs_stop_and_not_a_persons() {
     for controller in [Controller::default(), Controller::GrblHal(Settings::default())] {

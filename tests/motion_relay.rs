@@ -1,4 +1,4 @@
-//! The relay's driver against an emulated relay and its VAST.
+//! The driver of the relay against an emulated relay and its VAST.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used)] // helpers of tests fail like tests
 
@@ -42,7 +42,7 @@ impl Bench {
         Relay::open(self.settings(), motion::per_revolution()).unwrap()
     }
 
-    /// A referenced axis, and the true steps where its step 0 is.
+    /// A referenced axis, and the true position of its step 0.
     fn referenced(&self) -> (Relay, f64) {
         let mut axis = self.open();
         axis.reference(&CancelToken::new()).unwrap();
@@ -66,8 +66,8 @@ fn a_revolution_of_differences_shows_every_view_at_the_angle_of_its_ledger() {
     }
 }
 
-/// Turns a knob, makes a move, and holds that it failed as it should, that at most one difference was turned, and that the
-/// axis can be had again.
+/// Sets a fault and makes a move. Checks that the move fails as expected, that at most one difference was turned, and that the axis can be
+/// recovered.
 fn fails(fault: impl FnOnce(&Bench), mend: impl FnOnce(&Bench), as_it_should: impl Fn(&DeviceError) -> bool) {
     let bench = Bench::new();
     let (mut axis, zero) = bench.referenced();
@@ -113,7 +113,7 @@ fn a_connection_that_ends_within_a_turn_is_told_and_made_anew() {
     fails(|b| b.knobs.hang_up_in_turns(1), |_| {}, |e| matches!(e, DeviceError::Gone { .. }));
 }
 
-/// The same fault in the question before the turn and in the turn itself, which is made although nothing says so.
+/// The same fault at the question before the turn, and at the turn itself, which is then made without an acknowledgement.
 fn fails_before_and_within(fault: impl Fn(&Knobs), as_it_should: impl Fn(&DeviceError) -> bool) {
     for only_turns in [false, true] {
         let turn_the_knob = |b: &Bench| {
@@ -157,7 +157,7 @@ fn a_stop_ends_the_requests_and_vast_ends_its_turn() {
     let cancelled = CancelToken::new();
     cancelled.cancel();
     assert!(matches!(axis.reference(&cancelled), Err(DeviceError::Stopped)), "who stops for good stays stopped");
-    // The next reference waits until the turn has ended, and the handle of before still stops.
+    // The next reference waits until the turn has ended. A stop handle from before the reference still works.
     axis.reference(&CancelToken::new()).unwrap();
     assert!((true_steps(&bench.emulated) - zero - 250.0).abs() < 1e-6);
     stop.stop();

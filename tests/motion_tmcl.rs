@@ -1,4 +1,4 @@
-//! The TMCL driver against an emulated module over a pty, held against where the shaft and its motors truly stand.
+//! The TMCL driver against an emulated module over a pty, compared with the true positions of the shaft and its motors.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 #[path = "common/driver.rs"]
@@ -14,9 +14,9 @@ use std::f64::consts::TAU;
 use std::io::Write;
 
 const STEPS: f64 = 6400.0;
-/// What one motor does in 0.2 s: more than another process takes of this one's time.
+/// Steps of one motor in 0.2 s: longer than another process interrupts this one.
 const MAX_SKEW: u32 = 640;
-/// Position, as the module's answer carries it.
+/// Value of a position in the module's answer.
 const POSITION: u8 = 6;
 
 fn rig(settings: Settings) -> Rig {
@@ -79,7 +79,7 @@ fn a_turn_by_the_pair_stands_at_every_view_where_its_steps_say() {
         assert!((turns(&rig) - target.0 as f64 / STEPS).abs() < 1e-9);
         assert_eq!(motors(&rig)[0].to_bits(), motors(&rig)[1].to_bits(), "the glass is free of twist");
     }
-    // The next specimen begins at a counter of 0 again, a turn further on.
+    // The next specimen starts at a counter of 0 again, one turn further.
     assert_eq!(axis.reference(&CancelToken::new()).unwrap(), Achieved { steps: Steps(0), epoch: 2 });
     assert_eq!(axis.move_to(Steps(100)).unwrap().epoch, 2);
 }
@@ -160,7 +160,7 @@ fn a_stop_is_heard_by_a_module_that_waits_for_the_rest_of_a_frame() {
 
 #[test]
 fn the_cable_pulled_at_any_byte_is_a_lost_connection_and_a_new_reference() {
-    // What a move hears first: the mark, a look of three, two accepted targets, and some of the looks on the way.
+    // The first answers of a move: the mark, three readings, two accepted targets, and some readings during the move.
     cable_pulled_at_any_byte(9 * 9, || rig(Settings::default()), |rig| referenced(here(rig)));
 }
 
@@ -168,11 +168,11 @@ fn the_cable_pulled_at_any_byte_is_a_lost_connection_and_a_new_reference() {
 fn a_late_answer_at_any_place_of_a_move_is_never_in_the_wrong_field() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
-    // So short that the pair cannot be apart where it is the first motor's target that is accepted late.
+    // So short a move that the pair cannot diverge if only the first motor has accepted its target in time.
     late_answers(12, 101, &rig, &mut axis, STEPS);
 }
 
-/// Each answer names its command only: one too many would stand for the next one's, and so would every later one.
+/// An answer names its command only. An extra answer would be taken for the next one, and so would all later ones.
 #[test]
 fn a_motor_that_is_held_is_seen_whichever_answer_of_the_move_comes_twice() {
     std::thread::scope(|scope| {
@@ -205,7 +205,7 @@ fn answers_that_come_twice_cost_no_move() {
     }
 }
 
-/// Twice as late as the driver waits, and so are the answers to what it does about it.
+/// The answers take twice as long as the driver waits, also those to its recovery.
 #[test]
 fn late_answers_in_the_middle_of_a_move_cost_time_and_not_the_move() {
     std::thread::scope(|scope| {
@@ -223,7 +223,7 @@ fn late_answers_in_the_middle_of_a_move_cost_time_and_not_the_move() {
     });
 }
 
-/// By five steps more than it may be: too few for the search to see that one motor comes late to its switch.
+/// The skew is five steps above the limit, too little for homing to notice that one motor reaches its switch late.
 #[test]
 fn a_pair_that_stands_apart_is_not_homed_before_a_person_was_told() {
     let rig = rig(Settings::default());
@@ -268,7 +268,7 @@ fn stray_bytes_on_either_side_are_got_over_and_the_move_arrives() {
         axis.move_to(target + Steps(50)).unwrap_or_else(|e| panic!("{stray} bytes to the host: {e}"));
         assert!((turns(&rig) - (target.0 + 50) as f64 / STEPS).abs() < 1e-9);
     }
-    // Zeros look like a frame for nobody.
+    // Zeros look like a frame to an address that does not exist.
     rig.faults().serial().stray_to_controller(&[0; 4]);
     axis.move_to(Steps(0)).unwrap();
 }
@@ -286,7 +286,7 @@ fn a_flipped_bit_that_parses_is_asked_again() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
     for bit in [0, 4, 9, 20, 31] {
-        // At the beginning of a way, and at its end.
+        // A wrong reading at the beginning of a move, and one at its end.
         rig.faults().serial().rewrite_next(&answer(0), &answer(1 << bit));
         axis.move_to(Steps(800)).unwrap();
         rig.faults().serial().rewrite_next(&answer(1600), &answer(0x640 ^ (1 << bit)));
@@ -309,7 +309,7 @@ fn a_reset_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect() 
     });
     assert_eq!(axis.position(), Position::Suspect { epoch: 2 });
     assert_eq!(axis.reference(&CancelToken::new()).unwrap().epoch, 3);
-    // Here the counter says 0, and 0 is where it is expected.
+    // After the reset the counter is 0, which is also the expected position.
     let stands = turns(&rig);
     rig.faults().reboot_controller();
     let error = axis.move_to(Steps(320)).unwrap_err();
@@ -321,9 +321,9 @@ fn a_reset_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect() 
 fn steps_that_one_motor_lost_show_when_it_comes_late_to_its_switch() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
-    // So many that the second still searches when a busy host comes to ask.
+    // So many steps that the second motor still searches when a busy host asks.
     rig.shaft().lose_steps_of(1, 3000);
-    // Open loop: the module counts what it sent.
+    // Open loop: the module counts the steps that it has sent.
     axis.move_to(Steps(3200)).unwrap();
     assert!((motors(&rig)[0] - motors(&rig)[1] - 3000.0).abs() < 1e-9);
     let error = axis.reference(&CancelToken::new()).unwrap_err();
@@ -336,7 +336,7 @@ fn steps_that_one_motor_lost_show_when_it_comes_late_to_its_switch() {
 fn a_motor_that_begins_late_twists_the_glass_and_both_are_stopped() {
     let rig = rig(Settings::default());
     let mut axis = referenced(here(&rig));
-    // At 3200 steps/s 1600 steps, were nobody to look.
+    // At 3200 steps/s the skew would be 1600 steps if the driver did not watch it.
     rig.faults().motors().start_late(1, 0.5);
     let error = axis.move_to(Steps(12_800)).unwrap_err();
     assert!(matches!(error, DeviceError::Skew { limit: MAX_SKEW, .. }), "{error}");
@@ -357,21 +357,21 @@ fn a_stall_is_named_and_never_armed_away() {
     assert!(matches!(&error, DeviceError::Stalled { at: Steps(800), target: Steps(1600), .. }), "{error}");
     let stands = motors(&rig);
     assert_eq!(axis.position(), Position::Suspect { epoch: 2 });
-    // The reference arms the stall stop again; the old move must not go on by that.
+    // The reference arms the stall stop again, which must not continue the old move.
     axis.reference(&CancelToken::new()).unwrap();
     assert_eq!(motors(&rig).map(f64::to_bits), stands.map(f64::to_bits));
     axis.move_to(Steps(100)).unwrap();
 }
 
-/// Of another program, or of this one before it was killed.
+/// The stalled move is that of another program, or of this one before it was killed.
 #[test]
 fn a_stalled_move_that_nobody_ended_does_not_go_on_when_the_stall_stop_is_armed() {
     let rig = rig(Settings::default().with(181, 100));
-    // What is said to a module that is still starting is lost.
+    // A module that is still starting ignores commands, so the driver first waits for it.
     drop(Tmcl::open(armed(&rig)).unwrap());
     for motor in [0_u8, 1] {
         rig.faults().motors().stall_after(motor.into(), 800);
-        // Both to 1600: the sum of the other bytes of this frame is 0x4b.
+        // Both motors to 1600: the sum of the other bytes of this frame is 0x4b.
         let go = [1, 4, 0, motor, 0, 0, 0x06, 0x40, 0x4b + motor];
         std::fs::OpenOptions::new().write(true).open(rig.serial_path()).unwrap().write_all(&go).unwrap();
     }
@@ -391,7 +391,7 @@ fn one_stalled_motor_stops_the_other_before_the_glass_is_twisted_further() {
     assert!(matches!(&error, DeviceError::Stalled { motor, at: Steps(300), .. } if motor == "motor 1"), "{error}");
     stand(&rig);
     assert!(motors(&rig)[0] < 32_000.0, "the other stood long before its target");
-    // Referenced where it stands the pair is apart: that is for hands to free.
+    // With `here` as reference the pair is still skewed: a person has to free it.
     let error = axis.reference(&CancelToken::new()).unwrap_err();
     assert!(matches!(error, DeviceError::Skew { .. }), "{error}");
 }

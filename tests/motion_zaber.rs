@@ -1,4 +1,4 @@
-//! The Zaber driver against an emulated controller over a pty, held against where the shaft truly stands.
+//! The Zaber driver against an emulated controller over a pty, compared with the true position of the shaft.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 #[path = "common/driver.rs"]
@@ -43,7 +43,7 @@ fn referenced(settings: ZaberSettings) -> Zaber {
     axis
 }
 
-/// Ends a move to `target` as `meanwhile` makes it, and gives its error; the axis is then suspect.
+/// Makes a move to `target` that fails because of `meanwhile`, and returns its error. The axis must then be suspect.
 fn failed(axis: &mut Zaber, target: i64, meanwhile: impl FnOnce()) -> DeviceError {
     let error = std::thread::scope(|scope| {
         let moving = scope.spawn(|| axis.move_to(Steps(target)));
@@ -114,7 +114,7 @@ fn a_stop_in_the_middle_of_a_move_stops_the_axis_until_the_next_reference() {
 
 #[test]
 fn the_cable_pulled_at_any_byte_is_a_lost_connection_and_a_new_reference() {
-    // What a move hears first: state, counter, encoder, the acceptance, and a state or two; some 26 bytes each.
+    // The first answers of a move: state, counter, encoder, the acceptance, and one or two states; some 26 bytes each.
     cable_pulled_at_any_byte(26 * 5, || rig(Settings::default()), |rig| referenced(here(rig)));
 }
 
@@ -139,7 +139,7 @@ fn noise_split_and_lost_lines_are_got_over_and_the_move_arrives() {
     }
     rig.faults().serial().drop_answers(1);
     axis.move_to(Steps(64)).unwrap();
-    // Two answers in one: the line end between them is lost.
+    // The line end between two answers is lost.
     rig.faults().serial().rewrite_next(b"\r\n", b"");
     axis.move_to(Steps(128)).unwrap();
     rig.faults().serial().split_answers(true);
@@ -147,13 +147,13 @@ fn noise_split_and_lost_lines_are_got_over_and_the_move_arrives() {
     assert!(turns(&rig).abs() < 1e-9);
 }
 
-/// Digits that change places leave the checksum as it is.
+/// Two exchanged digits do not change the checksum.
 #[test]
 fn a_wrong_number_that_parses_is_asked_again() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
     for target in [1600, 3200] {
-        // Of the counter at the end of the first move, and at the beginning of the second.
+        // The counter at the end of the first move, and at the beginning of the second.
         rig.faults().serial().rewrite_next(b"-- 1600:", b"-- 6100:");
         axis.move_to(Steps(target)).unwrap();
         assert!((turns(&rig) - target as f64 / STEPS).abs() < 1e-9);
@@ -170,7 +170,7 @@ fn a_restart_in_the_middle_of_a_move_and_between_two_makes_the_position_suspect(
     });
     assert!(matches!(&error, DeviceError::Suspect { why } if why.contains("restarted")), "{error}");
     assert_eq!(axis.reference(&CancelToken::new()).unwrap().epoch, 3);
-    // Here the counter says 0, and 0 is where it is expected.
+    // After the restart the counter is 0, which is also the expected position.
     let stands = turns(&rig);
     rig.faults().reboot_controller();
     let error = failed(&mut axis, 320, || ());
@@ -203,7 +203,7 @@ fn stalls_limits_and_hands_are_named() {
     let error = failed(&mut axis, 1600, || ());
     assert!(matches!(&error, DeviceError::Alarm { what, .. } if what.starts_with("FE")), "{error}");
     drop(axis);
-    // Homed: a place that was taken as it is carries WH, which hides what is less.
+    // With homing, because a position that was taken as zero carries the warning WH, which hides those of lower priority.
     let mut axis = referenced(settings(&rig));
     axis.move_to(Steps(64)).unwrap();
     rig.shaft().push(80);
@@ -215,7 +215,7 @@ fn is_intervention(error: &DeviceError, flag: &str) -> bool {
     matches!(error, DeviceError::Intervention { what, .. } if what.contains(flag))
 }
 
-/// Where the place was taken as it is the controller's own flag of that hides the one of the hand.
+/// With `here` as reference the controller's own warning hides the one about the knob.
 #[test]
 fn a_hand_on_the_knob_in_the_middle_of_a_move_waits_for_a_person() {
     for reference in [Reference::Home, Reference::Here] {
@@ -229,7 +229,7 @@ fn a_hand_on_the_knob_in_the_middle_of_a_move_waits_for_a_person() {
         assert!(is_intervention(&error, "NI") || is_intervention(&error, "NC"), "{reference:?}: {error}");
         stand(&rig);
         assert!(turns(&rig) < begin + 5.0, "long before its target");
-        // The person has let go and acknowledged the fault.
+        // The person has released the knob and acknowledged the fault.
         axis.reference(&CancelToken::new()).unwrap();
         axis.move_to(Steps(64)).unwrap();
     }
@@ -277,7 +277,7 @@ fn a_hardware_stop_that_nobody_was_told_of_is_told_before_anything_moves() {
     rig.faults().motors().press_hardware_stop(false);
     drop(axis);
     let stands = turns(&rig);
-    // Released, but not enabled again: a person has yet to say that it may turn.
+    // The switch is released, but a person has not enabled the motion again.
     let mut axis = Zaber::open(settings(&rig)).unwrap();
     let error = axis.reference(&CancelToken::new()).unwrap_err();
     assert!(is_intervention(&error, "FH"), "{error}");
@@ -290,7 +290,7 @@ fn between_runs_the_controller_is_asked_and_a_hand_is_told_once() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
     axis.check().unwrap();
-    // What this program stops is its own doing.
+    // A stop by this program is no intervention.
     let stop = axis.stop_handle();
     let error = failed(&mut axis, 64_000, || {
         until("the axis to turn", || turns(&rig) > 0.1);
@@ -318,12 +318,12 @@ fn between_runs_the_controller_is_asked_and_a_hand_is_told_once() {
     assert!(matches!(error, DeviceError::Gone { .. }), "{error}");
 }
 
-/// A move that is told twice would interrupt itself.
+/// A repeated move command would interrupt the move.
 #[test]
 fn a_lost_answer_to_a_long_move_does_not_interrupt_it() {
     let rig = rig(Settings::default());
     let mut axis = referenced(settings(&rig));
-    // After state, counter and encoder.
+    // The late answer is one after state, counter and encoder.
     for lost in 0..6 {
         rig.faults().serial().delay_answer_after(lost, std::time::Duration::from_millis(300));
         let target = Steps(3200 * (i64::from(lost) + 1));

@@ -1,5 +1,5 @@
-//! What happens to one well when it does not go as it should: a view that does not belong, a specimen that moved, a phase that
-//! takes too long, a specimen that is not all in the picture.
+//! Disturbances of a single well: a view that does not belong to it, a specimen that moved, a phase that takes too long, a specimen that is
+//! partly outside the picture.
 //!
 //! ```text
 //! test = plate-loader ── HTTP ──► carved serve (child) ── pty, GigE ──► emulated rig whose sight this test bends
@@ -20,7 +20,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// As it is.
+/// No disturbance.
 const STRAIGHT: (Range<f64>, f64) = (0.0..0.0, 0.0);
 
 /// A method of 12 views.
@@ -43,7 +43,7 @@ impl Instrument {
         assert_eq!(self.daemon.put_loaded("r1", well), 200);
     }
 
-    /// A run of one larva, to its end.
+    /// A run of one larva until it ends.
     fn one_larva(&self, specimen: Specimen) -> Value {
         self.put(&[json!({"well": "A01", "dpf": 4})]);
         self.load("A01", specimen);
@@ -68,7 +68,7 @@ fn flags(status: &Value) -> Vec<String> {
     serde_json::from_value(status["run"]["results"][0]["flags"].clone()).unwrap()
 }
 
-/// The numbers are those that their frames give.
+/// The frames reproduce the recorded numbers.
 fn is_reproduced(recording: &std::path::Path) {
     let output = run(&["measure", recording.to_str().unwrap()]);
     assert!(output.status.success(), "{}", stderr(&output));
@@ -78,7 +78,7 @@ fn is_reproduced(recording: &std::path::Path) {
 
 #[test]
 fn a_view_that_does_not_belong_is_taken_again_and_both_takes_are_kept() {
-    // View 4 stands at 120 deg.
+    // View 4 is at 120 deg.
     let instrument = start(&QUICK, "retries = 1", (2.0..2.2, 1.0));
     let status = instrument.one_larva(larva());
     let well = &status["run"]["results"][0];
@@ -99,7 +99,7 @@ fn a_view_that_does_not_belong_is_taken_again_and_both_takes_are_kept() {
 
 #[test]
 fn a_specimen_that_moved_is_taken_from_the_reference_again_and_the_first_attempt_is_kept_beside() {
-    // From view 6 of the first turn on, its closure view included. The second attempt sees it at rest.
+    // Disturbed from view 6 of the first turn on, including its closure view. The second attempt is undisturbed.
     let instrument = start(&QUICK, "retries = 1", (3.0..7.0, 0.6));
     let status = instrument.one_larva(larva());
     assert_eq!(status["run"]["results"][0]["outcome"], "succeeded", "{status}");
@@ -162,7 +162,7 @@ fn a_specimen_that_is_cut_by_the_picture_is_skipped_where_the_method_says_so() {
     assert_eq!(instrument.rig.exposures().len(), 1, "nothing but the look that it is judged by");
 }
 
-/// The numbers of a specimen are made beside the next one's load, and are there before the next one is touched.
+/// The numbers of a specimen are computed while the next one is loaded, and are complete before the next one is moved.
 #[test]
 fn numbers_are_made_beside_the_next_load_and_no_further() {
     let instrument = start(&QUICK, "retries = 1", STRAIGHT);
@@ -171,7 +171,7 @@ fn numbers_are_made_beside_the_next_load_and_no_further() {
     instrument.load("A02", Specimen::bead(500.0).unwrap());
     let status = instrument.daemon.wait("the run's end", |s| {
         assert_eq!(s["plate"]["removable"], false, "{s}");
-        // Until its numbers are there a well is pending, whatever is in the capillary.
+        // A well is pending until its numbers exist, whatever is in the capillary.
         assert!(s["run"]["results"][0]["outcome"].is_null() == s["run"]["results"][0]["volume_um3"].is_null(), "{s}");
         !s["run"]["outcome"].is_null()
     });
@@ -187,7 +187,7 @@ fn numbers_are_made_beside_the_next_load_and_no_further() {
     assert!(at("A01", "specimen.done", None) < phase("A02", "position"), "no more than one specimen's numbers are made at once");
 }
 
-/// A vendor's sampler does not take the specimen out: what was found of it stands all the same, and is told.
+/// A vendor's sampler does not take the specimen out. The result of the specimen stands nevertheless and is reported.
 fn verdict_is_told(specimen: Specimen, outcome: &str) {
     // Much longer than the daemon waits.
     let stuck = SamplerSettings { load_s: 20.0, eject_s: 1e6, bounce_s: 0.004 };

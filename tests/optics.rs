@@ -1,5 +1,5 @@
-//! Light, camera place and scale that fail under a run: the run is held, the larva stays in the capillary and is measured once a person
-//! has mended the instrument.
+//! Light, camera position or scale fail during a run. The run is held, the larva stays in the capillary, and it is measured after a person
+//! has repaired the instrument.
 //!
 //! ```text
 //! test = plate-loader, or a sampler's plate ──► carved serve (child) ── pty, GigE ──► emulated rig behind a lamp that this test dims
@@ -16,25 +16,25 @@ use hardware_sim::{PixelFormat, Pixels, SamplerSettings, Sight};
 use serde_json::{Value, json};
 use std::sync::{Arc, Mutex};
 
-/// What stands between the scene and the sensor.
+/// What is between the scene and the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Optics {
     Sound,
-    /// Light in percent of what it should be.
+    /// Light in percent of the nominal light.
     Dimmed(u32),
-    /// The same from this exposure of the rig on.
+    /// The same, from this exposure of the rig on.
     DimmedFrom(u64, u32),
-    /// This one exposure only.
+    /// The same, at this exposure only.
     DimmedOnce(u64, u32),
-    /// The camera looks beside the capillary, at the lamp.
+    /// The camera looks past the capillary at the lamp.
     NoCapillary,
-    /// Somebody has put in a lens of twice the scale.
+    /// Somebody has mounted a lens of twice the magnification.
     TwiceTheLens,
 }
 
 struct Before {
     scene: Arc<Scene>,
-    /// The same capillary before a lens of twice the scale.
+    /// The same capillary, seen through the lens of twice the magnification.
     magnified: Scene,
     optics: Arc<Mutex<Optics>>,
 }
@@ -80,7 +80,7 @@ struct Bench {
     optics: Arc<Mutex<Optics>>,
 }
 
-/// An empty capillary is seen as such before the specimen comes, on a busy machine too: 2 s.
+/// Loading takes 2 s, so that the empty capillary is seen before the specimen comes, also on a busy machine.
 const SLOWLY: SamplerSettings = SamplerSettings { load_s: 20.0, eject_s: 1.5, bounce_s: 0.004 };
 
 const POLICY: &str = "retries = 1, bead_gate = \"off\"";
@@ -119,7 +119,7 @@ impl Bench {
         assert_eq!(self.daemon().put_loaded("r1", well), 200);
     }
 
-    /// A larva on the sampler's plate, once it is waited for.
+    /// Puts a larva on the sampler's plate once the daemon waits for it.
     fn give(&self) {
         self.daemon().wait("the load", |s| s["specimen"]["phase"] == "load");
         let (brought, taken) = (self.instrument.scene.clone(), self.instrument.scene.clone());
@@ -128,7 +128,8 @@ impl Bench {
         self.instrument.rig.sampler().unwrap().give(Next { bring, take_away });
     }
 
-    /// Held by this one fault, which a person has to see to, with the larva of `well` in the capillary and nobody asked to take it out.
+    /// Waits until the run is held. Checks that this fault is the only one, that it needs an operator, that the larva of `well` is in the
+    /// capillary, and that nobody is asked to take it out.
     fn held(&self, well: &str, code: &str) -> Value {
         let status = self.daemon().wait("the hold", |s| s["state"] == "Held" || !s["run"]["outcome"].is_null());
         self.is_held(&status, well, code);
@@ -148,7 +149,7 @@ impl Bench {
         assert_ne!(self.instrument.scene.contents().specimens.len(), 0, "the larva was ejected");
     }
 
-    /// The run does not go on while the fault stands; a person acknowledges it, and lets it go on.
+    /// The run does not continue while the fault stands. A person acknowledges the fault and then continues the run.
     fn go_on(&self, status: &Value) {
         let (code, problem) = self.daemon().send("POST", "/v1/runs/r1/unhold", &Value::Null);
         assert_eq!((code, &problem["code"]), (409, &json!("fault_stands")), "{problem}");
@@ -156,7 +157,7 @@ impl Bench {
         assert_eq!(self.daemon().post("/v1/runs/r1/unhold"), 200);
     }
 
-    /// To the run's end, without a word of the loader's.
+    /// Waits for the end of the run. The loader must not be asked for anything.
     fn ends(&self) -> Value {
         let status = self.daemon().wait("the run's end", |s| {
             assert!(s["state"] != "Suspended" && s["plate"]["bring"].is_null(), "the loader is asked for what is inside: {s}");
@@ -192,12 +193,12 @@ fn light_that_is_cut_after_the_first_well_holds_the_run_and_the_same_larva_is_me
         assert!(said.contains(word), "{word}: {said}");
     }
     assert!(status["doing"].as_str().unwrap().contains("light"), "{status}");
-    // Two attempts with two frames each, and no turn; a frame that is late on a busy machine is triggered again.
+    // Two attempts with two frames each, and no turn. On a busy machine a late frame is triggered again.
     let taken = bench.instrument.rig.exposures().len() - exposures;
     assert!((4..21).contains(&taken), "{taken} exposures: a larva was turned in the dark");
     assert!(bench.instrument.data.join("runs/r1/A02/SHA256SUMS").is_file(), "the recording is closed");
 
-    // A crash does not forget that the larva is inside, nor whose it is.
+    // After a crash the daemon still knows that the larva is inside, and its well.
     let Bench { instrument, optics } = bench;
     let bench = Bench { instrument: instrument.restarted("KILL"), optics };
     let status = bench.daemon().wait("the held run", |s| s["run"]["id"] == "r1" && s["state"] == "Held");
@@ -214,7 +215,7 @@ fn light_that_is_cut_after_the_first_well_holds_the_run_and_the_same_larva_is_me
     assert_eq!((interrupted.len(), &interrupted[0]["data"]["kept"]), (1, &json!(true)), "{interrupted:?}");
 }
 
-/// What `interrupted = "skip"` gives up are specimens whose place is lost, not one that the instrument could not see.
+/// `interrupted = "skip"` gives up specimens whose position is lost. A specimen that the instrument could not see is not given up.
 #[test]
 fn a_capillary_that_is_out_of_view_holds_the_run_whatever_the_policy_says_of_interrupted_specimens() {
     let bench = Bench::new("retries = 0, interrupted = \"skip\", bead_gate = \"off\"");
@@ -222,7 +223,7 @@ fn a_capillary_that_is_out_of_view_holds_the_run_whatever_the_policy_says_of_int
     bench.put(&["A01"]);
     bench.bring("A01");
     let status = bench.held("A01", "capillary_not_seen");
-    // Nothing is mended: the same fault, and the larva is still there.
+    // Nothing is repaired: the fault comes back, and the larva stays.
     bench.go_on(&status);
     let status = bench.daemon().wait("the second hold", |s| s["state"] == "Held" && s["faults"][0]["seq"].as_u64() > Some(1));
     bench.is_held(&status, "A01", "capillary_not_seen");
@@ -232,7 +233,7 @@ fn a_capillary_that_is_out_of_view_holds_the_run_whatever_the_policy_says_of_int
     assert_eq!(bench.events("well.awaited", "A01").len(), 1);
 }
 
-/// A vendor's sampler brings and takes away by itself: it must neither eject the larva nor bring the next one in its place.
+/// A vendor's sampler loads and ejects by itself. It must neither eject the larva nor load the next one.
 #[test]
 fn a_driven_sampler_keeps_the_larva_that_the_instrument_could_not_see() {
     let trigger = [("driver = \"loader\"", "driver = \"trigger\"\ndone_output = true".to_owned())];
@@ -250,7 +251,7 @@ fn a_driven_sampler_keeps_the_larva_that_the_instrument_could_not_see() {
     assert!(bench.events("specimen.phase", "A01").iter().all(|e| e["data"]["phase"] != "eject" || e["data"]["in_capillary"] == true));
 }
 
-/// The daemon dies while the larva waits in the capillary of a driven sampler: the next life goes on with it.
+/// The daemon dies while the larva waits in the capillary of a driven sampler. The restarted daemon continues with this larva.
 #[test]
 fn a_larva_that_a_driven_sampler_keeps_outlasts_a_crash() {
     let trigger = [("driver = \"loader\"", "driver = \"trigger\"\ndone_output = true".to_owned())];
@@ -269,7 +270,7 @@ fn a_larva_that_a_driven_sampler_keeps_outlasts_a_crash() {
     assert_eq!(bench.instrument.rig.sampler().unwrap().ejected(), 1);
 }
 
-/// The judging frame is exposure 0, view 0 is exposure 1: the light goes out at view 7 of 21.
+/// The judging frame is exposure 0 and view 0 is exposure 1. The light fails at view 7 of 21.
 #[test]
 fn light_that_goes_out_in_mid_turn_holds_the_run() {
     let bench = Bench::new(POLICY);
@@ -282,7 +283,7 @@ fn light_that_goes_out_in_mid_turn_holds_the_run() {
     bench.ends();
 }
 
-/// A frame that is lost to a flicker, the judging one or a view, is taken again: that holds nothing.
+/// A frame that a flicker spoils, the judging one or a view, is taken again. The run is not held.
 #[test]
 fn one_dark_frame_holds_no_run() {
     for (at, policy) in [(0, "retries = 0, bead_gate = \"off\""), (6, POLICY)] {
@@ -297,7 +298,7 @@ fn one_dark_frame_holds_no_run() {
     }
 }
 
-/// 1.8 px per um for 0.18: a bore of 65 um, into which no larva fits.
+/// A configured scale of 1.8 instead of 0.18 px per um gives a bore of 65 um, in which no larva fits.
 #[test]
 fn a_scale_that_the_capillary_contradicts_holds_the_run() {
     let scale = ["kx_px_per_um", "ky_px_per_um"].map(|key| (key, "0.18181818181818182", "1.8181818181818182"));
@@ -311,7 +312,7 @@ fn a_scale_that_the_capillary_contradicts_holds_the_run() {
     assert!(said.contains("ky_px_per_um = 1.8") && said.contains("box_um"), "{said}");
 }
 
-/// The bore of 650 um then looks 1300 um wide, which a box of 1000 um does not contradict: only the configured bore tells it.
+/// The bore of 650 um then looks 1300 um wide. A box of 1000 um does not contradict this, only a configured bore does.
 #[test]
 fn a_lens_of_twice_the_scale_holds_the_run_where_the_bore_is_configured() {
     let bore = [("[rotation]", "bore_um = 650.0\n[rotation]".to_owned())];
@@ -324,7 +325,7 @@ fn a_lens_of_twice_the_scale_holds_the_run_where_the_bore_is_configured() {
     let status = bench.held("A02", "scale_off");
     let said = status["faults"][0]["message"].as_str().unwrap();
     let seen_um: f64 = said.split("bore measures ").nth(1).and_then(|s| s.split(' ').next()).unwrap().parse().unwrap();
-    // A wall's line is found to a px: 2 px of 236 are 11 um.
+    // The line of a wall is found to one px: 2 px of 236 are 11 um.
     assert!((seen_um - 1300.0).abs() < 15.0 && said.contains("optics.bore_um is 650 um") && said.contains("20 %"), "{said}");
     bench.set(Optics::Sound);
     bench.go_on(&status);

@@ -1,10 +1,11 @@
-//! The protocols by other people's hands: Trinamic's `PyTrinamic` and Zaber's Motion Library, from `PyPI`.
+//! The protocols as implemented by others: Trinamic's `PyTrinamic` and Zaber's Motion Library, from `PyPI`.
 //!
 //! ```text
-//! PyTrinamic, Motion Library ── pty ── emulated module, emulated controller      is what we emulate what they speak to?
-//! our driver ─────────────────── pty ── a module of PyTrinamic's frames          is what we say what they understand?
+//! PyTrinamic, Motion Library ── pty ── emulated module, emulated controller      do they understand what we emulate?
+//! our driver ─────────────────── pty ── a module of PyTrinamic's frames          do they understand what we send?
 //! ```
-//! Where `PyPI` cannot be reached the tests say so and pass, but fail in a strict run. Zaber has no controller in a package, and nobody a Grbl.
+//! Without access to `PyPI` the tests report this and pass, but they fail in a strict run. Zaber offers no emulated controller in a
+//! package, and there is no package of a Grbl.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 #[path = "common/driver.rs"]
@@ -23,13 +24,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
-/// A Python that has the packages, or why there is none.
+/// A Python that has the packages, or the reason why there is none.
 fn python() -> Result<PathBuf, String> {
     static FOUND: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     FOUND.get_or_init(install).clone()
 }
 
-/// Once per target folder.
+/// Installs the packages once per target folder.
 fn install() -> Result<PathBuf, String> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("oracles");
     let python = folder.join("bin/python");
@@ -46,7 +47,7 @@ fn install() -> Result<PathBuf, String> {
     Ok(python)
 }
 
-/// The program under tests/oracles; none where it cannot be run.
+/// A program of tests/oracles. `None` if it cannot run here.
 fn oracle(name: &str) -> Option<Command> {
     match python() {
         Ok(python) => {
@@ -104,7 +105,7 @@ fn a_module_of_pytrinamics_frames_understands_the_driver() {
         max_skew_steps: 640,
         stop_on_stall: None,
         reference: Reference::Here,
-        // Another process, on a machine that may be busy.
+        // The module is another process on a machine that may be busy.
         answer_timeout_ms: 5000,
         homing_timeout_ms: 5000,
     };

@@ -1,6 +1,6 @@
-//! Profiles of simulated frames against the scene's exact outline, through the Bayer mosaic and with noise.
+//! Profiles of simulated frames, compared with the exact outline of the scene, through the Bayer mosaic and with noise.
 //!
-//! The settings were chosen on the frames of seeds 1 and 7; the seeds here are others.
+//! The settings were chosen on the frames of seeds 1 and 7. These tests use other seeds.
 
 #![allow(clippy::unwrap_used)]
 
@@ -35,20 +35,20 @@ fn picture(scene: &Scene, angle_rad: f64, number: u64) -> Picture {
 const METHODS: [(Method, &str); 3] = [(Method::Hybrid, "hybrid"), (Method::MeanShift, "mean shift"), (Method::LevelSet, "level set")];
 const DIFFICULTIES: [Difficulty; 4] = [Difficulty::Easy, Difficulty::Medium, Difficulty::Hard, Difficulty::Vicious];
 
-/// The value in the middle; of an even number the upper one.
+/// The median; of an even number of values the upper one of the middle.
 fn median(values: impl Iterator<Item = f64>) -> f64 {
     let mut sorted: Vec<f64> = values.collect();
     sorted.sort_by(f64::total_cmp);
     sorted[sorted.len() / 2]
 }
 
-/// Least figures of the hybrid by difficulty: median overlap, worst overlap, share of the outline within 1 px, share of the fins;
-/// and how far its outline may lie beside the truth, px.
+/// Lowest accepted figures of the hybrid by difficulty: median overlap, worst overlap, share of the outline within 1 px, share of the fins.
+/// The last figure is the largest accepted distance of the outline from the truth, px.
 type Floor = [f64; 5];
 const FLOORS: [Floor; 4] =
     [[0.988, 0.97, 0.96, 0.96, 0.15], [0.984, 0.965, 0.935, 0.91, 0.2], [0.98, 0.87, 0.92, 0.88, 0.2], [0.96, 0.70, 0.81, 0.74, 0.4]];
 
-/// Every second frame of the set, so that each difficulty has nine, by every method.
+/// Every second frame of the set, so that each difficulty has nine frames, by every method.
 ///
 /// Measured, overlap in the median and at worst, median share within 1 px, median share of the fins found:
 /// ```text
@@ -123,8 +123,8 @@ fn profiles_are_those_of_the_truth() {
     assert!(all(0) >= all(1).max(all(2)) + 0.08, "hybrid {}, mean shift {}, level set {}", all(0), all(1), all(2));
 }
 
-/// A specimen measured on a scene of the default optics carries no flag for its blur; with half the blur or twice it does.
-/// Six views are enough for a hull, and coarse voxels for its flags.
+/// A specimen measured on a scene with the default optics has no blur flag. With half or twice the blur it has one. Six views are enough
+/// for a hull, and coarse voxels for its flags.
 #[test]
 fn a_blur_that_is_not_the_configured_one_is_flagged() {
     for (blur_px, off) in [(0.4, true), (0.7, false), (1.4, true)] {
@@ -159,7 +159,7 @@ fn an_empty_capillary_is_called_empty_and_its_walls_are_where_they_are() {
         let profile = segment(&picture(&scene, 0.0, seed), &SegmentSettings::default()).unwrap();
         assert!(profile.detection.kind == Kind::Empty && profile.detection.confidence > 0.9, "{:?}", profile.detection);
         assert!(profile.edge.is_empty() && profile.mask.area_px() == 0);
-        // 0.02 deg are 0.36 px over the frame; the glass' halo pulls the darkest row by half a pixel outwards.
+        // 0.02 deg are 0.36 px over the frame. The halo of the glass shifts the darkest row outwards by half a pixel.
         assert!((profile.walls.tilt_deg() - tilt_rad.to_degrees()).abs() < 0.02, "tilt {} deg", profile.walls.tilt_deg());
         let bore_px = scene.settings().capillary.bore_diameter_um / 5.5;
         assert!((profile.walls.bore_px(511.5) - bore_px).abs() < 1.5, "bore {} px", profile.walls.bore_px(511.5));
@@ -205,7 +205,7 @@ fn frames_that_show_nothing_are_refused_by_name() {
     );
 }
 
-/// A trunk that fills the picture, without walls: its edges are dark lines, and as straight as no wall.
+/// A trunk that fills the picture, without walls. Its edges are dark lines, but not straight enough for a wall.
 #[test]
 fn a_specimens_own_edges_are_no_walls() {
     let (width, height) = (480u32, 240u32);
@@ -213,7 +213,7 @@ fn a_specimens_own_edges_are_no_walls() {
     let bytes = (0..width * height).map(|i| {
         let (u, v) = (f64::from(i % width), f64::from(i / width));
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        // Bows by 9 px to both sides: more than glass is bent.
+        // The edges bow by 9 px to both sides, more than glass bends.
         let edge = 60.0 - 9.0 * (u / 480.0 * std::f64::consts::PI * 2.0).sin();
         let rim = |at: f64| 90.0 * (-0.5 * ((v - at) / 2.0).powi(2)).exp();
         (200.0 - rim(120.0 - edge) - rim(120.0 + edge) + (state >> 61) as f64) as u8
@@ -224,8 +224,8 @@ fn a_specimens_own_edges_are_no_walls() {
     assert!(matches!(found, Err(ProfileError::CrookedWalls { straight_share, .. }) if straight_share < 0.4), "{found:?}");
 }
 
-/// A segmenter keeps memory, not knowledge: after frames of other sizes, methods, colours and contents, with bubbles and with
-/// a reference, each frame gives what a fresh segmenter gives.
+/// A segmenter keeps buffers but no results: after frames of other sizes, methods, colours and contents, with bubbles and with an
+/// empty-capillary picture, each frame gives the same result as with a fresh segmenter.
 #[test]
 fn a_frame_gives_the_same_whatever_came_before() {
     let list = frame_set(SEED).unwrap();

@@ -1,5 +1,5 @@
-//! Quality control on turns that are known: how a specimen lies at the closure view, views that spoil the model and are taken again, and a
-//! turn that ends early.
+//! Quality control on turns with a known truth: the pose of a specimen at the closure view, views that spoil the model and are taken again,
+//! and a turn that ends early.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 mod closures;
@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-/// How a larva lies at 360 deg that was moved by `by` after the last view, on a rig with a day's drift and noise.
+/// The pose offset at 360 deg of a larva that was moved by `by` after the last view, on a rig with one day's drift and noise.
 fn closed(seed: u64, by: Pose) -> PoseOffset {
     let camera = Camera::default();
     let (width, height) = (camera.width as usize, camera.height as usize);
@@ -53,8 +53,8 @@ fn closed(seed: u64, by: Pose) -> PoseOffset {
     found.closure.unwrap()
 }
 
-/// Views are shifted by 0.4 px each (standard deviation), angles by half a degree: two views differ by 1.4 times as much, and three
-/// standard deviations are allowed.
+/// Each view is shifted by 0.4 px and turned by half a degree (standard deviations). The difference of two views has 1.4 times this
+/// standard deviation, and three standard deviations are allowed.
 #[test]
 fn the_closure_view_tells_how_far_the_specimen_moved() {
     let um_per_px = 5.5;
@@ -72,7 +72,7 @@ fn the_closure_view_tells_how_far_the_specimen_moved() {
             let lie = closed(seed, *by);
             println!("{by:?}: {lie:?}");
             assert!((lie.along_px - along_px).abs() < 1.0, "along {along_px} px: {lie:?}");
-            // A larva that is rolled about the axis beside which it lies is carried across as well.
+            // A roll of a larva that lies beside the axis also shifts it across.
             let carried = 40.0 * 2f64.sqrt() * turn_deg.to_radians().abs() / um_per_px;
             assert!((lie.across_px - across_px).abs() < 1.7 + carried, "across {across_px} px: {lie:?}");
             assert!((lie.turn_rad.to_degrees() - turn_deg).abs() < 2.1, "turned by {turn_deg} deg: {lie:?}");
@@ -88,7 +88,7 @@ fn larva(seed: u64) -> Contents {
 fn spoiled_views_are_named_taken_again_and_leave_no_trace() {
     let omegas = even();
     let seen = rendered(larva(5), &omegas);
-    // One frame of an empty capillary, and one of another larva.
+    // One frame of an empty capillary and one of another larva.
     let wrong = [(4u32, rendered(Contents::default(), &omegas[4..5]).remove(0)), (11, rendered(larva(77), &omegas[2..3]).remove(0))];
     let taken = |spoiled: bool| {
         let mut pipeline = Pipeline::new(settings()).unwrap();
@@ -143,13 +143,13 @@ fn a_turn_that_ends_early_is_measured_as_one_of_so_many_views() {
     assert!(record.quality.as_ref().unwrap().check("usable_percent").is_some_and(|c| !c.over), "fewer views were planned");
 }
 
-/// The view at 360 deg.
+/// Index of the view at 360 deg.
 const CLOSURE: u32 = 14;
 
-/// What is done to a live pipeline.
+/// One step of a live pipeline.
 #[derive(Debug, Clone, Copy)]
 enum Step {
-    /// A view, or [`CLOSURE`], is taken or taken again; the picture by its place in the test's pictures.
+    /// Takes a view, or [`CLOSURE`], for the first time or again. The second number is the index of its picture.
     Take(u32, usize),
     /// Work of the live run that must not change the numbers.
     Refine,
@@ -157,7 +157,7 @@ enum Step {
     EndEarly,
 }
 
-/// 14 views and the closure view of a larva, and a picture of an empty capillary last.
+/// 14 views and the closure view of a larva, and a picture of an empty capillary as the last one.
 fn pictures() -> &'static (Vec<f64>, Vec<SegmentedFrame>) {
     static PICTURES: OnceLock<(Vec<f64>, Vec<SegmentedFrame>)> = OnceLock::new();
     PICTURES.get_or_init(|| {
@@ -171,7 +171,7 @@ fn pictures() -> &'static (Vec<f64>, Vec<SegmentedFrame>) {
 
 const EMPTY: usize = CLOSURE as usize + 1;
 
-/// Planned for more views than there are, with large voxels: the numbers need not be good, but the same.
+/// A pipeline with large voxels, planned for more views than there are: the numbers need not be good, only equal.
 fn coarse() -> Pipeline {
     Pipeline::new(PipelineSettings { planned_views: 21, grid: VoxelGrid::new(BoxUm::PAPER, 34.0).unwrap(), ..settings() }).unwrap()
 }
@@ -186,7 +186,7 @@ fn taken(pipeline: &mut Pipeline, view: u32, picture: usize, again: bool) {
     }
 }
 
-/// The numbers of a live run, or why there are none.
+/// The numbers of a live run, or its error.
 fn live(steps: &[Step]) -> String {
     let mut pipeline = coarse();
     let mut before = Vec::new();
@@ -204,7 +204,7 @@ fn live(steps: &[Step]) -> String {
     told(pipeline)
 }
 
-/// What `carved measure` makes of the same pictures: the newest take of each view, in the order of taking.
+/// The result of `carved measure` for the same pictures: the newest take of each view, in the order in which they were taken.
 fn offline(steps: &[Step]) -> String {
     let takes: Vec<(u32, usize)> =
         steps.iter().filter_map(|s| if let Step::Take(view, picture) = *s { Some((view, picture)) } else { None }).collect();
@@ -224,7 +224,7 @@ fn told(pipeline: Pipeline) -> String {
     pipeline.finish().map_or_else(|e| e.to_string(), |(_, record)| serde_json::to_string(&record).unwrap())
 }
 
-/// A turn of 14 views in which view `view` first shows `first`.
+/// A turn of 14 views. View `view` first shows the picture `first`.
 fn turn(view: u32, first: usize) -> Vec<Step> {
     (0..=CLOSURE).map(|at| Step::Take(at, if at == view { first } else { at as usize })).collect()
 }
@@ -259,10 +259,11 @@ fn a_first_view_that_is_bad_when_taken_again_is_compared_with_nothing() {
     assert!(record.closure.is_none() && record.flags.iter().any(|f| f == "no_closure"), "{:?} {:?}", record.closure, record.flags);
 }
 
-/// Whatever is taken again, how often and in which order, and whatever the live run works out meanwhile.
+/// The live numbers equal the offline ones, whatever is taken again, how often and in which order, and whatever the live run computes
+/// meanwhile.
 #[test]
 fn numbers_depend_on_the_newest_takes_alone() {
-    // Not from within rayon's threads: they would wait for themselves.
+    // Rendered here, because within rayon's threads the pictures would wait for their own threads.
     pictures();
     (0..12u64).into_par_iter().for_each(|seed| {
         let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
@@ -283,7 +284,7 @@ fn numbers_depend_on_the_newest_takes_alone() {
                     Step::EndEarly
                 }
                 kind => {
-                    // View 0 and the closure view as often as all others together.
+                    // View 0 and the closure view are chosen as often as all others together.
                     let view = if kind < 6 { [0, CLOSURE][below(2) as usize] } else { below(14) as u32 };
                     Step::Take(view, if below(3) == 0 { EMPTY } else { view as usize })
                 }
@@ -293,13 +294,13 @@ fn numbers_depend_on_the_newest_takes_alone() {
     });
 }
 
-/// Two larvae, of which one lies as its left and right are alike in the first view, and what the closure says of each.
+/// The judgement of the closure view on two larvae. The left and right sides of one of them look alike in the first view.
 ///
-/// * At rest the readings scatter by 0.4 deg and 0.05 px, and the standard deviation of the turn is 0.3 deg in the median. For a limit of
-///   5 deg to be undecided it must be 2.3 deg: one of 118 turns has so much (docs/quality.md), and neither of these. So a larva at
-///   rest is neither `moved` nor `closure_undecided`.
-/// * A larva that was carried by 4 px is told to 0.3 px, within 4 +- 1: it is `moved`, beyond 3 px, whichever way.
-/// * A turn of 10 deg is twice the limit. It is `moved`, or, where the edges hardly tell it, `closure_undecided`: never unsaid.
+/// * At rest the readings scatter by 0.4 deg and 0.05 px, and the median of the standard deviation of the turn is 0.3 deg. A reading is
+///   undecided at the limit of 5 deg if this is 2.3 deg or more: one of 118 turns has that (docs/quality.md), and neither of these. A
+///   larva at rest is therefore neither `moved` nor `closure_undecided`.
+/// * A shift by 4 px is measured to 0.3 px, within 4 +- 1. It is beyond the limit of 3 px, so it is `moved` in every direction.
+/// * A turn of 10 deg is twice the limit. It is `moved`, or `closure_undecided` if the edges hardly show it. It never stays without a flag.
 #[test]
 fn the_closure_judges_what_it_can_tell_and_says_where_it_cannot() {
     let cases = [Done::Nothing, Done::Turned, Done::TurnedBack, Done::Along, Done::Across];
@@ -318,7 +319,7 @@ fn the_closure_judges_what_it_can_tell_and_says_where_it_cannot() {
     }
 }
 
-/// The edges of a bead tell nothing of its turn, and its turn changes none of its numbers.
+/// The edges of a bead do not show its turn, and a turn changes none of its numbers.
 #[test]
 fn a_bead_whose_turn_nobody_can_tell_is_not_flagged_for_it() {
     let omegas = even();

@@ -1,4 +1,4 @@
-//! `carved reconstruct` as its users meet it: profile sets with truth from an independent renderer, and bad input.
+//! `carved reconstruct` as its users meet it: profile sets with known truth from an independent renderer, and bad input.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -13,13 +13,13 @@ fn carved(dir: &Path, args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_carved")).current_dir(dir).arg("reconstruct").args(args).output().unwrap()
 }
 
-/// The one JSON object on stdout.
+/// The only JSON object on stdout.
 fn report(output: &Output) -> Value {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
 
-/// The message of a refusal: exit code 3 and an object with `flags` and `error`, which stderr says too.
+/// The message of a refusal: exit code 3 and a JSON object with `flags` and `error`. stderr has the same message.
 fn refusal(output: &Output) -> String {
     assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stdout));
     let refused: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -39,14 +39,14 @@ fn set(name: &str) -> (String, String, Value) {
     (folder.display().to_string(), folder.join("camera.json").display().to_string(), truth)
 }
 
-/// Relative to the truth.
+/// Relative difference from the truth.
 fn off(found: &Value, key: &str, truth: &Value, true_key: &str) -> f64 {
     number(found, key) / number(truth, true_key) - 1.0
 }
 
-/// With one miss in 21 tolerated the paper's carver is known to read +3.5 % against the ideal hull of a finned larva; half a
-/// percent to either side is for the renderer and the grid. Without tolerance the hull is the ideal one, within the 1.8 %
-/// that the set allows any method. What is trusted knows no tolerance: within the set's own 1.8 and 2 %.
+/// With one miss tolerated in 21 views the paper's carver is 3.5 % above the ideal hull of a finned larva; half a percent on either side is
+/// for the renderer and the grid. Without tolerance the hull is the ideal one, within the 1.8 % that the set allows any method. The trusted
+/// numbers use no tolerance: they are within the set's own 1.8 and 2 %.
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_finned_larva_is_what_the_papers_carver_makes_of_it_and_its_hull_by_slices() {
@@ -66,19 +66,19 @@ fn a_finned_larva_is_what_the_papers_carver_makes_of_it_and_its_hull_by_slices()
 
     let strict = report(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--epsilon", "0"]));
     assert!(off(&strict["estimators"]["voxel"], "volume_um3", &truth, "hull_volume").abs() < 0.018);
-    // Masks and cameras are exact: the hull's image is the mask but for the voxels' size.
+    // Masks and cameras are exact: the image of the hull is the mask up to the size of the voxels.
     for view in strict["views"].as_array().unwrap() {
         assert!(number(view, "overlap") > 0.98, "{view}");
     }
     let no_sphere = refusal(&carved(dir.path(), &["--views", &views, "--cameras", &cameras, "--sphere"]));
     assert_eq!(no_sphere.matches("did not settle").count(), 1, "a cause is told once: {no_sphere}");
-    // The second mesh went beside the first.
+    // The second mesh has its own file beside the first.
     assert!(dir.path().join("larva_fin_asd21.ply").is_file() && dir.path().join("larva_fin_asd21-2.ply").is_file());
 }
 
-/// The set's principal point is 2 px off, 11 um at the bead. Through the camera as given each view cuts up to that off one side of
-/// the voxels' radius of 256 um, and one miss is forgiven: what is left of the diameter lies between a ball smaller by 11 um in
-/// radius and the true one. Calibrated, the bead has its size within the set's 0.7 and 0.8 %, and the axis its place.
+/// The principal point of the set is 2 px off, which is 11 um at the bead. With the camera as given each view removes up to this from one
+/// side of the voxels' radius of 256 um, and one miss is tolerated: the remaining diameter is between that of a ball with an 11 um smaller
+/// radius and the true one. After calibration the size of the bead is within the set's 0.7 and 0.8 %, and the axis is right.
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_bead_seen_through_a_camera_that_is_off_is_calibrated() {
@@ -103,7 +103,7 @@ fn a_bead_seen_through_a_camera_that_is_off_is_calibrated() {
     }
 }
 
-/// Everything is off on purpose. The set allows 0.6 % of volume and 1.2 % of area; uy and gamma are promised to 0.05 px and 0.02 deg.
+/// Everything is off on purpose. The set allows 0.6 % of volume and 1.2 % of area. The goals are 0.05 px for uy and 0.02 deg for gamma.
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_larva_with_drift_jitter_and_noise_is_solved() {
@@ -121,7 +121,7 @@ fn a_larva_with_drift_jitter_and_noise_is_solved() {
     assert!((0.0005..0.005).contains(&spread), "{spread}");
 }
 
-/// A disc of 20 px in each of four views from the sides, through matrices whose world is no micrometre.
+/// A disc with a radius of 20 px in each of four views from the sides, with matrices in a world whose unit is not a micrometre.
 fn discs(dir: &Path) -> (String, String) {
     let views = dir.join("discs");
     std::fs::create_dir(&views).unwrap();
@@ -129,7 +129,7 @@ fn discs(dir: &Path) -> (String, String) {
     for (i, (c, s)) in [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)].into_iter().enumerate() {
         let disc = |u: u32, v: u32| (f64::from(u) - 30.0).hypot(f64::from(v) - 25.0) <= 20.0;
         let image = image::GrayImage::from_fn(64, 48, |u, v| image::Luma([if disc(u, v) { 200 } else { 90 }]));
-        // Both kinds of file, ordered by name.
+        // Both types of file, ordered by name.
         image.save(views.join(format!("v{i}.{}", if i % 2 == 0 { "png" } else { "pgm" }))).unwrap();
         // 10 px per unit at a distance of 1000 units, turned about x.
         let row = |scale: f64, centre: f64, y: f64, z: f64| {
@@ -143,9 +143,9 @@ fn discs(dir: &Path) -> (String, String) {
     (views.display().to_string(), cameras.display().to_string())
 }
 
-/// Two crossed cylinders of radius r share `16 r^3 / 3`: Steinmetz's solid, here of balls' silhouettes, so that each slice
-/// across x is a square of side `2 sqrt(r^2 - x^2)`, of the same volume. r is 2 units; the pixels' tenth of a unit, rounded
-/// evenly, and the smaller of two opposite views leave 1/6 pixel in 20 of radius: 2.5 % of volume.
+/// The intersection of two crossed cylinders of radius r has the volume `16 r^3 / 3` (Steinmetz's solid). Here the silhouettes are those of
+/// balls, so that each slice across x is a square of side `2 sqrt(r^2 - x^2)`, which gives the same volume. r is 2 units. Rounding to
+/// pixels of a tenth of a unit, and the smaller of two opposite views, cost 1/6 pixel of 20: 2.5 % of volume.
 #[test]
 fn matrices_of_any_origin_give_numbers_without_a_unit() {
     let dir = tempfile::tempdir().unwrap();
@@ -159,8 +159,9 @@ fn matrices_of_any_origin_give_numbers_without_a_unit() {
     assert!(found["overlap_rule"].as_str().unwrap().contains("intersection over union"));
     assert_eq!(found["mirrored_world"], false);
 
-    // Without a box: another grid over the same body. The field's surface lies where the outlines put it, between any voxels; marching
-    // cubes err by the square of a voxel over the radius: a thousandth. Voxels that are no fraction of a pixel err to either side alike.
+    // Without a given box the grid over the same body is another one. The field surface lies where the outlines put it, between any voxels.
+    // Marching cubes have an error of the square of a voxel over the radius, a thousandth. The error of voxels that are no fraction of a
+    // pixel is the same on both sides.
     let derived = report(&carved(dir.path(), &[&base[..], &["--voxel", "0.047"]].concat()));
     for key in ["field_volume", "field_area"] {
         assert!((number(&derived, key) / number(&found, key) - 1.0).abs() < 0.005, "{key}: {derived:#} {found:#}");
@@ -168,8 +169,8 @@ fn matrices_of_any_origin_give_numbers_without_a_unit() {
     assert!((number(&derived, "volume") / expected - 1.0).abs() < 0.025, "{derived:#}");
     for axis in 0..3 {
         let [low, high] = ["min", "max"].map(|end| derived["grid"][end][axis].as_f64().unwrap());
-        // A pixel is a tenth of a unit. To either side there are a cell of 1/64 of 4.1 and a margin of 1/32 and two voxels: 2.35, and half a
-        // voxel for rounding to whole ones.
+        // A pixel is a tenth of a unit. A cell of 1/64 of 4.1, a margin of 1/32 and two voxels on each side give 2.35. Rounding to whole
+        // voxels adds up to half a voxel.
         assert!((-2.4..-2.05).contains(&low) && (2.05..2.4).contains(&high), "axis {axis}: {low} to {high}");
     }
     assert_eq!(derived["touches_box"], false, "{derived:#}");
@@ -177,13 +178,13 @@ fn matrices_of_any_origin_give_numbers_without_a_unit() {
     assert!((number(&untold, "volume") / expected - 1.0).abs() < 0.025, "15 million voxels: {untold:#}");
 }
 
-/// The matrices of a world that is mirrored at x = 0, moved by 5 along x there.
+/// The matrices of a world that is mirrored at x = 0 and then moved by 5 along x.
 fn mirrored(cameras: &str) -> String {
     let text = std::fs::read_to_string(cameras).unwrap();
     let lines = text.lines().map(|line| {
         let mut m: Vec<f64> = line.split_whitespace().map(|x| x.parse().unwrap()).collect();
         for row in m.chunks_exact_mut(4) {
-            // Its x is 5 - x of the other: P x = -P0 x' + (P3 + 5 P0).
+            // x is replaced by 5 - x: P x = -P0 x' + (P3 + 5 P0).
             row[3] += 5.0 * row[0];
             row[0] = -row[0];
         }
@@ -192,7 +193,7 @@ fn mirrored(cameras: &str) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// Signed volume of a mesh, positive where the outside of its triangles is outside, and the middle of its extents.
+/// Signed volume of a mesh, positive if its triangles face outwards, and the centre of its bounding box.
 fn solid(ply: &Path) -> (f64, [f64; 3]) {
     let bytes = std::fs::read(ply).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
@@ -244,7 +245,7 @@ fn a_mirrored_world_is_recognised_and_measured_as_its_image() {
         let [low, high] = ["min", "max"].map(|end| found["grid"][end][0].as_f64().unwrap());
         assert!((1.9..3.1).contains(&low) && (6.9..8.1).contains(&high), "{low} to {high}");
     }
-    // One matrix of the other world among them.
+    // One matrix is not mirrored.
     let text = mirrored(&cameras);
     let mut lines: Vec<String> = text.lines().map(String::from).collect();
     let negated: Vec<String> = lines[2]
@@ -296,7 +297,7 @@ fn bad_input_is_named_with_what_was_found_and_expected_and_nothing_is_written() 
     expect(run(&views, &cameras, &[]), &["v3.pgm"]);
     image::GrayImage::from_pixel(10, 10, image::Luma([255])).save(&last).unwrap();
     expect(run(&views, &cameras, &[]), &["v3.pgm", "10 x 10", "64 x 48"]);
-    // A blank view is left out by name, and nothing but blank views is an empty capillary: an answer.
+    // A blank view is left out by name. Blank views alone are an empty capillary, which is a valid answer.
     image::GrayImage::from_pixel(64, 48, image::Luma([1])).save(&last).unwrap();
     let found = report(&run(&views, &cameras, &["--out", "one_blank.ply"]));
     assert_eq!((found["views"][3]["used"].as_bool(), found["flags"][1].as_str()), (Some(false), Some("bad_view")), "{found:#}");
@@ -322,12 +323,12 @@ fn a_mesh_that_is_there_is_replaced_only_by_force() {
     assert!(std::fs::read(&mesh).unwrap().starts_with(b"ply\n"));
 }
 
-/// A world that is turned, moved and of another unit: 1 is 250 um there.
+/// A world that is turned and moved, with a unit of 250 um.
 fn other_world() -> (nalgebra::Rotation3<f64>, nalgebra::Vector3<f64>) {
     (nalgebra::Rotation3::from_euler_angles(0.3, 0.2, -1.1), nalgebra::Vector3::new(2.0, -1.0, 5.0))
 }
 
-/// psi's views as matrices of that world, and psi's box in it.
+/// The views of psi as matrices of that world, and the box of psi in it.
 fn as_matrices(cameras: &str) -> (String, [[f64; 3]; 2]) {
     const UNIT_UM: f64 = 250.0;
     let text: Value = serde_json::from_slice(&std::fs::read(cameras).unwrap()).unwrap();
@@ -337,7 +338,7 @@ fn as_matrices(cameras: &str) -> (String, [[f64; 3]; 2]) {
         let rows = *camera.projection(omega.as_f64().unwrap()).rows();
         let m = nalgebra::Matrix3::from_fn(|i, j| rows[i][j]) * turned.inverse().matrix() * UNIT_UM;
         let p4 = nalgebra::Vector3::from_fn(|i, _| rows[i][3]) - m * shift;
-        // The matrices' own scale is free.
+        // The scale of the matrices is free.
         (0..3).flat_map(|i| [m[(i, 0)], m[(i, 1)], m[(i, 2)], p4[i]]).map(|x| (x * 0.37).to_string()).collect::<Vec<_>>().join(" ")
     };
     let lines: Vec<String> = text["omega"].as_array().unwrap().iter().map(of).collect();
@@ -350,7 +351,7 @@ fn as_matrices(cameras: &str) -> (String, [[f64; 3]; 2]) {
     (lines.join("\n"), [side(f64::min), side(f64::max)])
 }
 
-/// The same views, the same rays: what differs is where the grid's voxels lie, and rounding. The calibrated estimate uses neither.
+/// The same views have the same rays. Only the positions of the voxels and rounding differ, and the calibrated estimate depends on neither.
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
@@ -367,7 +368,7 @@ fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
     for (key, sd, um) in [("volume", "volume_sd", 250.0f64.powi(3)), ("area", "area_sd", 250.0f64.powi(2))] {
         let (of_psi, sd_of_psi) = (number(&psi, &format!("{key}_um{}", if key == "area" { 2 } else { 3 })), number(&found, sd) * um);
         let off = number(&found, key) * um - of_psi;
-        // A tenth of what another turn would give.
+        // A tenth of the standard deviation between turns.
         assert!(off.abs() < 0.1 * sd_of_psi && sd_of_psi < 0.01 * of_psi, "{key}: {off} of {of_psi} +- {sd_of_psi}");
     }
     for (key, within) in [("uy", 0.01), ("gamma", 1e-5), ("alpha", 1e-3)] {
@@ -375,10 +376,10 @@ fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
     }
     assert!((number(&found["psi"], "kx") / 250.0 - number(&psi["psi"], "kx")).abs() < 1e-6, "{found:#}");
     assert!(number(&found["turntable"], "off_px") < 0.01 && number(&found, "length") < 20.0, "{found:#}");
-    // Without being asked nothing is calibrated.
+    // Calibration is made only on request.
     let as_given = report(&run("matrices.txt", &["--unit", "none", "--voxel", "0.048", "--box", &bounds]));
     assert_eq!(as_given["flags"], serde_json::json!(["uncalibrated"]));
-    // The body lies where psi's does, to less than a voxel.
+    // The body has the same position as with psi, to less than a voxel.
     let (turned, shift) = other_world();
     let middle = nalgebra::Vector3::from_fn(|a, _| psi["centroid_um"][a].as_f64().unwrap() / 250.0);
     let expected = turned * middle + shift;
@@ -387,7 +388,7 @@ fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
         assert!((x - expected[a]).abs() < 0.02, "{x} on axis {a}, expected {expected}");
     }
 
-    // One view of another axis: no turn.
+    // One view has another axis, so these views are no turn.
     let mut lines: Vec<&str> = matrices.lines().collect();
     let other = lines[7].split(' ').map(|x| x.parse::<f64>().unwrap()).collect::<Vec<_>>();
     let tilted = (0..12).map(|i| if i % 4 == 0 { other[i] * 1.02 } else { other[i] }.to_string()).collect::<Vec<_>>().join(" ");
@@ -397,8 +398,8 @@ fn matrices_of_a_turn_are_calibrated_as_psi_is_when_asked() {
     assert!(said.contains("--calibrate") && said.contains("px off, 1.0 at most") && said.contains("deg from a common one"), "{said}");
 }
 
-/// The same discs through psi: a camera that looks along z at a capillary along x, 10 px per unit. Nothing says where its specimen is but
-/// the silhouettes.
+/// The same discs through psi: a camera that looks along z at a capillary along x, 10 px per unit. Only the silhouettes show where the
+/// specimen is.
 #[test]
 fn psi_without_a_unit_takes_its_box_from_the_silhouettes() {
     let dir = tempfile::tempdir().unwrap();
@@ -412,12 +413,12 @@ fn psi_without_a_unit_takes_its_box_from_the_silhouettes() {
     std::fs::write(&cameras, psi.to_string()).unwrap();
     let base = ["--views", &views, "--cameras", &cameras, "--unit", "none", "--no-calibrate"];
     let found = report(&carved(dir.path(), &base));
-    // As of the matrices, and 15 million voxels.
+    // As with matrices, and 15 million voxels.
     assert!((number(&found, "field_volume") / (16.0 / 3.0 * 8.0) - 1.0).abs() < 0.025, "{found:#}");
     assert_eq!(found["touches_box"], false, "{found:#}");
     for axis in 0..3 {
         let [low, high] = ["min", "max"].map(|end| found["grid"][end][axis].as_f64().unwrap());
-        // 41 px of 10 px per unit, 1/32 of margin and 1/64 of a cell on either side.
+        // 41 px at 10 px per unit, with 1/32 of margin and 1/64 of a cell on each side.
         assert!((-2.4..-2.05).contains(&low) && (2.05..2.4).contains(&high), "axis {axis}: {low} to {high}");
     }
     let blank = dir.path().join("blank");
@@ -427,7 +428,7 @@ fn psi_without_a_unit_takes_its_box_from_the_silhouettes() {
     assert!(said.contains("Give --box"), "{said}");
 }
 
-/// The set's camera is 2 px off, and 10 px more here: calibration moves the bead by 12 px of its 47 px of radius.
+/// The camera of the set is 2 px off, and another 10 px here: calibration moves the bead by 12 px, with a radius of 47 px.
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_box_of_silhouettes_holds_what_calibration_moves() {
@@ -440,13 +441,13 @@ fn a_box_of_silhouettes_holds_what_calibration_moves() {
     let found = report(&carved(dir.path(), &["--views", &views, "--cameras", &off_axis, "--sphere", "--unit", "none", "--voxel", "6.93"]));
     assert_eq!((&found["touches_box"], &found["flags"]), (&false.into(), &serde_json::json!([])), "{found:#}");
     assert!((number(&found["psi"], "uy") - number(&truth["psi"], "uy")).abs() < 0.1, "{found:#}");
-    // The set allows any method so much.
+    // The set allows this to any method.
     assert!((number(&found, "volume") / number(&truth, "volume") - 1.0).abs() < 0.007, "{found:#}");
     let [low, high] = ["min", "max"].map(|end| found["grid"][end][1].as_f64().unwrap());
     assert!(high - low < 800.0, "a bead of 512: {low} to {high}");
 }
 
-/// The matrices of a left-handed world with positive depths: the turn is found and calibrated in its mirror image.
+/// The matrices of a left-handed world with positive depths: the turn is recognised and calibrated in its mirror image.
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn a_mirrored_world_is_calibrated_as_its_image() {
@@ -469,7 +470,7 @@ fn a_mirrored_world_is_calibrated_as_its_image() {
         assert_eq!((&found["mirrored_world"], &found["flags"]), (&true.into(), &expected["flags"]), "{found:#}");
         for (key, sd) in [("volume", "volume_sd"), ("area", "area_sd")] {
             let off = number(&found, key) - number(&expected, key);
-            // A tenth of what another turn would give, as of matrices and psi.
+            // A tenth of the standard deviation between turns, as for matrices and psi.
             assert!(off.abs() < 0.1 * number(&expected, sd), "{key}: {off}");
         }
         for (axis, sign, shift) in [(0, -1.0, 5.0), (1, 1.0, 0.0), (2, 1.0, 0.0)] {

@@ -1,4 +1,4 @@
-//! The picture of the empty capillary: what it is good for, and that a recording made with one needs nothing else.
+//! The empty-capillary picture: its benefit, and that a recording made with one needs nothing else.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -16,7 +16,7 @@ use common::{json, run, stderr};
 use hardware_sim::scene::{Exposure, Marks, Placement, Scene, SceneSettings, Specimen};
 use std::path::Path;
 
-/// A scene behind a badly scratched and dusty window.
+/// A scene behind a heavily scratched and dusty window.
 fn dusty(seed: u64) -> Scene {
     let mut settings = SceneSettings::default();
     settings.nuisances.seed = seed;
@@ -29,8 +29,8 @@ fn frame(scene: &Scene, angle_rad: f64, number: u64) -> RawFrame {
     RawFrame::new(rgb.width, rgb.height, PixelFormat::BayerRG8, rgb.to_bayer_rg8()).unwrap()
 }
 
-/// The window's marks darken what they cover wherever it lies. Reached over these frames: overlap with the truth 0.974 in
-/// the mean with the empty capillary, 0.961 without. A third of that gain is asked for.
+/// The marks of the window darken whatever they cover. On these frames the mean overlap with the truth is 0.974 with the empty-capillary
+/// picture and 0.961 without. The test asks for a third of this gain.
 #[test]
 fn dust_and_scratches_that_the_empty_capillary_shows_are_no_specimen() {
     const SEEDS: [u64; 4] = [3, 4, 5, 6];
@@ -130,7 +130,7 @@ fn pictures_of_another_kind_than_the_empty_capillary_fail_and_the_others_use_it(
     }
 }
 
-/// A bead behind a dusty window, recorded as a run records it; six views and coarse voxels are enough for numbers.
+/// A recording of a bead behind a dusty window, as a run makes it. Six views and coarse voxels are enough for numbers.
 struct Recorded {
     config: Config,
     frames: Vec<(LedgerEntry, RawFrame)>,
@@ -173,7 +173,7 @@ impl Recorded {
         Self { config, frames, empty }
     }
 
-    /// What the frames give with this picture of the empty capillary, or without.
+    /// The numbers that these frames give with this empty-capillary picture, or without one.
     fn numbers(&self, empty: Option<&RawFrame>) -> SpecimenRecord {
         let settings = self.config.methods["standard"].pipeline(&self.config.optics, true).unwrap();
         let mut pipeline = Pipeline::new(settings.compared_with(empty).unwrap()).unwrap();
@@ -228,7 +228,7 @@ fn a_recording_is_measured_again_with_the_empty_capillary_it_holds() {
         assert!(String::from_utf8_lossy(&output.stdout).contains("\"stored\":\"identical\""));
     }
 
-    // A recording that is older than the key.
+    // A recording from before the key existed.
     let file = without.join("recording.json");
     let text = std::fs::read_to_string(&file).unwrap();
     let older: String = text.lines().filter(|l| !l.contains("empty_capillary_sha256")).map(|l| format!("{l}\n")).collect();
@@ -237,7 +237,7 @@ fn a_recording_is_measured_again_with_the_empty_capillary_it_holds() {
     std::fs::remove_file(without.join("SHA256SUMS")).unwrap();
     assert_eq!(RecordingReader::open(&without).unwrap().empty_capillary().unwrap(), None);
 
-    // A picture that is not the recorded one changes numbers: it is refused by name.
+    // Another picture than the recorded one would change the numbers, so it is refused by name.
     let other = recorded.frames[0].1.clone();
     image::save_buffer(with.join("frames/empty.png"), other.bytes(), 1024, 1024, image::ColorType::L8).unwrap();
     let said = stderr(&run(&["measure", with.to_str().unwrap()]));

@@ -1,4 +1,4 @@
-//! Reference larvae from their files to a specimen's record.
+//! Reference larvae, from their files to the record of a specimen.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -33,7 +33,7 @@ fn every_group_of_the_papers_tables_is_built_in() {
     assert_eq!(all.iter().map(|r| r.groups.len()).collect::<Vec<_>>(), [24, 2]);
 }
 
-/// The paper's tables 5 and 6 as they were copied out.
+/// Tables 5 and 6 of the paper.
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
 fn the_built_in_references_are_the_papers_tables() {
@@ -108,7 +108,7 @@ fn a_configuration_names_its_references_beside_itself() {
     assert!(said.contains("other.toml"), "{said}");
 }
 
-/// Numbers of a ball of this radius, of 21 views of it.
+/// The numbers of a ball of this radius from 21 views.
 fn ball(radius_px: f64) -> SpecimenRecord {
     let camera = carved_core::geometry::Camera {
         f: 60_000.0,
@@ -136,7 +136,7 @@ fn ball(radius_px: f64) -> SpecimenRecord {
     serde_json::from_value(serde_json::json!({"measurement": measurement, "views": [], "closure": null, "flags": []})).unwrap()
 }
 
-/// A recording with numbers and without frames.
+/// Stores a recording with numbers and without frames.
 fn recorded(folder: &Path, well: PlannedWell, references: &[References], record: SpecimenRecord) -> MeasurementFile {
     let config = config();
     let rig = RigRecord {
@@ -178,7 +178,7 @@ fn a_recording_holds_what_its_larva_is_compared_with() {
     assert_eq!((volume.reason, volume.quantity), (MissingReason::Quantity, Quantity::Volume));
     assert!(volume.why[0].contains("table 4") && volume.why.len() == 1, "{volume:?}");
 
-    // The same bytes from the recording's own folder.
+    // The recording's own folder gives the same bytes.
     let reader = RecordingReader::open(&folder).unwrap();
     assert_eq!(reader.references().unwrap(), all.to_vec());
     let again = MeasurementFile::new(reader.recording(), &reader.references().unwrap(), live.record.clone());
@@ -186,7 +186,7 @@ fn a_recording_holds_what_its_larva_is_compared_with() {
     assert_eq!(text, std::fs::read_to_string(folder.join(MEASUREMENT)).unwrap());
     assert_eq!(serde_json::from_str::<MeasurementFile>(&text).unwrap(), live);
 
-    // Other references are other numbers: they are refused by name.
+    // Other reference larvae would give other numbers, so they are refused by name.
     let file = folder.join("references.json");
     let altered = std::fs::read_to_string(&file).unwrap().replacen("0.05", "0.06", 1);
     std::fs::write(&file, altered).unwrap();
@@ -208,7 +208,7 @@ fn only_a_larva_of_known_age_has_a_place() {
     }
 }
 
-/// A run of larvae of one age, of which no two are of one size, and one bead.
+/// A run of larvae of one age and different sizes, and one bead.
 fn a_run(folder: &Path, radii_px: &[f64], dpf: f64) {
     for (number, radius_px) in (1..).zip(radii_px) {
         let well = format!("A{number:02}");
@@ -242,7 +242,7 @@ fn a_labs_own_controls_become_references_that_match_its_next_larva() {
     assert!(voxel.simulated && voxel.source == "run r1");
     assert!(lab.groups.iter().any(|g| g.estimator == "field"), "every estimator has its own group");
 
-    // The next larva of the lab is placed by both numbers and both together, without a remark.
+    // The next larva of the lab is compared by both numbers and by their combination, without a remark.
     let next = recorded(&dir.path().join("next"), larva("A05", Some(4.0)), &[lab], ball(20.5));
     for estimator in ["voxel", "field"] {
         let standing = next.reference.as_ref().unwrap().by(estimator).unwrap().clone();
@@ -251,7 +251,7 @@ fn a_labs_own_controls_become_references_that_match_its_next_larva() {
         assert!(volume.z > 0.0 && volume.n == 4, "{volume:?}");
     }
 
-    // A bare name lies in the folder that is worked in.
+    // A bare name refers to the current folder.
     let bare = common::carved().current_dir(dir.path()).args(["reference", "build", "--out", "bare.toml", "r1"]).output().unwrap();
     assert!(bare.status.success() && dir.path().join("bare.toml").is_file(), "{}", common::stderr(&bare));
 
@@ -323,7 +323,7 @@ fn beads_are_scored_against_their_nominal_diameter() {
     assert_eq!((&score["n"], &score["mean_um"]), (&serde_json::json!(3), &serde_json::json!(400.0)));
 }
 
-/// The reader takes everything behind an open quote for one last cell: larvae would be missing without a word.
+/// After an open quote the CSV reader takes the rest of the file for one cell: larvae would be missing without a message.
 #[test]
 fn a_table_with_an_open_quote_is_refused_by_the_line_of_the_quote() {
     let dir = tempfile::tempdir().unwrap();
@@ -342,7 +342,7 @@ fn a_table_with_an_open_quote_is_refused_by_the_line_of_the_quote() {
         let (built, said) = build(&text);
         assert!(!built && said.contains(&format!("controls.csv, line {line}: a quote opens")) && !out.exists(), "{text}: {said}");
     }
-    // A quote in a comment or within a cell opens nothing.
+    // A quote in a comment or inside a cell does not open a quotation.
     let (built, said) = build(&format!("# \"said\ndpf,volume_um3,strain\n3,2.4e8,5\" AB\n{larvae}"));
     assert!(!said.contains("quote"), "{built}: {said}");
 }

@@ -1,5 +1,5 @@
-//! The live model of a capillary that does not lie where the rig's camera has it: refined while the views come in, it is not eaten away,
-//! and the end result is the same bytes either way.
+//! The live model of a capillary that is not where the rig's camera has it. The model is refined while the views come in, so that it does
+//! not shrink wrongly, and the final result has the same bytes with and without refinement.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 use carved::config::Config;
@@ -15,7 +15,7 @@ use std::path::Path;
 
 const ASD: u32 = 21;
 
-/// The emulated rig's own settings, at voxels that are quick.
+/// The settings of the emulated rig, with voxels that are fast to compute.
 fn settings() -> (PipelineSettings, Config) {
     let mut config = Config::parse(include_str!("../config/simulated.toml"), Path::new("simulated.toml")).unwrap();
     let mut method = config.methods.remove("standard").unwrap();
@@ -23,7 +23,7 @@ fn settings() -> (PipelineSettings, Config) {
     (method.pipeline(&config.optics, false).unwrap(), config)
 }
 
-/// A larva as a camera sees it that is 4 px and half a degree off.
+/// The frames of a larva from a camera that is 4 px and half a degree off.
 fn frames(omegas: &[f64]) -> Vec<RawFrame> {
     let mut settings = SceneSettings::default();
     settings.camera.uy_px += 4.0;
@@ -37,11 +37,11 @@ fn frames(omegas: &[f64]) -> Vec<RawFrame> {
     omegas.iter().enumerate().map(render).collect()
 }
 
-/// A turn taken: the live volume after each view, the views in after which it was refined, and the end.
+/// The result of a turn: the live volume after each view, the numbers of views at which the model was refined, and the final numbers.
 struct Taken {
     live_um3: Vec<f64>,
     refined_at: Vec<usize>,
-    /// Of the volume, with each of these.
+    /// The volume estimate of each refinement.
     estimates: Vec<Estimate>,
     mesh: Mesh,
     record: String,
@@ -85,10 +85,10 @@ fn the_live_model_comes_to_the_end_while_the_capillary_turns_and_the_end_knows_n
         let told: Vec<String> =
             (1..=order.len()).map(|n| format!("{n}: {:.3} ({:.3})", share(&refined.live_um3, n), share(&plain.live_um3, n))).collect();
         println!("{view_order:?}: refined at {:?}; live over end, refined (and not): {}", refined.refined_at, told.join(", "));
-        // Sequential views see the body from both sides once they are half a turn and 30 deg in: view 13 of 21.
+        // Sequential views see the body from both sides after half a turn and 30 deg: view 13 of 21.
         let first = if view_order == ViewOrder::Sequential { 14 } else { 7 };
         assert_eq!(refined.refined_at, (first..=order.len()).step_by(2).collect::<Vec<_>>());
-        // Few views leave a hull that is too large, by theory 3 % at 14 that may each be missed once; none is eaten away.
+        // Few views leave a hull that is too large, in theory by 3 % at 14 views with one tolerated miss each. No hull is too small.
         assert!((first..=order.len()).all(|n| share(&refined.live_um3, n) > 0.97), "{told:?}");
         assert!((order.len() - 1..=order.len()).all(|n| share(&refined.live_um3, n) < 1.03), "{told:?}");
         assert!(share(&plain.live_um3, order.len()) < 0.9, "the camera as given eats the body away: {told:?}");
@@ -100,7 +100,7 @@ fn the_live_model_comes_to_the_end_while_the_capillary_turns_and_the_end_knows_n
     assert_eq!(ends[0], ends[1], "and whatever the order");
 }
 
-/// One with each refinement, within three standard deviations of the end; the last tells more than the first.
+/// Each estimate is within three standard deviations of the final volume, and the last one is the most precise.
 fn the_estimates_are_honest(Taken { refined_at, estimates, measured_um3, .. }: &Taken) {
     assert_eq!(&estimates.iter().map(|e| e.views).collect::<Vec<_>>(), refined_at, "{estimates:?}");
     for e in estimates {

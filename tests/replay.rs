@@ -1,5 +1,5 @@
-//! `carved replay` on a run that the daemon measured on the emulated rig: the stored result comes out again bit for bit, another
-//! method's is put beside it, and what was altered or is gone is told by name. Nothing that is stored is ever touched.
+//! `carved replay` on a run that the daemon measured on the emulated rig. The stored result is reproduced bit for bit, the result of
+//! another method is shown beside it, and altered or missing files are named. No stored file is ever changed.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -14,9 +14,9 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::{Arc, Mutex, Weak};
 
-/// A data folder with the run `r1`: a bead of 500 um in A01, a few views of it.
+/// A data folder with the run `r1`: a bead of 500 um in A01 with a few views.
 fn stored() -> Arc<tempfile::TempDir> {
-    // Measured once for all tests that hold it at the time.
+    // Measured once for all tests that run at the same time.
     static SHARED: Mutex<Weak<tempfile::TempDir>> = Mutex::new(Weak::new());
     let mut shared = SHARED.lock().unwrap();
     if let Some(there) = shared.upgrade() {
@@ -34,7 +34,7 @@ fn stored() -> Arc<tempfile::TempDir> {
     kept
 }
 
-/// A copy that a test may spoil, and its run.
+/// A copy that a test may damage, and its run.
 fn copy_of(stored: &tempfile::TempDir) -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     copy_folder(stored.path(), &dir.path().join("data"));
@@ -109,7 +109,7 @@ fn another_method_is_put_beside_and_what_is_there_stays() {
     let (code, said) = by();
     assert!(code == Some(0) && said.contains("identical, bit for bit, to what is there"), "{said}");
     assert_eq!(hashes(&r1), after);
-    // Another method of that name, and a result that was altered since.
+    // Another method of this name, and a result that was altered later.
     method(40).unwrap();
     let (code, said) = by();
     assert!(code == Some(1) && said.contains("coarse") && said.contains("nothing is overwritten"), "{said}");
@@ -192,7 +192,7 @@ fn a_pruned_run_says_where_its_frames_are_and_comes_out_again_there() {
     for (code, said) in tried() {
         assert!(code == Some(1) && said.contains("view_000.png: the frame is not here any more") && said.contains(&way), "{said}");
     }
-    // It is the way.
+    // The recommended command works.
     let output = run(&["measure", copy.join("A01").to_str().unwrap()]);
     assert_eq!(serde_json::from_slice::<Value>(&output.stdout).unwrap()["stored"], "identical", "{}", stderr(&output));
     let (code, said) = replay(&copy, &[]);
@@ -202,7 +202,7 @@ fn a_pruned_run_says_where_its_frames_are_and_comes_out_again_there() {
     for (code, said) in tried() {
         assert!(code == Some(1) && said.contains(copy.to_str().unwrap()) && said.contains("is not there now"), "{said}");
     }
-    // Never archived, and removed by hand.
+    // The run was never archived, and its folder was removed by hand.
     std::fs::remove_dir_all(r1.join("archives")).unwrap();
     for (code, said) in tried() {
         assert!(code == Some(1) && said.contains("view_000.png: the frame is missing; the recording lists it"), "{said}");
@@ -210,7 +210,8 @@ fn a_pruned_run_says_where_its_frames_are_and_comes_out_again_there() {
     assert!(hashes(&r1).into_iter().eq(before.into_iter().filter(|(path, _)| !path.starts_with(r1.join("archives")))));
 }
 
-/// The numbers of an earlier build lack fields that this one has. What it did write came out again, and that is what is asked.
+/// The numbers of an earlier build lack fields that this build has. The fields that it wrote are reproduced, which is what the command
+/// checks.
 #[test]
 fn numbers_of_an_earlier_build_are_the_same_where_only_fields_were_added() {
     let stored = stored();
@@ -231,7 +232,7 @@ fn numbers_of_an_earlier_build_are_the_same_where_only_fields_were_added() {
     let (code, said) = replay(&r1, &[]);
     assert_eq!((code, said.as_str()), (Some(0), "A01: same (2 fields are new) (measurement.json; mesh.ply is identical)\n"));
 
-    // A field that is not computed any more, and a value that is another one.
+    // A field that is no longer computed, and a different value.
     for (key, value) in [("before", Value::from(1.0)), ("uncalibrated", Value::from("another reason"))] {
         let mut other = numbers.clone();
         other[key] = value;

@@ -1,5 +1,5 @@
-//! The life of a run as its loader and its operator steer it: held, resumed, stopped, stopped at once, and taken up again after a
-//! crash. Every status that any of these tests sees on the way is held against what a reader may rely on.
+//! The life of a run as loader and operator control it: held, resumed, stopped, aborted, and resumed after a crash. Every status on the way
+//! is checked for what a reader may rely on.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -9,7 +9,7 @@ use common::{Daemon, json};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Two wells that are measured and one that is empty.
+/// Two wells that are measured, and one empty well.
 const WELLS: [&str; 3] = ["A01", "A02", "A03"];
 
 fn plan() -> Value {
@@ -21,7 +21,7 @@ fn start(data: &Path) -> Daemon {
     Daemon::start(data, &["--time-scale", "10", "--no-demo", "--empty", "A03"])
 }
 
-/// State, phase, outcome and faults are never mixed, and a run without an outcome never reads as idle or over.
+/// State, phase, outcome and faults are consistent, and a run without an outcome never appears as idle or finished.
 fn sound(s: &Value) {
     let state = s["state"].as_str().unwrap();
     let open = !s["run"].is_null() && s["run"]["outcome"].is_null();
@@ -50,7 +50,7 @@ fn post(daemon: &Daemon, command: &str) -> u16 {
     daemon.post(&format!("/v1/runs/r1/{command}"))
 }
 
-/// In the revolution of a well.
+/// True during the revolution of `well`.
 fn turning(well: &str) -> impl Fn(&Value) -> bool {
     move |s| s["specimen"]["well"] == well && s["specimen"]["view"].as_u64() >= Some(2)
 }
@@ -79,7 +79,7 @@ fn a_held_run_rests_between_two_wells_outlasts_a_crash_and_goes_on_where_it_was(
     let measured = std::fs::read(data.join("runs/r1/A01/measurement.json")).unwrap();
     let sums = std::fs::read(data.join("runs/r1/A01/SHA256SUMS")).unwrap();
 
-    // What an operator holds stays held, whatever happens to the daemon.
+    // An operator's hold survives a crash of the daemon.
     daemon.signal("KILL");
     daemon.ended();
     std::fs::create_dir(data.join("runs/broken")).unwrap();
@@ -117,7 +117,7 @@ fn a_stopped_run_ends_after_its_specimen_and_says_what_was_not_visited() {
     assert_eq!((&status["ready"], &status["plate"]["removable"]), (&json!(true), &json!(true)), "{status}");
     assert_eq!(post(&daemon, "stop"), 200, "it has reached the state that was asked for");
     assert_eq!(daemon.put_run("r2", &plan()), 201);
-    // Stopped before it has any number.
+    // This run is stopped before it has any numbers.
     assert_eq!(daemon.post("/v1/runs/r2/hold"), 200);
     wait(&daemon, "the hold", |s| s["state"] == "Held");
     assert_eq!(daemon.post("/v1/runs/r2/abort"), 200);

@@ -1,5 +1,5 @@
-//! A sampler of somebody else's that says by a wire whether a specimen is there: over the emulated controller's status reports, with
-//! every fault of such a wire, and as a whole run.
+//! An external sampler that reports by a wire whether a specimen is present. The wire is read through the status reports of the emulated
+//! controller. The tests cover every fault of this wire and a whole run.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 mod common;
@@ -25,7 +25,7 @@ struct Bench {
     rig: Rig,
     sampler: TriggerSampler,
     axis: Box<dyn RotationAxis>,
-    /// Something is in the capillary.
+    /// Whether a specimen is in the capillary.
     filled: Arc<AtomicBool>,
 }
 
@@ -123,7 +123,7 @@ fn an_input_that_is_stuck_is_seen_before_a_load_and_after_an_eject() {
     bench.machine().force_line(Some(true));
     let said = words(bench.eject("A01"));
     assert!(said.contains("still says") && said.contains("stuck"), "{said}");
-    // The next load begins where this one ended.
+    // The next load finds the same state.
     assert!(words(bench.load("A02")).contains("A01"));
     bench.machine().force_line(None);
     bench.give();
@@ -146,7 +146,7 @@ fn a_specimen_that_slips_out_and_a_wire_that_is_pulled_end_the_turn() {
         }
         let said = words(bench.axis.move_to(Steps(200)));
         assert!(said.contains("A01") && said.contains("mid-turn"), "{said}");
-        // It is gone already, by the wire; and the sampler takes out what may still be there.
+        // According to the wire the specimen is gone. The sampler still ejects what may be left.
         bench.eject("A01").unwrap();
         bench.machine().force_line(None);
         bench.axis.move_to(Steps(0)).unwrap();
@@ -167,7 +167,7 @@ fn a_stopped_run_leaves_its_specimen_to_the_next_load() {
     assert_eq!(bench.machine().ejected(), 1, "A01's specimen is not taken for B01's");
 }
 
-/// What comes in when no run is there to ask for it is nobody's: the next run does not take it for its first well's.
+/// A specimen that arrives between two runs was not asked for: the next run does not take it for that of its first well.
 #[test]
 fn a_specimen_that_comes_in_between_two_runs_is_seen_and_refused() {
     let mut bench = Bench::new(Controller::default());
@@ -185,7 +185,7 @@ fn a_specimen_that_comes_in_between_two_runs_is_seen_and_refused() {
     assert!(words(bench.load("A01")).contains("none was asked for"));
 }
 
-/// While a person has the controller nothing is switched: the specimen would go when the hold is over.
+/// While a person has stopped the controller no output is switched: otherwise the specimen would be ejected when the hold ends.
 #[test]
 fn a_held_controller_is_not_reset_to_eject_and_switches_nothing_when_it_is_released() {
     for door in [false, true] {
@@ -211,7 +211,7 @@ fn a_held_controller_is_not_reset_to_eject_and_switches_nothing_when_it_is_relea
     }
 }
 
-/// A fault ends a turn by a stop, and an alarm makes the controller deaf; the specimen is to be got out all the same.
+/// A fault ends a turn by a stop, and a controller in alarm ignores commands. The specimen must be ejected nevertheless.
 #[test]
 fn a_fault_of_the_axis_keeps_no_specimen_in() {
     for alarm in [false, true] {
@@ -230,7 +230,7 @@ fn a_fault_of_the_axis_keeps_no_specimen_in() {
     }
 }
 
-/// A stop keeps the sampler from ejecting; no loader is there to take the specimen out, but the next run is.
+/// A stopped run does not eject. There is no loader that could take the specimen out, so the next run ejects it.
 #[cfg(feature = "aravis")]
 #[test]
 fn what_a_run_that_was_cut_short_left_inside_is_ejected_by_the_next() {
@@ -269,7 +269,7 @@ fn what_a_run_that_was_cut_short_left_inside_is_ejected_by_the_next() {
     }
 }
 
-/// Everything that the emulated rig has beside its axis and camera, in one run.
+/// One run with every device of the emulated rig besides axis and camera.
 #[cfg(feature = "aravis")]
 #[test]
 fn a_run_on_the_wires_with_a_second_camera_and_a_translation() {
@@ -291,7 +291,7 @@ fn a_run_on_the_wires_with_a_second_camera_and_a_translation() {
     assert!(hardware["camera_second"]["completed_frames"].as_u64().unwrap() >= 22, "{hardware}");
     let translation = &hardware["translation"];
     assert_eq!(translation["referenced"], true, "{hardware}");
-    // 21.333 steps per um: the whole step nearest to the configured place.
+    // At 21.333 steps per um the position is the whole step nearest to the configured one.
     assert!((translation["position_um"].as_f64().unwrap() + 5000.0).abs() < 0.03, "{translation}");
     assert_eq!(translation["position_steps"].as_i64().unwrap(), -106_667);
     assert!(hardware["camera"]["light"]["background"].as_f64().unwrap() > 100.0, "{hardware}");

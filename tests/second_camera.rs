@@ -1,4 +1,5 @@
-//! A second camera that sees the specimen glow: its frames are stored beside the first's, and its signal per volume is the truth's.
+//! A second camera for the fluorescence of the specimen: its frames are stored beside those of the first, and its signal per volume equals
+//! the truth.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -14,7 +15,7 @@ use std::sync::Arc;
 
 const ASD: usize = 9;
 
-/// The second camera's tables, by the numbers that the emulated one has.
+/// The configuration of the second camera, with the values of the emulated one.
 fn tables(address: std::net::Ipv4Addr, glow: &FluorescentSettings) -> String {
     let c = &glow.camera;
     format!(
@@ -64,7 +65,7 @@ fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording(
 
     let exposures = rig.second_exposures();
     let hex = |hash: &[u8]| hash.iter().map(|b| format!("{b:02x}")).collect::<String>();
-    // Perspective beside the axis, the mesh's facets and noise come to less than 1 %.
+    // Perspective beside the axis, the facets of the mesh and noise together are less than 1 %.
     for ((well, body_nl), result) in ["A01", "A02"].into_iter().zip(bodies_nl).zip(status["run"]["results"].as_array().unwrap()) {
         let folder = data.join("runs/r1").join(well);
         let found = &json(&folder.join("measurement.json"))["fluorescence"];
@@ -78,7 +79,7 @@ fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording(
             found["signal_sd"].as_f64().unwrap() / found["signal"].as_f64().unwrap() * 100.0
         );
         assert!(off.abs() < 0.015, "{well}: {off}");
-        // Per volume, what the volume is off by comes in: of a larva the hull, which is up to 5 % above the body.
+        // The error of the volume enters the signal per volume. For a larva the hull is up to 5 % above the body.
         let volume_nl = result["volume_um3"].as_f64().unwrap() * 1e-6;
         assert!((per_nl * volume_nl / found["signal"].as_f64().unwrap() - 1.0).abs() < 1e-9, "{found}");
         assert!((per_nl / glow.signal_per_nl() - 1.0).abs() < if well == "A01" { 0.015 } else { 0.06 }, "{well}: {per_nl}");
@@ -93,14 +94,14 @@ fn the_signal_per_volume_is_the_truths_and_is_computed_again_from_the_recording(
         assert!(output.status.success(), "{}", stderr(&output));
         assert_eq!(serde_json::from_slice::<Value>(&output.stdout).unwrap()["stored"], "identical");
     }
-    // What was recorded is what is measured: another picture in its place is refused by name.
+    // The recorded frames are measured: a replaced frame is refused by name.
     let folder = data.join("runs/r1/A01/second");
     std::fs::copy(folder.join("view_001.png"), folder.join("view_002.png")).unwrap();
     let said = stderr(&run(&["measure", data.join("runs/r1/A01").to_str().unwrap()]));
     assert!(said.contains("view_002.png") && said.contains("SHA-256"), "{said}");
 }
 
-/// View 4 of 12 does not belong, and there the specimen does not glow; when it is taken again, it does.
+/// View 4 of 12 is wrong, without fluorescence. When it is taken again, it is right.
 #[test]
 fn a_view_that_is_taken_again_is_taken_again_by_both_cameras() {
     let at_rad = 2.0..2.2;
@@ -160,7 +161,7 @@ fn half_of_a_second_camera_is_refused() {
     assert!(!ok && said.contains("expected Mono8"), "{said}");
 }
 
-/// The cable of the second camera comes out in the middle of a turn. Nothing is wrong with the larva: it waits inside.
+/// The cable of the second camera is pulled during a turn. The larva is fine and waits in the capillary.
 #[test]
 fn a_second_camera_that_dies_in_mid_turn_holds_the_run_and_the_same_larva_is_measured_once_it_is_back() {
     let mut bench = Bench::new();

@@ -1,4 +1,4 @@
-//! `carved segment` as its users meet it: frames of the emulated rig in every kind of file, and pictures that fail.
+//! `carved segment` as its users meet it: frames of the emulated rig in every type of file, and pictures that fail.
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -13,7 +13,7 @@ use serde_json::Value;
 use std::path::Path;
 use std::process::Output;
 
-/// A larva of 4 dpf on a sensor of an odd size, at 11 um per px so that a frame takes little time.
+/// A larva of 4 dpf on a sensor of an odd size, at 11 um per px, which makes a frame fast to compute.
 fn larva() -> (Rgb, Mask) {
     let mut settings = SceneSettings::default();
     let camera = &mut settings.camera;
@@ -54,8 +54,8 @@ fn mask(path: &Path) -> Mask {
     Mask::from_coverage(image.width() as usize, image.height() as usize, image.into_bytes()).unwrap()
 }
 
-/// At 11 um per px the larva's outline is a twelfth of its pixels, so that half a pixel of edge costs 4 % of overlap. What the
-/// files of one frame hold is the same to the last bit but for JPEG's losses and the mosaic's and grey's missing colours.
+/// At 11 um per px the outline is a twelfth of the larva's pixels, so that half a pixel at the edge costs 4 % of overlap. All files of one
+/// frame give the same bits, except for the losses of JPEG and the missing colours of mosaic and grey pictures.
 #[test]
 fn every_kind_of_picture_gives_the_larvas_outline() {
     let dir = tempfile::tempdir().unwrap();
@@ -67,7 +67,7 @@ fn every_kind_of_picture_gives_the_larvas_outline() {
     save(rgb.clone().into_rgba8().into(), "rgba.png");
     save(rgb.clone(), "rgb_bmp.bmp");
     save(rgb.clone(), "rgb_tiff.tif");
-    // A camera of 12 bits: its counts are the low ones of 16.
+    // A 12-bit camera: its counts are the low bits of 16.
     let twelve: Vec<u16> = frame.data.iter().map(|&p| u16::from(p) << 4).collect();
     save(image::ImageBuffer::<image::Rgb<u16>, _>::from_raw(frame.width, frame.height, twelve).unwrap().into(), "rgb_12.png");
     let jpeg = std::fs::File::create(dir.path().join("jpeg.jpg")).unwrap();
@@ -75,7 +75,7 @@ fn every_kind_of_picture_gives_the_larvas_outline() {
     save(grey8.clone(), "grey.png");
     save(grey8.clone().into_luma_alpha8().into(), "grey_alpha.png");
     save(grey8.into_luma16().into(), "grey_16.tiff");
-    // The kind is read from the file, not from its name.
+    // The type is read from the contents of the file, not from its name.
     rgb.save_with_format(dir.path().join("misnamed.jpeg"), ImageFormat::Png).unwrap();
 
     let same = [
@@ -90,7 +90,7 @@ fn every_kind_of_picture_gives_the_larvas_outline() {
     for group in &same {
         let first = mask(&out(group[0], ".mask.png"));
         assert_eq!((first.width(), first.height()), (513, 301));
-        // At 11 um per px the fin is 4 px wide, and found in part: 0.908 in colour, 0.861 in grey.
+        // At 11 um per px the fin is 4 px wide and is found in part: overlap 0.908 in colour, 0.861 in grey.
         assert!(first.iou(&truth) > 0.85, "{}: IoU {}", group[0], first.iou(&truth));
         for image in group {
             assert_eq!(mask(&out(image, ".mask.png")), first, "{image}");
@@ -104,7 +104,7 @@ fn every_kind_of_picture_gives_the_larvas_outline() {
     }
     assert_eq!(json(&out("rgb_12.png", ".json"))["input"]["bits"], 12);
 
-    // The library's own outline, to the rounding of the file.
+    // The outline equals that of the library, up to the rounding in the file.
     let raw = RawFrame::new(frame.width, frame.height, PixelFormat::RGB8Packed, frame.data.clone()).unwrap();
     let profile = segment(&Picture::from_frame(&raw), &SegmentSettings::default()).unwrap();
     let edge = json(&out("rgb.png", ".edge.json"));
@@ -120,7 +120,7 @@ fn every_kind_of_picture_gives_the_larvas_outline() {
             assert!((vertex[0].as_f64().unwrap() - u).abs() < 1e-4 && (vertex[1].as_f64().unwrap() - v).abs() < 1e-4);
         }
     }
-    // The overlay shows the outline where the file says that it is, and the picture elsewhere.
+    // The overlay shows the outline at the stated vertices, and the picture elsewhere.
     let overlay = image::open(out("rgb.png", ".overlay.png")).unwrap().into_rgb8();
     let [u, v] = profile.edge[0].vertices[0].map(|x| x.round() as u32);
     assert_eq!(overlay.get_pixel(u, v).0, [255, 64, 160]);
@@ -155,7 +155,7 @@ fn a_picture_that_fails_says_why_and_the_others_go_on() {
     std::fs::write(dir.path().join("text.png"), "not a picture").unwrap();
     let whole = std::fs::read(dir.path().join("larva.png")).unwrap();
     std::fs::write(dir.path().join("cut.png"), &whole[..whole.len() / 2]).unwrap();
-    // An older result of a picture that now fails is no longer its result.
+    // If a picture fails, an older result of it is removed.
     std::fs::create_dir(dir.path().join("out")).unwrap();
     std::fs::write(dir.path().join("out/black.mask.png"), "older").unwrap();
     std::fs::write(dir.path().join("out/larva.json"), "older").unwrap();
@@ -184,7 +184,7 @@ fn a_picture_that_fails_says_why_and_the_others_go_on() {
     assert_eq!(left.len(), 6 + 4, "no part is left: {left:?}");
 }
 
-/// Each of these gave an outline once, or an error that did not help.
+/// Each of these once gave an outline, or an unhelpful error.
 #[test]
 fn pictures_taken_amiss_are_refused_by_name() {
     let dir = tempfile::tempdir().unwrap();
@@ -193,7 +193,7 @@ fn pictures_taken_amiss_are_refused_by_name() {
     let save = |image: DynamicImage, name: &str| image.save(dir.path().join(name)).unwrap();
     save(grey(&frame, frame.to_bayer_rg8()), "mosaic.png");
     save(rgb.rotate90(), "turned.png");
-    // The walls' outer lines lie at rows 91 and 209: 4 px of water are left beside them.
+    // The outer lines of the walls are at rows 91 and 209, which leaves 4 px of water beside them.
     let walls = segment_walls(&frame);
     let (top, bottom) = (walls[0].round() as u32 - 4, walls[1].round() as u32 + 4);
     save(rgb.crop_imm(0, top, frame.width, bottom - top + 1), "tight.png");
@@ -224,7 +224,7 @@ fn segment_walls(frame: &Rgb) -> [f64; 2] {
     [a.min(b), c.max(d)]
 }
 
-/// What compression left is no noise: the outline is given, and what it is worth is said.
+/// Compression artefacts are not noise: the outline is given together with its quality.
 #[test]
 fn a_picture_that_was_compressed_too_much_is_flagged() {
     let dir = tempfile::tempdir().unwrap();
@@ -242,7 +242,7 @@ fn a_picture_that_was_compressed_too_much_is_flagged() {
     assert_eq!((warning("q95"), warning("whole")), (Value::Null, Value::Null));
 }
 
-/// A folder stands where the mask should go: nothing half written is left, and no file that is not there is pointed to.
+/// A folder has the name of the mask. No partial file is left, and the output refers to no missing file.
 #[test]
 fn results_that_cannot_be_written_are_told_from_pictures_without_a_profile() {
     let dir = tempfile::tempdir().unwrap();
@@ -258,7 +258,7 @@ fn results_that_cannot_be_written_are_told_from_pictures_without_a_profile() {
     assert_eq!(left, ["a.mask.png"]);
 }
 
-/// Nothing is written where the call itself is wrong.
+/// A wrong command line writes no file.
 #[test]
 fn a_call_that_would_lose_a_result_is_refused_whole() {
     let dir = tempfile::tempdir().unwrap();
@@ -283,7 +283,7 @@ fn a_call_that_would_lose_a_result_is_refused_whole() {
         assert!(stderr(&output).contains(why), "{}", stderr(&output));
         assert!(!dir.path().join("out").exists(), "{images:?}");
     }
-    // Into the pictures' own folder: the mask of a.png would be the picture a.mask.png.
+    // Output into the folder of the pictures: the mask of a.png would overwrite the picture a.mask.png.
     let (folder, a, masked) = (dir.path().display().to_string(), dir.path().join("a.png"), dir.path().join("a.mask.png"));
     let before = std::fs::read(&masked).unwrap();
     let output = run(&["segment", "--out", &folder, &a.display().to_string(), &masked.display().to_string()]);
@@ -291,7 +291,7 @@ fn a_call_that_would_lose_a_result_is_refused_whole() {
     assert_eq!(std::fs::read(&masked).unwrap(), before);
 }
 
-/// The same call gives the same bytes on one core and on many, over older results too.
+/// The same command gives the same bytes on one core and on many, also over older results.
 #[test]
 fn results_do_not_depend_on_the_number_of_threads() {
     let dir = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! `carved serve` as on an instrument: a configuration file, a plate-loader that speaks HTTP, and an emulated rig beside it
-//! whose true shaft, exposures and faults this test sees.
+//! `carved serve` as on an instrument: a configuration file, a plate-loader that speaks HTTP, and an emulated rig whose true shaft,
+//! exposures and faults the test can see.
 //!
 //! ```text
 //! test = plate-loader ── HTTP ──► carved serve (child) ── pty, GigE ──► emulated rig (in this process)
@@ -20,9 +20,9 @@ const STEPS: f64 = 500.0;
 /// Diameter of the bead, um.
 const BEAD_UM: f64 = 500.0;
 
-/// What every method here says besides its retries.
+/// The policy keys of every method here.
 const POLICY: &str = "retries = 1, bead_gate = \"off\"";
-/// A specimen is not tried again.
+/// As `POLICY`, without a second attempt.
 const ONCE: &str = "retries = 0, bead_gate = \"off\"";
 
 fn start(rate: &Rate, policy: &str) -> Instrument {
@@ -34,7 +34,7 @@ impl Instrument {
         self.rig.shaft().angle_rad()
     }
 
-    /// Starts a run of one larva; the instrument then asks for it.
+    /// Starts a run of one larva and waits until the instrument asks for it.
     fn awaited(&self, run: &str) {
         let plan = plan(&[json!({"well": "A01", "specimen": "larva", "dpf": 4})]);
         assert_eq!(self.daemon.put_run(run, &plan), 201);
@@ -47,11 +47,12 @@ impl Instrument {
         assert_eq!(self.daemon.put_loaded(run, well), 200);
     }
 
-    /// A run on the slow instrument, in the move to its second view: the true angles of that move's begin and target.
+    /// A run on the slow instrument during the move to its second view. Returns the true angles at the start and at the target of this
+    /// move.
     fn in_mid_move(&self, run: &str) -> (f64, f64) {
         self.awaited(run);
         self.load(run, "A01", Specimen::larva(4, 1).unwrap());
-        // The frame on which the well is judged, and the first view.
+        // The frame that judges the well, and the first view.
         until("the first view", || self.rig.exposures().len() == 2);
         let from = self.rig.exposures()[1].angle_rad;
         let to = from + (STEPS / f64::from(SLOW.asd)).round() * TAU / STEPS;
@@ -59,10 +60,10 @@ impl Instrument {
         (from, to)
     }
 
-    /// The shaft comes to rest and stays, while the daemon does whatever it still does.
+    /// Waits until the shaft stands. Returns its angle after the daemon has finished its work.
     fn stands(&self) -> f64 {
         let mut angle = self.angle();
-        // The refusal may overtake the stop's bytes on their way through the pty; what they bring about is lasting.
+        // The refusal may overtake the bytes of the stop on their way through the pty.
         until("the shaft to stand", || {
             let before = std::mem::replace(&mut angle, self.angle());
             before.to_bits() == angle.to_bits()
@@ -70,7 +71,7 @@ impl Instrument {
         angle
     }
 
-    /// Through several answers of the daemon the shaft does not move and nothing is exposed.
+    /// Checks that during several answers of the daemon the shaft does not move and no exposure is made.
     fn nothing_follows(&self) {
         let (angle, exposures) = (self.stands(), self.rig.exposures().len());
         for _ in 0..50 {
@@ -93,7 +94,7 @@ impl Instrument {
         status
     }
 
-    /// It stopped where it was, not where it was sent.
+    /// The shaft stopped before its target.
     fn short_of(&self, (from, to): (f64, f64)) {
         let angle = self.stands();
         assert!(angle > from && angle < to - 0.1 * (to - from), "stands at {angle} rad on the way from {from} to {to}");
@@ -111,7 +112,7 @@ fn a_loader_brings_two_wells_and_both_are_measured() {
     let kinds = ["bead", "larva"];
     let wells = [json!({"well": "A01", "specimen": kinds[0]}), json!({"well": "A02", "specimen": kinds[1], "dpf": 4})];
     assert_eq!(daemon.put_run("r1", &plan(&wells)), 201);
-    // Nobody may take the plate away before its last specimen is measured and out.
+    // The plate may not be removed before its last specimen is measured and out of the capillary.
     let kept = |s: &Value| assert_eq!(s["plate"]["removable"], false, "{s}");
     for (well, specimen) in [("A01", Specimen::bead(BEAD_UM).unwrap()), ("A02", Specimen::larva(4, 1).unwrap())] {
         let status = daemon.wait("the loader to be asked", |s| {
@@ -142,11 +143,11 @@ fn a_loader_brings_two_wells_and_both_are_measured() {
     let diameter = status["run"]["results"][0]["diameter_um"].as_f64().unwrap();
     assert!((diameter / BEAD_UM - 1.0).abs() < 0.01, "bead: {diameter} um, truth {BEAD_UM} um");
     assert!(status["run"]["results"][1]["volume_um3"].as_f64().is_some(), "{status}");
-    // The instrument does not see the loader's hand: the last specimen is in the capillary until the loader says otherwise.
+    // The instrument does not see what the loader does: the last specimen counts as inside until the loader reports that it took it out.
     assert_eq!(status["plate"]["removable"], false, "{status}");
     assert_eq!(daemon.put_unloaded("r1", "A02"), 200);
     assert_eq!(daemon.status()["plate"]["removable"], true);
-    // Per well one look, 21 views and the closure view; a frame that is late on a busy machine is triggered again.
+    // Per well there are one judging frame, 21 views and the closure view. On a busy machine a late frame is triggered again.
     let exposures = instrument.rig.exposures().len();
     assert!((46..50).contains(&exposures), "{exposures}");
 }
@@ -168,7 +169,7 @@ fn nothing_moves_after_an_abort_that_comes_before_the_first_view() {
     let daemon = &instrument.daemon;
     let at_start = instrument.angle();
 
-    // While the loader is waited for: what it brings all the same is known to be inside.
+    // Aborted while the loader is asked for a specimen. If the loader brings it nevertheless, the daemon knows that it is inside.
     instrument.awaited("load");
     let status = instrument.aborted("load");
     assert_eq!(status["plate"]["removable"], true, "nothing is in the capillary: {status}");
@@ -180,12 +181,12 @@ fn nothing_moves_after_an_abort_that_comes_before_the_first_view() {
     assert_eq!(instrument.angle().to_bits(), at_start.to_bits(), "it never moved");
     assert_eq!(daemon.put_unloaded("load", "A01"), 200);
 
-    // In one breath with the loader's word, so that the reference is about to begin or has just begun.
+    // Aborted immediately after the loader's report: the reference is about to begin or has just begun.
     instrument.awaited("loaded");
     instrument.load("loaded", "A01", Specimen::larva(4, 1).unwrap());
     let status = instrument.aborted("loaded");
     instrument.nothing_follows();
-    // Where the disk is slow the reference may have begun; it was not found, which would have set angle 0.
+    // On a slow disk the reference may have begun. It was not completed, which would have given angle 0.
     let begun = instrument.angle();
     assert!(begun.abs() > 10.0 * TAU / STEPS, "it stands at {begun} rad: the reference was found");
     assert_eq!(status["plate"]["removable"], false, "the specimen is in the capillary: {status}");
@@ -194,7 +195,7 @@ fn nothing_moves_after_an_abort_that_comes_before_the_first_view() {
     assert_eq!(daemon.put_unloaded("loaded", "A01"), 200);
     assert_eq!(daemon.status()["plate"]["removable"], true);
 
-    // On the way to the reference.
+    // Aborted on the way to the reference.
     instrument.awaited("homing");
     instrument.load("homing", "A01", Specimen::larva(4, 1).unwrap());
     daemon.wait("the reference", |s| s["specimen"]["phase"] == "position");
@@ -219,7 +220,7 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
     assert_eq!(json(&data.join("runs/r1/run.json"))["outcome"], "interrupted");
     assert!(data.join("runs/r1/A01/SHA256SUMS").is_file(), "the recording is closed");
 
-    // The next start knows the run and what it has left in the capillary.
+    // The restarted daemon knows the run and the specimen that is still in the capillary.
     let daemon = Daemon::serve(&config, &data);
     let instrument = Instrument { daemon, rig, scene, config, data, dir };
     let status = started(&instrument.daemon);
@@ -235,12 +236,12 @@ fn a_signal_in_the_middle_of_a_move_leaves_the_shaft_standing_short_of_its_targe
     assert_eq!((&status["ready"], &status["plate"]["removable"]), (&json!(true), &json!(true)), "{status}");
 }
 
-/// The first status of a daemon that has looked at what was left.
+/// The first status of a daemon that has read what earlier runs left.
 fn started(daemon: &Daemon) -> Value {
     daemon.wait("the first word", |s| s["not_ready_reason"] != "starting")
 }
 
-/// An operator's hold stands, whatever else holds the run before or after it and is over by itself.
+/// An operator's hold stays, whatever else holds the run before or after it and then clears.
 #[test]
 fn what_an_operator_holds_does_not_go_on_by_itself() {
     let instrument = start(&QUICK, ONCE);
@@ -260,7 +261,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
         hold();
         instrument.rig.faults().replug_serial().unwrap();
         daemon.wait("the axis", |s| s["faults"] == json!([]));
-        // Answered after whatever the axis' return has brought about.
+        // This request is answered after the daemon has handled the return of the axis.
         hold();
         let status = daemon.status();
         assert_eq!((&status["state"], &status["run"]["held_by_operator"]), (&json!("Held"), &json!(true)), "{status}");
@@ -307,7 +308,7 @@ fn events(data: &std::path::Path) -> Vec<Value> {
     text.lines().map(|l| serde_json::from_str(l).unwrap()).collect()
 }
 
-/// The specimen under way is given up by policy; the plate goes on with the next well once the axis is back.
+/// The policy gives up the current specimen. The plate continues with the next well once the axis is back.
 #[test]
 fn an_interrupted_specimen_is_skipped_where_the_method_says_so() {
     let instrument = start(&QUICK, &format!("{ONCE}, interrupted = \"skip\""));
@@ -332,7 +333,7 @@ fn an_interrupted_specimen_is_skipped_where_the_method_says_so() {
     assert!(!instrument.data.join("runs/r1/A01.attempt-1").exists(), "what is skipped is not begun anew");
 }
 
-/// Opening a controller's port may reset it in mid-move: who comes second is turned away before it touches anything.
+/// Opening the port of a controller may reset it during a move. A second daemon is therefore refused before it touches a device.
 #[test]
 fn a_second_daemon_on_the_same_data_leaves_the_run_of_the_first_alone() {
     let instrument = start(&SLOW, ONCE);
@@ -341,14 +342,14 @@ fn a_second_daemon_on_the_same_data_leaves_the_run_of_the_first_alone() {
     assert!(!second.status.success());
     assert!(stderr(&second).contains("another carved uses this folder"), "{}", stderr(&second));
     until("the second view", || instrument.rig.exposures().len() > 2);
-    // Half a step: the view is taken where it was to be taken.
+    // Half a step: the view was taken at its planned angle.
     let at = instrument.rig.exposures()[2].angle_rad;
     assert!((at - to).abs() < 0.5 * TAU / STEPS, "{at} rad instead of {to}");
     let status = instrument.daemon.status();
     assert_eq!((&status["faults"], &status["state"]), (&json!([]), &json!("Execute")), "{status}");
 }
 
-/// What the policy gives up stays so, also where the run is held and the daemon dies once more.
+/// A specimen that the policy has given up stays so, also if the run is held and the daemon dies again.
 #[test]
 fn a_specimen_that_a_crash_has_cost_is_not_asked_for_again_where_the_method_says_so() {
     let mut instrument = start(&QUICK, &format!("{ONCE}, interrupted = \"skip\""));
@@ -378,7 +379,7 @@ fn a_specimen_that_a_crash_has_cost_is_not_asked_for_again_where_the_method_says
     assert_eq!(status["run"]["results"][0]["outcome"], "interrupted", "{status}");
 }
 
-/// A preflight says all that fails, not the first thing; and a plate that will not fit on the disk is not begun.
+/// A preflight reports everything that fails, not only the first fault. A plate that does not fit on the disk is not started.
 #[test]
 fn a_preflight_names_everything_that_fails() {
     let instrument = start(&Rate { asd: 500, ..QUICK }, POLICY);
@@ -406,7 +407,7 @@ fn a_preflight_names_everything_that_fails() {
     daemon.wait("both faults", |s| s["faults"].as_array().is_some_and(|f| f.len() == 2));
     let (code, found) = loop {
         let (code, found) = daemon.send("POST", "/v1/preflight", &one);
-        // The devices are being looked for in this very moment.
+        // The daemon is looking for the devices at this moment.
         if found["code"] != "busy" {
             break (code, found);
         }
@@ -416,7 +417,7 @@ fn a_preflight_names_everything_that_fails() {
     assert!(found["checks"][0]["what_to_do"].as_str().unwrap().contains("cable"), "{found}");
 }
 
-/// The emulated rig's cable, pulled and plugged in again under the name that the configuration has.
+/// The cable of the emulated rig is pulled and plugged in again under the configured name.
 #[test]
 fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() {
     let instrument = start(&QUICK, POLICY);
@@ -434,7 +435,7 @@ fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() 
     assert_eq!(status["faults"], json!([]), "{status}");
     assert_eq!(status["hardware"]["rotation"]["connected"], true, "{status}");
 
-    // And in a run, which goes on by itself: the specimen is taken out, brought again and measured.
+    // The same during a run, which continues by itself: the specimen is taken out, loaded again and measured.
     assert_eq!(daemon.put_run("r1", &plan), 201);
     daemon.wait("the loader to be asked", |s| s["state"] == "Suspended");
     instrument.rig.faults().unplug_serial();
@@ -455,7 +456,7 @@ fn an_axis_that_is_lost_between_runs_is_seen_and_opened_again_when_it_is_back() 
     let count = |kind: &str| kinds.iter().filter(|k| *k == kind).count();
     assert_eq!((count("fault.cleared"), count("run.held"), count("run.resumed"), count("run.ended")), (2, 1, 1, 1), "{kinds:?}");
 
-    // What was measured and then pruned is not measured again under its name.
+    // A run that was measured and pruned cannot be started again under its name.
     std::fs::remove_dir_all(instrument.data.join("runs/r1")).unwrap();
     let (code, problem) = daemon.send("PUT", "/v1/runs/r1", &plan);
     assert_eq!((code, &problem["code"]), (409, &json!("pruned")), "{problem}");
@@ -467,7 +468,7 @@ fn steps_lost_in_a_revolution_are_measured_but_flagged() {
     instrument.awaited("r1");
     instrument.load("r1", "A01", Specimen::larva(4, 1).unwrap());
     until("the first views", || instrument.rig.exposures().len() >= 6);
-    // 60 of 500 steps: the view at 360 deg looks 43 deg beside the one at 0 deg.
+    // 60 of 500 steps: the view at 360 deg is 43 deg away from the one at 0 deg.
     instrument.rig.faults().lose_steps(60);
     let status = instrument.daemon.wait("the run's end", |s| s["state"] == "Complete");
     let well = &status["run"]["results"][0];

@@ -1,7 +1,7 @@
-//! The shape of phantoms whose length, head and back are known, carved from their exact silhouettes.
+//! The shape of phantoms with known length, head and back, carved from their exact silhouettes.
 //!
 //! ```text
-//!  Larva, placed ── truth_mask x 21 ── Reconstruction ── Mesh ── Shape      against Truth and Placement
+//!  Larva, placed ── truth_mask x 21 ── Reconstruction ── Mesh ── Shape      compared with Truth and Placement
 //! ```
 
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
@@ -16,7 +16,7 @@ use carved_core::surface::Mesh;
 use hardware_sim::scene::{Larva, Placement, Scene, SceneSettings, Specimen};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Coarse voxels: the field's surface does not need finer ones for what is asked here.
+/// Coarse voxels, because the field surface is accurate enough with them for these checks.
 const SD_UM: f64 = 12.0;
 const VIEWS: u32 = 21;
 
@@ -40,8 +40,8 @@ fn told(shape: &Shape) -> &Body {
     shape.body.as_ref().unwrap_or_else(|| panic!("{:?}", shape.body_reason))
 }
 
-/// The body's length is known along x; its arc along the bowed head and the bent back is longer, and a head that hangs ends at a
-/// plane across itself: half a per cent between the two. The tail fin goes on for 3 % of the length.
+/// The length of the body is known along x. Its arc is longer, because the head is bowed and the back is bent; and a head that hangs ends
+/// at a plane across itself. Together this is half a per cent. The tail fin adds 3 % of the length.
 #[test]
 fn larvae_have_their_length_head_and_back_whichever_way_they_lie() {
     for (dpf, seed, finned, faces_right, roll_rad) in
@@ -59,11 +59,11 @@ fn larvae_have_their_length_head_and_back_whichever_way_they_lie() {
         assert!((body.slices_volume_share - 1.0).abs() < 2e-3, "{name}, share {}", body.slices_volume_share);
         assert_eq!(body.head.end, Some(if faces_right { End::Right } else { End::Left }), "{name}");
         assert!(body.head.confidence > 0.9, "{name}");
-        // The phantom's back is at -y, rolled with it.
+        // The phantom's back is at -y, turned by the roll.
         let (sin, cos) = roll_rad.sin_cos();
         let [_, y, z] = body.dorsal.direction.unwrap_or_else(|| panic!("{name}"));
         assert!(-y * cos - z * sin > 5f64.to_radians().cos(), "{name}");
-        // At a quarter of a turn what was nearest to the camera is lowest in the picture, where y is largest.
+        // After a quarter of a turn the side that was nearest to the camera is lowest in the picture, where y is largest.
         let camera = Camera::published(1024, 1024);
         let near = if camera.projection(0.0).depth([0.0, 0.0, 100.0]) < camera.projection(0.0).depth([0.0; 3]) { 1.0 } else { -1.0 };
         let front = cos.atan2(-near * sin);
@@ -75,11 +75,11 @@ fn larvae_have_their_length_head_and_back_whichever_way_they_lie() {
         assert!(off(angle(facing.dorsal_view), front) < 9.0 + 5.0 && off(angle(facing.ventral_view), front + PI) < 9.0 + 5.0, "{facing:?}");
         let [left, right] = facing.lateral_views.map(angle);
         assert!(off(left, front - FRAC_PI_2) < 9.0 + 5.0 && off(right, front + FRAC_PI_2) < 9.0 + 5.0, "{facing:?}");
-        // It bends by its bow and its waves, not as a snake does.
+        // The phantom bends with its bow and its waves, not like a snake.
         assert!(body.bending.total_deg < 60.0 && body.bending.end_to_end_share > 0.99, "{name}: {:?}", body.bending);
         let harmonics = shape.harmonics.as_ref().unwrap_or_else(|| panic!("{name}: {:?}", shape.harmonics_reason));
         assert!(harmonics.power_share[0] > 0.9 && harmonics.power_share[1] > 0.02, "{name}: {harmonics:?}");
-        // The trunk is higher than wide, the tail thinner than the yolk.
+        // The trunk is taller than wide, and the tail is thinner than the yolk.
         let [yolk, tail] = [25, 80].map(|i| body.stations[i]);
         assert!(yolk.height_um > 1.2 * yolk.width_um && yolk.area_um2 > 4.0 * tail.area_um2, "{name}: {yolk:?} {tail:?}");
     }
@@ -90,7 +90,8 @@ fn a_bead_has_neither_head_nor_back_and_the_power_of_a_ball() {
     let shape = Shape::of(&hull(Specimen::bead(500.0).unwrap().placed(Placement { x_um: 300.0, ..Placement::default() })));
     let body = told(&shape);
     assert_eq!((body.head.end, body.dorsal.direction), (None, None), "{:?} {:?}", body.head, body.dorsal);
-    // The tolerance of 21 views adds 0.7 % across the capillary (docs/measured.md), the pixels' sides as much again at a bead's size.
+    // The tolerance of 21 views adds 0.7 % across the capillary (docs/measured.md). The sides of the pixels add the same amount at the size
+    // of a bead.
     assert!((body.length_um / 500.0 - 1.0).abs() < 0.015, "{}", body.length_um);
     let (solid, harmonics) = (shape.solid.unwrap(), shape.harmonics.unwrap());
     assert!(solid.sphericity > 0.985, "{solid:?}");

@@ -26,7 +26,7 @@ fn a_run_is_archived_with_a_receipt_and_pruned_only_while_the_copy_is_good() {
 
     let output = at(&["prune", "data", "r1", "--yes"]);
     assert!(!output.status.success() && text(&output).contains("never archived"), "{}", text(&output));
-    // Names without a folder before them, as one types them.
+    // Names without a folder in front, as one types them.
     let output = at(&["archive", "data/runs/r1", "--to", "copies"]);
     assert!(output.status.success() && text(&output).contains("every hash verified"), "{}", text(&output));
     let copy = dir.path().join("copies/r1");
@@ -35,13 +35,13 @@ fn a_run_is_archived_with_a_receipt_and_pruned_only_while_the_copy_is_good() {
     }
     assert!(copy.join("archive.json").is_file());
 
-    // A copy with one bit flipped is no copy.
+    // A copy with one flipped bit is refused.
     let good = std::fs::read(copy.join("A01/mesh.ply")).unwrap();
     std::fs::write(copy.join("A01/mesh.ply"), b"plz").unwrap();
     let output = at(&["prune", "data", "r1", "--yes"]);
     assert!(!output.status.success() && text(&output).contains("its copy is not good"), "{}", text(&output));
     std::fs::write(copy.join("A01/mesh.ply"), good).unwrap();
-    // Nor does it hold what was changed here since.
+    // A copy that differs from a later change of the original is refused too.
     let kept = std::fs::read(&frame).unwrap();
     std::fs::write(&frame, b"changed since").unwrap();
     let output = at(&["prune", "data", "r1", "--yes"]);
@@ -77,7 +77,7 @@ fn a_run_under_way_is_not_archived_and_other_files_are_not_overwritten() {
     std::fs::write(to.join("r1/A01/mesh.ply"), "somebody's").unwrap();
     let output = archive("r1", &to);
     assert!(!output.status.success() && text(&output).contains("nothing is overwritten"), "{}", text(&output));
-    // What was cut short is finished.
+    // An interrupted copy is completed.
     std::fs::remove_file(to.join("r1/A01/mesh.ply")).unwrap();
     assert!(archive("r1", &to).status.success());
     assert!(text(&archive("r1", &data.join("runs"))).contains("apart from the run's own"));
@@ -104,7 +104,7 @@ fn receipt_names(run: &Path, destination: &Path) {
     std::fs::write(&receipt, value.to_string()).unwrap();
 }
 
-/// A receipt may name anything: it was edited, restored from somewhere, or its disk was mounted elsewhere.
+/// A receipt may name any destination: it may have been edited or restored, or its disk may be mounted elsewhere.
 #[test]
 fn a_prune_keeps_a_run_whose_copy_is_the_run_itself() {
     use std::os::unix::fs::symlink;
@@ -190,7 +190,8 @@ fn an_archive_into_the_run_itself_is_refused_and_leaves_nothing_there() {
     }
 }
 
-/// A script reads the exit code: of a whole data folder too, a copy that cannot be trusted is a failure; a run that nobody archived is not.
+/// A script reads the exit code. For a whole data folder, too, a copy that cannot be trusted is a failure. A run that was never archived is
+/// not.
 #[test]
 fn a_prune_of_all_fails_by_the_name_of_each_bad_copy_and_prunes_the_good_ones() {
     let dir = tempfile::tempdir().unwrap();
@@ -218,19 +219,19 @@ fn a_prune_of_all_fails_by_the_name_of_each_bad_copy_and_prunes_the_good_ones() 
     }
     let frame = |id: &str| data.join("runs").join(id).join("A01/frames/view_001.png").is_file();
     assert_eq!(["flipped", "gone", "good", "never", "open"].map(frame), [true, true, false, true, true]);
-    // With the bad ones out of the way nothing is left to complain of.
+    // Without the bad runs there is nothing left to report.
     for id in ["flipped", "gone"] {
         std::fs::remove_dir_all(data.join("runs").join(id)).unwrap();
     }
     let output = run(&["prune", data_arg, "--yes"]);
     assert!(output.status.success() && text(&output).contains("never archived"), "{}", text(&output));
-    // What was pruned needs no copy any more: its disk may be in a cupboard.
+    // A pruned run needs no check of its copy, whose disk may be stored away.
     std::fs::remove_dir_all(&copies).unwrap();
     let output = run(&["prune", data_arg, "--yes"]);
     assert!(output.status.success(), "{}", text(&output));
 }
 
-/// `prune --all` renames the run, removes it, and brings the index up. Whatever a crash leaves, the next prune ends it.
+/// `prune --all` renames the run, removes it, and updates the index. Whatever a crash leaves, the next prune completes it.
 #[test]
 fn what_a_crash_leaves_of_a_prune_is_named_at_a_start_and_ended_by_the_next_prune() {
     let removed = |run: &Path, names: &[&str]| names.iter().for_each(|name| std::fs::remove_file(run.join(name)).unwrap());
@@ -267,7 +268,7 @@ fn what_a_crash_leaves_of_a_prune_is_named_at_a_start_and_ended_by_the_next_prun
         let output = run(&["prune", data_arg]);
         assert!(output.status.success() && text(&output).contains("r1: "), "step {step}: {}", text(&output));
         assert!(left.is_dir(), "a dry run removes nothing");
-        // A bad copy keeps what is left of the run.
+        // If the copy is bad, the rest of the run is kept.
         if step < 3 {
             let copied = dir.path().join("copies/r1/A01/mesh.ply");
             std::fs::write(&copied, b"plz").unwrap();
@@ -276,7 +277,7 @@ fn what_a_crash_leaves_of_a_prune_is_named_at_a_start_and_ended_by_the_next_prun
             assert_eq!((output.status.code(), files_of(&left)), (Some(1), before), "step {step}: {}", text(&output));
             std::fs::write(&copied, b"ply").unwrap();
         }
-        // The run may have been brought back from its copy meanwhile.
+        // The run may have been restored from its copy meanwhile.
         if step == 2 {
             common::copy_folder(&dir.path().join("copies/r1"), &here);
         }

@@ -1,4 +1,4 @@
-//! The unit, its drop-in and the udev rule pass systemd's own checks, and the unit stays as closed as it is meant to be.
+//! The unit, its drop-in and the udev rule pass the checks of systemd, and the unit stays as restricted as intended.
 
 use std::process::Command;
 

@@ -1,5 +1,5 @@
-//! The axis along the capillary, on the second axis of the emulated Grbl: driver, limits, reference, and a specimen that is
-//! brought into view.
+//! The axis along the capillary, which is the second axis of the emulated Grbl: driver, limits, reference, and a specimen that is brought
+//! into view.
 #![cfg(feature = "aravis")]
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -16,10 +16,10 @@ use hardware_sim::{Controller, Rig, RigSettings, Sight, SlideSettings, TestCard}
 use serde_json::json;
 use std::sync::Arc;
 
-/// um that a homing cycle ends before the switch: $27 = 1 unit of 10 um is 213 whole steps.
+/// um by which a homing cycle ends before the switch: $27 = 1 unit of 10 um is 213 whole steps.
 const PULL_OFF_UM: f64 = 213.0 * 3.0 / 64.0;
 
-/// A controller whose X turns and whose Y, in units of 10 um, moves 20 mm.
+/// A controller whose X turns and whose Y, in units of 10 um, has a travel of 20 mm.
 fn firmware() -> Settings {
     let mut settings = Settings::default();
     for (number, value) in [(27, 1.0), (101, 213.333_33), (111, 60_000.0), (121, 5000.0), (131, 2000.0)] {
@@ -66,7 +66,7 @@ fn open(rig: &Rig, reference: Reference) -> Grbl {
     Grbl::with_translation(settings, Some(translation())).unwrap()
 }
 
-/// um from the switch where the slide must truly stand.
+/// Checks the true position of the slide, um from the switch.
 fn stands_at(rig: &Rig, um: f64) {
     let found = rig.slide().unwrap().position_um();
     // Half a step of 3/64 um.
@@ -97,7 +97,7 @@ fn it_moves_in_whole_steps_within_its_limits_from_where_the_axes_home_together()
         assert!(said.contains("its limits are") && said.contains("-405333"), "{said}");
     }
     stands_at(&rig, -4990.0 - PULL_OFF_UM);
-    // A turn of the one is no way of the other.
+    // A move of the rotation does not move the translation.
     grbl.move_to(Steps(250)).unwrap();
     assert_eq!(grbl.linear().unwrap().position(), Position::Referenced { steps: Steps(-106_453), epoch: 1 });
 }
@@ -114,7 +114,7 @@ fn it_homes_alone_where_the_rotation_does_not() {
     stands_at(&rig, -PULL_OFF_UM);
     assert_eq!(rig.shaft().angle_rad().to_bits(), angle.to_bits(), "the rotation stays");
     grbl.linear().unwrap().move_to(Steps(-6400)).unwrap();
-    // The next specimen's reference of the rotation leaves it where it is.
+    // The reference of the rotation for the next specimen does not move the translation.
     grbl.reference(&cancel).unwrap();
     assert!(matches!(grbl.linear().unwrap().position(), Position::Referenced { steps: Steps(-6400), .. }));
     grbl.linear().unwrap().move_to(Steps(-64)).unwrap();
@@ -139,7 +139,7 @@ fn a_restart_makes_both_axes_doubtful_and_its_own_switches_end_a_move() {
     let rig = self::rig(Controller::Grbl(limited), Arc::new(TestCard::new(64, 64)));
     let mut grbl = open(&rig, Reference::Home);
     grbl.reference(&cancel).unwrap();
-    // The switch is 10 um away; the configured limits are wrong.
+    // The switch is 10 um away, because the configured limits are wrong.
     rig.faults().serial().rewrite_next_received(b"Y-1.298", b"Y20.000");
     let axis = grbl.linear().unwrap();
     let error = axis.move_to(axis.steps_of(-3.0)).unwrap_err();
@@ -147,7 +147,7 @@ fn a_restart_makes_both_axes_doubtful_and_its_own_switches_end_a_move() {
     stands_at(&rig, 0.0);
 }
 
-/// A larva that lies 1.8 mm off is cut by the right side of the picture, until the capillary has been carried along.
+/// The right border of the picture cuts a larva that lies 1.8 mm off, until the capillary has been moved along.
 #[test]
 fn a_specimen_that_is_cut_by_the_pictures_side_is_carried_into_view_and_measured() {
     let folder = tempfile::tempdir().unwrap();

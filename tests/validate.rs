@@ -1,11 +1,11 @@
-//! `carved validate`: the document is written, holds its goals, and a goal that must be met is.
+//! `carved validate`: the document is written, it contains its goals, and required goals are met.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 mod common;
 
 use std::path::Path;
 
-/// Writes the quick document of some parts, all where none is named.
+/// Writes the quick document of some parts. An empty list means all parts.
 fn validated(folder: &Path, parts: &[&str]) -> String {
     let mut args = vec!["validate", "--quick", "--out", folder.to_str().unwrap()];
     args.extend(parts.iter().flat_map(|part| ["--only", *part]));
@@ -43,7 +43,7 @@ fn every_part_has_its_section_and_its_goals() {
         row(&document, "| 1: clean bead, ellipsoid, capsule, volume").ends_with("| pass |"),
         "exact outlines of one bead, ellipsoid and capsule"
     );
-    // Every picture that the document shows is there.
+    // Every picture that the document shows exists.
     let shown: Vec<&str> = document.lines().filter(|l| l.starts_with("![")).filter_map(|l| l.split(['(', ')']).nth(1)).collect();
     assert!(shown.len() >= 6, "{shown:?}");
     for plot in shown {

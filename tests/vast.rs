@@ -1,4 +1,4 @@
-//! `carved serve` on a stock VAST, by each of its two ways in, from the configuration that is shipped for it.
+//! `carved serve` on a stock VAST through each of its two interfaces, with the configuration shipped for it.
 //!
 //! ```text
 //! test = plate-loader and VAST's sampler ── HTTP ──► carved serve (child) ── pty or TCP, GigE ──► emulated rig (in this process)
@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 const STEPS: f64 = 500.0;
 const ASD: u32 = 5;
-/// The configured 90 deg/s, and how much faster everything mechanical is.
+/// The configured 90 deg/s, and the speed-up of everything mechanical.
 const SPEED_DEG_PER_S: f64 = 90.0;
 const SCALE: f64 = 10.0;
 
@@ -76,7 +76,7 @@ impl Instrument {
         assert_eq!(self.daemon.put_loaded(run, well), 200);
     }
 
-    /// Every view of a well was exposed at the angle that its ledger says, counted from the first.
+    /// Checks that every view of a well was exposed at the angle in its ledger, counted from the first view.
     fn holds(&self, run: &str, well: &str) {
         let recording = json(&self.data.join("runs").join(run).join(well).join("recording.json"));
         let ledger = recording["ledger"].as_array().unwrap();

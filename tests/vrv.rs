@@ -1,4 +1,4 @@
-//! The paper's objective on phantoms: what it finds, what it cannot tell, and the gate that it is.
+//! The paper's objective (VRV) on phantoms: what it finds, what it cannot determine, and the calibration gate that uses it.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 #[path = "common/shared.rs"]
@@ -17,13 +17,13 @@ use std::path::Path;
 
 const DEG: f64 = std::f64::consts::PI / 180.0;
 
-/// The profiles of one turn, and what a rig would know of it.
+/// The profiles of one turn, and what a rig would know about it.
 struct Turn {
     nominal: Camera,
     ledger: Vec<f64>,
     runs: Vec<Runs>,
     columns: Vec<Columns>,
-    /// With every view's own angle and shift.
+    /// The true psi, with the angle and shift of every view.
     truth: Psi,
 }
 
@@ -47,7 +47,7 @@ impl Turn {
         }
     }
 
-    /// A folder of profiles with a camera.json and a truth.json.
+    /// Reads a folder of profiles with a camera.json and a truth.json.
     fn read(folder: &Path) -> Self {
         let json = |name: &str| -> serde_json::Value { serde_json::from_slice(&std::fs::read(folder.join(name)).unwrap()).unwrap() };
         let (known, truth) = (json("camera.json"), json("truth.json"));
@@ -71,7 +71,7 @@ impl Turn {
         }
     }
 
-    /// Where the axis is seen: a shift of all views is one of it.
+    /// Row of the axis, px. A shift that all views share belongs to the axis.
     fn axis_px(&self) -> f64 {
         self.truth.camera.uy + self.truth.dy_px.iter().sum::<f64>() / self.truth.dy_px.len() as f64
     }
@@ -100,7 +100,7 @@ fn free(asked: &str) -> Free {
     free
 }
 
-/// 10 px and half a degree off, as a capillary put in anew may be.
+/// 10 px and half a degree off, as with a newly mounted capillary.
 fn far_off(turn: &Turn) -> Psi {
     let mut start = Psi::new(turn.nominal.clone(), turn.ledger.clone());
     start.camera.uy = turn.axis_px() + 10.0;
@@ -123,14 +123,14 @@ fn both_objectives_and_both_searches_find_axis_and_roll() {
                 let found = optimise(&far_off(&turn), &free("uy,gamma"), &mut large, how, STOP).unwrap();
                 let (uy_px, gamma) = (found.psi.camera.uy - turn.axis_px(), found.psi.camera.gamma - turn.truth.camera.gamma);
                 let said = format!("{name}, {objective} by {what}: uy {uy_px:+.3} px, gamma {:+.4} deg; {found:?}", gamma / DEG);
-                // 0.04 px and 0.01 deg were seen at SD 14; a voxel of 17 um is 3 px, and 6e4 of them tell 1 % of that.
+                // At SD 14 the errors were 0.04 px and 0.01 deg. A voxel of 17 um is 3 px, and 6e4 voxels resolve 1 % of this.
                 assert!(found.converged && uy_px.abs() < 0.12 && gamma.abs() < 0.025 * DEG && found.after > found.before, "{said}");
             }
         }
     }
 }
 
-/// The numbers that refusals state.
+/// The numbers that the error messages state.
 #[test]
 fn what_silhouettes_do_not_tell_is_as_flat_or_as_wrong_as_refusals_say() {
     let turn = Turn::of(&Phantom::larva(4, 1).unwrap(), 21, &Disturbance::default());
@@ -157,7 +157,7 @@ fn what_silhouettes_do_not_tell_is_as_flat_or_as_wrong_as_refusals_say() {
     assert!(collapsed > 100.0, "{collapsed}");
     let one = more(&|p| p.omega[5] += 20.0 * DEG);
     assert!((-4.0..0.0).contains(&one), "{one}");
-    // And what they do tell.
+    // What these views do determine.
     let (axis, roll) = (more(&|p| p.camera.uy += 10.0), more(&|p| p.camera.gamma += DEG));
     assert!(axis < -45.0 && roll < -10.0, "{axis} {roll}");
 }
@@ -192,7 +192,7 @@ fn the_gate_passes_what_least_squares_find_and_nothing_beside_it() {
         println!("{name}: {passed:?}, {:+.2} % of the search", (passed.solution_um3 / passed.search_um3 - 1.0) * 100.0);
         assert!(passed.verdict == VrvVerdict::Passed && passed.evaluations < 64, "{name}: {passed:?}");
         assert!(name == "clean" || passed.solution_um3 > 1.002 * passed.given_um3, "{name}: {passed:?}");
-        // The slices' polygons are the hull that voxels are counted of.
+        // The polygons of the slices are the hull that the voxels count.
         let mut vrv = turn.vrv(10.0, 0.0);
         for (psi, slices_um3) in
             [(Psi::of(&found, &turn.ledger), passed.solution_um3), (Psi::new(turn.nominal.clone(), turn.ledger.clone()), passed.given_um3)]
@@ -207,14 +207,14 @@ fn the_gate_passes_what_least_squares_find_and_nothing_beside_it() {
         change(&mut wrong.camera);
         let stopped = check_vrv(&wrong, &turn.nominal, &turn.given());
         assert_eq!(stopped.verdict, VrvVerdict::Worse, "the camera as given is the true one: {stopped:?}");
-        // A camera as given that is worse still does not make it right.
+        // A configured camera that is even worse does not make the result right.
         let astray = Camera { uy: turn.nominal.uy - 2.0, ..turn.nominal.clone() };
         let stopped = check_vrv(&wrong, &astray, &turn.given());
         assert_eq!(stopped.verdict, VrvVerdict::NotLargest, "{stopped:?}");
     }
 }
 
-/// Seven views tell little of their angles: what VRV gains by turning them is not believed.
+/// Seven views hardly determine their angles: an increase of VRV by turning them is not believed.
 #[test]
 fn freed_angles_and_tilt_stay_where_ledger_and_prior_hold_them() {
     let turn = Turn::of(&Phantom::larva(4, 1).unwrap(), 7, &Disturbance { edge_noise_px: 0.3, ..Disturbance::default() });
@@ -224,7 +224,7 @@ fn freed_angles_and_tilt_stay_where_ledger_and_prior_hold_them() {
         optimise(&start, &free("uy,gamma,alpha,omega"), &mut large, Optimiser::CmaEs { seed: 3 }, Stop { evaluations: 700, share: 0.02 })
             .unwrap();
     let most = found.psi.omega.iter().zip(&turn.ledger).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-    // Each gains 0.2 % per deg at most, of which a prior of half a deg leaves a fifth of a deg.
+    // Turning a view gains at most 0.2 % per deg. With a prior of half a deg this turns it by a fifth of a deg.
     assert!(most < 0.6 * DEG && found.psi.camera.alpha.abs() < 0.6 * DEG, "{most} rad, {found:?}");
     assert!(found.psi.omega[0].abs() < 1e-12, "the first view's angle stands");
 }

@@ -1,4 +1,4 @@
-//! The drivers over real wires: serialport and libaravis against the emulated rig, held against what was truly exposed.
+//! The drivers over real serial and network lines: serialport and libaravis against the emulated rig, compared with the true exposures.
 #![cfg(feature = "aravis")]
 // Helpers of tests fail like tests.
 #![allow(clippy::unwrap_used)]
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 const WIDTH: u32 = 1024;
 const HEIGHT: u32 = 1024;
 const STEPS: f64 = 500.0;
-/// Far longer than anything here takes: a condition that is never met fails and does not hang.
+/// Far longer than any wait here. A condition that is never met then fails and does not hang.
 const PATIENCE: Duration = Duration::from_secs(30);
 
 fn card() -> TestCard {
@@ -31,7 +31,7 @@ fn rig(time_scale: f64) -> hardware_sim::Rig {
     hardware_sim::Rig::start(RigSettings { time_scale, ..RigSettings::default() }, Arc::new(card())).unwrap()
 }
 
-/// The emulated firmware's defaults: 100 steps per unit, 500 units/min, 20 units/s^2.
+/// The defaults of the emulated firmware: 100 steps per unit, 500 units/min, 20 units/s^2.
 fn axis(rig: &hardware_sim::Rig) -> Grbl {
     Grbl::open(GrblSettings {
         port: rig.serial_path().to_str().unwrap().into(),
@@ -80,7 +80,7 @@ fn turn(emulated: &hardware_sim::Rig, devices: &mut Rig, order: ViewOrder) -> Re
     Revolution { ledger, frames, zero_rad }
 }
 
-/// Every view is, pixel by pixel, what the scene shows at its exposure, and was exposed at the angle the ledger says.
+/// Each frame equals, pixel by pixel, what the scene shows at its exposure, and was exposed at the angle in the ledger.
 fn holds(emulated: &hardware_sim::Rig, turned: &Revolution) {
     let exposures = emulated.exposures();
     assert_eq!((turned.frames.len(), turned.ledger.carved().count()), (22, 21));
@@ -90,7 +90,7 @@ fn holds(emulated: &hardware_sim::Rig, turned: &Revolution) {
         let picture = card().look(&Exposure { angle_rad: exposed.angle_rad, number: exposed.number }, hardware_sim::PixelFormat::BayerRG8);
         assert!(frame.bytes() == picture.bytes, "view {} is not the picture of its exposure", entry.view);
         assert_eq!(Sha256::digest(frame.bytes())[..], exposed.sha256);
-        // The firmware and the shaft count whole steps; what is left is the rounding of f64.
+        // Firmware and shaft count whole steps, so that only rounding of f64 remains.
         let off_steps = (exposed.angle_rad - turned.zero_rad - entry.omega) * STEPS / TAU;
         assert!(off_steps.abs() < 1e-6, "view {}: exposed {off_steps} steps from where the ledger says", entry.view);
         assert_eq!(entry.commanded_steps, entry.achieved_steps);
@@ -160,7 +160,7 @@ fn a_stop_in_the_middle_of_a_move_leaves_the_shaft_standing_until_the_next_refer
     let stop = axis.stop_handle();
     let zero = emulated.shaft().angle_rad();
     std::thread::scope(|scope| {
-        // A hundred revolutions: a minute, were it not stopped.
+        // A hundred revolutions, which would take a minute without the stop.
         let moving = scope.spawn(|| axis.move_to(Steps(50_000)));
         let until = Instant::now() + PATIENCE;
         while emulated.shaft().angle_rad() - zero < 0.5 {
@@ -171,7 +171,7 @@ fn a_stop_in_the_middle_of_a_move_leaves_the_shaft_standing_until_the_next_refer
         let error = moving.join().unwrap().unwrap_err();
         assert!(matches!(error, DeviceError::Stopped), "{error}");
     });
-    // The refusal may overtake the bytes on their way through the pty; what they bring about is lasting.
+    // The refusal may overtake the bytes on their way through the pty, but their effect lasts.
     let until = Instant::now() + PATIENCE;
     let mut before = emulated.shaft().angle_rad();
     loop {

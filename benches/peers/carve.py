@@ -1,4 +1,4 @@
-"""Carving, surface, fairing and VRV: carved beside its peers on one phantom.
+"""Carving, surface, fairing and VRV: carved compared with its peers on one phantom.
 
     python carve.py PHANTOM_FOLDER
 """
@@ -18,7 +18,7 @@ from timing import in_own_process
 
 VIEWS = 84
 GOAL_S = {6.93: 0.035, 5.5: 0.055}
-# Peer, how it decides and how many times as long as carved it shall take.
+# Peer, its rule, and the required ratio of its time to carved's.
 PEERS = [
     ("numba, all views per voxel, early exit", carvers.numba_batch, "centre, float32", 11),
     ("numba, incremental, one pass per view", carvers.numba_incremental, "centre, float32", 20),
@@ -27,12 +27,12 @@ PEERS = [
 ]
 GOAL_UNEVEN, GOAL_SURFACE_S, GOAL_FAIRING_S, GOAL_VRV_S = 1.7, 0.030, 0.350, 0.006
 SURFACE_SD = 5.5
-# float32 places a centre to some 1e-4 px, so that of all voxels a few in a million fall into the next pixel.
+# float32 has an error of some 1e-4 px for a centre, so a few voxels in a million fall into the next pixel.
 TIES = 1e-5
 
 
 def differs(name, found, rule, ties=TIES):
-    """A line that says that a carver keeps others than its rule does, or nothing."""
+    """A list with one line if a carver keeps other voxels than its rule, else an empty list."""
     if found is None or abs(found - rule) <= ties * rule:
         return []
     return [f"{name} keeps {found:.0f} voxels, its rule {rule}"]
@@ -132,7 +132,7 @@ def afterwards(machine, folder, said, wrong):
 
 
 def scaling(said):
-    """What a view costs from 1e6 voxels to 1e9, and how it grows beside the surface."""
+    """The time of a view from 1e6 voxels to 1e9, and its growth compared with that of the surface."""
     found = [values for kind, values in said.lines if kind == "scale"]
     if not found:
         return []

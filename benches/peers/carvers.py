@@ -1,4 +1,4 @@
-"""The carvers that carved is timed beside. Each gives its median time and the number of voxels that it keeps."""
+"""The carvers with which carved is compared. Each returns its median time and the number of voxels that it keeps."""
 
 import statistics
 import time
@@ -10,12 +10,12 @@ from phantom_views import budget, grid, load
 from timing import median_s
 
 EPSILON = 0.05
-# Slabs along x that numpy's temporaries stay in the cache with.
+# Size of a slab along x with which numpy's temporary arrays stay in the cache.
 SLAB = 16
 
 
 def numpy_tuned(folder, sd_um):
-    """float32, the parts of y and z taken once per view, slabs along x."""
+    """float32. The parts of y and z are computed once per view, and the grid is processed in slabs along x."""
     told, masks, matrices = load(folder)
     counts, origin = grid(told, sd_um)
     width, allowed = told["width"], budget(EPSILON, len(masks))
@@ -53,7 +53,7 @@ def numba_batch(folder, sd_um, views=None, epsilon=EPSILON):
 
 
 def numba_incremental(folder, sd_um):
-    """Also the median and the worst time of one view."""
+    """Also returns the median and the worst time of one view."""
     counts, masks, matrices, origin, sd = numba_inputs(folder, sd_um)
     least = len(masks) - budget(EPSILON, len(masks))
     per_view = []
@@ -73,7 +73,7 @@ def numba_incremental(folder, sd_um):
 
 
 def open3d_silhouettes(folder, sd_um):
-    """Once: it takes long. Dense grid and carving, both timed."""
+    """Runs once, because it takes long. The dense grid and the carving are both timed."""
     import open3d
 
     told, masks, _ = load(folder)
@@ -96,7 +96,7 @@ def open3d_silhouettes(folder, sd_um):
 
 
 def centre_count(folder, sd_um, keep_as=None, views=None, epsilon=EPSILON):
-    """Voxels that the definition keeps; `keep_as` stores them for the surfaces."""
+    """Number of voxels that the definition keeps. `keep_as` stores them for the surfaces."""
     told, masks, matrices = load(folder, views)
     counts, origin = grid(told, sd_um)
     hull = np.zeros(counts, np.uint8)
@@ -107,7 +107,7 @@ def centre_count(folder, sd_um, keep_as=None, views=None, epsilon=EPSILON):
 
 
 def corner_count(folder, sd_um):
-    """Voxels that Open3D's rule keeps."""
+    """Number of voxels that Open3D's rule keeps."""
     told, masks, matrices = load(folder)
     counts, origin = grid(told, sd_um)
     hull = np.zeros(counts, np.uint8)

@@ -1,4 +1,4 @@
-"""Instructions of carved's hot paths, counted by callgrind: the same number on a busy machine as on a quiet one.
+"""Instructions of carved's hot paths, counted by callgrind: the count is the same on a busy machine as on a quiet one.
 
     python instructions.py PHANTOM_FOLDER
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 import report
 from ours import ROOT
 
-# What is counted; the function that callgrind starts and stops at; the input, beside the phantom's folder; SD, um.
+# Name of the count; function at which callgrind starts and stops; input besides the phantom's folder; SD, um.
 PATHS = [
     ("carving 84 views, SD 6.93, clean", "carve", "clean", 6.93),
     ("carving 84 views, SD 5.5, clean", "carve", "clean", 5.5),
@@ -25,7 +25,7 @@ PATHS = [
 
 
 def program():
-    """The bench program, built."""
+    """Builds the bench program and returns its path."""
     command = ["cargo", "bench", "--quiet", "--locked", "--no-run", "--bench", "instructions", "--message-format=json"]
     told = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
     built = [m for m in map(json.loads, told.splitlines()) if m.get("executable") and m["target"]["name"] == "instructions"]

@@ -1,4 +1,4 @@
-"""Carvers in numba: two that are timed, and the two rules, slow and exact, that counts are checked against."""
+"""Carvers in numba: two that are timed, and slow, exact versions of the two rules to check the counts."""
 
 import numba
 import numpy as np
@@ -8,7 +8,7 @@ F = np.float32
 
 @numba.njit(parallel=True, fastmath=True, cache=True)
 def batch(hull, masks, matrices, origin, sd_um, allowed):
-    """All views per voxel, left as soon as more than `allowed` have missed it. float32."""
+    """All views per voxel, until more than `allowed` have missed it. float32."""
     nx, ny, nz = hull.shape
     views, height, width = masks.shape
     for i in numba.prange(nx):
@@ -32,7 +32,7 @@ def batch(hull, masks, matrices, origin, sd_um, allowed):
 
 @numba.njit(parallel=True, fastmath=True, cache=True)
 def add_view(votes, mask, p, origin, sd_um):
-    """One view over the whole grid, a vote per voxel that it covers. float32."""
+    """One view over the whole grid, with a vote per voxel that it covers. float32."""
     nx, ny, nz = votes.shape
     height, width = mask.shape
     for i in numba.prange(nx):
@@ -53,7 +53,7 @@ def add_view(votes, mask, p, origin, sd_um):
 
 @numba.njit(parallel=True, cache=True)
 def centre_rule(hull, masks, matrices, origin, sd_um, allowed):
-    """carved's definition: the centre, projected in float64, samples the nearest pixel; outside the image is a miss."""
+    """carved's definition: the centre, projected in float64, samples the nearest pixel. Outside the image counts as a miss."""
     nx, ny, nz = hull.shape
     views, height, width = masks.shape
     for i in numba.prange(nx):
@@ -77,7 +77,7 @@ def centre_rule(hull, masks, matrices, origin, sd_um, allowed):
 
 @numba.njit(cache=True)
 def touched(mask, u, v):
-    """Whether bilinear sampling at (u, v) finds anything of the mask."""
+    """Whether bilinear sampling at (u, v) gives anything of the mask."""
     height, width = mask.shape
     if u < 0 or v < 0 or u > width - 1 or v > height - 1:
         return False
@@ -90,7 +90,7 @@ def touched(mask, u, v):
 
 @numba.njit(parallel=True, cache=True)
 def corner_rule(hull, masks, matrices, origin, sd_um):
-    """Open3D's: every view must touch at least one of the voxel's eight corners, each sampled bilinearly."""
+    """Open3D's rule: every view must touch at least one of the voxel's eight corners, each sampled bilinearly."""
     nx, ny, nz = hull.shape
     for i in numba.prange(nx):
         for j in range(ny):

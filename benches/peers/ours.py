@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def bench(name, *arguments):
-    """What `cargo bench --bench NAME -- ARGUMENTS` prints, or nothing where there is no such program yet."""
+    """The output of `cargo bench --bench NAME -- ARGUMENTS`, or None if there is no such program."""
     if not (ROOT / "benches" / f"{name}.rs").exists():
         print(f"benches/{name}.rs is not there: carved's own times are not measured", flush=True)
         return ""
@@ -26,7 +26,7 @@ class Said:
             self.lines.append((kind, dict(pair.split("=", 1) for pair in pairs)))
 
     def get(self, kind, key, **like):
-        """The number under `key` in the line of that kind whose other values are `like`, or nothing."""
+        """The number under `key` in the line of this kind whose other values match `like`, or None."""
         for found, values in self.lines:
             if found == kind and key in values and all(same(values.get(k), v) for k, v in like.items()):
                 return float(values[key])
@@ -34,7 +34,7 @@ class Said:
 
 
 def same(found, wanted):
-    """84 and 84.0 are the same; so are words."""
+    """Compares values as numbers if possible, so that 84 equals 84.0, else as text."""
     try:
         return float(found) == float(wanted)
     except (TypeError, ValueError):

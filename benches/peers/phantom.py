@@ -1,4 +1,4 @@
-"""A larva phantom, seen by 84 views: what all carvers are timed on.
+"""A larva phantom, seen by 84 views: the input for all carvers.
 
     FOLDER/clean/sil/NNN.png   silhouettes, 1024 x 1024, 0 or 255      views.json   P (3 x 4), R, t of every view
     FOLDER/rolled/...          the same solid, its axis rolled by 2 deg in the picture
@@ -24,7 +24,7 @@ VIEWS, SIDE_PX = 84, 1024
 DISTANCE_UM, UM_PER_PX = 60_000.0, 5.5
 FOCAL_PX, MIDDLE_PX = DISTANCE_UM / UM_PER_PX, 511.5
 BOX_UM = (5000, 1000, 1000)
-# No part of the solid is farther from the axis than this, um; rays are walked within it, in steps of STEP_UM.
+# All parts of the solid are nearer to the axis than this, um. Rays are sampled within it, in steps of STEP_UM.
 REACH_UM, STEP_UM = 400.0, 2.0
 WINDOW_U, WINDOW_V = (130, 894), (420, 604)
 ROLLED_DEG = 2.0
@@ -35,14 +35,14 @@ SEED = 12345
 
 
 def table(*points):
-    """A profile along x, one value per um from -2500 on, without kinks."""
+    """A smooth profile along x, with one value per um from -2500 on."""
     x, y = np.array(points, float).T
     window = np.hanning(61)
     values = np.pad(np.interp(np.arange(-2500.0, 2501.0), x, y), 30, mode="edge")
     return np.convolve(values, window / window.sum(), mode="valid")
 
 
-# Rows: half width (z) and half height (y) of the body, its centre's y and z, reach of the fin up and down from it.
+# Rows: half width (z) and half height (y) of the body, y and z of its centre, reach of the fin up and down from it.
 PROFILES = np.array([
     table((-1901, 0), (-1900, 60), (-1800, 170), (-1600, 260), (-1400, 265), (-1200, 215), (-900, 190), (-400, 150), (200, 105), (1000, 70), (1700, 35), (1860, 18), (1861, 0)),
     table((-1901, 0), (-1900, 60), (-1800, 160), (-1600, 230), (-1400, 250), (-1200, 215), (-900, 190), (-400, 165), (200, 130), (1000, 85), (1700, 40), (1860, 18), (1861, 0)),
@@ -74,7 +74,7 @@ def inside(x, y, z, profiles):
 
 @numba.njit(parallel=True, cache=True)
 def thickness_um(rotation, profiles, first_hit):
-    """How much of each pixel's ray lies inside; with `first_hit` only whether any does, which is faster."""
+    """The length of each pixel's ray inside the solid. With `first_hit` only whether the ray hits it, which is faster."""
     image = np.zeros((SIDE_PX, SIDE_PX), np.float32)
     for v in numba.prange(WINDOW_V[0], WINDOW_V[1]):
         for u in range(WINDOW_U[0], WINDOW_U[1]):
@@ -100,7 +100,7 @@ def rotation(omega, gamma):
 
 
 def ragged(mask, noise, amplitude_px):
-    """The mask with its edge moved in and out by smooth noise."""
+    """The mask with its edge displaced by smooth noise."""
     distance_px = ndimage.distance_transform_edt(mask) - ndimage.distance_transform_edt(~mask)
     return distance_px + amplitude_px * noise > 0
 
@@ -115,7 +115,7 @@ def iou(a, b):
 
 
 def amplitude_px(masks, noises):
-    """By halving: the amplitude that gives the wanted IoU in the mean of some views."""
+    """Bisection: the amplitude that gives the wanted mean IoU over some views."""
     low, high = 0.0, 20.0
     for _ in range(12):
         middle = (low + high) / 2

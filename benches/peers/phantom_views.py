@@ -1,4 +1,4 @@
-"""Silhouettes and matrices of a folder that phantom.py wrote, and the grid that they are carved on."""
+"""Silhouettes and matrices of a folder written by phantom.py, and the grid for carving."""
 
 import json
 
@@ -7,7 +7,7 @@ from PIL import Image
 
 
 def load(folder, count=None):
-    """The description, masks of 0 and 1 (view, row, column) and matrices; `count` takes that many evenly from all views."""
+    """The description, masks of 0 and 1 (view, row, column) and matrices. `count` selects this many views evenly."""
     told = json.loads((folder / "views.json").read_text())
     views = told["views"][:: told["n"] // (count or told["n"])]
     masks = np.stack([np.asarray(Image.open(folder / v["file"])) >= 128 for v in views]).astype(np.uint8)
@@ -21,5 +21,5 @@ def grid(told, sd_um):
 
 
 def budget(epsilon, views):
-    """Views that may miss a voxel that still counts."""
+    """Number of views that may miss a voxel that is kept."""
     return int(np.floor(epsilon * views + 1e-9))

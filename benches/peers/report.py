@@ -1,7 +1,7 @@
-"""docs/performance.md: a section per part, each rewritten by its own run and left alone by the others'.
+"""docs/performance.md, with one section per part. Each run rewrites only the section of its part.
 
-Times that were taken beside other work go to target/performance.md instead: such work slows threaded tools most, so that even
-the ratios are wrong, and in carved's favour.
+Times measured beside other work go to target/performance.md instead: such work slows threaded tools most, so that even the
+ratios are wrong, and in carved's favour.
 """
 
 import os
@@ -22,7 +22,7 @@ valid for that machine only. The ratios are similar on other machines.** The goa
 """
 PARTS = ("segmentation", "carve", "instructions")
 BUSY_PAGE = ROOT / "target" / "performance.md"
-# Cores that other work may take on a machine that is called quiet, and how long it is watched, s.
+# Number of cores that other work may use on a quiet machine, and how long this is observed, s.
 QUIET_CORES, WATCHED_S = 0.2, 3
 
 
@@ -36,7 +36,7 @@ def today():
 
 
 class Machine:
-    """The machine as it was before the run, while this process did nothing."""
+    """The state of the machine before the run, while this process was idle."""
 
     def __init__(self):
         before = busy_s()
@@ -47,7 +47,7 @@ class Machine:
             print(f"Other work takes {self.others_cores:.2f} cores: what is measured goes to {BUSY_PAGE.relative_to(ROOT)}", flush=True)
 
     def lines(self, packages):
-        """Where, when and with what a section was measured."""
+        """The machine, date and versions of a section."""
         busy = [] if self.quiet else ["**Other work ran on the machine: times are too long, ratios wrong, and nothing is said about the goals.**"]
         versions = ", ".join(f"{p} {version(p)}" for p in packages)
         return [
@@ -60,7 +60,7 @@ class Machine:
         return PAGE if self.quiet else BUSY_PAGE
 
     def ratio(self, theirs, own, goal):
-        """How many times as long as carved a peer takes, and beside it the goal."""
+        """The ratio of a peer's time to carved's, with the goal."""
         if own is None:
             return ["not measured", f"{goal}"]
         return [times(theirs, own), f"{goal}" + self.verdict(theirs / own >= goal)]
@@ -69,12 +69,12 @@ class Machine:
         return f"at most {show(goal)}" + ("" if found is None else self.verdict(found <= goal))
 
     def verdict(self, met):
-        """Only a quiet machine can tell."""
+        """Only a quiet machine can judge a goal."""
         return "" if not self.quiet else ": met" if met else ": missed"
 
 
 def busy_s():
-    """Processor time of all that has run on this machine: all but idle and waiting, and guests, which are in it twice."""
+    """Processor time of everything on this machine. Idle and waiting are excluded, and guests, which are counted twice."""
     user, nice, system, _, _, irq, softirq, steal, *_ = map(int, Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:])
     return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
 
@@ -94,7 +94,7 @@ def times(theirs, own):
 
 
 def write(page, part, lines):
-    """Puts a section into a page, in the place of an older one."""
+    """Puts a section into a page and replaces the older one."""
     text = "\n".join(lines).strip()
     old = page.read_text() if page.exists() else ""
     sections = dict(re.findall(r"<!-- (\w+) -->\n(.*?)\n<!-- end -->", old, re.S))

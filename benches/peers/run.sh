@@ -1,5 +1,5 @@
 #!/bin/sh
-# Times carved beside its peers on this machine and writes docs/performance.md. See README.md.
+# Times carved and its peers on this machine and writes docs/performance.md. See README.md.
 #
 #   run.sh [segmentation|carve|instructions|all]
 #
@@ -11,7 +11,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 cd "$here/../.."
 venv=${CARVED_PEERS_VENV:-target/peers-venv}
 data=${CARVED_PEERS_DATA:-target/peers-data}
-# Compiled Python stays out of the source.
+# Keeps compiled Python files out of the source folder.
 mkdir -p target
 export PYTHONDONTWRITEBYTECODE=1 NUMBA_CACHE_DIR="$PWD/target/peers-numba"
 

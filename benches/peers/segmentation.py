@@ -1,4 +1,4 @@
-"""Frames to profiles: carved beside OpenCV's mean shift and scikit-image's level set.
+"""From frames to profiles: carved compared with OpenCV's mean shift and scikit-image's level set.
 
     python segmentation.py PHANTOM_FOLDER WORK_FOLDER
 """
@@ -15,7 +15,7 @@ import report
 from ours import bench
 from timing import in_own_process, median_s
 
-# Chan-Vese takes seconds per picture: every sixth of the 72 frames, which has all difficulties.
+# Chan-Vese takes seconds per picture, so every sixth of the 72 frames is used, which covers all difficulties.
 EVERY = 6
 CROP_ROWS = 144
 GOAL_WHOLE, GOAL_CROP = 50, 8
@@ -44,14 +44,14 @@ def pictures(files, rows):
 
 
 def peer_s(name, files, rows):
-    """The median over the pictures, after one that does not count."""
+    """The median over the pictures, after one that is not counted."""
     read = pictures(files, rows)
     METHODS[name](read[0])
     return float(np.median([median_s(lambda p=p: METHODS[name](p), 1, warm=False)[0] for p in read]))
 
 
 def own_s(*arguments):
-    """Segmentation's median, and the line on frames per second."""
+    """The median of the segmentation, and the line about frames per second."""
     said = bench("sustained", *arguments)
     print(said, flush=True)
     p50, p95 = re.search(r"segment +p50 +([\d.]+) ms +p95 +([\d.]+) ms", said).groups()

@@ -1,4 +1,4 @@
-"""Iso-surface and fairing of a carved grid, by the tools that carved is timed beside."""
+"""Iso-surface and fairing of a carved grid, with the tools that carved is compared with."""
 
 import numpy as np
 
@@ -6,13 +6,13 @@ from timing import median_s
 
 
 def flying_edges(volume_file, sd_um):
-    """VTK's fastest marching cubes, on all cores, without normals. Gives seconds and triangles."""
+    """VTK's fastest marching cubes, on all cores, without normals. Returns seconds and triangles."""
     import vtk
     from vtk.util import numpy_support
 
     volume = np.load(volume_file)
     image = vtk.vtkImageData()
-    # C order has z fastest, VTK has x fastest: the axes change places, which changes no time.
+    # In C order z is fastest, in VTK x is fastest. The axes are exchanged, which does not affect the time.
     image.SetDimensions(volume.shape[::-1])
     image.SetSpacing(sd_um, sd_um, sd_um)
     image.GetPointData().SetScalars(numpy_support.numpy_to_vtk(volume.ravel(), deep=False))

@@ -1,4 +1,4 @@
-"""Times of a piece of work, each tool in a process of its own so that neither memory nor threads of one weigh on the next."""
+"""Times a piece of work. Each tool runs in its own process, so that memory and threads of one do not affect the next."""
 
 import statistics
 import time
@@ -7,7 +7,7 @@ from multiprocessing import get_context
 
 
 def times_s(work, repeats, warm=True):
-    """Wall times, and what the last run gave. A warm-up is not counted: buffers grow, code is compiled."""
+    """Wall times, and the result of the last run. A warm-up, in which buffers grow and code is compiled, is not counted."""
     if warm:
         work()
     times = []

@@ -1,4 +1,4 @@
-//! `carved archive` and `carved prune`: runs kept elsewhere, and room made for new ones.
+//! `carved archive` and `carved prune`: copy runs to another disk, and free space for new ones.
 
 use super::told;
 use anyhow::{bail, ensure};
@@ -10,7 +10,7 @@ pub struct ArchiveArgs {
     /// Folders of runs that have ended (`DATA/runs/RUN`).
     #[arg(required = true)]
     runs: Vec<PathBuf>,
-    /// Where to; each run gets a folder of its name there.
+    /// Destination folder; each run gets a folder of its own name in it.
     #[arg(long, value_name = "DIR")]
     to: PathBuf,
 }
@@ -21,14 +21,16 @@ pub struct PruneArgs {
     data: PathBuf,
     /// Names of runs [default: all]
     runs: Vec<String>,
-    /// Take whole runs away, not the raw frames only.
+    /// Remove whole runs, not only the raw frames.
     #[arg(long)]
     all: bool,
-    /// Do it; without, it is only said what would be done.
+    /// Remove the files. Without this option the command only says what it would remove.
     #[arg(long)]
     yes: bool,
 }
 
+/// Copies each run and verifies the copy. A run that cannot be archived does not stop the others.
+///
 /// # Errors
 /// At the end, every run that was not archived, with the reason.
 pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
@@ -49,9 +51,11 @@ pub fn archive(args: &ArchiveArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Prunes the named runs, or every run of the data folder. A run that cannot be pruned does not stop the others.
+///
 /// # Errors
-/// Every run that was left alone although it should not be: one that was named, and any whose copy is not good. The others are pruned all
-/// the same. Of a whole data folder, runs that have not ended or were never archived are passed over.
+/// Every run that should have been pruned and was not: a named run, and any run whose copy is damaged. Without names, runs that have not
+/// ended or were never archived are skipped without an error.
 pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
     ensure!(args.data.join("runs").is_dir(), "{}: no data folder: it has no folder runs", args.data.display());
     let named = !args.runs.is_empty();
@@ -65,7 +69,7 @@ pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
     }
     let runs = if named { args.runs.clone() } else { carved_store::run_names(&args.data)? };
     for run in &runs {
-        // Of this one nothing else was there.
+        // The earlier prune of this run removed its folder, so nothing is left to prune.
         if cut_short.contains(run) && !args.data.join("runs").join(run).exists() {
             continue;
         }
@@ -81,7 +85,7 @@ pub fn prune(args: &PruneArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a prune of several runs has come to so far.
+/// Intermediate result of a prune of several runs.
 struct Pruning<'a> {
     args: &'a PruneArgs,
     named: bool,
@@ -114,7 +118,7 @@ impl Pruning<'_> {
         } else {
             say!("{run}: {what} {} files{of}, {gb:.3} GB{copy}", pruned.files);
         }
-        // The files are gone all the same, and the next start of the daemon brings its index up to them.
+        // The files are removed in any case. The next start of the daemon updates its index.
         if let Some(error) = pruned.index {
             say!("{run}: {}", told(&error.into()));
         }

@@ -1,4 +1,4 @@
-//! What `serve` and `simulate` share: the daemon around a session, from opening the store to joining everything.
+//! The daemon of `serve` and `simulate`, from opening the store to joining all threads.
 
 use super::notify;
 use crate::config::Config;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::watch;
 
-/// A daemon under construction: its data folder is its own, its door is open, its devices answer, nothing runs yet.
+/// A daemon before its start: it owns its data folder, its port is open and its devices answer, but no task runs yet.
 pub struct Daemon {
     pub claim: Claim,
     pub config: Arc<Config>,
@@ -20,12 +20,12 @@ pub struct Daemon {
     pub instrument: Instrument,
     pub gate: LoaderGate,
     pub listener: TcpListener,
-    /// Said on standard output once the daemon serves, with the address behind it.
+    /// Printed on standard output, followed by the address, once the daemon serves.
     pub greeting: String,
 }
 
 impl Daemon {
-    /// Runs until SIGTERM, SIGINT or SIGHUP. `beside` is a client that lives as long as it wants.
+    /// Runs until SIGTERM, SIGINT or SIGHUP. `beside` makes a client that runs beside the daemon and may end earlier.
     pub fn run<F>(self, beside: impl FnOnce(SessionHandle) -> F) -> anyhow::Result<()>
     where
         F: Future<Output = anyhow::Result<()>> + Send + 'static,
@@ -41,7 +41,7 @@ impl Daemon {
         let heartbeat = Heartbeat::default();
         let driver = Driver { config: config.clone(), mode, store, journal, publisher, instrument, gate, heartbeat: heartbeat.clone() };
         let (stop_in, stop) = watch::channel(false);
-        // The driver syncs to disk: it has a thread of its own, so that no request waits for a disk.
+        // The driver syncs to disk. It has a thread of its own, so that no request waits for the disk.
         let driving = {
             let (runtime, stop) = (runtime.handle().clone(), stop.clone());
             std::thread::Builder::new()
@@ -66,7 +66,7 @@ impl Daemon {
                 () = ended(&driving) => tracing::error!("the driver ended: stopping"),
                 result = &mut serving => served = Some(result),
             }
-            // The driver stops the motors as soon as it hears; who asks twice does not want to wait for the rest.
+            // The driver stops the motors at the first signal. A second signal ends the process without waiting.
             tokio::spawn(async move {
                 let name = signals.next().await;
                 tracing::warn!("{name} again: ending at once");
@@ -74,7 +74,7 @@ impl Daemon {
             });
             notify::stopping();
             told.abort();
-            // Everyone who listens has gone only if the server has failed, which its own result says.
+            // All receivers are gone only if the server has failed, and its own result reports that.
             let _nobody = stop_in.send(true);
             client.abort();
             let served = match served {
@@ -89,10 +89,10 @@ impl Daemon {
     }
 }
 
-/// Ready, then the sentence of every revision, and the watchdog's ping while the driver's heartbeat is recent.
+/// Reports readiness, then the `doing` of every revision, and pings the watchdog while the driver's heartbeat is recent.
 async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
     let sentences = async {
-        // The first snapshot is the driver's promise; the second is its first word.
+        // Revision 1 is only a placeholder. The driver publishes the first real status after it.
         let mut status = session.status_after(1).await;
         notify::ready(&status.doing);
         loop {
@@ -104,11 +104,11 @@ async fn tell_systemd(session: SessionHandle, heartbeat: Heartbeat) {
 }
 
 async fn stopped(mut stop: watch::Receiver<bool>) {
-    // An error means that the sender is gone, which is a stop as well.
+    // An error means that the sender was dropped, which is also a stop.
     let _gone = stop.wait_for(|s| *s).await;
 }
 
-/// The signals that end a daemon.
+/// The signals that end the daemon.
 struct Signals(Vec<(Signal, &'static str)>);
 
 impl Signals {
@@ -137,7 +137,7 @@ async fn ended(driving: &std::thread::JoinHandle<Result<(), session::DriverError
     }
 }
 
-/// Tells one boot of the daemon from another.
+/// An id that differs between two boots of the daemon.
 fn boot_id() -> anyhow::Result<String> {
     let id =
         std::fs::read_to_string("/proc/sys/kernel/random/uuid").context("cannot read a random id from /proc/sys/kernel/random/uuid")?;

@@ -1,9 +1,9 @@
-//! The emulated rig's camera in carved's words, and back: both describe one projection, each on its own.
+//! Converts between the camera models of the emulated rig and of carved. Both describe the same projection, but share no code.
 
 use carved_core::geometry::Camera;
 use hardware_sim::scene;
 
-/// The camera that looks as the emulated one does.
+/// carved's model of the emulated camera.
 pub fn camera(c: &scene::Camera) -> Camera {
     Camera {
         f: c.f_um,
@@ -20,7 +20,7 @@ pub fn camera(c: &scene::Camera) -> Camera {
     }
 }
 
-/// The emulated camera that looks as this one does.
+/// The emulated camera with carved's model.
 pub fn scene_camera(c: &Camera) -> scene::Camera {
     scene::Camera {
         f_um: c.f,

@@ -1,11 +1,11 @@
-//! `carved index`: the index over the run folders, made anew.
+//! `carved index`: rebuilds the index over the run folders.
 
 use carved_store as store;
 use std::path::PathBuf;
 
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
-    /// Make the index of a data folder anew from its run folders and journal; the daemon that uses it must be stopped.
+    /// Rebuild the index of a data folder from its run folders and journal; stop the daemon that uses it first.
     Rebuild(Args),
 }
 
@@ -15,6 +15,8 @@ pub struct Args {
     data: PathBuf,
 }
 
+/// Rebuilds the index.
+///
 /// # Errors
 /// A folder that a daemon uses, that cannot be written, or that is no data folder; at the end, runs that cannot be read.
 pub fn run(command: &Command) -> anyhow::Result<()> {

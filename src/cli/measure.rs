@@ -1,9 +1,9 @@
-//! `carved measure`: the numbers of recordings, computed again from their frames.
+//! `carved measure`: computes the numbers of recordings again from their frames.
 //!
 //! ```text
 //!  RECORDING ── ledger ── all views, or an even subset (--asd) ── the live run's pipeline ── one JSON line
 //! ```
-//! A recording that fails fails alone; its line says why.
+//! A recording that fails does not stop the others; its line gives the reason.
 
 use super::stored::{self, Stored};
 use super::told;
@@ -23,8 +23,8 @@ pub struct Args {
     /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`), of which every finished recording is measured.
     #[arg(required = true)]
     recordings: Vec<PathBuf>,
-    /// Measure with this many of the captured views, evenly spread: of 84 with 4, 7, 12, 14, 21, 28, 42 or any other divisor. The
-    /// tolerance is that of so many views. Compared with nothing that is stored.
+    /// Measure with this number of the captured views, evenly spread: of 84 with 4, 7, 12, 14, 21, 28, 42 or any other divisor. The
+    /// tolerance is that for this number of views. The result is not compared with the stored one.
     #[arg(long, value_name = "VIEWS")]
     asd: Option<u32>,
 }
@@ -34,13 +34,13 @@ pub struct Args {
 struct Measured<'a> {
     recording: &'a Path,
     well: &'a str,
-    /// `identical`; `same` where every stored value came out again and fields are new, as beside the numbers of an earlier build;
-    /// `differs`; `none` where the recording holds no measurement; or `not_compared` where fewer views were measured than it has.
+    /// `identical`; `same` if all stored values are equal and there are new fields, as beside the numbers of an earlier build; `differs`;
+    /// `none` if the recording has no stored measurement; or `not_compared` if fewer views were measured than it has.
     stored: &'static str,
-    /// Of `same`: the fields that are not stored, as JSON pointers in which `-` is any element of a list.
+    /// For `same`: the fields that are not stored, as JSON pointers in which `-` is any element of a list.
     #[serde(skip_serializing_if = "Option::is_none")]
     new_fields: Option<&'a BTreeSet<String>>,
-    /// Views that were measured, of so many captured.
+    /// Number of views that were measured, and number of views that were captured.
     asd: u32,
     captured: u32,
     truth: Option<&'a serde_json::Value>,
@@ -55,10 +55,10 @@ struct Failed<'a> {
     error: String,
 }
 
-/// Measures every recording that can be.
+/// Measures every recording that can be measured.
 ///
 /// # Errors
-/// At the end, with every recording that could not be measured or gave other numbers than are stored.
+/// At the end, every recording that could not be measured or whose numbers differ from the stored ones.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let (mut failures, mut differ) = (Vec::new(), Vec::new());
     for (path, found) in each(&args.recordings) {
@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
             }
             Err(e) => {
                 let error = told(&e);
-                // Many an error names its file already.
+                // Many errors name their file already.
                 let name = path.display().to_string();
                 failures.push(if error.contains(&name) { error.clone() } else { format!("{name}: {error}") });
                 serde_json::to_string(&Failed { recording: &path, error })?
@@ -88,13 +88,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A recording's line, and where other numbers are stored.
+/// The line of a recording, and a message if the stored numbers differ.
 fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>)> {
     let reader = RecordingReader::open(path)?;
     let recording = reader.recording();
     let captured = recording.method.asd;
     let asd = asd.unwrap_or(captured);
-    // As if so many views had been planned.
+    // The same as if this number of views had been planned.
     let (_, file) = compute(&reader, &Method { asd, ..recording.method.clone() })?;
     let compared = (asd == captured).then(|| stored::compare(reader.folder(), &file)).transpose()?;
     let stored = compared.as_ref().map_or("not_compared", Stored::word);
@@ -111,7 +111,7 @@ fn line(path: &Path, asd: Option<u32>) -> anyhow::Result<(String, Option<String>
     Ok((serde_json::to_string(&line)?, differs))
 }
 
-/// Every recording that the names stand for; a name that stands for none has its reason.
+/// The recordings of each name. A name without a recording has an error.
 fn each(names: &[PathBuf]) -> Vec<(PathBuf, anyhow::Result<()>)> {
     let of = |name: &PathBuf| match expand(std::slice::from_ref(name)) {
         Ok(paths) => paths.into_iter().map(|path| (path, Ok(()))).collect(),
@@ -120,12 +120,12 @@ fn each(names: &[PathBuf]) -> Vec<(PathBuf, anyhow::Result<()>)> {
     names.iter().flat_map(of).collect()
 }
 
-/// Runs stand for the finished recordings in them; a recording that was named is measured or refused.
+/// A run stands for its finished recordings. A named recording is measured or refused.
 pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for path in paths {
         if path.join("run.json").symlink_metadata().is_ok() {
-            // What it says is not used; that a newer carved wrote it means that its recordings may mean something else.
+            // The run's record is only checked for its version: a newer carved may give its recordings another meaning.
             if let Err(error @ (StoreError::Newer { .. } | StoreError::Io { .. })) = RunRecord::of_folder(path) {
                 return Err(error.into());
             }
@@ -144,7 +144,8 @@ pub(super) fn expand(paths: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Surface and numbers by a method, on the same path as a live run, of as many views as that asks for: all that were captured, or an even subset.
+/// Surface and numbers by a method, with the code of a live run: from all captured views, or from an even subset if the method asks for
+/// fewer.
 pub(super) fn compute(reader: &RecordingReader, method: &Method) -> anyhow::Result<(Mesh, MeasurementFile)> {
     reader.require_finished()?;
     let recording = reader.recording();
@@ -182,7 +183,7 @@ fn subset<'a>(entries: &[&'a LedgerEntry], captured: u32, asd: u32) -> anyhow::R
         let view = at * stride;
         let found = omega(view).with_context(|| format!("the ledger has no view {view}"))? - first;
         let even = 360.0 * f64::from(at) / f64::from(asd);
-        // Either way around.
+        // The turn may go in either direction.
         let off = [found - even, found + even].map(|x| (x - 360.0 * (x / 360.0).round()).abs()).into_iter().fold(f64::INFINITY, f64::min);
         ensure!(
             off <= spacing,
@@ -231,7 +232,7 @@ mod tests {
     #[test]
     fn every_divisor_is_an_even_subset_either_way_around() {
         for sense in [1.0, -1.0] {
-            // Steps of 0.72 deg, as VAST has them.
+            // Steps of 0.72 deg, as on VAST.
             let entries = turn((0..=84).map(|i| sense * 0.72 * (f64::from(i) * 500.0 / 84.0).round()), true);
             for asd in [4, 7, 12, 14, 21, 28, 42] {
                 let expected: Vec<u32> = (0..=84).step_by(84 / asd as usize).collect();

@@ -1,6 +1,6 @@
-//! The commands a user meets, one file each.
+//! The commands, one file each.
 
-#![warn(clippy::print_stdout, clippy::print_stderr)] // `output` prints, because println! panics where nobody reads
+#![warn(clippy::print_stdout, clippy::print_stderr)] // `output` prints instead, because println! panics if its reader is gone
 
 #[macro_use]
 mod output;
@@ -50,7 +50,7 @@ enum Command {
     Simulate(simulate::Args),
     /// Measure recordings again from their frames.
     Measure(measure::Args),
-    /// Compute a stored run again and say whether it gives what is stored, bit for bit; or by another method.
+    /// Compute a stored run again and compare it with the stored result bit for bit; or use another method.
     Replay(replay::Args),
     /// Make a recording of a lab's own frames of one turn.
     Import(Box<import::Args>),
@@ -62,24 +62,24 @@ enum Command {
     /// Set up the camera's light and take its reference frames.
     #[command(subcommand)]
     Camera(camera::Command),
-    /// Find where views looked from.
+    /// Find the geometry of the views and the scale of the rig.
     #[command(subcommand)]
     Calibrate(calibrate::Command),
     /// Find the specimen's outline in single pictures.
     Segment(segment::Args),
-    /// Measure simulated specimens of known size: the paper's tables, and how well it measures.
+    /// Measure simulated specimens of known size, for the paper's tables and for the accuracy of carved.
     #[cfg(feature = "simulate")]
     Validate(validate::Args),
-    /// Copy runs elsewhere, verify every hash of the copy and leave a receipt.
+    /// Copy runs elsewhere, verify every hash of the copy and write a receipt.
     Archive(archive::ArchiveArgs),
-    /// Remove raw frames, or whole runs, of which an archived copy is still good; without --yes only says what it would remove.
+    /// Remove raw frames, or whole runs, whose archived copy is intact; without --yes only say what would be removed.
     Prune(archive::PruneArgs),
     /// Work with the index over the run folders.
     #[command(subcommand)]
     Index(index::Command),
-    /// Say what is plugged in, what answers and what to configure; nothing is moved.
+    /// Show which devices are connected, which of them answer and what to configure; nothing is moved.
     Doctor(doctor::Args),
-    /// Start, follow and steer runs on a daemon that serves.
+    /// Start, follow and control runs on a daemon that serves.
     #[command(subcommand, after_help = run::EXIT_CODES)]
     Run(run::Command),
     /// Work with plate maps.
@@ -92,7 +92,7 @@ enum Command {
 
 #[derive(Debug, Subcommand)]
 enum ConfigCommand {
-    /// Check a configuration and say everything that is wrong with it.
+    /// Check a configuration and report everything that is wrong with it.
     Check(check::Args),
 }
 
@@ -100,7 +100,7 @@ const LOG: &str = "Environment:
   CARVED_LOG  what the log on standard error holds: error, warn, info (the default), debug, trace or off; or by part of the program,
               as in CARVED_LOG=info,carved_devices=debug. Any other value is named in a warning, and info is used";
 
-/// The error and its causes, each once: many an error names its cause in its own words already.
+/// The error and its causes, each once: many errors already contain the text of their cause.
 pub fn told(error: &anyhow::Error) -> String {
     error.chain().map(ToString::to_string).fold(String::new(), |told, cause| match told.as_str() {
         "" => cause,
@@ -109,14 +109,14 @@ pub fn told(error: &anyhow::Error) -> String {
     })
 }
 
-/// With `-0.1` as a value and no option, everywhere: what takes it says what it expects.
+/// Accepts `-0.1` as a value everywhere, so that the option can report what it expects.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command
         .mut_args(|arg| if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg })
         .mut_subcommands(with_negative_numbers)
 }
 
-/// Runs the command that the arguments name, and says what went wrong.
+/// Runs the named command and reports its error.
 pub fn main() -> ExitCode {
     match run() {
         Ok(code) => code,
@@ -140,7 +140,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Reference(command) => reference::run(&command),
         Command::Camera(command) => camera::run(&command),
         Command::Calibrate(command) => calibrate::run(&command),
-        // A refusal is an answer of its own: it is printed, and has its own code.
+        // A refusal is a regular answer: it is printed, and has its own exit code.
         Command::Reconstruct(args) => return Ok(reconstruct::run(&args)),
         Command::Segment(args) => segment::run(&args),
         #[cfg(feature = "simulate")]

@@ -1,25 +1,25 @@
-//! What systemd is told: that the daemon is ready, what it does, that it lives, that it ends.
+//! Notifications to systemd: readiness, status, the watchdog's ping and the end.
 //!
 //! ```text
 //! serve: ready ─> status ... status ─> stopping
 //! driver alive? ── every half WatchdogSec ── yes: ping
-//!                                            no: silence, and systemd ends and restarts the daemon
+//!                                            no: no ping, and systemd kills and restarts the daemon
 //! ```
-//! Without systemd around (no `NOTIFY_SOCKET`) all of it does nothing.
+//! Without systemd (no `NOTIFY_SOCKET`) these functions do nothing.
 
 use sd_notify::NotifyState;
 use std::io;
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval};
 
-/// A notification that did not get through is no reason to stop an instrument; the watchdog judges by what arrives.
+/// A lost notification is no reason to stop an instrument. The watchdog judges by the notifications that arrive.
 fn tell(states: &[NotifyState]) {
     if let Err(why) = sd_notify::notify(states) {
         tracing::warn!(%why, "systemd could not be notified");
     }
 }
 
-/// One line for `systemctl status`: a line's end would begin a notification of its own.
+/// Makes one line for `systemctl status`, because a line break would begin a new notification.
 fn one_line(doing: &str) -> String {
     doing.replace(['\r', '\n'], " ")
 }
@@ -34,15 +34,14 @@ pub fn status(doing: &str) {
     tell(&[NotifyState::Status(&one_line(doing))]);
 }
 
-/// The daemon ends in order.
+/// The daemon ends in an orderly way.
 pub fn stopping() {
     tell(&[NotifyState::Stopping]);
 }
 
-/// Pings systemd's watchdog as long as `alive` says so; runs until it is dropped. Where no watchdog was asked for it only
-/// waits.
+/// Pings systemd's watchdog while `alive` returns true. Runs until it is dropped. Without a watchdog it only waits.
 ///
-/// `alive` must tell of the driver's own progress (a beat that it renews), not of this task's.
+/// `alive` must report the progress of the driver (a heartbeat that it renews), not that of this task.
 pub async fn watchdog(alive: impl Fn() -> bool) {
     match sd_notify::watchdog_enabled() {
         Some(within) => ping_while(within, alive, || sd_notify::notify(&[NotifyState::Watchdog])).await,
@@ -50,9 +49,9 @@ pub async fn watchdog(alive: impl Fn() -> bool) {
     }
 }
 
-/// Half the interval: one ping may be late by as much and still be in time.
+/// Pings at half the interval: a ping may be late by this time and still arrive in time.
 async fn ping_while(within: Duration, alive: impl Fn() -> bool, ping: impl Fn() -> io::Result<()>) {
-    // An interval of nothing would panic; systemd does not ask for one.
+    // A zero interval would panic. systemd does not request one.
     let mut beat = interval((within / 2).max(Duration::from_millis(1)));
     beat.set_missed_tick_behavior(MissedTickBehavior::Delay);
     loop {

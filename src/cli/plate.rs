@@ -1,16 +1,16 @@
-//! `carved plate check`: a plate map's file, read as the instrument would read it.
+//! `carved plate check`: reads a plate map's file as the instrument does.
 
 use anyhow::Context;
 use carved_records::plate_map::{self, Format, Mistake, PlateMap};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// The plate map holds mistakes, which were printed.
+/// Exit code for a plate map with mistakes, which were printed.
 pub const MISTAKES: u8 = 3;
 
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
-    /// Read a plate map and say everything that is wrong with it (docs/plate-map.md).
+    /// Read a plate map and report everything that is wrong with it (docs/plate-map.md).
     Check(Args),
 }
 
@@ -18,22 +18,22 @@ pub enum Command {
 pub struct Args {
     /// A CSV, or a JSON file (`.json`).
     file: PathBuf,
-    /// One of several plates of a MIHCSME file.
+    /// Name of the plate, if a MIHCSME file has several.
     #[arg(long)]
     plate: Option<String>,
-    /// Print the wells as `PUT /v1/runs/{id}` takes them.
+    /// Print the wells in the format of `PUT /v1/runs/{id}`.
     #[arg(long)]
     json: bool,
 }
 
-/// The plate map of a file, or its mistakes.
+/// The plate map in a file, or its mistakes.
 pub fn read(file: &Path, plate: Option<&str>) -> anyhow::Result<Result<PlateMap, Vec<Mistake>>> {
     let bytes = carved_files::read(file).with_context(|| format!("cannot read {}", file.display()))?;
     let json = file.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"));
     Ok(plate_map::read(&bytes, if json { Format::Json } else { Format::Csv }, plate))
 }
 
-/// Prints mistakes, one a line, as compilers do.
+/// Prints one mistake per line, in the format of compilers.
 pub fn print(file: &Path, mistakes: &[Mistake]) {
     for mistake in mistakes {
         note!("{}: {mistake}", file.display());

@@ -1,4 +1,4 @@
-//! `carved replay`: a stored run computed again from its frames, by the code of `carved measure`: identical, bit for bit, or not.
+//! `carved replay`: computes a stored run again from its frames, with the code of `carved measure`, and compares it bit for bit.
 //!
 //! ```text
 //! RUN ── wells ── measure::compute ─┬─ its own method ── measurement.json and mesh.ply beside what is stored ── identical | same | differs
@@ -19,7 +19,7 @@ use std::path::{Component, Path, PathBuf};
 pub struct Args {
     /// A run's folder (`DATA/runs/RUN`).
     run: PathBuf,
-    /// Wells of it [default: all with numbers, earlier attempts included]
+    /// Wells of the run [default: all with numbers, earlier attempts included]
     wells: Vec<String>,
     /// Another method: a TOML file with the keys of a [methods.NAME] table, or a NAME of --config.
     #[arg(long, value_name = "FILE|NAME")]
@@ -29,12 +29,14 @@ pub struct Args {
     config: Option<PathBuf>,
 }
 
+/// Computes the run again and prints one line per specimen.
+///
 /// # Errors
-/// At the end, with every specimen that could not be computed or gave other bytes than are stored.
+/// At the end, every specimen that could not be computed or gave other bytes than are stored.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let has_record = args.run.join("run.json").symlink_metadata().is_ok();
     ensure!(has_record, "{}: no run's folder: it has no run.json", args.run.display());
-    // Of a newer carved nothing is computed, for it may mean something else by the same words.
+    // A recording of a newer carved is not computed, because the same names may have another meaning there.
     RunRecord::of_folder(&args.run)?;
     for well in &args.wells {
         let is_name = matches!(Path::new(well).components().collect::<Vec<_>>()[..], [Component::Normal(_)]);
@@ -72,7 +74,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 const DIFFERS: &str = "differs";
 
-/// The method and the name that its results get.
+/// The method, and the name for its results.
 fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)> {
     if let Some(config) = config {
         let methods = Config::load(config)?.methods;
@@ -90,7 +92,7 @@ fn method(name: &str, config: Option<&Path>) -> anyhow::Result<(String, Method)>
     Ok((stem, method))
 }
 
-/// By its own method, beside what is stored.
+/// Computes with the recorded method, and compares with the stored result.
 fn again(folder: &Path) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, &reader.recording().method)?;
@@ -117,7 +119,7 @@ fn again(folder: &Path) -> anyhow::Result<String> {
     })
 }
 
-/// By another method, beside what is stored; computed before, beside that.
+/// Computes with another method and writes the result beside the stored one, unless an earlier replay has written the same.
 fn by(folder: &Path, name: &str, method: &Method) -> anyhow::Result<String> {
     let reader = RecordingReader::open(folder)?;
     let (mesh, file) = measure::compute(&reader, method)?;
@@ -135,7 +137,7 @@ fn by(folder: &Path, name: &str, method: &Method) -> anyhow::Result<String> {
 
 const MESH: &str = "mesh.ply";
 
-/// As a run writes it.
+/// The mesh as a run writes it.
 fn ply(mesh: &Mesh, mode: Mode) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     export::write_ply(mesh, if mode == Mode::Simulated { "um (simulated)" } else { "um" }, &mut bytes)?;

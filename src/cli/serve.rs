@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// The instrument's configuration (TOML); there is no default: simulation is asked for by name, `carved simulate`.
+    /// The instrument's configuration (TOML). There is no default; for a simulation use `carved simulate`.
     #[arg(long)]
     config: PathBuf,
 }
@@ -21,7 +21,7 @@ pub struct Args {
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
     let listener = config.http.bind()?;
-    // Before any device is opened: who has the folder may be in the middle of a turn.
+    // The data folder is claimed before any device is opened, because its owner may be in the middle of a turn.
     let claim = Claim::on(&config.store.data_dir)?;
     let gate = LoaderGate::default();
     let (rig, sampler) = with_sampler(open_rig(&config)?, config.sampler, &gate)?;
@@ -31,7 +31,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
         .run(|_| async { Ok(()) })
 }
 
-/// Opens every device that the configuration names, or says which does not answer.
+/// Opens every device in the configuration. The error names a device that does not answer.
 pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
     let axis = config.clone();
     let rotation = Box::new(Lasting::open(move || open_axis(&axis))?);
@@ -41,7 +41,7 @@ pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
     Ok(Rig { rotation, camera })
 }
 
-/// Who fills the capillary; its wires may end at the rig's axis.
+/// Opens the sampler of the configuration. A sampler on wires uses the rig's axis.
 pub fn with_sampler(rig: Rig, driver: SamplerDriver, gate: &LoaderGate) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
     Ok(match driver {
         SamplerDriver::Loader {} => (rig, Box::new(LoaderSampler::new(gate.clone()))),
@@ -63,7 +63,7 @@ fn open_axis(config: &Config) -> Result<Box<dyn RotationAxis>, DeviceError> {
     rotation::one_sided(rotation, config.backlash_steps)
 }
 
-/// The second camera, where one is configured.
+/// Opens the second camera, if one is configured.
 pub fn open_second(config: &Config) -> anyhow::Result<Option<Box<dyn Camera>>> {
     let Some(second) = &config.second else { return Ok(None) };
     let CameraDriver::Aravis(settings) = &second.camera;

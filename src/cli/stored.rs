@@ -1,9 +1,9 @@
-//! Numbers that were computed again, beside those that are stored.
+//! Compares numbers that were computed again with the stored ones.
 //!
 //! ```text
 //!  equal bytes ────────────────────────────────────────► identical
-//!  every stored value again, and fields beside them ───► same (an earlier build wrote it, and knew fewer fields)
-//!  another value, or one that is missing now ──────────► differs
+//!  every stored value again, and more fields ──────────► same (written by an earlier build with fewer fields)
+//!  a value that differs or is missing now ─────────────► differs
 //! ```
 
 use carved_store::{MEASUREMENT, MeasurementFile, StoreError, durable};
@@ -11,21 +11,21 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// What computed numbers are beside stored ones.
+/// Result of the comparison.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Stored {
-    /// Nothing is stored.
+    /// No numbers are stored.
     None,
-    /// Bit for bit.
+    /// Equal bit for bit.
     Identical,
-    /// Every stored value came out again, bit for bit. These fields are not stored: JSON pointers, in which `-` is any element of a list.
+    /// Every stored value is equal, bit for bit. These fields are not stored: JSON pointers, in which `-` is any element of a list.
     Same { new: BTreeSet<String> },
-    /// The first value that is another one or missing now: a JSON pointer.
+    /// JSON pointer to the first value that differs or is missing now.
     Differs { at: String },
 }
 
 impl Stored {
-    /// For machines.
+    /// The name for machine-readable output.
     pub fn word(&self) -> &'static str {
         match self {
             Self::None => "none",
@@ -47,10 +47,10 @@ impl std::fmt::Display for Stored {
     }
 }
 
-/// These numbers beside the ones stored in a folder.
+/// Compares these numbers with those stored in a folder.
 ///
 /// # Errors
-/// A file that is there and cannot be read.
+/// An existing file that cannot be read.
 pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<Stored> {
     let path = folder.join(MEASUREMENT);
     let stored = match carved_files::read(&path) {
@@ -62,7 +62,7 @@ pub(super) fn compare(folder: &Path, file: &MeasurementFile) -> anyhow::Result<S
     if ours == stored {
         return Ok(Stored::Identical);
     }
-    // What is no JSON is no earlier build's.
+    // A file that is not JSON was not written by an earlier build.
     let Ok(stored) = serde_json::from_slice(&stored) else { return Ok(Stored::Differs { at: "/".into() }) };
     Ok(beside(&stored, &serde_json::from_slice(&ours)?))
 }
@@ -75,7 +75,7 @@ fn beside(stored: &Value, ours: &Value) -> Stored {
     }
 }
 
-/// A place in a document, with and without the numbers of list elements.
+/// A path in a document, with and without the indices of list elements.
 #[derive(Debug, Clone, Default)]
 struct Place {
     pointer: String,
@@ -92,7 +92,7 @@ impl Place {
     }
 }
 
-/// Where `ours` lacks or contradicts what is stored; what it has beside goes to `new`.
+/// The first path at which `ours` lacks or contradicts a stored value. Additional fields go to `new`.
 fn first_difference(stored: &Value, ours: &Value, at: &Place, new: &mut BTreeSet<String>) -> Option<String> {
     match (stored, ours) {
         (Value::Object(stored), Value::Object(ours)) => {
@@ -118,7 +118,7 @@ fn first_difference(stored: &Value, ours: &Value, at: &Place, new: &mut BTreeSet
     }
 }
 
-/// A list of things with names of their own, as the checks of the quality: one more of them is a field more.
+/// A list whose elements have names, like the quality checks: a further element counts as a further field.
 fn is_named(list: &[Value]) -> bool {
     let names: Option<BTreeSet<&str>> = list.iter().map(|element| element["name"].as_str()).collect();
     names.is_some_and(|names| !list.is_empty() && names.len() == list.len())
@@ -145,7 +145,7 @@ mod tests {
         let new = |fields: &[&str]| Stored::Same { new: fields.iter().map(ToString::to_string).collect() };
         assert_eq!(beside(&stored, &stored), new(&[]));
         assert_eq!(beside(&stored, &with("/sd", json!(0.1))), new(&["/sd"]));
-        // The same field of every view is one field.
+        // The same field in every view counts as one field.
         let mut views = with("/views/0/sd", json!(0.1));
         views["views"][1]["sd"] = json!(0.2);
         assert_eq!(beside(&stored, &views), new(&["/views/-/sd"]));
@@ -161,7 +161,7 @@ mod tests {
         ] {
             assert_eq!(beside(&stored, &with(pointer, value)), Stored::Differs { at: at.into() }, "{pointer}");
         }
-        // A number that is not there any more may be the one that somebody has published.
+        // Somebody may have published a number that is missing now.
         assert_eq!(beside(&with("/sd", json!(0.1)), &stored), Stored::Differs { at: "/sd".into() });
     }
 

@@ -1,27 +1,27 @@
-//! A mesh for looking at: the same shape from as few triangles as a stated error allows.
+//! A mesh for display: the same shape with as few triangles as a given error allows.
 //!
-//! Edges are collapsed in the order of what that changes (quadric errors, by meshoptimizer), onto vertices that were there. Where
-//! the shape is thin, sheets may be joined: what is measured is the mesh that was given.
+//! Edges are collapsed in the order of their quadric errors (by meshoptimizer), onto existing vertices. Thin parts of the shape may be
+//! joined, so measurements use the original mesh.
 
 use carved_core::surface::Mesh;
 
-/// A mesh in fewer triangles.
+/// A mesh with fewer triangles.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decimated {
     pub mesh: Mesh,
-    /// How far its surface is off the given one by the measure that the triangles were collapsed by: root of the mean square of
-    /// the distances to the planes that a vertex stands for. In the mesh's unit.
+    /// Distance of the surface from the original one, in the unit of the mesh, by the measure of the collapse: root mean square of the
+    /// distances to the planes that a vertex represents.
     pub error: f64,
 }
 
-/// Collapses triangles as long as the error stays below `max_error`, in the mesh's unit.
+/// Collapses triangles while the error stays below `max_error`, in the unit of the mesh.
 pub fn decimate(mesh: &Mesh, max_error: f64) -> Decimated {
     let positions: Vec<[f32; 3]> = mesh.vertices.iter().map(|v| v.map(|x| x as f32)).collect();
     let indices: Vec<u32> = mesh.triangles.concat();
     let mut error = 0.0;
     let options = meshopt::SimplifyOptions::ErrorAbsolute;
     let kept = meshopt::simplify_decoder(&indices, &positions, 0, max_error as f32, options, Some(&mut error));
-    // Vertices in the order of the given mesh, without those that nothing needs any more.
+    // The vertices in their original order, without the unused ones.
     let mut numbers = vec![u32::MAX; mesh.vertices.len()];
     for &v in &kept {
         numbers[v as usize] = 0;

@@ -3,8 +3,8 @@
 //! ```text
 //!  "glTF" 2 length | length "JSON" {...} | length "BIN\0" positions f32 x 3, normals f32 x 3, indices u32
 //! ```
-//! The format counts in metres; ours are the mesh's own unit, named in `asset.extras.unit`, because a node scaled by a
-//! millionth helps no viewer.
+//! The format's unit is the metre. These files use the mesh's own unit, which is named in `asset.extras.unit`, because viewers do not
+//! benefit from a node that is scaled by a millionth.
 
 use carved_core::surface::Mesh;
 use serde_json::json;
@@ -15,10 +15,10 @@ const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34963;
 
-/// `unit` is that of the positions.
+/// Writes the mesh as GLB. `unit` is the unit of the positions.
 ///
 /// # Errors
-/// Refuses an empty mesh, which the format has no way to write; else those of the writer.
+/// An empty mesh, which the format cannot represent, and errors of the writer.
 pub fn write_glb(mesh: &Mesh, unit: &str, out: &mut impl Write) -> io::Result<()> {
     if mesh.is_empty() {
         return Err(io::Error::new(io::ErrorKind::InvalidInput, "glTF holds no empty mesh: 0 triangles found, at least 1 expected"));
@@ -34,7 +34,7 @@ pub fn write_glb(mesh: &Mesh, unit: &str, out: &mut impl Write) -> io::Result<()
         }
     }
     for normal in mesh.normals() {
-        // A normal must have length 1 even where the triangles around a vertex have no area.
+        // A normal must have length 1, also if the triangles around a vertex have no area.
         let unit_length = if normal.iter().all(|&n| n == 0.0) { [0.0, 0.0, 1.0] } else { normal };
         for x in unit_length {
             buffer.extend_from_slice(&(x as f32).to_le_bytes());

@@ -1,11 +1,11 @@
-//! Models as files that people open.
+//! Export of models to common file formats.
 //!
 //! ```text
 //!  Mesh ── ply ── MeshLab, CloudCompare, Fiji, trimesh
 //!       ├─ glb ── three.js on the page, Blender
 //!       └─ decimate ── Mesh of fewer triangles
 //! ```
-//! Both formats write to any `Write`, in the mesh's own unit; what is a file and whether it may be replaced is the caller's matter.
+//! Both formats write to any `Write`, in the unit of the mesh. The caller decides about files and whether they may be replaced.
 
 mod decimate;
 mod glb;
@@ -62,7 +62,7 @@ mod tests {
         assert_eq!(found, [0, 1, 2, 0, 3, 1, 0, 2, 3, 1, 3, 2]);
     }
 
-    /// A cube with a side of 10, each face cut into n^2 squares of two triangles; vertices are shared along the cube's edges.
+    /// A cube with a side of 10, each face cut into n^2 squares of two triangles. Vertices are shared along the edges of the cube.
     fn cube(n: i32) -> Mesh {
         let mut numbers = std::collections::BTreeMap::new();
         let mut mesh = Mesh::default();
@@ -94,7 +94,7 @@ mod tests {
         assert!((carved_core::measure::volume(&mesh) / 1000.0 - 1.0).abs() < 1e-3);
         assert!(mesh.triangles.iter().flatten().all(|&v| (v as usize) < mesh.vertices.len()));
 
-        // The same cube blown up to a ball of 100 um.
+        // The same cube, inflated to a ball of 100 um.
         let mut round = cube(64);
         for v in &mut round.vertices {
             let from_middle = v.map(|c| c - 5.0);
@@ -104,7 +104,8 @@ mod tests {
         for max_error in [0.2, 1.0] {
             let Decimated { mesh, error } = decimate(&round, max_error);
             assert!(error <= max_error && mesh.triangles.len() * 8 < round.triangles.len(), "{} triangles", mesh.triangles.len());
-            // The middles of chords lie as far inside as the surface gets: the mean square's root bounds them within a few times.
+            // The middle of an edge is the point furthest inside the ball. Its depth is bounded by a small multiple of the root mean
+            // square.
             for &t in &mesh.triangles {
                 let [a, b, c] = mesh.corners(t);
                 let middle: [f64; 3] = std::array::from_fn(|i| (a[i] + b[i] + c[i]) / 3.0);

@@ -1,9 +1,9 @@
-//! PLY, binary little-endian: positions as f32, triangles as lists of three.
+//! PLY, binary little-endian: positions as f32, triangles as lists of three indices.
 
 use carved_core::surface::Mesh;
 use std::io::{self, Write};
 
-/// `unit` is that of the positions, for the header's comment.
+/// Writes the mesh as PLY. `unit` is the unit of the positions, for a comment in the header.
 ///
 /// # Errors
 /// Those of the writer.

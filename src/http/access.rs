@@ -1,11 +1,11 @@
-//! Who may ask: stands in front of every route, also of those that do not exist.
+//! Access control in front of every route, also of routes that do not exist.
 //!
 //! ```text
 //! request ─> Host in the list? ─> changes something: same origin? ─> token, where one is set ─> route
 //!               403 wrong_host            403 wrong_origin                401 unauthorized
 //! ```
-//! The `Host` list stops DNS rebinding, where a hostile page's own name leads to this machine and so `Origin` and `Host`
-//! agree. The origin check stops pages of other sites whose requests a browser sends here by itself.
+//! The `Host` list stops DNS rebinding, in which the name of a hostile page resolves to this machine, so that `Origin` and `Host` agree.
+//! The origin check stops requests that a browser sends for pages of other sites.
 
 use super::AppState;
 use super::problem::Problem;
@@ -27,7 +27,7 @@ pub(super) async fn check(State(app): State<AppState>, request: Request, next: N
     }
 }
 
-/// The one value of a header; a second one is somebody's trick.
+/// The single value of a header. `None` if it is missing or repeated, since a repeated header may be an attack.
 fn single<'h>(headers: &'h HeaderMap, name: &header::HeaderName) -> Option<&'h str> {
     let mut values = headers.get_all(name).iter();
     let first = values.next()?.to_str().ok()?;
@@ -42,7 +42,7 @@ fn host(allowed: &BTreeSet<String>, request: &Request) -> Result<Authority, Prob
     };
     let named = single(request.headers(), &header::HOST).ok_or_else(|| wrong(""))?;
     let authority: Authority = named.parse().map_err(|_| wrong(named))?;
-    // A request line with a whole URL carries a host of its own, which would count more than the header.
+    // A request line with a full URL has its own host, which would take precedence over the header.
     for asked in [Some(&authority), request.uri().authority()].into_iter().flatten() {
         if asked.as_str().contains('@') || !allowed.contains(&asked.host().to_ascii_lowercase()) {
             return Err(wrong(asked.as_str()));
@@ -79,8 +79,8 @@ fn origin(request: &Request, asked: &Authority) -> Result<(), Problem> {
     }
 }
 
-/// The page's files, the contract and the two probes tell nothing of the instrument; a browser must be able to load the
-/// page before it can be given the token.
+/// The page's files, the contract and the two probes contain nothing about the instrument. A browser must be able to load the page before
+/// the user can give it the token.
 pub(super) fn is_open(path: &str) -> bool {
     !(path == "/metrics" || path == "/v1" || path.starts_with("/v1/"))
 }
@@ -105,7 +105,7 @@ fn unauthorized(detail: &str) -> Problem {
     Problem::new(StatusCode::UNAUTHORIZED, "unauthorized", detail)
 }
 
-/// Compares digests over their whole length, so that the time tells nothing of where two tokens part.
+/// Compares digests over their whole length, so that the duration reveals nothing about the tokens.
 fn same(shown: &str, wanted: &str) -> bool {
     let digests = Sha256::digest(shown).into_iter().zip(Sha256::digest(wanted));
     digests.fold(0u8, |differ, (a, b)| std::hint::black_box(differ | (a ^ b))) == 0

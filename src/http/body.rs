@@ -1,7 +1,7 @@
-//! Request bodies: bounded in size and time, JSON by their content type, and refused with every wrong field named.
+//! Request bodies: limited in size and time, JSON according to their content type, and refused with a list of all wrong fields.
 //!
-//! serde decides what is right. Where it refuses, the published schema of the same type is walked to say everything that
-//! is wrong, not only the first thing serde met.
+//! serde decides whether a body is valid. If it refuses, the published schema of the same type is walked to report everything that is
+//! wrong, not only serde's first error.
 
 use super::AppState;
 use super::problem::Problem;
@@ -15,9 +15,9 @@ use serde_json::Value;
 use serde_path_to_error::Segment;
 use utoipa::ToSchema;
 
-/// Limit of a body.
+/// Size limit of a body, bytes.
 pub(super) const SMALL: usize = 64 * 1024;
-/// Limit of the bodies that carry a plate map.
+/// Size limit of bodies with a plate map, bytes.
 pub(super) const PLATE_MAP: usize = 1024 * 1024;
 
 /// A JSON body of at most `LIMIT` bytes.
@@ -37,7 +37,7 @@ impl<T: DeserializeOwned + ToSchema, const LIMIT: usize> FromRequest<AppState> f
     }
 }
 
-/// A plate map as a file has it: the only body that need not be JSON.
+/// The file of a plate map: the only body that need not be JSON.
 pub(super) struct PlateMapFile {
     pub bytes: Vec<u8>,
     pub format: Format,
@@ -69,7 +69,7 @@ fn media(content_type: &str) -> String {
     content_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase()
 }
 
-/// The whole body, bounded in size and time.
+/// Reads the whole body, limited in size and time.
 async fn whole(request: Request, limit: usize, app: &AppState) -> Result<Vec<u8>, Problem> {
     within(request.headers(), limit)?;
     tokio::time::timeout(app.body_timeout, read(request, limit))
@@ -81,7 +81,7 @@ fn too_large(limit: usize) -> Problem {
     Problem::new(StatusCode::PAYLOAD_TOO_LARGE, "too_large", format!("the body is larger than {limit} bytes"))
 }
 
-/// Refuses a body by its announced length, before any of it is read.
+/// Refuses a body by its announced length before any of it is read.
 pub(super) fn within(headers: &HeaderMap, limit: usize) -> Result<(), Problem> {
     let announced = headers.get(header::CONTENT_LENGTH).and_then(|v| v.to_str().ok()).and_then(|v| v.parse::<u64>().ok());
     if announced.is_some_and(|length| length > limit as u64) { Err(too_large(limit)) } else { Ok(()) }
@@ -103,7 +103,7 @@ async fn read(request: Request, limit: usize) -> Result<Vec<u8>, Problem> {
 fn parse<T: DeserializeOwned + ToSchema>(bytes: &[u8], schemas: &Value) -> Result<T, Problem> {
     let refusal = match serde_path_to_error::deserialize(&mut serde_json::Deserializer::from_slice(bytes)) {
         Ok(value) => {
-            // What follows the value is no part of it and nothing that could be guessed at.
+            // The text behind the value is not part of the body, and its meaning cannot be guessed.
             return match serde_json::from_slice::<serde::de::IgnoredAny>(bytes) {
                 Ok(_) => Ok(value),
                 Err(why) => Err(malformed(&why)),
@@ -125,7 +125,7 @@ fn parse<T: DeserializeOwned + ToSchema>(bytes: &[u8], schemas: &Value) -> Resul
     Err(Problem::unprocessable("invalid_body", errors))
 }
 
-/// A wrong field that only its meaning tells.
+/// An error of a field whose type is right and whose value is wrong.
 pub(super) fn wrong(pointer: &str, detail: String) -> FieldError {
     FieldError { pointer: pointer.to_owned(), detail }
 }
@@ -134,19 +134,19 @@ fn malformed(why: &serde_json::Error) -> Problem {
     Problem::bad_request("malformed_json", format!("the body is not JSON: {why}"))
 }
 
-/// A key as a JSON pointer has it (RFC 6901).
+/// A key as part of a JSON pointer (RFC 6901).
 fn escape(key: &str) -> String {
     key.replace('~', "~0").replace('/', "~1")
 }
 
-/// Holds `value` against `schema` and lists everything that does not fit.
+/// Compares `value` with `schema` and lists every mismatch.
 fn explain(schema: &Value, schemas: &Value, value: &Value, at: &mut String, errors: &mut Vec<FieldError>) {
     if let Some(name) = schema["$ref"].as_str().and_then(|r| r.rsplit('/').next()) {
         return explain(&schemas[name], schemas, value, at, errors);
     }
     let mut wrong = |at: &str, detail: String| errors.push(FieldError { pointer: at.to_owned(), detail });
     if let Some(choices) = schema["oneOf"].as_array() {
-        // `null` or a type: what is not null is held against the type.
+        // `null` or another type: a value that is not null is compared with the other type.
         let nullable = choices.iter().any(|c| c["type"] == "null");
         if let Some(choice) = choices.iter().find(|c| c["type"] != "null" && !(nullable && value.is_null())) {
             explain(choice, schemas, value, at, errors);

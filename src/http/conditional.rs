@@ -1,4 +1,4 @@
-//! Entity tags: who has the newest already gets 304 and no body; who commands under a condition is told that there is none.
+//! Entity tags: a client that already has the newest answer gets 304 without a body. Commands with a condition are refused.
 
 use super::access::changes_something;
 use super::lease;
@@ -9,14 +9,14 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-/// A tag made of the content itself.
+/// A tag derived from the content.
 pub(super) fn tag_of(content: &[u8]) -> String {
     let mut hasher = DefaultHasher::new();
     content.hash(&mut hasher);
     format!("\"{:016x}\"", hasher.finish())
 }
 
-/// 304 where the client's `If-None-Match` names `tag`, else `full`; both carry the tag.
+/// 304 if the client's `If-None-Match` names `tag`, else `full`. Both answers carry the tag.
 pub(super) fn answer(asked: &HeaderMap, tag: &str, full: impl FnOnce() -> Response) -> Response {
     let mut response = if known(asked, tag) { StatusCode::NOT_MODIFIED.into_response() } else { full() };
     if let Ok(tag) = HeaderValue::from_str(tag) {
@@ -25,14 +25,14 @@ pub(super) fn answer(asked: &HeaderMap, tag: &str, full: impl FnOnce() -> Respon
     response
 }
 
-/// The weak comparison of RFC 9110: `W/` in front makes no difference.
+/// The weak comparison of RFC 9110, which ignores `W/` at the front.
 fn known(asked: &HeaderMap, tag: &str) -> bool {
     let lines = asked.get_all(header::IF_NONE_MATCH).iter().filter_map(|v| v.to_str().ok());
     lines.flat_map(|line| line.split(',')).map(str::trim).any(|one| one == "*" || one.strip_prefix("W/").unwrap_or(one) == tag)
 }
 
-/// Refuses commands with `If-Match` or `If-Unmodified-Since`: what is commanded has no tag, and a condition that is passed over
-/// would read as one that was kept. A plan needs none: another plan under the same name is refused by itself.
+/// Refuses commands with `If-Match` or `If-Unmodified-Since`. Commands have no tag, and a client would take an ignored condition for a
+/// fulfilled one. A plan needs no condition: another plan under the same name is refused anyway.
 pub(super) async fn check(request: Request, next: Next) -> Response {
     let headers = request.headers();
     let conditional = headers.contains_key(header::IF_MATCH) || headers.contains_key(header::IF_UNMODIFIED_SINCE);

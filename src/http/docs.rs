@@ -1,4 +1,4 @@
-//! `GET /docs`: the contract as one HTML page without a script, for a lab that has no network.
+//! `GET /docs`: the contract as one HTML page without scripts, for labs without internet access.
 
 use super::AppState;
 use axum::extract::State;
@@ -58,7 +58,7 @@ fn render_operation(page: &mut String, path: &str, method: &str, operation: &Val
     Ok(())
 }
 
-/// Content types of a body, with a link to its schema.
+/// The content types of a body, with links to its schema.
 fn types(body: &Value) -> String {
     let one = |(kind, content): (&String, &Value)| {
         let name = content["schema"]["$ref"].as_str().and_then(|r| r.rsplit('/').next()).map(escape);

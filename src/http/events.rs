@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! Last-Event-ID: 41 ──> 42, 43 (in memory) ──> 44 ... (live)
-//! older ──> from the index, page by page ──> in memory ──> live
-//! too old, or not of this journal ──> event: resync ──> live
+//! older ──> read from the index in pages ──> in memory ──> live
+//! too old, or from another journal ──> event: resync ──> live
 //! ```
-//! `data` is the event as JSON; its kind stands inside, so that one listener sees all. Only `resync` has a name of its own:
-//! the client reads the status anew and goes on.
+//! `data` is the event as JSON. Its kind is a field in it, so that one listener receives all events. Only `resync` has an event name: the
+//! client reads the status again and continues.
 
 use super::{AppState, closed};
 use crate::session::Missed;
@@ -22,12 +22,13 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast::{Receiver, error::RecvError};
 
-/// A comment this often keeps proxies from closing a quiet stream.
+/// A comment in this interval keeps proxies from closing an idle stream.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
-/// Events that are read from the index at a time, and how often for one reader that comes back: of older ones the status tells more.
+/// Number of events read from the index at a time, and number of such reads for one reader that returns. For older events the status is
+/// more useful.
 const PAGE: usize = 500;
 const PAGES: u32 = 40;
-/// Pause before a browser connects again.
+/// Pause before a browser reconnects.
 const RETRY: Duration = Duration::from_secs(2);
 
 /// Everything that happens, as it happens; `Last-Event-ID` asks for what was missed.
@@ -38,21 +39,21 @@ const RETRY: Duration = Duration::from_secs(2);
 )]
 pub(super) async fn get(State(app): State<AppState>, headers: HeaderMap) -> Sse<impl Stream<Item = Result<Sent, Infallible>>> {
     let asked = headers.get("last-event-id").map(|v| v.to_str().unwrap_or_default().trim()).filter(|v| !v.is_empty());
-    // An id that is no number was never given by this journal: to be told apart from no id at all.
+    // An id that is not a number was never used by this journal. It must differ from a missing id.
     let feed = Feed::open(app, asked.map(|id| id.parse().unwrap_or(u64::MAX)), PAGES).await;
     let hello = stream::iter([Ok(Sent::default().retry(RETRY).comment("carved"))]);
     let events = stream::unfold(feed, |mut feed| async move { feed.next().await.map(|sent| (Ok(sent), feed)) });
     Sse::new(stream::StreamExt::chain(hello, events)).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))
 }
 
-/// One reader's place in the journal.
+/// The position of one reader in the journal.
 struct Feed {
     app: AppState,
-    /// Newest id that this reader was given.
+    /// Id of the newest event sent to this reader.
     seen: Option<u64>,
     missed: VecDeque<Arc<Event>>,
     resync: bool,
-    /// What was missed reaches further back than memory: behind `missed` there is more to read.
+    /// The missed events reach further back than the memory: more must be read after `missed`.
     more: bool,
     pages_left: u32,
     live: Receiver<Arc<Event>>,
@@ -96,7 +97,7 @@ impl Feed {
             };
             match received {
                 Ok(event) => return Some(self.send(&event)),
-                // A slow reader fell out of the live channel; the journal's tail reaches further back.
+                // A slow reader was dropped from the live channel. The journal's tail in memory reaches further back.
                 Err(RecvError::Lagged(_)) if self.seen.is_some() => *self = Self::open(self.app.clone(), self.seen, PAGES).await,
                 Err(RecvError::Lagged(_)) => self.resync = true,
                 Err(RecvError::Closed) => return None,
@@ -111,7 +112,7 @@ impl Feed {
     }
 }
 
-/// The next events of the journal behind one that was seen; none where that cannot be told.
+/// The next events of the journal after `seen`. Empty if the journal does not know `seen` or cannot be read.
 async fn page(app: &AppState, seen: u64) -> Vec<Arc<Event>> {
     let reader = app.reader.clone();
     match tokio::task::spawn_blocking(move || reader.events_after(seen, PAGE)).await {

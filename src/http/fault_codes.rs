@@ -1,4 +1,4 @@
-//! `GET /v1/fault-codes`: every code that a fault can have, so that a scheduler can be written against the list.
+//! `GET /v1/fault-codes`: every code that a fault can have, for the authors of schedulers.
 
 use axum::Json;
 use carved_records::{FAULT_CODES, FaultCode};

@@ -1,4 +1,4 @@
-//! `/livez` and `/readyz`: two questions of whoever starts and watches the daemon.
+//! `/livez` and `/readyz`: probes for supervisors of the daemon.
 
 use super::AppState;
 use super::problem::Problem;

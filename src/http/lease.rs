@@ -1,12 +1,12 @@
-//! A lease: while it lasts one client alone commands the instrument, so that two schedulers do not drive one plate.
+//! A lease: while it lasts only one client commands the instrument, so that two schedulers do not control the same plate.
 //!
 //! ```text
 //! PUT /v1/lease {token} ─> every command carries it as `Carved-Lease` ─> PUT again before ttl_s is over, or DELETE
 //!                          without it: 423, who holds it, for how long │ with one that is over: 412
 //! ```
-//! Aborts and the emergency stop pass: whoever sees that something is wrong must be able to end it. A lease is an agreement
-//! between clients that may command, not a right: that is the bearer token. It lives in memory, by the monotonic clock, and
-//! ends with the daemon.
+//! Aborts and the emergency stop need no lease, because anyone who sees a problem must be able to stop the instrument. A lease is an
+//! agreement between clients that may command. The right to command is the bearer token. The lease is kept in memory, uses the monotonic
+//! clock, and ends with the daemon.
 
 use super::AppState;
 use super::access::changes_something;
@@ -22,11 +22,11 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use utoipa::ToSchema;
 
-/// Header that shows a lease's token.
+/// Header with the token of a lease.
 pub(super) const HEADER: &str = "carved-lease";
-/// Longest lease: of a client that died the instrument is free again after so long.
+/// Longest duration of a lease: the time after which the instrument is free again if its client has died.
 const LONGEST_S: u32 = 3600;
-/// Longest name of a holder.
+/// Maximum length of a holder's name.
 const NAME_LIMIT: usize = 64;
 
 /// Body of `PUT /v1/lease`.
@@ -46,7 +46,7 @@ pub(super) struct LeaseRequest {
     token: Option<String>,
 }
 
-/// Whether nobody guesses it and every header takes it.
+/// Whether a token is hard to guess and valid in a header.
 fn is_token(token: &str) -> bool {
     (16..=64).contains(&token.len()) && token.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'-' || b == b'_')
 }
@@ -77,16 +77,16 @@ struct Held {
 enum Refused {
     /// Another client has the lease.
     Locked { holder: String, left: Duration },
-    /// The lease whose token was shown is over.
+    /// The lease of the token has ended.
     Over,
 }
 
-/// The one lease, by a clock that is given.
+/// The only lease. The caller gives the time.
 #[derive(Default)]
 pub(super) struct Desk(Mutex<Option<Held>>);
 
 impl Desk {
-    /// Runs `then` on what is held at `now`.
+    /// Runs `then` with the lease that is valid at `now`.
     fn at<T>(&self, now: Instant, then: impl FnOnce(&mut Option<Held>) -> T) -> T {
         let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if held.as_ref().is_some_and(|h| h.until <= now) {
@@ -109,7 +109,7 @@ impl Desk {
         })
     }
 
-    /// A new lease, with the caller's token or this fresh one; or the shown or named one with its time begun anew (`true`).
+    /// Grants a new lease, with the caller's token or `fresh`, or renews the lease whose token was shown or named (`true`).
     fn grant(&self, now: Instant, asked: LeaseRequest, shown: Option<&str>, fresh: String) -> Result<(Lease, bool), Refused> {
         self.at(now, |held| {
             let named = asked.token.as_deref();
@@ -125,7 +125,7 @@ impl Desk {
         })
     }
 
-    /// Ends the lease; one that is over needs no end.
+    /// Ends the lease. A lease that has ended already is no error.
     fn release(&self, now: Instant, shown: Option<&str>) -> Result<(), Refused> {
         self.at(now, |held| match held {
             Some(other) if shown != Some(&other.token) => Err(Self::locked(other, now)),
@@ -145,7 +145,7 @@ impl Desk {
 }
 
 fn shown(headers: &HeaderMap) -> Option<&str> {
-    // What is no text is no token of ours either, and is refused as one.
+    // A header that is not text cannot be a token, and is refused like a wrong one.
     headers.get(HEADER).map(|token| token.to_str().unwrap_or_default())
 }
 
@@ -168,20 +168,20 @@ fn refusal(refused: Refused) -> Problem {
     }
 }
 
-/// Whole seconds until something is free.
+/// Seconds, rounded up to whole ones.
 fn left_s(seconds: f64) -> u32 {
     (seconds.ceil() as u32).max(1)
 }
 
-/// Commands that no lease holds back.
+/// Commands that need no lease.
 const ALWAYS: [&str; 4] = ["/v1/emergency-stop", "/v1/runs/{run_id}/abort", "/v1/lease", "/v1/plate-maps/check"];
 
-/// Whether a lease stands in front of a route.
+/// Whether a route needs the lease.
 pub(super) fn guards(route: &str) -> bool {
     route.starts_with("/v1/") && !ALWAYS.contains(&route)
 }
 
-/// Lets a command pass that the lease's holder sends, and any where nobody holds it.
+/// Passes the commands of the lease's holder, and all commands if there is no lease.
 pub(super) async fn check(State(app): State<AppState>, request: Request, next: Next) -> Response {
     let guarded = request.extensions().get::<MatchedPath>().is_some_and(|route| guards(route.as_str()));
     if guarded
@@ -275,7 +275,7 @@ mod tests {
         assert_eq!((again.token.as_str(), renewed), ("mine", true));
         assert!(desk.grant(after(5), named("other", "theirs"), None, "t3".into()).is_err());
         assert_eq!(desk.admit(after(13), Some("mine")), Ok(()), "its time began anew at 4 s");
-        // Over, it is no way around who has it now.
+        // A token of an ended lease must not bypass the present holder.
         desk.grant(after(15), named("other", "theirs"), None, "t4".into()).unwrap();
         assert!(desk.grant(after(16), named("loader", "mine"), None, "t5".into()).is_err());
         assert!(is_token("0123456789abcdef") && !is_token("0123456789abcde") && !is_token("0123456789abcde\n"));

@@ -1,8 +1,8 @@
-//! `GET /v1/live/...`: the newest frame, its profile and the growing model, as the driver encoded them.
+//! `GET /v1/live/...`: the newest frame, its profile and the growing model, as encoded by the driver.
 //!
 //! ```text
-//! 200, 304 ── Carved-Run, Carved-Well, Carved-Views: whose picture it is, and after how many views
-//! 204      ── there is none, which is no mistake of who asks: nothing was looked at yet, or no profile was found
+//! 200, 304 ── Carved-Run, Carved-Well, Carved-Views: the specimen of the picture, and the number of views
+//! 204      ── there is none, which is no error of the client: no frame was taken yet, or no profile was found
 //! ```
 
 use super::{AppState, conditional};
@@ -13,7 +13,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 
-/// Lets a body share the encoded picture instead of copying it.
+/// Shares the encoded picture as a body without a copy.
 struct Shared(Arc<Vec<u8>>);
 
 impl AsRef<[u8]> for Shared {
@@ -22,7 +22,7 @@ impl AsRef<[u8]> for Shared {
     }
 }
 
-/// One of the pictures, taken from the same snapshot as the words on whose it is.
+/// One of the pictures, from the same snapshot as the headers that describe it.
 fn newest(app: &AppState, headers: &HeaderMap, pick: impl FnOnce(Live) -> Option<Arc<Vec<u8>>>, content_type: &'static str) -> Response {
     let live = app.session.live();
     let shown = live.shown.clone();

@@ -1,6 +1,6 @@
-//! `GET /metrics`: the snapshot in Prometheus' words, and the requests that were answered.
+//! `GET /metrics`: the snapshot in Prometheus' format, and the number of answered requests.
 //!
-//! The registry is made anew for each scrape from one snapshot, so that its numbers belong together.
+//! Each scrape makes a new registry from one snapshot, so that its numbers are consistent.
 
 use super::AppState;
 use super::problem::Problem;
@@ -17,10 +17,10 @@ use prometheus_client::registry::{Registry, Unit};
 
 type Label = [(&'static str, String); 1];
 
-/// Requests answered, by method, route and status.
+/// Number of answered requests, by method, route and status.
 pub(super) type Requests = Family<[(&'static str, String); 3], Counter>;
 
-/// Counts a request under its route's pattern, never its path: a client must not be able to grow the table.
+/// Counts a request under the pattern of its route, not its path, so that clients cannot make the table grow.
 pub(super) async fn count(State(app): State<AppState>, request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map_or("unmatched", MatchedPath::as_str).to_owned();
     let method = match *request.method() {
@@ -45,7 +45,7 @@ pub(super) async fn get(State(app): State<AppState>) -> Result<Response, Problem
     Ok(([(header::CONTENT_TYPE, "application/openmetrics-text; version=1.0.0; charset=utf-8")], text).into_response())
 }
 
-/// The word that a value has in JSON, so that both interfaces call it the same.
+/// The JSON name of a value, so that both interfaces use the same names.
 fn word(value: impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }

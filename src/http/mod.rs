@@ -1,4 +1,4 @@
-//! The HTTP edge: what the plate-loader, the operator's page, the CLI and Prometheus talk to.
+//! The HTTP server for the plate-loader, the operator's page, the CLI and Prometheus.
 //!
 //! ```text
 //! TCP ─> accept loop (serve) ─> count ─> headers ─> access ─> pace ─> lease ─> route ─> SessionHandle ─> driver
@@ -6,9 +6,9 @@
 //!        joined at the end                          Origin,            live, health, page       <─────┘ snapshots
 //!                                                   token
 //! ```
-//! Nothing here touches hardware, and only `results` the disk, on threads of its own: reads come from the session's snapshots,
-//! commands go to its mailbox and are answered when the driver has. Every error is a [`Problem`]. The contract is served as `/openapi.json`, made from the
-//! handlers themselves.
+//! Nothing here touches hardware. Only `results` and old events read the disk, on threads of their own. Reads come from the session's
+//! snapshots. Commands go to its mailbox and are answered after the driver has handled them. Every error is a [`Problem`]. The contract is
+//! generated from the handlers and served as `/openapi.json`.
 
 #![allow(clippy::result_large_err, reason = "a problem is made once per refused request and goes straight out")]
 
@@ -54,30 +54,30 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{Semaphore, watch};
 
-/// What the handlers share.
+/// The state that all handlers share.
 struct App {
     session: SessionHandle,
     reader: StoreReader,
-    /// Slots of those who read the disk.
+    /// Slots for requests that read the disk.
     reading: Semaphore,
     guard: Guard,
     body_timeout: Duration,
-    /// Schemas of the contract by name; bodies are explained by them.
+    /// The schemas of the contract by name, for the explanation of wrong bodies.
     schemas: serde_json::Value,
     contract: Bytes,
     docs: Bytes,
     requests: metrics::Requests,
     lease: lease::Desk,
     pace: pace::Pace,
-    /// Becomes true when the server is to end: streams and long polls end with it.
+    /// Becomes true when the server must end. Streams and long polls then end.
     closing: watch::Receiver<bool>,
 }
 
 type AppState = Arc<App>;
 
-/// Resolves when the server is to end.
+/// Resolves when the server must end.
 async fn closed(mut closing: watch::Receiver<bool>) {
-    // An error means that the server itself is gone, which is an end as well.
+    // An error means that the server itself was dropped, which is also an end.
     let _ended = closing.wait_for(|closing| *closing).await;
 }
 
@@ -115,7 +115,7 @@ async fn method_not_allowed(method: axum::http::Method, uri: Uri) -> Problem {
     Problem::new(StatusCode::METHOD_NOT_ALLOWED, "method_not_allowed", detail)
 }
 
-/// What every answer carries unless its handler said otherwise: it is not kept, not framed, and nobody guesses its type.
+/// Adds headers to every answer unless its handler has set them: no caching, no framing, and no guessing of the type.
 async fn secure_headers(request: Request, next: Next) -> Response {
     let mut response = next.run(request).await;
     let defaults: [(HeaderName, &str); 6] = [

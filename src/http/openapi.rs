@@ -1,4 +1,4 @@
-//! The contract: routes and their description come from one list, so neither can miss one of the other's.
+//! The contract: one list defines the routes and their descriptions, so that neither can lack an entry of the other.
 
 use super::{
     AppState, access, docs, events, fault_codes, health, lease, live, methods, metrics, pace, page, plate, plate_maps, problem, results,
@@ -63,8 +63,8 @@ pub(super) async fn get(State(app): State<AppState>) -> Response {
     ([(header::CONTENT_TYPE, "application/json"), (header::CACHE_CONTROL, "no-cache")], app.contract.clone()).into_response()
 }
 
-/// Adds what the layers in front of the routes, the body reader, the driver and the store answer, once for all operations; what a
-/// handler says itself stands.
+/// Adds the answers of the layers, the body reader, the driver and the store to all operations. The answers that a handler declares itself
+/// are kept.
 pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
     let mut contract = serde_json::to_value(contract).unwrap_or_default();
     require_what_is_always_written(&mut contract);
@@ -106,13 +106,13 @@ pub(super) fn complete(contract: &utoipa::openapi::OpenApi) -> Value {
     contract
 }
 
-/// serde writes every property of an answer, `null` where there is no value. utoipa describes an `Option` and a field with a default
-/// as one that may be missing, so a client would have to expect both.
+/// serde writes every property of an answer, with `null` if there is no value. utoipa describes an `Option`, and a field with a default, as
+/// a property that may be missing. A client would then have to handle both.
 fn require_what_is_always_written(contract: &mut Value) {
     for (name, schema) in contract["components"]["schemas"].as_object_mut().into_iter().flatten() {
-        // The schema of a request accepts no other properties. It says itself what a client may leave out.
+        // The schema of a request accepts no other properties, and states itself which ones are optional.
         let of_a_request = schema["additionalProperties"] == false;
-        // These leave out what is empty.
+        // In these types empty fields are omitted.
         if of_a_request || matches!(name.as_str(), "Problem" | "Mistake") {
             continue;
         }
@@ -122,7 +122,7 @@ fn require_what_is_always_written(contract: &mut Value) {
     }
 }
 
-/// What those behind the handlers answer: a command is journalled, a result is read from the disk.
+/// Answers from behind the handlers: a command is written to the journal, a result is read from the disk.
 fn by_kind(path: &str, operation: &Value) -> Vec<(&'static str, &'static str)> {
     let mut refusals = Vec::new();
     if operation["tags"][0] == "commands" && path != "/v1/lease" {

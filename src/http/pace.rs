@@ -1,5 +1,5 @@
-//! How fast one client may command: a bucket of tokens per address, one token per command. Reading is not counted, and an
-//! abort or an emergency stop is never told to wait.
+//! Limits the rate of commands per client with one token bucket per address and one token per command. Reading is not counted. Aborts and
+//! emergency stops are never delayed.
 
 use super::AppState;
 use super::access::changes_something;
@@ -13,11 +13,11 @@ use std::net::IpAddr;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Who is at the other end of a connection.
+/// The address of the client of a connection.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Peer(pub IpAddr);
 
-/// Addresses that are remembered before those whose bucket is full again are forgotten.
+/// Number of remembered addresses, above which those with a full bucket are forgotten.
 const REMEMBERED: usize = 1024;
 
 struct Bucket {
@@ -25,7 +25,7 @@ struct Bucket {
     filled: Instant,
 }
 
-/// Buckets of all clients that have commanded of late.
+/// The buckets of all clients that have sent commands recently.
 pub(super) struct Pace {
     per_s: f64,
     burst: f64,
@@ -41,7 +41,7 @@ impl Pace {
         (bucket.tokens + now.duration_since(bucket.filled).as_secs_f64() * self.per_s).min(self.burst)
     }
 
-    /// Takes a token, or says in how many seconds there is one.
+    /// Takes a token, or returns the seconds until there is one.
     fn take(&self, now: Instant, client: IpAddr) -> Result<(), u32> {
         let mut buckets = self.buckets.lock().unwrap_or_else(PoisonError::into_inner);
         if buckets.len() >= REMEMBERED {
@@ -55,7 +55,7 @@ impl Pace {
     }
 }
 
-/// Commands that are never told to wait.
+/// Commands that are never delayed.
 const ALWAYS: [&str; 2] = ["/v1/emergency-stop", "/v1/runs/{run_id}/abort"];
 
 /// Whether a route's commands are counted.

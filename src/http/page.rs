@@ -1,4 +1,4 @@
-//! The operator's page, embedded where it was built before the daemon; else a plain page that says how to build it.
+//! The operator's page, which is embedded if it was built before the daemon. Otherwise a plain page explains how to build it.
 
 use super::conditional;
 use super::problem::Problem;
@@ -7,7 +7,7 @@ use axum::http::{HeaderMap, Method, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use rust_embed::{EmbeddedFile, RustEmbed};
 
-/// Absent as long as the page is not built; `build.rs` has cargo look again when it is.
+/// Empty until the page is built; `build.rs` makes cargo check again.
 #[derive(RustEmbed)]
 #[folder = "web/dist"]
 #[allow_missing = true]
@@ -15,8 +15,7 @@ struct Dist;
 
 const UNBUILT: &str = include_str!("unbuilt.html");
 
-/// Scripts from here alone. Models and pictures reach the page as blobs when they are fetched with a token, and the plots
-/// set their styles in place.
+/// Scripts only from this server. Models and pictures are blobs if they are fetched with a token, and the plots set inline styles.
 const POLICY: &str = "default-src 'self'; img-src 'self' blob: data:; connect-src 'self' blob:; style-src 'self' 'unsafe-inline'; \
                       object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
@@ -29,7 +28,7 @@ pub(super) async fn index(headers: HeaderMap) -> Response {
     }
 }
 
-/// The page's other files; whatever is not one of them is unknown.
+/// The other files of the page. Other paths are unknown.
 pub(super) async fn asset(method: Method, uri: Uri, headers: HeaderMap) -> Response {
     let reads = matches!(method, Method::GET | Method::HEAD);
     if let Some(file) = Dist::get(uri.path().trim_start_matches('/')).filter(|_| reads) {
@@ -44,7 +43,7 @@ fn serve(asked: &HeaderMap, file: EmbeddedFile) -> Response {
     let mime = file.metadata.mimetype().to_owned();
     let text = mime.starts_with("text/") || mime == "application/json";
     let content_type = if text { format!("{mime}; charset=utf-8") } else { mime };
-    // A browser takes over the policy of a 304 as well, so that one must carry the page's too.
+    // A browser also takes the policy from a 304, so a 304 must carry it too.
     guarded(conditional::answer(asked, &tag, || ([(header::CONTENT_TYPE, content_type)], file.data.into_owned()).into_response()))
 }
 
@@ -52,7 +51,7 @@ fn document(content_type: &str, body: Body) -> Response {
     guarded(([(header::CONTENT_TYPE, content_type)], body).into_response())
 }
 
-/// The names of the files stay the same from build to build, so the browser asks each time and mostly gets 304.
+/// File names do not change between builds, so the browser asks each time and usually gets 304.
 fn guarded(response: Response) -> Response {
     ([(header::CACHE_CONTROL, "no-cache"), (header::CONTENT_SECURITY_POLICY, POLICY)], response).into_response()
 }

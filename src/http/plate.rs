@@ -1,4 +1,4 @@
-//! Plates handed over by the loader, and the look at everything before a run.
+//! The handover of plates by the loader, and the preflight.
 
 use super::AppState;
 use super::body::{self, Body};

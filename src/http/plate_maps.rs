@@ -1,4 +1,4 @@
-//! `POST /v1/plate-maps/check`: a plate map as a file has it becomes the wells of a plan, or every mistake with its line.
+//! `POST /v1/plate-maps/check`: converts the file of a plate map to the wells of a plan, or lists every mistake with its line.
 
 use super::body::PlateMapFile;
 use super::problem::Problem;

@@ -1,4 +1,4 @@
-//! Every error that leaves the server: `application/problem+json` (RFC 9457) with what the scheduler does about it.
+//! Every error of the server: `application/problem+json` (RFC 9457) with the scheduler's reaction.
 
 use super::lease::LeaseStatus;
 use crate::session::{Refusal, State, Status};
@@ -40,10 +40,10 @@ pub struct Problem {
     pub(super) retry_after_s: Option<u32>,
 }
 
-/// Mistakes that the detail has in words.
+/// Number of mistakes that `detail` describes.
 const DETAILED: usize = 20;
 
-/// A client that is told to come back is told when.
+/// Value of `Retry-After` for a client that should repeat the request, s.
 const RETRY_AFTER_S: u32 = 5;
 
 impl Problem {
@@ -86,12 +86,12 @@ impl Problem {
         let detail = errors.iter().take(DETAILED).map(ToString::to_string).collect::<Vec<_>>().join("; ");
         let more = errors.len().saturating_sub(DETAILED);
         let detail = if more > 0 { format!("{detail}; {more} more stand in errors") } else { detail };
-        // Not the plate's mistake but the program's, or a barcode reader's: the same body is answered the same, with any plate.
+        // An error of the program or of a barcode reader, not of the plate: the same body gets the same answer with any plate.
         Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }
     }
 
-    /// Where all that is wrong is the plate's, its map or its barcode, another plate can be run; a wrong method, or a field that is not
-    /// known, meets the next plate as well.
+    /// If all mistakes concern the plate's map or barcode, another plate can be run. A wrong method or an unknown field would also affect
+    /// the next plate.
     pub(super) fn of_a_plate(self) -> Self {
         let is_the_plates = |mistake: &Mistake| mistake.pointer.as_ref().is_none_or(|at| at.starts_with("/plate"));
         if self.errors.is_empty() || !self.errors.iter().all(is_the_plates) {
@@ -100,7 +100,7 @@ impl Problem {
         self.action(SchedulerAction::RejectPlate)
     }
 
-    /// Names the newest fault where the refusal comes from the instrument's condition, and passes its advice on.
+    /// If the refusal comes from the instrument's condition: names the newest fault and its scheduler action.
     fn behind(mut self, status: &Status) -> Self {
         if let Some(fault) = status.faults.last() {
             self.fault_seq = Some(fault.seq);
@@ -109,7 +109,7 @@ impl Problem {
         self
     }
 
-    /// The session's refusal in the words of HTTP.
+    /// The HTTP answer for a refusal by the session.
     pub(super) fn refused(refusal: Refusal, status: &Status) -> Self {
         let detail = refusal.to_string();
         let conflict = |code| Self::new(StatusCode::CONFLICT, code, detail.clone());
@@ -128,7 +128,7 @@ impl Problem {
             Refusal::UnknownRun { .. } => Self::new(StatusCode::NOT_FOUND, "unknown_run", detail),
             Refusal::UnexpectedWell { .. } => conflict("unexpected_well"),
             Refusal::RunEnded { .. } => conflict("run_ended"),
-            // Once the loader has taken it out and said so.
+            // Succeeds after the loader has taken the specimen out and reported it.
             Refusal::CapillaryFull { .. } => conflict("capillary_full").action(SchedulerAction::Retry),
             Refusal::Store { full: true, .. } => {
                 Self::new(StatusCode::INSUFFICIENT_STORAGE, "disk_full", detail).action(SchedulerAction::PauseInstrument).behind(status)

@@ -1,9 +1,9 @@
-//! `GET /v1/runs...`: what runs have left, read from the index and the run folders.
+//! `GET /v1/runs...`: the results of past runs, read from the index and the run folders.
 //!
 //! ```text
 //! handler ─> a slot (few at a time) ─> blocking thread ─> StoreReader ─> disk
 //! ```
-//! These read the disk, so they are no way to poll: the status is. A slow disk holds up other readers of results and nothing else.
+//! These requests read the disk, so clients should poll the status instead. A slow disk delays only other readers of results.
 
 mod files;
 
@@ -23,10 +23,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
 
-/// Reads of the disk at a time: as many as a disk can serve without the others waiting longer for it.
+/// Number of simultaneous reads: as many as a disk can serve without a longer wait for each.
 pub(super) const AT_A_TIME: usize = 4;
 
-/// Longest page of runs.
+/// Maximum number of runs per page.
 const MOST: usize = 200;
 
 fn fifty() -> usize {
@@ -128,7 +128,7 @@ pub(super) struct Links {
     profiles: Vec<String>,
 }
 
-/// Reads the store off the threads that serve, a few reads at a time.
+/// Reads the store outside the threads that serve requests, with few reads at a time.
 async fn read<T: Send + 'static>(
     app: &App,
     work: impl FnOnce(&StoreReader) -> Result<T, StoreError> + Send + 'static,
@@ -185,7 +185,7 @@ pub(super) async fn list(
     };
     let limit = a.limit;
     let query = RunsQuery {
-        // One more tells whether there is another page.
+        // One more run shows whether there is another page.
         limit: limit + 1,
         after,
         plate_barcode: a.plate_barcode,

@@ -1,4 +1,4 @@
-//! Commands: each is answered after the driver has journalled or refused it. All may be sent again.
+//! Commands: each is answered after the driver has written it to the journal or refused it. All may be repeated.
 
 use super::AppState;
 use super::body::{self, Body};
@@ -70,7 +70,7 @@ pub(super) async fn put(
     })
 }
 
-/// The command is in the path. Its body, if any, is not waited for: an abort is not to hang on a slow client.
+/// The command is in the path. A body is not read, so that an abort does not wait for a slow client.
 async fn steer(
     app: &AppState,
     path: Result<Path<String>, PathRejection>,

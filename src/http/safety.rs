@@ -1,4 +1,4 @@
-//! The emergency stop, and the operator's word on a fault.
+//! The emergency stop, and the operator's acknowledgement of a fault.
 
 use super::AppState;
 use super::body;

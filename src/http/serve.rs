@@ -1,11 +1,11 @@
-//! The accept loop: a slot per connection, a deadline for every head, and nothing left running at the end.
+//! The accept loop: one slot per connection, a deadline for every request head, and no task left at the end.
 //!
 //! ```text
-//! slot free? ─> accept ─> task: hyper http1 ─┬─ client closes, or dribbles its head past the deadline
-//!      ^                                     └─ shutdown: finish the request under way
-//!      └───────────── slot back ─────────────┘        then join all; after `drain_ms` cut what is left
+//! slot free? ─> accept ─> task: hyper http1 ─┬─ client closes, or does not complete its head in time
+//!      ^                                     └─ shutdown: finish the current request
+//!      └───────────── slot back ─────────────┘        then join all; after `drain_ms` drop the rest
 //! ```
-//! hyper's builder is used directly because `axum::serve` gives a client that dribbles its head all the time it wants.
+//! hyper's builder is used directly because `axum::serve` sets no deadline for a request head.
 
 use super::pace::Peer;
 use super::{HttpError, HttpSettings, closed, router};
@@ -25,15 +25,15 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::{JoinError, JoinSet};
 
-/// Largest request head.
+/// Size limit of a request head, bytes.
 const HEAD_BYTES: usize = 16 * 1024;
-/// Pause after a failed accept (no descriptors left), in which connections end and give theirs back.
+/// Pause after a failed accept (no free descriptors), in which other connections may end.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
 
-/// Serves until `shutdown` resolves, then ends what is open within the settings' `drain_ms`. Every task is joined.
+/// Serves until `shutdown` resolves, then ends open connections within the settings' `drain_ms`. Every task is joined.
 ///
 /// # Errors
-/// Refuses a listener that other machines reach when no token is set, and settings that make no sense.
+/// A listener that other machines can reach without a token, and invalid settings.
 pub async fn serve(
     listener: std::net::TcpListener,
     session: SessionHandle,
@@ -74,7 +74,7 @@ pub async fn serve(
 async fn next_client(listener: &TcpListener, slots: &Arc<Semaphore>) -> std::io::Result<(TcpStream, Peer, OwnedSemaphorePermit)> {
     let slot = slots.clone().acquire_owned().await.map_err(std::io::Error::other)?;
     let (stream, peer) = listener.accept().await?;
-    // Answers are small and awaited.
+    // Answers are small, and clients wait for them.
     stream.set_nodelay(true)?;
     Ok((stream, Peer(peer.ip().to_canonical()), slot))
 }

@@ -1,4 +1,4 @@
-//! What the operator may say about the server, and the checks before a port is opened.
+//! The settings of the server, and the checks before its port is opened.
 
 use carved_core::range::{OutOfRange, outside};
 use serde::{Deserialize, Serialize};
@@ -13,23 +13,23 @@ use std::time::Duration;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HttpSettings {
-    /// Where to listen. Off loopback a `token_file` is mandatory.
+    /// Address to listen on. Outside loopback a `token_file` is mandatory.
     pub listen: SocketAddr,
     /// Host names under which clients may address the instrument, besides the loopback names and the address it listens on.
     pub allowed_hosts: Vec<String>,
     /// File with the bearer token that every client must send; readable by the daemon alone (mode 0600).
     pub token_file: Option<PathBuf>,
-    /// Time that a client has to send a request's head, ms.
+    /// Deadline for the head of a request, ms.
     pub head_timeout_ms: u64,
-    /// Time that a client has to send a request's body, ms.
+    /// Deadline for the body of a request, ms.
     pub body_timeout_ms: u64,
-    /// Connections served at a time; more wait to be accepted.
+    /// Maximum number of simultaneous connections. More connections wait until they are accepted.
     pub max_connections: usize,
-    /// Commands that one address may send per minute in the long run; reading is not counted.
+    /// Commands that one address may send per minute on average. Reading is not counted.
     pub commands_per_minute: u32,
-    /// Commands that it may send at once, after a rest.
+    /// Commands that one address may send at once after a pause.
     pub command_burst: u32,
-    /// Time that open requests have to end after a shutdown was asked for, ms.
+    /// Time for open requests to end after a shutdown request, ms.
     pub drain_ms: u64,
 }
 
@@ -39,25 +39,25 @@ impl Default for HttpSettings {
             listen: SocketAddr::from(([127, 0, 0, 1], 8420)),
             allowed_hosts: Vec::new(),
             token_file: None,
-            // Schedulers back off to one poll in 5 s, and the same clock bounds the pause between two requests of a
-            // connection: so above 5 s, and below the 10 s after which a client that dribbles is to be gone.
+            // Schedulers back off to one poll in 5 s, and the same timer limits the pause between two requests of a connection. The value
+            // is therefore above 5 s, and below the 10 s after which a slow client must be dropped.
             head_timeout_ms: 8_000,
             body_timeout_ms: 8_000,
-            // 1000 pollers and 2000 dribblers at once leave room for the operator.
+            // 1000 polling clients and 2000 slow ones leave connections for the operator.
             max_connections: 4_096,
-            // A loader sends a few per well, each well takes seconds; a page sends one per click.
+            // A loader sends a few commands per well, each of which takes seconds. A page sends one per click.
             commands_per_minute: 600,
             command_burst: 100,
-            // The whole daemon has 5 s to end.
+            // The whole daemon must end within 5 s.
             drain_ms: 2_000,
         }
     }
 }
 
-/// A token shorter than this is guessed.
+/// Minimum length of a token: a shorter one could be guessed.
 const TOKEN_BYTES: usize = 32;
 
-/// Why the server does not start, or had to end.
+/// Why the server did not start or had to end.
 #[derive(Debug, thiserror::Error)]
 pub enum HttpError {
     #[error(
@@ -85,20 +85,20 @@ pub enum HttpError {
 }
 
 impl HttpSettings {
-    /// Opens the port, or says why it must not be opened.
+    /// Opens the port, or returns the reason why it must not be opened.
     pub fn bind(&self) -> Result<TcpListener, HttpError> {
         self.guard(self.listen)?;
         TcpListener::bind(self.listen).map_err(|why| HttpError::Bind { listen: self.listen, why })
     }
 
-    /// Everything for which the port would not be opened, but for the port itself, which stays closed.
+    /// All reasons not to open the port. The port itself is not opened.
     pub fn check(&self) -> Vec<HttpError> {
         let numbers = self.numbers().into_iter().map(HttpError::Number);
         let hosts = self.allowed_hosts.iter().filter_map(|name| bare(name).err());
         numbers.chain(self.token(self.listen).err()).chain(hosts).collect()
     }
 
-    /// The numbers that are out of their range.
+    /// The numbers outside their ranges.
     fn numbers(&self) -> Vec<OutOfRange> {
         let ms = |key, found: u64, least| (key, found as f64, least..=600_000.0, "ms");
         outside([
@@ -111,7 +111,7 @@ impl HttpSettings {
         ])
     }
 
-    /// The token that clients of a listener at `local` must show.
+    /// The token that clients of a listener at `local` must send. `None` if no token is required.
     fn token(&self, local: SocketAddr) -> Result<Option<String>, HttpError> {
         let token = self.token_file.clone().map(read_token).transpose()?;
         if token.is_none() && !local.ip().is_loopback() {
@@ -120,7 +120,7 @@ impl HttpSettings {
         Ok(token)
     }
 
-    /// Everything that decides who may ask what, checked for a listener at `local`.
+    /// The access rules, checked for a listener at `local`.
     pub(super) fn guard(&self, local: SocketAddr) -> Result<Guard, HttpError> {
         if let Some(&breach) = self.numbers().first() {
             return Err(HttpError::Number(breach));
@@ -142,14 +142,14 @@ impl HttpSettings {
     }
 }
 
-/// Hosts that may be asked for, and the token that must be shown.
+/// The accepted hosts, and the required token.
 #[derive(Debug, Clone)]
 pub(super) struct Guard {
     pub hosts: BTreeSet<String>,
     pub token: Option<String>,
 }
 
-/// An address as it stands in a `Host` header.
+/// An address in the format of a `Host` header.
 fn host_of(ip: IpAddr) -> String {
     match ip {
         IpAddr::V4(ip) => ip.to_string(),
@@ -157,7 +157,7 @@ fn host_of(ip: IpAddr) -> String {
     }
 }
 
-/// Refuses a name with a scheme, port, path or wildcard.
+/// Refuses a host name with a scheme, port, path or wildcard.
 fn bare(name: &str) -> Result<(), HttpError> {
     let authority = name.parse::<axum::http::uri::Authority>();
     let bare = authority.is_ok_and(|a| a.host() == name && a.port().is_none() && !name.contains('*'));

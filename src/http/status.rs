@@ -12,7 +12,7 @@ use serde::Deserialize;
 use std::time::Duration;
 use utoipa::IntoParams;
 
-/// Longest wait of a long poll; a longer one is cut to this.
+/// Longest wait of a long poll. Longer requests are shortened to this.
 const LONGEST_WAIT: Duration = Duration::from_secs(30);
 
 #[derive(Deserialize, IntoParams)]
@@ -26,7 +26,7 @@ pub(super) struct Wait {
 }
 
 impl Wait {
-    /// The revision to outlive and for how long, when the client wants to wait at all.
+    /// The revision that must be exceeded and the time to wait, if the client wants to wait.
     fn checked(&self) -> Result<Option<(Duration, u64)>, Problem> {
         let wrong = |detail: &str| Problem::bad_request("bad_query", detail);
         let Some(wait) = self.wait else { return Ok(None) };
@@ -54,7 +54,7 @@ pub(super) async fn get(
 ) -> Result<Response, Problem> {
     let waiting = query?.checked()?;
     let mut status = app.session.status();
-    // A revision above ours comes from before a restart: everything is news to that client.
+    // A revision above ours comes from before a restart: the client gets the status at once.
     if let Some((wait, after)) = waiting.filter(|(_, after)| *after == status.revision) {
         tokio::select! {
             newer = app.session.status_after(after) => status = newer,

@@ -9,7 +9,7 @@ use carved_store::{Recording, RigRecord};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// A bead's recording: day of November 2026, diameter um, length over width, uy px.
+/// The recording of a bead: day of November 2026, diameter in um, length over width, uy in px.
 pub struct Bead(pub u32, pub f64, pub f64, pub f64);
 
 fn record(folder: &Path, rig: &str, bead: &Bead) {
@@ -56,7 +56,7 @@ fn record(folder: &Path, rig: &str, bead: &Bead) {
     std::fs::write(folder.join("measurement.json"), measurement.to_string()).unwrap();
 }
 
-/// A run of beads: A01, A02, ..
+/// A run of beads in the wells A01, A02, ...
 pub fn run(under: &Path, name: &str, rig: &str, beads: &[Bead]) -> PathBuf {
     let run = under.join(name);
     for (i, bead) in beads.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! An emulated camera whose every frame tells its number, the driver at its other end, and what both must agree on.
+//! An emulated camera whose every frame carries its number, the driver at the other end, and the checks that the two agree.
 
 #[path = "../common/wait.rs"]
 mod wait;
@@ -15,10 +15,10 @@ use std::time::Duration;
 
 pub const WIDTH: u32 = 256;
 pub const HEIGHT: u32 = 64;
-/// Time for one frame in these tests, as a run gives it.
+/// Deadline for one frame in these tests, as in a run.
 pub const DEADLINE: Duration = Duration::from_secs(3);
 
-/// No two frames alike: the number of the exposure, then noise that follows from it.
+/// A sight without two equal frames: the number of the exposure, followed by noise derived from it.
 struct Numbered;
 
 impl Sight for Numbered {
@@ -66,7 +66,7 @@ impl Bench {
         self.rig.faults().camera()
     }
 
-    /// Takes a frame as a run does, and holds it against the truth.
+    /// Takes a frame as a run does, and compares it with the exposure.
     pub fn take(&mut self) -> Grabbed {
         self.try_take().unwrap()
     }
@@ -78,7 +78,7 @@ impl Bench {
         Ok(grabbed)
     }
 
-    /// The frame is byte for byte what was exposed, and was exposed after it was asked for.
+    /// The frame has the bytes of its exposure, and the exposure began after the request.
     pub fn hold(&self, grabbed: &Grabbed, exposures_before: u64) {
         let bytes = grabbed.frame.bytes();
         let number = u64::from_be_bytes(*bytes.first_chunk().unwrap());
@@ -89,7 +89,7 @@ impl Bench {
     }
 }
 
-/// Whatever was done, the camera is as good as new.
+/// Undoes the cable fault, so that the driver can close the camera.
 impl Drop for Bench {
     fn drop(&mut self) {
         self.faults().pull_cable(false);

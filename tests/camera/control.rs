@@ -1,4 +1,4 @@
-//! Who has the camera, and whether it is there.
+//! Who controls the camera, and whether it is reachable.
 
 use crate::bench::{Bench, rig, settings, until};
 use carved_devices::DeviceError;
@@ -6,7 +6,7 @@ use carved_devices::camera;
 use std::net::UdpSocket;
 use std::time::{Duration, Instant};
 
-/// Runs `fault` while frames are taken, and says how long the frame took that it hit.
+/// Runs `fault` while frames are taken. Returns the duration of the frame that was affected.
 fn through(bench: &mut Bench, out: Duration, fault: impl FnOnce(&Bench)) -> Duration {
     bench.take();
     fault(bench);
@@ -34,7 +34,7 @@ fn a_cable_that_is_out_for_a_second_costs_time_and_no_view() {
     bench.take();
 }
 
-/// Power fails and comes back in the middle of a run: the camera has forgotten its configuration, its owner and its stream.
+/// Power fails and returns during a run: the camera has forgotten its configuration, its controller and its stream.
 #[test]
 fn a_device_that_restarts_is_configured_anew_and_costs_no_view() {
     let mut bench = Bench::armed();
@@ -42,7 +42,7 @@ fn a_device_that_restarts_is_configured_anew_and_costs_no_view() {
     bench.faults().restart();
     bench.take();
     bench.take();
-    // And with the time that starting takes.
+    // The same, with the time that the camera needs to start.
     through(&mut bench, Duration::from_secs(4), |b| {
         b.faults().restart();
         b.faults().pull_cable(true);
@@ -91,7 +91,7 @@ fn stolen_control_is_said_by_name_and_taken_back_when_it_is_free() {
     bench.take();
 }
 
-/// A host as the standard has it, in a few lines.
+/// A minimal host that follows the GigE Vision standard.
 struct Host(UdpSocket);
 
 impl Host {
@@ -113,7 +113,7 @@ impl Host {
     }
 }
 
-/// The daemon that is started right after a crash waits for what its predecessor still holds.
+/// A daemon that is started right after a crash waits until the control privilege of its predecessor expires.
 #[test]
 fn a_crashed_predecessors_lock_is_waited_for() {
     let rig = rig();

@@ -1,4 +1,4 @@
-//! What the network and the sensor do to frames: none of it may cost a view, or change one.
+//! Faults of network and sensor: none of them may cost a view or change a frame.
 
 use crate::bench::{Bench, DEADLINE};
 use carved_devices::DeviceError;
@@ -27,7 +27,7 @@ fn five_percent_of_loss_costs_no_frame() {
     assert!(with_loss(50_000) < FRAMES * 12 / 10);
 }
 
-/// The cure is to ask again: without it frames are missing, and said to be; none is taken in part.
+/// Without resend requests frames are missing. The driver reports this and accepts no partial frame.
 #[test]
 fn without_resend_loss_is_a_typed_error_and_never_half_a_frame() {
     let mut bench = Bench::armed_with(|s| AravisSettings { resend: false, frame_timeout_ms: 100, ..s });
@@ -49,7 +49,7 @@ fn packets_that_come_twice_or_in_another_order_make_the_same_frames() {
     for _ in 0..FRAMES {
         bench.take();
     }
-    // And with loss, where asking again and the late original cross.
+    // The same with loss: a resent packet and the late original may cross.
     bench.faults().lose_packets_ppm(50_000);
     for _ in 0..FRAMES {
         bench.take();
@@ -67,10 +67,10 @@ fn a_truncated_frame_is_not_taken_and_is_triggered_again() {
     assert!(said.contains("not whole") && said.contains("of 16384 bytes"), "what came and what should have: {said}");
 }
 
-/// The last trigger before the deadline may have no time left for its frame: that is not the cause.
+/// The last trigger before the deadline may have no time left for its frame. That is not the reported cause.
 #[test]
 fn the_cause_of_the_frames_that_came_is_told_though_the_last_one_did_not_come() {
-    // An exposure of 0.3 s in real time: two frames come before the deadline, a third does not.
+    // With an exposure of 0.3 s in real time two frames arrive before the deadline and a third does not.
     let mut bench = Bench::armed_with(|s| AravisSettings { exposure_us: 3e6, ..s });
     bench.faults().reformat_frames(u32::MAX);
     let said = bench.camera.grab(std::time::Duration::from_millis(700)).unwrap_err().to_string();

@@ -1,5 +1,5 @@
-//! The camera driver against every fault of the emulated camera: real libaravis, real packets, and every accepted frame held against
-//! what was truly exposed, and when.
+//! The camera driver against every fault of the emulated camera, with real libaravis and real packets. Every accepted frame is compared
+//! with the exposure and its time.
 #![cfg(feature = "aravis")]
 // Helpers of tests fail like tests.
 #![allow(clippy::unwrap_used)]

@@ -1,4 +1,5 @@
-//! Frames lost of many, and where the time of one goes: `CARVED_FRAMES=10000 cargo test --test camera numbers -- --nocapture`.
+//! The number of lost frames and the time per frame, over many frames:
+//! `CARVED_FRAMES=10000 cargo test --test camera numbers -- --nocapture`.
 
 use crate::bench::Bench;
 use std::time::Instant;

@@ -1,4 +1,4 @@
-//! How a camera is found, and what it is told.
+//! How a camera is found and configured.
 
 use crate::bench::{Bench, DEADLINE, rig, settings};
 use carved_devices::DeviceError;
@@ -15,7 +15,7 @@ fn a_name_that_nobody_has_is_an_error_that_lists_who_answers() {
     }
 }
 
-/// Two cameras on one network: each is found by each of its names, the other never.
+/// Two cameras on one network: each of its names selects a camera, and never the other one.
 #[test]
 fn a_camera_is_found_by_its_address_id_serial_number_and_hardware_address() {
     let (one, other) = (rig(), rig());
@@ -91,7 +91,7 @@ fn a_line_triggers_and_without_its_pulse_nothing_is_taken() {
         let quit = AtomicBool::new(false);
         let grabbed = std::thread::scope(|scope| {
             let (rig, quit) = (&bench.rig, &quit);
-            // The controller arrives again and again, until somebody has looked.
+            // The controller signals its arrival repeatedly until the camera has been read.
             scope.spawn(move || {
                 while !quit.load(Ordering::SeqCst) {
                     rig.pulse_camera_line();

@@ -1,4 +1,4 @@
-//! Frames of the past: whole, of the right geometry, and of another angle.
+//! Stale frames: complete and of the right geometry, but taken at another angle.
 
 use crate::bench::Bench;
 
@@ -12,7 +12,7 @@ fn a_frame_that_comes_again_under_a_new_number_is_passed_over() {
     }
 }
 
-/// A number that is ahead of the new acquisition's makes a stream ignore all that follow, until it is renewed.
+/// A frame number ahead of the new acquisition makes a stream ignore all later frames until the stream is renewed.
 #[test]
 fn the_tail_of_an_old_stream_costs_no_frame() {
     let mut bench = Bench::armed();
@@ -39,7 +39,7 @@ fn a_whole_frame_of_an_old_stream_is_passed_over() {
     }
 }
 
-/// With numbers from 1 or going on: each acquisition has a stream of its own, which begins with what it sees.
+/// Frame numbers may restart at 1 or continue: each acquisition has its own stream, which starts at the first number that it receives.
 #[test]
 fn numbers_may_begin_anew_or_go_on_with_each_acquisition() {
     let mut bench = Bench::armed();

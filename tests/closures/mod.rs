@@ -1,4 +1,4 @@
-//! Closure views of specimens of which it is known what was done to them, rendered and segmented. Used by `tests/quality.rs` and by
+//! Rendered and segmented closure views of specimens that were disturbed in a known way. Used by `tests/quality.rs` and by
 //! `benches/closure_rates.rs`.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
@@ -29,7 +29,7 @@ pub fn rendered(contents: Contents, omegas: &[f64]) -> Vec<SegmentedFrame> {
     shown(contents, omegas, 0)
 }
 
-/// The pictures of a specimen at these angles. Exposures are numbered from `first` on: each has its own noise.
+/// The pictures of a specimen at these angles. The exposures are numbered from `first` on, and each number has its own noise.
 pub fn shown(contents: Contents, omegas: &[f64], first: u64) -> Vec<SegmentedFrame> {
     let looker = Pipeline::new(settings()).unwrap();
     let scene = Scene::new(SceneSettings::default());
@@ -47,22 +47,22 @@ pub fn finished(mut pipeline: Pipeline, closure: &SegmentedFrame) -> SpecimenRec
     pipeline.finish().unwrap().1
 }
 
-/// What was done to a larva between its last view and its closure view.
+/// The disturbance of a larva between its last view and its closure view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Done {
-    /// Nothing: two frames of a specimen at rest differ by their noise alone.
+    /// No disturbance: two frames of a specimen at rest differ by their noise alone.
     Nothing,
     /// Turned in the capillary by +10 deg, twice the limit.
     Turned,
     /// Turned by -10 deg.
     TurnedBack,
-    /// Carried by 22 um = 4 px along the capillary.
+    /// Shifted by 22 um = 4 px along the capillary.
     Along,
-    /// Carried by 22 um = 4 px across it.
+    /// Shifted by 22 um = 4 px across it.
     Across,
 }
 
-/// A closure view as it was read.
+/// The result of one closure view.
 pub struct Reading {
     pub done: Done,
     pub lie: PoseOffset,
@@ -75,18 +75,18 @@ impl Reading {
     }
 }
 
-/// Larvae of 3 to 5 dpf in any place and roll on a shaft without errors: a reading for each of `cases`, and one more take of a larva at
-/// rest for each time that it is listed. A larva whose place reaches into the glass is left out.
+/// Larvae of 3 to 5 dpf with any position and roll, on a shaft without errors. Returns one reading for each of `cases`; a case that is
+/// listed again is taken again with new noise. A larva that would reach into the glass is left out.
 pub fn readings(seeds: std::ops::Range<u64>, cases: &[Done]) -> Vec<Reading> {
-    // Not from within rayon's threads: the pictures of one turn are already made on all of them.
+    // This must not run on rayon's threads, because the pictures of one turn already use all of them.
     seeds.flat_map(|seed| of_seed(seed, cases)).collect()
 }
 
 fn of_seed(seed: u64, cases: &[Done]) -> Vec<Reading> {
     let omegas = even();
-    // A fin reaches to 35 um from the glass: there is room for 22 um across, from below the axis to above it.
+    // The fins reach up to 35 um from the glass: a start at -11 um leaves room for 22 um across.
     let seeded = analytic::Pose::seeded(seed);
-    // Every other one lies as its left and right are alike in the first view: its edges there hardly tell a turn.
+    // Every other larva has a roll at which its left and right sides look alike in the first view. Its edges then hardly show a turn.
     let roll_rad = if seed.is_multiple_of(2) { 0.0 } else { seeded.roll_rad };
     let place = analytic::Pose { y_um: -11.0, z_um: seeded.z_um / 4.0, roll_rad, ..seeded };
     let larva = Specimen::larva(3 + (seed % 3) as u8, seed).unwrap();

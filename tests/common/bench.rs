@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 const TIME_SCALE: f64 = 10.0;
 
-/// The emulated rig on which daemons are started one after the other.
+/// An emulated rig on which several daemons are started, one after the other.
 pub struct Bench {
     pub rig: Rig,
     pub scene: Arc<Scene>,
@@ -21,7 +21,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// What the camera sees is made of the scene.
+    /// As `new`, with a camera that sees what `sight` makes of the scene.
     pub fn seen_by<S: Sight + 'static>(sight: impl FnOnce(&Arc<Scene>) -> Arc<S>) -> Self {
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         let settings = RigSettings { time_scale: TIME_SCALE, ..RigSettings::default() };
@@ -33,7 +33,7 @@ impl Bench {
         Self::seen_by(Arc::clone)
     }
 
-    /// Where the daemons keep their runs.
+    /// The data folder of the daemons.
     pub fn data(&self) -> PathBuf {
         self.dir.path().join("data")
     }
@@ -42,12 +42,12 @@ impl Bench {
         self.dir.path()
     }
 
-    /// A daemon by the shipped configuration with `changes`, and `more` at its end.
+    /// Starts a daemon with the shipped configuration, with `changes` in it and `more` appended.
     pub fn serve(&self, changes: &[(&str, String)], more: &str) -> Daemon {
         let usual = [
             port(&self.rig),
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / TIME_SCALE)),
-            // A picture takes its time on a busy machine.
+            // Rendering a picture can take long on a busy machine.
             ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
@@ -56,7 +56,8 @@ impl Bench {
         Daemon::serve(&config, &data)
     }
 
-    /// A plate of these specimens, brought well by well, to the run's end; the last one is taken out.
+    /// Measures a plate of these specimens, loaded well by well, until the run ends. The last specimen is taken out. Returns the last
+    /// status.
     pub fn measured(&self, daemon: &Daemon, run: &str, method: &str, specimens: &[(&str, Value, Specimen)]) -> Value {
         let wells: Vec<&Value> = specimens.iter().map(|(_, planned, _)| planned).collect();
         let (code, said) = daemon.send("PUT", &format!("/v1/runs/{run}"), &plan(method, &json!(wells)));
@@ -78,12 +79,12 @@ pub fn plan(method: &str, wells: &Value) -> Value {
     json!({"plate_barcode": "P-1", "method": method, "operator": "test", "plate_map": wells})
 }
 
-/// A bead of a well.
+/// A bead, as the plan's entry and as a specimen.
 pub fn bead(well: &str, diameter_um: f64) -> (&str, Value, Specimen) {
     (well, json!({"well": well, "specimen": "bead"}), Specimen::bead(diameter_um).unwrap())
 }
 
-/// A larva of 4 dpf, of which nothing but its age is known.
+/// A larva of 4 dpf; nothing but its age is known.
 pub fn larva(well: &str) -> (&str, Value, Specimen) {
     (well, json!({"well": well, "specimen": "larva", "dpf": 4}), Specimen::larva(4, 1).unwrap())
 }

@@ -1,4 +1,4 @@
-//! The state on disk that a crash leaves, made from a run that ended: the same at every try, and no kill has to come in time.
+//! Restores the state on disk that a crash leaves, from a run that ended. This is reproducible and needs no kill at the right moment.
 
 use super::json;
 use carved_records::{WellStatus, kind};
@@ -6,11 +6,11 @@ use carved_store::RunRecord;
 use serde_json::Value;
 use std::path::Path;
 
-/// What is made of a specimen's frames, all of it while the next specimen is brought.
+/// The files made from a specimen's frames. All of them are written while the next specimen is loaded.
 pub const RESULTS: [&str; 5] = ["mesh.ply", "model.glb", "measurement.json", "timings.json", "SHA256SUMS"];
 
-/// Takes an ended run back to the moment before its first well was done: accepted, its specimen let go, its numbers not yet told. The
-/// wells after it are as if none of them had been brought; `asked` is what somebody had asked for, as in `run.abort_requested`.
+/// Takes an ended run back to the moment before its first well was done: the specimen is accepted and released, its numbers are not
+/// reported yet, and the later wells were never loaded. `asked` is the last event, a request of an operator such as `run.abort_requested`.
 pub fn before_the_first_well_was_done(data: &Path, run: &str, asked: Option<&str>) {
     let folder = data.join("runs").join(run);
     let mut record: RunRecord = serde_json::from_value(json(&folder.join("run.json"))).unwrap();
@@ -39,7 +39,7 @@ pub fn before_the_first_well_was_done(data: &Path, run: &str, asked: Option<&str
     }
 }
 
-/// Adds events of a well behind what happened in a run.
+/// Appends events of a well to the journals of a run.
 pub fn happened(data: &Path, run: &str, kinds: &[&str], well: &str) {
     for journal in [data.join("events.jsonl"), data.join("runs").join(run).join("events.jsonl")] {
         let mut text = std::fs::read_to_string(&journal).unwrap();
@@ -52,7 +52,7 @@ pub fn happened(data: &Path, run: &str, kinds: &[&str], well: &str) {
     }
 }
 
-/// Of a well: everything that is made of its frames.
+/// Removes everything that was made from the frames of a well.
 pub fn without_results(well: &Path) {
     for name in RESULTS {
         std::fs::remove_file(well.join(name)).unwrap();

@@ -1,4 +1,4 @@
-//! An emulated rig for the tests of motion drivers, and what they wait for.
+//! An emulated rig for the tests of motion drivers, and waiting for its state.
 #![allow(dead_code, unused_imports, clippy::unwrap_used)] // each test binary uses its own part; a harness may panic
 
 #[path = "wait.rs"]
@@ -12,18 +12,18 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// In real time: how far two motors are apart that are told one after the other is a matter of it.
+/// A rig in real time, because the skew of two motors that start one after the other depends on it.
 pub fn rig(controller: Controller, steps_per_revolution: (u32, u32)) -> Rig {
     let shaft = ShaftSettings { steps_per_revolution, ..ShaftSettings::default() };
     Rig::start(RigSettings { controller, shaft, ..RigSettings::default() }, Arc::new(TestCard::new(256, 64))).unwrap()
 }
 
-/// Where the capillary truly stands, in turns from its index.
+/// True angle of the capillary, in turns from the index.
 pub fn turns(rig: &Rig) -> f64 {
     rig.shaft().angle_rad() / TAU
 }
 
-/// Each of the first `bytes` bytes by itself; it is waiting that takes long here, not work.
+/// Runs `test` for each of the first `bytes` bytes, several at once: the cases wait most of their time and compute little.
 pub fn at_every_byte(bytes: usize, test: impl Fn(usize) + Sync) {
     const AT_ONCE: usize = 8;
     std::thread::scope(|scope| {
@@ -34,13 +34,13 @@ pub fn at_every_byte(bytes: usize, test: impl Fn(usize) + Sync) {
     });
 }
 
-/// A refusal may overtake the bytes of its stop on their way through the pty; what they bring about is lasting.
+/// Waits until the shaft stands. A refusal may overtake the bytes of its stop on their way through the pty.
 pub fn stand(rig: &Rig) {
     until("the shaft to stand", || !rig.shaft().is_turning());
 }
 
-/// The cable pulled at each of the first `bytes` bytes that a move hears; `referenced` opens the axis of a rig and references it where
-/// it stands.
+/// Unplugs the cable at each of the first `bytes` bytes that the driver receives during a move. `referenced` opens the axis of a rig and
+/// references it where it stands.
 pub fn cable_pulled_at_any_byte<A: RotationAxis>(bytes: usize, rig: impl Fn() -> Rig + Sync, referenced: impl Fn(&Rig) -> A + Sync) {
     at_every_byte(bytes, |byte| {
         let rig = rig();
@@ -59,7 +59,8 @@ pub fn cable_pulled_at_any_byte<A: RotationAxis>(bytes: usize, rig: impl Fn() ->
     referenced(&rig).move_to(Steps(64)).unwrap();
 }
 
-/// Each of the first `answers` answers of a move comes half as late again as a driver waits that waits for 200 ms; moves are `apart` steps.
+/// Delays each of the first `answers` answers of a move to 300 ms, half as long again as the 200 ms that the driver waits. Each move is
+/// `apart` steps longer.
 pub fn late_answers(answers: u32, apart: i64, rig: &Rig, axis: &mut dyn RotationAxis, steps: f64) {
     for late in 0..answers {
         rig.faults().serial().delay_answer_after(late, Duration::from_millis(300));

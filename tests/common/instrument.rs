@@ -1,4 +1,4 @@
-//! An emulated rig on Grbl's firmware, filled by hand, and the daemon on it as on an instrument.
+//! An emulated rig with Grbl firmware, specimens loaded by the test, and a daemon that takes it for an instrument.
 
 use super::{Daemon, configured, port};
 use hardware_sim::grbl::Settings;
@@ -7,7 +7,7 @@ use hardware_sim::{Controller, Rig, RigSettings, SamplerSettings, ShaftSettings,
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// An instrument with its specimens and its daemon. The daemon goes first: it lets the devices go before they end.
+/// An instrument with its specimens and its daemon. The daemon is dropped first, so that it releases the devices before they end.
 pub struct Instrument {
     pub daemon: Daemon,
     pub rig: Rig,
@@ -17,33 +17,33 @@ pub struct Instrument {
     pub dir: tempfile::TempDir,
 }
 
-/// What an instrument is started with.
+/// Speed and method with which an instrument is started.
 pub struct Rate {
     pub time_scale: f64,
-    /// Of the axis, units/s^2.
+    /// Acceleration of the axis, units/s^2.
     pub acceleration: f32,
     pub asd: u32,
     pub order: &'static str,
-    /// The method's rule for an early end.
+    /// The keys of the method's `early_stop`.
     pub early_stop: &'static str,
     pub power_on_steps: i64,
 }
 
-/// Quick, for what is measured to the end.
+/// Fast, for specimens that are measured completely.
 pub const QUICK: Rate = Rate { time_scale: 10.0, acceleration: 20.0, asd: 21, order: "sequential", early_stop: "", power_on_steps: 137 };
-/// Three views, 167 steps apart: at 0.25 units/s^2 and 100 steps per unit a move takes 2 sqrt(1.67 / 0.25) = 5 s, so that what
-/// happens in its first tenth of a way has seconds to arrive in its middle. The reference is near.
+/// Three views, 167 steps apart. At 0.25 units/s^2 and 100 steps per unit a move takes 2 sqrt(1.67 / 0.25) = 5 s. What happens in the first
+/// tenth of a move therefore has seconds to take effect before its middle. The reference is near.
 pub const SLOW: Rate = Rate { time_scale: 1.0, acceleration: 0.25, asd: 3, power_on_steps: 480, ..QUICK };
-/// A third of a turn to go to the reference, for several seconds.
+/// The way to the reference takes several seconds.
 pub const SLOW_REFERENCE: Rate = Rate { power_on_steps: 250, ..SLOW };
 
 impl Instrument {
-    /// `policy` are keys of the method's; `seen` is what the camera looks at, the scene or something before it.
+    /// `policy` has the keys of the method's policy. `seen` returns what the camera sees: the scene or a sight in front of it.
     pub fn start(rate: &Rate, policy: &str, seen: impl FnOnce(Arc<Scene>) -> Arc<dyn Sight>) -> Self {
         Self::filled_by(None, rate, policy, &[], seen)
     }
 
-    /// The same with further changes to the configuration, and with a sampler that says by a wire what it has brought, if one is given.
+    /// As `start`, with further changes to the configuration and, if given, a sampler that reports by a wire what it has loaded.
     pub fn filled_by(
         sampler: Option<SamplerSettings>,
         rate: &Rate,
@@ -66,9 +66,9 @@ impl Instrument {
             ("acceleration_units_per_s2 = 20.0", format!("acceleration_units_per_s2 = {:?}", rate.acceleration)),
             ("asd = 21", format!("asd = {}\npolicy = {{ {policy} }}\nearly_stop = {{ {} }}", rate.asd, rate.early_stop)),
             ("order = \"sequential\"", format!("order = {:?}", rate.order)),
-            // Room for a few wells, not for a plate of 500 views each.
+            // A budget for a few wells. A whole plate with 500 views per well would not fit.
             ("[store]", "[store]\nbudget_gb = 10".into()),
-            // A picture takes its time on a busy machine.
+            // Rendering a picture can take long on a busy machine.
             ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];

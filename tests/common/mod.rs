@@ -1,4 +1,4 @@
-//! The real program, started as a user starts it.
+//! The real program, started like a user starts it.
 #![allow(dead_code, unused_imports, clippy::unwrap_used, clippy::expect_used)] // each test binary uses its own part; a harness may panic
 
 use serde_json::Value;
@@ -33,7 +33,8 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// The file that a user starts from, `shipped` in config/, with this rig's doors and `changes`; written into `folder`, its data beside it.
+/// Writes the file that a user starts from, `shipped` in config/, into `folder`, with the ports of this rig and with `changes`. The data
+/// folder lies beside it.
 pub fn configured(shipped: &str, folder: &Path, rig: &hardware_sim::Rig, changes: &[(&str, String)]) -> (PathBuf, PathBuf) {
     let data = folder.join("data");
     let mut text = std::fs::read_to_string(format!("{}/config/{shipped}", env!("CARGO_MANIFEST_DIR"))).unwrap();
@@ -51,7 +52,7 @@ pub fn configured(shipped: &str, folder: &Path, rig: &hardware_sim::Rig, changes
     (config, data)
 }
 
-/// Where a shipped configuration has its controller's port.
+/// The change that sets the controller's port in a shipped configuration.
 pub fn port(rig: &hardware_sim::Rig) -> (&'static str, String) {
     ("/dev/carved-rotation", rig.serial_path().display().to_string())
 }
@@ -69,12 +70,12 @@ impl Daemon {
         Self::spawn(carved().args(["simulate", "--listen", "127.0.0.1:0", "--data"]).arg(data).args(args), data)
     }
 
-    /// `carved serve` on what a configuration file names; its `data_dir` is `data`.
+    /// Starts `carved serve` with a configuration file whose `data_dir` is `data`.
     pub fn serve(config: &Path, data: &Path) -> Self {
         Self::spawn(carved().args(["serve", "--config"]).arg(config), data)
     }
 
-    /// `carved simulate` with every word of its log, which nobody reads; of standard output the address is read, and nothing else.
+    /// Starts `carved simulate` with its full log, which is not read. Of standard output only the address is read.
     pub fn unread(data: &Path, args: &[&str]) -> Self {
         let (log, writer) = std::io::pipe().unwrap();
         drop(log);
@@ -104,7 +105,7 @@ impl Daemon {
         self.get("/v1/status")
     }
 
-    /// Long-polls the status until `done` says so.
+    /// Long-polls the status until `done` holds for it.
     pub fn wait(&self, what: &str, done: impl Fn(&Value) -> bool) -> Value {
         let until = Instant::now() + PATIENCE;
         let mut revision = 0;
@@ -137,12 +138,12 @@ impl Daemon {
         self.put(&format!("/v1/runs/{id}"), plan)
     }
 
-    /// As the plate-loader says that the specimen is in the capillary.
+    /// Reports, as the plate-loader, that the specimen is in the capillary.
     pub fn put_loaded(&self, run: &str, well: &str) -> u16 {
         self.put(&format!("/v1/runs/{run}/wells/{well}"), &serde_json::json!({"loaded": true}))
     }
 
-    /// As the plate-loader says that it has taken the specimen out.
+    /// Reports, as the plate-loader, that it has taken the specimen out.
     pub fn put_unloaded(&self, run: &str, well: &str) -> u16 {
         self.put(&format!("/v1/runs/{run}/wells/{well}"), &serde_json::json!({"loaded": false}))
     }
@@ -152,7 +153,7 @@ impl Daemon {
         agent.put(format!("{}{path}", self.url)).send_json(body).unwrap().status().as_u16()
     }
 
-    /// Sends a body, if any, and gives the answer whatever its status.
+    /// Sends a request with a body, if there is one. Returns the status code and the answer, whatever the code is.
     pub fn send(&self, method: &str, path: &str, body: &Value) -> (u16, Value) {
         let agent: ureq::Agent = ureq::Agent::config_builder().http_status_as_error(false).build().into();
         let url = format!("{}{path}", self.url);
@@ -166,10 +167,10 @@ impl Daemon {
         agent.post(format!("{}{path}", self.url)).send_empty().unwrap().status().as_u16()
     }
 
-    /// Processor time that the program has taken, s.
+    /// Processor time used by the program, s.
     pub fn cpu_s(&self) -> f64 {
         let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.child.id())).unwrap();
-        // Behind the name in parentheses: fields 14 and 15, user and system time in hundredths.
+        // The fields follow the name in parentheses. Fields 14 and 15 are user and system time in hundredths of a second.
         let fields: Vec<&str> = stat.rsplit(") ").next().unwrap().split(' ').collect();
         (fields[11].parse::<f64>().unwrap() + fields[12].parse::<f64>().unwrap()) / 100.0
     }
@@ -178,7 +179,7 @@ impl Daemon {
         assert!(Command::new("kill").args([&format!("-{name}"), &self.child.id().to_string()]).status().unwrap().success());
     }
 
-    /// As a power cut: nothing is closed and nobody is told.
+    /// Kills the process like a power cut: it closes nothing and reports nothing.
     pub fn kill(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
@@ -205,7 +206,7 @@ impl Daemon {
 
 impl Drop for Daemon {
     fn drop(&mut self) {
-        // Ended already, or of no use any more.
+        // The process may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -1,4 +1,4 @@
-//! One revolution through a real driver and the real camera, held against what was truly exposed.
+//! One revolution through a real driver and the real camera, compared with the true exposures.
 #![allow(dead_code, unused_imports)] // each test binary uses its own part
 
 #[path = "wait.rs"]
@@ -19,9 +19,9 @@ use std::sync::Arc;
 const WIDTH: u32 = 256;
 const HEIGHT: u32 = 256;
 pub const STEPS: f64 = 500.0;
-/// How much faster than real the emulated machine is.
+/// Speed-up of the emulated machine.
 pub const SCALE: f64 = 5.0;
-/// The emulated machine's 360 deg/s, as the host sees them.
+/// The emulated machine's 360 deg/s, as the host measures them.
 pub const SPEED_DEG_PER_S: f64 = 360.0 * SCALE;
 
 fn card() -> TestCard {
@@ -44,7 +44,7 @@ pub fn targets(order: ViewOrder) -> Vec<Steps> {
     plan(order).targets()
 }
 
-/// An armed camera beside the axis.
+/// A rig of this axis and an armed camera.
 pub fn with_camera(emulated: &hardware_sim::Rig, rotation: Box<dyn RotationAxis>) -> Rig {
     let select = CameraSelect::Address(emulated.camera_address());
     let settings = AravisSettings { packet_size: 8228, ..AravisSettings::new(select, PixelFormat::BayerRG8, WIDTH, HEIGHT, 4000.0) };
@@ -68,7 +68,7 @@ pub fn turn(emulated: &hardware_sim::Rig, devices: &mut Rig, order: ViewOrder) -
     ledger
 }
 
-/// Every view is, pixel by pixel, what the scene shows at its exposure, and was exposed at the angle the ledger says.
+/// Each frame equals, pixel by pixel, what the scene shows at its exposure, and was exposed at the angle in the ledger.
 fn holds(emulated: &hardware_sim::Rig, ledger: &Ledger, frames: &[RawFrame], zero_rad: f64) {
     let exposures = emulated.exposures();
     for (entry, frame) in ledger.entries().iter().zip(frames) {
@@ -76,7 +76,7 @@ fn holds(emulated: &hardware_sim::Rig, ledger: &Ledger, frames: &[RawFrame], zer
         let exposed = exposures.iter().rev().find(of_this_view).unwrap_or_else(|| panic!("view {} was never exposed", entry.view));
         let picture = card().look(&Exposure { angle_rad: exposed.angle_rad, number: exposed.number }, hardware_sim::PixelFormat::BayerRG8);
         assert!(frame.bytes() == picture.bytes, "view {} is not the picture of its exposure", entry.view);
-        // The machine and the shaft count whole steps; what is left is the rounding of f64.
+        // Machine and shaft count whole steps, so that only rounding of f64 remains.
         let off_steps = (exposed.angle_rad - zero_rad - entry.omega) * STEPS / TAU;
         assert!(off_steps.abs() < 1e-6, "view {}: exposed {off_steps} steps from where the ledger says", entry.view);
         assert_eq!(entry.commanded_steps, entry.achieved_steps);

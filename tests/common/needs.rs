@@ -1,12 +1,12 @@
-//! For build scripts: what some tests need of the machine, as `cfg`s. A test without its need is ignored with the reason.
+//! For build scripts: turns what some tests need of the machine into `cfg`s. A test whose need is not met is ignored with the reason.
 //!
 //! ```text
 //!  build.rs ── has_NAME ──┬─ #[cfg_attr(not(has_NAME), ignore = "reason")]     each test that needs it
 //!                         └─ strict::holds([..cfg!(has_NAME)..])              one test per crate, which fails in a strict run
 //! ```
-//! Cargo runs the script again when a program that was there is gone, and when one that was missing may have come. It cannot watch a
-//! folder that does not exist: `CARVED_SHARED` names shared data that came later. Where they are gone, their tests fail.
-//! A Python that gets venv later is seen after `touch build.rs`.
+//! Cargo runs the script again when a program disappears, and when a missing one may have appeared. It cannot watch a folder that does not
+//! exist: set `CARVED_SHARED` to use shared data that were added later. If the data disappear, their tests fail. If a Python gets venv
+//! later, run `touch build.rs`.
 #![allow(dead_code)] // each build script has its own needs
 
 use std::env;
@@ -41,7 +41,7 @@ pub fn tell(needs: &[Need]) {
     }
 }
 
-/// The rule of `tests/common/shared.rs`.
+/// The same rule as in `tests/common/shared.rs`.
 fn shared() -> bool {
     println!("cargo::rerun-if-env-changed=CARVED_SHARED");
     let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").unwrap_or_default());
@@ -52,7 +52,7 @@ fn shared() -> bool {
 
 fn program(name: &str) -> Option<PathBuf> {
     let path = env::var_os("PATH").unwrap_or_default();
-    // A relative folder could hold what builds change.
+    // Builds could change the contents of a relative folder.
     let folders: Vec<PathBuf> = env::split_paths(&path).filter(|folder| folder.is_absolute() && folder.is_dir()).collect();
     let found = folders.iter().map(|folder| folder.join(name)).find(|program| program.is_file());
     if let Some(program) = &found {
@@ -72,7 +72,7 @@ fn has_venv(python: &Path) -> bool {
 }
 
 fn root() -> bool {
-    // Another user has another one, where a shell says it at all.
+    // Another user has another USER. Not every shell sets it.
     println!("cargo::rerun-if-env-changed=USER");
     std::fs::metadata("/proc/self").is_ok_and(|own| own.uid() == 0)
 }

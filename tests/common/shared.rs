@@ -1,8 +1,8 @@
-//! Data that are not part of the project. Tests that need them are ignored where `has_shared` is not set (`needs.rs`).
+//! Data that are not part of the project. Tests that need them are ignored if `has_shared` is not set (`needs.rs`).
 
 use std::path::{Path, PathBuf};
 
-/// What `inside` the folder of shared data is: the one that `CARVED_SHARED` names, or `shared` beside the project.
+/// The path `inside` the folder of shared data, which is `CARVED_SHARED` or else `shared` beside the project.
 pub fn shared(inside: &str) -> PathBuf {
     let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).ancestors().skip(1).map(|folder| folder.join("shared")).find(|s| s.is_dir());
     let folder = std::env::var_os("CARVED_SHARED").map(PathBuf::from).or_else(beside);

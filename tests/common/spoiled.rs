@@ -1,4 +1,4 @@
-//! A sight that shows, at some angles of the first turn, what was never there.
+//! A sight that shows wrong pictures at some angles of the first turn.
 
 use hardware_sim::scene::{Exposure, Scene};
 use hardware_sim::{PixelFormat, Pixels, Sight};
@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex};
 
 type Look = Box<dyn Fn(&Exposure, PixelFormat) -> Pixels + Send + Sync>;
 
-/// Frames that are lost and triggered again make no difference.
+/// A sight that is wrong within a range of angles. A lost frame that is triggered again is wrong again.
 pub struct Spoiled {
     sight: Arc<dyn Sight>,
-    /// Angles from the first exposure, rad.
+    /// The range of angles, rad from the first exposure.
     at_rad: Range<f64>,
     shows: Look,
     turn: Mutex<Turn>,
@@ -20,7 +20,7 @@ pub struct Spoiled {
 struct Turn {
     first_rad: Option<f64>,
     furthest_rad: f64,
-    /// The shaft has gone back.
+    /// The first turn has ended: the shaft has gone back.
     is_over: bool,
 }
 
@@ -33,7 +33,7 @@ impl Spoiled {
         Self { sight, at_rad, shows: Box::new(shows), turn: Mutex::default() }
     }
 
-    /// The specimen turned on.
+    /// The wrong pictures show the specimen turned by `by_rad`.
     pub fn bent(scene: &Arc<Scene>, at_rad: Range<f64>, by_rad: f64) -> Self {
         let seen = scene.clone();
         let bent = move |exposure: &Exposure, format| seen.look(&Exposure { angle_rad: exposure.angle_rad + by_rad, ..*exposure }, format);

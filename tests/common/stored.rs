@@ -1,4 +1,4 @@
-//! A run on disk that no instrument has made.
+//! A run on disk without an instrument.
 
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_records::{Mode, RunOutcome, SpecimenOutcome};
@@ -7,7 +7,7 @@ use serde_json::json;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
-/// A run with one specimen, ended or not.
+/// Writes a run with one specimen, which has ended if there is an `outcome`.
 pub fn stored(data: &Path, id: &str, outcome: Option<RunOutcome>) {
     let (store, _journal, _) = Claim::on(data).and_then(Store::open).unwrap();
     let plan = json!({"plate_barcode": "P-1", "method": "m", "operator": "kim", "plate_map": [{"well": "A01", "dpf": 3}]});

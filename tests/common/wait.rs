@@ -2,10 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-/// Longer than anything here takes, even on a loaded machine: what never comes true is a failure, and nothing is timed by it.
+/// Longer than anything takes here, even on a loaded machine. A condition that is not met by then is a failure; no test measures time with
+/// it.
 pub const PATIENCE: Duration = Duration::from_secs(240);
 
-/// Returns once `holds`, and how long that took.
+/// Waits until `holds` is true. Returns how long this took.
 pub fn until(what: &str, mut holds: impl FnMut() -> bool) -> Duration {
     let began = Instant::now();
     while !holds() {

@@ -1,4 +1,4 @@
-//! Who may ask. Routes come from the served contract, so that none is forgotten.
+//! Access control. The routes are read from the served contract, so that none is forgotten.
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{PATIENCE, exchange};
@@ -9,7 +9,7 @@ use std::io::Write;
 use std::net::SocketAddr;
 use std::os::unix::fs::PermissionsExt;
 
-/// Every operation of the contract, its parameters filled in.
+/// Every operation of the contract, with its parameters filled in.
 fn operations(rig: &Rig) -> Vec<(String, String)> {
     let paths = rig.contract()["paths"].as_object().unwrap();
     let fill = |path: &String| path.replace("{run_id}", "r").replace("{well}", "A01").replace("{view}", "0.png").replace("{seq}", "1");
@@ -31,7 +31,7 @@ fn no_attack_reaches_the_driver_on_any_mutating_route() {
     let own = rig.address.to_string();
     let attacks: Vec<(&str, Vec<(&str, String)>)> = vec![
         ("wrong_host", vec![("Host", "evil.example".into())]),
-        // DNS rebinding: the hostile page's own name leads here, so Host and Origin agree.
+        // DNS rebinding: the name of the hostile page resolves to this machine, so Host and Origin agree.
         ("wrong_host", vec![("Host", format!("evil.example:{port}")), ("Origin", format!("http://evil.example:{port}"))]),
         ("wrong_host", vec![("Host", format!("localhost.evil.example:{port}"))]),
         ("wrong_host", vec![("Host", "localhost@evil.example".into())]),
@@ -42,7 +42,7 @@ fn no_attack_reaches_the_driver_on_any_mutating_route() {
         ("wrong_origin", vec![("Host", own.clone()), ("Origin", "http://evil.example".into())]),
         ("wrong_origin", vec![("Host", own.clone()), ("Origin", "null".into())]),
         ("wrong_origin", vec![("Host", own.clone()), ("Origin", String::new())]),
-        // Another program's page on this machine is another origin.
+        // A page of another program on this machine has another origin.
         ("wrong_origin", vec![("Host", own.clone()), ("Origin", "http://127.0.0.1:1".into())]),
         ("wrong_origin", vec![("Host", own.clone()), ("Origin", format!("ftp://{own}"))]),
         ("wrong_origin", vec![("Host", own.clone()), ("Origin", format!("http://{own}")), ("Origin", "http://evil.example".into())]),

@@ -1,4 +1,4 @@
-//! `carved run` against a server: what it sends, what it prints, how it ends.
+//! `carved run` against a server: its requests, its output and its exit code.
 
 use crate::rig::Rig;
 use crate::wire::PATIENCE;
@@ -13,7 +13,7 @@ const MAP: &str = "well,dpf\nA1,3\nA02,4\n";
 
 pub fn carved(url: &str, args: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_carved"));
-    // Whoever runs the tests may be behind a proxy; the client is not to care.
+    // The developer may be behind a proxy. The client must ignore it.
     command.env("http_proxy", "http://127.0.0.1:1").env("HTTP_PROXY", "http://127.0.0.1:1").env("ALL_PROXY", "http://127.0.0.1:1");
     command.args(args).args(["--url", url]).output().unwrap()
 }
@@ -113,7 +113,7 @@ fn a_run_is_aborted_by_its_name_or_as_the_one_under_way() {
     assert!(text(&unknown.stderr).contains("unknown_run"), "{}", text(&unknown.stderr));
 }
 
-/// Waits until the status was asked for so often, by answers that were given.
+/// Waits until the status was answered this many times.
 fn answered(rig: &Rig, times: u32) {
     let began = Instant::now();
     let counted = "carved_http_requests_total{method=\"GET\",route=\"/v1/status\",status=\"200\"} ";
@@ -140,7 +140,7 @@ fn a_watcher_tells_each_well_and_fault_and_ends_as_the_run_does() {
         });
         let address = url(&rig);
         let watching = std::thread::spawn(move || carved(&address, &["run", "watch"]));
-        // It has looked which run there is, and at that run; then at the fault.
+        // It has read the current run, and that run's status; the next request meets the fault.
         answered(&rig, 2);
         rig.driver.publish(|s| {
             s.faults.push(Fault {
@@ -200,7 +200,7 @@ fn the_lease_of_another_is_told() {
     assert_eq!(start(&url(&rig), &map, &["--method", "standard", "--lease", token]).status.code(), Some(0));
 }
 
-/// A server that gives one answer per connection, `None`: it hangs up; and tells what it was sent.
+/// A server that gives one answer per connection; at `None` it closes the connection. The thread returns the requests.
 fn scripted(answers: Vec<Option<String>>) -> (String, std::thread::JoinHandle<Vec<String>>) {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let url = format!("http://{}", listener.local_addr().unwrap());

@@ -1,4 +1,4 @@
-//! Commands and every way in which they are refused.
+//! Commands, and every way in which they are refused.
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{connect, read_answer};
@@ -92,7 +92,7 @@ fn bodies_that_are_no_json_are_refused() {
             assert_eq!((answer.status, answer.problem().as_str()), (415, "not_json"), "{path} {kind:?}");
         }
     }
-    // What follows a body that is right is not passed over.
+    // Anything after a correct body is an error.
     for (path, body) in [("/v1/runs/r", PLAN), ("/v1/runs/r/wells/A01", r#"{"loaded": true}"#)] {
         for tail in ["{}", "x"] {
             let answer = rig.put(path, &format!("{body} {tail}"));
@@ -136,7 +136,7 @@ fn a_run_is_held_let_go_on_and_stopped_by_its_name() {
     }
 }
 
-/// The motors come before the mailbox, and before anything that a client may do wrong.
+/// A stop of the motors bypasses the queue of commands and every check of the request.
 #[test]
 fn an_emergency_stop_is_on_the_wire_whatever_else_happens() {
     let rig = Rig::start();
@@ -275,7 +275,7 @@ fn a_body_that_does_not_come_is_not_waited_for_for_ever() {
     assert_eq!((answer.status, answer.problem().as_str()), (408, "slow_body"));
 }
 
-/// The loader can do something about it by itself: nobody is called.
+/// The loader can resolve this refusal itself, so nobody is called.
 #[test]
 fn a_capillary_that_is_full_is_the_loaders_to_empty() {
     let rig = Rig::start();

@@ -1,4 +1,4 @@
-//! The served description, the page, and what every answer carries.
+//! The served description of the API, the page, and the headers of every answer.
 
 use crate::rig::Rig;
 use serde_json::Value;

@@ -1,4 +1,4 @@
-//! Two schedulers on one instrument, and a client that sends too much.
+//! Two schedulers on one instrument, and a client that sends too many commands.
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::Answer;
@@ -81,7 +81,7 @@ fn a_lease_has_a_holder_and_an_end() {
 
 #[test]
 fn a_client_that_commands_without_end_is_told_to_wait_and_may_still_read_and_abort() {
-    // One per minute, so that none comes back while the test runs.
+    // One command per minute, so that the limit does not recover during the test.
     let rig = Rig::with(HttpSettings { commands_per_minute: 1, command_burst: 3, ..settings() }, Vec::new());
     for _burst in 0..3 {
         assert!(rig.put("/v1/runs/r", PLAN).status < 300);

@@ -1,4 +1,4 @@
-//! Sizes, deadlines, slots and the end.
+//! Sizes, deadlines, connection slots and shutdown.
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{PATIENCE, connect, exchange, read_answer, read_until};
@@ -14,7 +14,7 @@ fn bodies_are_bounded_on_every_route() {
     let rig = Rig::start();
     let well = r#"{"loaded": true}"#;
     let padded = |body: &str, length: usize| format!("{body}{}", " ".repeat(length - body.len()));
-    // To the byte: white space after the value is part of the body.
+    // The limit is exact to the byte: white space after the value is part of the body.
     assert_eq!(rig.put("/v1/runs/r", &padded(PLAN, 1 << 20)).status, 201);
     assert_eq!(rig.put("/v1/runs/r/wells/A01", &padded(well, 64 << 10)).status, 200);
     for (method, path, body) in [
@@ -25,7 +25,7 @@ fn bodies_are_bounded_on_every_route() {
         let answer = rig.send(method, path, &[JSON], &body);
         assert_eq!((answer.status, answer.problem().as_str()), (413, "too_large"), "{method} {path}");
     }
-    // A body of no announced length is counted as it comes.
+    // A body without a length is counted while it arrives.
     let mut request = b"PUT /v1/runs/r/wells/A01 HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n".to_vec();
     request.extend(b"Transfer-Encoding: chunked\r\n\r\n");
     for _chunk in 0..5 {
@@ -47,7 +47,7 @@ fn heads_are_bounded() {
     assert_eq!(exchange(rig.address, b"NONSENSE\r\n\r\n").status, 400);
 }
 
-/// Sends a byte of a head now and then until the server has had enough.
+/// Sends one byte of a head at a time until the server closes the connection.
 fn dribble(mut stream: TcpStream) {
     stream.set_read_timeout(Some(Duration::from_millis(10))).unwrap();
     let deadline = Instant::now() + PATIENCE;
@@ -79,7 +79,7 @@ fn clients_that_dribble_their_heads_are_cut_and_the_others_served() {
     for dribbler in dribblers {
         dribbler.join().unwrap();
     }
-    // So is one that says nothing at all.
+    // The same holds for a connection that sends nothing.
     dribble_nothing(connect(rig.address));
     assert_eq!(rig.get("/v1/status").status, 200);
 }
@@ -104,7 +104,7 @@ fn a_client_over_the_number_of_slots_waits_for_one() {
     assert_eq!(read_answer(&mut second).status, 200);
 }
 
-/// What comes until the server closes; its keep-alive comments are not to pass for an end that comes late.
+/// Reads everything until the server closes. Keep-alive comments must not hide a late end, so the total time is limited.
 fn rest_of(mut stream: TcpStream) -> Vec<u8> {
     let deadline = Instant::now() + PATIENCE;
     let (mut rest, mut piece) = (Vec::new(), [0; 4096]);
@@ -120,7 +120,7 @@ fn rest_of(mut stream: TcpStream) -> Vec<u8> {
 
 #[test]
 fn the_end_ends_streams_and_long_polls_and_joins_all() {
-    // With this drain deadline the end comes in time only because everything ends by itself.
+    // With this drain deadline the server ends in time only if every connection ends by itself.
     let mut rig = Rig::with(HttpSettings { drain_ms: 600_000, ..settings() }, Vec::new());
     let mut stream = connect(rig.address);
     stream.write_all(b"GET /v1/events HTTP/1.1\r\nHost: localhost\r\n\r\n").unwrap();
@@ -143,7 +143,7 @@ fn a_request_that_does_not_end_is_cut_at_the_deadline() {
     let mut stream = connect(rig.address);
     let head = "PUT /v1/runs/r HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\nExpect: 100-continue\r\nContent-Length: 100\r\n\r\n";
     stream.write_all(head.as_bytes()).unwrap();
-    // The server asks for the body: the request is under way and will never end.
+    // The server asks for the body: the request is under way and will never be completed.
     read_until(&mut stream, b"100 Continue\r\n\r\n");
     rig.finish().unwrap();
 }

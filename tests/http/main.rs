@@ -1,7 +1,7 @@
-//! The HTTP edge over real sockets, with a driver of the tests' own at the session's other end.
+//! The HTTP server over real sockets. The tests play the driver at the other end of the session.
 //!
-//! Every answer that any of these tests gets is held against the served contract: a status that it does not declare for
-//! the route fails the test.
+//! Every answer in these tests is compared with the served contract: a status code that the contract does not declare for the route fails
+//! the test.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 

@@ -7,7 +7,7 @@
 //! GET /openapi.json
 //! ```
 //!
-//! So a client that does not follow a change of the API fails its checks without a daemon.
+//! A client that does not follow a change of the API therefore fails its own checks, without a daemon.
 
 use crate::rig::Rig;
 use std::path::Path;

@@ -1,4 +1,4 @@
-//! A plate map's file over HTTP: what is read goes into a plan, what is wrong is named.
+//! A plate map's file over HTTP: its wells can go into a plan, and its errors are named.
 
 use crate::rig::Rig;
 use serde_json::{Value, json};

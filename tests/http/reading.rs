@@ -55,10 +55,10 @@ fn a_long_poll_answers_when_the_revision_rises() {
     rig.driver.publish(|s| s.state = State::Execute);
     let woken = read_answer(&mut waiting).json();
     assert_eq!((&woken["revision"], &woken["state"]), (&42.into(), &"Execute".into()));
-    // Already past it, or from before a restart that counted further: both are answered at once.
+    // A newer revision exists, or the client counts further than this daemon after a restart: both are answered at once.
     assert_eq!(rig.get("/v1/status?wait=30&after=41").json()["revision"], 42);
     assert_eq!(rig.get("/v1/status?wait=30&after=5000").json()["revision"], 42);
-    // Nothing happens: the same snapshot when the time is over, or 304 to a client that has it.
+    // Without a change the answer comes at the end of the wait: the same snapshot, or 304 to a client that has it.
     assert_eq!(rig.get("/v1/status?wait=0.01&after=42").json()["revision"], 42);
     let tag = format!("\"{BOOT}-42\"");
     assert_eq!(rig.send("GET", "/v1/status?wait=0.01&after=42", &[("If-None-Match", &tag)], "").status, 304);
@@ -108,11 +108,11 @@ fn live_pictures_come_when_there_are_any() {
     assert_eq!(rig.send("GET", "/v1/live/frame.jpg", &[("If-None-Match", &old)], "").text(), "newer bytes");
 }
 
-/// The fields of the next event on a stream, comments and chunk sizes left out.
+/// The fields of the next event of a stream, without comments and chunk sizes.
 fn next_event(stream: &mut TcpStream) -> Vec<String> {
     let began = Instant::now();
     loop {
-        // Comments keep a quiet stream open for ever.
+        // Comments keep a silent stream open without limit.
         assert!(began.elapsed() < PATIENCE, "no event comes");
         let block = String::from_utf8(read_until(stream, b"\n\n")).unwrap();
         let fields: Vec<String> = ["event: ", "id: ", "data: "]
@@ -148,7 +148,7 @@ fn events_are_replayed_from_the_id_on_and_go_on_live() {
 fn a_reader_without_an_id_sees_only_what_happens_from_now_on() {
     let rig = Rig::with(settings(), (5..8).map(event).collect());
     let mut stream = ask(&rig, "/v1/events", "");
-    // The hello is sent after the reader was entered in the list, so event 8 reaches it.
+    // The server sends the retry line after it has subscribed the reader, so event 8 reaches it.
     read_until(&mut stream, b"retry: 2000");
     rig.driver.announce(event(8));
     assert_eq!(id_of(&next_event(&mut stream)), 8);
@@ -169,7 +169,7 @@ fn a_gap_that_cannot_be_filled_is_said() {
     assert_eq!(id_of(&next_event(&mut stream)), 8, "the stream goes on live after a resync");
 }
 
-/// Memory holds events 1101 and 1102 here, the index all of them, in pages of 500.
+/// Here the memory holds events 1101 and 1102, and the index all of them, in pages of 500.
 #[test]
 fn a_reader_that_was_long_away_gets_every_event_once() {
     let rig = Rig::with(settings(), (1101..=1102).map(event).collect());
@@ -191,7 +191,7 @@ fn a_reader_that_falls_behind_misses_nothing() {
     let rig = Rig::with(settings(), vec![event(1)]);
     let mut stream = ask(&rig, "/v1/events", "Last-Event-ID: 1\r\n");
     read_until(&mut stream, b"retry: 2000");
-    // More than the live channel holds (256), and fewer than the journal keeps (2000).
+    // More events than the live channel holds (256), and fewer than the journal in memory (2000).
     for id in 2..=1500 {
         rig.driver.announce(event(id));
     }
@@ -277,7 +277,7 @@ fn the_calibration_s_age_is_a_clock_and_its_validity_is_not() {
     rig.driver.publish(|s| s.calibration = Some(calibration));
     let answer = rig.get("/v1/status");
     let told = &answer.json()["calibration"];
-    // Older than a day at any time that this is read, and valid until the driver says otherwise.
+    // The time of the calibration lies more than a day in the past, and the calibration stays valid until the driver changes it.
     assert!(told["age_s"].as_f64().unwrap() > 86400.0, "{told}");
     assert_eq!((&told["valid"], &told["bead_bias_percent"]), (&true.into(), &(-0.22).into()), "{told}");
     let tag = answer.header("etag").unwrap().to_owned();

@@ -1,4 +1,4 @@
-//! What runs have left, as clients get it.
+//! Results of past runs, as clients read them.
 
 use crate::client::{carved, text, url};
 use crate::rig::Rig;
@@ -17,7 +17,8 @@ fn record(id: &str, started: &str, barcode: &str) -> RunRecord {
     record
 }
 
-/// A recording with two views, the second taken twice, a mesh and numbers; what was written as the mesh and as the views' frames.
+/// Stores a recording with two views, the second of which was taken twice, a mesh and numbers. Returns the mesh and the frames of the
+/// views.
 fn recorded(store: &Store, run: &RunRecord, well: usize) -> (Vec<u8>, [Vec<u8>; 2]) {
     let planned = run.plan.plate_map[well].clone();
     let folder = store.run_folder(&run.id).join(&planned.well);
@@ -53,7 +54,7 @@ fn runs_are_listed_newest_first_page_by_page_and_filtered() {
     assert_eq!(rig.get("/v1/runs").problem(), "index", "a folder without an index");
     let (store, _journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
     assert_eq!(rig.get("/v1/runs").json(), json!({"runs": [], "next": null}));
-    // Two of one moment; times as text would not sort.
+    // Two runs of one moment, whose times would sort wrongly as text.
     let runs =
         [("a", "2026-01-01T00:00:00.5Z"), ("b", "2026-01-01T00:00:00Z"), ("c-1", "2026-01-01T00:00:00.5Z"), ("d", "2026-02-01T00:00:00Z")];
     for (id, started) in runs {
@@ -97,7 +98,7 @@ fn runs_are_listed_newest_first_page_by_page_and_filtered() {
 fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     let rig = Rig::start();
     let (store, mut journal, _) = Claim::on(rig.data.path()).and_then(Store::open).unwrap();
-    // Of the well's first attempt, of another well, and of its newest attempt, whose closure view is none of the model's.
+    // Events of the well's first attempt, of another well, and of the newest attempt, whose closure view is not part of the model.
     for (well, kind, data) in [
         ("A01", "view.taken", json!({"hull_volume_um3": 9e8})),
         ("A01", "specimen.phase", json!({"phase": "position"})),
@@ -151,7 +152,7 @@ fn a_run_and_a_specimen_are_read_whole_with_links_that_lead_to_the_files() {
     assert_eq!((&before["result"], &before["attempt"], &before["hull_volumes_um3"]), (&Value::Null, &json!(1), &json!([])));
     assert_eq!(rig.get(before["links"]["mesh_ply"].as_str().unwrap()).body, earlier);
 
-    // Bytes that are not what was recorded are not given out.
+    // A file that differs from its recorded sum is not served.
     std::fs::write(store.run_folder("r1").join("A01/mesh.ply"), "altered").unwrap();
     let altered = rig.get(&link("mesh_ply"));
     assert_eq!((altered.status, altered.problem().as_str()), (500, "altered"));
@@ -196,7 +197,7 @@ fn no_name_leads_out_of_the_run_folders() {
     assert_eq!(rig.get("/v1/runs/r1/specimens/A01?attempt=x").status, 400);
 }
 
-/// A run that ended while nobody looked, behind another one or over a restart, is told from the store.
+/// The store reports a run that ended before another run or before a restart.
 #[test]
 fn a_watcher_is_told_of_a_run_that_the_status_has_no_more() {
     let rig = Rig::start();

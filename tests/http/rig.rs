@@ -1,4 +1,4 @@
-//! A running server, and the driver at its other end that the tests hold in their hands.
+//! A running server, and the driver at its other end, which the tests control.
 
 use crate::wire::{self, Answer};
 use carved::http::{HttpError, HttpSettings, serve};
@@ -13,7 +13,7 @@ use tokio::runtime::Runtime;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 
-/// Number of the newest fault that the driver has had.
+/// Number of the driver's newest fault.
 pub const NEWEST_FAULT: u64 = 17;
 pub const BOOT: &str = "boot-7f";
 pub const PLAN: &str =
@@ -25,7 +25,7 @@ pub const METHOD: MethodOffer =
 pub struct Rig {
     pub address: SocketAddr,
     pub driver: Arc<Publisher>,
-    /// What the driver answers instead, when set.
+    /// If set, the driver refuses every command with this.
     pub refusal: Arc<Mutex<Option<Refusal>>>,
     /// Commands that reached the driver.
     pub commands: Arc<Mutex<Vec<String>>>,
@@ -106,7 +106,7 @@ impl Rig {
         self.send("PUT", path, &[("Content-Type", "application/json")], body)
     }
 
-    /// Sends an ordinary request and holds the answer against the contract.
+    /// Sends an ordinary request and checks the answer against the contract.
     pub fn send(&self, method: &str, path: &str, headers: &[(&str, &str)], body: &str) -> Answer {
         let mut request = format!("{method} {path} HTTP/1.1\r\n");
         if !headers.iter().any(|(name, _)| name.eq_ignore_ascii_case("host")) {
@@ -124,7 +124,7 @@ impl Rig {
         answer
     }
 
-    /// The contract's operation behind a path.
+    /// The operation of the contract for a path.
     fn operation(&self, method: &str, path: &str) -> Option<&Value> {
         let path = path.split('?').next()?;
         let fits = |pattern: &str| {
@@ -139,7 +139,7 @@ impl Rig {
         *self.refusal.lock().unwrap() = Some(refusal);
     }
 
-    /// Asks the server to end; `finish` waits for it.
+    /// Requests the end of the server; `finish` waits for it.
     pub fn stop(&mut self) {
         drop(self.stop.take());
     }

@@ -1,11 +1,11 @@
-//! HTTP by hand, so that requests which no client library would send can be sent too.
+//! HTTP by hand, because no client library would send some of these requests.
 
 use serde_json::Value;
 use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
-/// No answer within this time is a failure; nothing here takes a hundredth of it.
+/// An answer that takes longer is a failure. The normal time is less than a hundredth of it.
 pub const PATIENCE: Duration = Duration::from_secs(20);
 
 #[derive(Debug)]
@@ -31,7 +31,7 @@ impl Answer {
         serde_json::from_slice(&self.body).unwrap_or_else(|why| panic!("{why}: {self:?}"))
     }
 
-    /// Checks that this is a whole problem and returns its code.
+    /// Checks that the body is a complete problem document, and returns its code.
     pub fn problem(&self) -> String {
         assert_eq!(self.header("content-type"), Some("application/problem+json"), "{self:?}");
         let problem = self.json();
@@ -50,10 +50,10 @@ pub fn connect(address: SocketAddr) -> TcpStream {
     stream
 }
 
-/// Sends bytes on a connection of their own and reads one answer.
+/// Sends bytes on a new connection and reads one answer.
 pub fn exchange(address: SocketAddr, request: &[u8]) -> Answer {
     let mut stream = connect(address);
-    // The server may refuse before it has read everything, and close; its answer is what counts.
+    // The server may refuse and close before it has read everything. Its answer is what matters.
     let _refused_early = stream.write_all(request);
     read_answer(&mut stream)
 }
@@ -71,7 +71,7 @@ pub fn read_answer(stream: &mut TcpStream) -> Answer {
     answer
 }
 
-/// Reads up to and with `end`.
+/// Reads up to and including `end`.
 pub fn read_until(stream: &mut TcpStream, end: &[u8]) -> Vec<u8> {
     let mut got = Vec::new();
     let mut byte = [0];

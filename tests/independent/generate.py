@@ -27,14 +27,14 @@ SUBCOLUMNS = 16
 CORNERS = 800
 VIEWS = 24
 
-# The camera: distance from the axis in um, px per um, principal point in px. It looks straight at the axis, which it sees
-# in the row of the principal point, with a roll in deg: +x end down.
+# The camera: distance from the axis in um, px per um, principal point in px. Its optical axis meets the axis of
+# rotation, which it sees in the row of the principal point, with a roll in deg: +x end down.
 DISTANCE = 60_000.0
 SCALE = 1 / 5.5
 AXIS_ROW = 77.7
 CENTRE = (255.5, AXIS_ROW)
 AXIS_ROLL = 0.4
-# What an instrument would believe before its calibration: no roll, and an axis 3 px away from the true one.
+# What an instrument assumes before its calibration: no roll, and an axis that is 3 px off.
 BELIEVED_OFF = 3.0
 
 
@@ -59,7 +59,7 @@ def about(axis, degrees):
 
 
 def projection(degrees):
-    """The 3 x 4 matrix of the fixed camera for a world that was turned about x by an angle."""
+    """The 3 x 4 matrix of the fixed camera for a world that is turned about x by an angle."""
     intrinsic = [
         [SCALE * DISTANCE, 0.0, CENTRE[0]],
         [0.0, SCALE * DISTANCE, CENTRE[1]],
@@ -70,7 +70,7 @@ def projection(degrees):
     return times(intrinsic, pose)
 
 
-# Parts: what their hull is made of
+# Parts: the bodies whose convex hull they are
 
 
 class Pose:
@@ -80,7 +80,7 @@ class Pose:
         self.matrix = [row + [s] for row, s in zip(rotation, shift)] + [[0.0, 0.0, 0.0, 1.0]]
 
     def dual(self, semi_axes, centre):
-        """The dual quadric of an ellipsoid along the solid's own axes; a semi-axis of 0 makes a disc of it."""
+        """The dual quadric of an ellipsoid along the solid's own axes. A semi-axis of 0 makes it a disc."""
         here = [[float(i == j) for j in range(4)] for i in range(4)]
         for i in range(3):
             here[i][3] = centre[i]
@@ -96,7 +96,7 @@ class Pose:
 
 
 def outline(matrix, dual):
-    """Points of the ellipse as which a quadric is seen."""
+    """Points of the ellipse that is the image of a quadric."""
     conic = times(times(matrix, dual), transposed(matrix))
     # C* ~ [[m m^T - S, m], [m^T, 1]]: centre m, and S with S = L L^T maps a circle onto the ellipse.
     w = conic[2][2]
@@ -134,7 +134,7 @@ def hull(points):
 
 
 def rows_at(chain, wanted):
-    """The rows of a chain at columns that rise; None beside it."""
+    """The rows of a chain at ascending columns; None outside it."""
     found, at = [], 0
     for u in wanted:
         while at + 2 < len(chain) and chain[at + 1][0] < u:
@@ -168,7 +168,7 @@ def silhouette(matrix, parts):
 
 
 def png(rows):
-    """8 bit grey; each line is written as its difference to the line above."""
+    """8 bit grey. Each line is stored as the difference from the line above."""
     above, lines = bytes(WIDTH), b""
     for row in rows:
         lines += b"\x02" + bytes((x - y) % 256 for x, y in zip(row, above))
@@ -183,7 +183,7 @@ def png(rows):
     )
 
 
-# Solids: parts, and by name the [volume, area] of the solid, of its ideal hull, and of the hull of so many views
+# Solids: parts, and by name the [volume, area] of the solid, of its ideal hull, and of the hull of a number of views
 
 
 def carlson_rg(x, y, z):

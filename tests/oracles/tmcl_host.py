@@ -1,4 +1,4 @@
-"""PyTrinamic drives the emulated module: TMCL as Trinamic itself speaks it. Argument: the port."""
+"""PyTrinamic controls the emulated module with Trinamic's own TMCL. Argument: the port."""
 import sys
 from pytrinamic.connections.serial_tmcl_interface import SerialTmclInterface
 from pytrinamic.tmcl import TMCLReplyStatusError
@@ -9,7 +9,8 @@ assert module.get_axis_parameter(RESOLUTION, 0) == 5
 assert module.get_axis_parameter(MAX_SPEED, 1) == 3200
 for motor in (0, 1):
     module.move_to(motor, -640)
-# There and at rest: in the last fraction of its way a motor has the place's number and is still slow.
+# The motor has arrived and is at rest: shortly before, its position already has the target's number while it still
+# moves.
 while any(
     (module.get_axis_parameter(ACTUAL, motor, signed=True), module.get_axis_parameter(SPEED, motor, signed=True)) != (-640, 0)
     for motor in (0, 1)

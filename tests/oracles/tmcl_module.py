@@ -1,4 +1,4 @@
-"""A module of PyTrinamic's own frames, whose motors arrive at once: prints its port, then answers until its input ends."""
+"""A module built from PyTrinamic's own frames, whose motors arrive at once. Prints its port, then answers until its input ends."""
 import os
 import select
 import sys

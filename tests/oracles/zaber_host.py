@@ -1,4 +1,4 @@
-"""Zaber's Motion Library drives the emulated controller. Argument: the port."""
+"""Zaber's Motion Library controls the emulated controller. Argument: the port."""
 import sys
 from zaber_motion import CommandFailedException
 from zaber_motion.ascii import Connection
@@ -6,7 +6,7 @@ from zaber_motion.ascii import Connection
 with Connection.open_serial_port(sys.argv[1], 115200) as connection:
     connection.enable_alerts()
     device = connection.get_device(1)
-    # Checksums from here on, both ways: the library refuses what has a wrong one.
+    # Checksums in both directions from here on: the library refuses an answer with a wrong one.
     device.generic_command("set comm.checksum 1")
     axis = device.get_axis(1)
     assert axis.generic_command("get resolution").data == "32"

@@ -1,4 +1,4 @@
-//! How near a profile comes to the truth of the frame that it was taken of.
+//! Distance of a profile from the truth of its frame.
 //!
 //! ```text
 //!      __________ truth    overlap: of masks.   edge: distance of each found vertex from the true outline, + outside
@@ -10,19 +10,19 @@ use carved_core::profile::{Mask, Profile};
 use hardware_sim::scene::Outline;
 use hardware_sim::scene::frame_set::Rendered;
 
-/// Farther than this counts as this far, px.
+/// Larger distances count as this one, px.
 const FARTHEST_PX: f64 = 8.0;
-/// Fewer pixels of fin than this tell nothing.
+/// With fewer pixels of fin than this there is no result for the fins.
 const FIN_PX: usize = 300;
 
 #[derive(Debug, Clone, Copy)]
 pub struct Judged {
     pub iou: f64,
-    /// Mean distance of the found outline from the true one, positive outside; none without an outline.
+    /// Mean distance of the found outline from the true one, px, positive outside. `None` without an outline.
     pub signed_px: Option<f64>,
-    /// Share of the found outline that is within a pixel of the true one; that on the picture's border is not counted.
+    /// Share of the found outline that is within a pixel of the true one. The part on the border of the picture is not counted.
     pub within_share: f64,
-    /// Share found of what the specimen has outside its body; none where it has next to nothing there.
+    /// Found share of the specimen outside its body (its fins). `None` if there is next to nothing outside.
     pub fins: Option<f64>,
 }
 
@@ -39,10 +39,10 @@ pub fn judge(profile: &Profile, truth: &Rendered) -> Judged {
     }
 }
 
-/// Signed distances of all vertices off the picture's border from the nearest place of the true outline.
+/// Signed distances of all vertices from the nearest point of the true outline, without those on the border of the picture.
 fn distances(profile: &Profile, truth: &Rendered) -> Vec<f64> {
     let (width, height) = (truth.truth.width as usize, truth.truth.height as usize);
-    // Sides of the true outline by the column in which they begin; they are shorter than a pixel.
+    // The sides of the true outline by the column in which they begin. They are shorter than a pixel.
     let mut sides = vec![Vec::new(); width + 2];
     for outline in &truth.edge {
         for (k, &a) in outline.iter().enumerate() {
@@ -81,7 +81,7 @@ fn from_side(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
 fn fins(found: &Mask, truth: &Mask, body: &[Outline]) -> Option<f64> {
     let (mut all, mut seen) = (0usize, 0usize);
     for v in 0..truth.height() {
-        // Where the body's outline crosses the row, from left to right: inside after every second one.
+        // The crossings of the body's outline with the row, from left to right. Between the first and the second is inside, and so on.
         let mut crossings: Vec<f64> = Vec::new();
         for outline in body {
             for (k, a) in outline.iter().enumerate() {

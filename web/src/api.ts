@@ -1,4 +1,4 @@
-// What the page asks of the daemon, and nothing else.
+// The page's requests to the daemon.
 
 import type {
   Check,
@@ -16,38 +16,38 @@ import type {
 } from "./status.ts";
 import { authorization } from "./token.ts";
 
-/** The daemon did not give what was asked for: it answered with a problem, or (code 0) not at all. */
+/** A failed request: the daemon answered with a problem, or (code 0) not at all. */
 export class Refused extends Error {
   override name = "Refused";
   readonly code: number;
-  /** Everything that is wrong with what was sent, where the daemon lists it. */
+  /** All errors in the request, if the daemon lists them. */
   readonly mistakes: readonly Mistake[];
 
   constructor(code: number, message: string, mistakes: readonly Mistake[] = []) {
-    // Said in the middle of a sentence.
+    // The text becomes part of a sentence.
     super(message.replace(/\.$/, ""));
     this.code = code;
     this.mistakes = mistakes;
   }
 }
 
-/** In the words of the problem+json body, or by the code alone. */
+/** The message of the problem+json body, or one made from the status code. */
 async function refusal(response: Response): Promise<Refused> {
   const code = `${response.status} ${response.statusText}`.trim();
-  // A proxy in between answers without them.
+  // A proxy in between answers without these fields.
   const body = (await response.json().catch(() => ({}))) as Partial<Problem>;
   const words = ON_THIS_PAGE[body.code ?? ""] ?? body.detail ?? body.title ?? code;
   return new Refused(response.status, words, body.errors ?? []);
 }
 
-/** What a program does about it by another request, an operator does on this page. */
+/** What to do on this page about a refusal; another program would send another request. */
 const ON_THIS_PAGE: Record<string, string> = {
   capillary_full: "a specimen is still in the capillary: take it out, and say so by the button above",
   fault_stands: "a fault is not acknowledged: see to its cause, then acknowledge it in the list of faults",
   handoff_open: "a plate is being handed over: the loader has to say first how that ended, or you by the button above",
 };
 
-/** What the browser throws where the network fails, also in the middle of a body; a wait cut short stays what it is. */
+/** Converts the error of a failed network, also in the middle of a body. An aborted wait is passed on unchanged. */
 function away(error: unknown): never {
   if (error instanceof DOMException) throw error;
   throw new Refused(0, "the daemon cannot be reached");
@@ -57,7 +57,7 @@ function ask(path: string, init: RequestInit = {}): Promise<Response> {
   return fetch(path, { ...init, cache: "no-store", headers: { ...init.headers, ...authorization() } }).catch(away);
 }
 
-/** The newest status; with `after`, as soon as its revision is above, or after `waitS` seconds as it is. */
+/** The newest status. With `after`: as soon as its revision is higher, or unchanged after `waitS` seconds. */
 export async function fetchStatus(after: number | null, waitS: number, signal: AbortSignal): Promise<Status> {
   const path = after === null ? "/v1/status" : `/v1/status?wait=${waitS}&after=${after}`;
   const response = await ask(path, { signal });
@@ -65,7 +65,7 @@ export async function fetchStatus(after: number | null, waitS: number, signal: A
   return (await response.json().catch(away)) as Status;
 }
 
-/** A command; its answer is that it was taken. */
+/** Sends a command. The answer only confirms that it was accepted. */
 export async function post(path: string): Promise<void> {
   const response = await ask(path, { method: "POST" });
   if (!response.ok) throw await refusal(response);
@@ -82,14 +82,14 @@ async function sendJson(method: string, path: string, body: unknown): Promise<Re
   return response;
 }
 
-/** The loader's word, said by hand: the specimen of this well is in the capillary, or out of it. */
+/** Reports by hand, like a loader, that the specimen of this well is in the capillary or out of it. */
 export async function sayLoaded(run: string, well: string, loaded: boolean): Promise<void> {
   const body: WellLoaded = { loaded };
   const response = await sendJson("PUT", `/v1/runs/${encodeURIComponent(run)}/wells/${well}`, body);
   await response.body?.cancel();
 }
 
-/** The loader's word, said by hand: the plate that it announced stays where it was. */
+/** Reports by hand, like a loader, that the announced plate stays in its place. */
 export async function sayNotMoved(): Promise<void> {
   const response = await ask("/v1/plate/handoff/aborted", { method: "PUT" });
   if (!response.ok) throw await refusal(response);
@@ -101,7 +101,7 @@ export async function startRun(id: string, plan: RunPlan): Promise<void> {
   await response.body?.cancel();
 }
 
-/** The wells of a plate map's file, as the daemon reads it; it refuses with every mistake. */
+/** The wells in a plate map's file, as the daemon reads it. A refusal lists every mistake. */
 export async function checkPlateMap(file: File): Promise<PlateMap> {
   const type = /\.json$/i.test(file.name) ? "application/json" : "text/csv";
   const response = await ask("/v1/plate-maps/check", {
@@ -125,18 +125,18 @@ export async function fetchMethods(): Promise<MethodOffer[]> {
   return ((await response.json().catch(away)) as Methods).methods;
 }
 
-/** What is stored of a run, its plan included. */
+/** The stored record of a run, including its plan. */
 export async function fetchRun(run: string): Promise<RunDetail> {
   const response = await ask(`/v1/runs/${encodeURIComponent(run)}`);
   if (!response.ok) throw await refusal(response);
   return (await response.json().catch(away)) as RunDetail;
 }
 
-/** What is stored of a well; null where nothing is. */
+/** The stored record of a well; null if there is none. */
 export async function fetchSpecimen(run: string, well: string): Promise<Specimen | null> {
   const response = await ask(`/v1/runs/${encodeURIComponent(run)}/specimens/${well}`);
   if (response.status === 404) {
-    // A body that nobody reads would keep the connection busy.
+    // An unread body would keep the connection busy.
     await response.body?.cancel();
     return null;
   }
@@ -144,14 +144,14 @@ export async function fetchSpecimen(run: string, well: string): Promise<Specimen
   return (await response.json().catch(away)) as Specimen;
 }
 
-/** Whose a live picture is, and after how many of its views. */
+/** The specimen of a live picture, and the number of its views so far. */
 export interface Shown {
   run: string;
   well: string;
   views: number;
 }
 
-/** A live picture or mesh: `same` as the one known by its tag, `none` there, or new. */
+/** A live picture or mesh: `same` as the one with the known tag, `none`, or new. */
 export type Fetched =
   | { kind: "same"; shown: Shown | null }
   | { kind: "none"; shown: Shown | null }
@@ -172,7 +172,7 @@ export async function fetchLive(path: string, known: string | null): Promise<Fet
   return { kind: "new", shown, body: await response.blob().catch(away), tag: response.headers.get("ETag") };
 }
 
-/** A file of a stored specimen, by its link. */
+/** A file of a stored specimen, from its link. */
 export async function fetchFile(link: string): Promise<Blob> {
   const response = await ask(link);
   if (!response.ok) throw await refusal(response);

@@ -1,4 +1,4 @@
-// One question before what cannot be taken back, in a dialog; a second one waits for nobody, it takes the first one's place.
+// A dialog with one question before an irreversible action. A second question replaces the first.
 
 import { setText } from "./dom.ts";
 
@@ -7,7 +7,7 @@ export interface Question {
   words: string;
   no: string;
   yes: string;
-  /** Whether yes ends something. */
+  /** Whether the action ends something. */
   ends: boolean;
 }
 
@@ -34,7 +34,7 @@ export class Asker {
     return new Promise((resolve) => (this.#answered = resolve));
   }
 
-  /** What was asked about is over: no answer is an answer to the next. */
+  /** The subject of the question is over: closes the dialog, so that an answer does not apply to the next question. */
   dismiss(): void {
     if (this.#dialog.open) this.#dialog.close();
   }

@@ -1,5 +1,5 @@
-// Wells that somebody should look at: what did not go as planned, wells with the same reasons on one line. What an abort left out is
-// no surprise, and not listed.
+// Wells that need attention: those that did not go as planned, grouped by their reasons. Wells that an abort left out are expected, and are
+// not listed.
 
 import { element } from "./dom.ts";
 import { capitalised } from "./format.ts";
@@ -13,7 +13,7 @@ export interface Group {
   wells: string[];
 }
 
-/** Failures first; of each kind what most wells have. Pure. */
+/** Groups with failures first; within a condition the largest group first. Pure. */
 export function toLookAt(wells: readonly WellStatus[]): Group[] {
   const order: readonly Condition[] = ["failed", "interrupted", "flagged", "skipped"];
   const groups = new Map<string, Group>();

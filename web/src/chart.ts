@@ -1,6 +1,6 @@
 // Live volume after each view, as a line over the number of views.
 //
-// The axis is logarithmic: the first view leaves nearly the whole box, the last ones differ by parts in a thousand.
+// The axis is logarithmic: after the first view nearly the whole box is left, and the last views differ by parts in a thousand.
 
 import { element, setText, svg } from "./dom.ts";
 import { counted, nanolitres, percentChange, significant, UM3_PER_NL } from "./format.ts";
@@ -8,7 +8,7 @@ import { logTicks, viewTicks } from "./ticks.ts";
 
 const MARGIN = { left: 62, right: 18, top: 14, bottom: 42 };
 
-/** A thousandth of the smallest bead that anyone measures. */
+/** A thousandth of the volume of the smallest bead in use. */
 const SMALLEST_NL = 1e-4;
 
 export interface Curve {
@@ -16,7 +16,7 @@ export interface Curve {
   volumes_um3: readonly number[];
   viewsPlanned: number;
   hasEnded: boolean;
-  /** The measured volume, where the specimen is done. */
+  /** The measured volume, if the specimen is done. */
   measured_um3: number | null;
 }
 
@@ -66,7 +66,7 @@ function caption(curve: Curve): string {
 }
 
 function picture(curve: Curve, width: number, height: number): SVGElement {
-  // An empty hull has no place on a logarithmic axis: it is drawn at its foot.
+  // An empty hull has no position on a logarithmic axis, so it is drawn at the bottom.
   const values = curve.volumes_um3.map((v) => Math.max(v / UM3_PER_NL, SMALLEST_NL));
   const measured = curve.measured_um3 === null ? null : curve.measured_um3 / UM3_PER_NL;
   const views = Math.max(curve.viewsPlanned, values.length, 2);

@@ -1,4 +1,4 @@
-// What the operator can tell a run and the instrument: rows of buttons, one question before what cannot be taken back.
+// The commands of an operator to a run and to the instrument: rows of buttons, with a question before irreversible actions.
 
 import { post, Refused, sayLoaded, sayNotMoved } from "./api.ts";
 import { Asker, type Question } from "./ask.ts";
@@ -7,19 +7,19 @@ import { canAbort, canGoOn, canHold, canStop, goesOnByItself, handedOver, isAtRe
 import type { Status } from "./status.ts";
 
 interface Command {
-  /** Of its button. */
+  /** The text of the button. */
   name: string;
   label: (status: Status) => string;
-  /** In the button's place of the label while it is under way. */
+  /** The button's label while the command is under way. */
   underWay: string;
   isUnderWay: (status: Status) => boolean;
   isShown: (status: Status) => boolean;
   isEnabled: (status: Status) => boolean;
   question: ((status: Status, run: string) => Omit<Question, "yes" | "ends">) | null;
   send: (status: Status, run: string) => Promise<void>;
-  /** Whether it ends the run. */
+  /** Whether the command ends the run. */
   ends: boolean;
-  /** What to do where it did not get through. */
+  /** What to do if the command fails. */
   otherwise: string;
 }
 
@@ -30,7 +30,7 @@ const steer = (name: string) => (_: Status, run: string) => post(`/v1/runs/${enc
 const COMMANDS: readonly Command[] = [
   {
     name: "hold",
-    // Held by a fault, it would go on by itself.
+    // A run that a fault holds would continue by itself.
     label: (s) => (goesOnByItself(s) ? "Keep it held" : "Hold"),
     underWay: "Holding…",
     isUnderWay: (s) => s.pending.hold || s.state === "Holding",
@@ -122,7 +122,7 @@ const COMMANDS: readonly Command[] = [
   },
   {
     name: "not-moved",
-    // With its barcode: a question about one plate must not be answered for the next.
+    // The label contains the barcode: an answer about one plate must not apply to the next.
     label: (s) => `Plate ${handedOver(s) ?? ""} was not moved`,
     underWay: "",
     isUnderWay: never,
@@ -140,7 +140,7 @@ const COMMANDS: readonly Command[] = [
   },
 ];
 
-/** What is said in a loader's place. */
+/** Reports in place of a loader. */
 const BY_HAND = ["is-out", "is-in", "not-moved"];
 
 export class CommandRow {
@@ -151,7 +151,7 @@ export class CommandRow {
   #asked: { command: Command; label: string } | null = null;
   #newest: Status | null = null;
   #attempts = 0;
-  /** Whether what was answered last has come to its end. */
+  /** Whether the last answer has taken effect. */
   #isOver: (status: Status) => boolean = always;
 
   constructor(find: <T extends Element = HTMLElement>(id: string) => T) {
@@ -167,7 +167,7 @@ export class CommandRow {
     const another = (status.run?.id ?? null) !== (this.#newest?.run?.id ?? null);
     this.#newest = status;
     if (another || this.#isOver(status)) show(this.#answer, false);
-    // A question about a run that has ended meanwhile, or another well, must not be answered for the next one.
+    // An answer about a run that has ended meanwhile, or about another well, must not apply to the next one.
     const asked = this.#asked;
     if (asked && (another || !asked.command.isShown(status) || asked.command.label(status) !== asked.label)) {
       this.#asker.dismiss();
@@ -207,7 +207,7 @@ export class CommandRow {
     this.update(this.#newest ?? status);
   }
 
-  /** What is no command, but may be refused as one: only that is said, until it is tried again. */
+  /** Shows the refusal of an action that is no command, until it is repeated. */
   async attempt(refused: string, job: () => Promise<void>): Promise<void> {
     const own = (this.#attempts += 1);
     if (this.#newest) this.update(this.#newest);
@@ -221,7 +221,7 @@ export class CommandRow {
   async #emergencyStop(): Promise<void> {
     const stands = (s: Status) => s.faults.some((f) => f.code === "emergency_stop");
     let seen = false;
-    // Until it was shown as a fault and that was acknowledged.
+    // The notice stays until the fault was shown and acknowledged.
     const isOver = (now: Status) => {
       seen ||= stands(now);
       return seen && !stands(now);

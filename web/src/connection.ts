@@ -1,4 +1,4 @@
-// Keeps the page live: one long poll after the other, and the truth about it when they stop.
+// Keeps the page up to date with successive long polls, and shows when they fail.
 //
 //   first ──ok──> poll(after) ──ok──> poll(after) ...
 //     ^              │ error, silence
@@ -7,13 +7,13 @@
 import { fetchStatus, Refused } from "./api.ts";
 import type { Status } from "./status.ts";
 
-/** Seconds the daemon may hold a poll. Short, so that a pulled cable is noticed soon. */
+/** Longest duration of a poll at the daemon, s. It is short, so that a pulled cable is noticed soon. */
 const WAIT_S = 5;
-/** Silence beyond a poll's own wait that means the connection is gone, ms. */
+/** Silence after the end of a poll that counts as a lost connection, ms. */
 const GRACE_MS = 3000;
-/** Pauses between attempts, ms; the last one repeats. */
+/** Pauses between attempts, ms. The last one repeats. */
 const PAUSES_MS = [250, 500, 1000, 2000];
-/** Least time between polls, ms: a page needs no more than 10 pictures of the state a second. */
+/** Shortest time between polls, ms: a page needs at most 10 updates a second. */
 const LEAST_GAP_MS = 100;
 
 export type Link = { kind: "connecting" } | { kind: "live" } | { kind: "lost"; why: string; tokenWanted: boolean };
@@ -47,11 +47,11 @@ export async function keepLive(listener: Listener): Promise<never> {
       failures = 0;
       listener.link({ kind: "live" });
       listener.status(status);
-      // An answer without news that came at once would make this loop spin.
+      // Without this pause an immediate answer without news would make the loop spin.
       const gap = unchanged ? 1000 : LEAST_GAP_MS;
       await pause(Math.max(0, gap - (performance.now() - started)));
     } catch (error) {
-      // A daemon that was restarted counts its revisions anew: ask without `after`.
+      // A restarted daemon counts its revisions from the beginning, so the next request has no `after`.
       after = null;
       const tokenWanted = error instanceof Refused && error.code === 401;
       listener.link({ kind: "lost", why: reason(error), tokenWanted });

@@ -1,4 +1,4 @@
-// Stored frames and masks as pictures to look at: a mosaic in colour, a mask as its edge.
+// Converts stored frames and masks to visible pictures: a mosaic to colour, a mask to its outline.
 
 const EDGE = [255, 64, 160, 255] as const;
 
@@ -9,7 +9,7 @@ interface Pixels {
 }
 
 async function pixelsOf(file: Blob): Promise<Pixels> {
-  // Without a profile's help: what is stored are counts.
+  // Without colour conversion, because the stored values are counts.
   const bitmap = await createImageBitmap(file, { colorSpaceConversion: "none" });
   const { width, height } = bitmap;
   const canvas = new OffscreenCanvas(width, height);
@@ -27,15 +27,15 @@ function pictureOf({ width, height, data }: Pixels): Promise<Blob> {
   return canvas.convertToBlob({ type: "image/png" });
 }
 
-/** A raw frame as the camera saw it: each 2 x 2 pixels of a mosaic (`BayerRG8`) are one in colour. */
+/** Shows a raw frame as the camera saw it: each 2 x 2 pixels of a mosaic (`BayerRG8`) become one colour pixel. */
 export async function developed(file: Blob, format: string): Promise<Blob> {
   const first = /^Bayer([RGB]{2})8$/.exec(format)?.[1];
   return first === undefined ? file : pictureOf(colours(await pixelsOf(file), first));
 }
 
-/** `first` are the colours of the first line's first two pixels. Pure. */
+/** `first` has the colours of the first two pixels of the first line. Pure. */
 export function colours({ width, height, data }: Pixels, first: string): Pixels {
-  // Red and blue stand across from each other, green twice.
+  // Red and blue are opposite each other, and green occurs twice.
   const second = { RG: "GB", GR: "BG", GB: "RG", BG: "GR" }[first] ?? "GB";
   const places = [...first, ...second].map((colour) => "RGB".indexOf(colour));
   const [w, h] = [Math.floor(width / 2), Math.floor(height / 2)];
@@ -46,7 +46,7 @@ export function colours({ width, height, data }: Pixels, first: string): Pixels 
       out[at + 3] = 255;
       places.forEach((colour, i) => {
         const count = data[((2 * v + (i >> 1)) * width + 2 * u + (i & 1)) * 4]!;
-        // Green has two of the four.
+        // Two of the four pixels are green.
         out[at + colour]! += colour === 1 ? count / 2 : count;
       });
     }
@@ -54,7 +54,7 @@ export function colours({ width, height, data }: Pixels, first: string): Pixels 
   return { width: w, height: h, data: out };
 }
 
-/** A mask's edge on a transparent ground, wide enough to be seen where the page scales it down. */
+/** The outline of a mask on a transparent background, wide enough to be visible after scaling down. */
 export async function outlined(file: Blob): Promise<Blob> {
   const { width, height, data } = await pixelsOf(file);
   const out = new Uint8ClampedArray(width * height * 4);

@@ -1,4 +1,4 @@
-// The few verbs the views need. Text goes in as text, never as markup.
+// Helpers of the views for the DOM. Text is inserted as text, never as markup.
 
 export function byId<T extends Element = HTMLElement>(id: string): T {
   const found = document.getElementById(id);
@@ -6,7 +6,7 @@ export function byId<T extends Element = HTMLElement>(id: string): T {
   return found as unknown as T;
 }
 
-/** Writes only what differs, so that a screen reader hears changes and no repeats. */
+/** Writes only changes, so that a screen reader does not repeat unchanged text. */
 export function setText(element: Element, text: string): void {
   if (element.textContent !== text) element.textContent = text;
 }
@@ -28,7 +28,7 @@ export function element<K extends keyof HTMLElementTagNameMap>(
   return made;
 }
 
-/** Term and description for a list of facts. */
+/** A term and its description in a list of facts. */
 export function fact(term: string, ...description: Child[]): HTMLElement[] {
   return [element("dt", "", term), element("dd", "", ...description)];
 }

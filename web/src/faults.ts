@@ -1,4 +1,4 @@
-// The list of faults: what happened, since when, what to do.
+// The list of faults: what happened, since when, and what to do.
 
 import { post, Refused } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
@@ -32,7 +32,7 @@ function item(fault: Fault): HTMLElement {
   button.addEventListener("click", () => void acknowledge(fault, button, answer));
   const head = element("p", "fault-head", element("strong", "", fault.meaning || fault.message));
   if (fault.operator_required) head.append(element("span", "tag tag-alarm", "Needs you"));
-  // What was found is for who mends it; an operator reads what it means.
+  // The operator reads the meaning of the code. The details are for the person who repairs the instrument.
   const found = fault.meaning && fault.meaning !== fault.message ? ` Found: ${fault.message}` : "";
   const small = `Fault ${fault.seq}, ${words(fault.code)}, since ${clockTime(fault.since)}.${found}`;
   const made = element(
@@ -47,12 +47,12 @@ function item(fault: Fault): HTMLElement {
   return made;
 }
 
-/** The operator has seen to it; the next status has it no more. */
+/** Acknowledges a fault. The next status no longer lists it. */
 async function acknowledge(fault: Fault, button: HTMLButtonElement, answer: HTMLElement): Promise<void> {
   button.disabled = true;
   try {
     await post(`/v1/faults/${fault.seq}/acknowledge`);
-    // Most are gone with the next status.
+    // Most faults disappear with the next status.
     setText(answer, "Acknowledged. It stays listed until its cause is gone.");
   } catch (error) {
     button.disabled = false;

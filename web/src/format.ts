@@ -1,4 +1,4 @@
-// Numbers and times as an operator reads them. Pure: the same text on every machine, whatever its locale.
+// Formats numbers and times for operators. Pure: the text does not depend on the locale.
 
 const MINUS = "\u2212";
 const THIN = "\u202f";
@@ -12,14 +12,14 @@ export function grouped(value: number, digits = 0): string {
   return sign + separated + (fraction === undefined ? "" : `.${fraction}`);
 }
 
-/** Four significant digits at least, never an exponent: 0.06545, 65.45, 243.1, 1,204. */
+/** At least four significant digits, without an exponent: 0.06545, 65.45, 243.1, 1,204. */
 export function significant(value: number, digits = 4): string {
   if (value === 0) return "0";
   const magnitude = Math.floor(Math.log10(Math.abs(value)));
   return grouped(value, Math.min(12, Math.max(0, digits - 1 - magnitude)));
 }
 
-/** `226.7 ± 1.4`: the spread to two digits, the value to the same place. */
+/** `226.7 ± 1.4`: the spread has two digits, and the value ends at the same decimal place. */
 export function withSpread(value: number, sd: number): string {
   const digits = sd > 0 ? Math.min(12, Math.max(0, 1 - Math.floor(Math.log10(sd)))) : 4;
   return `${grouped(value, digits)} ± ${grouped(sd, digits)}`;
@@ -58,7 +58,7 @@ export function percentChange(from: number, to: number): string {
   return `${change > 0 ? "+" : ""}${text}${THIN}%`;
 }
 
-/** How long ago, roughly, so that it changes seldom: 45 min, 5 h, 3 days. */
+/** A rough age that changes seldom: 45 min, 5 h, 3 days. */
 export function age(seconds: number): string {
   const s = Math.max(0, seconds);
   if (s < 3600) return `${Math.floor(s / 60)} min`;
@@ -66,7 +66,7 @@ export function age(seconds: number): string {
   return `${Math.floor(s / 86400)} days`;
 }
 
-/** How long, in the largest unit that still says something: 8 s, 3 min 20 s, 2 h 5 min. */
+/** A duration in its two largest useful units: 8 s, 3 min 20 s, 2 h 5 min. */
 export function duration(seconds: number): string {
   const s = Math.max(0, Math.round(seconds));
   if (s < 60) return `${s} s`;
@@ -76,7 +76,7 @@ export function duration(seconds: number): string {
   return minutes % 60 === 0 ? `${hours} h` : `${hours} h ${minutes % 60} min`;
 }
 
-/** An estimate, rounded as coarsely as it is known. */
+/** An estimated duration, rounded to its accuracy. */
 export function aboutDuration(seconds: number): string {
   if (seconds < 45) return "less than a minute";
   const minutes = Math.round(seconds / 60);
@@ -108,7 +108,7 @@ export function capitalised(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
 
-/** Wall-clock time of the browser's zone, seconds included; the text as it came where it is no time. */
+/** Local time of the browser with seconds. A text that is no time is returned unchanged. */
 export function clockTime(rfc3339: string): string {
   const date = new Date(rfc3339);
   if (Number.isNaN(date.getTime())) return rfc3339;

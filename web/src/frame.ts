@@ -1,5 +1,5 @@
-// A frame with the profile drawn over it: the newest, or a stored one of a well the operator has chosen. Both pictures are swapped
-// together, decoded before they are shown, and the words beside them say whose they are.
+// A frame with its profile drawn over it: the newest, or a stored one of the well that the operator chose. Both pictures are decoded before
+// they are shown, and are replaced together. The text beside them names the specimen.
 
 import { fetchFile, fetchLive, Refused, type Fetched, type Shown } from "./api.ts";
 import { developed, outlined } from "./develop.ts";
@@ -9,7 +9,7 @@ import { Latest } from "./latest.ts";
 import { wellKey, type StoredSpecimens, type StoredWell } from "./stored.ts";
 import type { Subject } from "./subject.ts";
 
-/** Frames taller than this are cut to the strip around the capillary, which runs along the picture's middle. */
+/** Frames taller than this are cropped to the strip around the capillary, which runs through the middle of the picture. */
 const STRIP_RATIO = 3;
 
 class Picture {
@@ -21,7 +21,7 @@ class Picture {
     this.#image = image;
   }
 
-  /** Decodes the new picture off screen; showing it is the returned step. */
+  /** Decodes the new picture off screen. The returned function shows it. */
   async prepare(body: Blob | null, tag: string | null): Promise<() => void> {
     if (body === null) {
       return () => {
@@ -74,9 +74,9 @@ export class FrameView {
   readonly #refresh = new Latest(() => this.#load());
   #subject: Subject = { kind: "none", words: "No frame yet." };
   #planned: (well: string) => number | null = () => null;
-  /** Run, well and view of the stored frame that is shown. */
+  /** Run, well and view of the stored frame on screen. */
   #storedShown = "";
-  /** Run and well of whose stored frames something is shown or said. */
+  /** Run and well for which a stored frame or a message is on screen. */
   #storedOf = "";
 
   constructor(parts: FrameParts, stored: StoredSpecimens) {
@@ -91,7 +91,7 @@ export class FrameView {
     this.#lay();
   }
 
-  /** `planned` says how many views a well is to have, where that is known. */
+  /** `planned` returns the planned number of views of a well, or null if it is not known. */
   update(subject: Subject, planned: (well: string) => number | null): Promise<void> {
     this.#subject = subject;
     this.#planned = planned;
@@ -106,7 +106,7 @@ export class FrameView {
   }
 
   async #loadLive(subject: Subject & { kind: "live" }): Promise<void> {
-    // What is stored and on screen has no tag.
+    // A stored picture on screen has no tag.
     const [frame, profile] = await Promise.all([
       fetchLive("/v1/live/frame.jpg", this.#frame.tag),
       fetchLive("/v1/live/profile.png", this.#profile.tag),
@@ -119,7 +119,7 @@ export class FrameView {
     const swaps = [await this.#swap(this.#frame, frame), await this.#swap(this.#profile, profile)];
     for (const swap of swaps) swap();
     this.#storedShown = "";
-    // The profile of another view would be drawn beside its specimen: it waits for the next news.
+    // The profile of another view would not match the specimen. It is shown after the next update.
     this.#say(`Frame of ${shown.well}`, this.#liveWords(shown), sameViews(shown, profile.shown));
   }
 
@@ -136,14 +136,14 @@ export class FrameView {
 
   async #loadStored(one: StoredWell): Promise<void> {
     const of = wellKey(one);
-    // Under a chosen well's numbers another's frame must not stay while this one's is read.
+    // The frame of another well must not stay beside the numbers of the chosen well while its own frame is read.
     if (of !== this.#storedOf) await this.#clear(`Reading the frames of ${one.well} …`);
     this.#storedOf = of;
     try {
       await this.#readStored(one, of);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;
-      // The other views may be read all the same.
+      // The other views may still be readable.
       const { view } = this.#parts;
       const isOneOfMore = view.dataset["of"] === of && Number(view.max) > 1;
       const what = isOneOfMore ? `View ${view.value}` : "The frames";
@@ -156,7 +156,7 @@ export class FrameView {
     const { well } = one;
     const specimen = await this.#stored.of(one);
     const { views: taken = [], detection = null } = specimen?.links ?? {};
-    // Of a well that was skipped there is the frame on which it was judged.
+    // A skipped well has only the frame that judged it.
     const views = taken.length === 0 && detection !== null ? [detection] : taken;
     if (!specimen || views.length === 0) return this.#clear(`No frames of ${well} are kept.`);
     if (view.dataset["of"] !== of) {
@@ -168,7 +168,7 @@ export class FrameView {
     const key = `${of}/${index}`;
     if (key !== this.#storedShown) {
       const format = specimen.recording.rig?.pixel_format ?? "";
-      // By its own number: a view without a profile has none in the list.
+      // Found by its view number: a view without a profile is missing from the list.
       const name = views[index]!.split("/").at(-1)!;
       const mask = specimen.links.profiles.find((link) => link.split("/").at(-1) === name);
       const [frame, profile] = await Promise.all([

@@ -1,4 +1,4 @@
-// The one mesh of a binary glTF, in um.
+// Reads the single mesh of a binary glTF, in um.
 
 import { Mesh, type BufferGeometry } from "three";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";

@@ -1,4 +1,4 @@
-// The top of the page: which instrument, simulated or not, and whether what is shown is live.
+// The top of the page: the instrument, whether it is simulated, and whether the page is up to date.
 
 import type { Link } from "./connection.ts";
 import { setText, show } from "./dom.ts";

@@ -1,5 +1,5 @@
-// Hull volumes after each view, per well: of the specimen under way by the status, of those before by what the page has seen, else by
-// what is stored.
+// Hull volumes after each view, per well. They come from the status for the current specimen, and from earlier statuses or the stored
+// record for the others.
 
 import { runKey } from "./stored.ts";
 import type { RunStatus, Status } from "./status.ts";
@@ -18,7 +18,7 @@ export class VolumeHistory {
     if (specimen && specimen.hull_volumes_um3.length > 0) this.#wells.set(specimen.well, specimen.hull_volumes_um3);
   }
 
-  /** Takes what is stored of a well, where that is more than the page has seen; whether it is. */
+  /** Takes the stored volumes of a well if there are more than this page has seen. Returns whether it took them. */
   recall(run: RunStatus, well: string, volumes: readonly number[]): boolean {
     const isMore = this.#run === runKey(run) && volumes.length > this.of(well).length;
     if (isMore) this.#wells.set(well, volumes);

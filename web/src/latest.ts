@@ -1,4 +1,4 @@
-// Runs a task for the newest state only: never two at once, and once more if news came meanwhile.
+// Runs a task for the newest state only: never two at once, and once more if the state changed meanwhile.
 
 import { Refused } from "./api.ts";
 
@@ -23,7 +23,7 @@ export class Latest {
         await this.#task();
       } while (this.#again);
     } catch (error) {
-      // Where the daemon is away or busy, the connection says so and the next status asks again.
+      // If the daemon is away or busy, the connection shows it, and the next status repeats the task.
       if (!(error instanceof Refused)) throw error;
     } finally {
       this.#running = false;

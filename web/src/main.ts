@@ -1,8 +1,8 @@
-// The operator's page: one status in, every view updated from it.
+// The operator's page: every view is updated from one status.
 //
 //   keepLive ── Status ──> header, sentence, faults, plate, well, chart, rig      (numbers, at once)
 //                     └──> frame, model                                           (fetched when the revision or the subject changed)
-//                             └── live, or stored of the well that the operator chose: subject.ts
+//                             └── live, or stored for the well that the operator chose: subject.ts
 
 import { AttentionList } from "./attention.ts";
 import { VolumeChart } from "./chart.ts";
@@ -59,10 +59,10 @@ const model = makeModel();
 
 let newest: Status | null = null;
 let picturesShown = "";
-/** The well the operator asked for; without one the page follows the run. */
+/** The well that the operator chose. Without one the page follows the run. */
 let pinned: string | null = null;
 
-/** Without WebGL the page still shows every number. */
+/** Without WebGL the page still shows all numbers. */
 function makeModel(): ModelView | null {
   try {
     const parts = {
@@ -87,7 +87,7 @@ function makeModel(): ModelView | null {
   }
 }
 
-/** The well to look at, or none: then the page follows the run. */
+/** The well to show. With none the page follows the run. */
 function choose(well: string | null): void {
   pinned = well;
   if (newest) showAll(newest);
@@ -145,7 +145,7 @@ function numbers(status: Status): void {
   if (status.run && well && isStored(well)) void recall(status.run, well.well);
 }
 
-/** The volumes of a well that ended before the page was opened, or while it was cut off. */
+/** Loads the volumes of a well that ended before the page was opened, or while it was disconnected. */
 async function recall(run: RunStatus, well: string): Promise<void> {
   const one = { run: run.id, started: run.started, well };
   const kept = (await stored.of(one).catch(() => null))?.hull_volumes_um3 ?? [];
@@ -174,11 +174,11 @@ void keepLive({
   link(link) {
     header.link(link);
     token.wanted(link.kind === "lost" && link.tokenWanted);
-    // What could not be read meanwhile is asked for again, also where nothing is new.
+    // Reads that failed are repeated, also if the status has not changed.
     if (link.kind === "lost") picturesShown = "";
   },
   status(status) {
-    // A page of another version would read this one's answers amiss.
+    // A page of another version could misread the answers of this daemon.
     if (newest && newest.version !== status.version) location.reload();
     newest = status;
     history.take(status);

@@ -1,7 +1,7 @@
-// The growing model in 3D: one mesh, replaced when a new one has been parsed, drawn only when something changed.
+// The growing model in 3D: one mesh, replaced after a new one was parsed, and drawn only after a change.
 //
-// The camera is orthographic, so that the scale bar holds over the whole picture. The first look is that of the
-// instrument's own camera at angle 0: x (the capillary) to the right, y down, the camera at negative z.
+// The camera is orthographic, so that the scale bar holds in the whole picture. The first direction is that of the instrument's own camera
+// at angle 0: x (the capillary) to the right, y down, the camera at negative z.
 
 import {
   Box3,
@@ -38,7 +38,7 @@ const LOOKS = {
 
 export type Look = keyof typeof LOOKS;
 
-/** Share of the picture that the specimen's longer side takes. */
+/** Share of the picture for the longer side of the specimen. */
 const FILL = 0.86;
 const KEY_STEP_RAD = Math.PI / 24;
 const KEY_ZOOM = 1.2;
@@ -61,13 +61,13 @@ export class ModelView {
   readonly #refresh = new Latest(() => this.#load());
   #extent: Box3 | null = null;
   #tag: string | null = null;
-  /** Run and well of the stored model that is shown. */
+  /** Run and well of the stored model on screen. */
   #storedShown = "";
-  /** Run and well of whose stored model something is shown or said. */
+  /** Run and well for which a stored model or a message is on screen. */
   #storedOf = "";
   #subject: Subject = { kind: "none", words: "No model yet." };
   #drawAsked = false;
-  /** The operator has turned or zoomed: the view is theirs until they ask for a look. */
+  /** The operator has turned or zoomed: the view is not changed until another direction is chosen. */
   #held = false;
 
   constructor(
@@ -100,7 +100,7 @@ export class ModelView {
 
     this.#scene.background = new Color(0xf7f9fb);
     const key = new DirectionalLight(0xffffff, 2.2);
-    // From above the eye's left shoulder, and so far away that neither eye nor model count for its direction.
+    // From above the left shoulder, and so far away that the positions of eye and model do not affect the direction.
     key.position.set(-0.5, 0.9, 1).multiplyScalar(1e6);
     this.#camera.add(key);
     const sky = new HemisphereLight(0xffffff, 0x8899aa, 1.3);
@@ -138,7 +138,7 @@ export class ModelView {
   }
 
   async #loadLive(subject: Subject & { kind: "live" }): Promise<void> {
-    // What is stored and on screen has no tag.
+    // A stored model on screen has no tag.
     const fetched = await fetchLive("/v1/live/mesh.glb", this.#tag);
     const shown = fetched.shown;
     const isMeant = shown?.run === subject.run && (subject.well === null || shown.well === subject.well);
@@ -156,7 +156,7 @@ export class ModelView {
 
   async #loadStored(one: StoredWell): Promise<void> {
     const key = wellKey(one);
-    // Under a chosen well's numbers another's model must not stay while this one's is read.
+    // The model of another well must not stay beside the numbers of the chosen well while its own model is read.
     if (key !== this.#storedOf) this.#clear(`Reading the model of ${one.well} …`);
     this.#storedOf = key;
     try {
@@ -223,7 +223,7 @@ export class ModelView {
     return this.#extent ? this.#extent.getSize(new Vector3()).length() * 2 : 10_000;
   }
 
-  /** Moves target and eye to the model's middle, keeping the direction. */
+  /** Moves target and eye to the middle of the model, without changing the direction. */
   #recentre(): void {
     if (!this.#extent) return;
     const middle = this.#extent.getCenter(new Vector3());
@@ -233,7 +233,7 @@ export class ModelView {
     this.#frame();
   }
 
-  /** Sets zoom so that the model's box, seen from here, fills the picture. */
+  /** Sets the zoom so that the box of the model fills the picture in this direction. */
   #frame(): void {
     const camera = this.#camera;
     const distance = this.#distance();
@@ -261,7 +261,7 @@ export class ModelView {
     this.#camera.updateProjectionMatrix();
     if (this.#held) this.#paint();
     else this.#frame();
-    // Setting the size has emptied the canvas: paint in the same turn, or it flickers.
+    // Setting the size clears the canvas. Painting in the same turn avoids flicker.
     this.#paint();
   }
 

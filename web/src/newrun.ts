@@ -1,6 +1,6 @@
-// A new run: plate map, method, barcode, operator; everything that is wrong with them before anything moves.
+// A new run: plate map, method, barcode, operator, and a list of everything that is wrong before anything moves.
 //
-//   file ──check──> mistakes by line, or what the plate holds ──preflight──> what the instrument lacks ──start──> the run
+//   file ──check──> mistakes by line, or the contents of the plate ──preflight──> failed conditions ──start──> the run
 
 import { checkPlateMap, fetchMethods, preflight, Refused, startRun } from "./api.ts";
 import { element, setText, show } from "./dom.ts";
@@ -29,7 +29,7 @@ export class NewRun {
   #methodsOf: string | null = null;
   #map: PlateMap | null = null;
   #startable = false;
-  /** Why no run would be taken now. */
+  /** Why the instrument would not accept a run now. */
   #notReady: string | null = null;
   #busy = false;
 
@@ -52,7 +52,7 @@ export class NewRun {
     this.#file.addEventListener("change", () => void this.#check());
     this.#method.addEventListener("change", () => this.#explain());
     this.#form.addEventListener("input", () => {
-      // What was said of another plan does not hold for this one; a file's mistakes come with its check.
+      // Messages about another plan do not apply to this one. Mistakes in the file come with its check.
       if (this.#map !== null) this.#clear();
       this.#enable();
     });
@@ -76,7 +76,7 @@ export class NewRun {
     try {
       this.#methods = await fetchMethods();
     } catch (error) {
-      // The next status tries again.
+      // The next status repeats this.
       this.#methodsOf = null;
       this.#say(`The methods could not be read: ${reason(error)}.`);
       return;
@@ -181,7 +181,7 @@ export class NewRun {
     };
   }
 
-  /** One thing at a time; where it is refused, every mistake is listed. */
+  /** Runs one request at a time. A refusal lists every mistake. */
   async #work(job: () => Promise<void>, refused: string): Promise<void> {
     this.#busy = true;
     this.#enable();
@@ -189,7 +189,7 @@ export class NewRun {
       await job();
     } catch (error) {
       const mistakes = error instanceof Refused ? error.mistakes : [];
-      // The detail would only repeat what is listed.
+      // The detail would only repeat the list.
       this.#say(`${refused}: ${mistakes.length > 0 ? counted(mistakes.length, "mistake") : reason(error)}.`);
       this.#list.replaceChildren(...mistakes.map(mistake));
     } finally {
@@ -241,7 +241,7 @@ export function contents(wells: readonly PlannedWell[]): string {
   return `${counted(wells.length, "well")}: ${parts.join(", ")}.`;
 }
 
-/** A run's name from the plate's and the time, UTC: `P-001-20260305T093000`. */
+/** The name of a run from the plate's name and the time, UTC: `P-001-20260305T093000`. */
 function freshName(barcode: string): string {
   const time = new Date().toISOString().replace(/[-:]|\.\d+Z/g, "");
   return `${barcode.slice(0, 40)}-${time}`;

@@ -1,9 +1,9 @@
-// What the status means, in an operator's words. Pure.
+// Explains the status in plain words. Pure.
 
 import { aboutDuration, capitalised, grouped } from "./format.ts";
 import type { Phase, RunOutcome, RunStatus, SpecimenStatus, State, Status } from "./status.ts";
 
-/** How much attention a state asks for. */
+/** The level of attention that a state needs. */
 export type Tone = "calm" | "busy" | "good" | "attention" | "alarm";
 
 const ENDED: Record<RunOutcome, Tone> = {
@@ -33,7 +33,7 @@ const BUSY: ReadonlySet<State> = new Set([
   "Resetting",
 ]);
 
-/** PackML's words for the state, as an operator says them. */
+/** Plain words for the PackML states. */
 export const STATES: Record<State, string> = {
   Stopped: "Stopped",
   Idle: "Idle",
@@ -73,7 +73,7 @@ const OUTCOMES: Record<RunOutcome, string> = {
   interrupted: "was interrupted",
 };
 
-/** `3 measured (1 of them flagged), 1 skipped`: what there is of each kind, nothing that is zero. */
+/** `3 measured (1 of them flagged), 1 skipped`: the count of each kind that is not zero. */
 export function tally(run: RunStatus): string {
   const w = run.wells;
   const parts: [number, string][] = [
@@ -89,17 +89,17 @@ export function tally(run: RunStatus): string {
     .join(", ");
 }
 
-/** Wells that have come to an end of their own; those that an abort or a stop left out have not. */
+/** Number of wells that ended by themselves. Wells that an abort or a stop left out do not count. */
 function done(run: RunStatus): number {
   return run.wells.total - run.wells.pending - run.wells.interrupted;
 }
 
-/** What is with the instrument now: a run that is held has given the specimen up, or not yet begun it. */
+/** The specimen that the instrument works on, else null. A held run has given its specimen up, or not begun it yet. */
 export function underWay(status: Status): SpecimenStatus | null {
   return runsNow(status) && status.state !== "Held" ? status.specimen : null;
 }
 
-/** Share of the run that is done, 0 to 1; a specimen under way counts by its views. */
+/** Finished share of the run, 0 to 1. The current specimen counts by its views. */
 export function progress(status: Status): number {
   const run = status.run;
   if (!run || run.wells.total === 0) return 0;
@@ -110,7 +110,7 @@ export function progress(status: Status): number {
   return Math.min(1, (done(run) + Math.min(1, within)) / run.wells.total);
 }
 
-/** One line under the sentence: how far the run is, or how it ended. */
+/** One line below the sentence: the progress of the run, or its end. */
 export function progressLine(status: Status): string {
   const run = status.run;
   if (!run)
@@ -122,7 +122,7 @@ export function progressLine(status: Status): string {
   return `${parts.join(" · ")}.`;
 }
 
-/** Why the run is held, how often by this cause, and what to do next; empty where it is not held. */
+/** Why the run is held, how often for this cause, and what to do next. Empty if it is not held. */
 export function holdLine(status: Status): string {
   const hold = runsNow(status) ? status.run?.hold : null;
   if (!hold) return "";
@@ -131,29 +131,29 @@ export function holdLine(status: Status): string {
   return `Held because: ${hold.cause}${often} What to do: ${next}`;
 }
 
-/** Whether a run is under way, held ones included. */
+/** Whether a run is under way. A held run counts. */
 export function runsNow(status: Status): boolean {
   return status.run !== null && status.run.outcome === null;
 }
 
-/** Whether the run stands between two wells, or waits. */
+/** Whether the run is between two wells, or waits. */
 export function isAtRest(status: Status): boolean {
   return runsNow(status) && (status.state === "Held" || status.state === "Suspended");
 }
 
-/** Whether a run is there that an abort would end. */
+/** Whether there is a run that an abort would end. */
 export function canAbort(status: Status): boolean {
   return runsNow(status) && !status.pending.abort && status.state !== "Aborting";
 }
 
-/** Whether a run is there that goes on after the well under way. */
+/** Whether there is a run that continues after the current well. */
 export function canStop(status: Status): boolean {
   return canAbort(status) && !status.pending.stop && status.state !== "Stopping";
 }
 
 const HOLDABLE: ReadonlySet<State> = new Set(["Starting", "Execute", "Suspended", "Suspending", "Unsuspending"]);
 
-/** Whether a held run goes on by itself: an operator who does not want that holds it too. */
+/** Whether a held run continues by itself. An operator can prevent this with a hold. */
 export function goesOnByItself(status: Status): boolean {
   return status.state === "Held" && status.run?.goes_on_by_itself === true;
 }
@@ -166,12 +166,12 @@ export function canGoOn(status: Status): boolean {
   return canAbort(status) && status.state === "Held";
 }
 
-/** The barcode of the plate whose handover is open and keeps runs from being taken, by the status' own words; else null. */
+/** The barcode of the plate whose open handover blocks runs, according to the status; else null. */
 export function handedOver(status: Status): string | null {
   return /^plate (\S+) is being handed over$/.exec(status.not_ready_reason ?? "")?.[1] ?? null;
 }
 
-/** Whether a new run could be asked for. */
+/** Whether a new run could be requested. */
 export function canStart(status: Status): boolean {
   return !runsNow(status) && ["Idle", "Complete", "Stopped", "Aborted"].includes(status.state);
 }

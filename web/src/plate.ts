@@ -90,7 +90,7 @@ export class PlateView {
     return button;
   }
 
-  /** The nearest planned well in the direction of the arrow, straight ahead before aside. */
+  /** The nearest planned well in the direction of the arrow. Wells straight ahead come before others. */
   #walk(event: KeyboardEvent): void {
     const step = STEPS[event.key];
     const from = (event.target as HTMLElement).dataset["well"];

@@ -1,4 +1,4 @@
-// Flags and reasons in an operator's words: what is so, and what to do about it. docs/quality.md has the limits behind them. Pure.
+// Explains flags and reasons: what was found, and what to do about it. docs/quality.md describes the limits. Pure.
 
 import { words } from "./format.ts";
 
@@ -41,7 +41,7 @@ export function flagWords(flag: string): string {
   return FLAGS[flag] ?? words(flag);
 }
 
-/** Why a well has no number; a failure says it in words already, in which paths and commands stay as they are. */
+/** Why a well has no number. The reason of a failure is a sentence already, in which paths and commands are kept unchanged. */
 export function reasonWords(reason: string): string {
   return REASONS[reason] ?? (/^[a-z_]+$/.test(reason) ? words(reason) : reason);
 }

@@ -1,4 +1,4 @@
-// The instrument itself: axes, camera, disk, calibration.
+// The state of the instrument: axes, camera, disk, calibration.
 
 import { fact } from "./dom.ts";
 import { age, bytes, capitalised, duration, grouped, micrometres, significant } from "./format.ts";
@@ -59,13 +59,13 @@ function slide(axis: TranslationStatus): string {
   return axis.position_um === null ? "✓ referenced" : `✓ at ${micrometres(axis.position_um)}`;
 }
 
-/** The background of the newest view, of 255, and what of it is too bright to be told. */
+/** Background level of the newest view, 0 to 255, and the saturated share of it. */
 export function lightWords({ background, saturated }: Light): string {
   const level = `background ${grouped(background)} of 255`;
   return saturated < 0.0005 ? level : `${level}, ${significant(saturated * 100, 2)} % saturated`;
 }
 
-/** Says something beside other views of the same rig and specimen only: so many millionths are easier to compare than 0.00123. */
+/** Useful only in comparison with other views on the same rig. Millionths are easier to compare than 0.00123. */
 export function focusWords({ focus }: Light): string {
   return `${grouped(focus * 1e6)} (higher is sharper)`;
 }
@@ -75,9 +75,9 @@ function cameraWords(camera: CameraStatus): string {
   return camera.identity === null ? "✓ connected" : `✓ ${camera.identity}`;
 }
 
-/** The rig's newest calibration in one line. */
+/** The newest calibration of the rig in one line. */
 export function calibrationWords(calibration: CalibrationStatus | null): string {
-  // Daily beads have a line of their own.
+  // The daily beads have their own line.
   if (calibration === null || calibration.kind === "gate") return "! none kept of this rig";
   const { kind, bead_bias_percent: bias, age_s, max_age_s, valid } = calibration;
   const parts = [`${valid ? "✓" : "!"} by ${kind}, ${age(age_s)} old`];
@@ -86,12 +86,12 @@ export function calibrationWords(calibration: CalibrationStatus | null): string 
   return parts.join(", ");
 }
 
-/** What the newest daily beads say, and whether it still counts. */
+/** The result of the newest daily beads, and whether it is still valid. */
 export function gateWords({ stands, words }: GateStatus): string {
   return `${stands ? "✓" : "✕"} ${words.map((sentence) => capitalised(sentence.replace(/\.$/, ""))).join(". ")}.`;
 }
 
-/** What was lost; the whole ones are counted after each well only, which reads as a loss in mid-turn. */
+/** Lost frames and packets. The number of good frames is left out: it rises only after each well, which looks like a loss. */
 function frames(camera: CameraStatus): string {
   const parts: string[] = [];
   if (camera.failed_frames > 0) parts.push(`${grouped(camera.failed_frames)} failed`);

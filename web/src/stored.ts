@@ -1,12 +1,12 @@
-// What is stored of a well, asked for once; where nothing is, again after a while: it may come yet.
+// The stored records of wells. Each is requested once; if there is none, it is requested again later, because it may still come.
 
 import { fetchSpecimen } from "./api.ts";
 import type { RunStatus, Specimen } from "./status.ts";
 
-/** How long nothing stays nothing, ms. */
+/** Time for which a missing record is not requested again, ms. */
 const NOTHING_MS = 5000;
 
-/** A well of a run, which its name alone does not tell from another that had it before. */
+/** A well of a run, with the start of the run: another run may have had the same name before. */
 export interface StoredWell {
   run: string;
   started: string;
@@ -25,7 +25,7 @@ export class StoredSpecimens {
   readonly #asked = new Map<string, Promise<Specimen | null>>();
   readonly #fetch: typeof fetchSpecimen;
   readonly #now: () => number;
-  /** Until when nothing is nothing. */
+  /** By key, the time until which a missing record is not requested again. */
   readonly #nothing = new Map<string, number>();
 
   constructor(fetch = fetchSpecimen, now = () => performance.now()) {
@@ -42,7 +42,7 @@ export class StoredSpecimens {
     this.#asked.set(key, asked);
     asked.then(
       (found) => found ?? this.#nothing.set(key, this.#now() + NOTHING_MS),
-      // Asked again where the daemon was away.
+      // Requested again after an error, for example while the daemon is away.
       () => this.#asked.delete(key),
     );
     return asked;

@@ -1,7 +1,7 @@
-// Whose pictures the page shows: the run's as it goes on, or those that are stored of a well the operator has chosen. Pure.
+// Which specimen's pictures the page shows: those of the run as it proceeds, or the stored ones of the well that the operator chose. Pure.
 //
-//   nobody chosen ──> the newest, whosever; of a run that has ended, the last well that was measured, as beside its numbers
-//   chosen, under way ──> the newest, where they are that well's
+//   no well chosen ──> the newest pictures; of a run that has ended, those of the last measured well, like the numbers
+//   chosen, under way ──> the newest pictures, if they are of that well
 //   chosen, measured ──> stored
 
 import { underWay } from "./plain.ts";
@@ -10,12 +10,12 @@ import type { StoredWell } from "./stored.ts";
 import { CONDITIONS, conditionOf } from "./wells.ts";
 
 export type Subject =
-  /** The newest pictures of this run; of `well` alone, where one is given. */
+  /** The newest pictures of this run; only those of `well`, if it is given. */
   | { kind: "live"; run: string; well: string | null }
   | ({ kind: "stored" } & StoredWell)
   | { kind: "none"; words: string };
 
-/** The well to show: the operator's, or the one under way, or the last that ended. */
+/** The well to show: the operator's choice, else the current one, else the last that ended. */
 export function chosenWell(status: Status, pinned: string | null): string | null {
   const wells = status.run?.results ?? [];
   const current = status.specimen?.well;
@@ -28,7 +28,7 @@ function lastMeasured(wells: readonly WellStatus[]): WellStatus | undefined {
   return wells.findLast((w) => w.volume_um3 !== null);
 }
 
-/** Whether something of it is surely stored, if only the frame it was skipped by: of a well that an abort left out there may be nothing. */
+/** Whether something is certainly stored, at least the frame that judged a skipped well. A well that an abort left out may have nothing. */
 export function isStored(well: WellStatus): boolean {
   return well.outcome === "succeeded" || well.outcome === "failed" || well.outcome === "skipped";
 }

@@ -1,10 +1,10 @@
-// A run's results as a table for a spreadsheet: a line per well, what the plate map says of it beside what was measured. Units stand in
-// the names of the columns, and every line says whether it is a simulation's.
+// The results of a run as a table for spreadsheets: one line per well, with the plate map's entries and the measured values. The names of
+// the columns contain the units, and every line shows whether it is simulated.
 
 import { fetchRun } from "./api.ts";
 import type { PlannedWell, RunDetail, RunPlan, WellStatus } from "./status.ts";
 
-/** Of the plate map, then of the result. */
+/** Columns from the plate map, then those from the result. */
 const COLUMNS = [
   ...[
     "specimen",
@@ -21,12 +21,12 @@ const COLUMNS = [
   ...["diameter_um", "signal_per_nl", "views", "views_planned"],
 ] as const satisfies readonly (keyof PlannedWell | keyof WellStatus)[];
 
-/** What the table reads of a run. */
+/** The parts of a run that the table needs. */
 type Tabled = Pick<RunDetail, "id" | "mode" | "plate_barcode" | "method" | "results"> & {
   plan: Pick<RunPlan, "plate_map">;
 };
 
-/** CSV after RFC 4180. Pure. */
+/** CSV according to RFC 4180. Pure. */
 export function tableOf(run: Tabled): string {
   const planned = new Map(run.plan.plate_map.map((well) => [well.well, well]));
   const head = { run: run.id, mode: run.mode, plate_barcode: run.plate_barcode, method: run.method };
@@ -44,14 +44,14 @@ function cell(value: unknown): string {
   return /[",\r\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
 }
 
-/** Text that a spreadsheet would take for a formula is marked as text; numbers stay. */
+/** Marks text that a spreadsheet would take for a formula as text. Numbers are not changed. */
 function harmless(text: string): string {
   return /^[=+\-@\t\r]/.test(text) && Number.isNaN(Number(text)) ? `'${text}` : text;
 }
 
-/** Hands the table to the browser, as a file named after the run. */
+/** Offers the table as a download, in a file named after the run. */
 export async function saveTable(run: string): Promise<void> {
-  // With the mark by which spreadsheets know UTF-8.
+  // With the byte order mark by which spreadsheets recognise UTF-8.
   const file = new Blob(["\ufeff", tableOf(await fetchRun(run))], { type: "text/csv" });
   const link = document.createElement("a");
   link.href = URL.createObjectURL(file);

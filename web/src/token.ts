@@ -1,4 +1,4 @@
-// The instrument's token, where it asks for one (off loopback): typed once, kept until the tab is closed.
+// The instrument's token, if it requires one (outside loopback). It is typed once and kept until the tab is closed.
 
 import { show } from "./dom.ts";
 

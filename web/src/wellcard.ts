@@ -86,7 +86,7 @@ function facts(well: WellStatus, specimen: SpecimenStatus | null, condition: Con
   return rows;
 }
 
-/** Of the surface that is drawn: beside the numbers to trust, not in their place. */
+/** The numbers of the displayed surface. They come after the reported numbers and do not replace them. */
 function modelNumbers({ field_volume_um3: volume, field_area_um2: area }: WellStatus): HTMLElement[] {
   const shown: HTMLElement[] = [];
   if (volume !== null) shown.push(small("field-volume", nanolitres(volume), cubicMicrometres(volume)));
@@ -100,7 +100,7 @@ function small(name: string, text: string, exact: string): HTMLElement {
   return made;
 }
 
-// The estimate, not the hull that the chart shows: that one is too large while views are few.
+// The estimate, not the hull in the chart, which is too large after few views.
 function volumeSoFar({ volume_um3, volume_sd_um3, volume_views, converged }: SpecimenStatus): HTMLElement {
   if (volume_um3 === null) return element("span", "quiet", "not known yet: it takes views from more sides");
   const views = volume_views === null ? "" : `, of ${counted(volume_views, "view")}`;

@@ -1,4 +1,4 @@
-// Where a well stands on its plate and in which of the named conditions it is.
+// The position of a well on its plate, and its condition.
 
 import { capitalised } from "./format.ts";
 import { reasonWords } from "./reasons.ts";
@@ -12,7 +12,7 @@ export interface PlateFormat {
 export const PLATE_96: PlateFormat = { rows: 8, columns: 12 };
 export const PLATE_384: PlateFormat = { rows: 16, columns: 24 };
 
-/** Row and column from 0, or null for a name that no plate has. */
+/** Row and column from 0, or null for a name that exists on no plate. */
 export function place(well: string): { row: number; column: number } | null {
   const match = /^([A-P])(\d\d)$/.exec(well);
   if (!match) return null;
@@ -25,7 +25,7 @@ export function wellName(row: number, column: number): string {
   return String.fromCharCode(65 + row) + String(column + 1).padStart(2, "0");
 }
 
-/** The smaller plate unless a well stands outside it. */
+/** The smaller plate, unless a well is outside it. */
 export function formatFor(wells: readonly string[]): PlateFormat {
   const outside = wells.some((name) => {
     const at = place(name);
@@ -37,7 +37,7 @@ export function formatFor(wells: readonly string[]): PlateFormat {
 export type Condition =
   "pending" | "active" | "measuring" | "succeeded" | "flagged" | "skipped" | "failed" | "interrupted" | "aborted";
 
-/** Sign and words for each condition, so that colour is never the only carrier. */
+/** A sign and words for each condition, so that colour is not the only indication. */
 export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
   pending: { sign: "·", label: "not started" },
   active: { sign: "▶", label: "under way" },
@@ -50,7 +50,7 @@ export const CONDITIONS: Record<Condition, { sign: string; label: string }> = {
   aborted: { sign: "■", label: "aborted" },
 };
 
-/** `wells` are those of the run, in the order in which they are visited. */
+/** `wells` are those of the run, in the order of measurement. */
 export function conditionOf(
   well: WellStatus,
   specimen: SpecimenStatus | null,
@@ -59,7 +59,7 @@ export function conditionOf(
   switch (well.outcome) {
     case null:
       if (specimen?.well === well.well) return "active";
-      // The next is brought while the numbers of one that was turned are made.
+      // The next specimen is loaded while the numbers of the previous one are computed.
       return isBefore(well.well, specimen?.well, wells) ? "measuring" : "pending";
     case "succeeded":
       return well.flags.length > 0 ? "flagged" : "succeeded";
@@ -77,7 +77,7 @@ export function contents(well: WellStatus): string {
   return well.dpf === null ? well.specimen : `${well.specimen}, ${well.dpf} dpf`;
 }
 
-/** The place among reference larvae: a sentence per number, and beneath it what of it does not match. */
+/** The comparison with reference larvae: one sentence per number, followed by the conditions that differ. */
 export function places(well: WellStatus): { text: string; doubts: string }[] {
   if (well.reference === null) return [];
   return [well.reference.volume, well.reference.area].map(({ words, mismatches }) => ({

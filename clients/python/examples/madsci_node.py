@@ -1,13 +1,13 @@
-"""carved as a MADSci node: the REST routes that a MADSci workcell asks, with the standard library alone.
+"""carved as a MADSci node: the REST routes of a MADSci workcell, with the standard library alone.
 
     POST /action/measure_plate {"args": {...}} ──> action_id      the run's name is the action's id
     POST /action/measure_plate/ID/start        ──> running
-    GET  /action/ID/status  /action/ID/result  ──> what became of the run, asked of the instrument each time
+    GET  /action/ID/status  /action/ID/result  ──> the state of the run, read from the instrument each time
     POST /admin/safety_stop | pause | resume | cancel | reset
     GET  /status  /state  /info
 
-The node keeps no outcome of its own: it may be restarted, the instrument too, and an action's end is still what the
-instrument says. Run it: `python madsci_node.py http://127.0.0.1:8420 2000`
+The node stores no outcomes. After a restart of the node or of the instrument the end of an action is still that of the
+instrument. Run it: `python madsci_node.py http://127.0.0.1:8420 2000`
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 from carved_client import CarvedClient, CarvedError, ProblemError, RunPlan, Status
 from carved_client.decode import decode
 
-#: How a run's end reads as an action's. An unknown end is never success.
+#: The status of an action for the outcome of a run. An unknown outcome is never a success.
 ENDS = {"succeeded": "succeeded", "partial": "succeeded", "aborted": "cancelled"}
 PAUSED = {"Holding", "Held", "Suspending", "Suspended"}
 
@@ -90,7 +90,7 @@ class CarvedNode:
         if run is not None and run.outcome is None:
             return self._result(action_id, "paused" if status.state in PAUSED else "running")
         try:
-            # Ended: the store knows it, also where the status has another run by now.
+            # The run has ended. The store has it, also if the status shows another run by now.
             stored = self.client.run(action_id)
         except ProblemError as error:
             if error.problem.code != "unknown_run":
@@ -128,7 +128,7 @@ def _why(status: Status, outcome: str | None, end: str) -> list[str]:
 
 
 def server(node: CarvedNode, port: int) -> ThreadingHTTPServer:
-    """Serves a node on loopback; port 0 is any free one."""
+    """Serves a node on loopback. Port 0 selects a free port."""
 
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:

@@ -1,11 +1,11 @@
-"""A plate of 96 wells, unattended, on the emulated rig: the daemon is killed twice, the camera is lost once.
+"""A plate of 96 wells without an operator, on the emulated rig. The daemon is killed twice, the camera is lost once.
 
     python examples/overnight.py --carved ../../target/release/carved --data /tmp/overnight
 
-Larvae of 3, 4 and 5 dpf, four beads, six empty wells, and four that hold what the plate map does not say: two larvae, a
+Larvae of 3, 4 and 5 dpf, four beads, six empty wells, and four wells that differ from the plate map: two larvae, a
 bubble, debris, a larva half out of the picture. The plate-loader polls at 1 Hz on a line that loses, cuts and doubles
-requests. Afterwards every well is accounted for: outcomes against what was in the well, files against their SHA-256,
-numbers against `carved measure`, volumes against the phantoms' ideal hulls. Exit code 1 where any of that is not so.
+requests. Afterwards every well is checked: its outcome against its contents, files against their SHA-256, numbers
+against `carved measure`, volumes against the phantoms' ideal hulls. The exit code is 1 if any check fails.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ RUN = "overnight"
 EMPTY = ["A07", "B03", "C11", "E05", "F09", "H12"]
 SURPRISES = {"B08": "two", "D02": "bubble", "E10": "debris", "G04": "clipped"}
 BEADS = ["A01", "A12", "H01", "H11"]
-#: What each of these must end as: outcome, and reason where it is skipped.
+#: The expected reason of each skipped well.
 SKIPPED = {**dict.fromkeys(EMPTY, "empty"), "B08": "two", "D02": "bubble", "E10": "debris"}
 
 
 def wells(count: int) -> list[str]:
-    """Along the rows."""
+    """The first `count` wells, row by row."""
     return [f"{row}{column:02}" for row in "ABCDEFGH" for column in range(1, 13)][:count]
 
 
 def plate_map(count: int) -> tuple[PlannedWell, ...]:
-    """A third of the rows of each age, beads at the plate's corners."""
+    """Rows A to C with 3 dpf, D to F with 4, G and H with 5, and beads in the corners of the plate."""
     ages = {"A": 3, "B": 3, "C": 3, "D": 4, "E": 4, "F": 4, "G": 5, "H": 5}
     return tuple(
         PlannedWell(well, "bead")
@@ -51,7 +51,7 @@ def plate_map(count: int) -> tuple[PlannedWell, ...]:
 
 
 class Rig:
-    """`carved simulate` under a supervisor: it is started again when it dies, as systemd would."""
+    """`carved simulate` under a supervisor that restarts it when it dies, as systemd does."""
 
     def __init__(self, carved: str, data: Path, time_scale: float, listen: str) -> None:
         self.command = [
@@ -70,7 +70,8 @@ class Rig:
         self.log = (data / "daemon.log").open("ab")
         self.starts = 0
         self.ending = False
-        #: Seconds after which, and for which, the camera's cable is out in one life of the daemon.
+        #: The index of a start of the daemon, and after how many seconds and for how many the camera's cable is
+        #: disconnected.
         self.camera_out: tuple[int, tuple[float, float]] = (-1, (0.0, 0.0))
         self.process = self._start()
         threading.Thread(target=self._supervise, daemon=True).start()
@@ -95,7 +96,7 @@ class Rig:
 
 
 def killer(rig: Rig, progress: dict[str, Any], moments: list[float], said: list[str]) -> None:
-    """kill -9 when such a share of the wells is done, at whatever moment of the specimen that is."""
+    """Kills the daemon with -9 when this share of the wells is done, at a random moment."""
     for share in moments:
         while progress.get("share", 0.0) < share:
             time.sleep(0.05)
@@ -106,7 +107,7 @@ def killer(rig: Rig, progress: dict[str, Any], moments: list[float], said: list[
 
 
 def account(report: Report, run: Path, carved: str) -> list[str]:
-    """Everything that is not as it should be, in words."""
+    """Everything that differs from the expected result, in words."""
     wrong: list[str] = []
     for result in report.run.results:
         expected = ("skipped", SKIPPED[result.well]) if result.well in SKIPPED else ("succeeded", None)
@@ -142,7 +143,7 @@ def account(report: Report, run: Path, carved: str) -> list[str]:
 
 
 def against_truth(report: Report, run: Path) -> dict[str, list[float]]:
-    """Volume against the ideal hull, percent, per kind of specimen; what is flagged apart."""
+    """Volume compared with the ideal hull, percent, per kind of specimen; flagged specimens separately."""
     found: dict[str, list[float]] = {}
     for result in report.run.results:
         if result.volume_um3 is None:
@@ -157,7 +158,7 @@ def against_truth(report: Report, run: Path) -> dict[str, list[float]]:
 
 
 def times(report: Report, run: Path) -> dict[str, list[float]]:
-    """Seconds per phase over all measured wells, and the program's own."""
+    """Seconds per phase over all measured wells, and the program's own time."""
     found: dict[str, list[float]] = {}
     for result in report.run.results:
         file = run / result.well / "timings.json"
@@ -183,7 +184,7 @@ def main() -> int:
     chance = random.Random(given.seed)
     moments = sorted(chance.uniform(0.1, 0.85) for _ in range(2))
     rig = Rig(given.carved, given.data, given.time_scale, given.listen)
-    # In the life between the two deaths, for longer than the ten seconds in which a run waits for its camera.
+    # Between the two deaths, for longer than the ten seconds for which a run waits for its camera.
     rig.camera_out = (1, (chance.uniform(15.0, 40.0), 30.0))
     progress: dict[str, Any] = {}
     seen_faults: set[str] = set()

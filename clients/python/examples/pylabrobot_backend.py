@@ -1,9 +1,9 @@
-"""carved as a PyLabRobot machine: a front end that a protocol speaks to, and a backend that speaks to the instrument.
+"""carved as a PyLabRobot machine: a front end for protocols, and a backend for the instrument.
 
     async with LarvaScanner("scanner", CarvedBackend("http://127.0.0.1:8420")) as scanner:
         results = await scanner.measure("P-001", {"A1": 4.0, "A2": 5.0})
 
-PyLabRobot's own `MachineBackend` is the base where it is installed; nothing else of it is needed.
+PyLabRobot's own `MachineBackend` is the base class if it is installed. Nothing else of PyLabRobot is needed.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ else:
 
 
 class LarvaScannerBackend(MachineBackend):
-    """What any instrument that measures larvae well by well must be able to do."""
+    """The functions of any instrument that measures larvae well by well."""
 
     @abstractmethod
     async def setup(self) -> None:
-        """Connects, and waits until the instrument would start a run."""
+        """Connects, and waits until the instrument is ready for a run."""
 
     @abstractmethod
     async def stop(self) -> None:
-        """Ends what is under way and lets the connection go; `setup` may be called again."""
+        """Ends the current work and closes the connection; `setup` may be called again."""
 
     @abstractmethod
     async def measure(self, run_id: str, barcode: str, wells: Mapping[str, float | None]) -> list[dict[str, Any]]:
-        """Measures wells, of which the age in dpf may be known; one dictionary per well."""
+        """Measures wells, whose age in dpf may be given. Returns one dictionary per well."""
 
 
 class CarvedBackend(LarvaScannerBackend):
-    """Speaks to a carved daemon. Its calls block, so they run beside the event loop."""
+    """Speaks to a carved daemon. Its calls block, so they run in threads beside the event loop."""
 
     def __init__(
         self, url: str, *, token: str | None = None, method: str = "standard", operator: str = "pylabrobot"
@@ -95,12 +95,12 @@ class CarvedBackend(LarvaScannerBackend):
         ]
 
     def serialize(self) -> dict[str, Any]:
-        """For a deck file; the token stays out of it."""
+        """The settings for a deck file. The token is not included."""
         return {"type": type(self).__name__, "url": self.url, "method": self.method, "operator": self.operator}
 
 
 class LarvaScanner:
-    """The front end: the same for every backend."""
+    """The front end, which is the same for every backend."""
 
     def __init__(self, name: str, backend: LarvaScannerBackend) -> None:
         self.name, self.backend = name, backend
@@ -132,5 +132,5 @@ class LarvaScanner:
 
 
 def _two_digits(well: str) -> str:
-    """PyLabRobot says `A1`, carved `A01`."""
+    """Converts PyLabRobot's `A1` to carved's `A01`."""
     return f"{well[0]}{int(well[1:]):02d}"

@@ -10,7 +10,7 @@ from rig import BINARY, Daemon
 
 @pytest.fixture
 def start_daemon(tmp_path: Path) -> Iterator[Callable[..., Daemon]]:
-    """Starts `carved simulate` with the given arguments; it ends with the test."""
+    """Starts `carved simulate` with the given arguments. It is ended with the test."""
     if not BINARY.is_file():
         reason = f"there is no daemon at {BINARY}: `cargo build --bin carved`, or set CARVED_BIN"
         if os.environ.get("CARVED_STRICT") == "1":

@@ -4,7 +4,7 @@
     class of a request       as above, and each property of the schema is a field; a required one has no default
     Literal                  the same values as the schema's enum
 
-An answer may have more properties than its class: the client leaves them out.
+An answer may have more properties than its class: the client ignores them.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 REFERENCE = "#/components/schemas/"
-#: What a JSON type is in Python.
+#: The Python type of each JSON type.
 SIMPLE: dict[str, Any] = {"string": str, "integer": int, "number": float, "boolean": bool}
 
 
@@ -35,7 +35,7 @@ def classes_of(*modules: types.ModuleType) -> list[type]:
 
 
 class Contract:
-    """The schemas of the contract, and what differs from them."""
+    """The schemas of the contract, and the differences from them."""
 
     def __init__(self, document: dict[str, Any]) -> None:
         self.schemas: dict[str, dict[str, Any]] = document["components"]["schemas"]
@@ -58,7 +58,7 @@ class Contract:
             has_default = _has_default(field)
             served = schema["properties"].get(field.name)
             if served is None:
-                # A class of several answers has fields that only some of them have.
+                # In a class for several kinds of answers, some fields belong to only some of them.
                 if schema_name is None or not has_default:
                     yield f"{at} is not in the contract"
                 continue
@@ -78,11 +78,11 @@ class Contract:
             if must == _has_default(field):
                 yield f"{at} {'must' if must else 'need not'} be sent, and the client has it otherwise"
             if field.name in schema["properties"]:
-                # The client leaves out what is None.
+                # The client omits values that are None.
                 yield from self._compare(at, hint, schema["properties"][field.name], optional=not must)
 
     def _compare(self, at: str, hint: Any, schema: dict[str, Any], *, optional: bool) -> Iterator[str]:
-        """`optional`: None in the hint may also say that the property is missing."""
+        """With `optional`, None in the hint may also mean that the property is missing."""
         if hint is Any:
             return
         wanted, takes_none = _without_none(hint)

@@ -1,4 +1,4 @@
-"""A daemon that answers what a test wants, and pauses that take no time."""
+"""A daemon whose answers the test chooses, and pauses that take no time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from carved_client import CarvedClient
 
 
 class Fake:
-    """Answers in order, the last one for ever; keeps what was asked and how long was paused."""
+    """Gives the answers in order, the last one repeatedly. Records the requests and the pauses."""
 
     def __init__(self, answers: Sequence[object], **options: Any) -> None:
         self.answers = list(answers)

@@ -12,7 +12,7 @@ from carved_client import CarvedClient, PlannedWell, RunPlan
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 BINARY = Path(os.environ.get("CARVED_BIN", REPOSITORY / "target" / "debug" / "carved"))
-#: Longer than anything here takes, even on a loaded machine: a hang becomes a failure, nothing is timed by it.
+#: Longer than anything takes here, even on a loaded machine. A hang then becomes a failure; nothing is timed with it.
 PATIENCE_S = 240.0
 
 
@@ -22,7 +22,7 @@ def plan(*wells: str | PlannedWell, barcode: str = "P-1") -> RunPlan:
 
 
 class Daemon:
-    """`carved simulate`, which can be killed and started again on the same folder and port."""
+    """`carved simulate`, which can be killed and restarted with the same folder and port."""
 
     def __init__(self, folder: Path, *arguments: str, time_scale: int) -> None:
         self.folder = folder
@@ -47,7 +47,7 @@ class Daemon:
         self.listen = self.url.removeprefix("http://")
 
     def kill(self) -> None:
-        """As a power cut: nothing is closed and nobody is told."""
+        """Kills the process like a power cut: it closes nothing and reports nothing."""
         self.process.send_signal(signal.SIGKILL)
         self.process.wait()
 
@@ -61,7 +61,7 @@ class Daemon:
                 self.process.wait()
 
     def ready(self) -> CarvedClient:
-        """A client, once the instrument would start a run."""
+        """A client, once the instrument is ready for a run."""
         client = CarvedClient(self.url)
         client.wait_for(lambda status: status.ready, "readiness", PATIENCE_S)
         return client

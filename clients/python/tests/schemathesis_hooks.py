@@ -1,4 +1,4 @@
-"""Has Schemathesis ask as many clients do: else the pace of one, and a lease, would answer for all the rest."""
+"""Makes Schemathesis appear as many clients, because a rate limit or a lease would refuse most requests."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _addresses = itertools.cycle(f"127.0.0.{last}" for last in range(2, 250))
 
 
 def _connect_as_another(*arguments: Any, **options: Any) -> Any:
-    """Each connection comes from another address of loopback: a daemon gives each its own pace."""
+    """Each connection comes from another loopback address, because the daemon limits the rate per address."""
     return _connect(*arguments, **{**options, "source_address": (next(_addresses), 0)})
 
 
@@ -23,6 +23,6 @@ connections.create_connection = _connect_as_another
 
 @schemathesis.hook
 def after_call(context: Any, case: Any, response: Any) -> None:
-    """A lease that a generated request was granted is given back: it would hold back all others."""
+    """Returns a lease that was granted to a generated request, because it would block all other requests."""
     if (case.method, case.path) == ("PUT", "/v1/lease") and response.status_code in (200, 201):
         requests.delete(response.request.url, headers={"carved-lease": response.json()["token"]}, timeout=10.0)

@@ -1,4 +1,4 @@
-"""The served contract: what the daemon answers is in it."""
+"""The answers of the daemon agree with the served contract."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ import pytest
 from rig import PATIENCE_S, Daemon, plan
 
 HERE = Path(__file__).parent
-#: Paths that a generated request would never come back from.
+#: Paths whose requests would never end.
 ENDLESS = ("/v1/events",)
 
 
 @pytest.fixture
 def served(start_daemon: Callable[..., Daemon]) -> Daemon:
-    """A daemon that has something to tell: a run with a measured and an empty well."""
+    """A daemon with data: a run with a measured and an empty well."""
     daemon = start_daemon("--no-demo", "--empty", "A02")
     with daemon.ready() as client:
         client.put_run("made", plan("A01", "A02"))

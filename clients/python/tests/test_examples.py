@@ -1,4 +1,4 @@
-"""The examples, run as they stand."""
+"""Runs the examples unchanged."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_a_pylabrobot_protocol(start_daemon: Callable[..., Daemon]) -> None:
 
 @contextmanager
 def workcell(client: CarvedClient) -> Iterator[httpx.Client]:
-    """A node of an instrument, and the workcell that speaks to it."""
+    """A node of an instrument, and the workcell that uses it."""
     with server(CarvedNode(client), 0) as node:
         serving = threading.Thread(target=node.serve_forever)
         serving.start()

@@ -1,4 +1,4 @@
-"""The bad line does what it says, and the same again for the same seed."""
+"""The bad line has the stated faults, and the same ones again for the same seed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from carved_client.watch import Misled
 
 
 def fates(seed: int, mischief: Mischief, interleaved: int) -> list[str]:
-    """What becomes of twenty commands, with so many polls between two of them."""
+    """The faults of twenty commands, with this number of polls between two of them."""
 
     def answer(request: httpx.Request) -> httpx.Response:
         return httpx.Response(200)

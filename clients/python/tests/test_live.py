@@ -52,7 +52,7 @@ def test_a_plate_from_its_plan_to_its_numbers(start_daemon: Callable[..., Daemon
 
 
 def _poll_to_the_end(client: CarvedClient) -> None:
-    """A second reader, by ETags, sees the same end."""
+    """A second reader with ETags sees the same end."""
     for status in client.poll(PATIENCE_S):
         if status.run is not None and status.run.outcome == "succeeded":
             return
@@ -84,7 +84,7 @@ def test_one_client_at_a_time_and_what_a_plan_may_say(start_daemon: Callable[...
                 other.put_run("r1", plan("A01"))
             assert locked.value.problem.lease is not None
             assert locked.value.problem.lease.holder == "loader 1"
-            # The lease is passed and the plan is read.
+            # The request passes the lease, and its plan is read.
             with pytest.raises(ProblemError, match="invalid_plan"):
                 loader.put_run("r1", plan())
         with pytest.raises(ProblemError, match="invalid_plan"):

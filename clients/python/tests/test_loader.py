@@ -1,4 +1,4 @@
-"""The simulated plate-loader and the emulated instrument: a plate over a bad line, and over power cuts."""
+"""The simulated plate-loader with the emulated instrument: a plate over a bad line, and over power cuts."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_a_plate_over_a_bad_line(start_daemon: Callable[..., Daemon]) -> None:
     ]
     assert (report.run.outcome, report.boots) == ("succeeded", 1)
     assert report.brought == ["A01", "A02", "A03"]
-    # Another plate put in first, a third to be taken away in its place; three wells; another plate to be taken away.
+    # Another plate is put in first and a third one taken away; then the wrong wells; then another plate is taken away.
     assert [refused.rpartition(": ")[2] for refused in dict.fromkeys(report.refused)] == [
         "other_barcode",
         "other_barcode",
@@ -64,7 +64,7 @@ def test_a_plate_over_power_cuts(start_daemon: Callable[..., Daemon]) -> None:
         restart.join()
     assert [(w.well, w.outcome) for w in report.run.results] == [("A01", "succeeded"), ("A02", "succeeded")]
     assert (report.run.outcome, report.boots, cuts) == ("succeeded", 3, [])
-    # What was under way is done anew, what was done is not touched.
+    # The interrupted specimen is measured again, the finished one is not.
     assert report.brought == ["A01", "A01", "A02", "A02"]
     folders = sorted(folder.name for folder in (daemon.folder / "data/runs/r1").iterdir() if folder.is_dir())
     assert folders == ["A01", "A01.attempt-1", "A02", "A02.attempt-1"]

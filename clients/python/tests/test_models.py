@@ -1,4 +1,4 @@
-"""The types of this package are those of the contract. No daemon is needed: `docs/openapi.json` is what it serves."""
+"""The types of this package agree with the contract. No daemon is needed, because it serves `docs/openapi.json`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from carved_client import PlannedWell, RunPlan, errors, models, plan
 
 FILE = Path(__file__).resolve().parents[3] / "docs" / "openapi.json"
 REQUESTS = (RunPlan, PlannedWell)
-#: A mark in the stream of events. The contract describes the events only.
+#: A marker in the stream of events. The contract describes only the events.
 NOT_A_SCHEMA = (models.Resync,)
 
 
@@ -30,7 +30,7 @@ def differences(document: dict[str, Any]) -> list[str]:
     assert len(classes) > 15
     found: list[Iterator[str]] = [contract.alias(name, alias) for name, alias in aliases_of(models).items()]
     found += [contract.request(cls) if cls in REQUESTS else contract.answer(cls) for cls in classes]
-    # A command that belongs to no run is answered without one.
+    # The answer to a command that belongs to no run has no run.
     found.append(contract.answer(models.Acknowledged, "Noted"))
     return list(chain.from_iterable(found))
 

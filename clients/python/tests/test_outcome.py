@@ -1,4 +1,4 @@
-"""The end of a run that was reached while nobody could ask, and a lease whose answer was lost."""
+"""A run that ended while nobody could ask, and a lease whose answer was lost."""
 
 from __future__ import annotations
 

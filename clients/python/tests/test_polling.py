@@ -1,4 +1,4 @@
-"""Polls, long polls and the journal, over a daemon that comes and goes."""
+"""Polls, long polls and the journal, with a daemon that stops and restarts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a run has left, read back."""
+"""Reads the results of a run."""
 
 from __future__ import annotations
 

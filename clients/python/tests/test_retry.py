@@ -1,4 +1,4 @@
-"""What is sent again, when, and what never is."""
+"""Which requests are repeated, when, and which never are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Holding, stopping and stopping at once, by the client's words."""
+"""Hold, stop, abort and emergency stop by the client."""
 
 from __future__ import annotations
 

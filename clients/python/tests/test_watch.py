@@ -1,4 +1,4 @@
-"""Each rule of the watch is broken once."""
+"""Breaks each rule of the watch once."""
 
 from __future__ import annotations
 

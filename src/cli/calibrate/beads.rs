@@ -1,4 +1,4 @@
-//! `carved calibrate beads`: what measured beads say of the rig, kept as a dated file.
+//! `carved calibrate beads`: what measured beads show about the rig, stored as a dated file.
 //!
 //! ```text
 //!  measurement.json of beads ── diameter ──────── mean, SD, t against N(500, 25)
@@ -19,21 +19,21 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`); those that are no beads are passed over
+    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`); recordings of other specimens are skipped
     #[arg(required = true, value_name = "RECORDING_OR_RUN")]
     recordings: Vec<PathBuf>,
-    /// What the beads' mean diameter should be
+    /// Nominal mean diameter of the beads
     #[arg(long, value_name = "UM", default_value_t = 500.0)]
     nominal_um: f64,
-    /// Standard deviation of the batch about it
+    /// Standard deviation of the batch around the nominal diameter
     #[arg(long, value_name = "UM", default_value_t = 25.0)]
     nominal_sd_um: f64,
-    /// Folder that the file is put in
+    /// Folder for the dated file
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
 }
 
-/// `calibration-DAY-ID.json`.
+/// Contents of `calibration-DAY-ID.json`.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct BeadsFile {
     pub schema: String,
@@ -44,12 +44,12 @@ pub struct BeadsFile {
     pub found: Found,
 }
 
-/// What the beads say; the id is its hash.
+/// What the beads show. The id of the file is the hash of this.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Found {
     pub rig: String,
     pub mode: Mode,
-    /// When the last of the beads was recorded, RFC 3339: its day is the file's.
+    /// When the last bead was recorded, RFC 3339. Its day is in the file's name.
     pub measured: jiff::Timestamp,
     pub recordings: Vec<PathBuf>,
     pub diameter_um: Spread,
@@ -58,25 +58,25 @@ pub struct Found {
     /// Length along the capillary over width across it.
     pub aspect_ratio: Spread,
     pub refraction: Refraction,
-    /// Of the turns that calibrated themselves.
+    /// Row of the axis, px, of the turns that calibrated themselves. `None` if there is none.
     pub uy_px: Option<Spread>,
-    /// Root mean square of the turns' own standard deviations: what `uy_px.sd` is if the rig stands still.
+    /// Root mean square of the turns' own standard deviations, px: the expected `uy_px.sd` if the rig does not move.
     pub uy_turn_sd_px: Option<f64>,
     pub gamma_rad: Option<Spread>,
 }
 
-/// The mean diameter against what it should be.
+/// The measured mean diameter compared with the nominal one.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Against {
     pub nominal_um: f64,
     pub nominal_sd_um: f64,
-    /// How well so many beads of the batch tell the scale, whatever they measure: not better than this.
+    /// Standard deviation of the scale from this number of beads of the batch, in per cent. The measurement itself cannot be better.
     pub scale_sd_percent: f64,
-    /// The paper's t score with its critical value; `null` of fewer than three beads, or beads all alike.
+    /// The paper's t score with its critical value. `null` for fewer than three beads, or if all beads are equal.
     pub score: Option<serde_json::Value>,
 }
 
-/// Reads, judges, keeps and prints.
+/// Reads the beads, compares them with the nominal diameter, stores the file and prints it.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     for (option, um) in [("--nominal-um", args.nominal_um), ("--nominal-sd-um", args.nominal_sd_um)] {
         ensure!(um.is_finite() && um > 0.0, "{option} is {um}; expected a number above 0");
@@ -124,7 +124,7 @@ fn spread(values: &[f64]) -> anyhow::Result<Spread> {
     Spread::of(values).context("0 beads; 1 or more is expected")
 }
 
-/// The value of each bead; the one without it is named.
+/// The value of each bead. The error names a bead without this value.
 pub fn each(beads: &[Measured], name: &str, value: impl Fn(&Measured) -> Option<f64>) -> anyhow::Result<Vec<f64>> {
     let one = |m: &Measured| {
         let found = value(m).with_context(|| {

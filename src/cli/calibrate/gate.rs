@@ -1,9 +1,9 @@
-//! `carved calibrate gate`: whether a few beads say that the instrument is today what it was, kept as a dated file.
+//! `carved calibrate gate`: checks with a few beads that the instrument has not changed; stored as a dated file.
 //!
 //! ```text
 //!  runs of beads ── numbers ── limits of their method, earlier gates of this rig ── verdict ── gate-DAY-ID.json
 //! ```
-//! The daemon keeps one after every run with enough beads; this is for beads over several runs, and to look at one again.
+//! The daemon stores a gate after every run with enough beads. This command combines beads of several runs, or repeats a gate.
 
 use crate::cli::measure::expand;
 use anyhow::{Context, ensure};
@@ -12,25 +12,25 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`) of one rig; those that are no beads are passed over. The same well of
-    /// two runs is the same bead, measured twice
+    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`) of one rig; recordings of other specimens are skipped. The same well in two
+    /// runs counts as one bead that was measured twice
     #[arg(required = true, value_name = "RECORDING_OR_RUN")]
     recordings: Vec<PathBuf>,
-    /// Folder of the rig's calibrations: earlier gates are read there, and this one is kept there
+    /// Folder of the rig's calibrations: earlier gates are read from it, and this one is stored in it
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
-    /// Only print
+    /// Print only, store nothing
     #[arg(long)]
     dry_run: bool,
-    /// The rig was changed on purpose: earlier gates say nothing of it as it is now
+    /// The rig was changed on purpose: ignore earlier gates
     #[arg(long)]
     begin_history: bool,
 }
 
-/// Reads, judges, keeps and prints.
+/// Reads the beads, judges them, stores the gate and prints it.
 ///
 /// # Errors
-/// Beside what cannot be read: a gate that did not pass, after it was kept and printed.
+/// Files that cannot be read, and a gate that did not pass. Such a gate is stored and printed before the error is returned.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let recordings = expand(&args.recordings)?;
     let file = gates::made(&recordings, &args.out, args.begin_history)?

@@ -1,4 +1,4 @@
-//! `carved calibrate history`: dated files of beads over days, as a table and as a plot.
+//! `carved calibrate history`: the dated files of beads over several days, as a table and as a plot.
 //!
 //! ```text
 //!  uy     | o   o      o      one panel each of axis, roll, length over width and
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Files that `carved calibrate beads` left, of one rig
+    /// Files of one rig, written by `carved calibrate beads`
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
     /// Plot to write; an older one is replaced
@@ -23,11 +23,11 @@ pub struct Args {
     svg: Option<PathBuf>,
 }
 
-/// A quantity over days.
+/// A quantity over several days.
 struct Track {
     name: &'static str,
     digits: usize,
-    /// Day after the first, value.
+    /// Days since the first file and value; then the standard deviation, if there is one.
     points: Vec<([f64; 2], Option<f64>)>,
 }
 
@@ -51,13 +51,13 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     if let Some(path) = &args.svg {
         let rig = &files[0].found.rig;
         let plot = svg(rig, &first.strftime("%Y-%m-%d").to_string(), &tracks);
-        // Only to be looked at, and made again at will: it need not survive a crash.
+        // The plot can be made again at any time, so it need not survive a crash.
         std::fs::write(path, plot).with_context(|| format!("{}: cannot write the plot", path.display()))?;
     }
     Ok(())
 }
 
-/// In the order of measuring.
+/// Reads the files and sorts them by the time of measurement.
 fn read(paths: &[PathBuf]) -> anyhow::Result<Vec<BeadsFile>> {
     let mut files: Vec<BeadsFile> = Vec::new();
     for path in paths {
@@ -114,7 +114,7 @@ const PANEL: f64 = 130.0;
 const LEFT: f64 = 150.0;
 const TOP: f64 = 40.0;
 
-/// Panels below each other over the days since the first.
+/// Draws the panels below each other over the days since the first file.
 fn svg(rig: &str, first: &str, tracks: &[Track]) -> String {
     let rig = rig.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     let last_day = tracks.iter().flat_map(|t| &t.points).map(|(p, _)| p[0]).fold(0.0, f64::max);
@@ -140,7 +140,7 @@ fn svg(rig: &str, first: &str, tracks: &[Track]) -> String {
         if track.points.is_empty() {
             continue;
         }
-        // Equal values have a place, too.
+        // The range of equal values must not be zero.
         let half = (0.5 * (high - low)).max(0.5 * 0.1_f64.powi(track.digits as i32));
         let middle = f64::midpoint(low, high);
         let y = |v: f64| name_y - (v - middle) / half * (0.5 * (bottom - top) - 8.0);

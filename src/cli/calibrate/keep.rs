@@ -1,11 +1,11 @@
-//! Where calibrations of a rig are kept: `KIND-DAY-ID.json`, never overwritten.
+//! The dated files of a rig's calibrations: `KIND-DAY-ID.json`, never overwritten.
 
 use anyhow::Context;
 use carved_store::{StoreError, durable};
 use serde::Serialize;
 use std::path::Path;
 
-/// Writes the file of what was measured on that day, and says where it is.
+/// Writes the file of a measurement made on that day, and prints its path.
 pub fn keep<T: Serialize>(folder: &Path, kind: &str, measured: jiff::Timestamp, id: &str, file: &T) -> anyhow::Result<()> {
     let path = folder.join(format!("{kind}-{}-{id}.json", measured.strftime("%Y-%m-%d")));
     if path.exists() {

@@ -1,4 +1,4 @@
-//! `carved calibrate marked`: sense and mirror of a rig, once, from a turn of a capillary with a dot of ink.
+//! `carved calibrate marked`: determines once the rotation sense and the mirroring of a rig, from a turn of a capillary with a dot of ink.
 //!
 //! ```text
 //!  RECORDING ── frames ── spots that move ── track ──┐
@@ -20,21 +20,21 @@ pub struct Args {
     /// A turn of the marked capillary: a recording of a run (`runs/RUN/A01`) or of `carved import`
     #[arg(value_name = "RECORDING")]
     recording: PathBuf,
-    /// Where your eye saw the mark at the first view, from where the camera stands: on the near side of the glass, or on the far one
+    /// Side of the glass on which you saw the mark at the first view, as seen from the camera
     #[arg(long, value_name = "near|far", value_parser = PossibleValuesParser::new(["near", "far"]).map(|s| if s == "near" { Depth::Near } else { Depth::Far }))]
     mark_side: Depth,
-    /// In its upper or lower half
+    /// The mark was in the upper or in the lower half
     #[arg(long, value_name = "top|bottom", value_parser = PossibleValuesParser::new(["top", "bottom"]).map(|s| if s == "top" { Edge::Top } else { Edge::Bottom }))]
     mark_edge: Edge,
-    /// Towards which end of what the camera sees
+    /// The mark was nearer to this end of the camera's picture
     #[arg(long, value_name = "left|right", value_parser = PossibleValuesParser::new(["left", "right"]).map(|s| if s == "left" { End::Left } else { End::Right }))]
     mark_end: End,
-    /// Folder that the file is put in
+    /// Folder for the dated file
     #[arg(long, value_name = "DIR", default_value = ".")]
     out: PathBuf,
 }
 
-/// `marked-DAY-ID.json`.
+/// Contents of `marked-DAY-ID.json`.
 #[derive(Serialize)]
 struct MarkedFile {
     schema: &'static str,
@@ -45,7 +45,7 @@ struct MarkedFile {
     found: Found,
 }
 
-/// What the mark says; the id is its hash.
+/// What the mark shows. The id of the file is the hash of this.
 #[derive(Serialize)]
 #[allow(clippy::struct_excessive_bools, reason = "each is an answer of its own")]
 struct Found {
@@ -55,12 +55,12 @@ struct Found {
     measured: jiff::Timestamp,
     recording: PathBuf,
     said: Said,
-    /// 1: positive steps move the near wall to larger v; -1: to smaller.
+    /// 1 if positive steps move the near wall to larger v, -1 if they move it to smaller v.
     sense: i8,
-    /// What the turn was recorded with.
+    /// The sense with which the turn was recorded.
     sense_configured: i8,
     sense_agrees: bool,
-    /// The picture is a mirror image: one, and only one, of the next two.
+    /// The picture is a mirror image: exactly one of the next two fields is true.
     mirrored: bool,
     left_for_right: bool,
     upside_down: bool,
@@ -69,7 +69,7 @@ struct Found {
     toml: Vec<String>,
 }
 
-/// The operator's word on the first view.
+/// The operator's description of the first view.
 #[derive(Serialize)]
 struct Said {
     side: &'static str,
@@ -77,7 +77,7 @@ struct Said {
     end: &'static str,
 }
 
-/// How the mark was seen to go around.
+/// The measured path of the mark.
 #[derive(Serialize)]
 struct Mark {
     views: usize,
@@ -85,24 +85,25 @@ struct Mark {
     u_px: f64,
     axis_px: f64,
     amplitude_px: f64,
-    /// Of `v = axis + amplitude sin(omega + phase)`.
+    /// Phase in `v = axis + amplitude sin(omega + phase)`.
     phase_deg: f64,
     residual_px: f64,
     radius_um: f64,
-    /// Of the glass, by its walls.
+    /// Radius of the glass from its walls, um.
     wall_radius_um: f64,
-    /// Beside its first place after the turn, where there is a closure view.
+    /// Distance from the first position after one turn, px. `None` without a closure view.
     closure_px: Option<f64>,
-    /// In radii, at the first view.
+    /// Position at the first view, in radii: downwards in the picture, and towards the camera.
     first_down: f64,
     first_near: f64,
-    /// Further out where the word makes it near, and what perspective makes of that; `null` where a tilt could do as much.
+    /// How much further from the picture's middle the mark is on the side that was named as near, px: measured, and expected from
+    /// perspective. `null` if a tilt could have the same effect.
     perspective_px: Option<[f64; 2]>,
-    /// Of the next spot that goes around.
+    /// Share of the next best spot that follows a circular path. `None` if there is no other.
     rival_share: Option<f64>,
 }
 
-/// Reads, judges, keeps and prints.
+/// Reads the turn, judges it, stores the file and prints it.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let found = find(args).with_context(|| args.recording.display().to_string())?;
     let date = jiff::Timestamp::now().to_string();
@@ -192,7 +193,7 @@ fn mark(found: &MarkTrack, verdict: &Verdict, ky: f64, closure_px: Option<f64>) 
     }
 }
 
-/// What to say, and the lines to change.
+/// Returns the text for the operator, and the lines of the configuration to change.
 fn advice(recording: &Recording, verdict: &Verdict, sense: i8) -> (Vec<String>, Vec<String>) {
     let (mut words, mut toml) = (Vec::new(), Vec::new());
     let configured = i8::from(recording.rig.sense);

@@ -1,4 +1,4 @@
-//! Recordings of one rig with their numbers, and the id of what was made of them.
+//! Recordings of one rig with their numbers, and the id of a result.
 
 use crate::cli::measure::expand;
 use anyhow::{Context, bail, ensure};
@@ -8,14 +8,14 @@ use carved_store::{MeasurementFile, RecordingReader};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// A recording's numbers and when it was begun.
+/// The numbers of a recording and the time at which it began.
 pub struct Measured {
     pub path: PathBuf,
     pub started: jiff::Timestamp,
     pub file: MeasurementFile,
 }
 
-/// Recordings that one rig made with one camera.
+/// Recordings made by one rig with one camera.
 pub struct Set {
     pub rig: String,
     pub mode: Mode,
@@ -24,13 +24,13 @@ pub struct Set {
 }
 
 impl Set {
-    /// When the last of them was begun.
+    /// Start time of the newest recording. Fails for an empty set.
     pub fn measured(&self) -> anyhow::Result<jiff::Timestamp> {
         self.recordings.iter().map(|r| r.started).max().context("0 recordings; 1 or more is expected")
     }
 }
 
-/// Reads recordings and whole runs; with `beads_only`, what is no bead is passed over.
+/// Reads recordings and whole runs. With `beads_only` other specimens are skipped.
 pub fn read(names: &[PathBuf], beads_only: bool) -> anyhow::Result<Set> {
     let mut set: Option<Set> = None;
     for path in expand(names)? {
@@ -69,7 +69,7 @@ fn same<T: PartialEq + std::fmt::Debug>(first: &Path, other: &Path, what: &str, 
     Ok(())
 }
 
-/// The same content has the same id: the first 12 digits of its SHA-256.
+/// The first 12 digits of the SHA-256 of the content, so that the same content has the same id.
 pub fn id<T: Serialize>(content: &T) -> anyhow::Result<String> {
     Ok(sha256_hex(&serde_json::to_vec(content)?)[..12].to_owned())
 }

@@ -1,4 +1,4 @@
-//! `carved calibrate`: where the views looked from, found from what they show, and the rig's scale from what is known in um.
+//! `carved calibrate`: the geometry of the views from their profiles, and the rig's scale from known lengths.
 
 mod beads;
 mod gate;
@@ -11,17 +11,17 @@ mod specimen;
 
 #[derive(Debug, clap::Subcommand)]
 pub enum Command {
-    /// Axis, roll and what else one turn's profiles tell, by the objective of choice
+    /// Axis, roll and other parameters from the profiles of one turn, by a choice of objectives
     Specimen(specimen::Args),
     /// The rig's scale with its standard deviation, from a stage micrometer, certified beads or the capillary's bore
     Scale(scale::Args),
-    /// What measured beads say of the rig: diameter, refraction, axis; kept as a dated file
+    /// What measured beads show about the rig: diameter, refraction, axis; stored as a dated file
     Beads(beads::Args),
-    /// Whether a few beads say that the instrument is today what it was; kept as a dated file
+    /// Check with a few beads that the instrument has not changed; stored as a dated file
     Gate(gate::Args),
-    /// What the dated files of `beads` say over days
+    /// Show the dated files of `beads` over several days
     History(history::Args),
-    /// Which way the capillary turns and whether the picture is mirrored, from a dot of ink on the glass; kept as a dated file
+    /// Rotation sense of the capillary and mirroring of the picture, from a dot of ink on the glass; stored as a dated file
     Marked(marked::Args),
 }
 

@@ -20,7 +20,7 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 #[command(group(clap::ArgGroup::new("ruler").required(true).args(["micrometer", "bead_um", "bore_um"])))]
 pub struct Args {
-    /// Distances of a stage micrometer along the capillary: known um, seen px, again and again
+    /// Distances on a stage micrometer along the capillary: known um, measured px, repeated
     #[arg(long, value_name = "UM,PX,..", value_delimiter = ',', requires = "reading_px", requires = "rig")]
     micrometer: Vec<f64>,
     /// The same across the capillary
@@ -29,19 +29,19 @@ pub struct Args {
     /// Standard deviation of one distance read in the picture
     #[arg(long, value_name = "PX")]
     reading_px: Option<f64>,
-    /// Standard deviation of the micrometer's own scale
+    /// Standard deviation of the micrometer's scale
     #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
     micrometer_sd_percent: f64,
-    /// Name of the rig; recordings have it themselves
+    /// Name of the rig; needed only without recordings
     #[arg(long, value_name = "NAME", conflicts_with_all = ["bead_um", "bore_um"])]
     rig: Option<String>,
     /// Certified mean diameter of the beads
     #[arg(long, value_name = "UM", requires = "bead_sd", requires = "recordings")]
     bead_um: Option<f64>,
-    /// Its standard deviation, by the certificate; measuring more beads does not lessen it
+    /// Standard deviation of this mean, from the certificate; more beads do not reduce it
     #[arg(long, value_name = "UM")]
     bead_sd: Option<f64>,
-    /// Standard deviation of single beads about the mean, by the certificate
+    /// Standard deviation of single beads around the mean, from the certificate
     #[arg(long, value_name = "UM", default_value_t = 0.0)]
     bead_spread: f64,
     /// Certified inner diameter of the capillary
@@ -53,7 +53,7 @@ pub struct Args {
     /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`)
     #[arg(value_name = "RECORDING_OR_RUN", conflicts_with = "micrometer")]
     recordings: Vec<PathBuf>,
-    /// Folder that a dated file is put in as well
+    /// Folder for a dated file in addition to the output
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -64,13 +64,13 @@ struct Report {
     id: String,
     /// When this was computed, RFC 3339.
     date: String,
-    /// When the last of the recordings was made; of a micrometer, when this was computed.
+    /// When the newest recording was made; for a micrometer, when this was computed.
     measured: jiff::Timestamp,
     #[serde(flatten)]
     found: Found,
 }
 
-/// The id is its hash.
+/// What was measured. The id is the hash of this.
 #[derive(Serialize)]
 struct Found {
     rig: String,
@@ -84,12 +84,12 @@ struct Found {
     ky_px_per_um: Option<f64>,
     ky_sd_px_per_um: Option<f64>,
     ky_sd_percent: Option<f64>,
-    /// The larger of both: three times it is the volume's.
+    /// The larger of both. The standard deviation of the volume is three times this value.
     scale_sd_percent: f64,
     toml: Vec<String>,
 }
 
-/// Computes and prints.
+/// Computes the scale and prints it.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let now = jiff::Timestamp::now();
     let (found, measured) = match (args.bead_um, args.bore_um) {
@@ -111,7 +111,7 @@ fn micrometer(args: &Args) -> anyhow::Result<Found> {
         let (pairs, odd) = numbers.as_chunks::<2>();
         ensure!(odd.is_empty(), "{option}: {} numbers; expected pairs of um and px, an even number", numbers.len());
         let scale = rig::from_micrometer(pairs, reading_px, args.micrometer_sd_percent / 100.0).with_context(|| option.to_owned())?;
-        // A distance that was read wrongly by a division spoils the whole.
+        // A distance that was misread by a whole division would distort the result.
         for [um, px] in pairs {
             let expected = scale.k * um;
             ensure!(
@@ -124,7 +124,7 @@ fn micrometer(args: &Args) -> anyhow::Result<Found> {
     let along = of("--micrometer", &args.micrometer)?;
     let across = (!args.micrometer_across.is_empty()).then(|| of("--micrometer-across", &args.micrometer_across)).transpose()?;
     let rig = args.rig.clone().context("--rig is missing")?;
-    // Nobody lays a micrometer under an emulated camera.
+    // A micrometer cannot be under an emulated camera.
     Ok(Found::new((rig, Mode::Hardware), "micrometer", [args.micrometer.len() / 2, args.micrometer_across.len() / 2], Some(along), across))
 }
 
@@ -159,7 +159,7 @@ fn bore(args: &Args, known_um: f64) -> anyhow::Result<(Found, jiff::Timestamp)> 
         let mean = Spread::of(&bores).map(|s| s.mean);
         mean.with_context(|| format!("{}: {n} of {} views show the walls", m.path.display(), m.file.record.views.len()))
     };
-    // The views of one recording share what is wrong with it: they count as one.
+    // The views of one recording share its errors, so they count as one reading.
     let bores = set.recordings.iter().map(of_recording).collect::<anyhow::Result<Vec<_>>>()?;
     let across = rig::from_known(set.camera.ky, &bores, known_um, args.bore_sd, 0.0).map_err(|e| hint(e, args))?;
     let measured = set.measured()?;

@@ -4,7 +4,7 @@
 //!  --views DIR ───── profiles ─┬─ least-squares ── psi, views left out ── gate
 //!  --cameras FILE ── psi ──────┴─ vrv, coherence ── --free, --optimizer ── psi
 //! ```
-//! One JSON object on stdout; what is refused stands in it and on stderr.
+//! Prints one JSON object on stdout. A refusal is in it and on stderr.
 
 use crate::cli::reconstruct::cameras::{self, Cameras};
 use crate::cli::reconstruct::views::{self, View};
@@ -21,42 +21,42 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder of profiles, PNG or PGM, one per view in the order of their names; grey is coverage
+    /// Folder of profiles, PNG or PGM, one per view in the order of their names; grey values are coverage
     #[arg(long, value_name = "DIR")]
     views: PathBuf,
-    /// camera.json: what the rig knows, psi and the ledger's angles `omega`
+    /// camera.json: psi as the rig knows it, with the ledger's angles `omega`
     #[arg(long, value_name = "FILE")]
     cameras: PathBuf,
-    /// What is made best
+    /// Objective to optimise
     #[arg(long, value_enum, default_value_t = Objective::LeastSquares)]
     objective: Objective,
-    /// How vrv and coherence are searched [default: nelder-mead]
+    /// Optimiser for vrv and coherence [default: nelder-mead]
     #[arg(long, value_enum)]
     optimizer: Option<Search>,
-    /// What vrv and coherence may change, each with how far in px or deg if not as usual [default: uy,gamma]
+    /// Parameters that vrv and coherence may change, each with a range in px or deg other than the usual one [default: uy,gamma]
     #[arg(long, value_name = "uy,gamma,alpha=0.5,..", value_delimiter = ',')]
     free: Vec<Ask>,
-    /// Share of the views that may miss a voxel; above 0 the volume has its maxima beside the axis
+    /// Share of the views that may miss a voxel; above 0 the volume has its maxima beside the true axis
     #[arg(long, value_name = "E", default_value_t = 0.0)]
     epsilon: f64,
-    /// Edge of a voxel of vrv
+    /// Edge of a voxel for vrv
     #[arg(long, value_name = "UM", default_value_t = 10.0)]
     voxel: f64,
-    /// Of the draws of cma-es
+    /// Seed of cma-es
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Most evaluations of the objective
+    /// Maximum number of evaluations of the objective
     #[arg(long, value_name = "N", default_value_t = 2000)]
     evaluations: usize,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Objective {
-    /// The volume that no view misses: the paper's
+    /// The volume that no view misses, as in the paper
     Vrv,
-    /// Mean overlap of profiles and hull
+    /// Mean overlap of the profiles with the hull
     Coherence,
-    /// Residuals of the edges, the slices' shapes eliminated; judged by vrv
+    /// Residuals of the edges after elimination of the slices' shapes; checked by vrv
     LeastSquares,
 }
 
@@ -66,10 +66,11 @@ enum Search {
     CmaEs,
 }
 
-/// The first steps are some px and a tenth of a degree: a thousandth is less than profiles tell.
+/// Smallest step as a share of the first one. The first steps are some px and a tenth of a degree; profiles do not resolve a thousandth of
+/// that.
 const SHARE: f64 = 1e-3;
 
-/// Profiles and what is known of them.
+/// The profiles of a turn and the known parameters.
 struct Turn {
     names: Vec<String>,
     views: Vec<View>,
@@ -77,10 +78,10 @@ struct Turn {
     known: Psi,
 }
 
-/// Reads, calibrates and prints the report.
+/// Reads the profiles, calibrates and prints the report.
 ///
 /// # Errors
-/// Names the file or option at fault, what was found and what was expected.
+/// Names the wrong file or option, the value found and the value expected.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let grid = VoxelGrid::new(BoxUm::PAPER, args.voxel).context("--voxel")?;
     let report = match args.objective {
@@ -121,7 +122,7 @@ fn read(args: &Args) -> anyhow::Result<Turn> {
             psi.camera.height
         );
     }
-    // Views without a profile tell nothing of where the axis is.
+    // Views without a profile contain no information about the axis.
     let (shown, blank): (Vec<(View, f64)>, Vec<_>) = views.into_iter().zip(psi.omega).partition(|(view, _)| !view.is_blank());
     for (view, _) in &blank {
         note!("carved: {} is blank, and is left out", view.path.display());
@@ -169,10 +170,10 @@ fn least_squares(turn: &Turn) -> anyhow::Result<Value> {
     }))
 }
 
-/// A row of pixels meets a larva's silhouette in a few pieces: body, fins, a loop of the tail.
+/// A row of pixels crosses the silhouette of a larva in a few pieces: body, fins, a loop of the tail.
 const MOST_PIECES_PER_ROW: f64 = 16.0;
 
-/// Pieces into which a row of pixels falls, in the mean over the rows with any.
+/// Mean number of pieces in a row of pixels, over the rows that have any.
 fn pieces_per_row(mask: &Mask) -> f64 {
     let (mut rows, mut pieces) = (0, 0);
     for row in mask.data().chunks_exact(mask.width()) {
@@ -182,7 +183,7 @@ fn pieces_per_row(mask: &Mask) -> f64 {
     pieces as f64 / rows.max(1) as f64
 }
 
-/// Refuses what is no silhouette: each evaluation would look at every piece of it, and the search make hundreds of them.
+/// Refuses pictures that are no silhouettes: each evaluation would visit every piece of them, and the search needs hundreds of evaluations.
 fn silhouettes(views: &[View]) -> anyhow::Result<()> {
     for view in views {
         let found = pieces_per_row(&view.mask);
@@ -243,7 +244,7 @@ fn search(args: &Args, grid: VoxelGrid) -> anyhow::Result<Value> {
     }))
 }
 
-/// As a camera.json has it, with the views' shifts.
+/// The parameters in the format of camera.json, with the shifts of the views.
 fn told(psi: &Psi) -> Value {
     let mut told = json!(psi.camera);
     told["omega"] = json!(psi.omega);

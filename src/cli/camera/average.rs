@@ -1,4 +1,4 @@
-//! Some frames of a camera, and their mean: noise goes with the root of their number.
+//! Takes frames with a camera and computes their mean, whose noise falls with the square root of their number.
 
 use anyhow::Context;
 use carved_core::frame::RawFrame;
@@ -7,10 +7,10 @@ use carved_devices::camera::{self, AravisSettings};
 use carved_devices::cancel::CancelToken;
 use std::time::Duration;
 
-/// Time for one frame besides its exposure, with its repeated triggers.
+/// Time for one frame besides its exposure, including repeated triggers.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// Takes `count` frames; the camera's identity comes with them.
+/// Takes `count` frames. Returns the camera's identity and the frames.
 pub fn take(settings: &AravisSettings, count: u32) -> anyhow::Result<(String, Vec<RawFrame>)> {
     let deadline = PATIENCE + Duration::try_from_secs_f64(settings.exposure_us * 1e-6).context("exposure_us")?;
     let mut camera = camera::open(settings.clone())?;
@@ -30,7 +30,7 @@ pub fn mean(frames: &[RawFrame]) -> anyhow::Result<RawFrame> {
         sums.iter_mut().zip(frame.bytes()).for_each(|(sum, byte)| *sum += u32::from(*byte));
     }
     let n = frames.len() as u32;
-    // A mean of bytes is a byte.
+    // The mean of bytes fits in a byte.
     let bytes = sums.into_iter().map(|sum| ((sum + n / 2) / n) as u8).collect();
     Ok(RawFrame::new(first.width(), first.height(), first.format(), bytes)?)
 }

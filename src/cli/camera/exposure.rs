@@ -1,8 +1,8 @@
-//! `carved camera exposure`: the longest exposure at which next to no pixel of the background is saturated.
+//! `carved camera exposure`: finds the longest exposure at which almost no pixel of the background is saturated.
 //!
 //! ```text
 //! expose ── top of the background (99.5th percentile) ── x target / top ──► again, until it is at the target
-//!              └─ at 255: how much too bright cannot be seen; a third of the time
+//!              └─ at 255: the excess is not measurable; x 1/3
 //! ```
 
 use super::{Configured, average};
@@ -15,12 +15,12 @@ use carved_records::Light;
 pub struct Args {
     #[command(flatten)]
     configured: Configured,
-    /// Level of the brightest half per cent of the pixels, of 255.
+    /// Target level of the brightest half per cent of the pixels, 0 to 255.
     #[arg(long, default_value_t = 240.0)]
     target: f64,
 }
 
-/// What is printed.
+/// The printed result.
 #[derive(serde::Serialize)]
 struct Found {
     camera: String,
@@ -32,9 +32,9 @@ struct Found {
     looks: u32,
 }
 
-/// Looks before it is given up: four decades of light take seven.
+/// Maximum number of frames: four decades of light take seven.
 const LOOKS: u32 = 15;
-/// The lamp's flicker and the sensor's noise move the top by about as much.
+/// Tolerance of the level: flicker of the lamp and noise of the sensor change it by about as much.
 const NEAR: f64 = 3.0;
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
@@ -65,14 +65,14 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     )
 }
 
-/// In proportion, where the top can be seen.
+/// The next exposure, in proportion to the measured level unless that is saturated, us.
 fn next(settings: &AravisSettings, top: f64, target: f64) -> f64 {
     let factor = if top >= 254.5 { 1.0 / 3.0 } else { (target / top.max(1.0)).min(20.0) };
-    // A tenth of a us: what the configuration is told is what was tried.
+    // Rounded to 0.1 us, so that the configuration gets exactly the value that was tested.
     (settings.exposure_us * factor * 10.0).round() / 10.0
 }
 
-/// Level that half a per cent of the pixels are above.
+/// Level that is exceeded by half a per cent of the pixels.
 fn top(frame: &RawFrame) -> f64 {
     let mut histogram = [0usize; 256];
     frame.bytes().iter().for_each(|b| histogram[usize::from(*b)] += 1);

@@ -1,4 +1,4 @@
-//! `carved camera`: light and reference frames, taken with the configured camera while no daemon has it.
+//! `carved camera`: light and reference frames, taken with the configured camera while no daemon controls it.
 
 mod average;
 mod exposure;
@@ -14,7 +14,7 @@ pub enum Command {
     Exposure(exposure::Args),
     /// Take and store a picture of the empty capillary, which frames are compared with.
     Empty(reference::Args),
-    /// Take and store a picture of the light alone, without capillary: kept for the record, applied nowhere.
+    /// Take and store a picture of the light alone, without capillary. It is kept for the record and not applied.
     FlatField(reference::Args),
 }
 

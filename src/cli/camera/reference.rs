@@ -1,7 +1,9 @@
-//! `carved camera empty` and `flat-field`: the mean of some frames as a PNG, and beside it a JSON that says when, with what, and which.
+//! `carved camera empty` and `flat-field`: the mean of some frames as a PNG, with a JSON file beside it that records time, settings and
+//! identity.
 //!
-//! The empty capillary is what frames are compared with (`[optics] empty_capillary`): it holds lamp, glass and dirt at once. A flat field
-//! holds the lamp alone, which the segmentation models by itself and the empty capillary has better: it is stored, and applied nowhere.
+//! Frames are compared with the picture of the empty capillary (`[optics] empty_capillary`), which contains lamp, glass and dirt. A flat
+//! field contains the lamp alone. The segmentation models the lamp by itself, and the empty capillary describes it better, so a flat field
+//! is stored but not applied.
 
 use super::{Configured, average};
 use crate::config::Config;
@@ -17,10 +19,10 @@ use std::path::PathBuf;
 pub struct Args {
     #[command(flatten)]
     configured: Configured,
-    /// The PNG to write; its facts go beside it, as `.json`.
+    /// PNG file to write; its metadata go into a `.json` beside it.
     #[arg(long)]
     out: PathBuf,
-    /// Frames whose mean is taken.
+    /// Number of frames in the mean.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1000))]
     frames: u32,
 }
@@ -32,7 +34,7 @@ pub enum Kind {
     FlatField,
 }
 
-/// The JSON beside the picture.
+/// The JSON file beside the picture.
 #[derive(serde::Serialize)]
 struct Facts {
     schema: &'static str,
@@ -46,13 +48,13 @@ struct Facts {
     gain_raw: Option<i64>,
     frames: u32,
     light: Light,
-    /// Of the PNG file.
+    /// SHA-256 of the PNG file.
     file_sha256: String,
-    /// Of the raw pixels: what `run.json` and `recording.json` call `empty_capillary_sha256`.
+    /// SHA-256 of the raw pixels, called `empty_capillary_sha256` in `run.json` and `recording.json`.
     pixels_sha256: String,
 }
 
-/// Light that is not worth a reference: nothing can be divided by what is saturated.
+/// Largest accepted share of saturated pixels: a reference frame must not be saturated.
 const MANY_SATURATED: f64 = 0.01;
 
 pub fn run(args: &Args, kind: Kind) -> anyhow::Result<()> {
@@ -107,7 +109,7 @@ pub fn run(args: &Args, kind: Kind) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What every method would say of it: two walls, and nothing between them.
+/// Segments the picture as a method does: it must show two walls and nothing between them.
 fn is_empty(config: &Config, frame: &RawFrame) -> anyhow::Result<()> {
     for (name, method) in &config.methods {
         let of_method = || format!("method {name:?}");

@@ -1,9 +1,9 @@
-//! From what answered to what to write.
+//! Turns the answer of a device into lines of the configuration.
 
 use carved_devices::rotation::{Answer, Port, UsbAdapter};
 use std::fmt::Write;
 
-/// Who it is, and the lines for `[rotation]`.
+/// The identity of the controller, and the lines for `[rotation]`.
 pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
     let port = match port {
         Port::Path(path) => format!("port = {path:?}"),
@@ -20,7 +20,7 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
                     let _ = writeln!(text, "{key} = {value}   # its ${number}, for axis X; Y has ${}", number + 1);
                 }
             }
-            // grblHAL may name the motors that stay powered instead.
+            // grblHAL may instead list the motors that stay powered.
             let kept = *is_hal && settings.get(&37).is_some_and(|mask| *mask != 0.0);
             if let Some(ms) = settings.get(&1).filter(|ms| **ms as u32 != 255 && !kept) {
                 let _ = writeln!(text, "# set $1=255 in the controller: now its motors lose their current {ms} ms after each move");
@@ -41,7 +41,7 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
     }
 }
 
-/// The exact ratio behind a value that was printed with three decimals, where one with a small denominator fits it.
+/// The exact ratio of a value that was printed with three decimals, if a fraction with a small denominator matches.
 fn ratio(printed: f64) -> String {
     let fits = |den: &u32| {
         let num = printed * f64::from(*den);

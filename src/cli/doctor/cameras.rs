@@ -1,4 +1,4 @@
-//! The cameras that answer, who has them, and the lines for `[camera]`.
+//! The cameras that answer, who controls them, and the lines for `[camera]`.
 
 use super::computer;
 use super::indented;

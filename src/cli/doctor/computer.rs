@@ -1,4 +1,4 @@
-//! What of this computer decides whether frames and controllers are heard: rights, network, buffers, disk.
+//! Properties of this computer on which frames and controllers depend: access rights, network, buffers, disk.
 
 use nix::unistd::{AccessFlags, Gid, Group, Uid, User, access as may};
 use std::fmt::Write;
@@ -8,10 +8,10 @@ use std::path::Path;
 
 /// The receive buffer that carved asks for by default, bytes.
 const SOCKET_BUFFER: u64 = 4 << 20;
-/// One plate of 96 larvae at 21 views of 1 MB, with their masks and meshes.
+/// Size of a plate of 96 larvae at 21 views of 1 MB, with masks and meshes, bytes.
 const A_PLATE: u64 = 4 << 30;
 
-/// Who may open a port, in a line, where this user may not.
+/// One line about who may open a port, if this user may not. Else empty.
 pub fn access(port: &str) -> String {
     let Ok(facts) = std::fs::metadata(port) else { return String::new() };
     if may(port, AccessFlags::R_OK | AccessFlags::W_OK).is_ok() {
@@ -25,20 +25,20 @@ pub fn access(port: &str) -> String {
     )
 }
 
-/// The interface that leads to an address.
+/// The network interface that leads to an address.
 pub struct Way {
     pub interface: String,
     pub mtu: u32,
 }
 
 pub fn way_to(address: Ipv4Addr) -> Option<Way> {
-    // Connecting a datagram socket sends nothing; it makes the kernel choose the way.
+    // Connecting a datagram socket sends nothing, but the kernel selects a route.
     let socket = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).ok()?;
     socket.connect((address, 9)).ok()?;
     let IpAddr::V4(here) = socket.local_addr().ok()?.ip() else { return None };
     let has_it = |interface: &nix::ifaddrs::InterfaceAddress| {
         interface.address.as_ref().and_then(|a| a.as_sockaddr_in()).is_some_and(|a| {
-            // All of 127.0.0.0/8 is the loopback interface's.
+            // All of 127.0.0.0/8 belongs to the loopback interface.
             a.ip() == here || (a.ip().is_loopback() && here.is_loopback())
         })
     };
@@ -47,7 +47,7 @@ pub fn way_to(address: Ipv4Addr) -> Option<Way> {
     Some(Way { interface, mtu: u32::try_from(mtu).ok()? })
 }
 
-/// What runs need of this computer, and what to do where it is not there.
+/// What runs need of this computer, and what to do if it is missing.
 pub fn facts(data: &Path) -> String {
     let mut text = String::new();
     let _ = match number("/proc/sys/net/core/rmem_max") {
@@ -59,7 +59,7 @@ pub fn facts(data: &Path) -> String {
         ),
         None => writeln!(text, "net.core.rmem_max cannot be read: the camera's receive buffer may be too small"),
     };
-    // A folder that is still to be made lies on the disk of the nearest one that is there.
+    // A folder that does not exist yet will be on the disk of its nearest existing parent.
     let there = data.ancestors().find(|folder| folder.is_dir()).unwrap_or(Path::new("."));
     let _ = match nix::sys::statvfs::statvfs(there) {
         Ok(disk) => {

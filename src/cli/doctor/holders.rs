@@ -1,4 +1,4 @@
-//! Who has a device open, as far as this user may see.
+//! The programs that have a device open, as far as this user may see them.
 
 use std::path::Path;
 

@@ -1,12 +1,13 @@
-//! `carved doctor`: what is plugged into this computer, what answers, and what to write into the configuration.
+//! `carved doctor`: which devices are connected, which of them answer, and what to write into the configuration.
 //!
 //! ```text
-//! serial ports ── held by a program? ── left alone
-//!              └─ else asked who they are ──► the lines for [rotation]
-//! cameras that answer to discovery ─────────► the lines for [camera], who controls it, what the network takes
-//! this computer ────────────────────────────► receive buffer, room for runs
+//! serial ports ── held by a program? ── not opened
+//!              └─ else asked for their identity ──► the lines for [rotation]
+//! cameras that answer to discovery ───────────────► the lines for [camera], who controls them, the network's packet size
+//! this computer ──────────────────────────────────► receive buffer, free space for runs
 //! ```
-//! Nothing is moved, and no camera is opened. A port that another program holds is not opened, so that no controller restarts under it.
+//! Nothing is moved, and no camera is opened. A port that another program holds is not opened, because opening it could restart its
+//! controller.
 
 mod advice;
 mod cameras;
@@ -19,22 +20,24 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Look at this serial port only; may be given more than once. Else at all that there are.
+    /// Check only this serial port; may be given more than once. Without it all ports are checked.
     #[arg(long, value_name = "PATH")]
     port: Vec<String>,
-    /// Only the serial ports; cameras are not looked for.
+    /// Check only the serial ports, not the cameras.
     #[arg(long)]
     no_cameras: bool,
-    /// Folder of the runs, whose disk is looked at.
+    /// Folder of the runs, whose disk is checked.
     #[arg(long, value_name = "DIR", default_value = "/var/lib/carved")]
     data: PathBuf,
-    /// Baud at which the ports are asked.
+    /// Baud rate for the serial ports.
     #[arg(long, default_value_t = 115_200)]
     baud: u32,
 }
 
+/// Prints the report.
+///
 /// # Errors
-/// Only output that cannot be written.
+/// Only if the output cannot be written.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let known = serial_ports();
     let ports: Vec<SerialPortInfo> = if args.port.is_empty() {
@@ -76,7 +79,7 @@ fn heading(port: &SerialPortInfo) -> String {
     format!("{}  USB {:04x}:{:04x} {}, {serial}", port.port_name, usb.vid, usb.pid, names.trim())
 }
 
-/// What is found on a port, in words and lines of configuration.
+/// Text and lines of configuration about the device on a port.
 fn answer(port: &SerialPortInfo, baud: u32) -> String {
     let holders = holders::of(&port.port_name);
     if !holders.is_empty() {

@@ -1,4 +1,4 @@
-//! The angle of every picture, as a file says it.
+//! The angle of every picture, read from a file.
 //!
 //! ```text
 //!  external.txt   tomography <tab> x_position <tab> degrees ...     VAST's list for its trigger bridge, decimal comma
@@ -6,22 +6,22 @@
 //!  a column       0                   degrees, one per line
 //!                 17,14
 //! ```
-//! Degrees are the axis': the rig's sense makes omega of them. Rad are omega.
+//! Degrees are angles of the axis, which the rig's sense converts to omega. Radians are omega.
 
 use anyhow::{Context, anyhow, bail, ensure};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Picture by picture in their order.
+/// One angle per picture, in the order of the pictures.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Angles {
-    /// Of the axis.
+    /// Angles of the axis, deg.
     Degrees(Vec<f64>),
-    /// omega.
+    /// Angles omega, rad.
     Rad(Vec<f64>),
 }
 
-/// Angles of `pictures`, which are file names in their order.
+/// The angles of `pictures`, which are file names in order.
 pub(super) fn read(file: &Path, pictures: &[String]) -> anyhow::Result<Angles> {
     let name = || format!("--angles {}", file.display());
     let bytes = carved_files::read(file).with_context(|| format!("{}: cannot be read", name()))?;
@@ -49,7 +49,7 @@ fn column(name: &str) -> Option<Column> {
     })
 }
 
-/// A line's number in the file, from 1, and its fields.
+/// The number of a line in the file, from 1, and its fields.
 type Row = (usize, Vec<String>);
 
 fn parse(text: &str, pictures: &[String]) -> anyhow::Result<Angles> {
@@ -76,7 +76,7 @@ fn parse(text: &str, pictures: &[String]) -> anyhow::Result<Angles> {
     table(&header, &rows, pictures)
 }
 
-/// Seven columns without a header: VAST's list as its program writes it.
+/// Reads seven columns without a header: VAST's list as written by its program.
 fn external(rows: &[Row], pictures: &[String]) -> anyhow::Result<Angles> {
     let angle = |(n, row): &Row| {
         let found = row.len();
@@ -122,7 +122,7 @@ fn of_all(angles: Vec<f64>, pictures: &[String]) -> anyhow::Result<Vec<f64>> {
     Ok(angles)
 }
 
-/// Each picture's angle, by its file's name with or without the ending.
+/// The angle of each picture, by its file name with or without extension.
 fn by_file(keys: &[(usize, &str)], angles: &[f64], pictures: &[String]) -> anyhow::Result<Vec<f64>> {
     let stem = |name: &str| Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned());
     let mut given: BTreeMap<&str, f64> = BTreeMap::new();
@@ -143,7 +143,7 @@ fn by_file(keys: &[(usize, &str)], angles: &[f64], pictures: &[String]) -> anyho
     Ok(pictures.iter().filter_map(|p| given.get(p.as_str()).copied()).collect())
 }
 
-/// Views count the pictures in their order, from 0 or from 1.
+/// The angles by view number. Views count the pictures in order, from 0 or from 1.
 fn by_view(keys: &[(usize, &str)], angles: &[f64]) -> anyhow::Result<Vec<f64>> {
     let whole = |(n, key): &(usize, &str)| {
         key.parse::<usize>().map(|view| (*n, view)).map_err(|_| anyhow!("line {n}: found the view {key:?}, expected a whole number"))
@@ -160,7 +160,7 @@ fn by_view(keys: &[(usize, &str)], angles: &[f64]) -> anyhow::Result<Vec<f64>> {
     Ok(given.into_iter().flatten().collect())
 }
 
-/// A number with a point or a comma before its decimals.
+/// A number with a decimal point or a decimal comma.
 fn number(text: &str) -> Option<f64> {
     let text = text.trim();
     let text = if text.contains('.') { text.to_owned() } else { text.replacen(',', ".", 1) };
@@ -171,7 +171,7 @@ fn expected_number(line: usize, found: &str) -> String {
     format!("line {line}: found {:?}, expected an angle as 3.6 or 3,6", found.trim())
 }
 
-/// Fields of a line; one in quotes may hold the separator.
+/// The fields of a line. A field in quotes may contain the separator.
 fn fields(line: &str, separator: char) -> Vec<String> {
     let mut fields = vec![String::new()];
     let mut quoted = false;

@@ -1,4 +1,4 @@
-//! The pictures of a turn: which files, in which order, and whether they belong together.
+//! The pictures of a turn: the files, their order, and the check that they belong together.
 //!
 //! ```text
 //!  DIR or FILES ── list ── natural order: view2 before view10 ── look at every one ── one size, one format, one depth
@@ -16,10 +16,10 @@ use std::path::{Path, PathBuf};
 
 const ENDINGS: [&str; 6] = ["png", "jpg", "jpeg", "bmp", "tif", "tiff"];
 
-/// A picture that was looked at; its pixels are read again when they are written.
+/// A picture that was checked. Its pixels are read again when they are written.
 pub(super) struct Looked {
     pub path: PathBuf,
-    /// Of the file's bytes.
+    /// SHA-256 of the file.
     pub file_sha256: String,
     pixels_sha256: String,
     kind: Kind,
@@ -31,7 +31,7 @@ impl Looked {
         file_name(&self.path)
     }
 
-    /// The pixels of the file that was looked at.
+    /// Reads the pixels again. Fails if the file has changed since the check.
     pub fn frame(&self) -> anyhow::Result<RawFrame> {
         let place = || self.path.display().to_string();
         let input = input::read(&self.path, self.kind.format == PixelFormat::BayerRG8).with_context(place)?;
@@ -44,7 +44,7 @@ fn file_name(path: &Path) -> String {
     path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
-/// The pictures that were named, or those of the one folder that was, in natural order.
+/// The named pictures, or those of the single named folder, in natural order.
 pub(super) fn list(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     let mut paths = match named {
         [folder] if folder.is_dir() => of_folder(folder)?,
@@ -58,7 +58,7 @@ pub(super) fn list(named: &[PathBuf]) -> anyhow::Result<Vec<PathBuf>> {
     };
     let given = paths.clone();
     paths.sort_by(|a, b| natural(&file_name(a), &file_name(b)).then_with(|| a.cmp(b)));
-    // A shell's pattern gives names byte by byte, or without regard to case.
+    // A shell pattern gives names in byte order, or without regard to case.
     let by_shell = given.is_sorted() || given.is_sorted_by_key(|p| p.to_string_lossy().to_lowercase());
     if named.len() > 1
         && !by_shell
@@ -101,7 +101,7 @@ fn of_folder(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// Reads every picture, and refuses those that cannot be views of one turn.
+/// Reads every picture, and refuses pictures that cannot be views of one turn.
 pub(super) fn look(paths: &[PathBuf], bayer: bool, warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<Looked>, Kind)> {
     let looks: Vec<anyhow::Result<Looked>> = paths.par_iter().map(|path| look_at(path, bayer)).collect();
     let broken: Vec<String> = looks.iter().filter_map(|l| l.as_ref().err()).map(|e| format!("{e:#}")).collect();
@@ -148,7 +148,7 @@ fn doubts(looks: &[Looked], warn: &mut dyn FnMut(String)) {
     }
 }
 
-/// The empty capillary's picture, of the frames' kind.
+/// Reads the empty-capillary picture, which must have the format of the frames.
 pub(super) fn empty(path: &Path, bayer: bool, expected: Kind) -> anyhow::Result<RawFrame> {
     let place = || format!("--empty {}", path.display());
     let looked = look_at(path, bayer).with_context(place)?;
@@ -161,7 +161,7 @@ pub(super) fn empty(path: &Path, bayer: bool, expected: Kind) -> anyhow::Result<
     looked.frame()
 }
 
-/// A name that does not go on as the others do: an even turn with a frame missing has wrong angles from there on.
+/// Describes a name that does not continue the sequence: if a frame is missing in an even turn, all later angles are wrong.
 pub(super) fn gap(names: &[String]) -> Option<String> {
     let split: Vec<Vec<&str>> = names.iter().map(|n| chunks(n)).collect();
     let length = split.first()?.len();

@@ -1,4 +1,4 @@
-//! `carved import`: a lab's own frames of one turn to a recording, which `measure` and `simulate --replay` read.
+//! `carved import`: makes a recording of a lab's own frames of one turn, for `measure` and `simulate --replay`.
 //!
 //! ```text
 //!  FRAMES ───────────────────────── frames ── looked at, natural order ──┐
@@ -40,26 +40,26 @@ pub struct Args {
     /// One folder of frames, or the frames' files: PNG, JPEG, BMP or TIFF, sorted by name in natural order (view2 before view10)
     #[arg(required = true, value_name = "FRAMES")]
     frames: Vec<PathBuf>,
-    /// camera.json: f, kx, ky, ux, uy, width, height, and the angles omega in rad (leave omega out with --angles or --even)
+    /// camera.json: f, kx, ky, ux, uy, width, height, and the angles omega in rad (omit omega with --angles or --even)
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Angles of the frames: VAST's external.txt, a CSV with a header (`view` or `file`; `angle_deg` or `omega_rad`), or degrees, one per line
     #[arg(long, value_name = "FILE", conflicts_with = "even")]
     angles: Option<PathBuf>,
-    /// The degrees of --angles are turns from the view before, each made before its frame, not positions of the axis
+    /// The degrees of --angles are turns since the previous view, made before its frame, not positions of the axis
     #[arg(long, requires = "angles")]
     relative: bool,
-    /// The frames stand evenly around one turn
+    /// The frames are evenly spaced over one turn
     #[arg(long)]
     even: bool,
     /// The last frame repeats the first at 360 deg: it is compared, never carved
     #[arg(long)]
     closure: bool,
-    /// What degrees of the axis do: 1 moves the near wall to larger v, -1 to smaller [default: the configuration's, else 1]
+    /// Sense of the axis: with 1 positive degrees move the near wall to larger v, with -1 to smaller [default: the configuration's, else 1]
     #[arg(long, value_name = "1|-1", value_parser = clap::builder::PossibleValuesParser::new(["1", "-1"]))]
     sense: Option<String>,
-    /// Configuration whose [optics], sense, method and empty capillary are used; --cameras goes before its [optics]
-    /// [default: the published rig's 5.5 um per px, axis in the picture's middle, camera 60 mm away]
+    /// Configuration whose [optics], sense, method and empty capillary are used; --cameras replaces its [optics] [default: the published
+    /// rig's 5.5 um per px, axis in the picture's middle, camera 60 mm away]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Method of the configuration [default: its only one]
@@ -68,7 +68,7 @@ pub struct Args {
     /// Well that the specimen came from
     #[arg(long, default_value = "A01")]
     well: String,
-    /// What it is
+    /// Type of the specimen
     #[arg(long, value_enum, default_value_t = Specimen::Larva)]
     specimen: Specimen,
     /// Days post fertilisation
@@ -80,16 +80,16 @@ pub struct Args {
     /// Edge of a voxel, um [default: the method's, else 6.93]
     #[arg(long, value_name = "UM")]
     voxel: Option<f64>,
-    /// TOML with the keys of a method's `segment` table; what is left out has its default [default: the method's]
+    /// TOML with the keys of a method's `segment` table; omitted keys have their defaults [default: the method's]
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-    /// Picture of the empty capillary, taken as the frames were, which they are compared with [default: the configuration's]
+    /// Picture of the empty capillary, taken like the frames; they are compared with it [default: the configuration's]
     #[arg(long, value_name = "FILE")]
     empty: Option<PathBuf>,
     /// Grey pictures are Bayer mosaics whose first row reads R G R G
     #[arg(long)]
     bayer: bool,
-    /// Folder to be made for the recording; nothing is overwritten [default: FRAMES-recording here, with a number if taken]
+    /// New folder for the recording; nothing is overwritten [default: FRAMES-recording in the current folder, numbered if taken]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
 }
@@ -100,21 +100,21 @@ enum Specimen {
     Bead,
 }
 
-/// What was read and checked.
+/// Everything that was read and checked.
 struct Imported {
     looks: Vec<Looked>,
     turn: Turn,
-    /// Where the angles are from, in words.
+    /// Origin of the angles, in words.
     angles_from: String,
     camera_from: String,
     empty: Option<Arc<RawFrame>>,
-    /// The larvae that a larva of known age is compared with.
+    /// The reference larvae for larvae of known age.
     references: Arc<[References]>,
     warnings: Vec<String>,
 }
 
 impl Imported {
-    /// `import.json`: which file became which view.
+    /// The contents of `import.json`: which file became which view.
     fn origin(&self) -> serde_json::Value {
         let views = self.looks.iter().zip(&self.turn.stops).map(
             |(looked, stop)| json!({"view": stop.view, "closure": stop.closure, "file": looked.name(), "file_sha256": looked.file_sha256}),
@@ -130,10 +130,10 @@ impl Imported {
     }
 }
 
-/// Reads and checks everything, then writes the recording and says where it is.
+/// Reads and checks everything, then writes the recording and prints its path.
 ///
 /// # Errors
-/// Names the file or option at fault, what was found and what was expected; nothing is then left behind.
+/// Names the wrong file or option, the value found and the value expected. No files are left then.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let out = write::choose(args.out.as_deref(), &args.frames)?;
     let mut warnings = Vec::new();
@@ -185,7 +185,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// omega of every picture, deg, and where it is from.
+/// omega of every picture, deg, and the origin of the angles in words.
 fn omega_deg(args: &Args, rig: &Rig, names: &[String], warn: &mut dyn FnMut(String)) -> anyhow::Result<(Vec<f64>, String)> {
     let asked = match &args.sense {
         Some(sense) => Some(if sense == "-1" { -1.0 } else { 1.0 }),
@@ -236,7 +236,7 @@ fn omega_deg(args: &Args, rig: &Rig, names: &[String], warn: &mut dyn FnMut(Stri
     }
 }
 
-/// Turns from view to view to positions, the first at 0.
+/// Converts turns between views to positions. The first position is 0.
 fn summed(turns: &[f64]) -> Vec<f64> {
     let mut at = 0.0;
     let mut positions = Vec::with_capacity(turns.len());
@@ -247,7 +247,7 @@ fn summed(turns: &[f64]) -> Vec<f64> {
     positions
 }
 
-/// Everything about the recording but its views, checked as a run and its measurement check it.
+/// The recording without its views, checked as a run and its measurement check it.
 fn recording(rig: Rig, specimen: PlannedWell, kind: Kind, imported: &Imported) -> anyhow::Result<Recording> {
     let mut method = rig.method;
     method.asd = imported.turn.asd;

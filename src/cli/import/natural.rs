@@ -1,8 +1,8 @@
-//! Names in the order in which a person counts: view2 before view10.
+//! Sorts names in natural order: view2 before view10.
 
 use std::cmp::Ordering;
 
-/// Runs of digits and what stands between them.
+/// Splits a name into runs of digits and the text between them.
 pub(super) fn chunks(name: &str) -> Vec<&str> {
     let mut found = Vec::new();
     let mut from = 0;
@@ -17,7 +17,7 @@ pub(super) fn chunks(name: &str) -> Vec<&str> {
     found
 }
 
-/// Numbers by their value, letters whether large or small.
+/// Compares numbers by value, and letters without regard to case.
 pub(super) fn natural(a: &str, b: &str) -> Ordering {
     let (lower_a, lower_b) = (a.to_lowercase(), b.to_lowercase());
     let (mut x, mut y) = (lower_a.as_str(), lower_b.as_str());
@@ -31,7 +31,7 @@ pub(super) fn natural(a: &str, b: &str) -> Ordering {
                 (x, y) = (&x[c.len_utf8()..], &y[d.len_utf8()..]);
                 c.cmp(&d)
             }
-            // One goes on: it comes after. Names that differ in nothing that counts need an order all the same.
+            // The longer name comes after its prefix. Names that compare equal still need a fixed order.
             (None, None) => return a.cmp(b),
             (c, d) => return c.cmp(&d),
         };
@@ -41,7 +41,7 @@ pub(super) fn natural(a: &str, b: &str) -> Ordering {
     }
 }
 
-/// Takes the number at the front, without its leading zeros.
+/// Takes the number at the front of the text, without its leading zeros.
 fn digits<'a>(text: &mut &'a str) -> &'a str {
     let end = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
     let (number, rest) = text.split_at(end);

@@ -1,4 +1,4 @@
-//! What stands in a recording beside the frames: the rig's camera and the method, from files or by default, and where from.
+//! The camera and method of an imported recording, from files or defaults, with their origin.
 
 use super::Args;
 use crate::cli::segment::{self, input::Kind};
@@ -14,7 +14,7 @@ use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Keys of camera.json; others are told, since a misspelt one would be a default in silence.
+/// The keys of camera.json. Unknown keys are reported, because a misspelt key would silently get its default.
 const KEYS: [&str; 15] =
     ["f", "kx", "ky", "ux", "uy", "s", "alpha", "gamma", "phi", "width", "height", "omega", "views", "pixel_convention", "model"];
 
@@ -22,14 +22,14 @@ const KEYS: [&str; 15] =
 pub(super) struct Rig {
     pub name: String,
     pub camera: Camera,
-    /// Where the camera is from, in words.
+    /// Origin of the camera, in words.
     pub camera_from: String,
-    /// Angles that came with the camera, rad.
+    /// Angles in the file of the camera, rad.
     pub omega: Option<Vec<f64>>,
-    /// 1 or -1, of the axis' degrees.
+    /// Sense of the axis, 1 or -1. `None` if no file states it.
     pub sense: Option<f64>,
     pub method_name: String,
-    /// With `asd` still to be set.
+    /// The method. Its `asd` is not set yet.
     pub method: Method,
     pub empty: Option<Arc<RawFrame>>,
     pub references: Arc<[References]>,
@@ -107,14 +107,14 @@ fn psi(file: &Path, warn: &mut dyn FnMut(String)) -> anyhow::Result<Psi> {
     Ok(psi)
 }
 
-/// From a twentieth of what VAST's cameras resolve to a pixel that would be a tenth of a capillary.
+/// Plausible scales: from a twentieth of the resolution of VAST's cameras to a pixel of a tenth of a capillary.
 const UM_PER_PX: RangeInclusive<f64> = 0.25..=100.0;
-/// From the nearest objective to a telecentric one.
+/// Plausible distances: from the nearest objective to a telecentric one.
 const DISTANCE_UM: RangeInclusive<f64> = 5e3..=1e9;
-/// A capillary lies along the picture's rows, or nearly so.
+/// A capillary is parallel to the picture's rows, or nearly so.
 const MOST_TILT_RAD: f64 = 0.5;
 
-/// Whether a camera can be one that looks at a capillary: a value in another unit would give numbers too, wrong ones.
+/// Checks that a camera can look at a capillary. Values in another unit would also give numbers, but wrong ones.
 fn plausible(camera: &Camera) -> anyhow::Result<()> {
     let Camera { f, kx, ky, ux, uy, s, alpha, gamma, phi, width, height } = *camera;
     let (least, most) = (UM_PER_PX.start(), UM_PER_PX.end());

@@ -1,7 +1,7 @@
-//! Angles to the steps of a ledger: an axis is found whose steps meet them all.
+//! Converts angles to the steps of a ledger, by finding an axis whose steps meet all angles.
 //!
 //! ```text
-//!    0  17.143  34.286 ..  deg  ──  504 steps per revolution: 0 24 48 ..      the fewest steps that are near enough
+//!    0  17.143  34.286 ..  deg  ──  504 steps per revolution: 0 24 48 ..      the smallest number that is accurate enough
 //!    0 -17.143 -34.286 ..  deg  ──  the same with sense -1
 //! ```
 
@@ -9,27 +9,27 @@ use anyhow::{Context, ensure};
 use carved_core::units::{Sense, Steps, StepsPerRevolution};
 use carved_devices::acquisition::RevolutionPlan;
 
-/// Steps may be off the angles by this, deg: less than the 0.001 that is promised, more than the 0.0005 by which a list of three
-/// decimals is rounded.
+/// Largest difference between a step and its angle, deg: below the promised 0.001, and above the 0.0005 by which a list with three decimals
+/// is rounded.
 const NEAR_DEG: f64 = 0.0008;
-/// VAST's own axis; fewer steps would not be one.
+/// The axis of VAST. No axis has fewer steps.
 const LEAST_STEPS: u32 = 500;
 const MOST_STEPS: u32 = 36_000;
-/// What fits any list: half a step is 0.00025 deg.
+/// Fits any list: half a step is 0.00025 deg.
 const FINE_STEPS: u32 = 720_000;
-/// The closure view may be off the whole turn by this, deg: a step and more of VAST's axis.
+/// Largest difference between the closure view and a whole turn, deg: more than one step of VAST's axis.
 const CLOSURE_DEG: f64 = 1.0;
-/// An angle this near to a whole turn after the first is the closure view without being called so, deg: half a step.
+/// A last angle that differs less than this from a whole turn is the closure view even without --closure, deg: half a step.
 const SURELY_CLOSURE_DEG: f64 = 0.36;
-/// Numbers that go around more often are no rad, turns.
+/// Angles with more turns than this cannot be rad, turns.
 const MOST_TURNS: f64 = 20.0;
-/// Seen from nowhere within this, opposite directions being one, the hull is open on a side, deg.
+/// If no view (opposite directions count as one) lies within a gap of this size, the hull is open on one side, deg.
 const OPEN_DEG: f64 = 120.0;
 
 /// A view of the ledger, in the order of the pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Stop {
-    /// Number around the turn, in the direction of the turn; the closure view has the number after the last.
+    /// Number of the view along the turn, in its direction. The closure view has the number after the last.
     pub view: u32,
     pub steps: Steps,
     pub closure: bool,
@@ -40,19 +40,19 @@ pub(super) struct Turn {
     pub steps_per_revolution: StepsPerRevolution,
     pub sense: Sense,
     pub stops: Vec<Stop>,
-    /// Views but for the closure view.
+    /// Number of views without the closure view.
     pub asd: u32,
-    /// How far a step is off its angle at most, deg.
+    /// Largest difference between a step and its angle, deg.
     pub error_deg: f64,
 }
 
-/// `views` angles evenly around, and the closure view where there is one.
+/// Evenly spaced angles of `pictures` views, deg, the last of which may be the closure view.
 pub(super) fn even(pictures: usize, closure: bool) -> Vec<f64> {
     let views = (pictures - usize::from(closure)).max(1) as f64;
     (0..pictures).map(|i| 360.0 * i as f64 / views).collect()
 }
 
-/// The turn of these angles (omega, deg); `closure` says that the last is the closure view.
+/// The turn with these angles (omega, deg). `closure` states that the last one is the closure view.
 pub(super) fn turn(mut omega_deg: Vec<f64>, closure: bool) -> anyhow::Result<Turn> {
     let (Some(&first), Some(&last)) = (omega_deg.first(), omega_deg.last()) else { anyhow::bail!("found no angle") };
     let turns = omega_deg.iter().map(|a| (a - first).abs()).fold(0.0, f64::max) / 360.0;
@@ -70,7 +70,7 @@ pub(super) fn turn(mut omega_deg: Vec<f64>, closure: bool) -> anyhow::Result<Tur
             "--closure: the last view stands at {last:.3} deg, {:.3} deg from a whole turn after the first; the view at 360 deg is expected",
             off.abs()
         );
-        // A list may say 0 where the turn is whole.
+        // A list may have 0 for the whole turn.
         let after = if (last - first).abs() > 180.0 { whole } else { 360.0 };
         if let Some(last) = omega_deg.last_mut() {
             *last = first + after + off;
@@ -100,7 +100,7 @@ pub(super) fn turn(mut omega_deg: Vec<f64>, closure: bool) -> anyhow::Result<Tur
     })
 }
 
-/// The views numbered around the turn from the first, whatever the order in which they were taken.
+/// Numbers the views along the turn from the first, whatever the order in which they were taken.
 fn number(at: &[i64], carved: usize, steps: u32) -> anyhow::Result<Vec<Stop>> {
     let around = |i: usize| (at[i] - at[0]).rem_euclid(i64::from(steps));
     let mut order: Vec<usize> = (0..carved).collect();
@@ -124,12 +124,12 @@ fn error_deg(omega_deg: &[f64], steps: u32) -> f64 {
     omega_deg.iter().map(|a| (a / step_deg - (a / step_deg).round()).abs() * step_deg).fold(0.0, f64::max)
 }
 
-/// From -180 to 180.
+/// The angle in the range -180 to 180 deg.
 fn signed(deg: f64) -> f64 {
     deg - 360.0 * (deg / 360.0).round()
 }
 
-/// Opposite views are mirror images, so that half a turn is enough; what is seen from one side only has no end.
+/// Opposite views are mirror images, so half a turn is enough. A body that is seen from one side only is unbounded.
 fn is_seen_around(omega_deg: &[f64]) -> anyhow::Result<()> {
     let mut folded: Vec<f64> = omega_deg.iter().map(|a| a.rem_euclid(180.0)).collect();
     folded.sort_by(f64::total_cmp);

@@ -1,4 +1,4 @@
-//! A recording made beside its place and put there whole.
+//! Writes a recording beside its destination and then renames it, so that it is complete or absent.
 
 use super::Imported;
 use anyhow::{Context, bail, ensure};
@@ -6,7 +6,7 @@ use carved_records::{LedgerEntry, sha256_hex};
 use carved_store::{Recording, RecordingWriter, durable};
 use std::path::{Path, PathBuf};
 
-/// Where the recording goes; nothing that is there is touched.
+/// The destination of the recording. An existing one is never changed.
 pub(super) fn choose(out: Option<&Path>, named: &[PathBuf]) -> anyhow::Result<PathBuf> {
     let Some(out) = out else {
         let folder = named.first().map(|p| if p.is_dir() { p.clone() } else { durable::folder_of(p).to_owned() });
@@ -26,17 +26,17 @@ pub(super) fn choose(out: Option<&Path>, named: &[PathBuf]) -> anyhow::Result<Pa
     Ok(out.to_owned())
 }
 
-/// A folder that is gone again unless it was put in its place.
+/// A temporary folder that is removed unless it was renamed to its destination.
 struct Part(PathBuf);
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // Not there after it was put in place; and the error that brings us here is the one to tell.
+        // The folder is gone if it was renamed. Otherwise the error that led here is the one to report.
         let _ = std::fs::remove_dir_all(&self.0);
     }
 }
 
-/// Writes the recording, whole or not at all.
+/// Writes the recording completely or not at all.
 pub(super) fn write(out: &Path, recording: Recording, imported: &Imported) -> anyhow::Result<()> {
     let name = out.file_name().unwrap_or_default().to_string_lossy();
     let part = Part(durable::folder_of(out).join(format!(".{name}.{}.part", std::process::id())));

@@ -1,12 +1,14 @@
-//! The box that is carved where none was given: what the bounding rectangles of all silhouettes leave, seen through their matrices.
+//! The box to carve if none is given: the region that the bounding rectangles of all silhouettes have in common, seen through their
+//! matrices.
 //!
 //! ```text
 //!   rectangle of a view ── four planes through its projection centre ── half-spaces
 //!   cube about the point that all views look at ── cut into eighths, again and again ── those outside any half-space are dropped
 //!        ── until the cells are small against what is left: its extents are the box
 //! ```
-//! Of psi, whose angles tell a turn, the box is around a body of revolution: calibration may move the axis, and then the specimen with it.
-//! Each cell that may hold a part of the specimen is kept, so that the box is never too small. A margin keeps the hull off its ends.
+//! For psi, whose angles describe a turn, the box encloses a body of revolution: calibration may move the axis, and then the specimen with
+//! it. Every cell that may contain a part of the specimen is kept, so the box is never too small. A margin keeps the hull away from its
+//! ends.
 
 use super::cameras::Psi;
 use super::views::View;
@@ -14,23 +16,24 @@ use anyhow::{Context, bail, ensure};
 use carved_core::geometry::{BoxUm, Projection};
 use nalgebra::{Matrix3, Vector3};
 
-/// A cell is at most this share of the box's shortest side.
+/// Largest edge of a cell, as a share of the box's shortest side.
 const FINE: f64 = 1.0 / 64.0;
-/// Beyond what is left, of the box's own sides and in voxels: a hull that reaches the outermost voxels looks as if it went on outside.
+/// Margin, as a share of the box's sides and in addition in voxels: a hull that reaches the outermost voxels looks as if it continued
+/// outside.
 const MARGIN: f64 = 1.0 / 32.0;
 const MARGIN_VOXELS: f64 = 2.0;
-/// Times that the first cube is cut at most: a specimen of a millionth of its distance is none.
+/// Maximum number of subdivisions of the first cube. A specimen smaller than a millionth of its distance is not supported.
 const CUTS_MOST: usize = 26;
-/// Cells that are looked at in one round at most.
+/// Maximum number of cells in one round.
 const CELLS_MOST: usize = 4_000_000;
 
-/// Points with `normal x + offset >= 0`.
+/// The points with `normal x + offset >= 0`.
 struct HalfSpace {
     normal: Vector3<f64>,
     offset: f64,
 }
 
-/// The pixels that a silhouette covers: from left, to right, from top, to bottom; px.
+/// The pixels that a silhouette covers, px: left, right, top, bottom.
 fn rectangle(view: &View) -> Option<[f64; 4]> {
     let (from, to) = view.columns.extent()?;
     let edges = || (from..=to).filter_map(|u| view.columns.get(u));
@@ -38,15 +41,15 @@ fn rectangle(view: &View) -> Option<[f64; 4]> {
     Some([from as f64 - 0.5, to as f64 + 0.5, top, bottom])
 }
 
-/// What a camera sees: its matrix, and the rectangle around the silhouette.
+/// A camera matrix and the rectangle around its silhouette.
 type Seen = (Projection, [f64; 4]);
 
-/// What the matrices see in these views, none of which is blank.
+/// The rectangles of these views, none of which is blank.
 fn rectangles(projections: &[Projection], views: &[View]) -> Vec<Seen> {
     projections.iter().zip(views).filter_map(|(projection, view)| Some((*projection, rectangle(view)?))).collect()
 }
 
-/// What a camera sees of a body of revolution about the row `uy` that covers every silhouette of a turn.
+/// The rectangles of a body of revolution around the row `uy` that covers every silhouette of a turn.
 ///
 /// Let the true axis be `d` rows off. Where a slice reaches from `uy + d - a` to `uy + d + b`, the view from the other side shows
 /// `uy + d - b` to `uy + d + a`. The body of revolution reaches `|d| + max(a, b)` to either side: it holds the slice about either axis.
@@ -61,19 +64,20 @@ fn revolved(psi: &Psi, views: &[View]) -> Vec<Seen> {
     if all.is_empty() { Vec::new() } else { seen.collect() }
 }
 
-/// The box around what a turn of psi's camera shows, with a margin for voxels of edge `voxel` (0 where it follows from the box).
+/// The box around everything that a turn of psi's camera shows, with a margin for voxels of edge `voxel` (0 if the edge is derived from the
+/// box).
 pub(super) fn of_turn(psi: &Psi, views: &[View], voxel: f64) -> anyhow::Result<BoxUm> {
     let seen = revolved(psi, views);
     let middle = nearest(&seen)?;
     around(&seen, middle, voxel)
 }
 
-/// The box around what matrices show, as [`of_turn`]; the specimen lies before each camera, at about `middle`.
+/// The box around everything that the matrices show, like [`of_turn`]. The specimen is in front of each camera, near `middle`.
 pub(super) fn derived(projections: &[Projection], views: &[View], middle: [f64; 3], voxel: f64) -> anyhow::Result<BoxUm> {
     around(&rectangles(projections, views), middle, voxel)
 }
 
-/// The plane through the projection centre in which `row x = at depth`, as a half-space without its side.
+/// The plane through the projection centre in which `row x = at depth`, as a half-space whose side is not set yet.
 fn plane(projection: &Projection, row: usize, at: f64) -> HalfSpace {
     let rows = projection.rows();
     let [a, b, c, d]: [f64; 4] = std::array::from_fn(|i| rows[row][i] - at * rows[2][i]);
@@ -81,7 +85,7 @@ fn plane(projection: &Projection, row: usize, at: f64) -> HalfSpace {
     HalfSpace { normal: Vector3::new(a, b, c) / length, offset: d / length }
 }
 
-/// The point that is nearest to all rays through the rectangles' middles; whether it lies before the cameras or behind them is open.
+/// The point nearest to all rays through the middles of the rectangles. It may be in front of the cameras or behind them.
 pub(super) fn middle(projections: &[Projection], views: &[View]) -> anyhow::Result<[f64; 3]> {
     nearest(&rectangles(projections, views))
 }
@@ -118,7 +122,7 @@ fn around(seen: &[Seen], middle: [f64; 3], voxel: f64) -> anyhow::Result<BoxUm> 
         half /= 2.0;
         let eighths =
             cells.iter().flat_map(|cell| (0..8).map(move |i| cell + Vector3::from_fn(|a, _| if i >> a & 1 == 0 { -half } else { half })));
-        // The corner furthest along the normal decides.
+        // The corner that is furthest along the normal decides.
         let may_hold = |cell: &Vector3<f64>| sides.iter().all(|s| s.normal.dot(cell) + s.offset + half * s.normal.abs().sum() >= 0.0);
         cells = eighths.filter(may_hold).collect();
         ensure!(
@@ -165,7 +169,7 @@ mod tests {
         Projection::from_matrix([row(2000.0, 50.0, 0), row(2000.0, 40.0, 1), row(1.0, 0.0, 2)]).unwrap()
     }
 
-    /// A block of `half` px about the principal point.
+    /// A block of `half` px around the principal point.
     fn block(half: [usize; 2]) -> View {
         let mut mask = Mask::empty(101, 81);
         for (u, v) in (50 - half[0]..=50 + half[0]).flat_map(|u| (40 - half[1]..=40 + half[1]).map(move |v| (u, v))) {
@@ -179,14 +183,14 @@ mod tests {
         let shift = [7.0, -3.0, 11.0];
         let quarter = std::f64::consts::FRAC_PI_2;
         let projections: Vec<Projection> = (0..4).map(|i| turned(quarter * f64::from(i), shift)).collect();
-        // 21 px wide and 11 px high, half a px beyond the outermost centres: 1.05 and 0.55 units, 1 % more for the nearer side.
+        // 21 px wide and 11 px high, half a px beyond the outermost centres: 1.05 and 0.55 units, and 1 % more for the nearer side.
         let views: Vec<View> = (0..4).map(|_| block([10, 5])).collect();
         let middle = middle(&projections, &views).unwrap();
         assert!((0..3).all(|a| (middle[a] - shift[a]).abs() < 1e-9), "{middle:?}");
         let found = derived(&projections, &views, middle, 0.0).unwrap();
         for (a, half) in [0.525, 0.275, 0.525].into_iter().enumerate() {
             for reach in [shift[a] - found.min[a], found.max[a] - shift[a]] {
-                // 2/64 for a cell and 2/32 for the margin, of half the side.
+                // 2/64 for a cell and 2/32 for the margin, relative to half the side.
                 assert!((half..1.12 * half).contains(&reach), "axis {a}: {reach} of {half}");
             }
         }

@@ -16,12 +16,12 @@ use std::path::Path;
 
 #[derive(Debug, PartialEq)]
 pub(in crate::cli) enum Cameras {
-    /// One camera before a capillary that turns.
+    /// One camera in front of a capillary that turns.
     Psi(Psi),
-    /// A camera per view, whatever it is.
+    /// One camera per view, without assumptions.
     Matrices {
         projections: Vec<Projection>,
-        /// Of the image that each is of, where the file says.
+        /// The name of each matrix's image, if the file has names.
         names: Option<Vec<String>>,
     },
 }
@@ -35,7 +35,7 @@ pub(in crate::cli) struct Psi {
 }
 
 impl Cameras {
-    /// How many there are, and what they are.
+    /// The number of cameras, and their type in words.
     pub fn count(&self) -> (usize, &'static str) {
         match self {
             Self::Psi(psi) => (psi.omega.len(), "angles in omega"),
@@ -88,7 +88,7 @@ fn matrices(text: &str) -> anyhow::Result<Cameras> {
     Ok(Cameras::Matrices { projections, names: None })
 }
 
-/// The numbers of a matrix, nested or flat.
+/// The numbers of a matrix, given as nested or flat lists.
 fn matrix(value: &Value) -> anyhow::Result<Vec<f64>> {
     const EXPECTED: &str = "expected 3 rows of 4 numbers, or 12 numbers row by row";
     let Value::Array(items) = value else { bail!("found {}, {EXPECTED}", kind(value)) };
@@ -173,7 +173,7 @@ fn par(text: &str) -> anyhow::Result<Cameras> {
     Ok(Cameras::Matrices { projections, names: Some(names) })
 }
 
-/// `numbers` are 12, row by row.
+/// A projection from 12 numbers, row by row.
 fn projection(numbers: &[f64]) -> anyhow::Result<Projection> {
     Ok(Projection::from_matrix(std::array::from_fn(|r| std::array::from_fn(|c| numbers[4 * r + c])))?)
 }
@@ -199,7 +199,7 @@ mod tests {
         }
     }
 
-    /// K [R | t] by hand: a quarter turn about x, so that the camera's y is the world's -z.
+    /// K [R | t] computed by hand: a quarter turn about x, so that the camera's y is the world's -z.
     #[test]
     fn middleburys_cameras_are_put_together() {
         let line = "a0.png 900 2 500 0 900 400 0 0 1  1 0 0 0 0 -1 0 1 0  0.5 -1 60";

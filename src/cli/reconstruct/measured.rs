@@ -1,4 +1,4 @@
-//! The three things a set of silhouettes can be: a turn of one camera, views of any cameras, or nothing.
+//! Measures the three kinds of sets of silhouettes: a turn of one camera, views of any cameras, or an empty capillary.
 
 use super::cameras::{Cameras, Psi};
 use super::report::Clock;
@@ -13,36 +13,36 @@ use carved_core::statistics::mean;
 use carved_core::surface::{self, Mesh};
 use rayon::prelude::*;
 
-/// What became of a view.
+/// The use of a view.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Judged {
     pub used: bool,
     pub reason: Option<String>,
     pub dy_px: Option<f64>,
     pub residual_px: Option<f64>,
-    /// Of its mask with the image of the hull.
+    /// Overlap of its mask with the image of the hull. `None` for a blank view.
     pub overlap: Option<f64>,
 }
 
-/// A set measured.
+/// The result for a set.
 pub(super) struct Measured {
-    /// Nothing of an empty capillary.
+    /// `None` for an empty capillary.
     pub measurement: Option<Measurement>,
     pub mesh: Option<Mesh>,
     pub views: Vec<Judged>,
-    /// The camera of a turn, with the angles that its views are of.
+    /// The camera of a turn, with the angles of its views, rad.
     pub psi: Option<(Camera, Vec<f64>)>,
     pub calibration: Option<Calibration>,
-    /// The volumes that no view misses, which the calibration was judged by.
+    /// The residual volumes by which the calibration was judged. `None` without a calibration.
     pub vrv: Option<VrvCheck>,
     pub budget: u32,
     pub touches_box: bool,
     pub flags: Vec<&'static str>,
-    /// What makes the numbers doubtful, in plain words.
+    /// Reasons to doubt the numbers, in plain words.
     pub doubts: Vec<String>,
 }
 
-/// A set that gives no number, with its flag.
+/// A set that gives no numbers, with its flag.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum Refusal {
     #[error(
@@ -55,7 +55,7 @@ pub(super) enum Refusal {
     FewDirections { found: usize, views: usize, needed: usize },
 }
 
-/// A body that is seen from fewer is open on a side.
+/// A body that is seen from fewer directions is open on one side.
 const DIRECTIONS_LEAST: usize = 4;
 
 impl Refusal {
@@ -66,10 +66,10 @@ impl Refusal {
     }
 }
 
-/// Mean overlap below which views do not show one body: profiles of a good recording reach 0.94 to 0.97.
+/// Mean overlap below which the views do not show the same body. Profiles of a good recording reach 0.94 to 0.97.
 const OVERLAP_LEAST: f64 = 0.9;
 
-/// An empty capillary is an answer: volume 0.
+/// An empty capillary is a valid answer with volume 0.
 pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
     Measured {
         measurement: None,
@@ -88,7 +88,7 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
     }
 }
 
-/// Views of one camera before a capillary that turns.
+/// Measures views of one camera in front of a capillary that turns.
 pub(super) fn turn(
     psi: &Psi,
     grid: VoxelGrid,
@@ -171,10 +171,10 @@ pub(super) fn turn(
     })
 }
 
-/// A flag, and what it makes doubtful in plain words.
+/// A flag, and what it makes doubtful, in plain words.
 type Raised = (&'static str, Option<String>);
 
-/// By what the views show and what was made of them.
+/// Flags from the views and the model.
 fn raised_by(shown: &[&View], model: &Model) -> Vec<Raised> {
     let leaves = |side: fn(&Leaves) -> bool| shown.iter().any(|v| side(&v.leaves()));
     let mut raised: Vec<Raised> = Vec::new();
@@ -188,7 +188,7 @@ fn raised_by(shown: &[&View], model: &Model) -> Vec<Raised> {
     raised
 }
 
-/// `seen` has the views' places among those given.
+/// Flags from the calibration. `seen` has the indices of the views among all given ones.
 fn raised_by_calibration(found: &Calibration, seen: &[usize]) -> Vec<Raised> {
     let moved = found.moved.map(|m| ("moved", Some(say_moved(m, seen))));
     let wrong_steps = found.has_wrong_steps().then(|| {
@@ -214,7 +214,7 @@ fn say_moved(moved: Moved, seen: &[usize]) -> String {
     )
 }
 
-/// Views of any cameras, as they are.
+/// Measures views of any cameras without calibration.
 pub(super) fn hull(
     projections: &[Projection],
     grid: VoxelGrid,
@@ -257,7 +257,7 @@ pub(super) fn hull(
     })
 }
 
-/// Overlap of each view's mask with the hull seen through its own projection.
+/// Overlap of each view's mask with the image of the hull in that view.
 fn overlaps(mesh: &Mesh, views: &[&View], projections: &[Projection]) -> Vec<f64> {
     views
         .par_iter()

@@ -1,10 +1,10 @@
-//! Matrices of a mirrored world: the specimen lies behind every camera, unless one axis is turned round.
+//! Matrices of a mirrored world: the specimen is behind every camera unless one axis is reversed.
 //!
 //! ```text
-//!   P, depth < 0 in every view ── x -> -x ── -P, depth > 0 ── reconstructed ── mesh and places: x -> -x again, triangles turned round
+//!   P, depth < 0 in every view ── x -> -x ── -P, depth > 0 ── reconstructed ── mesh and positions: x -> -x again, triangles reversed
 //! ```
-//! A camera matrix tells its sign only together with the handedness of its world: [`Projection`] takes right-handed worlds. Matrices of a
-//! left-handed one, or of images that were mirrored, have a negative determinant where depths are positive. Volumes, areas and lengths are
+//! The sign of a camera matrix is known only together with the handedness of its world: [`Projection`] takes right-handed worlds. Matrices
+//! of a left-handed world, or of mirrored images, have a negative determinant where depths are positive. Volumes, areas and lengths are
 //! those of the mirror image.
 
 use super::measured::Measured;
@@ -12,7 +12,7 @@ use anyhow::{Context, bail};
 use carved_core::geometry::{BoxUm, Projection};
 use serde_json::{Value, json};
 
-/// Whether the world is mirrored: `at` is a point of the specimen.
+/// Whether the world is mirrored. `at` is a point of the specimen.
 pub(super) fn is_mirrored(projections: &[Projection], at: [f64; 3]) -> anyhow::Result<bool> {
     let behind: Vec<usize> = (0..projections.len()).filter(|&i| projections[i].depth(at) < 0.0).collect();
     if behind.is_empty() || behind.len() == projections.len() {
@@ -27,7 +27,7 @@ pub(super) fn is_mirrored(projections: &[Projection], at: [f64; 3]) -> anyhow::R
     )
 }
 
-/// The matrices that see the mirrored world.
+/// The matrices for the mirrored world.
 pub(super) fn projections(of: &[Projection]) -> anyhow::Result<Vec<Projection>> {
     let mirrored = |p: &Projection| Projection::from_matrix(p.rows().map(|[x, y, z, t]| [-x, y, z, t]));
     of.iter().map(|p| mirrored(p).context("--cameras, mirrored")).collect()
@@ -38,14 +38,15 @@ pub(super) fn bounds(of: BoxUm) -> BoxUm {
     BoxUm { min: [-x1, y0, z0], max: [-x0, y1, z1] }
 }
 
-/// The mesh in the matrices' own world, its outside outside again.
+/// Converts the mesh back to the world of the matrices, with its triangles facing outwards.
 pub(super) fn mesh(measured: &mut Measured) {
     let Some(mesh) = &mut measured.mesh else { return };
     mesh.vertices.iter_mut().for_each(|[x, ..]| *x = -*x);
     mesh.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
 }
 
-/// The report's places in the matrices' own world. `along_axis`: the grid is that of the turn's axis, not of the world.
+/// Converts the positions in the report back to the world of the matrices. `along_axis`: the grid is aligned with the axis of the turn, not
+/// with the world.
 pub(super) fn report(mut report: Value, along_axis: bool) -> Value {
     let negated = |value: &Value| value.as_f64().map_or(Value::Null, |x| json!(-x));
     let places = ["/centroid_um", "/sphere/centre_um", "/turntable/origin", "/turntable/axes/0", "/turntable/axes/1", "/turntable/axes/2"];

@@ -1,4 +1,4 @@
-//! `carved reconstruct`: any silhouettes with any cameras to a model.
+//! `carved reconstruct`: makes a model from any silhouettes with any cameras.
 //!
 //! ```text
 //!  --views DIR ────── views ───── masks, edges ──┐
@@ -6,8 +6,8 @@
 //!                  └─ matrices ──────────────────┴─ HullModel: carved as they are ─────────┴── report ── one JSON object on stdout
 //!                       └─ --calibrate, of a turn ─ psi, omega
 //! ```
-//! Everything is read and checked before anything is made, and everything is made before anything is written. What cannot be
-//! measured is refused on stdout as well, as `{"flags": [..], "error": ".."}` with exit code 3.
+//! Everything is read and checked before anything is computed, and everything is computed before anything is written. A set that cannot be
+//! measured is refused, also on stdout as `{"flags": [..], "error": ".."}`, with exit code 3.
 
 mod bounds;
 pub(super) mod cameras;
@@ -30,26 +30,26 @@ use std::process::ExitCode;
 use std::time::Instant;
 use views::View;
 
-/// Exit code of a specimen that was refused.
+/// Exit code for a refused set.
 const REFUSED: u8 = 3;
 
 /// The paper's finer sampling density.
 const DEFAULT_VOXEL_UM: f64 = 6.93;
-/// Voxels of a grid without a unit when no size is given: as many as the paper's box has at the default size.
+/// Number of voxels for a grid without a unit and without a given size: the same as in the paper's box at the default size.
 const DEFAULT_VOXELS: f64 = 15e6;
 
 /// Silhouettes and cameras in, model and measurements out
 #[derive(Debug, clap::Args)]
 #[allow(clippy::struct_excessive_bools, reason = "each is a switch of the command line")]
 pub struct Args {
-    /// Folder of silhouettes, PNG or PGM, one per view in the order of their names; inside is 128 or more
+    /// Folder of silhouettes, PNG or PGM, one per view in the order of their names; 128 or more is inside
     #[arg(long, value_name = "DIR")]
     pub views: PathBuf,
     /// camera.json (psi and the angles `omega`), or one 3 x 4 matrix per view: JSON, or text with 12 numbers per line
     #[arg(long, value_name = "FILE")]
     pub cameras: PathBuf,
-    /// The volume that is carved [default: the paper's -2500,2500,-500,500,-500,500 um; without a unit, what the silhouettes'
-    /// bounding rectangles have in common; of psi, a body of revolution around them]
+    /// The box to carve [default: the paper's -2500,2500,-500,500,-500,500 um; without a unit, what the silhouettes' bounding rectangles
+    /// have in common; for psi, a body of revolution around them]
     #[arg(long = "box", value_name = "x0,x1,y0,y1,z0,z1", value_parser = parse_box, allow_hyphen_values = true)]
     pub bounds: Option<BoxUm>,
     /// Edge of a voxel [default: 6.93 um; without a unit, 15 million voxels in the box]
@@ -64,10 +64,10 @@ pub struct Args {
     /// Fit a sphere, for beads
     #[arg(long)]
     pub sphere: bool,
-    /// Measure with the camera as given, and every view where it says
+    /// Measure with the camera as given, without calibration
     #[arg(long)]
     pub no_calibrate: bool,
-    /// Calibrate matrices too, which must be those of one camera before something that turns (psi is calibrated without it)
+    /// Calibrate matrices too; they must be those of one camera in front of an object that turns (psi is always calibrated)
     #[arg(long, conflicts_with = "no_calibrate")]
     pub calibrate: bool,
     /// Weight of the umbrella operator in one iteration of the fairing
@@ -76,7 +76,7 @@ pub struct Args {
     /// Iterations of the fairing
     #[arg(long, value_name = "N", default_value_t = SurfaceSettings::default().fairing_iterations)]
     pub fairing_iterations: usize,
-    /// Where the mesh goes, PLY [default: the name of the views' folder, here, with a number if taken]
+    /// PLY file for the mesh [default: the name of the views' folder, in the current folder, numbered if taken]
     #[arg(long, value_name = "PLY")]
     pub out: Option<PathBuf>,
     /// Replace the file at --out
@@ -110,7 +110,7 @@ fn parse_box(text: &str) -> Result<BoxUm, String> {
     }
 }
 
-/// Prints the answer; whoever reads it may have gone, or the disk behind it be full.
+/// Prints the answer. Its reader may be gone, or the disk behind it full.
 fn say(answer: &serde_json::Value, code: ExitCode) -> ExitCode {
     match writeln!(std::io::stdout().lock(), "{answer:#}") {
         Ok(()) => code,
@@ -122,7 +122,7 @@ fn say(answer: &serde_json::Value, code: ExitCode) -> ExitCode {
     }
 }
 
-/// Reads, reconstructs, writes the mesh and prints the report; what is wrong is printed as a refusal, and is the exit code.
+/// Reads, reconstructs, writes the mesh and prints the report. A refusal is printed and has its own exit code.
 pub fn run(args: &Args) -> ExitCode {
     match reconstruct(args) {
         Ok(report) => say(&report, ExitCode::SUCCESS),
@@ -137,7 +137,7 @@ pub fn run(args: &Args) -> ExitCode {
 
 fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     let destination = output::Destination::choose(args.out.as_deref(), &args.views, args.force)?;
-    // What the command line says is judged before anything is read.
+    // The command line is checked before any file is read.
     let mut bounds = given_box(args);
     bounds.map(|bounds| grid(args, bounds)).transpose()?;
     let mut clock = report::Clock::new(Instant::now());
@@ -175,7 +175,7 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     let mut grid = grid(args, bounds)?;
     clock.split("read");
     let surface = SurfaceSettings { fairing_lambda: args.fairing_lambda, fairing_iterations: args.fairing_iterations };
-    // Masks are taken as they are: what put their edges there is not known.
+    // Masks are used as they are, because the origin of their edges is unknown.
     let calibration = CalibrationSettings { enabled: !args.no_calibrate, edge_sd_px: 0.0, ..CalibrationSettings::default() };
     let settings = ReconstructionSettings { epsilon: args.epsilon, surface, calibration };
     let table = match &cameras {
@@ -218,7 +218,7 @@ fn reconstruct(args: &Args) -> anyhow::Result<serde_json::Value> {
     Ok(report::in_unit(report, args.unit))
 }
 
-/// The views in the order of the cameras' names, where they have some.
+/// The views in the order of the cameras' names, if they have names.
 fn in_order(cameras: &Cameras, mut views: Vec<View>) -> anyhow::Result<Vec<View>> {
     let Cameras::Matrices { names: Some(names), .. } = cameras else { return Ok(views) };
     let stem = |name: &str| std::path::Path::new(name).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
@@ -230,12 +230,12 @@ fn in_order(cameras: &Cameras, mut views: Vec<View>) -> anyhow::Result<Vec<View>
     Ok(ordered)
 }
 
-/// The box of the command line or of the unit. `None` where it is to be derived from the silhouettes.
+/// The box of the command line or of the unit. `None` if it must be derived from the silhouettes.
 fn given_box(args: &Args) -> Option<BoxUm> {
     args.bounds.or((args.unit == Unit::Um).then_some(BoxUm::PAPER))
 }
 
-/// Mirrors cameras and box where the matrices are those of a mirrored world, and says whether they are.
+/// Mirrors cameras and box if the matrices are those of a mirrored world. Returns whether they are.
 fn unmirrored(cameras: &mut Cameras, views: &[View], bounds: &mut Option<BoxUm>) -> anyhow::Result<bool> {
     let Cameras::Matrices { projections, .. } = cameras else { return Ok(false) };
     if views.iter().all(View::is_blank) {

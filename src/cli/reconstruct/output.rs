@@ -1,4 +1,4 @@
-//! Where the mesh goes; a file that is there is never replaced unasked.
+//! The file of the mesh. An existing file is replaced only on request.
 
 use anyhow::{Context, bail};
 use carved_store::durable;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 #[derive(Debug)]
 pub(super) enum Destination {
-    /// The first name of this pattern that is free.
+    /// The first free name of this pattern.
     Free {
         folder: PathBuf,
         stem: String,
@@ -17,7 +17,7 @@ pub(super) enum Destination {
 }
 
 impl Destination {
-    /// Refuses at once what `write` would refuse after the work.
+    /// Refuses early whatever `write` would refuse after the computation.
     pub fn choose(out: Option<&Path>, views: &Path, force: bool) -> anyhow::Result<Self> {
         let Some(out) = out else {
             let stem = views.canonicalize().ok().and_then(|p| p.file_name().map(|n| n.to_string_lossy().into_owned()));
@@ -40,7 +40,7 @@ impl Destination {
         }
     }
 
-    /// Writes all or nothing, and says where.
+    /// Writes the complete file or nothing. Returns its path.
     pub fn write(self, bytes: &[u8]) -> anyhow::Result<PathBuf> {
         match self {
             Self::New(path) => create(&path, bytes).with_context(|| path.display().to_string()).map(|()| path),
@@ -62,12 +62,12 @@ impl Destination {
 fn create(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut file = std::fs::File::create_new(path)?;
     file.write_all(bytes).and_then(|()| file.sync_all()).inspect_err(|_| {
-        // Half a file is worse than none, and the first error is the one to tell.
+        // A partial file is worse than none. The first error is the one to report.
         std::fs::remove_file(path).ok();
     })
 }
 
-/// The old file stays until the new one is whole.
+/// Keeps the old file until the new one is complete.
 fn replace(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(format!(".{}.part", std::process::id()));

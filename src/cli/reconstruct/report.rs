@@ -13,7 +13,7 @@ use std::time::Instant;
 const OVERLAP_RULE: &str = "intersection over union of the view's mask (inside = 128 or more) and the image of the hull's \
     surface before fairing; a pixel of that image is inside where its centre lies in the projection of a triangle";
 
-/// What took how long, ms.
+/// Duration of each step, ms.
 pub(super) struct Clock {
     last: Instant,
     spent: Map<String, Value>,
@@ -47,7 +47,7 @@ pub(super) fn report(
         },
         None => nothing(),
     };
-    // The list of views has their number.
+    // The list of views shows their number.
     report.remove("views");
     let lo: [f64; 3] = std::array::from_fn(|a| grid.centre(a, 0) - grid.size() / 2.0);
     let hi: [f64; 3] = std::array::from_fn(|a| grid.centre(a, counts[a] - 1) + grid.size() / 2.0);
@@ -90,13 +90,13 @@ pub(super) fn report(
     Ok(Value::Object(report))
 }
 
-/// The report with the name of the world's unit; where it has none, in keys neither.
+/// The report with the name of the world's unit. Without a unit the keys have none either.
 pub(super) fn in_unit(mut report: Value, unit: Unit) -> Value {
     report["unit"] = json!(unit.name());
     if unit == Unit::None { without_unit(report) } else { report }
 }
 
-/// Numbers of an empty capillary.
+/// The numbers of an empty capillary.
 fn nothing() -> Map<String, Value> {
     let zero = ["voxels", "volume_um3", "volume_sd_um3", "area_um2", "area_sd_um2"].map(|key| (key.to_owned(), json!(0)));
     let mut map: Map<String, Value> = zero.into_iter().collect();
@@ -105,7 +105,7 @@ fn nothing() -> Map<String, Value> {
     map
 }
 
-/// Takes the unit from every key: `area_um2` becomes `area`.
+/// Removes the unit from every key: `area_um2` becomes `area`.
 fn without_unit(value: Value) -> Value {
     let bare = |key: String| ["_um3", "_um2", "_um"].iter().find_map(|s| key.strip_suffix(s).map(String::from)).unwrap_or(key);
     match value {

@@ -1,7 +1,7 @@
-//! `--calibrate` with matrices: where they are those of a turn, it is measured as psi's are, and told in the matrices' world.
+//! `--calibrate` with matrices: if they are those of a turn, it is measured like psi's turns and reported in the world of the matrices.
 //!
 //! ```text
-//!  matrices, box ── Turntable ── psi, angles ── measured::turn ── mesh, places: back into the world
+//!  matrices, box ── Turntable ── psi, angles ── measured::turn ── mesh, positions: back into the world
 //!                      │                                      └── lengths, areas, volumes: times scale, scale^2, scale^3
 //!                      └── no turn: refused
 //! ```
@@ -16,19 +16,19 @@ use carved_core::geometry::{BoxUm, Projection, Turntable, VoxelGrid};
 use carved_core::reconstruction::ReconstructionSettings;
 use serde_json::{Value, json};
 
-/// psi's unit where the world has none: that in which the scale is the published rig's, for which the estimators are made.
+/// The scale in psi's unit if the world has no unit: that of the published rig, for which the estimators are designed.
 const PUBLISHED_PX_PER_UM: f64 = 1.0 / 5.5;
-/// The axis may be calibrated to lie this far from where the matrices have it, and what is seen reaches as much further.
+/// Calibration may move the axis by this distance from its place in the matrices, and the visible region grows by the same distance.
 const MARGIN_PX: f64 = 20.0;
 
-/// The turn that the matrices are of.
+/// Finds the turn to which the matrices belong.
 pub(super) fn find(projections: &[Projection], views: &[View], bounds: BoxUm, unit: Unit) -> anyhow::Result<Turntable> {
     let sensor = views.first().map_or([0; 2], |v| [v.mask.width() as u32, v.mask.height() as u32]);
     let kx = (unit == Unit::None).then_some(PUBLISHED_PX_PER_UM);
     Turntable::of(projections, sensor, &corners(bounds), kx).context("--calibrate")
 }
 
-/// Measures the turn; the mesh and all places are the matrices' world's.
+/// Measures the turn. Mesh and positions are in the world of the matrices.
 pub(super) fn measure(
     table: &Turntable,
     views: &[View],
@@ -51,7 +51,7 @@ fn corners(bounds: BoxUm) -> [[f64; 3]; 8] {
     std::array::from_fn(|i| std::array::from_fn(|a| if i >> a & 1 == 0 { bounds.min[a] } else { bounds.max[a] }))
 }
 
-/// What of the box can hold something: around the axis, as far as any view shows anything.
+/// The part of the box that can contain something: around the axis, as far as any view shows anything.
 fn seen(table: &Turntable, views: &[View], bounds: BoxUm) -> BoxUm {
     let c = &table.camera;
     let around = corners(bounds).map(|corner| table.frame.from_world(corner));
@@ -65,7 +65,7 @@ fn seen(table: &Turntable, views: &[View], bounds: BoxUm) -> BoxUm {
             across = across.max((axis - edges.upper).max(edges.lower - axis) / c.ky);
         }
     }
-    // What is nearer is seen larger, and further from the middle.
+    // A nearer body appears larger, and further from the middle.
     let wider = 1.0 + 2.0 * across / c.f;
     let radius = wider * across + MARGIN_PX / c.ky;
     let end = MARGIN_PX / c.kx;
@@ -76,11 +76,11 @@ fn seen(table: &Turntable, views: &[View], bounds: BoxUm) -> BoxUm {
     }
 }
 
-/// The report of a turn in the matrices' world and unit.
+/// The report of a turn, in the world and unit of the matrices.
 pub(super) fn told(report: Value, table: &Turntable) -> Value {
     let frame = &table.frame;
     let mut report = scaled(report, frame.scale);
-    // Places, which are more than lengths; they were scaled as such.
+    // Positions need the offset, too. They were already scaled like lengths.
     for place in ["/centroid_um", "/sphere/centre_um"] {
         if let Some(value) = report.pointer_mut(place).filter(|v| v.is_array()) {
             let at = std::array::from_fn(|a| value[a].as_f64().unwrap_or(f64::NAN) / frame.scale);
@@ -99,7 +99,7 @@ pub(super) fn told(report: Value, table: &Turntable) -> Value {
     report
 }
 
-/// Every length, area and volume, known by its key, in the other unit.
+/// Converts every length, area and volume, recognised by its key, to the other unit.
 fn scaled(value: Value, scale: f64) -> Value {
     let power = |key: &str| [("_um3", 3), ("_um2", 2), ("_um", 1)].iter().find_map(|(end, power)| key.ends_with(end).then_some(*power));
     match value {

@@ -12,12 +12,12 @@ use std::path::{Path, PathBuf};
 pub(in crate::cli) struct View {
     pub path: PathBuf,
     pub mask: Mask,
-    /// Of the coverage, where the image is anti-aliased.
+    /// Columns of the coverage if the image is anti-aliased, else of the mask.
     pub columns: Columns,
 }
 
 impl View {
-    /// Whether the silhouette reaches the image's first or last column: there the specimen goes on.
+    /// Whether the silhouette reaches the first or last column of the image, where the specimen continues.
     pub fn leaves(&self) -> Leaves {
         let reaches = |u: usize| self.columns.get(u).is_some();
         Leaves { left: reaches(0), right: reaches(self.mask.width() - 1) }
@@ -32,7 +32,7 @@ impl View {
     }
 }
 
-/// The PNG and PGM files of a folder in the order of their names, byte by byte; other files are left alone.
+/// Reads the PNG and PGM files of a folder, sorted by name in byte order. Other files are ignored.
 pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
     let entries = std::fs::read_dir(folder).with_context(|| format!("--views {}: cannot be read as a folder", folder.display()))?;
     let mut paths = Vec::new();
@@ -47,7 +47,7 @@ pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
     if paths.is_empty() {
         bail!("--views {}: found no .png or .pgm file, expected one per view", folder.display());
     }
-    // By their heads, before any is decoded: one large picture among the views would take minutes and gigabytes.
+    // The headers are checked first: decoding one large picture among the views would take minutes and gigabytes.
     let mut first = None;
     for path in &paths {
         let (w, h) = reader(path)?.into_dimensions().with_context(|| unreadable(path))?;
@@ -57,7 +57,7 @@ pub(in crate::cli) fn read(folder: &Path) -> anyhow::Result<Vec<View>> {
             bail!("{} is {w} x {h} px, expected {w0} x {h0} as {name}", path.display());
         }
     }
-    // All are read before any is judged: the first that fails is the one told, on any number of threads.
+    // All files are read before any is judged, so that the same error is reported on any number of threads.
     paths.into_par_iter().map(view).collect::<Vec<_>>().into_iter().collect()
 }
 
@@ -65,7 +65,7 @@ fn unreadable(path: &Path) -> String {
     format!("{}: not a readable PNG or PGM", path.display())
 }
 
-/// A picture's file, of which the kind is known.
+/// Opens a picture file of a known format.
 fn reader(path: &Path) -> anyhow::Result<ImageReader<BufReader<File>>> {
     let name = || path.display().to_string();
     let file = carved_files::open(path).with_context(name)?;
@@ -77,7 +77,7 @@ fn reader(path: &Path) -> anyhow::Result<ImageReader<BufReader<File>>> {
     }
 }
 
-/// Grey is coverage; what is transparent is not covered. A view may be blank.
+/// Reads a view. Grey values are coverage; transparent pixels are not covered. A view may be blank.
 fn view(path: PathBuf) -> anyhow::Result<View> {
     let name = || path.display().to_string();
     let image = reader(&path)?.decode().with_context(|| unreadable(&path))?;
@@ -90,7 +90,7 @@ fn view(path: PathBuf) -> anyhow::Result<View> {
     Ok(View { path, mask, columns })
 }
 
-/// Whether grey is the share of a pixel that is covered: then it stands along edges only, and all else is black or white.
+/// Whether grey values are the covered share of a pixel: they then occur only along edges, and all other pixels are black or white.
 fn is_anti_aliased(coverage: &[u8], mask: &Mask) -> bool {
     let grey = coverage.iter().filter(|&&c| c != 0 && c != 255).count();
     let (width, data) = (mask.width(), mask.data());

@@ -1,4 +1,4 @@
-//! `carved reference beads`: whether a set of measured beads has the diameter that it should have.
+//! `carved reference beads`: checks that a set of measured beads has its nominal diameter.
 
 use crate::cli::measure::expand;
 use anyhow::Context;
@@ -8,10 +8,10 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`); those that are no beads are passed over.
+    /// Recordings (`runs/RUN/A01`) or whole runs (`runs/RUN`); recordings of other specimens are skipped.
     #[arg(required = true)]
     recordings: Vec<PathBuf>,
-    /// What the beads' mean diameter should be, um.
+    /// Nominal mean diameter of the beads, um.
     #[arg(long, default_value_t = 500.0)]
     nominal_um: f64,
 }

@@ -1,4 +1,4 @@
-//! `carved reference build`: control larvae to a file of references.
+//! `carved reference build`: makes a file of reference larvae from control larvae.
 
 use super::controls::{self, Words};
 use super::show;
@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// Recordings (`runs/RUN/A01`), whole runs (`runs/RUN`), or CSV with the columns dpf, `volume_um3`, `area_um2` and, where known,
-    /// treatment, strain, cohort (or group), asd, `voxel_um`, epsilon, estimator (voxel where left out).
+    /// treatment, strain, cohort (or group), asd, `voxel_um`, epsilon, estimator (default: voxel).
     #[arg(required = true)]
     controls: Vec<PathBuf>,
     /// The file to write; a configuration names it in `references`.
@@ -20,12 +20,12 @@ pub struct Args {
     /// Name of these references [default: that of the file].
     #[arg(long)]
     name: Option<String>,
-    /// Where the larvae come from, for whoever reads the file.
+    /// Origin of the larvae, for readers of the file.
     #[arg(long, default_value = "own controls")]
     source: String,
     #[command(flatten)]
     words: Words,
-    /// Take recordings with flags too.
+    /// Include recordings with flags.
     #[arg(long)]
     with_flagged: bool,
 }
@@ -53,7 +53,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Every control that the arguments name; what is left out is said.
+/// Every control that the arguments name. Controls that are left out are reported.
 fn read(args: &Args) -> anyhow::Result<Vec<Control>> {
     let mut all = Vec::new();
     for path in expand(&args.controls)? {

@@ -1,4 +1,4 @@
-//! Control larvae out of recordings and tables.
+//! Control larvae from recordings and tables.
 
 use anyhow::{Context, bail};
 use carved_core::measure::references::{Control, VOXEL, estimates};
@@ -8,20 +8,20 @@ use carved_store::{MeasurementFile, Recording, RecordingReader};
 use serde::Deserialize;
 use std::path::Path;
 
-/// Words for larvae whose recording or row has none.
+/// Labels for larvae whose recording or row has none.
 #[derive(Debug, clap::Args)]
 pub struct Words {
-    /// What was done to the larvae, as `fixed`.
+    /// Treatment of the larvae, for example `fixed`.
     #[arg(long)]
     treatment: Option<String>,
     #[arg(long)]
     strain: Option<String>,
-    /// A further word that keeps these larvae apart from others: a batch, a clutch.
+    /// A further label that separates these larvae from others: a batch, a clutch.
     #[arg(long)]
     cohort: Option<String>,
 }
 
-/// One row of a table. Only the age and one of the two numbers must be there.
+/// One row of a table. Only the age and one of the two numbers are required.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Row {
@@ -46,7 +46,7 @@ struct Row {
     estimator: Option<String>,
 }
 
-/// A line of a table that begins with it says nothing.
+/// A line of a table that begins with this character is a comment.
 const COMMENT: u8 = b'#';
 
 /// The rows of a CSV file.
@@ -93,7 +93,7 @@ impl Row {
     }
 }
 
-/// One larva of a recording, by every estimator; or why it is no control.
+/// One control per estimator from the larva of a recording, or the reason why it is no control.
 pub fn of_recording(reader: &RecordingReader, words: &Words, with_flagged: bool) -> anyhow::Result<Result<Vec<Control>, String>> {
     let recording = reader.recording();
     let Some(dpf) = recording.specimen.age_of_larva() else {

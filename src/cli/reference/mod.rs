@@ -1,4 +1,4 @@
-//! `carved reference`: the larvae that specimens are compared with, and a lab's own.
+//! `carved reference`: the larvae that specimens are compared with, built in or a lab's own.
 //!
 //! ```text
 //!  recordings, runs, CSV ── controls ──┬── build ── groups ── references TOML ── `references` of a configuration
@@ -17,9 +17,9 @@ use clap::Subcommand;
 pub enum Command {
     /// Make references of a lab's own control larvae.
     Build(build::Args),
-    /// Print references as a table; the paper's, which are built in, where no file is named.
+    /// Print reference larvae as a table; without a file, the paper's, which are built in.
     Show(show::Args),
-    /// Score measured beads against their nominal diameter, as the paper does.
+    /// Compare measured beads with their nominal diameter, as the paper does.
     Beads(beads::Args),
 }
 

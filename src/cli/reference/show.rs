@@ -1,4 +1,4 @@
-//! `carved reference show`: references as a table for people.
+//! `carved reference show`: reference larvae as a table.
 
 use crate::config::references;
 use carved_core::measure::references::{Group, Moments, References};
@@ -21,7 +21,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
 
 const HEADINGS: [&str; 9] = ["dpf", "larvae", "n", "ASD", "SD um", "epsilon", "estimator", "volume um^3", "area um^2"];
 
-/// One line per group, the columns as wide as what stands in them, then what is missing.
+/// One line per group, with columns as wide as their contents, followed by what is missing.
 pub fn table(references: &References) -> String {
     let mut rows = vec![HEADINGS.map(str::to_owned)];
     rows.extend(references.groups.iter().map(row));

@@ -1,4 +1,4 @@
-//! One daemon, asked over HTTP: what can be asked again is, until patience ends, and `Retry-After` is honoured.
+//! HTTP requests to one daemon. Requests that may be repeated are repeated until the time limit, and `Retry-After` is honoured.
 
 use crate::http::Problem;
 use crate::session::Status;
@@ -8,24 +8,24 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use ureq::http::{Request, Response, StatusCode};
 
-/// Which daemon, and how it is spoken to.
+/// Address of the daemon and the credentials for it.
 #[derive(Debug, clap::Args)]
 pub struct Daemon {
-    /// Where the daemon listens.
+    /// Address of the daemon.
     #[arg(long, default_value = "http://127.0.0.1:8420")]
     url: String,
-    /// File with the daemon's bearer token, where it asks for one.
+    /// File with the daemon's bearer token, if the daemon requires one.
     #[arg(long)]
     token_file: Option<PathBuf>,
     /// Token of a lease that the caller holds (`PUT /v1/lease`).
     #[arg(long)]
     lease: Option<String>,
-    /// Seconds to go on asking a daemon that does not answer or says to come back.
+    /// Seconds for which a request is repeated if the daemon does not answer or asks for a later request.
     #[arg(long, default_value_t = 30)]
     patience_s: u16,
 }
 
-/// Why something was not done.
+/// Why a request failed.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
     #[error("{url} does not answer: {why}. Is the daemon running (`carved serve`, `carved simulate`), and --url right?")]
@@ -44,15 +44,15 @@ pub struct Client {
     patience: Duration,
 }
 
-/// The daemon holds a long poll for so long.
+/// Duration of a long poll, s.
 pub const POLL_S: u32 = 5;
 const CONNECT: Duration = Duration::from_secs(5);
 const ANSWER: Duration = Duration::from_secs(20);
-/// Pauses between attempts, doubled from the first to the last.
+/// Pauses between attempts, doubled from the first up to the last.
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 const LAST_PAUSE: Duration = Duration::from_secs(5);
 
-/// A name as one segment of a path.
+/// Encodes a name as one segment of a path.
 pub fn segment(name: &str) -> String {
     let plain = |b: u8| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'_' | b'.' | b'~');
     name.bytes().map(|b| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()
@@ -74,7 +74,7 @@ impl Client {
             .http_status_as_error(false)
             .timeout_connect(Some(CONNECT))
             .timeout_global(Some(ANSWER))
-            // A proxy of the environment is for the world outside, not for an instrument in the room.
+            // A proxy of the environment is for the internet, not for an instrument on the local network.
             .proxy(None)
             .max_redirects(0)
             .build()
@@ -102,8 +102,8 @@ impl Client {
         }
     }
 
-    /// The answer's JSON. Every request of this client may be sent again: commands move towards a state, and a run is named
-    /// by the client.
+    /// Sends a request and returns the answer's JSON. Every request of this client may be repeated: commands lead towards a state, and the
+    /// client chooses the name of a run.
     pub fn send(&self, method: &str, path: &str, body: Option<&Value>) -> Result<Value, Failure> {
         let until = Instant::now() + self.patience;
         let mut pause = FIRST_PAUSE;
@@ -156,7 +156,7 @@ impl Client {
         self.typed(self.send("GET", "/v1/status", None)?)
     }
 
-    /// The status as soon as its revision is above `after`, or as it is after a while.
+    /// Long-polls the status: returns it as soon as its revision is above `after`, or unchanged at the end of the poll.
     pub fn status_after(&self, after: u64) -> anyhow::Result<Status> {
         self.typed(self.send("GET", &format!("/v1/status?wait={POLL_S}&after={after}"), None)?)
     }

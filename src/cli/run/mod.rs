@@ -1,4 +1,4 @@
-//! `carved run`: runs from the command line, as a client of a daemon's API like any other.
+//! `carved run`: controls runs from the command line, as an ordinary client of a daemon's API.
 //!
 //! ```text
 //! plate map ── start ──> PUT /v1/runs/{id} ──┐
@@ -17,7 +17,7 @@ use carved_records::RunOutcome;
 use client::{Client, Failure};
 use std::process::ExitCode;
 
-/// How the command ends, as its help says it.
+/// The exit codes, as the help text lists them.
 pub const EXIT_CODES: &str = "Exit codes: 0 done (watch: the run succeeded), 1 refused or nobody answers, 2 the command line is wrong, \
     3 mistakes in the plate map or the plan, 4 the run ended partial, 5 failed or interrupted, 6 aborted.";
 
@@ -25,15 +25,15 @@ pub const EXIT_CODES: &str = "Exit codes: 0 done (watch: the run succeeded), 1 r
 pub enum Command {
     /// Start a run on a plate map (docs/plate-map.md).
     Start(start::Args),
-    /// Say what the instrument is doing.
+    /// Show what the instrument is doing.
     Status(StatusArgs),
-    /// Hold a run after the specimen under way.
+    /// Hold a run after the current specimen.
     Hold(SteerArgs),
-    /// Go on with a run that is held.
+    /// Continue a run that is held.
     Unhold(SteerArgs),
-    /// End a run after the specimen under way.
+    /// End a run after the current specimen.
     Stop(SteerArgs),
-    /// End a run at once; motors stop first.
+    /// End a run at once; the motors stop first.
     Abort(SteerArgs),
     /// Follow a run until it ends.
     Watch(WatchArgs),
@@ -43,7 +43,7 @@ pub enum Command {
 pub struct StatusArgs {
     #[command(flatten)]
     daemon: client::Daemon,
-    /// Print the whole status as it is served.
+    /// Print the whole status as JSON.
     #[arg(long)]
     json: bool,
 }
@@ -52,7 +52,7 @@ pub struct StatusArgs {
 pub struct SteerArgs {
     #[command(flatten)]
     daemon: client::Daemon,
-    /// The run; the one under way where none is named.
+    /// The run [default: the current run]
     run: Option<String>,
 }
 
@@ -60,11 +60,11 @@ pub struct SteerArgs {
 pub struct WatchArgs {
     #[command(flatten)]
     daemon: client::Daemon,
-    /// The run; the newest where none is named.
+    /// The run [default: the newest run]
     run: Option<String>,
 }
 
-/// The code that a run's end has.
+/// The exit code for the outcome of a run.
 fn code_of(outcome: RunOutcome) -> u8 {
     match outcome {
         RunOutcome::Succeeded => 0,
@@ -122,7 +122,7 @@ fn carry_out(command: &Command) -> anyhow::Result<ExitCode> {
 
 pub fn run(command: &Command) -> anyhow::Result<ExitCode> {
     match carry_out(command) {
-        // A plan with mistakes is an answer of its own: every one is printed, and has its own code.
+        // A plan with mistakes is a regular answer: each mistake is printed, and the exit code is its own.
         Err(error) => match error.downcast_ref::<Failure>() {
             Some(Failure::Refused(problem)) if !problem.errors.is_empty() => {
                 problem.errors.iter().for_each(|mistake| note!("{mistake}"));

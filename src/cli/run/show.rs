@@ -1,16 +1,16 @@
-//! The status in words and lines.
+//! The status as text.
 
 use crate::session::{RunStatus, Status};
 use carved_records::{Fault, Mode, SpecimenKind, WellStatus};
 
 use serde::Serialize;
 
-/// The word that a value has in the API.
+/// The name of a value in the API.
 fn word(value: impl Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|v| v.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// What lines that are copied elsewhere say of their numbers.
+/// The mark of simulated numbers, for lines that are copied elsewhere.
 fn made(mode: Mode) -> &'static str {
     if mode == Mode::Hardware { "" } else { " (simulated)" }
 }

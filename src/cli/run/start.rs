@@ -1,4 +1,4 @@
-//! `carved run start`: a plate map's file and a few words become a run's plan.
+//! `carved run start`: makes a run's plan from a plate map's file and the command line.
 
 use super::client::{Client, Daemon, segment};
 use super::watch;
@@ -11,7 +11,7 @@ use std::process::ExitCode;
 pub struct Args {
     #[command(flatten)]
     daemon: Daemon,
-    /// The plate map, a CSV or a JSON file (`.json`); of several plates in it the one named by --barcode is taken.
+    /// The plate map, a CSV or a JSON file (`.json`). If it has several plates, --barcode selects one.
     #[arg(long)]
     plate_map: PathBuf,
     /// The plate's barcode.
@@ -20,16 +20,17 @@ pub struct Args {
     /// A method of the instrument's configuration (`GET /v1/methods`).
     #[arg(long)]
     method: String,
-    /// The version that the method must have; any where none is given.
+    /// The version that the method must have [default: any]
     #[arg(long)]
     method_version: Option<String>,
-    /// Who starts it.
+    /// Name of the operator.
     #[arg(long)]
     operator: String,
-    /// Name of the run; the barcode, 40 characters of it at most, and the time where none is given. The same name with the same plan starts nothing twice.
+    /// Name of the run [default: up to 40 characters of the barcode, and the time]. A repeated start with the same name and plan starts no
+    /// second run.
     #[arg(long)]
     id: Option<String>,
-    /// The lab's own name for the run, kept with it.
+    /// The lab's own name for the run, stored with it.
     #[arg(long)]
     external_id: Option<String>,
     /// Follow the run until it ends, as `carved run watch` does.
@@ -47,7 +48,7 @@ pub fn run(args: &Args) -> anyhow::Result<ExitCode> {
         }
     };
     let now = jiff::Timestamp::now().strftime("%Y%m%dT%H%M%SZ");
-    // A run's name has 64 characters at most.
+    // The name of a run has at most 64 characters.
     let named: String = args.barcode.chars().take(40).collect();
     let id = args.id.clone().unwrap_or_else(|| format!("{named}-{now}"));
     let wells = map.plate_map.len();

@@ -1,4 +1,4 @@
-//! `carved run watch`: each well as it ends, each fault as it comes, and a bar between them, until the run has ended.
+//! `carved run watch`: prints each well when it ends and each fault when it comes, with a progress bar, until the run has ended.
 
 use super::client::{Client, segment};
 use super::{code_of, show};
@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::process::ExitCode;
 
-/// What has been told already.
+/// What has been printed already.
 #[derive(Default)]
 struct Told {
     wells: BTreeSet<String>,
@@ -17,7 +17,7 @@ struct Told {
 }
 
 impl Told {
-    /// Lines for what is new of a run and of the faults.
+    /// The lines for new results of the run and new faults.
     fn news(&mut self, run: &RunStatus, mode: Mode, faults: &[Fault]) -> Vec<String> {
         let mut lines = Vec::new();
         for well in &run.results {
@@ -34,7 +34,7 @@ impl Told {
     }
 }
 
-/// Follows a run to its end; the code is that of its outcome.
+/// Follows a run until it ends. Returns the exit code of its outcome.
 pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
     let bar = ProgressBar::new(0);
     if let Ok(style) = ProgressStyle::with_template("{bar:24} {pos}/{len} {msg}") {
@@ -48,7 +48,7 @@ pub fn follow(client: &Client, run: &str) -> anyhow::Result<ExitCode> {
             return ended(client, run, &mut told);
         };
         let lines = told.news(shown, status.mode, &status.faults);
-        // The bar makes room for lines; where it is not drawn they are printed all the same.
+        // The bar makes room for the lines. They are printed even if it is not drawn.
         bar.suspend(|| printed(&lines))?;
         bar.set_length(shown.wells.total.into());
         bar.set_position((shown.wells.total - shown.wells.pending).into());
@@ -69,7 +69,7 @@ fn printed(lines: &[String]) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The end of a run that the status has no more, from the store.
+/// The end of a run that is no longer in the status, read from the store.
 fn ended(client: &Client, run: &str, told: &mut Told) -> anyhow::Result<ExitCode> {
     let stored = client.send("GET", &format!("/v1/runs/{}", segment(run)), None)?;
     let other = "the stored run is of another version of carved than this program's";

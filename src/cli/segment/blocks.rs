@@ -1,18 +1,18 @@
-//! Pictures that were compressed until their noise was gone.
+//! Detects pictures whose compression has removed the noise.
 //!
 //! ```text
-//!    ........|........|........     JPEG keeps a few numbers of each 8 x 8 px: what is left of the noise are steps
+//!    ........|........|........     JPEG keeps a few numbers of each 8 x 8 px block. Instead of noise there are steps
 //!    ........|........|........     between the blocks, as wide as a fin and as high
 //! ```
-//! Such steps are not the noise of single pixels that outlines are judged against, so that an outline may be wrong and look sure.
+//! Outlines are judged against the noise of single pixels. Block steps differ from it, so a wrong outline may look certain.
 
 /// Side of JPEG's blocks, px.
 const BLOCK_PX: usize = 8;
-/// Steps at the blocks' borders against those inside. Frames without loss have 1.01 at most, JPEG of quality 90 has up to 2.0 and
-/// costs up to 0.05 of the overlap with the truth; quality 75 has 2.2 to 4.4, and most such outlines are wrong.
+/// Ratio of the steps at the borders of the blocks to those inside. Frames without loss have at most 1.01. JPEG of quality 90 has up to 2.0
+/// and costs up to 0.05 of the overlap with the truth. Quality 75 has 2.2 to 4.4, and most of these outlines are wrong.
 const MOST: f64 = 2.1;
 
-/// How many times larger the steps at the blocks' borders are, where that is too much.
+/// The ratio of the steps at the borders of the blocks to those inside. `None` unless it is too large.
 pub(in crate::cli) fn too_blocky(plane: &[u8], width: usize) -> Option<f64> {
     let mut sums = [0u64; BLOCK_PX];
     let rows = plane.chunks_exact(width.max(1));
@@ -25,7 +25,7 @@ pub(in crate::cli) fn too_blocky(plane: &[u8], width: usize) -> Option<f64> {
     let [inside @ .., border] = sums;
     let inside = inside.iter().sum::<u64>() as f64 / (BLOCK_PX - 1) as f64;
     let ratio = border as f64 / inside.max(1.0);
-    // Fewer blocks may differ that much by chance.
+    // In fewer blocks such a ratio may occur by chance.
     (blocks >= 256 && ratio > MOST).then_some(ratio)
 }
 

@@ -1,4 +1,4 @@
-//! `--reference`: the picture of the empty capillary, read once and held beside every picture.
+//! `--reference`: the empty-capillary picture, read once and compared with every picture.
 
 use super::input::{self, Input, Kind};
 use anyhow::Context;
@@ -7,12 +7,12 @@ use std::path::Path;
 
 pub(super) struct Empty {
     pub reference: EmptyCapillary,
-    /// Of the file's bytes.
+    /// SHA-256 of the file.
     pub sha256: String,
     kind: Kind,
 }
 
-/// A picture that is not as the empty capillary's is.
+/// A picture whose format differs from that of the empty-capillary picture.
 #[derive(Debug, PartialEq, thiserror::Error)]
 #[error("the picture is {found}, --reference {expected}: take the empty capillary with the same camera settings")]
 pub(super) struct OtherKind {

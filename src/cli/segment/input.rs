@@ -1,4 +1,4 @@
-//! A picture file of any common kind as the frame a camera would have sent.
+//! Reads a picture file of any common type as a frame of a camera.
 
 use super::mosaic;
 use anyhow::{Context, bail};
@@ -8,16 +8,16 @@ use image::{DynamicImage, ImageReader};
 use std::io::Cursor;
 use std::path::Path;
 
-/// A picture that was read.
+/// A picture and what is known of its file.
 pub(in crate::cli) struct Input {
     pub frame: RawFrame,
-    /// Of the file's bytes.
+    /// SHA-256 of the file.
     pub sha256: String,
-    /// Bits of a colour as the camera counted them.
+    /// Bits per colour as counted by the camera.
     pub bits: u32,
 }
 
-/// What pictures have in common that one camera took with the same settings.
+/// Properties that all pictures of one camera with the same settings share.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::cli) struct Kind {
     pub width: u32,
@@ -39,7 +39,7 @@ impl std::fmt::Display for Kind {
     }
 }
 
-/// Alpha is left out: what a picture shows where it is transparent is not known to be light.
+/// Alpha is ignored, because a transparent pixel need not show light.
 pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
     let bytes = carved_files::read(path).context("cannot be read")?;
     let reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().context("cannot be read")?;
@@ -74,7 +74,7 @@ pub(in crate::cli) fn read(path: &Path, bayer: bool) -> anyhow::Result<Input> {
     Ok(Input { frame: RawFrame::new(width, height, format, pixels)?, sha256: sha256_hex(&bytes), bits })
 }
 
-/// Cameras of 10, 12 and 14 bits store their counts as they are in 16: the largest count says which it was.
+/// Cameras with 10, 12 and 14 bits store their counts unscaled in 16 bits: the largest count shows which it was.
 fn eight_bits(counts: &[u16]) -> (Vec<u8>, u32) {
     let largest = counts.iter().copied().max().unwrap_or(0);
     let bits = [10, 12, 14].into_iter().find(|bits| largest >> bits == 0).unwrap_or(16);

@@ -1,12 +1,13 @@
-//! `carved segment`: pictures of a capillary to outlines, one by one.
+//! `carved segment`: finds outlines in pictures of a capillary, one by one.
 //!
 //! ```text
 //!  IMAGES ── input ── RawFrame ── profile::segment ─┬─ STEM.mask.png     8 bit grey, inside 255
 //!  --settings, --method, --reference ─────┘         ├─ STEM.edge.json    sub-pixel outlines
 //!                                                   ├─ STEM.overlay.png  the picture with outline and walls
-//!                                                   └─ STEM.json         figures, or why there is no profile; written last
+//!                                                   └─ STEM.json         numbers, or why there is no profile; written last
 //! ```
-//! What concerns the whole call (settings, names, the empty capillary) is refused before anything is written. A picture that fails fails alone.
+//! Errors of the whole call (settings, names, the empty capillary) are reported before anything is written. A picture that fails does not
+//! stop the others.
 
 pub(super) mod blocks;
 mod empty;
@@ -30,16 +31,16 @@ pub struct Args {
     /// PNG, JPEG, TIFF or BMP; RGB, RGBA or grey, 8 or 16 bit
     #[arg(required = true)]
     images: Vec<PathBuf>,
-    /// Folder for the results; made where it is not there, older results of the same names are replaced
+    /// Folder for the results; created if missing, older results of the same names are replaced
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// How the specimen is told from the empty bore [default: that of --settings, else hybrid]
+    /// How the specimen is separated from the empty bore [default: that of --settings, else hybrid]
     #[arg(long, value_enum)]
     method: Option<MethodName>,
-    /// TOML with the keys of a method's `segment` table; what is left out has its default
+    /// TOML with the keys of a method's `segment` table; omitted keys have their defaults
     #[arg(long, value_name = "FILE")]
     settings: Option<PathBuf>,
-    /// Picture of the empty capillary, taken as the others were: what stands in it (dust, scratches, glass) is no specimen
+    /// Picture of the empty capillary, taken like the others: what it shows (dust, scratches, glass) is not taken for specimen
     #[arg(long, value_name = "EMPTY")]
     reference: Option<PathBuf>,
     /// Grey pictures are Bayer mosaics whose first row reads R G R G
@@ -64,10 +65,10 @@ impl From<MethodName> for Method {
     }
 }
 
-/// Segments every picture and writes what was found.
+/// Segments every picture and writes the results.
 ///
 /// # Errors
-/// Where nothing could be begun, and at the end where a picture has no profile; its own file then says why.
+/// At the beginning, a wrong call. At the end, pictures without a profile; each one's own file has the reason.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let settings = settings(args)?;
     let empty = args.reference.as_deref().map(|file| Empty::read(file, &settings, args.bayer)).transpose()?;
@@ -85,7 +86,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
                 Err(e) => format!("not written: {e}"),
             };
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-            // Whoever reads along may have left; the results count.
+            // Progress on stderr may have no reader any more. Only the results count.
             let _ = writeln!(std::io::stderr(), "[{count}/{}] {}: {told}", args.images.len(), names.image.display());
             if written.is_err() {
                 unwritten.fetch_add(1, Ordering::Relaxed);
@@ -96,7 +97,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     failure(failed, unwritten.into_inner(), args.images.len()).map_or(Ok(()), |why| bail!("{why}"))
 }
 
-/// What is to be said at the end; nothing where all is well.
+/// The message at the end. `None` if all pictures succeeded.
 fn failure(failed: usize, unwritten: usize, of: usize) -> Option<String> {
     let no_profile = format!("{failed} of {of} pictures have no profile; the lines above and their JSON files say why");
     let not_written = format!("the results of {unwritten} of {of} pictures could not be written; the lines above say why");

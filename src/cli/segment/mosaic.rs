@@ -1,27 +1,27 @@
-//! A colour mosaic that is about to be read as grey.
+//! Detects a colour mosaic that is about to be read as grey.
 //!
 //! ```text
-//!    R G R G      of each pair of rows, every second pixel is darker or brighter than the two beside it,
-//!    G B G B      all over the picture by the same few grey values: no scene does that
+//!    R G R G      in each pair of rows every second pixel is darker or brighter than the two beside it,
+//!    G B G B      in the whole picture by the same few grey values: no scene looks like this
 //! ```
 
-/// The least step that is believed, grey values. Frames of a colour camera have 3 and more, also in dim light; pictures of
-/// grey cameras and grey copies of colour pictures 0.05 at most, cheap sensors' uneven columns 0.5.
+/// Smallest step that counts, grey values. Frames of a colour camera have 3 and more, also in dim light. Pictures of grey cameras and grey
+/// copies of colour pictures have at most 0.05, and uneven columns of cheap sensors 0.5.
 const LEAST_GREY: f64 = 1.0;
-/// So many times what chance gives.
+/// Smallest step, as a multiple of the step that chance gives.
 const CHANCE: f64 = 8.0;
 
-/// By how many grey values the mosaic's colours differ; nothing where the picture is none.
+/// Grey values by which the colours of the mosaic differ. `None` if the picture is no mosaic.
 pub(super) fn step_grey(pixels: &[u8], width: usize) -> Option<f64> {
     let mut rows = [Steps::default(); 2];
     for (v, row) in pixels.chunks_exact(width.max(1)).enumerate() {
-        // Against both neighbours, so that no slope of the light counts.
+        // Both neighbours are used, so that a gradient of the light cancels.
         row.windows(3).step_by(2).for_each(|w| rows[v % 2].add(2 * i64::from(w[1]) - i64::from(w[0]) - i64::from(w[2])));
     }
     rows.iter().filter_map(Steps::clear).max_by(f64::total_cmp)
 }
 
-/// Doubled differences of the pixels of every second row from their neighbours.
+/// Doubled differences between the pixels of every second row and their neighbours.
 #[derive(Clone, Copy, Default)]
 struct Steps {
     n: i64,
@@ -49,7 +49,7 @@ impl Steps {
 mod tests {
     use super::*;
 
-    /// Light that falls off, a dark line along and one across, and numbers of 0 to 15 for noise.
+    /// A picture with uneven light, a dark line in each direction, and values of 0 to 15 as noise.
     fn picture(width: usize, height: usize, more: impl Fn(usize, usize) -> i32) -> Vec<u8> {
         let mut state = 9u64;
         let mut pixel = |u: usize, v: usize| {

@@ -1,4 +1,4 @@
-//! What a picture leaves: names that clash with nothing, and the four files.
+//! The results of a picture: names without conflicts, and the four files.
 
 use super::blocks;
 use super::input::Input;
@@ -17,7 +17,7 @@ const SCHEMA: &str = "carved.segment/1";
 const EDGE_SCHEMA: &str = "carved.edge/1";
 const CONVENTION: &str = "px; pixel centres at integers, u to the right, v down; [u, v]; the last vertex is joined to the first";
 
-/// One picture and where its results go.
+/// A picture and the paths of its results.
 #[derive(Debug)]
 pub(super) struct Names {
     pub image: PathBuf,
@@ -28,7 +28,7 @@ pub(super) struct Names {
 }
 
 impl Names {
-    /// Names all results and makes the folder; refuses names that would make one result replace another, or a picture.
+    /// Chooses all names and makes the folder. Refuses names by which a result would replace another result or a picture.
     pub fn choose(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<Self>> {
         let chosen: Vec<Self> = images.iter().map(|image| Self::of(image, out)).collect::<anyhow::Result<_>>()?;
         let mut taken: HashMap<&Path, &Path> = HashMap::new();
@@ -75,18 +75,18 @@ impl Names {
     }
 }
 
-/// `STEM.json`. No clock stands in it: the same picture and settings give the same bytes.
+/// Contents of `STEM.json`. It has no time stamp, so that the same picture and settings give the same bytes.
 #[derive(Serialize)]
 pub(super) struct Report<'a> {
     schema: &'static str,
     software: Software,
     input: InputReport,
     settings: &'a SegmentSettings,
-    /// SHA-256 of the file of the empty capillary.
+    /// SHA-256 of the file of the empty-capillary picture.
     reference: Option<&'a str>,
-    /// Why there is no profile.
+    /// Why there is no profile. `None` if there is one.
     error: Option<String>,
-    /// Why the profile may be wrong whatever its figures say.
+    /// Why the profile may be wrong in spite of its numbers.
     warning: Option<String>,
     profile: Option<ProfileReport>,
     #[serde(skip)]
@@ -106,14 +106,14 @@ struct InputReport {
 #[derive(Serialize)]
 struct ProfileReport {
     area_px: usize,
-    /// Enclosed by the sub-pixel outlines; the sum of none is -0, which 0 makes 0.
+    /// Area enclosed by the sub-pixel outlines. Adding 0 turns the -0 of an empty sum into 0.
     area_px2: f64,
     detection: Detection,
     quality: ProfileQuality,
     walls: Walls,
 }
 
-/// `STEM.edge.json`.
+/// Contents of `STEM.edge.json`.
 #[derive(Serialize)]
 struct EdgeFile<'a> {
     schema: &'static str,
@@ -124,13 +124,13 @@ struct EdgeFile<'a> {
     polygons: Vec<EdgePolygon>,
 }
 
-/// One outline; the lists go along the vertices.
+/// One outline. The lists have one entry per vertex.
 #[derive(Serialize)]
 struct EdgePolygon {
     vertices: Vec<[f64; 2]>,
     /// Height of the step, in standard deviations of a pixel's noise.
     contrast_sigma: Vec<f64>,
-    /// Standard error of the place; `null` where nothing could be fitted.
+    /// Standard error of the position, px; `null` if no edge could be fitted.
     error_px: Vec<f64>,
     /// On a wall or on the border of the picture, where the specimen's own edge cannot be seen.
     bounded: Vec<bool>,
@@ -138,7 +138,7 @@ struct EdgePolygon {
 
 impl EdgePolygon {
     fn new(polygon: &Polygon, points: &[EdgePoint]) -> Self {
-        // A ten-thousandth of a pixel is a hundredth of the best standard error.
+        // A ten-thousandth of a pixel is a hundredth of the smallest standard error.
         let short = |x: f64| (x * 1e4).round() / 1e4;
         Self {
             vertices: polygon.vertices.iter().map(|v| v.map(short)).collect(),
@@ -200,7 +200,7 @@ impl<'a> Report<'a> {
         self.error.is_some()
     }
 
-    /// One line for whoever waits.
+    /// A line of text for the user.
     pub fn told(&self) -> String {
         match (&self.error, &self.profile) {
             (Some(error), _) => error.clone(),
@@ -212,7 +212,7 @@ impl<'a> Report<'a> {
         }
     }
 
-    /// Writes the files, the report last. A picture that failed keeps no older outline beside its error.
+    /// Writes the files, the report last. If the picture failed, its older results are removed.
     pub fn write(&self, names: &Names) -> anyhow::Result<()> {
         match &self.drawn {
             Some((picture, profile)) => {

@@ -1,13 +1,13 @@
-//! The picture with what was found drawn in: the outline at its sub-pixel place, the walls as lines.
+//! The picture with the results drawn into it: the outline with sub-pixel vertices, and the walls as lines.
 
 use carved_core::profile::{Line, Picture, Profile};
 
 const OUTLINE: [u8; 3] = [255, 64, 160];
 const WALL: [u8; 3] = [0, 160, 255];
-/// Distance of the samples along a line, px: no gap between the pixels they touch.
+/// Distance of the samples along a line, px: small enough to leave no gap between the pixels.
 const STEP_PX: f64 = 0.25;
 
-/// RGB bytes of the picture's size.
+/// The RGB bytes, of the same size as the picture.
 pub(super) fn draw(picture: &Picture, profile: &Profile) -> Vec<u8> {
     let mut canvas = Canvas { width: picture.width(), height: picture.height(), rgb: picture.to_rgb() };
     let last_u = (picture.width() - 1) as f64;

@@ -1,4 +1,4 @@
-//! Which controller turns the emulated capillary: configured as the shipped file of such an instrument has it.
+//! The controller that turns the emulated capillary, configured as in the shipped file of such an instrument.
 
 use crate::config::{Config, RotationDriver};
 use anyhow::Context;
@@ -10,7 +10,7 @@ use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::{Controller, Rig, SlideSettings, bridge, grbl, relay, tmcl, zaber};
 use std::path::Path;
 
-/// Of the emulated controller's second axis: a step must be told from its neighbour by three decimals.
+/// Unit of the emulated controller's second axis, um: three decimals must resolve a single step.
 const UM_PER_UNIT: u32 = 10;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -27,7 +27,7 @@ pub enum Make {
 impl Make {
     fn shipped(self) -> Option<(&'static str, &'static str)> {
         match self {
-            // The built-in configuration has it already.
+            // The built-in configuration has this controller already.
             Self::Grbl => None,
             Self::Tmcl => Some(("config/vast-tmcl.toml (built in)", include_str!("../../../config/vast-tmcl.toml"))),
             Self::Zaber => Some(("config/vast-zaber.toml (built in)", include_str!("../../../config/vast-zaber.toml"))),
@@ -36,7 +36,7 @@ impl Make {
         }
     }
 
-    /// Puts this controller, and the motor steps of its rig, in the place of the configured ones.
+    /// Replaces the configured controller and motor steps by these.
     pub fn configure(self, config: &mut Config, time_scale: f64) -> anyhow::Result<()> {
         let Some((name, text)) = self.shipped() else { return Ok(()) };
         let shipped = Config::parse(text, Path::new(name))?;
@@ -45,7 +45,7 @@ impl Make {
         config.steps_per_revolution = shipped.steps_per_revolution;
         config.backlash_steps = shipped.backlash_steps;
         match &mut config.rotation {
-            // Both motors are told one after the other: in the time that this takes they are so many times as far apart.
+            // Both motors start one after the other. At this speed-up the same delay gives a larger skew.
             RotationDriver::Tmcl(settings) => {
                 settings.max_skew_steps = (f64::from(settings.max_skew_steps) * time_scale.max(1.0)).ceil() as u32;
             }
@@ -60,7 +60,7 @@ impl Make {
     }
 }
 
-/// The firmware that the configured driver speaks to.
+/// The firmware for the configured driver.
 pub fn emulated(config: &Config) -> anyhow::Result<Controller> {
     Ok(match &config.rotation {
         RotationDriver::Tmcl(_) => Controller::Tmcl(tmcl::Settings::default()),
@@ -71,7 +71,7 @@ pub fn emulated(config: &Config) -> anyhow::Result<Controller> {
     })
 }
 
-/// Brings the capillary along as well, on the second axis of the emulated Grbl controller.
+/// Adds a translation of the capillary, on the second axis of the emulated Grbl controller.
 pub fn with_translation(config: &mut Config) -> anyhow::Result<()> {
     anyhow::ensure!(
         matches!(config.rotation, RotationDriver::Grbl(_)),
@@ -90,7 +90,7 @@ pub fn with_translation(config: &mut Config) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What the translation's settings are in the firmware: its steps, speed, acceleration and travel, and a search that takes seconds.
+/// The firmware settings for the translation: steps, speed, acceleration and travel, and a search that takes seconds.
 fn with_second_axis(mut settings: grbl::Settings) -> anyhow::Result<grbl::Settings> {
     let (steps, um) = SlideSettings::default().steps_per_um;
     let per_unit = f64::from(steps * UM_PER_UNIT) / f64::from(um);
@@ -101,7 +101,7 @@ fn with_second_axis(mut settings: grbl::Settings) -> anyhow::Result<grbl::Settin
     Ok(settings)
 }
 
-/// Fills in where the emulated controller is.
+/// Fills in the port of the emulated controller.
 pub fn connect(rotation: &mut RotationDriver, rig: &Rig) -> anyhow::Result<()> {
     let name = rig.serial_path().to_string_lossy().into_owned();
     let port = Port::Path(name);
@@ -115,12 +115,12 @@ pub fn connect(rotation: &mut RotationDriver, rig: &Rig) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The relay that the configured driver speaks to, if it speaks to one.
+/// The relay of the configured driver. `None` for other drivers.
 pub fn relay(rotation: &RotationDriver) -> Option<relay::Settings> {
     matches!(rotation, RotationDriver::Relay(_)).then(relay::Settings::default)
 }
 
-/// A stock VAST takes up by itself what is loaded.
+/// A stock VAST takes up a loaded specimen by itself.
 pub fn taken_up_by(controller: &Controller, sampler: Box<dyn Sampler>) -> Box<dyn Sampler> {
     match controller {
         Controller::Bridge(machine) => Box::new(TakenUp { sampler, machine: machine.knobs.clone() }),
@@ -162,7 +162,7 @@ impl Sampler for TakenUp {
         Ok(loaded)
     }
 
-    /// It is taken up already.
+    /// The specimen is taken up already.
     fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         self.sampler.go_on(axis, expected, cancel)
     }

@@ -1,4 +1,4 @@
-//! What a well of a simulated plate holds instead of what the plate map says.
+//! Wells of a simulated plate whose contents differ from the plate map.
 
 use carved_records::is_well;
 use hardware_sim::scene::{Contents, Placement, Specimen};
@@ -12,13 +12,13 @@ pub enum Surprise {
     Bubble,
     /// A chip of plastic.
     Debris,
-    /// A larva that goes on beyond the left side of the picture.
+    /// A larva that extends beyond the left side of the picture.
     Clipped,
-    /// A larva that is dead.
+    /// A dead larva.
     Dead,
 }
 
-/// `B02=two`.
+/// An option such as `B02=two`.
 #[derive(Debug, Clone)]
 pub struct Holds {
     pub well: String,
@@ -35,7 +35,7 @@ impl FromStr for Holds {
 }
 
 impl Surprise {
-    /// The scene of it; `dpf` and `seed` make the larva.
+    /// The contents of the scene. `dpf` and `seed` determine the larva.
     pub fn contents(self, dpf: u8, seed: u64) -> anyhow::Result<Contents> {
         let along = |x_um: f64| Placement { x_um, ..Placement::default() };
         Ok(match self {

@@ -1,4 +1,4 @@
-//! What `simulate` does once the daemon runs, as a client of it: the demo plate, a replayed recording, or nothing.
+//! The work of `simulate` once the daemon runs, as its client: the demo plate, a replayed recording, or nothing.
 
 use crate::session::{RunStatus, SessionHandle};
 use carved_records::{PlannedWell, RunPlan, SpecimenKind, WellStatus};
@@ -7,11 +7,11 @@ use carved_core::pipeline::SpecimenRecord;
 use carved_store::{MEASUREMENT, MeasurementFile, RecordingReader, durable};
 use std::path::Path;
 
-/// What is done after the start, as a client of the daemon.
+/// The work after the start, as a client of the daemon.
 pub enum Job {
     Serve,
     Demo,
-    /// The replayed recording's plan, its numbers and where they are from.
+    /// The replayed recording's plan and numbers, and their origin.
     Replay {
         plan: RunPlan,
         recorded: Box<SpecimenRecord>,
@@ -49,7 +49,7 @@ impl Job {
     }
 }
 
-/// The run that an earlier daemon left open, once this one has looked.
+/// The run that an earlier daemon left unfinished, after this one has looked for it.
 async fn left_open(handle: &SessionHandle) -> Option<RunStatus> {
     let mut status = handle.status();
     while status.not_ready_reason.as_deref() == Some("starting") {
@@ -58,7 +58,7 @@ async fn left_open(handle: &SessionHandle) -> Option<RunStatus> {
     status.run.filter(|run| run.outcome.is_none())
 }
 
-/// Waits for the end of a run; nothing where another run has taken its place.
+/// Waits for the end of a run. `None` if another run has taken its place.
 async fn finished(handle: &SessionHandle, id: &str) -> Option<RunStatus> {
     let mut revision = 0;
     loop {
@@ -81,7 +81,7 @@ fn demo_plan() -> RunPlan {
     RunPlan::new("DEMO", "standard", "demo", wells)
 }
 
-/// The demo's numbers beside the phantoms' truth.
+/// The numbers of the demo compared with the truth of the phantoms.
 fn table(run: &RunStatus, folder: &Path) -> String {
     let row = |w: &WellStatus| {
         let hull = RecordingReader::open(&folder.join(&w.well))
@@ -116,7 +116,7 @@ fn table(run: &RunStatus, folder: &Path) -> String {
     )
 }
 
-/// The numbers alone: a replay is a simulation, whatever the recording was.
+/// Compares only the numbers, because a replay has the mode of a simulation whatever the recording has.
 fn compare(recorded: &SpecimenRecord, name: &str, replayed: &Path) -> anyhow::Result<String> {
     let found: MeasurementFile = durable::read_json(replayed, "the replay's measurement")?;
     let verdict = if found.record == *recorded { "identical, bit for bit" } else { "NOT the same" };

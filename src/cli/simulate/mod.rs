@@ -1,4 +1,4 @@
-//! `carved simulate`: the emulated rig and the daemon on it, over the real doors.
+//! `carved simulate`: the emulated rig with the daemon on it, connected by real serial and network interfaces.
 //!
 //! ```text
 //! hardware-sim: scene or recording ── motor firmware on a pty ─> serialport ──┐
@@ -34,46 +34,46 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::Duration;
 
-/// What the emulated rig is configured with; its doors are filled in when they are open.
+/// The configuration of the emulated rig. The addresses of its devices are filled in once they are open.
 const CONFIG: &str = include_str!("../../../config/simulated.toml");
 const CONFIG_NAME: &str = "config/simulated.toml (built in)";
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Where the page and the API are served.
+    /// Address of the page and the API.
     #[arg(long, default_value = "127.0.0.1:8420")]
     listen: SocketAddr,
-    /// Where runs are stored.
+    /// Folder for the runs.
     #[arg(long, default_value = "carved-data")]
     data: PathBuf,
     /// Serve without running the demo plate.
     #[arg(long)]
     no_demo: bool,
-    /// How many times faster than real time the emulated motor and shutter work.
+    /// Speed-up of the emulated motor and shutter over real time.
     #[arg(long, default_value_t = 1.0)]
     time_scale: f64,
-    /// Wells of every simulated plate that hold nothing.
+    /// Wells without a specimen on every simulated plate.
     #[arg(long, value_delimiter = ',', default_value = "A04", value_parser = well)]
     empty: Vec<String>,
-    /// Wells that hold something else than planned, as in B02=two: two, bubble, debris, clipped, dead.
+    /// Wells with other contents than planned, as in B02=two: two, bubble, debris, clipped, dead.
     #[arg(long, value_delimiter = ',', conflicts_with = "replay")]
     holds: Vec<Holds>,
-    /// The camera's cable is out once: so many seconds after the start, for so many seconds, as in 60,30.
+    /// Disconnect the camera's cable once: seconds after the start, and for how many seconds, as in 60,30.
     #[arg(long, value_name = "AFTER,FOR", value_parser = out_for, conflicts_with = "replay")]
     camera_out: Option<[Duration; 2]>,
     /// The controller that turns the emulated capillary.
     #[arg(long, value_enum, default_value_t = controller::Make::Grbl)]
     controller: controller::Make,
-    /// Who fills the emulated capillary.
+    /// Sampler that fills the emulated capillary.
     #[arg(long, value_enum, default_value_t = Who::BuiltIn, conflicts_with = "replay")]
     sampler: Who,
-    /// The emulated rig can move the capillary along, too: a second axis of the Grbl controller, with limits and a reference.
+    /// Add a translation of the capillary to the emulated rig: a second axis of the Grbl controller, with limits and a reference.
     #[arg(long, conflicts_with = "replay")]
     translation: bool,
-    /// A second emulated camera, in which the specimens glow.
+    /// Add a second emulated camera for fluorescence.
     #[arg(long, conflicts_with = "replay")]
     second_camera: bool,
-    /// Play a recording back through both device doors instead of the scene, and compare the numbers.
+    /// Play a recording back through both emulated devices instead of the scene, and compare the numbers.
     #[arg(long, value_name = "RECORDING")]
     replay: Option<PathBuf>,
 }
@@ -143,7 +143,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         listener,
         greeting: "carved simulates an instrument. Page:".into(),
     };
-    // `rig` is dropped after the daemon has let its devices go.
+    // `rig` is dropped after the daemon has released its devices.
     std::thread::scope(|scope| {
         let (running, ended) = std::sync::mpsc::channel::<()>();
         if let Some(times) = args.camera_out {
@@ -156,7 +156,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     })
 }
 
-/// Once, or not at all where the daemon ends before.
+/// Disconnects the cable once, or not at all if the daemon ends earlier.
 fn take_cable_out(camera: &CameraFaults, [after, lasting]: [Duration; 2], ended: &Receiver<()>) {
     for (pause, out) in [(after, true), (lasting, false)] {
         if ended.recv_timeout(pause) != Err(RecvTimeoutError::Timeout) {
@@ -167,7 +167,7 @@ fn take_cable_out(camera: &CameraFaults, [after, lasting]: [Duration; 2], ended:
     }
 }
 
-/// What stands before the emulated camera, who changes it, and what is done with it.
+/// The contents of the emulated camera's picture, who changes them, and the work after the start.
 struct Before {
     sight: Arc<dyn Sight>,
     content: Content,
@@ -177,7 +177,7 @@ struct Before {
 /// What the camera sees.
 enum Content {
     Scene(Scenery),
-    /// A recording is in the capillary for the whole of the run.
+    /// The same recording is in the capillary during the whole run.
     Recording,
 }
 

@@ -1,4 +1,4 @@
-//! A recording in place of the scene: the emulated axis turns, the emulated camera sends the recorded frame of that angle.
+//! Plays a recording back instead of the scene: the emulated axis turns, and the emulated camera sends the recorded frame for its angle.
 
 use super::{Before, Content, Job};
 use crate::cli::measure;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// Grbl's `$27`, units.
 const HOMING_PULL_OFF: u16 = 27;
 
-/// The recording's rig, method and references take the place of the configured ones, its frames that of the scene.
+/// Replaces the configured rig, method and reference larvae by those of the recording, and the scene by its frames.
 pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> {
     let reader = RecordingReader::open(path)?;
     reader.require_finished()?;
@@ -68,14 +68,14 @@ pub fn of_recording(path: &Path, config: &mut Config) -> anyhow::Result<Before> 
     Ok(Before { sight: Arc::new(sight), content: Content::Recording, job })
 }
 
-/// Where homing leaves the axis. The rig counts its angles from the reference switch, and Grbl stops one pull-off before it.
+/// The position of the axis after homing. The rig counts its angles from the reference switch, and Grbl stops one pull-off before it.
 fn reference(rotation: &RotationDriver) -> Steps {
     let RotationDriver::Grbl(grbl) = rotation else { return Steps(0) };
     let [per_unit, units] = grbl.steps_per_unit.map(f64::from);
     Steps(-(f64::from(hardware_sim::grbl::Settings::default().get(HOMING_PULL_OFF)) * per_unit / units).round() as i64)
 }
 
-/// The emulated axis makes an even turn from step 0: only frames of its stops can be shown.
+/// Checks that the recording has an even turn from step 0. The emulated axis makes such a turn, so only frames of its stops can be shown.
 fn stands_as_planned(recording: &Recording) -> anyhow::Result<()> {
     let plan = RevolutionPlan::new(recording.method.asd, recording.rig.steps_per_revolution, recording.method.order)?;
     for entry in recording.ledger.counted() {
@@ -100,7 +100,7 @@ fn pixels(frame: &RawFrame) -> Pixels {
     Pixels { width: frame.width(), height: frame.height(), format, bytes: frame.bytes().to_vec() }
 }
 
-/// A recording is in the capillary for the whole of the run.
+/// The same recording is in the capillary during the whole run.
 pub struct ReplaySampler;
 
 impl Sampler for ReplaySampler {

@@ -1,9 +1,9 @@
-//! Who fills the emulated capillary: the simulation itself, the plate-loader's word, or a sampler with a wire of its own.
+//! The sampler of the emulated capillary: the simulation itself, the plate-loader, or an emulated sampler with its own wire.
 //!
 //! ```text
 //!   built-in   load ──► scene
 //!   loader     load ── PUT .../wells/{well} ──► scene
-//!   trigger    load ── the emulated sampler is given the specimen ── brings it: scene, wire ──► seen through the firmware
+//!   trigger    load ── the emulated sampler gets the specimen ── loads it: scene, wire ──► seen through the firmware
 //! ```
 
 use super::scenery::Scenery;
@@ -18,16 +18,16 @@ use std::sync::Arc;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Who {
-    /// The simulation, at once.
+    /// The simulation fills the capillary at once.
     BuiltIn,
-    /// The plate-loader says that it has, and the simulation does.
+    /// The plate-loader reports that it has loaded the specimen, and the simulation follows.
     Loader,
-    /// An emulated sampler of somebody else's, on wires of the emulated Grbl controller.
+    /// An emulated external sampler, on wires of the emulated Grbl controller.
     Trigger,
 }
 
 impl Who {
-    /// How the daemon hears of a specimen; nothing where the simulation fills the capillary itself.
+    /// Configures how the daemon learns of a specimen. Only `Trigger` changes the configuration.
     pub fn configure(self, config: &mut Config, time_scale: f64) {
         if self == Self::Trigger {
             let usual = TriggerSettings::default();
@@ -38,17 +38,17 @@ impl Who {
 
     pub fn emulated(self, time_scale: f64) -> Option<SamplerSettings> {
         let usual = SamplerSettings::default();
-        // However fast the motors are, an empty capillary is to be seen as such.
+        // At any speed-up the empty capillary must be visible for some time.
         let load_s = usual.load_s.max(0.2 * time_scale);
         (self == Self::Trigger).then_some(SamplerSettings { load_s, ..usual })
     }
 }
 
-/// Somebody outside fills the capillary, and the scene plays along.
+/// An external machine or person fills the capillary, and the scene follows.
 pub struct Outside {
     pub daemons: Box<dyn Sampler>,
     pub scenery: Scenery,
-    /// Who brings specimens, where that is not the plate-loader.
+    /// The emulated sampler. `None` if the plate-loader brings the specimens.
     pub machine: Option<Arc<VendorSampler>>,
 }
 

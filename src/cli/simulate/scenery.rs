@@ -1,4 +1,4 @@
-//! Phantoms in the emulated capillary, well by well.
+//! Phantoms in the emulated capillary, by well.
 
 use super::holds::Surprise;
 use super::{Args, Before, Content, Job};
@@ -11,7 +11,7 @@ use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// A scene that is filled by the plate map.
+/// A scene that is filled according to the plate map.
 pub fn of_phantoms(args: &Args, config: &Config) -> Before {
     let scene = Arc::new(Scene::new(scene_settings(config)));
     let holds = args.holds.iter().map(|h| (h.well.clone(), h.what)).collect();
@@ -19,13 +19,13 @@ pub fn of_phantoms(args: &Args, config: &Config) -> Before {
     Before { sight: scene, content: Content::Scene(scenery), job: if args.no_demo { Job::Serve } else { Job::Demo } }
 }
 
-/// The scene is seen by the camera that the configuration describes.
+/// The settings of the scene, with the camera of the configuration.
 fn scene_settings(config: &Config) -> SceneSettings {
     let camera = emulated::scene_camera(&config.optics);
     SceneSettings { camera, ..SceneSettings::default() }
 }
 
-/// What lies in the wells of every plate, and where it is seen.
+/// The contents of the wells of every plate, and the scene in which they appear.
 #[derive(Clone)]
 pub struct Scenery {
     scene: Arc<Scene>,
@@ -33,13 +33,13 @@ pub struct Scenery {
     holds: BTreeMap<String, Surprise>,
 }
 
-/// Fills the emulated capillary by the plate map.
+/// Fills the emulated capillary according to the plate map.
 pub struct SceneSampler(pub Scenery);
 
 /// Diameter of the simulated beads, um.
 const BEAD_UM: f64 = 500.0;
 
-/// Larvae of a plate differ, and the same well gives the same larva each time.
+/// The larvae of a plate differ, and a well always gives the same larva.
 fn seed_of(well: &str) -> u64 {
     well.bytes().fold(7, |seed, b| seed * 31 + u64::from(b))
 }
@@ -49,10 +49,10 @@ impl Scenery {
         &self.scene
     }
 
-    /// What a well holds, and its truth.
+    /// The contents of a well, with their truth.
     pub fn contents(&self, expected: Expected<'_>) -> Result<(Contents, Loaded), DeviceError> {
         let refused = |e: &dyn std::fmt::Display| DeviceError::Sampler { well: expected.well.to_owned(), why: e.to_string() };
-        // There are phantoms of 3, 4 and 5 dpf: the nearest stands for any other age.
+        // There are phantoms of 3, 4 and 5 dpf. The nearest one is used for other ages.
         let dpf = expected.dpf.unwrap_or(4.0).round().clamp(3.0, 5.0) as u8;
         let seed = seed_of(expected.well);
         let contents: Contents = if self.empty.contains(expected.well) {
@@ -64,7 +64,7 @@ impl Scenery {
         } else {
             Specimen::larva(dpf, seed).map_err(|e| refused(&e))?.into()
         };
-        // Of one specimen alone; of two nothing could be compared.
+        // Only a single specimen can be compared with its truth.
         let truth = match contents.specimens.as_slice() {
             [one] => Some(serde_json::to_value(one.truth()).map_err(|e| refused(&e))?),
             _ => None,
@@ -102,7 +102,7 @@ impl Sampler for SceneSampler {
         Ok(Some(loaded))
     }
 
-    /// An emulated rig that was started anew has it inside again.
+    /// After a restart of the emulated rig the specimen is put inside again.
     fn go_on(&mut self, axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
         self.load(axis, expected, cancel)
     }

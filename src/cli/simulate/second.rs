@@ -1,4 +1,4 @@
-//! The emulated rig's second camera, in which the specimens glow, and how the daemon knows of it.
+//! The second camera of the emulated rig, for fluorescence, and its configuration.
 
 use crate::cli::emulated;
 use crate::config::{CameraDriver, SecondCamera};
@@ -10,10 +10,10 @@ use hardware_sim::Rig;
 use hardware_sim::scene::{Fluorescent, FluorescentSettings, Scene};
 use std::sync::Arc;
 
-/// Long enough for faint light; the emulated one is as bright at any.
+/// Long enough for faint light, us. The brightness of the emulated camera does not depend on it.
 const EXPOSURE_US: f64 = 8000.0;
 
-/// Puts it beside the first, on the same shaft.
+/// Puts the second camera beside the first one, on the same shaft.
 pub fn beside(rig: &mut Rig, scene: &Arc<Scene>) -> anyhow::Result<SecondCamera> {
     let settings = FluorescentSettings::default();
     let optics = SecondOptics { camera: emulated::camera(&settings.camera), around: settings.around_rad };

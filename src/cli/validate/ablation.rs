@@ -1,4 +1,4 @@
-//! What each step of the calibration is worth, for either estimator.
+//! The effect of each step of the calibration on either estimator.
 
 use super::document::{Section, table};
 use super::effort::Work;
@@ -13,13 +13,13 @@ use hardware_sim::analytic::Disturbance;
 
 const ASD: usize = 21;
 const VOXEL_UM: f64 = 10.0;
-/// Coarse, as a search asks some hundred times; a tenth of a px it still tells.
+/// Coarse, because a search needs some hundred evaluations; it still resolves a tenth of a px.
 const VRV_VOXEL_UM: f64 = 17.1;
 const STOP: Stop = Stop { evaluations: 200, share: 0.01 };
 const WAYS: [&str; 4] = ["none: the rig's camera", "VRV alone: Nelder-Mead in uy and gamma", "closed form alone", "least squares"];
 
-/// uy (px), gamma (deg); per cent off: volume by support before and after its bias is taken off, area by support, volume and
-/// area by voxels.
+/// Error of uy (px) and gamma (deg); then errors in per cent: volume by support before and after the correction of its bias, area by
+/// support, volume and area by voxels.
 type Found = [f64; 7];
 
 pub fn run(work: &Work) -> anyhow::Result<Section> {
@@ -62,7 +62,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     Ok(Section { title: "6. What each step is worth", text, ..Section::default() })
 }
 
-/// By [`WAYS`].
+/// The results in the order of [`WAYS`].
 fn ablated(seed: u64) -> anyhow::Result<[Option<Found>; 4]> {
     let turn = Turn::of_larva(seed, ASD, &Disturbance::drift(seed))?;
     let masks = turn.masks();
@@ -108,7 +108,7 @@ fn numbers(
     ]))
 }
 
-/// The paper's way: the camera under which most voxels are left.
+/// The paper's method: the camera for which most voxels remain.
 fn searched(turn: &Turn, masks: &[Mask]) -> anyhow::Result<Camera> {
     let runs = masks.iter().map(Runs::new).collect::<Result<Vec<_>, _>>()?;
     let vrv = Vrv::new(runs.iter().collect(), grid(VRV_VOXEL_UM)?, 0.0)?;

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   25 beads ── 84 frames each ── segmentation ── calibrated ── 8 ASD x 7 SD hulls ── diameter, volume, area
-//!                                                      └── sections: what the profiles themselves are off by
+//!                                                      └── sections: the error of the profiles themselves
 //! ```
 
 use super::document::{Goal, Plot, Section, table};
@@ -21,23 +21,24 @@ use statrs::distribution::{ContinuousCDF, Normal};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-/// What beads measure in the mean, by their maker.
+/// The mean diameter according to the maker, um.
 const NOMINAL_UM: f64 = 500.0;
-/// What the sensor reads of a bead: the whole bore, and little along it.
+/// The region of the sensor for a bead: the whole bore, and little along it.
 const REGION_PX: [u32; 2] = [384, 256];
 /// Half the side of the box of voxels: a bead is at most 560 um.
 const HALF_BOX_UM: f64 = 350.0;
-/// The paper's critical value; it is that of 25 degrees of freedom.
+/// The paper's critical value, which is that for 25 degrees of freedom.
 const PAPERS_T: f64 = 2.787;
-/// Where the differences are explained: at 5.5 um a voxel is a pixel, and centres that fall on pixels' sides all fall alike.
+/// The density at which the differences are explained. At 5.5 um a voxel is a pixel, and all centres fall on sides of pixels in the same
+/// way.
 const EXPLAINED_UM: f64 = 6.93;
 
-/// Hulls of one bead by ASD and SD, and what its profiles make of its volume without voxels.
+/// The hulls of one bead by ASD and SD, and its volume from the profiles without voxels.
 struct Bead {
     diameter_um: f64,
     /// Diameter, volume, area.
     hulls: BTreeMap<usize, Vec<[f64; 3]>>,
-    /// Volume by sections of all views, per cent off.
+    /// Volume from the sections of all views, error in per cent. `None` if there are too few sections.
     support: Option<f64>,
 }
 
@@ -50,7 +51,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     Ok(told(&beads, &paper))
 }
 
-/// N(500, 25) by its quantiles, scaled so that mean and standard deviation are just these.
+/// N(500, 25) by its quantiles, scaled so that mean and standard deviation are exact.
 fn diameters(n: usize) -> anyhow::Result<Vec<f64>> {
     let normal = Normal::new(0.0, 1.0)?;
     let quantiles: Vec<f64> = (0..n).map(|i| normal.inverse_cdf((i as f64 + 0.5) / n as f64)).collect();
@@ -62,7 +63,7 @@ fn bead(diameter_um: f64, seed: u64, densities_um: &[f64], segmenters: &Segmente
     let [width, height] = REGION_PX;
     let camera = Camera { width, height, ux_px: f64::from(width - 1) / 2.0, uy_px: f64::from(height - 1) / 2.0, ..Camera::default() };
     let settings = SceneSettings { camera, ..SceneSettings::default() };
-    // Somewhere within 20 um of the middle: the golden ratio's fractions differ from seed to seed.
+    // Within 20 um of the middle. Fractions of the golden ratio differ from seed to seed.
     let (sin, cos) = (seed as f64 * 2.399_963).sin_cos();
     let placement = Placement { x_um: 30.0 * sin, y_um: 20.0 * cos, z_um: 20.0 * sin, ..Placement::default() };
     let turn = frames::turn(&settings, Specimen::bead(diameter_um)?.placed(placement), &even_plan(CAPTURED), segmenters)?;
@@ -88,7 +89,7 @@ fn bead(diameter_um: f64, seed: u64, densities_um: &[f64], segmenters: &Segmente
     Ok(bead)
 }
 
-/// Diameter, volume and area as the tables have them, with what turns um into their units.
+/// Diameter, volume and area in the order of the tables, with the factor from um to their units.
 const QUANTITIES: [(usize, &str, f64, usize); 3] = [
     (0, "Table 1: diameter of the sphere nearest to the surface, um", 1.0, 2),
     (1, "Table 2: volume, voxels x SD^3, 1e7 um^3", 1e7, 3),
@@ -129,7 +130,7 @@ fn column(beads: &[Bead], asd: usize, density: usize, quantity: usize) -> Summar
     Summary::of(&beads.iter().map(|b| b.hulls[&asd][density][quantity]).collect::<Vec<_>>())
 }
 
-/// Head of a table with a column per sampling density.
+/// Head of a table with one column per sampling density.
 fn by_density(paper: &Published) -> Vec<String> {
     std::iter::once("ASD".into()).chain(paper.sampling_density_um.iter().map(|d| format!("SD {d}"))).collect()
 }
@@ -173,7 +174,7 @@ fn t_scores(beads: &[Bead], paper: &Published) -> String {
     )
 }
 
-/// Of the hulls at a density, per cent above the beads' own numbers; in the order of [`QUANTITIES`].
+/// Excess of the hulls at a density over the beads' own numbers, per cent, in the order of [`QUANTITIES`].
 fn excess(beads: &[Bead], asd: usize, density: usize, quantity: usize) -> f64 {
     let each = beads.iter().map(|b| {
         let d = b.diameter_um;
@@ -182,12 +183,12 @@ fn excess(beads: &[Bead], asd: usize, density: usize, quantity: usize) -> f64 {
     Summary::of(&each.collect::<Vec<_>>()).mean
 }
 
-/// What the profiles alone are off by: sections of all views know neither voxels nor tolerance.
+/// Error of the profiles alone: the sections of all views depend neither on voxels nor on the tolerance.
 fn profile_bias(beads: &[Bead]) -> f64 {
     Summary::of(&beads.iter().filter_map(|b| b.support).collect::<Vec<_>>()).mean
 }
 
-/// The density that differences are explained at.
+/// Index of the density at which the differences are explained.
 fn explained_at(paper: &Published) -> usize {
     paper.sampling_density_um.iter().position(|&d| d <= EXPLAINED_UM).unwrap_or(0)
 }

@@ -1,4 +1,4 @@
-//! A turn's calibration over many drifts, a slipping axis, and what VRV may not free.
+//! Calibration of a turn under many drifts, with a slipping axis, and the parameters that VRV must not free.
 
 use super::document::{Goal, Section, table};
 use super::effort::Work;
@@ -7,12 +7,12 @@ use super::turn::{CAPTURED, Turn, off, support};
 use carved_core::calibration::{Ask, Free, PASSES_MOST, Refusal};
 use hardware_sim::analytic::Disturbance;
 
-/// What came of one drift.
+/// The result for one drift.
 #[derive(Debug, Clone, Copy)]
 struct Found {
     uy_px: f64,
     gamma_deg: f64,
-    /// Per cent off.
+    /// Error in per cent.
     volume: f64,
     rho: f64,
     passes: usize,
@@ -86,7 +86,7 @@ fn many(work: &Work, what: &'static str, asd: usize, rho: f64) -> anyhow::Result
     Ok(each.into_iter().flatten().collect())
 }
 
-/// What is asked of VRV, and whether it is refused or bounded.
+/// Requests to VRV, and whether it refuses or bounds them.
 fn refusals(section: &mut Section) {
     let mut rows = Vec::new();
     let mut held = true;

@@ -1,4 +1,4 @@
-//! Whether a 95 % interval holds the truth in 95 of 100 turns.
+//! Whether a 95 % interval contains the truth in 95 of 100 turns.
 
 use super::document::{Goal, Section, table};
 use super::effort::Work;
@@ -8,7 +8,7 @@ use hardware_sim::analytic::Disturbance;
 
 const ASD: usize = 21;
 
-/// Of volume and area: distance from the truth in standard deviations, per cent off, and the standard deviation in per cent.
+/// For volume and area: error in standard deviations, error in per cent, and standard deviation in per cent.
 type Found = [[f64; 3]; 2];
 
 pub fn run(work: &Work) -> anyhow::Result<Section> {

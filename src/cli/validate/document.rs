@@ -1,12 +1,12 @@
-//! The document: goals first, then a section per part; plots beside it.
+//! The document: first the goals, then one section per part, with the plots beside it.
 
 use anyhow::Context;
 use std::path::{Path, PathBuf};
 
-/// One of the numbers that carved is to reach.
+/// A number that carved must reach.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Goal {
-    /// What is asked for.
+    /// The required value.
     pub asked: String,
     pub found: String,
     pub passed: bool,
@@ -20,12 +20,12 @@ impl Goal {
 
 #[derive(Debug, Clone)]
 pub struct Plot {
-    /// Of the file, without ending.
+    /// Name of the file without extension.
     pub name: &'static str,
     pub svg: String,
 }
 
-/// What a part has to say.
+/// The contribution of a part.
 #[derive(Debug, Clone, Default)]
 pub struct Section {
     pub title: &'static str,
@@ -47,7 +47,7 @@ pub fn table(head: &[impl AsRef<str>], rows: &[Vec<String>]) -> String {
 /// Folder of the plots, beside the document.
 const PLOTS: &str = "validation";
 
-/// Writes document and plots into a folder and says where the document is.
+/// Writes document and plots into a folder. Returns the path of the document.
 pub fn write(folder: &Path, head: &str, sections: &[Section]) -> anyhow::Result<PathBuf> {
     let plots = folder.join(PLOTS);
     std::fs::create_dir_all(&plots).with_context(|| format!("{}: cannot be made", plots.display()))?;
@@ -56,7 +56,7 @@ pub fn write(folder: &Path, head: &str, sections: &[Section]) -> anyhow::Result<
         .flat_map(|section| &section.goals)
         .map(|g| vec![g.asked.clone(), g.found.clone(), if g.passed { "pass" } else { "**missed**" }.to_owned()])
         .collect();
-    // By their numbers, whatever part they are of.
+    // Sorted by goal number, whatever their part.
     goals.sort_by_key(|row| row[0].chars().next());
     let passed = sections.iter().flat_map(|s| &s.goals).filter(|g| g.passed).count();
     let mut text = format!("{head}## Goals\n\n{passed} of {} are met.\n\n{}", goals.len(), table(&["goal", "found", ""], &goals));

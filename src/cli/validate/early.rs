@@ -1,4 +1,4 @@
-//! Turns that end before their last view: whether what the rule promises holds.
+//! Turns that end before their last view: whether the promise of the rule holds.
 
 use super::document::{Goal, Section, table};
 use super::effort::Work;
@@ -12,19 +12,19 @@ use carved_records::ViewOrder;
 use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::Camera;
 
-/// Rules that turns are ended by: one from fewer views on, and the method's own.
+/// Rules that end the turns: one that may end earlier, and the method's own.
 const RULES: [EarlyStopSettings; 2] = [
     EarlyStopSettings { enabled: true, min_views: 20, ..EarlyStopSettings::DEFAULT },
     EarlyStopSettings { enabled: true, ..EarlyStopSettings::DEFAULT },
 ];
-/// Share of the turns whose error is to be within what the rule promises, %.
+/// Share of the turns whose error must be within the promise of the rule, %.
 const PROMISED_SHARE: f64 = 95.0;
 
-/// Views taken when a turn in a method's order is ended by each rule, and the error then.
+/// For each rule, the number of views when it ends the turn, and the error at that moment. `None` if it does not end the turn early enough.
 fn stopped(turn: &Turn, order: &[usize]) -> [Option<(usize, f64)>; RULES.len()] {
     let mut estimates: Vec<Estimate> = Vec::new();
     let mut found = [None; RULES.len()];
-    // From half of the stops on there is little left to be saved.
+    // After half of the stops there is little time left to save.
     for views in 1..=CAPTURED / 2 {
         let asked = RULES.iter().zip(&found).any(|(rule, end)| end.is_none() && rule.asks(views));
         let Some(estimate) = asked.then(|| estimate(turn, &order[..views])).flatten() else { continue };

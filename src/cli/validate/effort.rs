@@ -1,4 +1,4 @@
-//! How many phantoms each part takes, and who counts them.
+//! The number of phantoms of each part, and the progress bar that counts them.
 
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
@@ -7,23 +7,23 @@ use rayon::prelude::*;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effort {
     pub beads: usize,
-    /// Of 3, 4 and 5 dpf.
+    /// Larvae of 3, 4 and 5 dpf.
     pub larvae: [usize; 3],
-    /// Larvae of which frames are rendered.
+    /// Larvae with rendered frames.
     pub rendered: usize,
-    /// Of each clean solid.
+    /// Phantoms of each clean solid.
     pub solids: usize,
     pub finned: usize,
-    /// Turns that are calibrated.
+    /// Calibrated turns.
     pub calibrated: usize,
-    /// Per fault.
+    /// Turns of each fault.
     pub faults: usize,
     pub ablation: usize,
     pub orders: usize,
     pub early: usize,
     pub live: usize,
     pub coverage: usize,
-    /// Edge of a voxel where larvae are carved.
+    /// Edge of a voxel for the larvae that are carved, um.
     pub voxel_um: f64,
 }
 
@@ -44,11 +44,11 @@ impl Effort {
         voxel_um: 6.93,
     };
 
-    /// Enough to see that every part works.
+    /// Enough to check that every part works.
     pub const QUICK: Self =
         Self { beads: 1, larvae: [1; 3], rendered: 0, finned: 2, calibrated: 4, coverage: 8, voxel_um: 17.1, ..Self::FULL.with_seeds(1) };
 
-    /// The same with `seeds` phantoms wherever phantoms are drawn; the paper's own counts stay.
+    /// The same with `seeds` phantoms in every part that draws phantoms. The paper's own counts do not change.
     #[must_use]
     pub const fn with_seeds(self, seeds: usize) -> Self {
         Self {
@@ -66,7 +66,7 @@ impl Effort {
     }
 }
 
-/// What a part works with.
+/// What a part needs for its work.
 #[derive(Debug)]
 pub struct Work {
     pub effort: Effort,
@@ -81,7 +81,7 @@ impl Work {
         Ok(Self { effort, seed, bar })
     }
 
-    /// A stretch of work with so many steps.
+    /// Begins a task with this number of steps.
     pub fn begin(&self, what: &'static str, steps: usize) {
         self.bar.set_length(steps as u64);
         self.bar.set_position(0);
@@ -92,10 +92,10 @@ impl Work {
         self.bar.inc(1);
     }
 
-    /// What each of so many phantoms gives, by its number from 0; on all threads.
+    /// Runs `of` for each of `n` phantoms, numbered from 0, on all threads. Returns the results in order.
     ///
     /// # Errors
-    /// The first of theirs.
+    /// The first error of `of`.
     pub fn each<T: Send>(&self, what: &'static str, n: usize, of: impl Fn(u64) -> anyhow::Result<T> + Sync) -> anyhow::Result<Vec<T>> {
         self.begin(what, n);
         let one = |i| {

@@ -1,4 +1,4 @@
-//! Turns with something wrong: each is solved or refused by name, never silently wrong.
+//! Turns with a fault: each is solved or refused by name, and never silently wrong.
 
 use super::document::{Goal, Section, table};
 use super::effort::Work;
@@ -16,9 +16,9 @@ use std::collections::BTreeMap;
 
 const ASD: usize = 21;
 const VOXEL_UM: f64 = 10.0;
-/// From here on a volume is wrong, unless its own standard deviation says so.
+/// A volume with a larger error counts as wrong, unless its own standard deviation covers the error, %.
 const WRONG_PERCENT: f64 = 2.0;
-/// Inner radius of the capillary: as far as a profile can leak.
+/// Inner radius of the capillary, the largest extent of a profile that leaks, um.
 const BORE_RADIUS_UM: f64 = 325.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -67,11 +67,11 @@ impl Case {
     }
 }
 
-/// What came of a turn.
+/// The result of a turn.
 struct Outcome {
-    /// What was said, by name.
+    /// The names of everything that was reported.
     named: Vec<&'static str>,
-    /// Refused altogether.
+    /// Why the turn was refused. `None` if it was not.
     refused: Option<String>,
     volume: Option<f64>,
     wrong: bool,
@@ -166,7 +166,7 @@ fn outcome(case: Case, seed: u64) -> anyhow::Result<Outcome> {
     Ok(Outcome { named, refused: None, volume: Some(volume), wrong })
 }
 
-/// A profile that reaches the image's first or last column goes on there.
+/// A profile that reaches the first or last column of the image continues there.
 fn leaves(mask: &Mask) -> Leaves {
     let any = |u: usize| (0..mask.height()).any(|v| mask.get(u, v));
     Leaves { left: any(0), right: any(mask.width() - 1) }

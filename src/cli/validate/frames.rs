@@ -1,4 +1,4 @@
-//! Profiles as the instrument gets them: frames rendered, put under the colour mosaic, and segmented.
+//! Profiles as on the instrument: rendered frames with the colour mosaic, segmented.
 
 use super::turn::{True, Turn};
 use crate::cli::emulated::camera;
@@ -7,10 +7,10 @@ use carved_core::profile::{Mask, Picture, Polygon, SegmentSettings, Segmenters};
 use hardware_sim::scene::{Exposure, Scene, SceneSettings, Specimen};
 use rayon::prelude::*;
 
-/// Renders the specimen at each angle and takes the outlines that segmentation finds.
+/// Renders the specimen at each angle and returns the outlines that segmentation finds.
 ///
 /// # Errors
-/// Says which view gave no profile, and why.
+/// Names a view without a profile, and the reason.
 pub fn turn(settings: &SceneSettings, specimen: Specimen, ledger: &[f64], segmenters: &Segmenters) -> anyhow::Result<Turn> {
     let scene = Scene::new(settings.clone());
     let size = specimen.truth();

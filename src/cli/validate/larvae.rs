@@ -1,4 +1,4 @@
-//! Larvae of 3, 4 and 5 dpf by ASD: the paper's figures 7, 8 and 11 to 13, and its table 5's shape.
+//! Larvae of 3, 4 and 5 dpf by ASD: the paper's figures 7, 8 and 11 to 13, and the shape of its table 5.
 
 use super::document::{Goal, Plot, Section, table};
 use super::effort::Work;
@@ -25,7 +25,7 @@ struct Larva {
     dpf: u8,
     /// Volume and area of the ideal hull.
     truth: [f64; 2],
-    /// One per ASD; nothing where it was not measured.
+    /// One entry per ASD; `None` if it was not measured.
     found: Vec<Option<Found>>,
 }
 
@@ -45,7 +45,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     told(&larvae, &rendered, work.effort.voxel_um)
 }
 
-/// One of each stage through frames and segmentation; these larvae have fins.
+/// One larva of each stage with fins, through frames and segmentation.
 fn rendered(work: &Work) -> anyhow::Result<Vec<Larva>> {
     let stages = &STAGES[..work.effort.rendered.min(STAGES.len())];
     work.begin("larvae, rendered", stages.len());
@@ -77,7 +77,7 @@ fn larva(dpf: u8, turn: &Turn, voxel_um: f64) -> anyhow::Result<Larva> {
     Ok(Larva { dpf, truth: [turn.truth.size.hull_volume_um3, turn.truth.size.hull_area_um2], found })
 }
 
-/// Per cent off at an ASD: `number` 0 volume, 1 area.
+/// Errors at an ASD, per cent. `number` is 0 for the volume and 1 for the area.
 fn offs(larvae: &[Larva], at: usize, number: usize, of: fn(&Found) -> [f64; 2]) -> Vec<f64> {
     larvae.iter().filter_map(|l| Some(off(of(l.found[at].as_ref()?)[number], l.truth[number]))).collect()
 }

@@ -1,4 +1,4 @@
-//! What the status says of the volume while the capillary turns: whether the truth is where it says.
+//! The live volume in the status while the capillary turns: whether the truth is within its standard deviation.
 
 use super::document::{Goal, Section, table};
 use super::effort::Work;
@@ -13,12 +13,12 @@ use hardware_sim::scene::Camera;
 
 const ASDS: [usize; 2] = [21, 84];
 const ORDERS: [(&str, ViewOrder); 2] = [("sequential", ViewOrder::Sequential), ("coarse to fine", ViewOrder::CoarseToFine)];
-/// Quarters of the turn after which it is asked; the last is its end.
+/// Quarters of the turn after which the estimate is tested. The last one is the end of the turn.
 const QUARTERS: [usize; 4] = [1, 2, 3, 4];
-/// Share of the estimates told that are to have the truth within two standard deviations, %.
+/// Share of the estimates that must have the truth within two standard deviations, %.
 const HELD_LEAST: f64 = 90.0;
 
-/// What is told after some views of a turn.
+/// The estimate after some views of a turn.
 struct Told {
     off_percent: f64,
     sd_percent: f64,
@@ -31,13 +31,13 @@ impl Told {
     }
 }
 
-/// After each quarter of a turn in this order; nothing where nothing is told.
+/// The estimates after each quarter of a turn in this order. `None` if there is no estimate.
 fn told(turn: &Turn, order: &[usize]) -> [Option<Told>; QUARTERS.len()] {
     let rule = EarlyStopSettings::DEFAULT;
     let truth_um3 = turn.truth.size.hull_volume_um3;
     QUARTERS.map(|quarter| {
         let views = quarter * order.len() / QUARTERS.len();
-        // Those before are asked only for whether it has converged.
+        // The earlier ones are needed only to decide whether the volume has converged.
         let first = if rule.asks(views) { views + 1 - rule.last } else { views };
         let estimates: Vec<Estimate> = (first..=views).filter_map(|n| estimate(turn, &order[..n])).collect();
         let newest = estimates.last().filter(|e| e.views == views)?;
@@ -110,7 +110,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     Ok(section)
 }
 
-/// The stops of a turn in the order of taking.
+/// The stops of a turn in the order in which they are taken.
 fn stops(asd: usize, order: ViewOrder) -> anyhow::Result<Vec<usize>> {
     let plan = RevolutionPlan::new(asd as u32, StepsPerRevolution::new(asd as u32, 1)?, order)?;
     Ok(plan.stops().iter().filter(|s| !s.closure).map(|s| s.view as usize).collect())

@@ -6,7 +6,7 @@
 //!           └────────── calibration, faults, ablation, ────────┘
 //!                       orders, coverage, early stop, live estimates over many seeds
 //! ```
-//! Every number follows from the seed: the same command writes the same document, on any number of threads.
+//! Every number depends only on the seed: the same command writes the same document, on any number of threads.
 
 mod ablation;
 mod beads;
@@ -33,19 +33,19 @@ use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub struct Args {
-    /// Folder of the document; its plots are put in `validation` beside it.
+    /// Folder of the document; its plots go into `validation` beside it.
     #[arg(long, default_value = "validation")]
     out: PathBuf,
-    /// Few phantoms: whether every part works, not how well.
+    /// Use few phantoms, to check that every part works, not how accurate it is.
     #[arg(long)]
     quick: bool,
-    /// Phantoms wherever they are drawn, instead of each part's own number; the paper's 25 beads and 60 larvae stay.
+    /// Number of phantoms in every part that draws phantoms; the paper's 25 beads and 60 larvae do not change.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     seeds: Option<u32>,
-    /// Added to every phantom's seed.
+    /// Number that is added to every phantom's seed.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// One part instead of all; may be repeated.
+    /// Run only this part; may be repeated.
     #[arg(long, value_enum, value_name = "PART")]
     only: Vec<Part>,
 }

@@ -1,4 +1,4 @@
-//! In which order to take the views.
+//! The order in which views are taken.
 
 use super::document::{Section, table};
 use super::effort::Work;
@@ -11,7 +11,7 @@ const COUNTS: [usize; 7] = [7, 10, 14, 21, 28, 42, 63];
 type Order = fn(usize) -> usize;
 const ORDERS: [(&str, Order); 3] =
     [("sequential", |i| i), ("golden ratio", golden), ("every fifth stop, five turns", |i| 5 * i % CAPTURED)];
-/// The number coprime to 84 that is nearest to 84 over the golden ratio: every stop is met once.
+/// The number coprime to 84 that is nearest to 84 over the golden ratio: every stop is visited once.
 const GOLDEN_STEP: usize = 53;
 
 /// The i-th stop by the golden ratio.
@@ -51,7 +51,7 @@ fn captured(seed: u64) -> anyhow::Result<Turn> {
     Turn::of_larva(seed, CAPTURED, &Disturbance::drift(seed))
 }
 
-/// Per cent off after so many views.
+/// Error after this number of views, per cent. `None` without an estimate.
 fn error(turn: &Turn, order: Order, views: usize) -> Option<f64> {
     let mut stops: Vec<usize> = (0..views).map(order).collect();
     stops.sort_unstable();

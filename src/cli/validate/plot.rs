@@ -1,8 +1,8 @@
 //! Plots as SVG: points and lines over axes with few labels.
 //!
 //! ```text
-//!   title                 □ a  □ b        what is plotted stands in the document's tables too:
-//!   ^        o  o                         a plot is only to be looked at
+//!   title                 □ a  □ b        the plotted numbers are in the tables of the document, too:
+//!   ^        o  o                         a plot is only an illustration
 //!   |  o---o
 //!   +-----------> label
 //! ```
@@ -16,13 +16,13 @@ const LEFT: f64 = 70.0;
 const RIGHT: f64 = 20.0;
 const TOP: f64 = 44.0;
 const BOTTOM: f64 = 52.0;
-/// Told apart by those who see no red or no green, too (Okabe and Ito).
+/// Colours that people with red-green blindness can distinguish (Okabe and Ito).
 const COLOURS: [&str; 6] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"];
 
 /// How the points of a series are drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Style {
-    /// Joined.
+    /// Points joined by lines.
     Line,
     Dashed,
     Dots,
@@ -30,12 +30,12 @@ pub enum Style {
 
 #[derive(Debug, Clone)]
 pub struct Series {
-    /// In the legend; without one it is left out there.
+    /// Name in the legend. Empty: not in the legend.
     pub name: String,
-    /// Series of one number have one colour.
+    /// Series with the same number have the same colour.
     pub colour: usize,
     pub points: Vec<[f64; 2]>,
-    /// Half lengths of bars at the points; none where empty.
+    /// Half lengths of the bars at the points. Empty: no bars.
     pub bars: Vec<f64>,
     pub style: Style,
 }
@@ -46,13 +46,13 @@ impl Series {
     }
 }
 
-/// Points of the ellipse that holds `share` of a normal distribution with the pairs' mean and covariance.
+/// Points of the ellipse that contains `share` of a normal distribution with the mean and covariance of the pairs.
 pub fn ellipse(pairs: &[[f64; 2]], share: f64) -> Vec<[f64; 2]> {
     let [a, b, c] = super::statistics::covariance(pairs);
     let mean = [0, 1].map(|i| mean(&pairs.iter().map(|p| p[i]).collect::<Vec<_>>()));
-    // Of two normal numbers the squares' sum is exponential.
+    // The sum of the squares of two normal numbers is exponential.
     let reach = (-2.0 * (1.0 - share).ln()).sqrt();
-    // Cholesky's factor of the covariance.
+    // Cholesky factor of the covariance.
     let (l11, l21) = (a.sqrt(), if a > 0.0 { c / a.sqrt() } else { 0.0 });
     let l22 = (b - l21 * l21).max(0.0).sqrt();
     (0..=72)
@@ -63,7 +63,7 @@ pub fn ellipse(pairs: &[[f64; 2]], share: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// A number every so far: 1, 2, 2.5 or 5 times a power of ten, so that there are three to six.
+/// Positions of three to six ticks, whose distance is 1, 2, 2.5 or 5 times a power of ten.
 fn ticks(low: f64, high: f64) -> Vec<f64> {
     let rough = (high - low) / 6.0;
     let power = 10f64.powf(rough.log10().floor());
@@ -85,14 +85,14 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;")
 }
 
-/// From numbers to places on the page.
+/// Converts numbers to positions on the page.
 struct Scale {
     x: [f64; 2],
     y: [f64; 2],
 }
 
 impl Scale {
-    /// Of all points with their bars.
+    /// The scale for all points with their bars.
     fn of(series: &[Series]) -> Self {
         let x = span(series.iter().flat_map(|s| s.points.iter().map(|p| p[0])));
         let y = span(series.iter().flat_map(|s| {
@@ -193,7 +193,7 @@ fn drawn(s: &Series, scale: &Scale) -> String {
     out
 }
 
-/// Without digits that say nothing.
+/// The number without trailing digits that mean nothing.
 fn number(v: f64) -> String {
     let text = format!("{v:.4}");
     let text = text.trim_end_matches('0').trim_end_matches('.');
@@ -214,7 +214,7 @@ mod tests {
     fn the_ellipse_of_a_line_is_flat_and_names_are_escaped() {
         let flat = ellipse(&[[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]], 0.95);
         assert!(flat.iter().all(|p| (p[1] - 2.0 * p[0]).abs() < 1e-9), "{flat:?}");
-        // Of one standard deviation's square as exp(-1/2) lies beyond.
+        // exp(-1/2) of a normal distribution is outside the ellipse of one standard deviation.
         let one = ellipse(&[[0.0, 0.0], [2.0, 0.0], [1.0, 1.0]], 1.0 - (-0.5f64).exp());
         assert!((one[0][0] - 2.0).abs() < 1e-9, "{:?}", one[0]);
         assert!(svg("a < b & c", "x", "y", &[Series::new(Style::Dots, 0, "s", vec![[0.0, 1.0]])]).contains("a &lt; b &amp; c"));

@@ -1,4 +1,4 @@
-//! The paper's tables, to be put beside ours.
+//! The paper's tables, for comparison.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -32,8 +32,10 @@ pub struct Published {
 }
 
 impl Published {
+    /// Reads the built-in tables.
+    ///
     /// # Errors
-    /// None for the tables that are built in.
+    /// None for the built-in tables.
     pub fn read() -> Result<Self, serde_json::Error> {
         serde_json::from_str(TABLES)
     }
@@ -52,7 +54,7 @@ mod tests {
             assert!(p.asd.iter().all(|asd| table[asd].mean.len() == 7 && table[asd].sd.len() == 7));
         }
         assert!([3, 4, 5].iter().all(|dpf| p.larva_area_1e6_um2[dpf].mean.len() == 8));
-        // A corner of each.
+        // One corner of each table.
         assert!((p.diameter_um[&84].mean[6] - 498.05).abs() < 1e-9 && (p.volume_1e7_um3[&4].mean[0] - 7.073).abs() < 1e-9);
         assert!((p.area_1e5_um2[&21].sd[1] - 0.802).abs() < 1e-9 && (p.larva_area_1e6_um2[&5].mean[7] - 3.55).abs() < 1e-9);
     }

@@ -1,4 +1,4 @@
-//! Solids whose numbers are known to many digits: clean ones, fins against their ideal hull, and the paper's carver against theory.
+//! Solids with precisely known numbers: clean ones, fins against their ideal hull, and the paper's carver against theory.
 
 use super::document::{Goal, Section, table};
 use super::effort::Work;
@@ -9,7 +9,7 @@ use hardware_sim::analytic::{Disturbance, Phantom, Pose};
 use hardware_sim::scene::Camera;
 use rayon::prelude::*;
 
-/// Where the bias of the paper's carver is looked at: the prototype's.
+/// Voxel at which the bias of the paper's carver is examined, um: that of the prototype.
 const BIAS_VOXEL_UM: f64 = 10.0;
 
 pub fn run(work: &Work) -> anyhow::Result<Section> {
@@ -20,7 +20,7 @@ pub fn run(work: &Work) -> anyhow::Result<Section> {
     Ok(section)
 }
 
-/// By ASD (rows of `asds`), per cent off the ideal hull: volume and area, of each phantom that was measured.
+/// By ASD (rows of `asds`), the errors of volume and area against the ideal hull in per cent, for each phantom that was measured.
 fn measured(work: &Work, phantoms: &[(Phantom, Disturbance)], asds: &[usize]) -> Vec<Vec<[f64; 2]>> {
     let each: Vec<Vec<Option<[f64; 2]>>> = phantoms
         .par_iter()
@@ -61,7 +61,7 @@ fn clean(work: &Work, section: &mut Section) -> anyhow::Result<()> {
         let phantoms = (0..n as u64)
             .map(|i| {
                 let seed = work.seed + i;
-                // Fractions of the golden ratio: sizes that differ from seed to seed.
+                // Fractions of the golden ratio give sizes that differ from seed to seed.
                 let a = (seed as f64 * 0.618_034).fract();
                 let phantom = match kind {
                     "bead" => Phantom::sphere(450.0 + 100.0 * a)?,
@@ -116,7 +116,7 @@ fn finned(work: &Work, section: &mut Section) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The paper's carver on clean finless larvae with the true camera.
+/// The bias of the paper's carver on clean finless larvae with the true camera.
 fn bias(work: &Work, section: &mut Section) -> anyhow::Result<()> {
     let n = work.effort.solids;
     let grid = grid(BIAS_VOXEL_UM)?;

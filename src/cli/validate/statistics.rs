@@ -1,14 +1,14 @@
-//! Numbers of many phantoms in one line.
+//! Statistics of many phantoms.
 
 use carved_core::statistics::Spread;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// Of a sample.
+/// Statistics of a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Summary {
     pub n: usize,
     pub mean: f64,
-    /// With n - 1; 0 of one.
+    /// With n - 1; 0 for a single value.
     pub sd: f64,
     /// The value farthest from 0.
     pub worst: f64,
@@ -21,7 +21,7 @@ impl Summary {
         Self { n, mean, sd: sd.unwrap_or(0.0), worst }
     }
 
-    /// As mean ± sd, worst.
+    /// Formats as mean ± sd, worst.
     pub fn signed(&self, digits: usize) -> String {
         let Self { mean, sd, worst, .. } = self;
         format!("{mean:+.digits$} ± {sd:.digits$}, worst {worst:+.digits$}")
@@ -38,7 +38,7 @@ pub fn student(confidence: f64, degrees: usize) -> f64 {
     StudentsT::new(0.0, 1.0, degrees.max(1) as f64).map_or(f64::NAN, |t| t.inverse_cdf(0.5 + confidence / 2.0))
 }
 
-/// Variances and covariance of pairs, with n - 1.
+/// Variances and covariance of pairs, with n - 1: of the first, of the second, of both.
 pub fn covariance(pairs: &[[f64; 2]]) -> [f64; 3] {
     let n = pairs.len();
     let mean = [0, 1].map(|i| pairs.iter().map(|p| p[i]).sum::<f64>() / n.max(1) as f64);
@@ -63,7 +63,7 @@ mod tests {
         assert!((a - 1.0).abs() < 1e-12 && (b - 4.0).abs() < 1e-12 && (c - 2.0).abs() < 1e-12);
     }
 
-    /// The paper's 2.787 is for 25 degrees of freedom; 25 beads have 24.
+    /// The paper's 2.787 is that of 25 degrees of freedom, but 25 beads have 24.
     #[test]
     fn students_t_of_25_beads() {
         assert!((student(0.99, 24) - 2.797).abs() < 5e-4 && (student(0.99, 25) - 2.787).abs() < 5e-4);

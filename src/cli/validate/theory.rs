@@ -1,20 +1,20 @@
-//! What the definition of the hull makes of a circle: the bias that is to be expected before anything is measured.
+//! The hull of a circle by its definition: the bias that is expected before any measurement.
 //!
 //! ```text
-//!   directions n: N views of even N look along N/2 lines from both sides,      a slab is what lies between a view's two edges;
-//!   an odd N sees 2N edges' directions                                         a point may miss `budget` of them
+//!   directions n: the N views of an even N look along N/2 lines from both sides,  a slab lies between a view's two edges;
+//!   an odd N sees edges in 2N directions                                          a point may miss `budget` of them
 //! ```
 
 use std::f64::consts::{PI, TAU};
 
-/// Misses that a voxel may have of `views`.
+/// Number of `views` that may miss a voxel.
 pub fn budget(epsilon: f64, views: usize) -> usize {
     (epsilon * views as f64 + 1e-9).floor() as usize
 }
 
-/// Area of the hull of a circle over the circle's, less 1; nothing beyond the tolerances that are worked out.
+/// Area of the hull of a circle over the circle's area, less 1. `None` for tolerances that are not derived here.
 pub fn circle_bias(epsilon: f64, views: usize) -> Option<f64> {
-    // Under weak perspective opposite views are mirror images: they are missed together.
+    // Under weak perspective opposite views are mirror images, so that they miss a point together.
     let (directions, slabs) =
         if views.is_multiple_of(2) { (views, budget(epsilon, views) / 2) } else { (2 * views, budget(epsilon, views)) };
     let n = directions as f64;
@@ -28,14 +28,14 @@ pub fn circle_bias(epsilon: f64, views: usize) -> Option<f64> {
     Some(n * edges / PI - 1.0)
 }
 
-/// Diameter of the sphere nearest to a ball's hull over the ball's, less 1: slices grow by half their area's excess, across
-/// only, which over a sphere's surface is 2/3 of the directions' mean.
+/// Diameter of the sphere nearest to a ball's hull over the ball's diameter, less 1. The slices grow by half of their area's excess, only
+/// across the axis. Over the surface of a sphere this is 2/3 of the mean over all directions.
 pub fn sphere_diameter_bias(circle_bias: f64) -> f64 {
     circle_bias / 3.0
 }
 
-/// Surface of a ball's hull over the ball's, less 1: each facet that touches the ball has a third of its height as volume,
-/// so edges left sharp give as much as the volume; edges rounded off give that of a solid of revolution, two thirds.
+/// Surface of a ball's hull over the ball's surface, less 1. Each facet that touches the ball has a third of its height as volume, so sharp
+/// edges give the same excess as for the volume. Rounded edges give that of a solid of revolution, two thirds of it.
 pub fn sphere_area_bias(circle_bias: f64) -> [f64; 2] {
     [2.0 / 3.0 * circle_bias, circle_bias]
 }
@@ -48,7 +48,7 @@ mod tests {
     #[test]
     fn the_circles_bias_is_that_of_polygons_with_no_one_or_two_sides_missed() {
         let found: Vec<f64> = [4, 7, 12, 14, 21, 28, 42, 84].map(|n| 100.0 * circle_bias(0.05, n).unwrap()).to_vec();
-        // One miss of an even number is no slab: its mirror image still cuts. Of 42 both may be missed.
+        // With an even number one miss removes no slab, because the mirror image still cuts. With 42 views both may be missed.
         for (found, expected) in found.iter().zip([27.32, 1.71, 2.35, 1.71, 1.32, 0.42, 1.32, 0.89]) {
             assert!((found - expected).abs() < 0.0051, "{found} {expected}");
         }
@@ -57,7 +57,7 @@ mod tests {
 
     #[test]
     fn a_polygon_about_a_circle_is_the_limit_without_tolerance() {
-        // A square about a circle: 4 / pi.
+        // A square around a circle: 4 / pi.
         assert!((circle_bias(0.0, 4).unwrap() - (4.0 / PI - 1.0)).abs() < 1e-12);
         assert!(circle_bias(0.0, 84).unwrap() < 5e-4);
     }

@@ -1,4 +1,4 @@
-//! One turn of a specimen of known size, and its numbers by either estimator.
+//! One turn of a specimen of known size, and its numbers by both estimators.
 //!
 //! ```text
 //!   Phantom + Disturbance ── outlines ── Turn ──┬─ calibrate ── sections ── Support      ours
@@ -19,45 +19,45 @@ use hardware_sim::analytic::{self, Disturbance, Phantom};
 use hardware_sim::scene::{self, Truth};
 use std::f64::consts::TAU;
 
-/// The paper's share of views that may miss a voxel.
+/// Share of the views that may miss a voxel, as in the paper.
 pub const EPSILON: f64 = 0.05;
-/// Views captured in a turn, of which smaller samplings are taken evenly.
+/// Number of captured views in a turn; smaller samplings are even subsets.
 pub const CAPTURED: usize = 84;
 pub const ASDS: [usize; 8] = [4, 7, 12, 14, 21, 28, 42, CAPTURED];
 
-/// What was true while a simulated turn was taken.
+/// The truth while a simulated turn was taken.
 #[derive(Debug, Clone)]
 pub struct True {
     pub camera: Camera,
-    /// Of each view.
+    /// Shift of each view, px.
     pub dy_px: Vec<f64>,
     pub size: Truth,
 }
 
-/// The profiles of a turn with what a rig would know of it.
+/// The profiles of a turn, with what a rig would know about it.
 #[derive(Debug, Clone)]
 pub struct Turn {
     pub nominal: Camera,
     pub ledger: Vec<f64>,
     pub outlines: Vec<Vec<Polygon>>,
     pub columns: Vec<Columns>,
-    /// As segmentation filled them; profiles by formulas are filled when they are asked for.
+    /// The masks from segmentation. `None` for analytic profiles, whose masks are made on request.
     filled: Option<Vec<Mask>>,
     pub truth: True,
 }
 
-/// Equal steps over one turn.
+/// The angles of equal steps over one turn, rad.
 pub fn even_plan(views: usize) -> Vec<f64> {
     (0..views).map(|i| TAU * i as f64 / views as f64).collect()
 }
 
-/// The stops of a captured turn that make an even one of fewer views.
+/// Indices of the stops of a captured turn that make an even turn with fewer views.
 pub fn even_stops(asd: usize) -> Vec<usize> {
     (0..asd).map(|i| i * CAPTURED / asd).collect()
 }
 
 impl Turn {
-    /// A finless larva of 3, 4 or 5 dpf somewhere in the capillary, its turn planned in even steps.
+    /// A finless larva of 3, 4 or 5 dpf anywhere in the capillary, with a turn of even steps.
     ///
     /// # Errors
     /// None for these ages.
@@ -66,7 +66,7 @@ impl Turn {
         Ok(Self::of(&phantom, &scene::Camera::default(), &even_plan(views), disturbance))
     }
 
-    /// Profiles by formulas.
+    /// A turn with analytic profiles.
     pub fn of(phantom: &Phantom, nominal: &scene::Camera, ledger: &[f64], disturbance: &Disturbance) -> Self {
         let views = phantom.views(nominal, ledger, disturbance);
         let truth =
@@ -89,23 +89,25 @@ impl Turn {
         stops.iter().map(|&i| GivenView { columns: &self.columns[i], omega: self.ledger[i] }).collect()
     }
 
-    /// Without a calibration: the rig's camera, the ledger's angles.
+    /// The views without calibration: the rig's camera and the ledger's angles.
     pub fn as_planned(&self, stops: &[usize]) -> Vec<TurnView<'_>> {
         stops.iter().map(|&i| TurnView { columns: &self.columns[i], omega: self.ledger[i], dy_px: 0.0 }).collect()
     }
 
+    /// Calibrates the turn of these stops.
+    ///
     /// # Errors
-    /// As [`calibrate`].
+    /// Those of [`calibrate`].
     pub fn calibrated(&self, stops: &[usize]) -> Result<Calibration, CalibrationError> {
         calibrate(&self.nominal, &self.given(stops), Priors::default())
     }
 
-    /// Of these stops' shifts, the mean: the part that `uy` takes.
+    /// Mean shift of these stops, px, which `uy` absorbs.
     pub fn mean_dy_px(&self, stops: &[usize]) -> f64 {
         stops.iter().map(|&i| self.truth.dy_px[i]).sum::<f64>() / stops.len().max(1) as f64
     }
 
-    /// `uy` less the true one, px.
+    /// Error of `uy`, px.
     pub fn uy_error_px(&self, stops: &[usize], found: &Camera) -> f64 {
         found.uy - self.truth.camera.uy - self.mean_dy_px(stops)
     }
@@ -114,7 +116,7 @@ impl Turn {
         (found.gamma - self.truth.camera.gamma).to_degrees()
     }
 
-    /// One per stop.
+    /// One mask per stop.
     pub fn masks(&self) -> Vec<Mask> {
         self.filled.clone().unwrap_or_else(|| self.outlines.iter().map(|outlines| filled(outlines, &self.nominal)).collect())
     }
@@ -131,7 +133,8 @@ fn filled(outlines: &[Polygon], camera: &Camera) -> Mask {
     mask
 }
 
-/// Ours of a calibrated turn. The standard deviations are of another turn of the same specimen on the same rig: views and calibration.
+/// The numbers of a calibrated turn by the support function. The standard deviations cover views and calibration: they are for another turn
+/// of the same specimen on the same rig.
 #[derive(Debug, Clone)]
 pub struct Support {
     pub estimate: SupportEstimate,
@@ -139,7 +142,7 @@ pub struct Support {
     pub area_sd_um2: f64,
 }
 
-/// Nothing where the views have too few slices in common.
+/// The numbers by the support function. `None` if the views have too few slices in common.
 pub fn support(turn: &Turn, stops: &[usize], found: &Calibration) -> Option<Support> {
     let given = turn.given(stops);
     let views = found.turn_views(&given);
@@ -149,7 +152,7 @@ pub fn support(turn: &Turn, stops: &[usize], found: &Calibration) -> Option<Supp
     Some(Support { estimate, volume_sd_um3, area_sd_um2 })
 }
 
-/// As the pipeline has it in mid-turn, of the stops so far.
+/// The estimate of the pipeline after these stops, as during a turn.
 pub fn estimate(turn: &Turn, stops: &[usize]) -> Option<Estimate> {
     let mut stops = stops.to_vec();
     stops.sort_unstable();
@@ -179,11 +182,11 @@ pub fn sections(pose: &Pose, views: &[TurnView], sd_um: f64) -> Option<SupportEs
 pub struct Voxels {
     pub volume_um3: f64,
     pub area_um2: f64,
-    /// Of the sphere nearest to the surface, where one was asked for.
+    /// Diameter of the sphere nearest to the surface. `None` unless requested.
     pub diameter_um: Option<f64>,
 }
 
-/// Carves and measures as the paper does. The field's surface, which takes most of a model's time, is not made.
+/// Carves and measures as the paper does, without the field surface, which takes most of a model's time.
 ///
 /// # Errors
 /// Those of carving and fairing.
@@ -198,7 +201,7 @@ pub fn voxels(grid: VoxelGrid, views: &[(&Mask, Projection)], sphere: bool) -> a
     Ok(Voxels { volume_um3: carver.volume_um3(), area_um2: measure::area(&mesh), diameter_um })
 }
 
-/// The views that a calibration kept, with their masks; `masks` has one per stop of the turn.
+/// The views that a calibration kept, with their masks. `masks` has one mask per stop of the turn.
 pub fn calibrated_views<'a>(turn: &Turn, masks: &'a [Mask], stops: &[usize], found: &Calibration) -> Vec<(&'a Mask, Projection)> {
     stops
         .iter()
@@ -211,12 +214,12 @@ pub fn calibrated_views<'a>(turn: &Turn, masks: &'a [Mask], stops: &[usize], fou
 /// The paper's box at a sampling density.
 ///
 /// # Errors
-/// None for densities that are worked with.
+/// None for the densities in use.
 pub fn grid(voxel_um: f64) -> anyhow::Result<VoxelGrid> {
     Ok(VoxelGrid::new(BoxUm::PAPER, voxel_um)?)
 }
 
-/// Per cent that a number is off.
+/// Error of a number, per cent.
 pub fn off(found: f64, truth: f64) -> f64 {
     100.0 * (found / truth - 1.0)
 }

@@ -1,7 +1,7 @@
-"""The instrument's commands and what it tells, as Python calls.
+"""The instrument's commands and queries, as Python calls.
 
-Every command moves towards a state and may be sent again: a repeat answers as the first did. So they are all retried,
-the POSTs too; `docs/loader.md` has the contract.
+Every command leads towards a state and may be repeated: a repeat gets the same answer as the first. All commands are
+therefore retried, also the POSTs. `docs/loader.md` describes the contract.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from .plan import PlateMap, RunPlan
 from .results import Results
 from .transport import AT_ONCE, RETRIED, Retry, Transport
 
-#: Longest wait that the daemon grants a long poll, s.
+#: Longest wait of a long poll at the daemon, s.
 LONGEST_WAIT_S = 30.0
 
 
@@ -57,42 +57,42 @@ class CarvedClient(Results):
         """Closes the connections."""
         self._transport.close()
 
-    # What the instrument says
+    # The state of the instrument
 
     def status(self) -> Status:
         """The newest snapshot."""
         return decode(Status, self._json("GET", "/v1/status"))
 
     def newer_status(self, after: int, wait_s: float = 25.0) -> Status:
-        """The first snapshot with another revision than `after`, or the newest one once `wait_s` have passed."""
+        """The first snapshot whose revision differs from `after`, or the newest one after `wait_s`."""
         wait_s = min(wait_s, LONGEST_WAIT_S)
         params = {"wait": wait_s, "after": after}
         timeout_s = wait_s + self._transport.timeout_s
         return decode(Status, self._json("GET", "/v1/status", params=params, timeout_s=timeout_s))
 
     def status_unless(self, etag: str | None) -> tuple[Status | None, str | None]:
-        """The newest snapshot and its `ETag`; no snapshot where it is the one that `etag` names."""
+        """The newest snapshot and its `ETag`. The snapshot is None if `etag` is its tag."""
         response = self._transport.request("GET", "/v1/status", headers={"if-none-match": etag} if etag else None)
         status = None if response.status_code == httpx.codes.NOT_MODIFIED else decode(Status, _parsed(response))
         return status, response.headers.get("etag", etag)
 
     def poll(self, timeout_s: float | None = None) -> Iterator[Status]:
-        """Every change that polling sees: 0.25 s after one, backing off to 5 s; outlives restarts of the daemon."""
+        """Yields every change that polls of 0.25 s to 5 s see. Continues over restarts of the daemon."""
         return polling.poll(self.status_unless, self._transport.sleep, timeout_s)
 
     def follow(self, timeout_s: float | None = None) -> Iterator[Status]:
-        """Every change as it happens, by long polls; outlives restarts of the daemon."""
+        """Yields every change as it happens, by long polls. Continues over restarts of the daemon."""
         return polling.follow(self.newer_status, self._transport.sleep, timeout_s)
 
     def wait_for(self, done: Callable[[Status], bool], what: str, timeout_s: float | None = None) -> Status:
-        """Follows the status until `done` says so; `what` is for the error where it does not in time."""
+        """Follows the status until `done` returns true. `what` describes the condition in the timeout error."""
         return polling.first(self.follow(timeout_s), done, what, timeout_s)
 
     def wait_for_outcome(self, run_id: str, timeout_s: float | None = None) -> Status:
-        """Follows the status until the run has ended; its `outcome` says how. An unknown end is never an outcome.
+        """Follows the status until the run has ended. Its `outcome` is the result. An unknown end is not one.
 
-        Where the status shows another run, or none, the run is read from what is kept of it: it may have ended while
-        nobody could ask, in a restart of the daemon. The status that is given shows it in either case.
+        If the status shows another run, or none, the stored run is read: it may have ended while nobody could ask,
+        during a restart of the daemon. The returned status shows the run in either case.
         """
         with_run = (self._with_kept(status, run_id) for status in self.follow(timeout_s))
 
@@ -103,7 +103,7 @@ class CarvedClient(Results):
         return polling.first(with_run, ended, f"the outcome of run {run_id}", timeout_s)
 
     def _with_kept(self, status: Status, run_id: str) -> Status:
-        """The status with the run as it is kept, where it shows another one and that one is known."""
+        """The status with the stored run, if the status shows another run and the store knows this one."""
         if status.run_named(run_id) is not None:
             return status
         try:
@@ -117,7 +117,7 @@ class CarvedClient(Results):
         return replace(status, run=decode(RunStatus, kept))
 
     def events(self, last_event_id: int | None = None) -> Iterator[Event | Resync]:
-        """The journal as it is written, from after `last_event_id` on; takes itself up again where it breaks off."""
+        """Yields the journal as it is written, starting after `last_event_id`. Reconnects after an interruption."""
         return sse.events(self._transport, last_event_id)
 
     def methods(self) -> list[dict[str, Any]]:
@@ -126,45 +126,45 @@ class CarvedClient(Results):
         return decode(list[dict[str, Any]], offered)
 
     def fault_codes(self) -> object:
-        """Every fault that there is: its category, what a scheduler does about it, and what the operator does."""
+        """Every fault code with its category, the scheduler's reaction and the operator's action."""
         return self._json("GET", "/v1/fault-codes")
 
     # Runs
 
     def put_run(self, run_id: str, plan: RunPlan | Mapping[str, Any]) -> Acknowledged:
-        """Registers a run under your own name for it, and starts it. The same plan again changes nothing."""
+        """Registers a run under your own name for it, and starts it. A repeat of the same plan changes nothing."""
         body = plan.to_json() if isinstance(plan, RunPlan) else dict(plan)
         return self._command("PUT", f"/v1/runs/{_name(run_id)}", body)
 
     def hold(self, run_id: str) -> Acknowledged:
-        """Pauses the run after the specimen under way."""
+        """Holds the run after the current specimen."""
         return self._command("POST", f"/v1/runs/{_name(run_id)}/hold")
 
     def unhold(self, run_id: str) -> Acknowledged:
-        """Lets a held run go on."""
+        """Continues a held run."""
         return self._command("POST", f"/v1/runs/{_name(run_id)}/unhold")
 
     def stop(self, run_id: str) -> Acknowledged:
-        """Ends the run after the specimen under way."""
+        """Ends the run after the current specimen."""
         return self._command("POST", f"/v1/runs/{_name(run_id)}/stop")
 
     def abort(self, run_id: str) -> Acknowledged:
-        """Ends the run now; motors stop first."""
+        """Ends the run now. The motors stop first."""
         return self._command("POST", f"/v1/runs/{_name(run_id)}/abort")
 
     def emergency_stop(self) -> Acknowledged:
-        """Stops the motors, then everything else. Sent again at once, many times, where it does not arrive."""
+        """Stops the motors, then everything else. It is repeated at once, many times, until it arrives."""
         body = self._json("POST", "/v1/emergency-stop", idempotent=True, timeout_s=2.0, retry=AT_ONCE)
         return decode(Acknowledged, body)
 
     def acknowledge(self, fault_seq: int) -> Acknowledged:
-        """Says that an operator has seen to this fault."""
+        """Acknowledges this fault for an operator."""
         return self._command("POST", f"/v1/faults/{fault_seq}/acknowledge")
 
     def check_plate_map(
         self, text: str, kind: Literal["text/csv", "application/json"] = "text/csv", plate: str | None = None
     ) -> PlateMap:
-        """Reads a plate map as a lab keeps it; `ProblemError.problem.errors` lists every mistake with its line."""
+        """Reads a plate map in a lab's own format. `ProblemError.problem.errors` lists every mistake with its line."""
         body = self._json(
             "POST",
             "/v1/plate-maps/check",
@@ -175,34 +175,34 @@ class CarvedClient(Results):
         return decode(PlateMap, body)
 
     def lease(self, holder: str, ttl_s: int = 60) -> Lease:
-        """Commands alone, until the block is left: `with client.lease("loader 1"):`."""
+        """Holds a lease, so that only this client commands, until the block ends: `with client.lease("loader 1"):`."""
         return Lease(self._transport, holder, ttl_s)
 
-    # The plate-loader's words
+    # Reports of the plate-loader
 
     def loaded(self, run_id: str, well: str) -> Acknowledged:
-        """The specimen of this well is in the capillary."""
+        """Reports that the specimen of this well is in the capillary."""
         return self._command("PUT", f"/v1/runs/{_name(run_id)}/wells/{_name(well)}", {"loaded": True})
 
     def unloaded(self, run_id: str, well: str) -> Acknowledged:
-        """The specimen of this well has been taken out of the capillary."""
+        """Reports that the specimen of this well has been taken out of the capillary."""
         return self._command("PUT", f"/v1/runs/{_name(run_id)}/wells/{_name(well)}", {"loaded": False})
 
     def handoff(self, intent: HandoffIntent, barcode: str) -> HandoffNeeds:
-        """Announces that a plate is to be put in or taken away; ask until it needs nothing, then move the plate."""
+        """Announces that a plate will be put in or taken away. Repeat until `needs` is None, then move the plate."""
         body = {"intent": intent, "barcode": barcode}
         return decode(HandoffNeeds, self._json("PUT", "/v1/plate/handoff", body=body))
 
     def handoff_completed(self) -> Acknowledged:
-        """The announced plate has been moved."""
+        """Reports that the announced plate has been moved."""
         return self._command("PUT", "/v1/plate/handoff/completed")
 
     def handoff_aborted(self) -> Acknowledged:
-        """The announced plate is not moved after all."""
+        """Reports that the announced plate will not be moved."""
         return self._command("PUT", "/v1/plate/handoff/aborted")
 
     def preflight(self, plan: RunPlan) -> Preflight:
-        """Everything that a run of this plan would meet now, not the first thing only. Moves nothing."""
+        """Checks all preconditions of a run of this plan, not only up to the first failure. Nothing moves."""
         return decode(Preflight, self._json("POST", "/v1/preflight", body=plan.to_json(), idempotent=True))
 
     def _command(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> Acknowledged:
@@ -216,7 +216,7 @@ class CarvedClient(Results):
 
 
 def _name(name: str) -> str:
-    """A name in a path: nothing in it leads to another path."""
+    """Quotes a name for a path, so that it cannot lead to another path."""
     return quote(name, safe="")
 
 

@@ -1,7 +1,7 @@
-"""JSON into dataclasses by their type hints.
+"""Converts JSON into dataclasses by their type hints.
 
-Keys that the class does not know are left out, so that a newer daemon does not break an older client; a word outside a
-`Literal` is passed on as it is, for the same reason. A missing key or a wrong type is an error that says where.
+Unknown keys are ignored, so that a newer daemon does not break an older client. For the same reason a value outside a
+`Literal` is passed on unchanged. A missing key or a wrong type is an error that names the place.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 
 def decode(cls: type[T], value: object, at: str = "") -> T:
-    """Makes a `cls` of parsed JSON."""
+    """Makes a `cls` from parsed JSON."""
     result: T = _decode(cls, value, at)
     return result
 

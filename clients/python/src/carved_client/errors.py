@@ -1,4 +1,4 @@
-"""What can go wrong, for a program (`code`, `scheduler_action`) and for a person (the message)."""
+"""The errors of this package, for a program (`code`, `scheduler_action`) and for a person (the message)."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from .models import SchedulerAction, State
 
 
 class CarvedError(Exception):
-    """Everything that this package raises of its own."""
+    """Base class of all errors that this package raises."""
 
 
 class Unreachable(CarvedError):
-    """The daemon did not answer, however often it was asked."""
+    """The daemon did not answer any of the attempts."""
 
 
 class MalformedAnswer(CarvedError):
-    """The daemon, or whatever stands in its place, answered something that is not in the contract."""
+    """The answer of the daemon, or of a proxy, does not follow the contract."""
 
 
 class TimedOut(CarvedError):
-    """What was waited for did not come about in time."""
+    """The condition was not met in time."""
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """One thing wrong with what was sent, and where: a JSON pointer, or a line and a column of a CSV."""
+    """One mistake in a request, with its place: a JSON pointer, or line and column of a CSV."""
 
     detail: str
     pointer: str | None = None
@@ -36,7 +36,7 @@ class Mistake:
 
 @dataclass(frozen=True)
 class LeaseStatus:
-    """Who alone commands the instrument now, if anybody."""
+    """The holder of the lease, if there is one."""
 
     holder: str | None = None
     expires_in_s: float | None = None
@@ -58,7 +58,7 @@ class Problem:
 
 
 class ProblemError(CarvedError):
-    """The daemon refused; `problem` says why and what a scheduler does about it."""
+    """The daemon refused a request; `problem` has the reason and the scheduler's reaction."""
 
     def __init__(self, problem: Problem, request: str) -> None:
         self.problem = problem
@@ -67,7 +67,7 @@ class ProblemError(CarvedError):
 
     @property
     def code(self) -> str:
-        """The stable word to branch on."""
+        """The stable code of the problem."""
         return self.problem.code
 
     @property

@@ -1,8 +1,8 @@
-"""While a lease lasts, its holder alone commands the instrument; others get 423 with who holds it and for how long.
+"""While a lease lasts, only its holder commands the instrument; others get 423 with the holder and the time left.
 
-with client.lease("loader 1"):   PUT /v1/lease, under a token of its own: sent again where the answer is lost
-    ...                          the token goes with every request; a thread begins its time anew, thrice in each ttl
-                                 DELETE on the way out; of a client that dies it is free after ttl_s
+with client.lease("loader 1"):   PUT /v1/lease with a token of its own: repeated if the answer is lost
+    ...                          every request carries the token; a thread renews the lease three times per ttl
+                                 DELETE at the end; if the client dies, the lease ends after ttl_s
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from .transport import Transport
 
 
 class Lease:
-    """Held inside its `with` block. An abort or emergency stop by others passes all the same."""
+    """A lease, held inside its `with` block. An abort or emergency stop of another client is still accepted."""
 
     def __init__(self, transport: Transport, holder: str, ttl_s: int) -> None:
         self._transport, self._holder, self._ttl_s = transport, holder, ttl_s
-        # Its own, so that the daemon knows a request that comes again.
+        # A token of its own, by which the daemon recognises a repeated request.
         self._token = secrets.token_hex(16)
         self._done = threading.Event()
         self._renewal = threading.Thread(target=self._renew, name="carved-lease", daemon=True)
-        #: Why it could not be renewed, if so: it is over, or soon will be.
+        #: Why the lease could not be renewed; None while it is valid.
         self.lost: CarvedError | None = None
 
     def _put(self) -> str:
@@ -54,7 +54,7 @@ class Lease:
     ) -> None:
         self._done.set()
         self._renewal.join()
-        # One that is over already, or whose daemon is away, needs no end.
+        # A lease that has ended, or whose daemon is away, need not be ended.
         with contextlib.suppress(CarvedError):
             self._transport.request("DELETE", "/v1/lease")
         self._transport.lease_token = None

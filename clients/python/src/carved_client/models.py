@@ -1,7 +1,7 @@
-"""What the instrument says of itself. Names, units and meanings are those of the contract (`/docs` on the daemon).
+"""The instrument's state. Names, units and meanings are those of the contract (`/docs` on the daemon).
 
-Four things are never mixed into one word: the `state` of the instrument, the `phase` of a specimen, the `outcome` of
-what has ended, and the `faults`. Words are typed as literals and not checked when read: a newer daemon may know more.
+Four things are kept apart: the `state` of the instrument, the `phase` of a specimen, the `outcome` of a run or
+specimen, and the `faults`. Values are typed as literals and not checked when read: a newer daemon may know more.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ConcentrationUnit = Literal[
 
 @dataclass(frozen=True)
 class Fault:
-    """Something that is wrong now; it stays listed until it is over or acknowledged."""
+    """A condition that is wrong now. It stays listed until it is over or acknowledged."""
 
     seq: int
     code: str
@@ -40,14 +40,14 @@ class Fault:
     scheduler_action: SchedulerAction
     operator_required: bool
     since: str
-    #: What its code means, in plain words; ``message`` has what was found this time.
+    #: The meaning of its code, in plain words; ``message`` has the details of this case.
     meaning: str = ""
     what_to_do: str = ""
 
 
 @dataclass(frozen=True)
 class Pending:
-    """Commands that were accepted and are still under way."""
+    """Accepted commands that are still under way."""
 
     hold: bool = False
     stop: bool = False
@@ -60,19 +60,19 @@ class Plate:
 
     barcode: str | None
     present: bool
-    #: No specimen in the capillary and everything of this plate on disk.
+    #: True if no specimen is in the capillary and everything of this plate is on disk.
     removable: bool
-    #: What the instrument waits for from the loader, in words, if anything.
+    #: What the instrument needs from the loader, in words; None if nothing.
     needs: str | None
-    #: The well whose specimen is to be taken out of the capillary.
+    #: The well whose specimen must be taken out of the capillary.
     take_out: str | None = None
-    #: The well whose specimen is to be brought, after what is to be taken out.
+    #: The well whose specimen must be brought, after another one was taken out if necessary.
     bring: str | None = None
 
 
 @dataclass(frozen=True)
 class WellCounts:
-    """Disjoint counts: every well is in exactly one."""
+    """Disjoint counts: every well is in exactly one of them."""
 
     succeeded: int
     flagged: int
@@ -85,7 +85,7 @@ class WellCounts:
 
 @dataclass(frozen=True)
 class Eta:
-    """Seconds until the run is done: half of such runs are done by `p50`, nine of ten by `p90`."""
+    """Seconds until the end of the run: half of such runs have ended by `p50`, nine of ten by `p90`."""
 
     p50: float
     p90: float
@@ -93,7 +93,7 @@ class Eta:
 
 @dataclass(frozen=True)
 class WellStatus:
-    """One well of the run, as far as it has come."""
+    """One well of the run, with its result so far."""
 
     well: str
     specimen: SpecimenKind
@@ -114,17 +114,17 @@ class Hold:
 
     #: A fault's code, `operator`, or `restart` of the daemon.
     code: str
-    #: The same in plain words; it may be over by now.
+    #: The cause in plain words. It may be over by now.
     cause: str
-    #: How often it has held the run since a well was finished, this time included.
+    #: How often it has held the run since a well was last finished, including this time.
     times: int
-    #: The one thing to do next; None where the run goes on without it.
+    #: The next action of the operator; None if the run continues without one.
     next_action: str | None = None
 
 
 @dataclass(frozen=True)
 class RunStatus:
-    """The run under way, or the last one until the next starts."""
+    """The current run, or the last one until the next starts."""
 
     id: str
     method: str
@@ -138,13 +138,13 @@ class RunStatus:
     outcome: RunOutcome | None = None
     held_by_operator: bool = False
     goes_on_by_itself: bool = False
-    #: None where the run is not held.
+    #: None if the run is not held.
     hold: Hold | None = None
 
 
 @dataclass(frozen=True)
 class SpecimenStatus:
-    """The specimen that is under way."""
+    """The current specimen."""
 
     well: str
     in_capillary: bool
@@ -176,18 +176,18 @@ class Status:
     plate: Plate
     run: RunStatus | None
     specimen: SpecimenStatus | None
-    #: Axes, camera, disk: as the daemon says it.
+    #: Axes, camera and disk, in the format of the daemon.
     hardware: dict[str, Any]
     faults: tuple[Fault, ...] = ()
 
     def run_named(self, run_id: str) -> RunStatus | None:
-        """The run, where it is the one that the status shows."""
+        """The run, if the status shows it."""
         return self.run if self.run is not None and self.run.id == run_id else None
 
 
 @dataclass(frozen=True)
 class Acknowledged:
-    """A command was taken; the status from this revision on shows what became of it."""
+    """A command was accepted; the status from this revision on shows its effect."""
 
     revision: int
     run: str | None = None
@@ -195,7 +195,7 @@ class Acknowledged:
 
 @dataclass(frozen=True)
 class HandoffNeeds:
-    """What an announced handover of a plate waits for; with `needs` null the plate may be moved now."""
+    """What an announced handover of a plate needs. The plate may be moved once `needs` is None."""
 
     intent: HandoffIntent
     barcode: str
@@ -204,11 +204,11 @@ class HandoffNeeds:
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that a run needs."""
+    """One precondition of a run."""
 
     code: str
     passed: bool
-    #: Whether a run would be refused or fail; else its numbers are flagged or lack something.
+    #: True if a failure prevents the run; else its numbers would be flagged or incomplete.
     blocks: bool
     detail: str
     what_to_do: str | None = None
@@ -216,16 +216,16 @@ class Check:
 
 @dataclass(frozen=True)
 class Preflight:
-    """Everything that a run of a plan would meet now."""
+    """Every precondition of a run of a plan, as it is now."""
 
-    #: Nothing that blocks has failed.
+    #: True if nothing that blocks has failed.
     passed: bool
     checks: tuple[Check, ...]
 
 
 @dataclass(frozen=True)
 class Event:
-    """One line of the instrument's journal. Ids rise by one and last across restarts."""
+    """One line of the instrument's journal. Ids rise by one, also over restarts."""
 
     id: int
     time: str
@@ -237,7 +237,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Resync:
-    """The gap is too old to be replayed: read the status anew and go on."""
+    """The missed events are too old to be sent again: read the status and continue."""
 
     boot_id: str
     revision: int

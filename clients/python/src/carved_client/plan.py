@@ -1,4 +1,4 @@
-"""What a run is asked to do: the body of `PUT /v1/runs/{run_id}`."""
+"""The plan of a run: the body of `PUT /v1/runs/{run_id}`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .models import ConcentrationUnit, Control, SpecimenKind
 
 @dataclass(frozen=True)
 class PlannedWell:
-    """What the plate map says of a well; `A01` to `P24`."""
+    """The plate map's entry for a well; `A01` to `P24`."""
 
     well: str
     specimen: SpecimenKind = "larva"
@@ -27,20 +27,20 @@ class PlannedWell:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """A run's whole plan; wells in the order in which they are visited."""
+    """The whole plan of a run, with the wells in the order of measurement."""
 
     plate_barcode: str
     method: str
     operator: str
     plate_map: tuple[PlannedWell, ...]
     external_id: str | None = None
-    #: The version that the method must have; any where it is left out.
+    #: The version that the method must have; any if None.
     method_version: str | None = None
-    #: What the lab keeps with the plate, as MIHCSME has it; stored with the run and not read.
+    #: The lab's own data about the plate, in MIHCSME's form. They are stored with the run and not interpreted.
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """As the daemon reads it; what is not known is left out."""
+        """The body for the daemon, without the values that are None."""
         plan: dict[str, Any] = _known(dataclasses.asdict(self))
         plan["plate_map"] = [_known(well) for well in plan["plate_map"]]
         if not self.metadata:
@@ -50,11 +50,11 @@ class RunPlan:
 
 @dataclass(frozen=True)
 class PlateMap:
-    """A plate map as the daemon reads it out of a file; its wells and metadata are those of a plan."""
+    """A plate map that the daemon has read from a file. Its wells and metadata can be used in a plan."""
 
     plate_map: tuple[PlannedWell, ...]
     metadata: dict[str, Any] = field(default_factory=dict)
-    #: What was read otherwise than it stands in the file.
+    #: Entries that were interpreted, and not taken literally.
     notes: tuple[str, ...] = ()
 
 

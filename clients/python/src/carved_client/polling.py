@@ -1,4 +1,4 @@
-"""Following the status as a scheduler does, over restarts of the daemon.
+"""Follows the status as a scheduler does, over restarts of the daemon.
 
 change seen ──> 0.25 s ──> nothing new ──> 0.5 s ──> 1 s ──> 2 s ──> 4 s ──> 5 s ──> 5 s ...
      ^_______________________|
@@ -20,14 +20,14 @@ Sleep = Callable[[float], None]
 
 
 def _away(error: Unreachable | ProblemError) -> bool:
-    """Whether a daemon that is restarted, or a proxy before it, answers so."""
+    """Whether this answer can come from a daemon that is restarting, or from a proxy in front of it."""
     return isinstance(error, Unreachable) or error.status in RETRIED
 
 
 def poll(
     ask: Callable[[str | None], tuple[Status | None, str | None]], sleep: Sleep, timeout_s: float | None
 ) -> Iterator[Status]:
-    """Asks with `If-None-Match`, more seldom as long as nothing changes."""
+    """Polls with `If-None-Match`, less often while nothing changes."""
     until = None if timeout_s is None else time.monotonic() + timeout_s
     etag, pause_s = None, FIRST_PAUSE_S
     while until is None or time.monotonic() < until:
@@ -45,10 +45,10 @@ def poll(
 
 
 def follow(newer: Callable[[int, float], Status], sleep: Sleep, timeout_s: float | None) -> Iterator[Status]:
-    """Long polls: each answer is a change, or the same again once the daemon has waited long enough."""
+    """Long polls: each answer is a change, or the unchanged status after the daemon's longest wait."""
     until = None if timeout_s is None else time.monotonic() + timeout_s
     seen: tuple[str, int] | None = None
-    # No daemon counts from 0: the first answer comes at once, and so does the first one after a restart.
+    # No revision of a daemon is 0: the first answer comes at once, also after a restart.
     after, failures = 0, 0
     while True:
         left_s = 25.0 if until is None else until - time.monotonic()
@@ -70,7 +70,7 @@ def follow(newer: Callable[[int, float], Status], sleep: Sleep, timeout_s: float
 
 
 def first(statuses: Iterator[Status], done: Callable[[Status], bool], what: str, timeout_s: float | None) -> Status:
-    """The first status of which `done` holds."""
+    """The first status for which `done` returns true."""
     last: Status | None = None
     for last in statuses:
         if done(last):

@@ -1,4 +1,4 @@
-"""Runs that were made: numbers, tables and files."""
+"""Results of past runs: numbers, tables and files."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 class Results:
-    """What is kept of runs, read through one transport."""
+    """Reads stored runs through one transport."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
 
     def runs(self, **query: str | int) -> Iterator[dict[str, Any]]:
-        """The runs that are kept, newest first, page by page; as `runs(plate_barcode="P-001", outcome="partial")`."""
+        """The stored runs, newest first, page by page; for example `runs(plate_barcode="P-001", outcome="partial")`."""
         while True:
             page = self._kept("/v1/runs", query)
             yield from page["runs"]
@@ -47,15 +47,15 @@ class Results:
         return frame_of(self.run(run_id))
 
     def mesh(self, run_id: str, well: str, kind: Literal["ply", "glb"] = "ply") -> bytes:
-        """The specimen's surface in um: `ply` whole, `glb` in fewer triangles, to look at."""
+        """The surface of the specimen in um: complete as `ply`, or with fewer triangles for display as `glb`."""
         return self._file(f"{_path(run_id, well)}/mesh.{kind}")
 
     def view(self, run_id: str, well: str, index: int) -> bytes:
-        """The frame of one view, PNG, as the camera gave it."""
+        """The raw frame of one view, PNG."""
         return self._file(f"{_path(run_id, well)}/views/{index}.png")
 
     def profile(self, run_id: str, well: str, index: int) -> bytes:
-        """The mask that one view was carved with, PNG."""
+        """The mask that was used to carve one view, PNG."""
         return self._file(f"{_path(run_id, well)}/profiles/{index}.png")
 
     def _kept(self, path: str, query: Mapping[str, str | int] | None = None) -> dict[str, Any]:

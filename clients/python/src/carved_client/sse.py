@@ -1,8 +1,8 @@
-"""`GET /v1/events`: server-sent events, taken up again after the last one seen.
+"""`GET /v1/events`: server-sent events, continued after the last one that was read.
 
 id: 41, data: {...} ──> Event
-event: resync       ──> Resync: what lay between is gone, read the status anew
-broken off          ──> after the pause that the daemon asked for, again with Last-Event-ID
+event: resync       ──> Resync: events are missing, read the status again
+interrupted         ──> after the pause that the daemon asked for, again with Last-Event-ID
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from .errors import MalformedAnswer, ProblemError
 from .models import Event, Resync
 from .transport import RETRIED, Transport, problem_of
 
-#: The daemon sends a comment every 15 s; silence for longer is a dead connection.
+#: The daemon sends a comment every 15 s, so a longer silence means a dead connection.
 SILENCE_S = 40.0
 
 
 @dataclass
 class Message:
-    """One message of the stream, as far as it has been read."""
+    """One message of the stream, as far as it was read."""
 
     name: str = ""
     data: list[str] = field(default_factory=list)
@@ -33,7 +33,7 @@ class Message:
 
 
 def messages(lines: Iterable[str]) -> Iterator[Message]:
-    """Takes the lines of a stream apart (WHATWG HTML, 9.2.6); one that breaks off before its empty line is dropped."""
+    """Parses the lines of a stream (WHATWG HTML, 9.2.6). A message without its final empty line is dropped."""
     message = Message()
     for line in lines:
         if not line:
@@ -53,7 +53,7 @@ def messages(lines: Iterable[str]) -> Iterator[Message]:
 
 
 def events(transport: Transport, last_event_id: int | None) -> Iterator[Event | Resync]:
-    """The journal from after `last_event_id` on, without end; only a refusal ends it."""
+    """Yields the journal after `last_event_id` without end. Only a refusal ends it."""
     seen, pause_s, failures = last_event_id, 2.0, 0
     while True:
         headers = {"accept": "text/event-stream", **({} if seen is None else {"last-event-id": str(seen)})}
@@ -75,7 +75,7 @@ def events(transport: Transport, last_event_id: int | None) -> Iterator[Event | 
             if error.status not in RETRIED:
                 raise
         except httpx.TransportError:
-            # Broken off, as at a restart of the daemon: the journal remembers what comes meanwhile.
+            # Interrupted, for example by a restart of the daemon. The journal keeps the events of this time.
             pass
         transport.sleep(min(pause_s * 2.0**failures, max(pause_s, 5.0)))
         failures = min(failures + 1, 4)

@@ -9,9 +9,9 @@ import pandas as pd
 
 
 def frame_of(run: Mapping[str, Any]) -> pd.DataFrame:
-    """A run's results, indexed by well, with what the plate map says of each (compound, concentration, control ...).
+    """A run's results, indexed by well, with the plate map's entries (compound, concentration, control ...).
 
-    What is nested gets names with a dot; flags are one word each, with commas.
+    Nested values have names with a dot. Flags are separated by commas.
     """
     planned = {well["well"]: well for well in run["plan"]["plate_map"]}
     rows = [{**planned[row["well"]], **row, "flags": ",".join(row.get("flags") or ())} for row in run["results"]]

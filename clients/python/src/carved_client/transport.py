@@ -1,8 +1,8 @@
-"""One request, sent as often as it takes and as may be.
+"""One request, repeated as often as necessary and allowed.
 
-GET PUT DELETE, and POST that the caller calls idempotent
+GET PUT DELETE, and POST that the caller marks as idempotent
   ├─ connection lost, timed out, 429 500 502 503 504 ──> pause: Retry-After, else 0.25 s doubling to 5 s ──> again
-  └─ anything else, or attempts used up ──> the answer, or Unreachable
+  └─ anything else, or no attempts left ──> the answer, or Unreachable
 any other POST: once
 """
 
@@ -25,25 +25,25 @@ IDEMPOTENT = frozenset({"GET", "HEAD", "PUT", "DELETE"})
 
 @dataclass(frozen=True)
 class Retry:
-    """How often, and with which pauses, a request is sent again."""
+    """How often a request is repeated, and with which pauses."""
 
     attempts: int = 8
     first_pause_s: float = 0.25
     longest_pause_s: float = 5.0
-    #: A daemon that asks for a longer pause than this is given up on: its answer is raised.
+    #: If the daemon asks for a longer pause than this, its answer is raised as an error.
     longest_retry_after_s: float = 60.0
 
     def pause_s(self, failures: int) -> float:
-        """The pause after so many failures in a row, one at least."""
+        """The pause after this number of failures in a row (at least one)."""
         return min(self.first_pause_s * 2.0 ** (failures - 1), self.longest_pause_s)
 
 
-#: An emergency stop is not kept waiting by a lost packet.
+#: An emergency stop must not wait because of a lost packet.
 AT_ONCE = Retry(attempts=20, first_pause_s=0.05, longest_pause_s=0.2, longest_retry_after_s=0.0)
 
 
 class Transport:
-    """An HTTP connection to one daemon, with its retries and its errors."""
+    """An HTTP connection to one daemon, with repeats and errors."""
 
     def __init__(
         self,
@@ -63,7 +63,7 @@ class Transport:
         self.timeout_s = timeout_s
         self.retry = retry or Retry()
         self.sleep = sleep
-        #: Goes with every request once a lease is held.
+        #: The token of a held lease, sent with every request.
         self.lease_token: str | None = None
 
     def close(self) -> None:
@@ -83,9 +83,9 @@ class Transport:
         timeout_s: float | None = None,
         retry: Retry | None = None,
     ) -> httpx.Response:
-        """Sends a request; gives 2xx and 304, raises everything else as `CarvedError`.
+        """Sends a request. Returns 2xx and 304 answers, and raises all others as `CarvedError`.
 
-        Its body is JSON, or `content` with its media type.
+        The body is JSON, or `content` with its media type.
         """
         retry = retry or self.retry
         again = method in IDEMPOTENT if idempotent is None else idempotent
@@ -127,7 +127,7 @@ class Transport:
 
     @staticmethod
     def _pause_s(response: httpx.Response, failures: int, retry: Retry) -> float | None:
-        """As long as the daemon asks for, and never shorter than the back-off; nothing where that is too long."""
+        """The pause that the daemon asks for, and at least the back-off. None if it is too long."""
         asked = response.headers.get("retry-after", "").strip()
         if not asked.isdecimal():
             return retry.pause_s(failures)
@@ -136,12 +136,12 @@ class Transport:
         return max(min(float(asked), retry.longest_retry_after_s), retry.pause_s(failures))
 
     def stream(self, path: str, *, headers: Mapping[str, str], timeout_s: float) -> Any:
-        """Opens a stream, once; a context manager of the response."""
+        """Opens a stream, without repeats. Returns a context manager of the response."""
         return self._http.stream("GET", path, headers=dict(headers), timeout=timeout_s)
 
 
 def problem_of(response: httpx.Response) -> Problem:
-    """What a refusal says, also where something else than carved refused."""
+    """The problem of a refusal, also if another program than carved refused."""
     kind = response.headers.get("content-type", "")
     if kind.split(";")[0].strip() == "application/problem+json":
         try:

@@ -1,6 +1,6 @@
-"""Holds every status against what a scheduler relies on, and against the status before.
+"""Checks every status against the rules that a scheduler relies on, and against the previous status.
 
-A poller that is misled hands a plate over too early or never: each rule here stands for an accident in the field.
+A misled scheduler hands a plate over too early or never. Each rule prevents such an accident.
 """
 
 from __future__ import annotations
@@ -10,26 +10,26 @@ from dataclasses import dataclass, replace
 
 from .models import RunStatus, Status
 
-#: States in which a run is neither under way nor held: seen between two wells they read as «finished».
+#: States in which a run is neither under way nor held: between two wells they would look like «finished».
 AT_REST = frozenset({"Idle", "Complete", "Stopped", "Aborted"})
 
 
 class Misled(AssertionError):
-    """The instrument said something that a scheduler must be able to rely on never to be said."""
+    """The instrument broke a rule that a scheduler relies on."""
 
 
 @dataclass
 class StatusWatch:
-    """Give it every status that is read, in order; it raises `Misled` at the first that breaks a rule."""
+    """Call it with every status in order. It raises `Misled` at the first broken rule."""
 
-    #: The well whose specimen the loader knows to be in the capillary; asked with each status.
+    #: The well whose specimen the loader knows to be in the capillary; called for each status.
     in_capillary: Callable[[], str | None] = lambda: None
     seen: int = 0
     boots: int = 0
     last: Status | None = None
 
     def check(self, status: Status) -> None:
-        """Raises `Misled` where a rule is broken."""
+        """Raises `Misled` if a rule is broken."""
         last = self.last
         self.seen += 1
         self.boots += last is None or last.boot_id != status.boot_id
@@ -75,7 +75,7 @@ class StatusWatch:
 
 
 def _counts(run: RunStatus) -> str | None:
-    """The counts are disjoint, sum to the total, and are those of the results."""
+    """The counts are disjoint, add up to the total, and agree with the results."""
     n = run.wells
     found = {"succeeded": 0, "flagged": 0, "failed": 0, "skipped": 0, "interrupted": 0, "pending": 0}
     for well in run.results:
@@ -106,12 +106,12 @@ def _sequence(last: Status, now: Status) -> str | None:
 
 
 def _timeless(status: Status) -> Status:
-    """Without the clocks, which change no revision."""
+    """The status without the fields that change without a new revision."""
     return replace(status, server_time="", uptime_s=0.0, hardware={})
 
 
 def _same_run(last: RunStatus, now: RunStatus) -> str | None:
-    """What has ended stays as it is: over restarts too. Only what was interrupted may be done again."""
+    """A finished result never changes, also over restarts. Only an interrupted one may be repeated."""
     if last.outcome is not None and now.outcome != last.outcome:
         return f"the outcome {last.outcome} became {now.outcome}"
     if [w.well for w in last.results] != [w.well for w in now.results]:
@@ -123,7 +123,7 @@ def _same_run(last: RunStatus, now: RunStatus) -> str | None:
 
 
 def _lost_run(last: Status, run: RunStatus, now: Status) -> str | None:
-    """A run without an outcome is gone only while a restarted daemon still says that it is not ready."""
+    """A run without an outcome may be missing only while a restarted daemon is not ready yet."""
     if now.run is None and not now.ready and now.boot_id != last.boot_id:
         return None
     return f"run {run.id} had no outcome and the status shows {now.run.id if now.run else 'no run'} instead"

@@ -1,4 +1,4 @@
-"""`carved-plate-loader PLAN.json`: has the plate of a plan measured, and says what came of it."""
+"""`carved-plate-loader PLAN.json`: measures the plate of a plan as its loader, and reports the result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .loader import Habits, PlateLoader
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Runs one plate; the exit code is 0 where its run succeeded or was partial."""
+    """Runs one plate. The exit code is 0 if its run succeeded or was partial."""
     parser = argparse.ArgumentParser(prog="carved-plate-loader", description=__doc__)
     parser.add_argument("plan", type=Path, help="the run's plan as JSON: the body of PUT /v1/runs/{run_id}")
     parser.add_argument("--url", default="http://127.0.0.1:8420")

@@ -1,8 +1,8 @@
-"""A bad line between loader and instrument: what becomes of a request is settled by a seed.
+"""A bad line between loader and instrument. A seed determines what happens to each request.
 
 request ──> lost: never arrives            cut: half of it arrives
         ──> unanswered: it arrives, its answer does not: the sender times out and sends it again
-        ──> twice: it arrives twice, and both must be answered alike
+        ──> twice: it arrives twice, and both must get the same answer
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..watch import Misled
 
 @dataclass(frozen=True)
 class Mischief:
-    """Share of the requests that fare so."""
+    """Shares of the requests with each fault."""
 
     lost: float = 0.0
     cut: float = 0.0
@@ -29,7 +29,7 @@ class Mischief:
 
 @dataclass
 class BadLine(httpx.BaseTransport):
-    """Wraps a transport. The n-th request of a method and path fares the same with each run of one seed."""
+    """Wraps a transport. For one seed, the n-th request of a method and path always has the same fault."""
 
     inner: httpx.BaseTransport
     mischief: Mischief
@@ -38,7 +38,7 @@ class BadLine(httpx.BaseTransport):
     _sent: Counter[str] = field(default_factory=Counter)
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
-        """Passes a request on, or not."""
+        """Passes a request on, with or without a fault."""
         name = f"{request.method} {request.url.path}"
         self._sent[name] += 1
         fate = self._fate(Random(f"{self.seed} {name} {self._sent[name]}").random())
@@ -70,12 +70,12 @@ class BadLine(httpx.BaseTransport):
         return None
 
     def close(self) -> None:
-        """Closes what it wraps."""
+        """Closes the wrapped transport."""
         self.inner.close()
 
 
 def _send_half(request: httpx.Request) -> None:
-    """The head and half of the body, or half of the head, on a connection of its own that then goes away."""
+    """Sends the head and half of the body, or half of the head, on a connection of its own, and closes it."""
     target = request.url.raw_path.decode()
     lines = [f"{request.method} {target} HTTP/1.1", *(f"{k}: {v}" for k, v in request.headers.items())]
     head, body = "\r\n".join(lines).encode() + b"\r\n\r\n", request.read()
@@ -84,4 +84,4 @@ def _send_half(request: httpx.Request) -> None:
         with socket.create_connection((request.url.host, request.url.port or 80), timeout=5.0) as line:
             line.sendall(sent)
     except OSError:
-        pass  # The daemon is away: that is a cut line as well.
+        pass  # The daemon is away, which has the same effect.

@@ -1,12 +1,12 @@
-"""A plate-loader as they are in the field, without its hands: it polls, it retries, it gets things wrong.
+"""A plate-loader as in the field, without hardware: it polls, repeats requests and makes mistakes.
 
     poll ── unreachable ──> next poll            (a daemon that is restarted comes back)
-     ├─ the run is not there ──> hand the plate over, preflight, PUT run
-     ├─ the instrument needs a specimen out ──> take it out, say so
-     ├─ the instrument needs a specimen ──> take the former out, bring this one, say so
+     ├─ the run does not exist ──> hand the plate over, preflight, PUT run
+     ├─ the instrument needs a specimen out ──> take it out, report it
+     ├─ the instrument needs a specimen ──> take the previous one out, bring this one, report it
      └─ the run has an outcome ──> empty the capillary, wait until the plate is removable, take it away ──> Report
 
-Every status is held against what a scheduler relies on (`watch`): the loader is never to be misled.
+Every status is checked against the rules that a scheduler relies on (`watch`).
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ from ..transport import RETRIED, Retry
 from ..watch import Misled, StatusWatch
 from .line import BadLine, Mischief
 
-#: Of a plate that nobody has planned.
+#: The barcode of a plate that is in no plan.
 OTHER_BARCODE = "OTHER"
 
 
 @dataclass(frozen=True)
 class Habits:
-    """How this loader works."""
+    """The behaviour of this loader."""
 
     poll_s: float = 1.0
     timeout_s: float = 10.0
     seed: int = 1
     mischief: Mischief = field(default_factory=Mischief)
-    #: Share of the wells of which it first says a wrong name.
+    #: Share of the wells for which it first reports a wrong well.
     wrong_well: float = 0.0
-    #: Hands over another plate's barcode first.
+    #: Whether it first hands over a plate with another barcode.
     wrong_barcode: bool = False
 
 
 @dataclass
 class Report:
-    """What a plate came to, as the loader saw it."""
+    """The result of a plate, as the loader saw it."""
 
     run: RunStatus
     polls: int
     unreachable: int
     boots: int
-    #: Wells in the order in which their specimens were brought; one that is measured again stands twice.
+    #: Wells in the order in which their specimens were brought. A well that was measured again occurs twice.
     brought: list[str]
-    #: Wrong words that were refused, as they should be.
+    #: Wrong reports that were refused, as they should be.
     refused: list[str]
     mischief: dict[str, int]
 
@@ -77,7 +77,7 @@ class PlateLoader:
             base_url,
             token=token,
             timeout_s=self.habits.timeout_s,
-            # A loader polls again anyway: it need not insist.
+            # The loader polls again anyway, so its requests need few repeats.
             retry=Retry(attempts=3, first_pause_s=min(0.25, self.habits.poll_s), longest_retry_after_s=5.0),
             transport=self.line,
             sleep=sleep,
@@ -92,7 +92,7 @@ class PlateLoader:
         self._misnamed: set[str] = set()
 
     def run_plate(self, run_id: str, plan: RunPlan, timeout_s: float) -> Report:
-        """Has a plate measured; ends when its run has an outcome, the capillary is empty and the plate removable."""
+        """Measures a plate. Ends when its run has an outcome, the capillary is empty and the plate is removable."""
         until = time.monotonic() + timeout_s
         while time.monotonic() < until:
             try:
@@ -101,7 +101,7 @@ class PlateLoader:
                 self.unreachable += 1
                 done = None
             except ProblemError as error:
-                # Refused for now: what the instrument needs then stands in its next status.
+                # The instrument refuses this for now. Its next status shows what it needs.
                 if error.status not in RETRIED | {409}:
                     raise
                 done = None
@@ -135,7 +135,7 @@ class PlateLoader:
         return None
 
     def _look(self, run: RunStatus) -> None:
-        """The instrument has eyes: where it found the capillary empty, nothing of what was brought is in it."""
+        """If the instrument found the capillary empty, nothing of what was brought is in it."""
         for result in run.results:
             if result.well == self.capillary and result.reason == "empty":
                 self.capillary = None
@@ -160,7 +160,7 @@ class PlateLoader:
                 self.client.put_run(run_id, plan)
 
     def _take_away(self, barcode: str) -> None:
-        """The plate, once nothing stands in the way; first, where that is a habit, another one."""
+        """Takes the plate away once nothing prevents it. With `wrong_barcode` it first names another plate."""
         if self.habits.wrong_barcode:
             other = f"{barcode}-{OTHER_BARCODE}"
             self._refused(lambda: self.client.handoff("unload", other), f"{other} for {barcode}")
@@ -168,7 +168,7 @@ class PlateLoader:
             self.client.handoff_completed()
 
     def _refused(self, say: Callable[[], object], wrong: str) -> None:
-        """Says something wrong, which must be refused as a conflict."""
+        """Sends a wrong report, which must be refused as a conflict."""
         try:
             say()
         except ProblemError as error:
@@ -203,7 +203,7 @@ class PlateLoader:
         try:
             self.client.unloaded(run_id, well)
         except (Unreachable, ProblemError):
-            # Taken out it is; the word is still owed.
+            # The specimen is out, but the report has not arrived yet.
             self.capillary = well
             raise
 
