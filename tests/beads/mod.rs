@@ -1,5 +1,4 @@
 //! Recordings of beads with known numbers, without frames.
-#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
 use carved::config::Config;
 use carved_core::frame::PixelFormat;

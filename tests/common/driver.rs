@@ -1,9 +1,7 @@
 //! An emulated rig for the tests of motion drivers, and waiting for its state.
 #![allow(dead_code, unused_imports, clippy::unwrap_used)] // each test binary uses its own part; a harness may panic
 
-#[path = "wait.rs"]
-mod wait;
-pub use wait::until;
+pub use crate::common::until;
 
 use carved_core::units::Steps;
 use carved_devices::{DeviceError, Position, RotationAxis};

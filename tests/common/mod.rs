@@ -13,6 +13,7 @@ mod instrument;
 mod shared;
 pub mod spoiled;
 pub mod stored;
+pub mod strict;
 mod wait;
 
 pub use instrument::{Instrument, QUICK, Rate, SLOW, SLOW_REFERENCE};

@@ -1,9 +1,7 @@
 //! One revolution through a real driver and the real camera, compared with the true exposures.
 #![allow(dead_code, unused_imports)] // each test binary uses its own part
 
-#[path = "wait.rs"]
-mod wait;
-pub use wait::{PATIENCE, until};
+pub use crate::common::{PATIENCE, until};
 
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::units::{Sense, Steps, StepsPerRevolution};

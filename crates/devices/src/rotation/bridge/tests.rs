@@ -1,4 +1,4 @@
-//! Settings that are refused, and a list that is not a regular file. `tests/motion_bridge.rs` tests the driver against an
+//! Settings that are refused, and a list that is not a regular file. `tests/devices/motion_bridge.rs` tests the driver against an
 //! emulated bridge.
 
 use super::*;

@@ -1,0 +1,138 @@
+//! The shipped configurations, and the messages of `carved config check` about wrong ones.
+
+use crate::common::{run, stderr};
+use carved::config::Config;
+use std::path::{Path, PathBuf};
+
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("config")
+}
+
+#[test]
+fn every_shipped_configuration_is_sound() {
+    let mut seen = 0;
+    for entry in std::fs::read_dir(folder()).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            Config::load(&path).unwrap();
+            let output = run(&["config", "check", path.to_str().unwrap()]);
+            assert!(output.status.success(), "{}", stderr(&output));
+            seen += 1;
+        }
+    }
+    assert!(seen >= 2, "simulated.toml and vast-grbl.toml stand in config/, found {seen}");
+}
+
+/// Every key that is marked as a default may be left out. Its value is then the written one.
+#[test]
+fn the_defaults_are_those_that_the_file_names() {
+    let text = std::fs::read_to_string(folder().join("simulated.toml")).unwrap();
+    let short: String = text.lines().filter(|l| !l.contains("# default")).map(|l| format!("{l}\n")).collect();
+    assert!(short.len() < text.len());
+    let here = Path::new("here");
+    let (whole, short) = (Config::parse(&text, here).unwrap(), Config::parse(&short, here).unwrap());
+    assert_eq!(format!("{whole:?}"), format!("{short:?}"));
+}
+
+#[test]
+fn breaches_name_file_key_value_and_expectation_all_at_once() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("broken.toml");
+    let text = std::fs::read_to_string(folder().join("simulated.toml")).unwrap();
+    let check = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        let output = run(&["config", "check", path.to_str().unwrap()]);
+        assert!(!output.status.success());
+        stderr(&output)
+    };
+    let said = check(
+        &text.replace("asd = 21", "asd = 2").replace("voxel_um = 6.93", "voxel_um = -1.0").replace("width_px = 1024", "width_px = 512"),
+    );
+    for word in ["broken.toml", "asd = 2", "voxel_um = -1", "1024 x 1024", "512 x 1024"] {
+        assert!(said.contains(word), "{word} is not in: {said}");
+    }
+    let said = check(&text.replace("settle_ms", "setle_ms"));
+    assert!(said.contains("setle_ms") && said.contains("broken.toml"), "{said}");
+    let said = check(&text.replace("sense = 1 ", "sense = 0 "));
+    assert!(said.contains("sense is 0"), "{said}");
+    // Each fault has a line of its own, with key, value, range and unit.
+    let mut broken = text.replace("\"127.0.0.1:8420\"", "\"0.0.0.0:8420\"\nmax_connections = 0\nallowed_hosts = [\"http://x\"]");
+    broken += "[methods.standard.surface]\nfairing_lambda = -1.0\n";
+    broken += "[methods.standard.segment]\nclosing_px = 100000\nlow_sigma = 9.0\n";
+    broken += "[methods.standard.segment.fringe]\nalong_px = 0.0\n[methods.standard.segment.walls]\nmin_depth = -2.0\n";
+    broken += "[methods.standard.segment.edge]\nblur_px = 0.0\nalong_px = nan\nsearch_inside_px = 8.0\n";
+    let said = check(&broken);
+    for line in [
+        "  http.max_connections = 0; expected 1 to 65536 connections",
+        "methods.standard.surface.fairing_lambda = -1; expected 0 to 100 (weight)",
+        "methods.standard.segment.fringe.along_px = 0; expected 0.3 to 30 px",
+        "methods.standard.segment.closing_px = 100000; expected 0 to 30 px",
+        "methods.standard.segment.low_sigma = 9; expected 0.1 to 8 standard deviations of the noise",
+        "methods.standard.segment.walls.min_depth = -2; expected 0.5 to 100 grey values",
+        "methods.standard.segment.edge.blur_px = 0; expected 0.3 to 4 px",
+        "methods.standard.segment.edge.along_px = NaN; expected 0.3 to 10 px",
+        "methods.standard.segment.edge.search_inside_px = 8; expected 0.5 to 7 px",
+    ] {
+        assert!(said.lines().any(|l| l.trim() == line.trim()), "{line} is not in: {said}");
+    }
+    assert!(said.contains("refuses to listen on 0.0.0.0:8420") && said.contains("\"http://x\" in allowed_hosts"), "{said}");
+    assert!(said.contains("11 value(s)"), "{said}");
+    let said = check(&text.replace("[store]", "token_file = \"/no/such/token\"\n[store]"));
+    assert!(said.contains("cannot read token_file /no/such/token") && said.contains("1 value(s)"), "{said}");
+    let said = stderr(&run(&["config", "check", "/no/such/file.toml"]));
+    assert!(said.contains("/no/such/file.toml"), "{said}");
+}
+
+/// A distance in millimetres: every view of every well would be refused, because the camera would stand inside the box.
+#[test]
+fn a_camera_inside_the_box_is_refused_with_both_numbers_and_the_unit() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rig.toml");
+    let text = std::fs::read_to_string(folder().join("vast-grbl.toml")).unwrap();
+    let check = |changes: &[(&str, &str)]| {
+        let mut text = text.clone();
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replace(from, to);
+        }
+        std::fs::write(&path, text).unwrap();
+        let output = run(&["config", "check", path.to_str().unwrap()]);
+        (output.status.success(), stderr(&output))
+    };
+    let (sound, said) = check(&[("distance_um = 60000.0", "distance_um = 60.0")]);
+    assert!(!sound, "{said}");
+    // A box of 1000 um across has half a diagonal of 707 um, the radius that it needs to turn. Its 144 voxels of 6.93 um end 1 um short, so
+    // one more is kept.
+    for word in ["optics.distance_um = 60;", "\"standard\"", "708 um", "60 mm", "60000"] {
+        assert!(said.contains(word), "{word} is not in: {said}");
+    }
+    assert!(said.contains("1 value(s)"), "{said}");
+    // No unit makes this distance right: the box is meant for another rig.
+    let wide = "voxel_um = 200.0\nbox_um = { min = [-2500.0, -90000.0, -500.0], max = [2500.0, 90000.0, 500.0] }";
+    let (sound, said) = check(&[("voxel_um = 6.93", wide)]);
+    assert!(!sound && said.contains("optics.distance_um = 60000;") && said.contains("box_um") && !said.contains(" mm"), "{said}");
+    // A tilt moves one end of the box towards the camera: 2500 um at 60 deg by 2165 um.
+    let near = ("distance_um = 60000.0", "distance_um = 2000.0");
+    let ((still, _), (tilted, said)) = (check(&[near]), check(&[near, ("alpha_deg = 0.0 ", "alpha_deg = 60.0 ")]));
+    assert!(still && !tilted, "{said}");
+}
+
+/// A data sheet's 0.65 mm, and a value that no capillary has.
+#[test]
+fn a_bore_that_no_capillary_has_is_refused_with_both_numbers() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rig.toml");
+    let text = std::fs::read_to_string(folder().join("simulated.toml")).unwrap();
+    let with = |bore: &str| text.replace("# bore_um = 650.0", &format!("bore_um = {bore}"));
+    for bore in ["0.65", "99.9", "5001", "-650", "nan", "inf"] {
+        std::fs::write(&path, with(bore)).unwrap();
+        let output = run(&["config", "check", path.to_str().unwrap()]);
+        let said = stderr(&output);
+        let value = if bore == "nan" { "NaN" } else { bore };
+        let line = format!("optics.bore_um = {value}; expected 100 to 5000 um");
+        assert!(!output.status.success() && said.lines().any(|l| l.trim() == line), "{line} is not in: {said}");
+        assert!(said.contains("1 value(s)"), "{said}");
+    }
+    assert_eq!(Config::parse(&with("650.0"), &path).unwrap().bore_um, Some(650.0));
+    assert_eq!(Config::parse(&text, &path).unwrap().bore_um, None);
+}

@@ -1,0 +1,19 @@
+//! The commands, run as a user runs them.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod bad_files;
+mod calibrate_marked;
+mod camera_command;
+mod config;
+mod doctor;
+mod import;
+mod reconstruct;
+mod reference;
+mod references;
+mod segment;
+mod store;
+mod validate;

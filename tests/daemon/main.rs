@@ -1,0 +1,26 @@
+//! The daemon, started as a user starts it, on emulated devices.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+#[path = "../common/mod.rs"]
+mod common;
+
+mod accepted;
+mod bead_gate;
+mod calibration_status;
+mod camera_lost;
+mod closed_pipe;
+mod controllers;
+mod disk_full;
+mod early_stop;
+mod live_estimate;
+mod one_well;
+mod optics;
+mod replay;
+mod run_life;
+mod second_camera;
+mod serve;
+mod start;
+mod systemd;
+mod translation;
+mod vast;

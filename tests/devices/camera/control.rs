@@ -1,0 +1,140 @@
+//! Who controls the camera, and whether it is reachable.
+
+use super::bench::{Bench, rig, settings, until};
+use carved_devices::DeviceError;
+use carved_devices::camera;
+use std::net::UdpSocket;
+use std::time::{Duration, Instant};
+
+/// Runs `fault` while frames are taken. Returns the duration of the frame that was affected.
+fn through(bench: &mut Bench, out: Duration, fault: impl FnOnce(&Bench)) -> Duration {
+    bench.take();
+    fault(bench);
+    let began = Instant::now();
+    std::thread::scope(|scope| {
+        let (rig, done) = (&bench.rig, out);
+        scope.spawn(move || {
+            std::thread::sleep(done);
+            rig.faults().camera().pull_cable(false);
+            rig.faults().camera().steal_control(false);
+        });
+        let mut view =
+            carved_devices::acquisition::grab(bench.camera.as_mut(), super::bench::DEADLINE, &carved_devices::cancel::CancelToken::new());
+        let took = began.elapsed();
+        let view = view.as_mut().unwrap();
+        println!("frame {} came {:.1} s after the fault", view.frame_id, took.as_secs_f64());
+        took
+    })
+}
+
+#[test]
+fn a_cable_that_is_out_for_a_second_costs_time_and_no_view() {
+    let mut bench = Bench::armed();
+    through(&mut bench, Duration::from_secs(1), |b| b.faults().pull_cable(true));
+    bench.take();
+}
+
+/// Power fails and returns during a run: the camera has forgotten its configuration, its controller and its stream.
+#[test]
+fn a_device_that_restarts_is_configured_anew_and_costs_no_view() {
+    let mut bench = Bench::armed();
+    bench.take();
+    bench.faults().restart();
+    bench.take();
+    bench.take();
+    // The same, with the time that the camera needs to start.
+    through(&mut bench, Duration::from_secs(4), |b| {
+        b.faults().restart();
+        b.faults().pull_cable(true);
+    });
+    bench.take();
+}
+
+#[test]
+fn a_cable_that_is_out_for_half_a_minute_is_said_and_the_camera_is_opened_again() {
+    let mut bench = Bench::armed();
+    bench.take();
+    let (out, began) = (Duration::from_secs(30), Instant::now());
+    bench.faults().pull_cable(true);
+    let seen = bench.camera.grab(super::bench::DEADLINE).unwrap_err();
+    assert!(matches!(seen, DeviceError::CameraSilent { .. } | DeviceError::ControlLost), "{seen}");
+    println!("seen after {:.1} s: {seen}", began.elapsed().as_secs_f64());
+    assert!(bench.camera.is_lost());
+    let gave_up = bench.try_take().unwrap_err();
+    println!("given up after {:.1} s: {gave_up}", began.elapsed().as_secs_f64());
+    assert!(matches!(gave_up, DeviceError::ControlLost | DeviceError::Open { device: "camera", .. }), "{gave_up}");
+    until("half a minute", || began.elapsed() > out);
+    bench.faults().pull_cable(false);
+    let back = until("the camera", || bench.camera.reopen().is_ok());
+    println!("open again {:.1} s after the cable was in", back.as_secs_f64());
+    assert!(!bench.camera.is_lost());
+    bench.camera.arm().unwrap();
+    bench.take();
+}
+
+#[test]
+fn stolen_control_is_said_by_name_and_taken_back_when_it_is_free() {
+    let mut bench = Bench::armed();
+    bench.take();
+    let began = Instant::now();
+    bench.faults().steal_control(true);
+    let link = bench.camera.link();
+    until("the loss to be seen without a frame being asked for", || link.is_lost());
+    println!("theft seen after {:.1} s", began.elapsed().as_secs_f64());
+    assert!(matches!(bench.camera.grab(super::bench::DEADLINE), Err(DeviceError::ControlLost)));
+    let taken = bench.camera.reopen().unwrap_err();
+    assert!(matches!(taken, DeviceError::NotController { .. }), "{taken}");
+    bench.faults().steal_control(false);
+    bench.camera.arm().unwrap();
+    bench.take();
+    through(&mut bench, Duration::from_secs(3), |b| b.faults().steal_control(true));
+    bench.take();
+}
+
+/// A minimal host that follows the GigE Vision standard.
+struct Host(UdpSocket);
+
+impl Host {
+    fn of(rig: &hardware_sim::Rig) -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.connect((rig.camera_address(), 3956)).unwrap();
+        socket.set_read_timeout(Some(super::bench::PATIENCE)).unwrap();
+        Self(socket)
+    }
+
+    fn write(&self, address: u32, value: u32) {
+        let mut packet = vec![0x42, 1, 0, 0x82, 0, 8, 0, 1];
+        packet.extend(address.to_be_bytes());
+        packet.extend(value.to_be_bytes());
+        self.0.send(&packet).unwrap();
+        let mut answer = [0; 64];
+        self.0.recv(&mut answer).unwrap();
+        assert_eq!(answer[..2], [0, 0], "the camera takes {value} at {address:#x}");
+    }
+}
+
+/// A daemon that is started right after a crash waits until the control privilege of its predecessor expires.
+#[test]
+fn a_crashed_predecessors_lock_is_waited_for() {
+    let rig = rig();
+    let crashed = Host::of(&rig);
+    crashed.write(0xa00, 2);
+    crashed.write(0x938, 1500);
+    let began = Instant::now();
+    let mut camera = camera::open(settings(&rig)).unwrap();
+    println!("opened {:.1} s after the crash, heartbeat 1.5 s", began.elapsed().as_secs_f64());
+    camera.arm().unwrap();
+    let mut bench = Bench { rig, camera };
+    bench.take();
+}
+
+#[test]
+fn a_living_predecessor_keeps_the_camera_and_is_said_by_name() {
+    let mut bench = Bench::armed();
+    bench.take();
+    let denied = camera::open(settings(&bench.rig)).err().unwrap();
+    assert!(matches!(denied, DeviceError::NotController { .. }), "{denied}");
+    let said = denied.to_string();
+    assert!(said.contains(&bench.rig.camera_address().to_string()) && said.contains("controlled by another program"), "{said}");
+    bench.take();
+}

@@ -1,0 +1,21 @@
+//! The drivers against emulated controllers, cameras and samplers.
+
+#![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../common/driver.rs"]
+mod driver;
+#[cfg(feature = "aravis")]
+#[path = "../common/motion.rs"]
+mod motion;
+
+mod camera;
+mod motion_bridge;
+mod motion_grbl;
+mod motion_relay;
+mod motion_tmcl;
+mod motion_zaber;
+mod oracles;
+mod sampler;
+mod wire;

@@ -1,0 +1,117 @@
+//! The protocols as implemented by others: Trinamic's `PyTrinamic` and Zaber's Motion Library, from `PyPI`.
+//!
+//! ```text
+//! PyTrinamic, Motion Library ── pty ── emulated module, emulated controller      do they understand what we emulate?
+//! our driver ─────────────────── pty ── a module of PyTrinamic's frames          do they understand what we send?
+//! ```
+//! Without access to `PyPI` the tests report this and pass, but they fail in a strict run. Zaber offers no emulated controller in a
+//! package, and there is no package of a Grbl.
+
+use crate::driver::{stand, turns};
+use carved_core::units::Steps;
+use carved_devices::RotationAxis;
+use carved_devices::cancel::CancelToken;
+use carved_devices::rotation::{Port, Reference, Tmcl, TmclSettings};
+use hardware_sim::{Controller, tmcl, zaber};
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+/// A Python that has the packages, or the reason why there is none.
+fn python() -> Result<PathBuf, String> {
+    static FOUND: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    FOUND.get_or_init(install).clone()
+}
+
+/// Installs the packages once per target folder.
+fn install() -> Result<PathBuf, String> {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("oracles");
+    let python = folder.join("bin/python");
+    let run = |program: &Path, args: &[&str]| {
+        let output = Command::new(program).args(args).output().map_err(|e| format!("{}: {e}", program.display()))?;
+        let said = String::from_utf8_lossy(&output.stderr);
+        if output.status.success() { Ok(()) } else { Err(said.lines().last().unwrap_or("no reason was given").to_owned()) }
+    };
+    if run(&python, &["-c", "import pytrinamic, zaber_motion"]).is_err() {
+        run(Path::new("python3"), &["-m", "venv", folder.to_str().unwrap()])?;
+        let wanted = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/oracles/requirements.txt");
+        run(&python, &["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", wanted])?;
+    }
+    Ok(python)
+}
+
+/// A program of tests/oracles. `None` if it cannot run here.
+fn oracle(name: &str) -> Option<Command> {
+    match python() {
+        Ok(python) => {
+            let mut command = Command::new(python);
+            command.arg(format!("{}/tests/oracles/{name}", env!("CARGO_MANIFEST_DIR")));
+            Some(command)
+        }
+        Err(why) => {
+            crate::common::strict::cannot_run(&format!("PyTrinamic and Zaber's Motion Library cannot be installed: {why}"));
+            None
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn pytrinamic_drives_the_emulated_module() {
+    let Some(mut host) = oracle("tmcl_host.py") else { return };
+    let rig = crate::driver::rig(Controller::Tmcl(tmcl::Settings::default()), (6400, 1));
+    let before = turns(&rig);
+    let output = host.arg(rig.serial_path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    stand(&rig);
+    assert!((turns(&rig) - before + 0.1).abs() < 1e-9, "from {before} to {}", turns(&rig));
+}
+
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn zabers_own_library_drives_the_emulated_controller() {
+    let Some(mut host) = oracle("zaber_host.py") else { return };
+    let rig = crate::driver::rig(Controller::Zaber(zaber::Settings::default()), (6400, 1));
+    let output = host.arg(rig.serial_path()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    stand(&rig);
+    assert!((turns(&rig) - 0.25).abs() < 1e-9, "{}", turns(&rig));
+}
+
+#[test]
+#[cfg_attr(not(has_python), ignore = "no Python 3 with venv: apt-get install python3-venv")]
+fn a_module_of_pytrinamics_frames_understands_the_driver() {
+    let Some(mut module) = oracle("tmcl_module.py") else { return };
+    let mut module = module.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut said = BufReader::new(module.stdout.take().unwrap()).lines();
+    let port = said.next().unwrap().unwrap();
+    let settings = TmclSettings {
+        port: Port::Path(port),
+        baud: 115_200,
+        module_address: 1,
+        host_address: 2,
+        motors: [0, 1],
+        microstep_resolution: 5,
+        max_speed: 3200,
+        max_acceleration: 32_000,
+        clock_divisors: None,
+        max_skew_steps: 640,
+        stop_on_stall: None,
+        reference: Reference::Here,
+        // The module is another process on a machine that may be busy.
+        answer_timeout_ms: 5000,
+        homing_timeout_ms: 5000,
+    };
+    let mut axis = Tmcl::open(settings).unwrap();
+    axis.reference(&CancelToken::new()).unwrap();
+    for target in [1600, -20_000] {
+        assert_eq!(axis.move_to(Steps(target)).unwrap().steps, Steps(target));
+        for motor in [0, 1] {
+            assert_eq!(said.next().unwrap().unwrap(), format!("motor {motor} to {target}"));
+        }
+    }
+    drop((axis, module.stdin.take()));
+    let output = module.wait_with_output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
