@@ -1,4 +1,4 @@
-//! Has cargo look for the data that tests need.
+//! Makes cargo look for the data that tests need.
 
 #[path = "../tests/common/needs.rs"]
 mod needs;

@@ -1,5 +1,5 @@
-//! Frames per second from an emulated rig to libaravis over loopback, in free run and by software trigger, and what it
-//! costs: `cargo run --release -p hardware-sim --example frame_rate`.
+//! Measures the frame rate from an emulated rig to libaravis over loopback, in free run and with software triggers, and the processor
+//! time: `cargo run --release -p hardware-sim --example frame_rate`.
 
 use aravis::glib::object::Cast;
 use aravis::prelude::*;

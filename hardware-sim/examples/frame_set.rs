@@ -1,14 +1,14 @@
-//! Writes the frames that segmentation and detection are judged by, with their truth.
+//! Writes the frames with which segmentation and detection are evaluated, with their ground truth.
 //!
-//! `frame_set OUT [SEED]`; seed 1 is the set that methods are tuned on. Per frame:
+//! `frame_set OUT [SEED]`. Seed 1 is the set on which methods are tuned. Per frame:
 //!
 //! ```text
-//!   NAME.png        what the camera sees, RGB        NAME.truth.png   coverage by the specimens, 0 to 255
-//!   NAME.bayer.png  its mosaic, R G R G first        NAME.edge.json   [[[u, v], ...], ...] closed outlines, px
-//!   NAME.mono.png   luma, of frames to use so        NAME.body.json   the same without fins
+//!   NAME.png        image of the camera, RGB         NAME.truth.png   coverage by the specimens, 0 to 255
+//!   NAME.bayer.png  its mosaic, first row R G R G    NAME.edge.json   [[[u, v], ...], ...] closed outlines, px
+//!   NAME.mono.png   luma, for monochrome frames      NAME.body.json   the same without fins
 //!   set.json        all specs with their labels
 //! ```
-//! Frames to segment are written to OUT, labelled examples for detection to OUT/detection.
+//! Frames for segmentation are written to OUT, labelled examples for detection to OUT/detection.
 
 use hardware_sim::scene::Outline;
 use hardware_sim::scene::frame_set::{FrameSpec, detection_set, frame_set};
@@ -52,7 +52,7 @@ fn write(out: &Path, spec: &FrameSpec) -> Result<(), Failure> {
         image::save_buffer(to(".mono.png"), &rendered.frame.to_mono8(), width, height, L8)?;
     }
     image::save_buffer(to(".truth.png"), &rendered.truth.data, width, height, L8)?;
-    // A ten-thousandth of a pixel is finer than the outline is known.
+    // 1e-4 px is less than the error of the outline.
     let round = |x: f64| (x * 1e4).round() / 1e4;
     for (kind, edge) in [(".edge.json", &rendered.edge), (".body.json", &rendered.body_edge)] {
         let rounded: Vec<Outline> = edge.iter().map(|o| o.iter().map(|p| p.map(round)).collect()).collect();

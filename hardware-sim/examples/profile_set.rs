@@ -1,15 +1,15 @@
-//! Writes the profiles of a phantom with their truth, as a calibration or a measurement is to be judged by.
+//! Writes the profiles of a phantom with their ground truth, to evaluate a calibration or a measurement.
 //!
-//! `profile_set OUT KIND SEED ASD [options]`, KIND one of bead, ellipsoid, capsule, larva, finned:
+//! `profile_set OUT KIND SEED ASD [options]`. KIND is bead, ellipsoid, capsule, larva or finned. It writes:
 //!
 //! ```text
 //!   view_000.png ...   8-bit coverage, inside = 128 or more
-//!   camera.json        what a rig would know: nominal psi, planned angles (rad)
-//!   truth.json         true psi and angles, each view's shift, volume and area of body and ideal hull, what was disturbed
+//!   camera.json        what a rig knows: nominal psi, planned angles (rad)
+//!   truth.json         true psi and angles, shift of each view, volume and area of body and ideal hull, the disturbances
 //! ```
-//! Options: `--drift` (camera, angles, shifts and edges off), `--slip 1.02` (true angle per planned one), `--fault NAME` (blank, leak,
-//! jump, moved, clipped; may be repeated), `--descending`, `--uneven` (steps of 0.6 to 1.4), `--ky 1.333` (scale across over
-//! scale along), `--empty` (no specimen).
+//! Options: `--drift` (errors of camera, angles, shifts and edges), `--slip 1.02` (true angle over planned angle), `--fault NAME`
+//! (blank, leak, jump, moved or clipped; it may be repeated), `--descending`, `--uneven` (steps of 0.6 to 1.4), `--ky 1.333` (scale
+//! across over scale along the capillary), `--empty` (no specimen).
 
 use hardware_sim::analytic::{Disturbance, Fault, Phantom, Pose, View, coverage};
 use hardware_sim::scene::{Camera, Truth};
@@ -23,7 +23,7 @@ type Failure = Box<dyn Error + Send + Sync>;
 
 const USAGE: &str = "profile_set OUT KIND SEED ASD [--drift] [--slip RHO] [--fault blank|leak|jump|moved|clipped]... [--descending] \
                      [--uneven] [--ky RATIO] [--empty]; KIND is bead, ellipsoid, capsule, larva or finned";
-/// Inner radius of the capillary: as far as a profile can leak.
+/// Inner radius of the capillary, um. A profile can leak as far as this.
 const BORE_RADIUS_UM: f64 = 325.0;
 
 struct Asked {
@@ -34,7 +34,7 @@ struct Asked {
     slip: f64,
     faults: Vec<String>,
     ky_over_kx: f64,
-    /// Those of [`FLAGS`] that were given.
+    /// The given options of [`FLAGS`].
     flags: Vec<String>,
 }
 
@@ -88,9 +88,9 @@ fn asked(mut words: impl Iterator<Item = String>) -> Result<Asked, Failure> {
     Ok(asked)
 }
 
-/// Sizes within what is met: beads about 500 um, larvae of 3 to 5 dpf in turn.
+/// Typical sizes: beads of about 500 um, larvae of 3, 4 and 5 dpf in turn.
 fn phantom(kind: &str, seed: u64) -> Result<Phantom, Failure> {
-    // Two numbers from 0 to 1 that differ from seed to seed: fractions of the golden ratio and of the root of 2.
+    // Two numbers from 0 to 1 that depend on the seed: fractional parts of multiples of the golden ratio and of the root of 2.
     let share = |ratio: f64| (seed as f64 * ratio).fract();
     let (a, b) = (share(0.618_033_988_749_895), share(0.414_213_562_373_095));
     let dpf = 3 + (seed % 3) as u8;
@@ -104,13 +104,13 @@ fn phantom(kind: &str, seed: u64) -> Result<Phantom, Failure> {
     })
 }
 
-/// Angles from 0 over one turn.
+/// Planned angles over one revolution, from 0.
 fn plan(asked: &Asked) -> Vec<f64> {
     let step_rad = TAU / asked.asd as f64;
     let sense = if asked.has("--descending") { -1.0 } else { 1.0 };
     (0..asked.asd)
         .map(|i| {
-            // Up to a fifth of a step early or late; the first where it is.
+            // Up to a fifth of a step early or late. The first angle is exact.
             let off = if asked.has("--uneven") { 0.2 * (2.4 * i as f64 * (1.0 + (asked.seed % 7) as f64)).sin() } else { 0.0 };
             sense * step_rad * (i as f64 + off)
         })
@@ -197,7 +197,7 @@ fn truth_json(asked: &Asked, nominal: &Camera, phantom: &Phantom, disturbance: &
     truth
 }
 
-/// What a measurement is asked for where nothing but drift is wrong, in per cent.
+/// The required accuracy of a measurement with drift as the only disturbance, percent.
 fn tolerance(asked: &Asked) -> Value {
     match asked.kind.as_str() {
         "finned" => json!({ "hull_vol_pct": if asked.asd >= 28 { 1.5 } else { 2.0 }, "hull_area_pct": 2.0 }),

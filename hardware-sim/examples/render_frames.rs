@@ -1,6 +1,6 @@
-//! Writes frames and truth masks of a specimen as PNG, to look at.
+//! Writes frames and truth masks of a specimen as PNG files, for inspection by eye.
 //!
-//! `render_frames OUT_DIR WHAT [SEED] [ANGLE_DEG...]` where WHAT is larva3, larva4, larva5, bead, empty or an OBJ file.
+//! `render_frames OUT_DIR WHAT [SEED] [ANGLE_DEG...]`. WHAT is larva3, larva4, larva5, bead, empty or an OBJ file.
 
 use hardware_sim::scene::{Exposure, Mesh, Placement, Scene, SceneSettings, Specimen};
 use std::path::{Path, PathBuf};

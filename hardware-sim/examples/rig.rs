@@ -1,4 +1,4 @@
-//! Starts an emulated rig that shows a test card and prints where its doors are, until its input ends:
+//! Starts an emulated rig with a test card and prints its serial port and camera address. It runs until its input ends:
 //! `cargo run -p hardware-sim --example rig`, then for instance `arv-tool-0.8 -a 127.0.0.2 features`.
 
 use hardware_sim::{Rig, RigError, RigSettings, TestCard};

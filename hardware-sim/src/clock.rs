@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-/// Seconds of rig time. Motors and exposures run in it; protocol timeouts (heartbeat, boot) keep to real time.
+/// A clock of rig time, in seconds. Motors and exposures use it. Protocol timeouts (heartbeat, boot) use real time.
 #[derive(Debug, Clone, Copy)]
 pub struct RigClock {
     start: Instant,
@@ -10,7 +10,7 @@ pub struct RigClock {
 }
 
 impl RigClock {
-    /// `scale` 10 makes everything mechanical ten times as fast.
+    /// A clock that starts now. `scale` is rig seconds per real second: 10 makes all motion ten times as fast.
     pub fn new(scale: f64) -> Self {
         Self { start: Instant::now(), scale }
     }
@@ -20,7 +20,7 @@ impl RigClock {
         self.start.elapsed().as_secs_f64() * self.scale
     }
 
-    /// How long a span of rig time lasts for the person who waits for it.
+    /// The real time that a span of rig time takes.
     pub fn real(&self, rig_s: f64) -> Duration {
         Duration::try_from_secs_f64((rig_s / self.scale).max(0.0)).unwrap_or(Duration::MAX)
     }

@@ -1,15 +1,16 @@
-//! An emulated VAST rig, seen from outside only through real bytes: a motor controller on a pty and a GigE Vision camera on
-//! loopback.
+//! An emulated VAST rig. Other programs reach it through real protocols only: a motor controller on a pty and a GigE Vision camera
+//! on loopback.
 //!
 //! ```text
 //!   host ── serial ──► grbl, ... ── steps ──► shaft ── true angle ──► gige ── UDP ──► host
 //!                                                                       │
 //!                                                    Sight: the scene, a replay, a test card
 //! ```
-//! The camera looks at where the shaft truly is, so a wrong move gives a wrong picture. Angle 0 is the reference switch:
-//! after homing with the default settings that is machine position 0, and the shaft stands one pull-off before it.
+//! The camera sees the shaft at its true angle, so a wrong move gives a wrong image. Angle 0 is the reference switch. After homing
+//! with the default settings this is machine position 0, and the shaft stands one pull-off before it.
 //!
-//! [`analytic`] stands beside the rig: profiles by formulas, with their truth, where thousands are needed and no picture.
+//! [`analytic`] does not belong to the rig. It computes profiles from formulas, with their ground truth, for tests that need
+//! thousands of profiles and no images.
 
 pub mod analytic;
 pub mod bridge;

@@ -7,7 +7,7 @@
 //!     │  ╱ │        │ ╲
 //!     └─┴──┴────────┴──┴── time
 //! ```
-//! A profile knows only distance and time; what the distance means (steps, millimetres along a path) is its owner's affair.
+//! A profile has distance and time only. Its owner decides on the unit of distance: steps, or millimetres along a path.
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Segment {
@@ -25,7 +25,7 @@ pub struct MotionProfile {
 }
 
 impl MotionProfile {
-    /// From rest to rest over `distance`, never above `speed`.
+    /// From rest to rest over `distance`, never faster than `speed`.
     pub fn trapezoid(distance: f64, speed: f64, acceleration: f64) -> Self {
         let peak = speed.min((distance * acceleration).sqrt());
         let ramp_s = peak / acceleration;
@@ -39,22 +39,24 @@ impl MotionProfile {
         Self { segments, distance }
     }
 
-    /// From `from` at `speed` to rest as fast as `acceleration` allows, but no farther than `limit`.
+    /// Brakes from `speed` at the distance `from` to rest as fast as `acceleration` allows, but not beyond the distance `limit`.
     pub fn braking(from: f64, speed: f64, acceleration: f64, limit: f64) -> Self {
         let seconds = speed / acceleration;
         let distance = (from + 0.5 * speed * seconds).min(limit);
         Self { segments: vec![Segment { seconds, from, speed, acceleration: -acceleration }], distance }
     }
 
+    /// Time of the whole move, s.
     pub fn duration_s(&self) -> f64 {
         self.segments.iter().map(|s| s.seconds).sum()
     }
 
-    /// The distance at the end.
+    /// The distance at the end of the move.
     pub fn distance(&self) -> f64 {
         self.distance
     }
 
+    /// The distance travelled `elapsed_s` after the start.
     pub fn travelled(&self, elapsed_s: f64) -> f64 {
         match self.find(elapsed_s) {
             Some((s, t)) => (s.from + s.speed * t + 0.5 * s.acceleration * t * t).clamp(0.0, self.distance),
@@ -62,14 +64,15 @@ impl MotionProfile {
         }
     }
 
+    /// The speed `elapsed_s` after the start, per second.
     pub fn speed(&self, elapsed_s: f64) -> f64 {
         self.find(elapsed_s).map_or(0.0, |(s, t)| (s.speed + s.acceleration * t).max(0.0))
     }
 
-    /// When `distance` has been travelled; the end for anything beyond.
+    /// The time from the start until `distance` has been travelled, s. It is the duration for any longer distance.
     pub fn time_at_s(&self, distance: f64) -> f64 {
         let (mut low, mut high) = (0.0, self.duration_s());
-        // 60 halvings exhaust the mantissa.
+        // After 60 bisections the interval is smaller than the resolution of an f64, which has 53 bits.
         for _ in 0..60 {
             let middle = 0.5 * (low + high);
             if self.travelled(middle) < distance { low = middle } else { high = middle }
@@ -95,7 +98,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Distance is the integral of speed: held by a midpoint sum, whose error is below one slice of the peak speed per kink.
+        /// Distance is the integral of speed. The midpoint sum has an error below one slice at peak speed for each of the four kinks.
         #[test]
         fn distance_is_the_integral_of_speed(distance in 0.1f64..5000.0, speed in 1.0f64..2000.0, acceleration in 10.0f64..50_000.0) {
             let p = MotionProfile::trapezoid(distance, speed, acceleration);
@@ -109,7 +112,7 @@ mod tests {
         }
 
         #[test]
-        fn braking_goes_on_smoothly_and_stops_within_the_move(speed in 1.0f64..2000.0, part in 0.01f64..0.99) {
+        fn braking_continues_position_and_speed_and_ends_within_the_move(speed in 1.0f64..2000.0, part in 0.01f64..0.99) {
             let p = MotionProfile::trapezoid(800.0, speed, 4000.0);
             let t = part * p.duration_s();
             let b = MotionProfile::braking(p.travelled(t), p.speed(t), 4000.0, p.distance());

@@ -1,9 +1,9 @@
-//! What can be made to go wrong at a motor itself.
+//! Faults that tests can cause at a motor.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Knobs of the motors behind one controller. A fault of a motor acts on its next move and is used up.
+/// Faults of the motors of one controller. Motors are numbered from 0. A fault acts on the next move of its motor, once.
 #[derive(Debug, Default)]
 pub struct MotorFaults {
     next: Mutex<Vec<(usize, Fault)>>,
@@ -13,36 +13,36 @@ pub struct MotorFaults {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Fault {
-    /// Something holds the shaft after this many steps.
+    /// The shaft is blocked after this many steps.
     Stall { after_steps: u32 },
     /// The motor runs onto its limit switch after this many steps.
     Limit { after_steps: u32 },
-    /// The motor begins this much later (rig time).
+    /// The motor begins this much later, rig seconds.
     Late { by_s: f64 },
 }
 
 impl MotorFaults {
-    /// Something holds the motor's shaft `steps` into its next move.
+    /// The motor is blocked after `steps` steps of its next move.
     pub fn stall_after(&self, motor: usize, steps: u32) {
         self.lock().push((motor, Fault::Stall { after_steps: steps }));
     }
 
-    /// The motor runs onto a limit switch `steps` into its next move.
+    /// The motor runs onto a limit switch after `steps` steps of its next move.
     pub fn limit_after(&self, motor: usize, steps: u32) {
         self.lock().push((motor, Fault::Limit { after_steps: steps }));
     }
 
-    /// The motor begins its next move `seconds` of rig time after it was told.
+    /// The motor begins its next move `seconds` of rig time after the command.
     pub fn start_late(&self, motor: usize, seconds: f64) {
         self.lock().push((motor, Fault::Late { by_s: seconds }));
     }
 
-    /// The hardware emergency stop is pressed or released (Zaber).
+    /// Presses or releases the hardware emergency stop (Zaber only).
     pub fn press_hardware_stop(&self, pressed: bool) {
         self.hardware_stop.store(pressed, Ordering::SeqCst);
     }
 
-    /// Somebody turns the axis by `steps` with the knob of its controller, whatever it is doing (Zaber).
+    /// Turns the axis by `steps` with the knob of its controller, also during a move (Zaber only).
     pub fn turn_knob(&self, steps: u32) {
         self.knob_steps.store(steps, Ordering::SeqCst);
     }

@@ -1,8 +1,8 @@
-//! A recording seen through the same camera door: at each angle the frame that was taken there.
+//! A recording as the image source of the camera: at each angle the camera sends the frame that was recorded there.
 //!
 //! ```text
-//!   recorded   |0 deg      |17.28      |34.56  ...        |360 deg = the closure view, another frame than the first
-//!   shaft      ──────────────▲ nearest, if within half a motor step; else a black frame, counted
+//!   recorded   |0 deg      |17.28      |34.56  ...        |360 deg: the closure view, not the first view
+//!   shaft      ──────────────▲ the nearest frame, if it is within half a motor step. Otherwise a black frame, which is counted
 //! ```
 
 use crate::scene::Exposure;
@@ -22,20 +22,20 @@ pub enum ReplayError {
     Unlike { index: usize, expected: (u32, u32, PixelFormat), found: (u32, u32, PixelFormat) },
 }
 
-/// Recorded frames by their unwrapped angle.
+/// Recorded frames, found by their unwrapped angle.
 #[derive(Debug)]
 pub struct Replay {
-    /// In the order of their angles.
+    /// Angle, rad, and frame, in the order of the angles.
     frames: Vec<(f64, Pixels)>,
     half_step_rad: f64,
     misses: AtomicU64,
 }
 
 impl Replay {
-    /// Frames with the unwrapped angles they were taken at, counted from the index, and the motor's steps per revolution.
+    /// Takes frames with their unwrapped angles, rad, counted from the index, and the steps of the motor per number of revolutions.
     ///
     /// # Errors
-    /// Refuses an empty recording, frames that are cut short, and frames of different size or format.
+    /// The recording is empty, a frame is incomplete or has no angle, or the frames differ in size or format.
     pub fn new(mut frames: Vec<(f64, Pixels)>, steps_per_revolution: (u32, u32)) -> Result<Self, ReplayError> {
         let kind = |p: &Pixels| (p.width, p.height, p.format);
         let expected = frames.first().map(|(_, p)| kind(p)).ok_or(ReplayError::Empty)?;
@@ -58,12 +58,12 @@ impl Replay {
         Ok(Self { frames, half_step_rad, misses: AtomicU64::new(0) })
     }
 
-    /// The format of the recorded frames, which the camera must be set to.
+    /// The format of the recorded frames. The camera must be set to it.
     pub fn format(&self) -> PixelFormat {
         self.frames[0].1.format
     }
 
-    /// Exposures for which there was no recorded frame: a black one was sent.
+    /// Number of exposures without a recorded frame. For each of them a black frame was sent.
     pub fn misses(&self) -> u64 {
         self.misses.load(Ordering::Relaxed)
     }
@@ -74,7 +74,7 @@ impl Replay {
         match candidates {
             [a, b] if (b.0 - angle_rad).abs() < (angle_rad - a.0).abs() => b,
             [a, ..] => a,
-            // Not empty: there is at least one frame, and the range holds one.
+            // Unreachable: there is at least one frame, so the range is not empty.
             [] => &self.frames[0],
         }
     }
@@ -121,14 +121,14 @@ mod tests {
     }
 
     #[test]
-    fn the_closure_view_is_not_the_first() {
+    fn the_closure_view_is_not_the_first_view() {
         let r = replay();
         assert_eq!([seen(&r, 0.0), seen(&r, 24.0), seen(&r, 500.0)], [1, 2, 3]);
         assert_eq!(r.misses(), 0);
     }
 
     #[test]
-    fn half_a_step_is_the_limit() {
+    fn a_frame_further_than_half_a_step_away_is_not_used() {
         let r = replay();
         assert_eq!([seen(&r, 0.49), seen(&r, 23.51), seen(&r, -0.49), seen(&r, 500.49)], [1, 2, 1, 3]);
         assert_eq!([seen(&r, 0.51), seen(&r, 12.0), seen(&r, 1000.0), seen(&r, -500.0)], [0; 4]);
@@ -136,14 +136,14 @@ mod tests {
     }
 
     #[test]
-    fn the_recorded_format_is_the_only_one() {
+    fn another_format_than_the_recorded_one_gives_a_black_frame() {
         let r = replay();
         let black = r.look(&Exposure { angle_rad: 0.0, number: 0 }, PixelFormat::RGB8Packed);
         assert_eq!((black.bytes.len(), black.bytes[0], r.misses()), (48, 0, 1));
     }
 
     #[test]
-    fn unfit_recordings_are_refused() {
+    fn incomplete_or_mixed_recordings_are_refused() {
         assert_eq!(Replay::new(vec![], (500, 1)).unwrap_err(), ReplayError::Empty);
         let mut cut = frame(0);
         cut.bytes.pop();

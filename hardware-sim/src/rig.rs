@@ -1,4 +1,4 @@
-//! One emulated rig: a shaft, the firmware that turns it, the camera that looks at it.
+//! One emulated rig: a shaft, the firmware that turns it, and the camera that sees it.
 
 use crate::bridge;
 use crate::clock::RigClock;
@@ -19,7 +19,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Which loopback address the camera takes.
+/// The loopback address of the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum CameraAddress {
     Fixed(Ipv4Addr),
@@ -28,7 +28,7 @@ pub enum CameraAddress {
     FirstFree,
 }
 
-/// Which controller turns the shaft.
+/// The controller that turns the shaft.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Controller {
     Grbl(grbl::Settings),
@@ -69,21 +69,22 @@ impl Controller {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RigSettings {
     pub shaft: ShaftSettings,
-    /// 1 is real time, 10 ten times as fast.
+    /// Rig seconds per real second. 1 is real time.
     pub time_scale: f64,
     pub camera: CameraAddress,
-    /// What the camera sends until a host chooses otherwise.
+    /// The format that the camera sends until a host chooses another one.
     pub pixel_format: PixelFormat,
-    /// Exposure at which frames are as bright as what the camera looks at, us; none makes them so at any exposure.
+    /// Exposure time at which frames have the brightness of the image source, us. `None`: the brightness does not depend on the
+    /// exposure time.
     pub nominal_exposure_us: Option<f32>,
     pub controller: Controller,
-    /// What moves the capillary along, on the Y axis of a Grbl controller; none where nothing does.
+    /// The slide on the Y axis of a Grbl controller. `None`: the capillary cannot be moved along.
     pub slide: Option<SlideSettings>,
-    /// The vendor's sampler, on the probe input and the flood output of a Grbl controller; none where somebody else fills the capillary.
+    /// The vendor's sampler at the probe input and the flood output of a Grbl controller. `None`: something else fills the capillary.
     pub sampler: Option<SamplerSettings>,
-    /// A relay that turns the shaft as well, over TCP.
+    /// A relay that also turns the shaft, over TCP.
     pub relay: Option<relay::Settings>,
-    /// A path that points to the serial port, whatever its device name; none gives the device name itself.
+    /// A symbolic link that always points to the serial port. `None`: [`Rig::serial_path`] is the device name.
     pub serial_link: Option<PathBuf>,
 }
 
@@ -122,7 +123,7 @@ pub enum RigError {
     Relay(std::io::Error),
 }
 
-/// A running rig; everything is shut down and joined when it is dropped.
+/// A running rig. When it is dropped, it shuts everything down and joins all threads.
 pub struct Rig {
     clock: RigClock,
     shaft: Arc<Shaft>,
@@ -135,14 +136,15 @@ pub struct Rig {
     second: Option<GigeCamera>,
 }
 
-/// Every knob of a rig that makes something go wrong.
+/// All faults that tests can cause in a rig.
 #[derive(Clone, Copy)]
 pub struct Faults<'a> {
     rig: &'a Rig,
 }
 
 impl Rig {
-    // The rig keeps what it looks at.
+    /// Starts a rig whose camera sees `sight`.
+    // The rig keeps the image source.
     #[allow(clippy::needless_pass_by_value)]
     pub fn start(settings: RigSettings, sight: Arc<dyn Sight>) -> Result<Self, RigError> {
         if !(settings.time_scale.is_finite() && settings.time_scale > 0.0) {
@@ -171,7 +173,7 @@ impl Rig {
         Ok(Self { clock, shaft, slide, sampler, port, relay, motors, camera, second: None })
     }
 
-    /// Puts a second camera beside the first, on the same shaft, and says where.
+    /// Adds a second camera that sees the same shaft. Returns its address.
     #[allow(clippy::needless_pass_by_value)]
     pub fn add_camera(&mut self, sight: Arc<dyn Sight>) -> Result<Ipv4Addr, RigError> {
         let settings = RigSettings { pixel_format: PixelFormat::Mono8, ..RigSettings::default() };
@@ -181,17 +183,17 @@ impl Rig {
         Ok(address)
     }
 
-    /// What the second camera really exposed, oldest first.
+    /// The true exposures of the second camera, oldest first.
     pub fn second_exposures(&self) -> Vec<ExposureRecord> {
         self.second.as_ref().map(|camera| camera.truth().all()).unwrap_or_default()
     }
 
-    /// What a host opens as the motor controller's port.
+    /// The path of the motor controller's serial port.
     pub fn serial_path(&self) -> PathBuf {
         self.port.path()
     }
 
-    /// What a host connects to as the relay; none where the rig has none.
+    /// The address of the relay. `None` if the rig has no relay.
     pub fn relay_address(&self) -> Option<SocketAddr> {
         self.relay.as_ref().map(Relay::address)
     }
@@ -209,78 +211,79 @@ impl Rig {
         &self.shaft
     }
 
-    /// The true slide, where there is one.
+    /// The true slide. `None` if the rig has no slide.
     pub fn slide(&self) -> Option<&Slide> {
         self.slide.as_deref()
     }
 
-    /// The vendor's sampler, where there is one; its faults are its own.
+    /// The vendor's sampler, with its own faults. `None` if the rig has no sampler.
     pub fn sampler(&self) -> Option<&Arc<VendorSampler>> {
         self.sampler.as_ref()
     }
 
-    /// A pulse on the camera's trigger line.
+    /// Sends a pulse on the trigger line of the camera.
     pub fn pulse_camera_line(&self) {
         self.camera.pulse_line();
     }
 
-    /// What was really exposed, oldest first.
+    /// The true exposures of the camera, oldest first.
     pub fn exposures(&self) -> Vec<ExposureRecord> {
         self.camera.truth().all()
     }
 
+    /// The faults of this rig.
     pub fn faults(&self) -> Faults<'_> {
         Faults { rig: self }
     }
 }
 
 impl<'a> Faults<'a> {
-    /// What the firmware sends.
+    /// Faults of the serial line.
     pub fn serial(&self) -> &'a SerialFaults {
         self.rig.port.faults()
     }
 
-    /// What the camera sends.
+    /// Faults of the camera.
     pub fn camera(&self) -> &'a CameraFaults {
         self.rig.camera.faults()
     }
 
-    /// What the second camera sends. `None` where there is none.
+    /// Faults of the second camera. `None` if there is no second camera.
     pub fn second_camera(&self) -> Option<&'a CameraFaults> {
         self.rig.second.as_ref().map(GigeCamera::faults)
     }
 
-    /// What happens at the motors, where the controller's firmware can do something about it (TMCL, Zaber).
+    /// Faults of the motors that a controller can detect (TMCL and Zaber).
     pub fn motors(&self) -> &'a MotorFaults {
         &self.rig.motors
     }
 
-    /// The motor will not follow the next `steps` steps.
+    /// The motor does not execute the next `steps` steps.
     pub fn lose_steps(&self, steps: u32) {
         self.rig.shaft.lose_steps(steps);
     }
 
-    /// The motor controller restarts, in the middle of a move or not, without an alarm.
+    /// Restarts the motor controller without an alarm, also during a move.
     pub fn reboot_controller(&self) {
         self.rig.port.reboot();
     }
 
-    /// Bytes that nobody sent reach the motor controller now.
+    /// The motor controller now receives bytes that no host has sent.
     pub fn serial_noise(&self, bytes: &[u8]) {
         self.rig.port.noise(bytes);
     }
 
-    /// A hand presses a button at the motor controller, or lets it go (Grbl, grblHAL).
+    /// Presses or releases a button at the motor controller (Grbl and grblHAL).
     pub fn button(&self, button: Button, pressed: bool) {
         self.rig.port.button(button, pressed);
     }
 
-    /// Pulls the serial cable; the port is gone when this returns.
+    /// Unplugs the serial cable. When this returns, the port does not exist any more.
     pub fn unplug_serial(&self) {
         self.rig.port.unplug();
     }
 
-    /// Plugs it in again; [`Rig::serial_path`] tells under which name.
+    /// Plugs the serial cable in again. The device name may have changed: see [`Rig::serial_path`].
     pub fn replug_serial(&self) -> std::io::Result<()> {
         self.rig.port.replug()
     }

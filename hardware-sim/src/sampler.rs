@@ -1,35 +1,37 @@
-//! The vendor's sampler beside the rig: it brings what lies next on its plate, says by a wire that it is there, and takes it away.
+//! The vendor's sampler. It loads the next specimen of its plate, reports it by a wire, and ejects it on request.
 //!
 //! ```text
-//!   waiting ── the next is given ── load_s ──► loaded: line up ── done ── eject_s ──► line down: waiting
+//!   waiting ── give ── load_s ──► loaded: line high ── done ── eject_s ──► line low: waiting
 //! ```
-//! It works in rig time, and catches up with it whenever somebody looks at its line.
+//! It works in rig time. Its state is brought up to date at each call.
 
 use crate::clock::RigClock;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// How long the sampler takes, rig seconds.
+/// Durations of the sampler's actions, rig seconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SamplerSettings {
+    /// Time to load a specimen.
     pub load_s: f64,
+    /// Time to eject a specimen.
     pub eject_s: f64,
-    /// How long the line bounces after each change.
+    /// Time for which the line bounces after each change.
     pub bounce_s: f64,
 }
 
 impl Default for SamplerSettings {
-    /// Pumps take seconds, a relay's contact milliseconds.
+    /// Pumps take seconds. The contact of a relay bounces for milliseconds.
     fn default() -> Self {
         Self { load_s: 3.0, eject_s: 1.5, bounce_s: 0.004 }
     }
 }
 
-/// What happens at the capillary when the sampler gets there.
+/// A change of the contents of the capillary.
 type Change = Box<dyn FnOnce() + Send>;
 
 /// A specimen on the sampler's plate.
 pub struct Next {
-    /// Puts it into the capillary.
+    /// Puts the specimen into the capillary.
     pub bring: Change,
     /// Empties the capillary.
     pub take_away: Change,
@@ -46,10 +48,13 @@ struct State {
     settings: SamplerSettings,
     stage: Stage,
     plate: Option<Next>,
-    /// The line before its faults, when it last changed, and how often it has been looked at since.
+    /// The level of the line without faults.
     line: bool,
+    /// When the line last changed.
     changed_s: f64,
+    /// How often the line was read since then.
     looks: u32,
+    /// The level that a fault forces.
     forced: Option<bool>,
     ejected: u32,
 }
@@ -75,24 +80,24 @@ impl VendorSampler {
         Self { clock, state: Mutex::new(state) }
     }
 
-    /// Lays a specimen on the plate, in the place of one that is not in the capillary yet; it comes as soon as the capillary is empty.
+    /// Puts the next specimen on the plate. It replaces one that is not in the capillary yet, and is loaded when the capillary is empty.
     pub fn give(&self, next: Next) {
         let mut state = self.now();
         state.plate = Some(next);
         state.go_on(self.clock.now_s());
     }
 
-    /// What the wire says at this moment.
+    /// The level of the wire now.
     pub(crate) fn line(&self) -> bool {
         let mut state = self.now();
         state.looks += 1;
         let bounces = self.clock.now_s() < state.changed_s + state.settings.bounce_s;
-        // Every other look of a bouncing contact finds it as it was.
+        // While the contact bounces, every other reading gives the level before the change.
         let line = state.line != (bounces && state.looks.is_multiple_of(2));
         state.forced.unwrap_or(line)
     }
 
-    /// The host's wire: the specimen is done with.
+    /// The level of the host's wire "the specimen is done".
     pub(crate) fn done(&self, on: bool) {
         let mut state = self.now();
         let until_s = self.clock.now_s() + state.settings.eject_s;
@@ -102,14 +107,14 @@ impl VendorSampler {
         };
     }
 
-    /// How many specimens it has taken away.
+    /// Number of specimens that were ejected.
     pub fn ejected(&self) -> u32 {
         self.now().ejected
     }
 
-    // ---- what goes wrong
+    // ---- faults
 
-    /// Its next loads take this long; infinity is never.
+    /// Sets the duration of the load in progress and of all later ones, rig seconds. Infinity means that none is completed.
     pub fn set_load_s(&self, load_s: f64) {
         let mut state = self.now();
         state.settings.load_s = load_s;
@@ -119,12 +124,12 @@ impl VendorSampler {
         }
     }
 
-    /// The wire says this whatever happens: stuck (true), or pulled (false); none mends it.
+    /// Forces the level of the wire: stuck (true) or disconnected (false). `None` ends the fault.
     pub fn force_line(&self, level: Option<bool>) {
         self.now().forced = level;
     }
 
-    /// The specimen slips out of the capillary.
+    /// The specimen leaves the capillary by itself.
     pub fn lose_specimen(&self) {
         let mut state = self.now();
         if let Stage::Loaded { take_away } = std::mem::replace(&mut state.stage, Stage::Waiting) {

@@ -1,14 +1,15 @@
-//! The true shaft: where the capillary really stands, whatever the controller believes.
+//! The true shaft: the angle at which the capillary really stands. The controller's own count may differ from it.
 //!
 //! ```text
 //!   firmware ── steps issued ──► motor ── minus steps lost ──► shaft ── angle ──► the scene
 //!                                                               │
 //!   firmware ◄── reference switch, once per revolution ─────────┘
 //! ```
-//! Angles are unwrapped and counted from the index at which the firmware last referenced the axis, so the view that closes
-//! a revolution (360 deg) is another one than the first (0 deg).
+//! Angles are unwrapped and counted from the index (the reference switch) at which the firmware last referenced the axis. The
+//! closure view at 360 deg is therefore not the first view at 0 deg.
 //!
-//! A pair of motors holds the capillary at both ends: in the picture it stands at their mean, and their difference twists it.
+//! A pair of motors may hold the capillary at both ends. The camera then sees the mean of their angles, and their difference twists
+//! the capillary.
 
 use crate::clock::RigClock;
 use crate::motion::MotionProfile;
@@ -18,16 +19,16 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Motor and gear.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ShaftSettings {
-    /// Steps per revolution as a ratio: microsteps times gear.
+    /// Steps of this number of revolutions: microsteps times gear, as an exact ratio.
     pub steps_per_revolution: (u32, u32),
-    /// Where the reference switch trips, in steps.
+    /// Motor position at which the reference switch trips, steps.
     pub index_steps: i64,
-    /// Where the shaft stands when the rig is switched on, in steps.
+    /// Motor position when the rig is switched on, steps.
     pub power_on_steps: i64,
 }
 
 impl Default for ShaftSettings {
-    /// The 0.72 deg quantum of published VAST tooling, switched on away from the index.
+    /// The 0.72 deg step of published VAST software. The shaft does not stand at the index when the rig is switched on.
     fn default() -> Self {
         Self { steps_per_revolution: (500, 1), index_steps: 0, power_on_steps: 137 }
     }
@@ -51,10 +52,10 @@ impl Motion {
 /// One of the motors at the ends of the capillary.
 #[derive(Debug)]
 struct Drive {
-    /// Where it stood when the present move began.
+    /// Its position when the present move began.
     rest_steps: i64,
     motion: Option<Motion>,
-    /// Steps that it will still fail to make.
+    /// Number of its next steps that it does not execute.
     to_lose: u32,
 }
 
@@ -79,22 +80,23 @@ struct State {
     drives: Vec<Drive>,
     /// The index from which angles are counted.
     datum_steps: f64,
-    /// Play between motor and capillary, and where the capillary stood when a move last began or ended.
+    /// Backlash between motor and capillary.
     play_steps: f64,
+    /// Position of the capillary when a move last began or ended.
     capillary_steps: f64,
-    /// How far a hose pulls the capillary round when its motors lose their current.
+    /// How far a hose turns the capillary when its motors lose their current.
     pull_steps: i64,
 }
 
 impl State {
-    /// Where the capillary stands: dragged along behind the motors by the play.
+    /// Position of the capillary. It follows the motors within the backlash.
     fn position(&self, now_s: f64) -> f64 {
         let motors = self.drives.iter().map(|d| d.position(now_s)).sum::<f64>() / self.drives.len() as f64;
         self.capillary_steps.clamp(motors - self.play_steps, motors)
     }
 }
 
-/// One stepper-driven shaft, shared by the firmware that turns it and the camera that looks at it.
+/// One shaft with its stepper motors. The firmware turns it, and the camera sees it.
 #[derive(Debug)]
 pub struct Shaft {
     clock: RigClock,
@@ -103,6 +105,7 @@ pub struct Shaft {
 }
 
 impl Shaft {
+    /// A shaft with one motor, at rest.
     pub fn new(clock: RigClock, settings: ShaftSettings) -> Self {
         let steps = settings.power_on_steps;
         let state = State {
@@ -115,30 +118,30 @@ impl Shaft {
         Self { clock, settings, state: Mutex::new(state) }
     }
 
-    /// The same, held by a pair of motors.
+    /// Adds a second motor at the other end of the capillary.
     pub(crate) fn paired(self) -> Self {
         let steps = self.settings.power_on_steps;
         self.lock().drives.push(Drive { rest_steps: steps, motion: None, to_lose: 0 });
         self
     }
 
-    /// The true angle at this instant, unwrapped.
+    /// The true angle now, rad, unwrapped.
     pub fn angle_rad(&self) -> f64 {
         self.angle_at_rad(self.clock.now_s())
     }
 
-    /// The true angle at an instant of rig time, as far as the moves begun by now tell.
+    /// The true angle at an instant of rig time, rad, unwrapped. It follows from the moves that have begun so far.
     pub fn angle_at_rad(&self, now_s: f64) -> f64 {
         let state = self.lock();
         self.steps_to_rad(state.position(now_s) - state.datum_steps)
     }
 
-    /// Whether a move is under way.
+    /// Whether a move is in progress.
     pub fn is_turning(&self) -> bool {
         self.lock().drives.iter().any(|drive| drive.motion.is_some())
     }
 
-    /// Where one motor of a pair stands, in steps.
+    /// Position of one motor of a pair, steps. Motors are numbered from 0.
     pub fn motor_steps(&self, motor: usize) -> f64 {
         self.motor_at(motor, self.clock.now_s())
     }
@@ -147,14 +150,14 @@ impl Shaft {
         self.lock().drives[motor].position(now_s)
     }
 
-    /// A hand turns the standing shaft, and the motor with it.
+    /// Turns the standing shaft and its motor from outside, as a hand does.
     pub fn push(&self, steps: i64) {
         let mut state = self.lock();
         state.drives.iter_mut().for_each(|drive| drive.rest_steps += steps);
         state.capillary_steps += steps as f64;
     }
 
-    /// A hose pulls at the capillary: each time the motors lose their current it turns by this much.
+    /// Turns the capillary by this much each time the motors lose their current, as a hose that pulls at it does.
     pub fn pull_when_released(&self, steps: i64) {
         self.lock().pull_steps = steps;
     }
@@ -165,41 +168,42 @@ impl Shaft {
         self.push(steps);
     }
 
+    /// The angle of this many steps, rad.
     pub fn steps_to_rad(&self, steps: f64) -> f64 {
         let (steps_of, revolutions) = self.settings.steps_per_revolution;
         steps * TAU * f64::from(revolutions) / f64::from(steps_of)
     }
 
-    /// The motor will not follow the next `steps` steps it is sent, whichever way.
+    /// The motor does not execute the next `steps` steps, in either direction.
     pub fn lose_steps(&self, steps: u32) {
         self.lose_steps_of(0, steps);
     }
 
-    /// One motor of a pair will not follow the next `steps` steps.
+    /// One motor of a pair does not execute the next `steps` steps.
     pub fn lose_steps_of(&self, motor: usize, steps: u32) {
         self.lock().drives[motor].to_lose += steps;
     }
 
-    /// Puts play between motor and capillary: after a reversal it stays behind by this much.
+    /// Sets the backlash between motor and capillary, steps. After a reversal the capillary stays behind by this much.
     pub fn set_play(&self, steps: f64) {
         self.lock().play_steps = steps;
     }
 
-    /// Begins a move of `steps` spread evenly over a path of length `path`, which `profile` travels.
+    /// Begins a move of `steps`, spread evenly over a path of length `path`. `profile` has the same unit of length.
     pub(crate) fn begin(&self, start_s: f64, steps: i64, path: f64, profile: Arc<MotionProfile>) {
         self.begin_of(0, start_s, steps, path, profile);
     }
 
-    /// The same, by one motor of a pair.
+    /// Begins a move of one motor of a pair.
     pub(crate) fn begin_of(&self, motor: usize, start_s: f64, steps: i64, path: f64, profile: Arc<MotionProfile>) {
         self.end_of(motor, start_s);
         self.lock().drives[motor].motion = Some(Motion { start_s, steps, path, profile });
     }
 
-    /// Begins a move from rest to rest; says how long it takes, s.
+    /// Begins a move from rest to rest. Returns its duration, s.
     pub(crate) fn turn(&self, start_s: f64, steps: i64, speed_deg_per_s: f64, acceleration_deg_per_s2: f64) -> f64 {
         let per_deg = TAU / 360.0 / self.steps_to_rad(1.0);
-        // No way at all still has an end.
+        // A move of 0 steps also needs a path that is longer than 0.
         let way = steps.unsigned_abs().max(1) as f64;
         let profile = MotionProfile::trapezoid(way, speed_deg_per_s * per_deg, acceleration_deg_per_s2 * per_deg);
         let duration_s = profile.duration_s();
@@ -207,7 +211,7 @@ impl Shaft {
         duration_s
     }
 
-    /// The move under way goes on by another profile of the same path.
+    /// Continues the move in progress with another profile of the same path.
     pub(crate) fn replan(&self, start_s: f64, profile: Arc<MotionProfile>) {
         self.replan_of(0, start_s, profile);
     }
@@ -219,7 +223,7 @@ impl Shaft {
         }
     }
 
-    /// Ends the move where it is at `now_s`; returns the whole steps that were issued.
+    /// Ends the move at its position at `now_s`. Returns the whole steps that were issued.
     pub(crate) fn end(&self, now_s: f64) -> i64 {
         self.end_of(0, now_s)
     }
@@ -231,7 +235,7 @@ impl Shaft {
         issued
     }
 
-    /// Steps to go until the reference switch trips, turning in `direction`; 0 where it is pressed already.
+    /// Steps in `direction` (1 or -1) until the reference switch trips. It is 0 if the switch is pressed.
     pub(crate) fn steps_to_index(&self, direction: i64) -> i64 {
         self.steps_to_index_of(0, direction)
     }
@@ -240,11 +244,11 @@ impl Shaft {
         let per_revolution = self.steps_per_revolution();
         let ahead = ((self.settings.index_steps - self.lock().drives[motor].rest_steps) * direction) as f64;
         let to_go = ahead.rem_euclid(per_revolution);
-        // Just past the index by less than half a step is still at it.
+        // Less than half a step beyond the index still presses the switch.
         if per_revolution - to_go < 0.5 { 0 } else { to_go.round() as i64 }
     }
 
-    /// The same, where a switch that is pressed already trips only after a whole revolution.
+    /// As `steps_to_index`, but a switch that is pressed trips only after a whole revolution.
     pub(crate) fn steps_to_next_index(&self, direction: i64) -> i64 {
         match self.steps_to_index(direction) {
             0 => self.steps_per_revolution().round() as i64,
@@ -264,7 +268,7 @@ impl Shaft {
         off.min(per_revolution - off) < 0.5
     }
 
-    /// The firmware has found the index here: angles count from it.
+    /// The firmware has found the index at the present position. Angles count from here.
     pub(crate) fn count_from_here(&self) {
         let mut state = self.lock();
         state.datum_steps = state.position(self.clock.now_s());
@@ -277,7 +281,7 @@ impl Shaft {
 
 #[cfg(test)]
 mod tests {
-    // Whole steps and what they print are exact; that they are is what is tested.
+    // Whole steps are exact in floating point, and these tests check that.
     #![allow(clippy::float_cmp)]
 
     use super::*;
@@ -314,7 +318,7 @@ mod tests {
         let s = shaft((500, 1));
         s.lose_steps(50);
         let end = go(&s, 0.0, 800);
-        assert_eq!(s.end(end), 800, "the firmware cannot see it");
+        assert_eq!(s.end(end), 800, "the firmware does not notice the lost steps");
         assert_eq!(s.angle_at_rad(end), s.steps_to_rad(137.0 + 750.0));
         let later = go(&s, end, -10);
         s.end(later);

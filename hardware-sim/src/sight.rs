@@ -1,19 +1,20 @@
-//! The seam between the doors and the picture: what the sensor sees at an angle of the shaft.
+//! What the sensor sees at an angle of the shaft: the interface between the emulated camera and its image source.
 
 use crate::scene::{Exposure, Scene};
 
-/// Layout of a picture's bytes, by its GenICam name.
+/// Layout of the bytes of an image, by its GenICam name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum PixelFormat {
     /// One grey byte per pixel.
     Mono8,
-    /// One byte per pixel under a colour mosaic whose first row reads R G R G.
+    /// One byte per pixel behind a Bayer mosaic whose first row is R G R G.
     BayerRG8,
     /// Three bytes per pixel, red first.
     RGB8Packed,
 }
 
 impl PixelFormat {
+    /// All formats.
     pub const ALL: [Self; 3] = [Self::Mono8, Self::BayerRG8, Self::RGB8Packed];
 
     pub fn bytes_per_pixel(self) -> usize {
@@ -23,6 +24,7 @@ impl PixelFormat {
         }
     }
 
+    /// The GenICam name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Mono8 => "Mono8",
@@ -31,7 +33,7 @@ impl PixelFormat {
         }
     }
 
-    /// The number by which GigE Vision knows it.
+    /// The number of the format in GigE Vision.
     pub(crate) fn code(self) -> u32 {
         match self {
             Self::Mono8 => 0x0108_0001,
@@ -45,7 +47,7 @@ impl PixelFormat {
     }
 }
 
-/// A picture, row by row, without padding.
+/// An image, row by row, without padding.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Pixels {
     pub width: u32,
@@ -55,17 +57,17 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// A picture of one value.
+    /// An image whose bytes all have one value.
     pub fn filled(width: u32, height: u32, format: PixelFormat, value: u8) -> Self {
         Self { width, height, format, bytes: vec![value; width as usize * height as usize * format.bytes_per_pixel()] }
     }
 
-    /// Whether the bytes are as many as the size and the format say.
+    /// Whether the number of bytes fits the size and the format.
     pub fn is_whole(&self) -> bool {
         self.bytes.len() == self.width as usize * self.height as usize * self.format.bytes_per_pixel()
     }
 
-    /// The rectangle at `(x, y)`; the caller has made sure that it lies inside.
+    /// The bytes of the rectangle at `(x, y)`. The rectangle must lie inside the image.
     pub(crate) fn crop(&self, x: u32, y: u32, width: u32, height: u32) -> Vec<u8> {
         let bpp = self.format.bytes_per_pixel();
         if (x, y, width, height) == (0, 0, self.width, self.height) {
@@ -77,14 +79,14 @@ impl Pixels {
     }
 }
 
-/// What stands before the sensor.
+/// An image source: what the sensor of the camera sees.
 pub trait Sight: Send + Sync {
-    /// Width and height of the sensor.
+    /// Width and height of the sensor, px.
     fn size(&self) -> (u32, u32);
-    /// The whole sensor's picture; the camera cuts its region out of it. The angle is the shaft's true one at the middle of
-    /// the exposure, unwrapped and counted from the index; exposures are numbered from 0 since the rig was started.
+    /// The image of the whole sensor. The camera crops its region from it. The angle of `exposure` is the true angle of the shaft at
+    /// the middle of the exposure, unwrapped and counted from the index. Exposures are numbered from 0 since the rig was started.
     fn look(&self, exposure: &Exposure, format: PixelFormat) -> Pixels;
-    /// The capillary stands this far along x, um; where nothing moves it, nobody says so.
+    /// Shifts the scene along x, um. It is called before each image if the rig has a slide, and never otherwise.
     fn slide_to(&self, _shift_um: f64) {}
 }
 

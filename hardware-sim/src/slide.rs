@@ -1,11 +1,11 @@
-//! The true slide: where along the picture the capillary stands, whatever the controller believes.
+//! The true slide: where along the image x axis the capillary really stands. The controller's own count may differ from it.
 //!
 //! ```text
 //!   - <──┤ end ────────────── in view ─────────── switch ├──> +        0 is the reference switch
 //!        │                       │                  │
 //!     limit switch        the scene's middle    reference and limit switch
 //! ```
-//! A specimen is seen as far from where it lies in the capillary as the slide stands from `in_view_um`.
+//! The scene is shifted along x by the distance of the slide from `in_view_um`.
 
 use crate::clock::RigClock;
 use crate::motion::MotionProfile;
@@ -16,13 +16,13 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Motor, spindle and travel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SlideSettings {
-    /// Steps per um as a ratio.
+    /// Steps of this number of um, as an exact ratio.
     pub steps_per_um: (u32, u32),
-    /// From the reference switch to the other end, um.
+    /// Distance from the reference switch to the other end, um.
     pub travel_um: f64,
-    /// Where the capillary's middle is the scene's, um from the switch.
+    /// Position at which the middle of the capillary is the middle of the scene, um from the reference switch.
     pub in_view_um: f64,
-    /// Where it stands when the rig is switched on, um from the switch.
+    /// Position when the rig is switched on, um from the reference switch.
     pub power_on_um: f64,
 }
 
@@ -48,7 +48,7 @@ struct State {
     motion: Option<Motion>,
 }
 
-/// One stepper-driven slide, shared by the firmware that moves it and the scene that it carries along.
+/// One slide with its stepper motor. The firmware moves it, and the scene moves with it.
 #[derive(Debug)]
 pub struct Slide {
     clock: RigClock,
@@ -57,30 +57,31 @@ pub struct Slide {
 }
 
 impl Slide {
+    /// A slide at rest.
     pub fn new(clock: RigClock, settings: SlideSettings) -> Self {
         let rest_steps = (settings.power_on_um * per_um(&settings)).round() as i64;
         Self { clock, settings, state: Mutex::new(State { rest_steps, motion: None }) }
     }
 
-    /// Where it truly stands, um from the switch.
+    /// The true position, um from the reference switch.
     pub fn position_um(&self) -> f64 {
         let state = self.lock();
         let issued = state.motion.as_ref().map_or(0.0, |m| issued(m, self.clock.now_s()));
         (state.rest_steps as f64 + issued) / per_um(&self.settings)
     }
 
-    /// How far the scene is shifted along x, um.
+    /// The shift of the scene along x, um.
     pub fn shift_um(&self) -> f64 {
         self.position_um() - self.settings.in_view_um
     }
 
-    /// Begins a move of `steps` spread evenly over a path of length `path`, which `profile` travels.
+    /// Begins a move of `steps`, spread evenly over a path of length `path`. `profile` has the same unit of length.
     pub(crate) fn begin(&self, start_s: f64, steps: i64, path: f64, profile: Arc<MotionProfile>) {
         self.end(start_s);
         self.lock().motion = Some(Motion { start_s, steps, path, profile });
     }
 
-    /// The move under way goes on by another profile of the same path.
+    /// Continues the move in progress with another profile of the same path.
     pub(crate) fn replan(&self, start_s: f64, profile: Arc<MotionProfile>) {
         if let Some(motion) = &mut self.lock().motion {
             motion.start_s = start_s;
@@ -88,7 +89,7 @@ impl Slide {
         }
     }
 
-    /// Ends the move where it is at `now_s`; returns the whole steps that were issued.
+    /// Ends the move at its position at `now_s`. Returns the whole steps that were issued.
     pub(crate) fn end(&self, now_s: f64) -> i64 {
         let mut state = self.lock();
         let Some(motion) = state.motion.take() else { return 0 };
@@ -97,7 +98,7 @@ impl Slide {
         steps
     }
 
-    /// Steps to go, standing, until the switch at the end in `direction` trips; 0 where it is pressed.
+    /// Steps of the standing slide until the limit switch in `direction` (1 or -1) trips. It is 0 if the switch is pressed.
     pub(crate) fn steps_to_end(&self, direction: i64) -> i64 {
         let end = if direction > 0 { 0 } else { -(self.settings.travel_um * per_um(&self.settings)).round() as i64 };
         ((end - self.lock().rest_steps) * direction).max(0)
@@ -116,7 +117,7 @@ fn issued(motion: &Motion, now_s: f64) -> f64 {
     motion.steps as f64 * (motion.profile.travelled(now_s - motion.start_s) / motion.path)
 }
 
-/// A scene that the slide carries along.
+/// A scene that moves with the slide.
 pub(crate) struct OnSlide {
     pub sight: Arc<dyn Sight>,
     pub slide: Arc<Slide>,
@@ -138,7 +139,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_stands_on_whole_steps_and_knows_both_ends() {
+    fn a_slide_rests_on_whole_steps_and_has_a_limit_at_both_ends() {
         let slide = Slide::new(RigClock::new(1.0), SlideSettings { power_on_um: -3.0, ..SlideSettings::default() });
         assert_eq!((slide.steps_to_end(1), slide.steps_to_end(-1)), (64, 426_667 - 64));
         let profile = MotionProfile::trapezoid(64.0, 800.0, 2000.0);

@@ -1,26 +1,26 @@
-//! A test card that carries the angle in its picture: what tests of the wires look at.
+//! A test card whose image contains the angle. Tests of the protocols use it as image source.
 
 use crate::scene::Exposure;
 use crate::sight::{PixelFormat, Pixels, Sight};
 use std::f64::consts::TAU;
 
-/// A slanted grating whose phase is the angle, under a strip that spells the angle's bits in black and white blocks.
+/// A slanted grating whose phase is the angle. A strip at the top has the bits of the angle as black and white blocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TestCard {
     width: u32,
     height: u32,
 }
 
-/// Height of the strip, and width of one bit in it.
+/// Height of the strip and width of one bit in it, px.
 const BIT_PX: usize = 4;
 
 impl TestCard {
-    /// At least 256 x 8 pixels, so that the 64 bits fit.
+    /// A card of this size, px. It has at least 256 x 8 px, so that the 64 bits fit.
     pub fn new(width: u32, height: u32) -> Self {
         Self { width: width.max(64 * BIT_PX as u32), height: height.max(2 * BIT_PX as u32) }
     }
 
-    /// Reads the angle back out of a picture of a card.
+    /// Reads the angle, rad, from an image of a card.
     pub fn angle_rad(pixels: &Pixels) -> f64 {
         let bpp = pixels.format.bytes_per_pixel();
         let bits = (0..64).fold(0, |bits, i| (bits << 1) | u64::from(pixels.bytes[i * BIT_PX * bpp] > 127));
@@ -47,7 +47,7 @@ impl Sight for TestCard {
             };
             pixel.fill(value);
             if format == PixelFormat::RGB8Packed {
-                // Three planes that differ, so that a swap shows.
+                // The colour planes differ, so that a test detects a swap.
                 pixel[1] = value ^ u8::from(v >= BIT_PX);
             }
         }

@@ -1,23 +1,23 @@
-//! What was really exposed: the log that a test holds against what arrived.
+//! The log of true exposures. Tests compare it with the frames that have arrived.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 
-/// Exposures that are remembered; at 59 fps more than an hour.
+/// Exposures that are kept: more than an hour at 59 fps.
 const KEPT: usize = 250_000;
 
-/// One exposure as it happened.
+/// One true exposure.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ExposureRecord {
-    /// The stream's 16-bit number of the frame; starts at 1 with each acquisition.
+    /// The 16-bit number of the frame in its stream. It starts at 1 with each acquisition.
     pub frame_id: u64,
-    /// Exposures since the rig was started, from 0.
+    /// Number of the exposure since the rig was started, from 0.
     pub number: u64,
-    /// True angle of the shaft at the middle of the exposure, unwrapped and counted from the index.
+    /// True angle of the shaft at the middle of the exposure, rad, unwrapped and counted from the index.
     pub angle_rad: f64,
-    /// Of the bytes that left the camera.
+    /// SHA-256 of the bytes that the camera has sent.
     pub sha256: [u8; 32],
-    /// False where a fault kept the frame from being sent.
+    /// `false` if a fault has prevented the frame from being sent.
     pub sent: bool,
 }
 

@@ -1,4 +1,4 @@
-//! The camera door, opened by real libaravis.
+//! Tests of the emulated camera with the real libaravis.
 
 #![allow(clippy::unwrap_used, clippy::float_cmp)]
 
@@ -11,30 +11,30 @@ use std::io::{Read, Write};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// No wait in these tests is longer; all but a broken run are over in a fraction.
+/// The longest wait in these tests. A run without errors needs a small part of it.
 const DEADLINE: Duration = Duration::from_secs(20);
 
 fn rig(card: TestCard) -> Rig {
-    // Fast enough that a revolution takes no time worth speaking of.
+    // Fast, so that a revolution takes little time.
     Rig::start(RigSettings { time_scale: 50.0, ..RigSettings::default() }, Arc::new(card)).unwrap()
 }
 
 fn open(rig: &Rig) -> Camera {
     let camera = Camera::new(Some(&rig.camera_address().to_string())).unwrap();
     camera.set_exposure_time(1000.0).unwrap();
-    // With the right to raw sockets aravis reads the interface itself, and until its filter is set it takes every packet on
-    // loopback for its own: frames of rigs in other tests, whose higher ids then make it ignore the rightful ones.
+    // With the right to raw sockets aravis reads the network interface itself. Until its filter is set it accepts every packet on
+    // loopback, also frames of rigs in other tests. Their higher ids then make it ignore its own frames.
     camera.device().unwrap().downcast_ref::<GvDevice>().unwrap().set_stream_options(aravis::GvStreamOption::PACKET_SOCKET_DISABLED);
     camera
 }
 
-/// A stream as a careful host makes it, with buffers of the payload's size.
+/// A stream with buffers of the size of the payload.
 fn stream(camera: &Camera, buffers: usize) -> Stream {
     let stream = camera.create_stream().unwrap();
     let gv = stream.downcast_ref::<GvStream>().unwrap();
     gv.set_socket_buffer(aravis::GvStreamSocketBuffer::Fixed);
     gv.set_socket_buffer_size(4 << 20);
-    // A busy machine may take longer than the 0.2 s of the default to ask for a packet again.
+    // On a busy machine a resend request may take longer than the default of 0.2 s.
     gv.set_frame_retention(5_000_000);
     for _ in 0..buffers {
         stream.push_buffer(Buffer::new_allocate(camera.payload().unwrap() as usize));
@@ -42,7 +42,7 @@ fn stream(camera: &Camera, buffers: usize) -> Stream {
     stream
 }
 
-/// One triggered frame; its bytes, if it came whole.
+/// Triggers one frame. Returns its bytes, if it is complete.
 fn grab(camera: &Camera, stream: &Stream, patience: Duration) -> Option<(u64, Vec<u8>)> {
     camera.software_trigger().unwrap();
     let buffer = stream.timeout_pop_buffer(patience.as_micros() as u64)?;
@@ -57,7 +57,7 @@ struct Motor {
 
 impl Motor {
     fn open(rig: &Rig) -> Self {
-        // Its timeout is the deadline of every answer.
+        // The timeout of the port is the deadline of each answer.
         let port = serialport::new(rig.serial_path().to_string_lossy(), 115_200).timeout(DEADLINE).open_native().unwrap();
         let mut motor = Self { port };
         motor.wait_for("unlock]\r\n");
@@ -79,7 +79,7 @@ impl Motor {
         }
     }
 
-    /// To an absolute step, and until it stands there.
+    /// Moves to an absolute step and waits for the end of the move.
     fn go(&mut self, steps: i64) {
         self.ask(&format!("G90 G0 X{:.3}", steps as f64 / 100.0));
         self.ask("G4 P0.01");
@@ -120,7 +120,7 @@ fn the_host_finds_features_and_limits() {
     assert_eq!(tick, 1_000_000_000);
 }
 
-/// The main job of both doors: a revolution of 84 views, each frame pixel for pixel the picture of the commanded angle.
+/// The main use of both interfaces: a revolution of 84 views. Each frame is pixel for pixel the image of the commanded angle.
 #[test]
 fn a_revolution_of_84_views_is_pixel_identical_at_the_commanded_angles() {
     let card = TestCard::new(512, 512);
@@ -134,7 +134,7 @@ fn a_revolution_of_84_views_is_pixel_identical_at_the_commanded_angles() {
     let stream = stream(&camera, 8);
     camera.start_acquisition().unwrap();
     for view in 0..=84_i64 {
-        // Absolute targets, each rounded to its nearest step, so that the turn closes.
+        // Absolute targets, each rounded to its nearest step, so that the revolution closes.
         let steps = (view * 500 + 42) / 84;
         motor.go(steps);
         let (id, bytes) = grab(&camera, &stream, DEADLINE).unwrap();
@@ -174,7 +174,7 @@ fn the_region_and_every_format_arrive_as_configured() {
     }
 }
 
-/// 40 frames of 180 packets at 5 % loss: 360 packets are expected to be lost, so that none being lost is out of the question.
+/// 40 frames of 180 packets at 5 % loss: 360 lost packets are expected, so that a run without any loss is practically impossible.
 #[test]
 fn resend_repairs_five_percent_loss() {
     let rig = rig(TestCard::new(512, 512));
@@ -193,7 +193,7 @@ fn resend_repairs_five_percent_loss() {
 }
 
 #[test]
-fn lost_frames_and_deaf_triggers_are_silent_and_the_next_trigger_works() {
+fn after_lost_frames_and_ignored_triggers_the_next_trigger_works() {
     let rig = rig(TestCard::new(256, 64));
     let camera = open(&rig);
     camera.set_trigger("Software").unwrap();
@@ -205,7 +205,7 @@ fn lost_frames_and_deaf_triggers_are_silent_and_the_next_trigger_works() {
     rig.faults().camera().ignore_triggers(1);
     assert!(grab(&camera, &stream, short).is_none());
     let (id, _) = grab(&camera, &stream, DEADLINE).unwrap();
-    assert_eq!(id, 2, "the dropped frame took a number, the deaf trigger did not");
+    assert_eq!(id, 2, "the dropped frame has a number, the ignored trigger has none");
     assert_eq!(rig.exposures().iter().map(|e| e.sent).collect::<Vec<_>>(), [false, true]);
 }
 
@@ -226,7 +226,7 @@ fn free_run_needs_no_trigger_and_single_frame_mode_sends_one() {
     drop(live);
     camera.set_acquisition_mode(AcquisitionMode::SingleFrame).unwrap();
     let before = {
-        // A frame under way when the acquisition was stopped is still in the log.
+        // A frame that was being sent when the acquisition was stopped is in the log.
         let mut last = rig.exposures().len();
         eventually("the camera goes on after the stop", || {
             std::thread::sleep(Duration::from_millis(20));
@@ -242,7 +242,7 @@ fn free_run_needs_no_trigger_and_single_frame_mode_sends_one() {
 }
 
 #[test]
-fn one_host_controls_at_a_time_and_theft_is_noticed() {
+fn one_host_has_control_at_a_time_and_notices_when_another_takes_it() {
     let rig = rig(TestCard::new(256, 64));
     let camera = open(&rig);
     let second = Camera::new(Some(&rig.camera_address().to_string())).unwrap();
@@ -261,12 +261,12 @@ fn a_mute_control_channel_times_out_and_recovers() {
     rig.faults().camera().mute_control(true);
     assert!(camera.set_exposure_time(3000.0).is_err());
     rig.faults().camera().mute_control(false);
-    // Reads only: aravis gave up after about as long as the heartbeat lasts, so control may have fallen free meanwhile.
-    assert_eq!(camera.exposure_time().unwrap(), 1000.0, "the muted write never arrived");
+    // Reads only. The timeout of aravis is about as long as the heartbeat, so control may be lost meanwhile.
+    assert_eq!(camera.exposure_time().unwrap(), 1000.0, "the muted write has not arrived");
 }
 
 #[test]
-fn rigs_stand_side_by_side_and_a_taken_address_is_said() {
+fn two_rigs_run_side_by_side_and_a_used_address_is_an_error() {
     let (a, b) = (rig(TestCard::new(256, 64)), rig(TestCard::new(256, 64)));
     assert_ne!(a.camera_address(), b.camera_address());
     assert_ne!(a.camera_serial(), b.camera_serial());
@@ -279,7 +279,7 @@ fn rigs_stand_side_by_side_and_a_taken_address_is_said() {
     let address = a.camera_address();
     drop(a);
     let settings = RigSettings { camera: CameraAddress::Fixed(address), ..RigSettings::default() };
-    // Another test's rig may have taken the first free address meanwhile.
+    // The rig of another test may have taken the first free address meanwhile.
     match Rig::start(settings, Arc::new(TestCard::new(256, 64))) {
         Ok(again) => assert_eq!(again.camera_address(), address),
         Err(RigError::AddressInUse(_)) => {}
@@ -287,9 +287,9 @@ fn rigs_stand_side_by_side_and_a_taken_address_is_said() {
     }
 }
 
-/// A crashed host keeps the camera until its heartbeat has run out, and no longer.
+/// A crashed host keeps control of the camera until its heartbeat has run out.
 #[test]
-fn control_falls_free_when_the_heartbeat_runs_out() {
+fn control_is_free_when_the_heartbeat_has_run_out() {
     let rig = rig(TestCard::new(256, 64));
     let host = || {
         let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -311,5 +311,5 @@ fn control_falls_free_when_the_heartbeat_runs_out() {
     assert_eq!(write(&crashed, 0x938, 500), 0);
     assert_eq!(write(&next, 0xa00, 2), 0x8006, "access denied");
     eventually("control falls free", || write(&next, 0xa00, 2) == 0);
-    assert_eq!(write(&crashed, 0x938, 500), 0x8006, "the old owner is out");
+    assert_eq!(write(&crashed, 0x938, 500), 0x8006, "the old host has lost control");
 }

@@ -1,4 +1,4 @@
-//! The serial door, opened as a host opens it: by `serialport`, byte for byte.
+//! Tests of the emulated serial port with the crate `serialport`, as a host uses it.
 
 #![allow(clippy::unwrap_used, clippy::float_cmp)]
 
@@ -26,7 +26,7 @@ impl Host {
         Self { port, heard: String::new() }
     }
 
-    /// Opened, greeted and unlocked.
+    /// A host that has opened the port, read the greeting and unlocked the controller.
     fn ready(rig: &Rig) -> Self {
         let mut host = Self::open(rig);
         host.expect("to unlock]\r\n");
@@ -38,7 +38,7 @@ impl Host {
         self.port.write_all(bytes).unwrap();
     }
 
-    /// Reads until `end` was heard; returns all up to it.
+    /// Reads up to `end`. Returns everything up to it.
     fn expect(&mut self, end: &str) -> String {
         let deadline = Instant::now() + DEADLINE;
         loop {
@@ -76,7 +76,7 @@ fn opening_the_port_resets_the_board_and_it_greets_once() {
     host.ask("G91 G0 X1", "ok\r\n");
     host.ask("G4 P0.01", "ok\r\n");
     assert!(host.status().contains("MPos:1.000"));
-    // Bytes that nobody reads are gone with the close, and so is the exclusive lock.
+    // The close drops unread bytes and the exclusive lock.
     host.send(b"$$\n");
     drop(host);
     let mut again = Host::ready(&rig);
@@ -84,7 +84,7 @@ fn opening_the_port_resets_the_board_and_it_greets_once() {
 }
 
 #[test]
-fn homing_moving_and_the_barrier_over_the_wire() {
+fn homing_moving_and_waiting_for_the_planner_over_the_port() {
     let rig = rig(RigSettings::default());
     let mut host = Host::ready(&rig);
     assert_eq!(host.ask("$H", "ok\r\n"), "ok\r\n");
@@ -96,7 +96,7 @@ fn homing_moving_and_the_barrier_over_the_wire() {
 }
 
 #[test]
-fn a_stop_on_the_wire_stops_the_shaft() {
+fn a_reset_over_the_port_stops_the_shaft() {
     let rig = rig(RigSettings::default());
     let mut host = Host::ready(&rig);
     let start = rig.shaft().angle_rad();
@@ -126,7 +126,7 @@ fn a_reboot_in_motion_is_silent() {
 }
 
 #[test]
-fn a_pulled_cable_hangs_up_and_comes_back_behind_the_link() {
+fn an_unplugged_cable_closes_the_port_and_comes_back_at_the_link() {
     let folder = tempfile::tempdir().unwrap();
     let link = folder.path().join("motor");
     let rig = rig(RigSettings { serial_link: Some(link.clone()), ..RigSettings::default() });
@@ -145,7 +145,7 @@ fn a_pulled_cable_hangs_up_and_comes_back_behind_the_link() {
 }
 
 #[test]
-fn late_and_lost_answers() {
+fn answers_can_be_delayed_and_lost() {
     let rig = rig(RigSettings::default());
     let mut host = Host::ready(&rig);
     rig.faults().serial().drop_oks(1);

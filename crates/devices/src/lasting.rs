@@ -135,72 +135,45 @@ impl RotationAxis for Lasting {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+    use crate::testing::{AxisLog, FakeAxis};
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Arc, Mutex};
 
+    /// A controller at a port, and the axes that were opened there.
     #[derive(Default)]
     struct Bench {
         unplugged: AtomicBool,
         held: AtomicBool,
-        opened: AtomicU32,
-        let_go: AtomicU32,
+        opened: Mutex<Vec<AxisLog>>,
     }
 
-    struct Fake(Arc<Bench>, Position);
-
-    impl Fake {
-        /// Opened also while it is held.
-        fn open(bench: &Arc<Bench>) -> Result<Box<dyn RotationAxis>, DeviceError> {
-            let fake = Self(Arc::clone(bench), Position::Unknown);
-            match fake.answers() {
+    impl Bench {
+        /// The axis can be opened while a person holds it.
+        fn open(self: &Arc<Self>) -> Result<Box<dyn RotationAxis>, DeviceError> {
+            match self.answer() {
                 Ok(()) | Err(DeviceError::Intervention { .. }) => {}
                 Err(error) => return Err(error),
             }
-            bench.opened.fetch_add(1, Ordering::SeqCst);
-            Ok(Box::new(fake))
+            let bench = Arc::clone(self);
+            let axis = FakeAxis::new().answering(move || bench.answer());
+            self.opened.lock().unwrap().push(axis.log());
+            Ok(Box::new(axis))
         }
 
-        fn answers(&self) -> Result<(), DeviceError> {
-            if self.0.unplugged.load(Ordering::SeqCst) {
+        fn answer(&self) -> Result<(), DeviceError> {
+            if self.unplugged.load(Ordering::SeqCst) {
                 Err(DeviceError::Gone { device: "fake", why: "unplugged".into() })
-            } else if self.0.held.load(Ordering::SeqCst) {
+            } else if self.held.load(Ordering::SeqCst) {
                 Err(DeviceError::Intervention { device: "fake", what: "feed hold".into(), way_out: "Press cycle start" })
             } else {
                 Ok(())
             }
         }
-    }
 
-    impl Drop for Fake {
-        fn drop(&mut self) {
-            self.0.let_go.fetch_add(1, Ordering::SeqCst);
-        }
-    }
-
-    impl RotationAxis for Fake {
-        fn identity(&self) -> &'static str {
-            "fake"
-        }
-        fn capabilities(&self) -> Capabilities {
-            Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
-        }
-        fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-            self.answers()?;
-            self.1 = Position::Referenced { steps: Steps(0), epoch: 1 + epoch(self.1) };
-            Ok(Achieved { steps: Steps(0), epoch: epoch(self.1) })
-        }
-        fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-            self.answers()?;
-            Ok(Achieved { steps: target, epoch: epoch(self.1) })
-        }
-        fn check(&mut self) -> Result<(), DeviceError> {
-            self.answers()
-        }
-        fn position(&self) -> Position {
-            self.1
-        }
-        fn stop_handle(&self) -> StopHandle {
-            StopHandle::new(|| ())
+        /// How many axes were opened, and how many of them were closed.
+        fn opened_and_closed(&self) -> (usize, usize) {
+            let opened = self.opened.lock().unwrap();
+            (opened.len(), opened.iter().filter(|log| log.is_closed()).count())
         }
     }
 
@@ -208,31 +181,31 @@ mod tests {
     fn a_lost_axis_lets_its_port_go_and_comes_back_in_a_later_epoch() {
         let bench = Arc::new(Bench::default());
         let shared = Arc::clone(&bench);
-        let mut axis = Lasting::open(move || Fake::open(&shared)).unwrap();
+        let mut axis = Lasting::open(move || shared.open()).unwrap();
         let cancel = CancelToken::new();
         assert_eq!(axis.reference(&cancel).unwrap().epoch, 1);
         axis.check().unwrap();
         bench.unplugged.store(true, Ordering::SeqCst);
         assert!(matches!(axis.move_to(Steps(1)), Err(DeviceError::Gone { .. })));
-        assert_eq!(bench.let_go.load(Ordering::SeqCst), 1, "the port is free");
+        assert_eq!(bench.opened_and_closed(), (1, 1), "the port is free");
         assert!(matches!(axis.position(), Position::Suspect { epoch: 2 }));
         assert!(axis.check().is_err() && axis.move_to(Steps(1)).is_err());
         bench.unplugged.store(false, Ordering::SeqCst);
         assert!(axis.move_to(Steps(1)).is_err(), "nobody has opened it yet");
         axis.check().unwrap();
-        assert_eq!(bench.opened.load(Ordering::SeqCst), 2);
+        assert_eq!(bench.opened_and_closed(), (2, 1));
         assert_eq!(axis.position(), Position::Unknown);
-        assert_eq!(axis.reference(&cancel).unwrap().epoch, 3, "a view of before never meets one of after");
+        assert_eq!(axis.reference(&cancel).unwrap().epoch, 3, "views from before and after never share an epoch");
     }
 
     #[test]
-    fn an_axis_that_comes_back_while_a_person_has_it_says_so_and_keeps_its_port() {
+    fn an_axis_that_comes_back_while_a_person_holds_it_reports_that_and_keeps_its_port() {
         let bench = Arc::new(Bench::default());
         let shared = Arc::clone(&bench);
-        let mut axis = Lasting::open(move || Fake::open(&shared)).unwrap();
+        let mut axis = Lasting::open(move || shared.open()).unwrap();
         bench.unplugged.store(true, Ordering::SeqCst);
         assert!(matches!(axis.check(), Err(DeviceError::Gone { .. })));
-        assert_eq!(axis.identity(), "fake", "known while it is away");
+        assert_eq!(axis.identity(), "fake axis", "known while it is lost");
         bench.unplugged.store(false, Ordering::SeqCst);
         bench.held.store(true, Ordering::SeqCst);
         for _ in 0..2 {
@@ -240,6 +213,6 @@ mod tests {
         }
         bench.held.store(false, Ordering::SeqCst);
         axis.check().unwrap();
-        assert_eq!((bench.opened.load(Ordering::SeqCst), bench.let_go.load(Ordering::SeqCst)), (2, 1));
+        assert_eq!(bench.opened_and_closed(), (2, 1));
     }
 }

@@ -18,6 +18,8 @@ pub mod camera;
 pub mod cancel;
 pub mod rotation;
 pub mod sampler;
+#[cfg(any(test, feature = "testing"))]
+pub mod testing;
 
 mod error;
 mod lasting;

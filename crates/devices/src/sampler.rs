@@ -185,7 +185,7 @@ impl Sampler for LoaderSampler {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sampler::trigger::tests::Wired;
+    use crate::testing::FakeAxis;
 
     #[test]
     fn a_message_for_another_well_does_not_count_and_a_cancel_ends_the_wait() {
@@ -193,7 +193,7 @@ mod tests {
         let gate = LoaderGate::default();
         let cancel = CancelToken::default();
         let mut sampler = LoaderSampler::new(gate.clone());
-        let mut axis = Wired::default();
+        let mut axis = FakeAxis::new();
         gate.say_loaded("A01");
         assert_eq!(sampler.load(&mut axis, well("A01"), &cancel).unwrap(), Some(Loaded::default()));
         gate.say_loaded("A02");
@@ -208,9 +208,9 @@ mod tests {
         let mut sampler = LoaderSampler::new(gate.clone());
         let expected = Expected { well: "A01", bead: false, dpf: None };
         gate.give_up();
-        assert_eq!(sampler.load(&mut Wired::default(), expected, &CancelToken::default()).unwrap(), None);
+        assert_eq!(sampler.load(&mut FakeAxis::new(), expected, &CancelToken::default()).unwrap(), None);
         gate.clear();
         gate.say_loaded("A01");
-        assert_eq!(sampler.load(&mut Wired::default(), expected, &CancelToken::default()).unwrap(), Some(Loaded::default()));
+        assert_eq!(sampler.load(&mut FakeAxis::new(), expected, &CancelToken::default()).unwrap(), Some(Loaded::default()));
     }
 }

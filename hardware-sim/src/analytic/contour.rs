@@ -1,22 +1,22 @@
-//! Where rays from the camera's centre graze a solid: the points that its outline is the image of.
+//! The contour generator of a solid: the points where rays from the projection centre are tangent to it. Their image is the outline.
 //!
 //! ```text
 //!        t+ pi                     F(t) = n(t) . (X(t) - C) = x_s (h - C_y cos t - C_z sin t) - h_s (x - C_x)
-//!     ____---____   X1             is below 0 where the camera sees the surface and above 0 behind:
+//!     ____---____   X1             is below 0 on the side of the camera and above 0 behind:
 //!    /   slice    \ .              two zeros per slice, near tc +- pi/2 as C is far away
 //!   |      +       | . ---> C
-//!    \____________/ .    tc        towards a tip that is seen from aslant, one sign is lost and the two zeros
-//!           ---     X2             meet: there the contour turns back
+//!    \____________/ .    tc        near a tip that is seen obliquely F has one sign only: the two zeros
+//!           ---     X2             meet, and the contour turns back
 //! ```
 
 use super::loft::Loft;
 use super::slice::{Slice, Support};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// A zero of F is known to this.
+/// Accuracy of a zero of F, rad.
 const EXACT_RAD: f64 = 1e-9;
 
-/// A camera's centre as the solid's own frame has it.
+/// The projection centre of a camera, in the frame of the solid, um.
 #[derive(Debug, Clone, Copy)]
 struct Eye {
     at: [f64; 3],
@@ -39,12 +39,12 @@ impl Eye {
         (f, f_t)
     }
 
-    /// Whether both zeros are plain: the second term of F moves them by less than 30 degrees.
+    /// Whether both zeros are simple: the second term of F moves them by less than 30 degrees.
     fn is_plain(&self, slice: &Slice) -> bool {
         slice.steepest() * (slice.x - self.at[0]).abs() < 0.5 * slice.x_s * self.away
     }
 
-    /// A plain zero, by Newton's steps from close to it.
+    /// A simple zero, by Newton's method from a nearby start.
     fn zero_near(&self, slice: &Slice, mut t: f64) -> f64 {
         for _ in 0..20 {
             let (f, f_t) = self.facing(slice, &slice.support(t));
@@ -57,7 +57,7 @@ impl Eye {
         t
     }
 
-    /// The zero between two directions in which F has unlike signs: Newton's steps, halved where they leave.
+    /// The zero between two directions in which F has opposite signs: Newton's method, with bisection where a step leaves the interval.
     fn zero_between(&self, slice: &Slice, mut below: f64, mut above: f64) -> f64 {
         let mut t = f64::midpoint(below, above);
         for _ in 0..60 {
@@ -91,7 +91,7 @@ impl Eye {
     }
 }
 
-/// The closed line on a solid that is grazed from `eye`, both in the solid's frame (um).
+/// The contour generator of a solid for the projection centre `eye`: a closed line. Both are in the frame of the solid, um.
 pub fn contour(loft: &Loft, eye: [f64; 3]) -> Vec<[f64; 3]> {
     let eye = Eye::new(eye);
     let plain = |slice: &Slice| eye.is_plain(slice);
@@ -99,7 +99,7 @@ pub fn contour(loft: &Loft, eye: [f64; 3]) -> Vec<[f64; 3]> {
     let along = &loft.slices[first..=last];
     let first_tip = tip(loft, &eye, 0.0, &along[0]);
     let last_tip = tip(loft, &eye, loft.solid.span(), &along[along.len() - 1]);
-    // Both sides from the first tip to the last; where they meet is one point.
+    // Both sides from the first tip to the last. They share the point where they meet.
     let mut there: Vec<[f64; 3]> = first_tip.iter().map(|pair| pair[0]).collect();
     let mut back: Vec<[f64; 3]> = first_tip.iter().skip(1).map(|pair| pair[1]).collect();
     let (mut t1, mut t2) = (eye.towards + FRAC_PI_2, eye.towards - FRAC_PI_2);
@@ -128,7 +128,7 @@ fn tip(loft: &Loft, eye: &Eye, pole: f64, from: &Slice) -> Vec<[[f64; 3]; 2]> {
         let (f, _) = eye.facing(slice, &slice.support(t));
         (t, sign * f > 0.0)
     };
-    // The pole itself has no section; this is as near as it need be.
+    // The pole itself has no section. This is near enough.
     let (mut none, mut both) = (1e-7, 1.0);
     if meets(&at(none)).1 {
         both = none;
@@ -142,7 +142,7 @@ fn tip(loft: &Loft, eye: &Eye, pole: f64, from: &Slice) -> Vec<[[f64; 3]; 2]> {
     let edge = |slice: &Slice| {
         let (t, _) = meets(slice);
         let opposite = if sign > 0.0 { t - PI } else { t + PI };
-        // From where the camera sees the surface to where it does not, either way round.
+        // From the side of the camera to the other side, in both directions.
         let (seen, hidden) = if sign > 0.0 { (opposite, t) } else { (t, opposite) };
         let around = |t: f64| slice.point(&slice.support(t));
         let way = if sign > 0.0 { [(seen, hidden), (seen + 2.0 * PI, hidden)] } else { [(seen, hidden), (seen, hidden - 2.0 * PI)] };

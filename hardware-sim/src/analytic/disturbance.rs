@@ -1,5 +1,5 @@
-//! What comes between a phantom and its views: a camera that is not where it was said to be, an axis that slips, a specimen
-//! that shakes, uneven edges, and views that are wrong. Everything is drawn from one seed.
+//! Disturbances between a phantom and its views: an error of the camera, an axis that slips, a specimen that shakes, uneven edges, and
+//! wrong views. All are drawn from one seed.
 //!
 //! ```text
 //!   omega_i = rho plan_i + jitter_i (the first is exact)       v = v(uy + offset, gamma, alpha) + dy_i + noise along the edge
@@ -10,23 +10,23 @@ use crate::scene::Camera;
 use crate::scene::seeded::{Seeded, mixed};
 use serde::{Deserialize, Serialize};
 
-/// A view that is not what it should be. Views are counted from 0.
+/// A wrong view. Views are numbered from 0.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Fault {
-    /// Nothing was found in this view.
+    /// No outline was found in this view.
     Blank { view: usize },
-    /// The profile grows by a blob from its upper side to the wall of the bore: middle and full width of the blob's foot along u.
+    /// A blob joins the upper side of the profile to the wall of the bore. Middle and full width of its foot along u, px.
     Leak { view: usize, at_u_px: f64, width_px: f64, bore_radius_um: f64 },
-    /// The whole view is shifted.
+    /// The whole view is shifted, px.
     Jump { view: usize, u_px: f64, v_px: f64 },
-    /// From this view on the specimen lies elsewhere: rolled about the capillary's axis, then moved.
+    /// From this view on the specimen has another pose: rolled about the axis of the capillary, then moved.
     Moved { from: usize, by: Pose },
-    /// The specimen lies so that its tail (the +x end) reaches this far beyond the sensor's right rim.
+    /// The tail (the +x end) of the specimen extends this far beyond the right border of the sensor.
     Clipped { beyond_um: f64 },
 }
 
-/// Everything that is not nominal. The default disturbs nothing.
+/// All deviations from the nominal rig. The default has none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Disturbance {
@@ -35,14 +35,14 @@ pub struct Disturbance {
     pub uy_px: f64,
     pub gamma_rad: f64,
     pub alpha_rad: f64,
-    /// Standard deviation of each view's angle but the first's.
+    /// Standard deviation of the angle of each view, rad. The first angle is exact.
     pub omega_jitter_rad: f64,
-    /// True angle per planned one: 1 where nothing slips.
+    /// True angle over planned angle: 1 without slip.
     pub rho: f64,
-    /// Standard deviation of each view's own shift along v.
+    /// Standard deviation of the shift of each view along v, px.
     pub dy_px: f64,
-    /// Standard deviation of the edge along its normal, and the length along the edge over which it stays alike (correlation
-    /// exp(-1/2) at this distance; at least half a pixel). Views are independent.
+    /// Standard deviation of the edge along its normal, px, and its correlation length along the edge, px. The correlation is
+    /// exp(-1/2) at this distance. It is at least half a pixel. Views are independent.
     pub edge_noise_px: f64,
     pub edge_correlation_px: f64,
     pub faults: Vec<Fault>,
@@ -75,8 +75,8 @@ pub(super) enum Stream {
 }
 
 impl Disturbance {
-    /// The drift of one day as it is to be solved: uy within 20 px, gamma within 1 deg and alpha within 0.3 deg, angles 0.5 deg, views 0.4 px
-    /// and edges 0.3 px (standard deviations).
+    /// The drift of one day that a calibration must solve: uy within 20 px, gamma within 1 deg, alpha within 0.3 deg. Standard
+    /// deviations: angles 0.5 deg, views 0.4 px, edges 0.3 px.
     pub fn drift(seed: u64) -> Self {
         let mut s = stream(seed, Stream::Drift, 0);
         Self {
@@ -91,7 +91,7 @@ impl Disturbance {
         }
     }
 
-    /// The camera that really looks.
+    /// The true camera.
     pub fn camera(&self, nominal: &Camera) -> Camera {
         Camera {
             uy_px: nominal.uy_px + self.uy_px,
@@ -107,11 +107,11 @@ impl Disturbance {
     }
 
     pub(super) fn shift_px(&self, view: usize) -> f64 {
-        // Plus 0: without shifts it is 0, not -0.
+        // Adding 0 turns -0 into 0 if there is no shift.
         self.stream(Stream::Shift, view).normal(self.dy_px) + 0.0
     }
 
-    /// Where the specimen lies in a view.
+    /// The pose of the specimen in a view.
     pub(super) fn pose(&self, view: usize, phantom: &Phantom, camera: &Camera) -> Pose {
         let mut pose = phantom.pose();
         for fault in &self.faults {

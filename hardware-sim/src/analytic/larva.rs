@@ -1,4 +1,4 @@
-//! A larva-like solid, smooth from end to end: what an outline's place, a volume and an area can be worked out of exactly.
+//! A larva-like solid that is smooth from end to end, so that its outline, volume and area can be computed exactly.
 //!
 //! ```text
 //!      ___-------________
@@ -7,7 +7,7 @@
 //!         ------                              waves of order 2 to 4 make sections deeper than wide, and lopsided
 //!     head          fin fold: a thin ellipse in every slice, from the middle to behind the tail
 //! ```
-//! Girth and depth along the body are those of the drawing that [`crate::scene::Larva`] is made of, smoothed.
+//! Girth and depth along the body are those of the drawing of [`crate::scene::Larva`], smoothed.
 
 use super::slice::{HARMONICS, Section, Slice};
 use crate::scene::phantom::LarvaError;
@@ -21,7 +21,7 @@ const GIRTH: [[f64; TERMS]; 2] =
     [[3.963, -0.976, 0.154, 0.061, 0.028, 0.002, 0.073, 0.013], [3.847, -0.933, 0.160, 0.053, 0.022, 0.030, 0.043, 0.030]];
 /// The centre line's height, thousandths of the length, up to order 2 in -cos s.
 const RISE: [[f64; 3]; 2] = [[9.1, -21.8, 1.8], [10.2, -19.9, 2.0]];
-/// How much deeper than wide: mean and growth towards the tail of the second harmonic, in parts of the mean radius.
+/// Second harmonic, which makes sections deeper than wide: its mean and its growth towards the tail, relative to the mean radius.
 const DEPTH: [[f64; 2]; 2] = [[0.165, 0.035], [0.11, 0.06]];
 
 /// A larva's body.
@@ -35,14 +35,14 @@ pub struct Body {
     bend_um: [f64; 2],
     phase: [f64; 2],
     depth: [f64; 2],
-    /// Of each harmonic from 2 on, as part of the mean radius: (cos, sin), plus the same times sin of the slice's phase.
+    /// Harmonics from order 2 on, relative to the mean radius: (cos, sin), and the same to be multiplied by sin of the slice's phase.
     lopsided: [[f64; 2]; HARMONICS],
     lopsided_by_place: [[f64; 2]; HARMONICS],
 }
 
 impl Body {
     /// # Errors
-    /// Refuses ages other than 3, 4 and 5 dpf.
+    /// The age is not 3, 4 or 5 dpf.
     pub fn new(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
         // Length and volume at the age; youth is 1 at 3 dpf.
         let (length_um, volume_um3, youth) = match dpf {
@@ -59,7 +59,7 @@ impl Body {
         let mut body = Self {
             length_um,
             girth: 1.0,
-            // Higher terms bend the girth more: they vary less.
+            // Higher terms change the girth more steeply, so they vary less.
             terms: std::array::from_fn(|j| mix([GIRTH[0][j], GIRTH[1][j]]) + s.normal(0.03 / (1.0 + j as f64))),
             rise_um: std::array::from_fn(|j| 1e-3 * length_um * mix([RISE[0][j], RISE[1][j]])),
             bend_um: [s.normal(20.0), s.normal(20.0)],
@@ -68,12 +68,12 @@ impl Body {
             lopsided: std::array::from_fn(|k| [s.normal(LOPSIDED[k]), s.normal(LOPSIDED[k])]),
             lopsided_by_place: std::array::from_fn(|k| [s.normal(LOPSIDED[k]), s.normal(LOPSIDED[k])]),
         };
-        // Sections grow with the square of the girth, whatever the centre line does.
+        // The area of sections grows with the square of the girth.
         body.girth = (volume_um3 / super::truth::volume_um3(&super::loft::Solid::Body(body.clone()))).sqrt();
         Ok(body)
     }
 
-    /// The centre line at `c` = -cos s, and its derivative by c. Defined beyond the tail too, where the fin fold follows it.
+    /// The centre line at `c` = -cos s, and its derivative by c. It is also defined beyond the tail, for the fin fold.
     fn centre(&self, c: f64) -> ([f64; 2], [f64; 2]) {
         let [r0, r1, r2] = self.rise_um;
         let [by, bz] = self.bend_um;
@@ -136,15 +136,15 @@ fn chebyshev(terms: &[f64; TERMS], c: f64) -> (f64, f64) {
     (sum, sum_c)
 }
 
-/// The fin fold of a body: in each slice an ellipse around the body's centre line, some micrometres thick. It begins inside
-/// the body and ends behind it, so that it takes the body's last tip in.
+/// The fin fold of a body: in each slice an ellipse around the centre line of the body, some micrometres thick. It begins inside the
+/// body and ends behind it, so that it encloses the tip of the tail.
 #[derive(Debug, Clone)]
 pub struct Plate {
     body: Body,
     half_length_um: f64,
     middle_um: f64,
     half_height_um: f64,
-    /// How much more of the height lies towards the tail.
+    /// How much the height grows towards the tail.
     blunt: f64,
     half_thickness_um: f64,
 }
@@ -174,13 +174,13 @@ impl Plate {
         Slice { s, x, x_s, centre, centre_s: by_c.map(|d| d * x_s / half_body), section: Section::Ellipse { half, half_s } }
     }
 
-    /// The slice at a place along the capillary, where the plate has one.
+    /// The slice at a position along the capillary. `None` outside the plate.
     pub fn slice_at(&self, x_um: f64) -> Option<Slice> {
         let [from, to] = self.ends_um();
         (from < x_um && x_um < to).then(|| self.slice(self.angle_at(x_um)))
     }
 
-    /// The s of a place between the ends.
+    /// The parameter s of a position between the ends.
     pub fn angle_at(&self, x_um: f64) -> f64 {
         ((self.middle_um - x_um) / self.half_length_um).clamp(-1.0, 1.0).acos()
     }
@@ -196,7 +196,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn slices_are_convex_and_change_as_they_say() {
+    fn slices_are_convex_and_their_derivatives_agree_with_differences() {
         for (dpf, seed) in (0..60).flat_map(|seed| [3, 4, 5].map(|dpf| (dpf, seed))) {
             let body = Body::new(dpf, seed).unwrap();
             let plate = Plate::new(&body, seed);
@@ -219,13 +219,13 @@ mod tests {
     }
 
     #[test]
-    fn the_plate_begins_in_the_body_and_takes_its_tail_in() {
+    fn the_plate_begins_in_the_body_and_encloses_its_tail() {
         for seed in 0..40 {
             let body = Body::new(3 + (seed % 3) as u8, seed).unwrap();
             let plate = Plate::new(&body, seed);
             let [from, to] = plate.ends_um();
             assert!(to > body.length_um / 2.0);
-            // At first it is held in every direction, in the tail's last slice it holds the body's height.
+            // Its first slice lies inside the body. In the last slice of the tail it is higher than the body.
             let (first, last) = (plate.slice_at(from + 1.0).unwrap(), body.slice(PI - 1e-3));
             let around = body.slice((-first.x / (body.length_um / 2.0)).acos());
             let behind = plate.slice_at(last.x).unwrap();

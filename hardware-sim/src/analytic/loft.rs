@@ -1,4 +1,4 @@
-//! Solids given slice by slice: what each slice is, and where to cut them so that outlines are smooth.
+//! Solids that are given slice by slice, and the spacing of slices that makes outlines smooth.
 //!
 //! ```text
 //!   ellipsoid   ( | | | | )     x = -a cos s, half axes times sin s
@@ -21,7 +21,7 @@ pub enum Solid {
 }
 
 impl Solid {
-    /// s runs from 0 to this.
+    /// The largest s. The smallest is 0.
     pub fn span(&self) -> f64 {
         match self {
             Self::Capsule { radius_um, half_cylinder_um } => PI + 2.0 * half_cylinder_um / radius_um,
@@ -55,11 +55,11 @@ fn on_axis(s: f64, [x, x_s]: [f64; 2], half: [f64; 2], half_s: [f64; 2]) -> Slic
     Slice { s, x, x_s, centre: [0.0; 2], centre_s: [0.0; 2], section: Section::Ellipse { half, half_s } }
 }
 
-/// A solid with its slices laid out.
+/// A solid with its computed slices.
 #[derive(Debug, Clone)]
 pub struct Loft {
     pub solid: Solid,
-    /// In growing s, without both poles.
+    /// In the order of s, without the two poles.
     pub slices: Vec<Slice>,
 }
 

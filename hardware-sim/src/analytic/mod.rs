@@ -1,11 +1,11 @@
-//! Profiles of solids of known volume and area, without rendering: thousands of specimens to hold a calibration and a
-//! measurement against.
+//! Profiles of solids with known volume and area, without rendering. They make it possible to test a calibration and a measurement
+//! with thousands of specimens.
 //!
 //! ```text
-//!   Solid ── support function per slice ──► contour: where rays graze it ──► project ──► union ──► outline (px)
-//!     └────► truth: volume, area, ideal hull                                                │
-//!                                          Disturbance (seeded): camera off, slip, jitter ──┘──► views
-//!                                          shifts, uneven edges, faults
+//!   Solid ── support function per slice ──► contour generator ──► project ──► union ──► outline (px)
+//!     └────► truth: volume, area, ideal hull                                     │
+//!                         Disturbance (seeded): camera error, slip, jitter ──────┴──► views
+//!                                               shifts, uneven edges, faults
 //! ```
 //! Camera, angles and outlines are those of [`crate::scene`]; units um, px, rad.
 

@@ -1,4 +1,4 @@
-//! A specimen that is seen by formulas: its solids, where it lies, what it truly measures and what outline it casts.
+//! A specimen that is given by formulas: its solids, its pose, its true values and its outlines.
 
 use super::contour::contour;
 use super::larva::{Body, Plate};
@@ -12,7 +12,7 @@ use crate::scene::{Camera, Outline, Truth};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// Where a phantom lies: rolled about its own x axis, then moved. It turns with the capillary.
+/// The pose of a phantom: rolled about its own x axis, then moved. It turns with the capillary. um and rad.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Pose {
@@ -23,7 +23,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// As a specimen may come to lie: up to 100 um along, 40 um across, rolled by any angle.
+    /// A random pose: up to 100 um along and 40 um across the capillary, rolled by any angle.
     pub fn seeded(seed: u64) -> Self {
         let mut s = Seeded::new(mixed(seed ^ 0x905E));
         Self { x_um: s.between(-100.0, 100.0), y_um: s.between(-40.0, 40.0), z_um: s.between(-40.0, 40.0), roll_rad: s.between(0.0, TAU) }
@@ -34,14 +34,14 @@ impl Pose {
         [x + self.x_um, y * cos - z * sin + self.y_um, y * sin + z * cos + self.z_um]
     }
 
-    /// Undoes [`Pose::place`].
+    /// The inverse of [`Pose::place`].
     fn own(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let (sin, cos) = self.roll_rad.sin_cos();
         let (y, z) = (y - self.y_um, z - self.z_um);
         [x - self.x_um, y * cos + z * sin, z * cos - y * sin]
     }
 
-    /// The same, then rolled about the capillary's axis and moved.
+    /// This pose, then rolled about the axis of the capillary and moved.
     #[must_use]
     pub fn moved(&self, by: &Self) -> Self {
         let [x_um, y_um, z_um] = by.place([self.x_um, self.y_um, self.z_um]);
@@ -55,10 +55,10 @@ pub enum SizeError {
     TooSmall { name: &'static str, found: f64, above: f64 },
 }
 
-/// Something with a truth and with outlines.
+/// A specimen with true values and outlines.
 #[derive(Debug, Clone)]
 pub struct Phantom {
-    /// The body first; then what else casts a profile.
+    /// The body first, then the other solids that contribute to the outline.
     lofts: Vec<Loft>,
     pose: Pose,
     diameter_um: Option<f64>,
@@ -66,16 +66,16 @@ pub struct Phantom {
 
 impl Phantom {
     /// # Errors
-    /// Refuses a diameter that is no positive length.
+    /// The diameter is not a positive length.
     pub fn sphere(diameter_um: f64) -> Result<Self, SizeError> {
         let radius_um = above("sphere's diameter", diameter_um, 0.0)? / 2.0;
         Ok(Self { diameter_um: Some(diameter_um), ..Self::ellipsoid([radius_um; 3])? })
     }
 
-    /// Half axes along x, y and z.
+    /// An ellipsoid with these half axes along x, y and z, um.
     ///
     /// # Errors
-    /// Refuses half axes that are no positive lengths.
+    /// A half axis is not a positive length.
     pub fn ellipsoid(half_axes_um: [f64; 3]) -> Result<Self, SizeError> {
         for a in half_axes_um {
             above("ellipsoid's half axis", a, 0.0)?;
@@ -86,7 +86,7 @@ impl Phantom {
     /// A cylinder along x between two half spheres.
     ///
     /// # Errors
-    /// Refuses a diameter that is no positive length, and a length that is no larger than the diameter.
+    /// The diameter is not a positive length, or the length is not larger than the diameter.
     pub fn capsule(length_um: f64, diameter_um: f64) -> Result<Self, SizeError> {
         let radius_um = above("capsule's diameter", diameter_um, 0.0)? / 2.0;
         let half_cylinder_um = above("capsule's length", length_um, diameter_um)? / 2.0 - radius_um;
@@ -96,15 +96,15 @@ impl Phantom {
     /// A larva-like body of 3, 4 or 5 dpf without fins.
     ///
     /// # Errors
-    /// Refuses other ages.
+    /// The age is not 3, 4 or 5 dpf.
     pub fn larva(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
         Ok(Self::of(vec![Solid::Body(Body::new(dpf, seed)?)]))
     }
 
-    /// The same body with its fin fold.
+    /// The body of [`Self::larva`] with its fin fold.
     ///
     /// # Errors
-    /// Refuses other ages.
+    /// The age is not 3, 4 or 5 dpf.
     pub fn finned(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
         let body = Body::new(dpf, seed)?;
         let plate = Plate::new(&body, seed);
@@ -125,14 +125,14 @@ impl Phantom {
         self.pose
     }
 
-    /// First and last x of all that casts a profile, as it is placed.
+    /// First and last x of the whole specimen in its pose, um.
     pub fn ends_um(&self) -> [f64; 2] {
         let ends = |loft: &Loft| [loft.solid.slice(0.0).x, loft.solid.slice(loft.solid.span()).x];
         let [from, to] = self.lofts.iter().map(ends).fold([f64::INFINITY, f64::NEG_INFINITY], |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
         [from + self.pose.x_um, to + self.pose.x_um]
     }
 
-    /// Least and greatest x, y and z of all that casts a profile, as it is placed.
+    /// Least and greatest x, y and z of the whole specimen in its pose, um.
     pub fn bounds_um(&self) -> [[f64; 3]; 2] {
         let slices = || self.lofts.iter().flat_map(|loft| &loft.slices);
         let reach = |t: f64| slices().map(|slice| slice.support(t - self.pose.roll_rad).h).fold(f64::NEG_INFINITY, f64::max);
@@ -141,7 +141,7 @@ impl Phantom {
         [[from, y_um - reach(PI), z_um - reach(1.5 * PI)], [to, y_um + reach(0.0), z_um + reach(FRAC_PI_2)]]
     }
 
-    /// Volume and area of the body and of the ideal hull of body and fin fold, by integration: within 1e-5.
+    /// Volume and area of the body and of the ideal hull of body and fin fold, by integration. The relative error is below 1e-5.
     pub fn truth(&self) -> Truth {
         let body = &self.lofts[0].solid;
         let [volume_um3, area_um2] = volume_and_area(body);
@@ -153,8 +153,8 @@ impl Phantom {
         Truth { volume_um3, area_um2, hull_volume_um3, hull_area_um2, length_um, diameter_um: self.diameter_um }
     }
 
-    /// What the camera sees with the axis turned by `omega_rad`: a closed outline, clockwise on the screen, not cut off at the
-    /// sensor's rim.
+    /// The outline that the camera sees when the axis is turned by `omega_rad`, px: closed, clockwise on the screen, not clipped at the
+    /// border of the sensor.
     pub fn outline(&self, camera: &Camera, omega_rad: f64) -> Outline {
         self.outline_at(&self.pose, &camera.view(omega_rad))
     }

@@ -1,4 +1,4 @@
-//! Outlines as pixels: exactly how much of each pixel lies within.
+//! Coverage of pixels by outlines: the exact part of each pixel that lies inside.
 //!
 //! ```text
 //!        row    0  0 .4  1  1  1 .7  0     each side of the outline adds, in every row that it passes, its height there to
@@ -8,15 +8,15 @@
 
 use crate::scene::{Coverage, Outline};
 
-/// Coverage by outlines that lie within the sensor, run clockwise and do not overlap.
+/// Coverage by outlines. They must lie within the sensor, run clockwise and not overlap.
 pub fn coverage(outlines: &[Outline], width: u32, height: u32) -> Coverage {
     let (columns, rows) = (width as usize, height as usize);
-    // One pixel more at the right takes what lies on the sensor's rim.
+    // One more pixel at the right takes what lies on the border of the sensor.
     let stride = columns + 2;
     let mut changes = vec![0.0f64; stride * rows];
     for outline in outlines {
         for (p, q) in outline.iter().zip(outline.iter().cycle().skip(1)) {
-            // From here on pixels end at integers.
+            // From here on pixel borders are at integers.
             let place = |[u, v]: [f64; 2]| [(u + 0.5).clamp(0.0, f64::from(width)), (v + 0.5).clamp(0.0, f64::from(height))];
             add_side(&mut changes, stride, place(*p), place(*q));
         }
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn a_pixel_is_covered_by_what_of_it_lies_within() {
+    fn coverage_is_the_part_of_a_pixel_inside_the_outline() {
         assert_exact(&vec![[2.3, 1.2], [9.4, 3.9], [7.1, 8.25], [6.9, 4.4], [1.0, 7.7]], 12, 10);
         assert_exact(&vec![[-0.5, -0.5], [11.5, -0.5], [11.5, 2.0], [3.0, 9.5], [-0.5, 9.5]], 12, 10);
         assert_exact(&vec![[2.0, 2.5], [5.25, 2.5], [5.25, 4.5], [2.0, 4.5]], 12, 10);

@@ -1,7 +1,7 @@
-//! A slice of a solid across the capillary, given by its support function: how far the solid reaches in each direction.
+//! A slice of a solid across the capillary, given by its support function: the extent of the solid in each direction.
 //!
 //! ```text
-//!        t = pi (dorsal)             h(t)   reach along (cos t, sin t) of (y, z)
+//!        t = pi (dorsal)             h(t)   extent along (cos t, sin t) of (y, z)
 //!            ____                    X(t) = (x, h cos t - h_t sin t, h sin t + h_t cos t)
 //!          /      \  --- h(t) --->|  n(t) = (-h_s, x_s cos t, x_s sin t), outwards
 //!   z <---|   +    |
@@ -9,10 +9,10 @@
 //!            y v   t = 0 (ventral)   rounded ends, where dh/dx has no bound
 //! ```
 
-/// Harmonics of a section that is no ellipse: those of order 2 to 4. Order 1 is the centre line's.
+/// Number of harmonics of a section that is not an ellipse: orders 2 to 4. Order 1 belongs to the centre line.
 pub const HARMONICS: usize = 3;
 
-/// What a slice is around its centre.
+/// The shape of a slice around its centre.
 #[derive(Debug, Clone, Copy)]
 pub enum Section {
     /// Half axes along y and z, and their derivatives along s.
@@ -21,7 +21,7 @@ pub enum Section {
     Fourier { mean: f64, mean_s: f64, waves: [[f64; 2]; HARMONICS], waves_s: [[f64; 2]; HARMONICS] },
 }
 
-/// A slice and how it changes along s.
+/// A slice and its derivatives along s.
 #[derive(Debug, Clone, Copy)]
 pub struct Slice {
     pub s: f64,
@@ -42,7 +42,7 @@ pub struct Support {
     pub h_t: f64,
     pub h_s: f64,
     pub h_st: f64,
-    /// `h + h_tt`: length of outline per angle, the radius of curvature. Below 0 the slice would be no convex one.
+    /// `h + h_tt`: length of outline per angle, the radius of curvature. It is negative only if the slice is not convex.
     pub bow: f64,
 }
 
@@ -61,13 +61,13 @@ impl Slice {
         support
     }
 
-    /// The surface's point where the support is taken.
+    /// The point of the surface in this direction.
     pub fn point(&self, at: &Support) -> [f64; 3] {
         let &Support { sin, cos, h, h_t, .. } = at;
         [self.x, h * cos - h_t * sin, h * sin + h_t * cos]
     }
 
-    /// No `h_s` is larger.
+    /// An upper bound of `h_s`.
     pub fn steepest(&self) -> f64 {
         let [y_s, z_s] = self.centre_s;
         y_s.hypot(z_s)
@@ -81,7 +81,7 @@ impl Slice {
 fn ellipse([b, c]: [f64; 2], [b_s, c_s]: [f64; 2], sin: f64, cos: f64) -> Support {
     let h = (b * cos).hypot(c * sin);
     if h <= 0.0 {
-        // A pole: only its growth along s is known, and no contour is sought in the pole itself.
+        // A pole: only the growth along s is known. No contour is computed in the pole itself.
         return Support { sin, cos, h_s: (b_s * cos).hypot(c_s * sin), ..Support::default() };
     }
     let h_t = (c * c - b * b) * sin * cos / h;
@@ -92,7 +92,7 @@ fn ellipse([b, c]: [f64; 2], [b_s, c_s]: [f64; 2], sin: f64, cos: f64) -> Suppor
 
 fn fourier([mean, mean_s]: [f64; 2], waves: &[[f64; 2]; HARMONICS], waves_s: &[[f64; 2]; HARMONICS], sin: f64, cos: f64) -> Support {
     let mut at = Support { sin, cos, h: mean, h_t: 0.0, h_s: mean_s, h_st: 0.0, bow: mean };
-    // cos and sin of the multiples of t by turning on.
+    // cos and sin of the multiples of t by the addition theorems.
     let (mut cos_k, mut sin_k) = (cos, sin);
     let mut k = 1.0;
     for ([a, b], [a_s, b_s]) in waves.iter().zip(waves_s) {
@@ -112,7 +112,7 @@ fn fourier([mean, mean_s]: [f64; 2], waves: &[[f64; 2]; HARMONICS], waves_s: &[[
 mod tests {
     use super::*;
 
-    /// A slice at `s` of a made-up solid, and what its support's derivatives should be by differences.
+    /// A slice at `s` of a test solid, and the derivatives of its support function by differences.
     fn slice(s: f64, fourier: bool) -> Slice {
         let section = if fourier {
             let wave = |k: f64| [30.0 * (s * k).sin() / k, 12.0 * (s + k).cos() / k];

@@ -6,17 +6,17 @@
 //!   hull of two:   body ( O )===|  plate     arcs of either, and flats between them where the larger support changes hands:
 //!                      flat ---              a flat of length l at t* adds h l / 2, and l sqrt(1 + h_x^2) along it
 //! ```
-//! Everything is smooth in s and periodic in t: equal steps in t and Gauss's places in s converge fast.
+//! All integrands are smooth in s and periodic in t, so that equal steps in t and Gauss points in s converge fast.
 
 use super::larva::{Body, Plate};
 use super::loft::Solid;
 use super::slice::{Slice, Support};
 use std::f64::consts::TAU;
 
-/// Panels along s with three places each, and directions of a slice.
+/// Panels along s with three Gauss points each, and directions of a slice.
 const PANELS: u32 = 400;
 const DIRECTIONS: u32 = 96;
-/// Gauss's places within a panel of -1 to 1, and their weights.
+/// Gauss points within a panel of -1 to 1, and their weights.
 const GAUSS: [(f64, f64); 3] = [(-0.774_596_669_241_483_4, 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)];
 
 /// `Int f` over `panels` equal parts of an interval.
@@ -53,7 +53,7 @@ pub fn volume_um3(solid: &Solid) -> f64 {
     volume_and_area(solid)[0]
 }
 
-/// um^3 and um^2 of a solid with convex slices, which is its own ideal hull.
+/// Volume, um^3, and area, um^2, of a solid with convex slices, which is its own ideal hull.
 pub fn volume_and_area(solid: &Solid) -> [f64; 2] {
     let step = TAU / f64::from(DIRECTIONS);
     over(solid, |slice| {
@@ -66,13 +66,13 @@ pub fn volume_and_area(solid: &Solid) -> [f64; 2] {
     })
 }
 
-/// um^3 and um^2 of the ideal hull of a body with its fin fold: each slice's convex hull.
+/// Volume, um^3, and area, um^2, of the ideal hull of a body with its fin fold: the convex hull of each slice.
 pub fn hull_volume_and_area(body: &Body, plate: &Plate) -> [f64; 2] {
     let within = over(&Solid::Body(body.clone()), |slice| match plate.slice_at(slice.x) {
         Some(other) => hull_of_two(slice, &other),
         None => arc(slice, slice.x_s, 0.0, TAU, SLICE_PANELS),
     });
-    // Behind the tail there is the plate alone, a thin ellipse: many panels for its sharp ends.
+    // Behind the tail there is only the plate, a thin ellipse. Its sharp ends need many panels.
     let from = plate.angle_at(body.length_um / 2.0);
     let behind = integral(from, std::f64::consts::PI, PANELS / 4, |s| {
         let slice = plate.slice(s);
@@ -115,7 +115,7 @@ fn hull_of_two(a: &Slice, b: &Slice) -> [f64; 2] {
     sum
 }
 
-/// The flat between two sections that reach equally far.
+/// The flat part between two sections with equal support.
 fn flat(first: &Slice, second: &Slice, p: &Support, q: &Support, x_s: f64) -> [f64; 2] {
     let ([_, py, pz], [_, qy, qz]) = (first.point(p), second.point(q));
     let length = (py - qy).hypot(pz - qz);

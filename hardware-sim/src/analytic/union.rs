@@ -1,8 +1,8 @@
 //! The outline of two overlapping shapes that meet each image column in one piece.
 //!
 //! ```text
-//!      ____                upper lines: the higher of both where both are, else the one that is there;
-//!    /      \___           crossings become vertices. Lower lines alike.
+//!      ____                upper line: the higher of both where both exist, otherwise the one that exists;
+//!    /      \___           crossings become vertices. The lower line is made in the same way.
 //!   (    ____)__\____
 //!    \__(___/________)     Each shape is cut at its ends in u into an upper and a lower line.
 //! ```
@@ -16,14 +16,14 @@ pub struct Lines {
     pub lower: Vec<[f64; 2]>,
 }
 
-/// Area within, positive where the outline runs clockwise on the screen.
+/// Enclosed area, px^2. It is positive if the outline runs clockwise on the screen.
 pub fn area_px2(outline: &[[f64; 2]]) -> f64 {
     let next = outline.iter().cycle().skip(1);
     outline.iter().zip(next).map(|(a, b)| a[0] * b[1] - b[0] * a[1]).sum::<f64>() / 2.0
 }
 
 impl Lines {
-    /// Cuts a closed outline, run either way.
+    /// Cuts a closed outline of either direction.
     pub fn of(outline: &[[f64; 2]]) -> Self {
         let end = |order: fn(&f64, &f64) -> std::cmp::Ordering| {
             (0..outline.len()).min_by(|&a, &b| order(&outline[a][0], &outline[b][0])).unwrap_or_default()
@@ -33,7 +33,7 @@ impl Lines {
         let run = |from: usize, to: usize| (0..=(to + n - from) % n).map(|i| outline[(from + i) % n]).collect::<Vec<_>>();
         let (there, mut back) = (run(left, right), run(right, left));
         back.reverse();
-        // Clockwise on the screen the way to the right is the upper one.
+        // In a clockwise outline the part that runs to the right is the upper one.
         if area_px2(outline) > 0.0 { Self { upper: there, lower: back } } else { Self { upper: back, lower: there } }
     }
 
@@ -51,7 +51,7 @@ impl Lines {
     }
 }
 
-/// The line that lies higher (at smaller v), over all columns that either has.
+/// The higher one of two lines (at smaller v), over all columns of either line.
 fn higher(a: &[[f64; 2]], b: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let mut columns: Vec<f64> = a.iter().chain(b).map(|p| p[0]).collect();
     columns.sort_by(f64::total_cmp);
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn two_discs_cover_what_both_do_less_their_lens() {
+    fn the_union_of_two_discs_has_the_area_of_both_less_their_lens() {
         // The middle of the second lies in the first by 5: the lens of two circles of radius 20 whose middles are 15 apart.
         let (a, b) = (disc(50.0, 30.0, 20.0), disc(65.0, 30.0, 20.0));
         let mut turned = b.clone();
@@ -134,7 +134,7 @@ mod tests {
     }
 
     #[test]
-    fn what_holds_the_other_stays() {
+    fn the_union_of_nested_shapes_is_the_outer_shape() {
         let (large, small) = (disc(50.0, 30.0, 20.0), disc(55.0, 33.0, 5.0));
         let both = Lines::of(&small).with(&Lines::of(&large)).outline();
         assert!((area_px2(&both) / area_px2(&large) - 1.0).abs() < 1e-6);

@@ -1,7 +1,7 @@
 //! The views of a phantom under a disturbance.
 //!
 //! ```text
-//!   pose ─► outline ─► leak ─► uneven edge ─► shift and jump ─► cut off at the sensor's rim
+//!   pose ─► outline ─► leak ─► uneven edge ─► shift and jump ─► clip at the border of the sensor
 //! ```
 
 use super::disturbance::{Disturbance, Fault, Stream};
@@ -10,18 +10,18 @@ use super::union::Lines;
 use crate::scene::seeded::Seeded;
 use crate::scene::{Camera, Outline};
 
-/// One view, and what was true when it was taken.
+/// One view with its true values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
-    /// Closed outlines in px, clockwise on the screen, within the sensor: none, or one.
+    /// No outline or one, px: closed, clockwise on the screen, within the sensor.
     pub outline: Vec<Outline>,
     pub true_omega_rad: f64,
-    /// What this view alone is shifted by along v.
+    /// The shift of this view along v, px.
     pub dy_px: f64,
 }
 
 impl Phantom {
-    /// What a camera, nominally `camera`, delivers at the planned angles.
+    /// The views at the planned angles. `camera` is the nominal camera.
     pub fn views(&self, camera: &Camera, omegas_plan_rad: &[f64], disturbance: &Disturbance) -> Vec<View> {
         let looking = disturbance.camera(camera);
         omegas_plan_rad.iter().enumerate().map(|(view, &planned_rad)| self.view(&looking, view, planned_rad, disturbance)).collect()
@@ -62,7 +62,7 @@ impl Phantom {
     }
 }
 
-/// Raises the upper line to the wall: all the way in the middle half of the width, sloping to both sides of it.
+/// Raises the upper line to the wall: completely in the middle half of the width, with a slope on both sides.
 fn leaked(outline: &[[f64; 2]], at_u_px: f64, width_px: f64, wall_v_px: f64) -> Outline {
     let mut lines = Lines::of(outline);
     for [u, v] in &mut lines.upper {
@@ -87,7 +87,7 @@ fn uneven(outline: &[[f64; 2]], sd_px: f64, correlation_px: f64, seeded: &mut Se
     let knots = ((way / correlation_px * 2.0).ceil() as usize).max(1);
     let white: Vec<f64> = (0..knots).map(|_| seeded.normal(sd_px)).collect();
     let spacing = way / knots as f64;
-    // exp(-2.5^2) = 0.002: what is further counts no more.
+    // exp(-2.5^2) = 0.002: the rest is negligible.
     let reach = (2.5 * correlation_px / spacing).ceil() as i64;
     (0..n)
         .map(|i| {
@@ -102,13 +102,13 @@ fn uneven(outline: &[[f64; 2]], sd_px: f64, correlation_px: f64, seeded: &mut Se
             let (p, before, after) = (outline[i], outline[(i + n - 1) % n], next(i));
             let (du, dv) = (after[0] - before[0], after[1] - before[1]);
             let length = du.hypot(dv).max(1e-12);
-            // Clockwise on the screen, what is outside lies to the left.
+            // The outside of a clockwise outline lies to the left.
             [p[0] + by * dv / length, p[1] - by * du / length]
         })
         .collect()
 }
 
-/// Cuts an outline off at the sensor's rim and closes it there, one side of the rim after the other.
+/// Clips an outline at the border of the sensor and closes it there, one side after the other.
 pub(super) fn within(outline: Outline, width: u32, height: u32) -> Outline {
     let rims = [(0, 1.0, -0.5), (0, -1.0, f64::from(width) - 0.5), (1, 1.0, -0.5), (1, -1.0, f64::from(height) - 0.5)];
     rims.into_iter().fold(outline, |outline, (axis, sign, rim)| {

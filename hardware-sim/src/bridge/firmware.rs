@@ -1,18 +1,18 @@
-//! The Arduino's program: short lines in, short lines out, one pulse each way.
+//! The program of the Arduino: short lines in, short lines out, one pulse in each direction.
 
 use super::{Knobs, Settings, vast::Vast};
 use crate::serial;
 use crate::shaft::Shaft;
 use std::sync::Arc;
 
-/// What it says of itself to `X?`, after the `OK`.
+/// The lines after the `OK` to `X?`.
 const SETTINGS: [&str; 4] = ["trigger pulse 50 ms", "sort pulse 50 ms", "input filter 5 ms", "version 1.0"];
 const LONGEST_LINE: usize = 32;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Power {
     Off,
-    /// On since just now: pulses of before went by unseen.
+    /// Just switched on. Earlier pulses were not detected.
     Fresh,
     On,
 }
@@ -22,7 +22,7 @@ pub(crate) struct Firmware {
     knobs: Knobs,
     line: Vec<u8>,
     out: Vec<u8>,
-    /// When arrivals are to be reported.
+    /// When the detected arrivals are reported, rig seconds.
     pulses: Vec<f64>,
     power: Power,
 }
@@ -77,7 +77,7 @@ impl serial::Firmware for Firmware {
         true
     }
 
-    /// The machine has a supply of its own and goes on.
+    /// Only the Arduino loses power. The machine has its own supply and continues.
     fn lose_power(&mut self, _now_s: f64) {
         self.line.clear();
         self.pulses.clear();

@@ -1,11 +1,11 @@
-//! What people do to the emulated VAST, and what can go wrong between it and its bridge.
+//! What tests can do to the emulated VAST, and faults between it and its bridge.
 
 use crate::serial::take_one;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Clones turn the same knobs. Those that count are used up.
+/// Actions and faults. Clones share them. A fault with a count ends after that many times.
 #[derive(Debug, Clone, Default)]
 pub struct Knobs(Arc<Shared>);
 
@@ -29,12 +29,12 @@ impl PartialEq for Knobs {
 }
 
 impl Knobs {
-    /// A specimen stands in the capillary: the machine reads its list and goes to the first line.
+    /// Loads a specimen. The machine reads its list and goes to the first line.
     pub fn take_up_specimen(&self) {
         self.0.taken_up.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How many lists were gone through and out of their ends.
+    /// Number of lists that the machine has finished.
     pub fn finished_lists(&self) -> u32 {
         self.0.finished.load(Ordering::Relaxed)
     }
@@ -44,7 +44,7 @@ impl Knobs {
         self.0.lost_requests.store(count, Ordering::Relaxed);
     }
 
-    /// The bridge says `OK` to the next `count` triggers, but the machine does not see them.
+    /// The bridge answers `OK` to the next `count` triggers, but the machine does not receive them.
     pub fn miss_triggers(&self, count: u32) {
         self.0.missed_triggers.store(count, Ordering::Relaxed);
     }
@@ -54,22 +54,22 @@ impl Knobs {
         self.0.doubled_arrivals.store(count, Ordering::Relaxed);
     }
 
-    /// An arrival is reported as soon as the next `count` triggers are given, long before it.
+    /// At each of the next `count` triggers the bridge reports an arrival at once, long before the machine arrives.
     pub fn stray_arrivals(&self, count: u32) {
         self.0.stray_arrivals.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` arrivals are reported this much later (rig time).
+    /// The next `count` arrivals are reported this much later, in rig time.
     pub fn delay_arrivals(&self, count: u32, by: Duration) {
         *self.0.late.lock().unwrap_or_else(PoisonError::into_inner) = (count, by);
     }
 
-    /// The next `count` lines come without their ends.
+    /// The next `count` lines are sent without their line ends.
     pub fn lose_line_ends(&self, count: u32) {
         self.0.lost_line_ends.store(count, Ordering::Relaxed);
     }
 
-    /// The next trigger is answered by `E` and this number, and is none.
+    /// The next trigger is refused with `E` and this number.
     pub fn answer_with_error(&self, number: u8) {
         *self.0.error.lock().unwrap_or_else(PoisonError::into_inner) = Some(number);
     }

@@ -3,9 +3,9 @@
 //! ```text
 //!   host ── pty ── Firmware (X? TT TS / OK R1 E0..E3) ── pulse ──► Vast ── steps ──► Shaft
 //!                                                  ◄── in position ──┤
-//!   host ── external.txt ────────────────────────────────────────────┘  read as a specimen is taken up
+//!   host ── external.txt ────────────────────────────────────────────┘  read when a specimen is loaded
 //! ```
-//! Without its USB cable the Arduino is off, but the machine goes on with its step: nothing on the wire can stop it.
+//! Without its USB cable the Arduino has no power, but the machine finishes its step. No command can stop it.
 
 mod firmware;
 mod knobs;
@@ -17,12 +17,12 @@ pub use knobs::Knobs;
 
 use std::path::PathBuf;
 
-/// The machine and where it looks for its list.
+/// The machine and its list.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// `external.txt`.
+    /// Path of `external.txt`.
     pub list: PathBuf,
-    /// Whether each line's degrees are a turn from the line before, not a position.
+    /// Whether the degrees of a line are relative to the line before. Otherwise they are positions.
     pub relative: bool,
     pub speed_deg_per_s: f64,
     pub acceleration_deg_per_s2: f64,

@@ -1,23 +1,22 @@
-//! The machine: it goes through its list, one line per trigger, and says when it stands.
+//! The machine. It goes through its list, one line per trigger, and reports each arrival.
 //!
 //! ```text
-//!   specimen ──► read the list ──► line 0 ──► stands ──trigger──► line 1 ──► stands ── ... ── last ──trigger──► done
+//!   specimen ──► read the list ──► line 0 ──► at rest ──trigger──► line 1 ──► at rest ── ... ── last ──trigger──► done
 //! ```
-//! A trigger while it turns is not seen. A specimen that is taken up while it stands ends the list before: whoever loads
-//! has ended it.
+//! A trigger during a turn is ignored. A specimen that is loaded while the machine is at rest ends the list in progress.
 
 use super::{Settings, list};
 use crate::shaft::Shaft;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// How often the machine looks for a specimen, s.
+/// How often the machine checks for a specimen, rig seconds.
 const LOOK_S: f64 = 0.01;
 
 pub(super) struct Vast {
     shaft: Arc<Shaft>,
     settings: Settings,
-    /// Lines still to come, degrees.
+    /// The remaining lines, degrees.
     lines: VecDeque<f64>,
     phase: Phase,
     look_s: f64,
@@ -43,7 +42,7 @@ impl Vast {
         }
     }
 
-    /// Lets what is due by `now_s` happen; when it came to stand, if it did.
+    /// Executes what is due by `now_s`. Returns the time of an arrival, if there was one.
     pub fn advance(&mut self, now_s: f64) -> Option<f64> {
         if self.next_event_s() > now_s {
             return None;
@@ -67,7 +66,7 @@ impl Vast {
         }
     }
 
-    /// Finds its own zero, the index, unseen, and goes to the first line; false where there is no list.
+    /// Turns to its own zero, which is the index, without a report, and goes to the first line. Returns `false` if there is no list.
     fn begin(&mut self, now_s: f64) -> bool {
         let text = std::fs::read_to_string(&self.settings.list).unwrap_or_default();
         self.lines = list::degrees(&text).into();
@@ -91,7 +90,7 @@ impl Vast {
         true
     }
 
-    /// Begins a turn and says how long it takes, s.
+    /// Begins a turn. Returns its duration, rig seconds.
     fn turn(&self, steps: i64, now_s: f64) -> f64 {
         self.shaft.turn(now_s, steps, self.settings.speed_deg_per_s, self.settings.acceleration_deg_per_s2)
     }

@@ -1,4 +1,4 @@
-//! Numbers as GigE Vision sends them: the most significant byte first.
+//! Big-endian numbers, as GigE Vision sends them.
 
 pub(super) fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {
     bytes.get(at..)?.first_chunk().map(|b| u16::from_be_bytes(*b))

@@ -1,4 +1,4 @@
-//! The control channel: one thread that answers on UDP 3956, and lets one host at a time write.
+//! The control channel: one thread that answers at UDP port 3956. One host at a time may write.
 //!
 //! A controlling host that is silent for longer than the heartbeat loses control, and its stream ends.
 
@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 /// Control or exclusive access.
 const PRIVILEGE_BITS: u32 = 0b11;
 const EXCLUSIVE: u32 = 0b01;
-/// All packets from the first wanted on.
+/// The last packet of a resend request that means: to the end of the frame.
 const TO_THE_END: u32 = 0x00ff_ffff;
 
 struct Owner {
@@ -53,7 +53,7 @@ impl Control {
     pub fn run(mut self) {
         let mut packet = [0; 2048];
         loop {
-            // None means to wait for as long as it takes: nobody's heartbeat can run out.
+            // No host has control, so no heartbeat can run out: wait without a timeout.
             if let Err(error) = self.socket.set_read_timeout(self.patience()) {
                 tracing::error!(%error, "the emulated camera's control channel stops");
                 break;
@@ -93,14 +93,14 @@ impl Control {
         }
     }
 
-    /// Control is given up or lost: the stream ends and forgets where it went.
+    /// Control is given up or lost. The stream ends and has no destination any more.
     fn release(&mut self) {
         self.owner = None;
         self.lock().forget_destination();
         let _ = self.sensor.send(Order::Stop);
     }
 
-    /// Everything is as after power came back.
+    /// Resets everything to the state after power-up.
     fn restart(&mut self) {
         self.owner = None;
         self.lock().restart();
@@ -159,7 +159,7 @@ impl Control {
 
     fn read(&self, address: u32, owns: bool) -> Result<u32, Refusal> {
         if address == CONTROL_PRIVILEGE {
-            // Each host is told of its own privilege.
+            // Each host reads its own privilege.
             return Ok(self.owner.as_ref().filter(|_| owns).map_or(0, |o| o.privilege));
         }
         self.lock().read_register(address)
@@ -214,7 +214,7 @@ impl Control {
 
     fn resend(&self, block: u16, first: u32, last: u32, from: SocketAddr) {
         let Some((frame, to)) = self.stream.find(block) else { return };
-        // Only the host that gets the stream may ask for more of it.
+        // Only the host that gets the stream may request packets of it.
         if SocketAddr::V4(to).ip() != from.ip() {
             return;
         }

@@ -1,6 +1,6 @@
-//! Answers to broadcasts, for hosts that look who is there; the camera's own address hears none.
+//! Answers to broadcasts of hosts that search for cameras. The address of the camera itself receives no broadcasts.
 //!
-//! All emulated cameras of this computer share the broadcast's address, and the kernel gives each of them what comes.
+//! All emulated cameras of this computer share the broadcast address, and the kernel gives each of them every broadcast.
 
 use super::PORT;
 use super::faults::CameraFaults;
@@ -11,12 +11,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// How often it looks whether the camera is at its end.
+/// How often the thread checks whether it must end.
 const LOOK: Duration = Duration::from_millis(100);
 
 pub(super) struct Discovery {
     broadcasts: UdpSocket,
-    /// Answers come from the camera's own address.
+    /// Answers are sent from the address of the camera.
     pub socket: UdpSocket,
     pub memory: Arc<Mutex<Memory>>,
     pub faults: Arc<CameraFaults>,

@@ -1,9 +1,9 @@
-//! What can be made to go wrong between the host and the camera.
+//! Faults that tests can cause between the host and the camera.
 
 use crate::serial::take_one;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 
-/// Knobs that act on the camera's answers and on its stream.
+/// Faults of the camera's answers and of its stream. A fault with a count ends after that many times.
 #[derive(Debug, Default)]
 pub struct CameraFaults {
     lost_packets_ppm: AtomicU32,
@@ -25,78 +25,78 @@ pub struct CameraFaults {
 }
 
 impl CameraFaults {
-    /// Of a million stream packets this many never leave; a resend may bring them.
+    /// Loses this many of a million stream packets. A resend may deliver them.
     pub fn lose_packets_ppm(&self, ppm: u32) {
         self.lost_packets_ppm.store(ppm, Ordering::Relaxed);
     }
 
-    /// Of a million stream packets this many leave twice.
+    /// Sends this many of a million stream packets twice.
     pub fn double_packets_ppm(&self, ppm: u32) {
         self.doubled_packets_ppm.store(ppm, Ordering::Relaxed);
     }
 
-    /// Of a million stream packets this many leave after the one that follows them.
+    /// Sends this many of a million stream packets after the packet that follows them.
     pub fn swap_packets_ppm(&self, ppm: u32) {
         self.swapped_packets_ppm.store(ppm, Ordering::Relaxed);
     }
 
-    /// The second halves of the next `count` frames never leave, nor are they sent again; their trailers do.
+    /// Loses the second halves of the next `count` frames, also on a resend. Their trailers are sent.
     pub fn cut_frames(&self, count: u32) {
         self.cut_frames.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` frames leave whole, but as if another region were configured: upside half of the rows only, half as high.
+    /// Sends the next `count` frames complete, but with the upper half of the rows only, as if another region were configured.
     pub fn misshape_frames(&self, count: u32) {
         self.misshapen_frames.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` frames leave whole, but say that their pixels are of another format of as many bytes.
+    /// Sends the next `count` frames complete, but declares another pixel format with the same number of bytes.
     pub fn reformat_frames(&self, count: u32) {
         self.reformatted_frames.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` frames are sent once more at the next trigger, as frames of their own number, before what was then exposed.
+    /// Sends the next `count` frames again at the next trigger, with a new frame number, before the frame of that trigger.
     pub fn repeat_frames(&self, count: u32) {
         self.repeated_frames.store(count, Ordering::Relaxed);
     }
 
-    /// The next acquisition's first frame comes after the last `packets` packets of the acquisition before, which the device still
-    /// had; more than a frame has is the whole frame.
+    /// Sends the last `packets` packets of the acquisition before again, before the first frame of the next acquisition. At most the
+    /// whole last frame is sent.
     pub fn leave_stale_packets(&self, packets: u32) {
         self.stale_packets.store(packets, Ordering::Relaxed);
     }
 
-    /// Frames are numbered on over acquisitions instead of from 1 with each.
+    /// Continues the frame numbers of the acquisition before. Normally each acquisition starts at 1.
     pub fn keep_numbers(&self, keep: bool) {
         self.keep_numbers.store(keep, Ordering::Relaxed);
     }
 
-    /// Nothing gets in or out, or does again; the camera itself goes on.
+    /// Unplugs the network cable (`true`) or plugs it in again. The camera itself continues.
     pub fn pull_cable(&self, out: bool) {
         self.unplugged.store(out, Ordering::Relaxed);
     }
 
-    /// The camera forgets everything, as after a loss of power, and is there again at once.
+    /// Restarts the camera, as a short loss of power does. It is ready again at once.
     pub fn restart(&self) {
         self.restart.store(true, Ordering::Relaxed);
     }
 
-    /// The next `count` frames are exposed but never sent, nor sent again.
+    /// Exposes the next `count` frames, but never sends them, also on a resend.
     pub fn drop_frames(&self, count: u32) {
         self.dropped_frames.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` software triggers are acknowledged and expose nothing.
+    /// Acknowledges the next `count` software triggers, but exposes nothing.
     pub fn ignore_triggers(&self, count: u32) {
         self.ignored_triggers.store(count, Ordering::Relaxed);
     }
 
-    /// The control channel hears and answers nothing, or does again. Frames go on until the heartbeat has run out.
+    /// The control channel ignores all requests (`true`), or answers again. Frames are sent until the heartbeat has run out.
     pub fn mute_control(&self, mute: bool) {
         self.mute.store(mute, Ordering::Relaxed);
     }
 
-    /// Another host takes the camera: the stream stops and every write is denied until it is given back.
+    /// Another host takes control (`true`) or gives it back. Meanwhile the stream is stopped and all writes are refused.
     pub fn steal_control(&self, stolen: bool) {
         self.stolen.store(stolen, Ordering::Relaxed);
     }
@@ -129,7 +129,7 @@ impl CameraFaults {
         take_one(&self.repeated_frames)
     }
 
-    /// How many packets of the acquisition before come once more.
+    /// Number of packets of the acquisition before that are sent again.
     pub(super) fn takes_stale_packets(&self) -> u32 {
         self.stale_packets.swap(0, Ordering::Relaxed)
     }
@@ -162,13 +162,13 @@ impl CameraFaults {
         self.stolen.load(Ordering::Relaxed)
     }
 
-    /// A seeded throw, so that a run with losses can be repeated.
+    /// A seeded random decision, so that a run with losses can be repeated.
     fn unlucky(&self, ppm: &AtomicU32) -> bool {
         let ppm = ppm.load(Ordering::Relaxed);
         if ppm == 0 {
             return false;
         }
-        // SplitMix64: a counter through a mixer.
+        // SplitMix64 (Steele, Lea and Flood 2014).
         let mut z = self.dice.fetch_add(0x9e37_79b9_7f4a_7c15, Ordering::Relaxed);
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

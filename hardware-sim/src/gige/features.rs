@@ -1,11 +1,11 @@
-//! The camera's features by the names of a Prosilica GE1050, each with its register: one table that the GenICam description
-//! is written from and the registers are checked against.
+//! The features of the camera, with the names of a Prosilica GE1050, and their registers. The GenICam description is made from this
+//! table, and register writes are checked by it.
 
 use super::bytes::u32_at;
 use crate::sight::PixelFormat;
 use std::fmt::Write;
 
-/// Where the camera's own registers begin, and where its description is read from.
+/// Addresses of the first feature register and of the description.
 pub(super) const FEATURES: u32 = 0x0001_0000;
 pub(super) const DESCRIPTION: u32 = 0x0010_0000;
 
@@ -80,7 +80,7 @@ const fn feature(group: &'static str, name: &'static str, register: Register, ki
     Feature { register, name, group, kind }
 }
 
-/// Frame trigger of the selector; the other selectors only keep whether they are on.
+/// The selector of the frame trigger. The other selectors only store whether they are on.
 pub(super) const FRAME_START: u32 = 0;
 pub(super) const SELECTORS: usize = 4;
 pub(super) const FREERUN: u32 = 0;
@@ -171,7 +171,7 @@ pub(super) const FEATURE_TABLE: &[Feature] = &[
     feature(TRANSPORT, "GevSCPSPacketSize", Register::PacketSize, Kind::Integer { min: 500, max: Max::Value(16_384), step: 4 }),
 ];
 
-/// Texts that live in the bootstrap registers: name, address, length, writable.
+/// Text features in the bootstrap registers: name, address, length, whether they can be written.
 const TEXTS: [(&str, u32, u32, bool); 5] = [
     ("DeviceVendorName", 0x48, 32, false),
     ("DeviceModelName", 0x68, 32, false),
@@ -180,7 +180,7 @@ const TEXTS: [(&str, u32, u32, bool); 5] = [
     ("DeviceUserID", 0xe8, 16, true),
 ];
 
-/// The values of the camera's own registers.
+/// The values of the feature registers.
 #[derive(Debug, Clone)]
 pub(super) struct Values {
     sensor: (u32, u32),
@@ -232,12 +232,12 @@ impl Values {
         self.trigger_on[FRAME_START as usize] && self.trigger_source == SOFTWARE
     }
 
-    /// Whether each frame waits for a pulse on the one line that is wired.
+    /// Whether each frame waits for a pulse on the trigger line. Only one line is wired.
     pub fn waits_for_line(&self) -> bool {
         self.trigger_on[FRAME_START as usize] && self.trigger_source == LINE1
     }
 
-    /// Whether frames come by themselves, at the frame rate.
+    /// Whether the camera takes frames without triggers, at the frame rate.
     pub fn runs_free(&self) -> bool {
         !self.waits_for_software() && !self.waits_for_line()
     }
@@ -276,7 +276,7 @@ impl Values {
         }
     }
 
-    /// Stores a value; false where the feature does not take it.
+    /// Stores a value. Returns `false` if the feature refuses it.
     pub fn write(&mut self, register: Register, value: u32) -> bool {
         if !self.allows(register, value) {
             return false;
@@ -292,7 +292,7 @@ impl Values {
             Register::AcquisitionFrameRateAbs => self.frame_rate_hz = f32::from_bits(value),
             Register::TriggerSelector => self.selector = value,
             Register::TriggerMode => self.trigger_on[self.selector as usize] = value == 1,
-            // One line is wired; a fixed rate is free run at that rate.
+            // Only one line is wired. A fixed rate is free run at that rate.
             Register::TriggerSource if ![FREERUN, LINE1, FIXED_RATE, SOFTWARE].contains(&value) => return false,
             Register::TriggerSource if self.selector == FRAME_START => self.trigger_source = value,
             Register::TriggerActivation => self.trigger_activation = value,
@@ -323,13 +323,13 @@ impl Values {
     }
 }
 
-/// Whether the geometry of a running stream depends on it, so that it is locked while frames flow.
+/// Whether a register is locked while the stream runs, because the geometry of the stream depends on it.
 pub(super) fn is_locked_while_streaming(register: Register) -> bool {
     use Register::{Height, OffsetX, OffsetY, PacketSize, PixelFormat, Width};
     matches!(register, Width | Height | OffsetX | OffsetY | PixelFormat | PacketSize)
 }
 
-/// The GenICam description, of the age that a GE1050 speaks.
+/// The GenICam description, with the schema version of a GE1050.
 pub(super) fn description(vendor: &str, model: &str) -> String {
     let mut groups: Vec<(&str, Vec<&str>)> = vec![("DeviceInformation", TEXTS.iter().map(|t| t.0).collect())];
     for feature in FEATURE_TABLE {
@@ -407,14 +407,14 @@ fn node(feature: &Feature) -> String {
     )
 }
 
-/// Reads a word of a byte image, zero beyond its end.
+/// Reads a word of a byte image. It is 0 beyond the end.
 pub(super) fn word(image: &[u8], address: u32) -> u32 {
     u32_at(image, address as usize).unwrap_or(0)
 }
 
 #[cfg(test)]
 mod tests {
-    // A register gives back the very bits it took.
+    // A register returns exactly the bits that were written.
     #![allow(clippy::float_cmp)]
 
     use super::*;

@@ -1,4 +1,4 @@
-//! The control protocol's packets.
+//! The packets of the control protocol.
 //!
 //! ```text
 //!   command   42 | flags | command(2) | length(2) | id(2) | payload
@@ -11,7 +11,7 @@ const KEY: u8 = 0x42;
 const ACKNOWLEDGE: u8 = 1;
 pub(super) const HEADER: usize = 8;
 
-/// Why a command is refused, by the standard's number.
+/// Why a command is refused, with the status code of the standard.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub(super) enum Refusal {
@@ -43,7 +43,7 @@ pub(super) struct Request {
 }
 
 impl Request {
-    /// None for what is no command of this protocol or is cut short.
+    /// Reads a command. `None` if the packet is not a command of this protocol or is incomplete.
     pub fn parse(packet: &[u8]) -> Option<Self> {
         let [KEY, flags, ..] = packet else { return None };
         let (code, length, id) = (u16_at(packet, 2)?, u16_at(packet, 4)?, u16_at(packet, 6)?);
@@ -65,7 +65,7 @@ impl Request {
         Some(Self { command, code, id, wants_answer: flags & ACKNOWLEDGE != 0 })
     }
 
-    /// The answer to this command: its code plus one.
+    /// The answer to this command. Its code is that of the command plus one.
     pub fn answer(&self, outcome: Result<&[u8], Refusal>) -> Vec<u8> {
         let (status, payload) = match outcome {
             Ok(payload) => (0, payload),

@@ -1,20 +1,20 @@
-//! The stream protocol's packets of one frame.
+//! The packets of one frame in the stream protocol.
 //!
 //! ```text
-//!   packet 0         leader: what is coming (timestamp, format, geometry)
-//!   packets 1..=n    payload, each full but the last
+//!   packet 0         leader: timestamp, format, geometry
+//!   packets 1..=n    payload; all are full except the last one
 //!   packet n + 1     trailer
 //! ```
-//! Each begins with status(2), block id(2), kind(1), packet id(3).
+//! Each packet begins with status(2), block id(2), kind(1), packet id(3).
 
 use crate::sight::PixelFormat;
 
-/// IP, UDP and stream header count into the negotiated packet size.
+/// Bytes of the IP, UDP and stream headers. The negotiated packet size includes them.
 pub(super) const OVERHEAD: usize = 20 + 8 + HEADER;
 const HEADER: usize = 8;
 const IMAGE: u16 = 1;
 
-/// One frame, ready to be cut into packets as often as the host asks.
+/// One frame, from which any packet can be made again for a resend.
 #[derive(Debug, Clone)]
 pub(super) struct Block {
     pub id: u16,
@@ -23,9 +23,9 @@ pub(super) struct Block {
     pub width: u32,
     pub height: u32,
     pub offset: (u32, u32),
-    /// Negotiated size of a packet, headers included.
+    /// Negotiated size of a packet with its headers, bytes.
     pub packet_size: usize,
-    /// A fault keeps the second half of its payload from being sent, now and when it is asked for again.
+    /// A fault: the second half of the payload is never sent, also on a resend.
     pub cut: bool,
     pub bytes: Vec<u8>,
 }
@@ -35,12 +35,12 @@ impl Block {
         self.packet_size.saturating_sub(OVERHEAD).max(1)
     }
 
-    /// Id of the trailer: the last packet.
+    /// Id of the last packet, which is the trailer.
     pub fn last_packet(&self) -> u32 {
         self.bytes.len().div_ceil(self.payload_size()) as u32 + 1
     }
 
-    /// The packet with this id; none beyond the trailer, nor of what is cut.
+    /// The packet with this id. `None` beyond the trailer and for the part that is cut.
     pub fn packet(&self, id: u32) -> Option<Vec<u8>> {
         let last = self.last_packet();
         if id > last || (self.cut && id > last / 2 && id < last) {
@@ -81,7 +81,7 @@ impl Block {
     }
 }
 
-/// The block after `id`: 16 bits that skip 0.
+/// The block id after `id`: 16 bits, without 0.
 pub(super) fn next_block(id: u16) -> u16 {
     id.checked_add(1).unwrap_or(1)
 }
@@ -104,7 +104,7 @@ mod tests {
             cut: false,
             bytes: bytes.clone(),
         };
-        // 1464 bytes fit into a packet of 1500: six full ones and a rest of 1216.
+        // 1464 bytes fit into a packet of 1500 bytes: six full packets and a rest of 1216 bytes.
         assert_eq!(block.last_packet(), 8);
         let leader = block.packet(0).unwrap();
         assert_eq!(leader[..12], [0, 0, 0, 7, 1, 0, 0, 0, 0, 0, 0, 1]);

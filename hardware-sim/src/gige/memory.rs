@@ -1,7 +1,7 @@
-//! The camera's address space: bootstrap registers, its own registers, its description.
+//! The address space of the camera: bootstrap registers, feature registers, GenICam description.
 //!
 //! ```text
-//!   0x000000  bootstrap: who it is, who controls it, where frames go
+//!   0x000000  bootstrap: identity, control, destination of the stream
 //!   0x010000  features
 //!   0x100000  GenICam description
 //! ```
@@ -22,12 +22,12 @@ const STREAM_DESTINATION: u32 = 0xd18;
 const STREAM_SOURCE_PORT: u32 = 0xd1c;
 const USER_NAME: std::ops::Range<u32> = 0xe8..0xf8;
 const BOOTSTRAP_BYTES: usize = 0x1000;
-/// What a discovery answer shows of the bootstrap registers.
+/// The bootstrap registers that a discovery answer contains.
 const DISCOVERY_BYTES: usize = 0xf8;
-/// One read carries at most this much.
+/// The longest read, bytes.
 const READ_LIMIT: u16 = 536;
 
-/// Who the camera says it is.
+/// The identity of the camera.
 #[derive(Debug, Clone)]
 pub(super) struct Identity {
     pub vendor: &'static str,
@@ -37,7 +37,7 @@ pub(super) struct Identity {
     pub stream_port: u16,
 }
 
-/// What writing a register sets going.
+/// What the sensor must do after a register was written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Effect {
     None,
@@ -49,7 +49,7 @@ pub(super) enum Effect {
 pub(super) struct Memory {
     bootstrap: Vec<u8>,
     pub values: Values,
-    /// What both are when power comes.
+    /// Both as they are at power-up.
     at_power_on: (Vec<u8>, Values),
     description: Vec<u8>,
     pub streaming: bool,
@@ -66,7 +66,7 @@ impl Memory {
             // GigE Vision 1.2; big-endian, UTF-8.
             (0x000, 0x0001_0002),
             (0x004, 0x8000_0001),
-            // A locally administered hardware address made from the network address.
+            // A locally administered hardware address, derived from the IP address.
             (0x008, 0x0000_0200 | u32::from(a)),
             (0x00c, u32::from_be_bytes([b, c, d, 0x50])),
             // Persistent address.
@@ -79,10 +79,10 @@ impl Memory {
             (0x65c, 0xff00_0000),
             (0x670, 1000),
             (0x904, 1),
-            // Writes memory, several registers at once, sends packets again.
+            // Capabilities: memory writes, several registers per command, packet resend.
             (0x934, 0b0111),
             (HEARTBEAT_MS, 3000),
-            // Nanoseconds.
+            // Ticks of the timestamp per second: nanoseconds.
             (0x940, 1_000_000_000),
             (STREAM_SOURCE_PORT, u32::from(identity.stream_port)),
         ] {
@@ -117,14 +117,14 @@ impl Memory {
         features::word(&self.bootstrap, HEARTBEAT_MS).max(500)
     }
 
-    /// Where frames go, once a host has said so.
+    /// The destination of the stream. `None` until a host has set it.
     pub fn destination(&self) -> Option<SocketAddrV4> {
         let port = features::word(&self.bootstrap, STREAM_PORT) as u16;
         let address = Ipv4Addr::from(features::word(&self.bootstrap, STREAM_DESTINATION));
         (port != 0).then(|| SocketAddrV4::new(address, port))
     }
 
-    /// The stream's destination is forgotten with its owner.
+    /// Clears the destination of the stream, when its host has lost control.
     pub fn forget_destination(&mut self) {
         self.put(STREAM_PORT, 0);
     }
@@ -151,7 +151,7 @@ impl Memory {
         }
         let from = |image: &[u8], start: u32| {
             let start = start as usize;
-            // A host reads whole words, so the last one of the description may hang over its end.
+            // A host reads whole words, so the last word may extend beyond the description.
             let padded = image.len().next_multiple_of(4);
             (start + usize::from(count) <= padded)
                 .then(|| (start..start + usize::from(count)).map(|i| image.get(i).copied().unwrap_or(0)).collect())
@@ -167,7 +167,7 @@ impl Memory {
         }
     }
 
-    /// Writes a register other than the control privilege, which the control channel keeps itself.
+    /// Writes a register. The control privilege is not one of them: the control channel has it.
     pub fn write_register(&mut self, address: u32, value: u32, now_ns: u64) -> Result<Effect, Refusal> {
         if !address.is_multiple_of(4) {
             return Err(Refusal::BadAlignment);
@@ -198,7 +198,7 @@ impl Memory {
         Ok(match register {
             Register::AcquisitionStart => Effect::Start,
             Register::AcquisitionStop | Register::AcquisitionAbort => {
-                // The next write may come before the sensor has heard of it.
+                // The next write may come before the sensor has received the order.
                 self.streaming = false;
                 Effect::Stop
             }
@@ -234,7 +234,7 @@ mod tests {
         Memory::new(&identity, (64, 48), PixelFormat::Mono8)
     }
 
-    /// Follows the first URL as a host does, down to the last byte.
+    /// Reads the description by the first URL, as a host does.
     #[test]
     fn the_description_is_where_the_url_says() {
         let m = memory();
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(m.write_register(width, 32, 0), Ok(Effect::None));
         m.streaming = true;
         assert_eq!(m.write_register(width, 64, 0), Err(Refusal::WriteProtect));
-        assert_eq!(m.write_register(width, 32, 0), Ok(Effect::None), "writing what is there harms nobody");
+        assert_eq!(m.write_register(width, 32, 0), Ok(Effect::None), "the present value may be written");
         assert_eq!(m.write_register(Register::TriggerSoftware.address(), 1, 0), Ok(Effect::Trigger));
         assert_eq!(m.write_register(0x48, 1, 0), Err(Refusal::WriteProtect));
         assert_eq!(m.write_register(0x7000, 1, 0), Err(Refusal::InvalidAddress));

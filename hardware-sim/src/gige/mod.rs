@@ -1,10 +1,10 @@
-//! A GigE Vision camera on loopback: discovery, control, stream and packet resend in real packets.
+//! A GigE Vision camera on loopback: discovery, control, stream and packet resend with the real protocol.
 //!
 //! ```text
-//!   host ── broadcast ── discovery thread ── who it is
+//!   host ── broadcast ── discovery thread ── identity
 //!   host ── UDP 3956 ── control thread ── memory (registers, GenICam description)
 //!                           │ start, stop, trigger
-//!   host ◄── stream ──── sensor thread ── Sight (the picture at the shaft's true angle)
+//!   host ◄── stream ──── sensor thread ── Sight (the image at the true angle of the shaft)
 //! ```
 
 mod bytes;
@@ -32,12 +32,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 
+/// Vendor name of the camera.
 pub const VENDOR: &str = "carved";
+/// Model name of the camera.
 pub const MODEL: &str = "Emulated GE1050C";
-/// Where GigE Vision devices listen.
+/// The UDP port of GigE Vision devices.
 const PORT: u16 = 3956;
 
-/// The emulated camera on its address.
+/// The emulated camera at its address.
 pub struct GigeCamera {
     address: Ipv4Addr,
     serial: String,
@@ -51,8 +53,11 @@ pub struct GigeCamera {
 }
 
 impl GigeCamera {
-    /// Puts a camera on `address`; fails where another one listens there. It sends the format until a host chooses otherwise, and
-    /// frames as bright as the sight's at the nominal exposure, or at any.
+    /// Starts a camera at `address`. It sends the given format until a host chooses another one. Frames have the brightness of the
+    /// image source at the nominal exposure time, us. If this is `None`, the exposure time does not change the brightness.
+    ///
+    /// # Errors
+    /// Another camera listens at the address, or a socket or thread cannot be made.
     pub fn start(
         address: Ipv4Addr,
         (format, nominal_exposure_us, sight): (PixelFormat, Option<f32>, Arc<dyn Sight>),
@@ -61,7 +66,7 @@ impl GigeCamera {
     ) -> std::io::Result<Self> {
         let socket = UdpSocket::bind(SocketAddrV4::new(address, PORT))?;
         let stream_socket = socket2::Socket::from(UdpSocket::bind(SocketAddrV4::new(address, 0))?);
-        // A frame in one go: the pace is set by the sender, not by a full buffer. Less than asked for is no harm.
+        // The buffer holds a frame, so that the sender sets the pace. A smaller buffer is no error.
         let _ = stream_socket.set_send_buffer_size(4 << 20);
         let stream_socket: UdpSocket = stream_socket.into();
         let [_, b, c, d] = address.octets();
@@ -86,7 +91,7 @@ impl GigeCamera {
             orders: inbox,
             state: State::default(),
         };
-        // Where nothing can listen to broadcasts the camera is still found by its address.
+        // Without discovery a host still finds the camera by its address.
         let discovery = Discovery::listen(socket.try_clone()?, Arc::clone(&memory), Arc::clone(&faults), Arc::clone(&quit)).ok();
         let (registers, sender) = (Arc::clone(&memory), Arc::clone(&stream));
         let control = Control::new(socket, clock, registers, sender, Arc::clone(&faults), orders.clone(), Arc::clone(&quit));
@@ -112,7 +117,7 @@ impl GigeCamera {
         &self.faults
     }
 
-    /// A pulse on the trigger line; lost where the camera does not wait for one.
+    /// Sends a pulse on the trigger line. It is lost if the camera does not wait for one.
     pub fn pulse_line(&self) {
         let waits = self.memory.lock().unwrap_or_else(PoisonError::into_inner).values.waits_for_line();
         if waits && !self.stream.exposing.swap(true, Ordering::SeqCst) {
@@ -129,7 +134,7 @@ impl Drop for GigeCamera {
     fn drop(&mut self) {
         self.quit.store(true, Ordering::SeqCst);
         let _ = self.orders.send(Order::Quit);
-        // A datagram wakes the control thread out of its wait.
+        // A datagram wakes the control thread.
         if let Ok(socket) = UdpSocket::bind(SocketAddrV4::new(Ipv4Addr::LOCALHOST, 0)) {
             let _ = socket.send_to(&[], SocketAddrV4::new(self.address, PORT));
         }

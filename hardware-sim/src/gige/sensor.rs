@@ -1,11 +1,11 @@
 //! The sensor: one thread that exposes when it is triggered (or by itself), reads out, and sends.
 //!
 //! ```text
-//!   Start ─► wait ── trigger, or its turn in free run ──► expose ──► read out ──► packets, paced ──► wait
+//!   Start ─► wait ── trigger, or due in free run ───────► expose ──► read out ──► packets, paced ──► wait
 //!              ▲                                            │ angle of the shaft at the middle      │
 //!              └────────────────────────────────────────────┴───────────── Stop ─────────────────────┘
 //! ```
-//! A trigger during an exposure is lost, as on the camera; one during readout is taken.
+//! A trigger during an exposure is lost, as with the real camera. A trigger during readout is accepted.
 
 use super::faults::CameraFaults;
 use super::features::{CONTINUOUS, SINGLE_FRAME};
@@ -27,7 +27,7 @@ use std::time::{Duration, Instant};
 
 /// Frames that can still be sent again.
 const KEPT_FRAMES: usize = 8;
-/// Packets leave in bursts this long, then the thread sleeps until the next is due: shorter ones a scheduler cannot time.
+/// Packets are sent in bursts of this length, and the thread sleeps between them. A scheduler cannot time shorter pauses.
 const BURST: Duration = Duration::from_micros(250);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,16 +36,16 @@ pub(super) enum Order {
     Stop,
     /// A software trigger, or a pulse on the line.
     Trigger,
-    /// Power was lost: frame numbers and what was kept are gone too.
+    /// Power was lost. Frame numbers and kept frames are lost too.
     Restart,
     Quit,
 }
 
-/// What the control channel needs of the stream.
+/// The part of the stream that the control channel uses.
 pub(super) struct Stream {
     pub socket: UdpSocket,
     kept: Mutex<VecDeque<(Arc<Block>, SocketAddrV4)>>,
-    /// Between a trigger and the end of its exposure.
+    /// `true` from a trigger to the end of its exposure.
     pub exposing: AtomicBool,
 }
 
@@ -54,7 +54,7 @@ impl Stream {
         Self { socket, kept: Mutex::new(VecDeque::new()), exposing: AtomicBool::new(false) }
     }
 
-    /// A kept frame and where it went.
+    /// A kept frame and its destination.
     pub fn find(&self, block: u16) -> Option<(Arc<Block>, SocketAddrV4)> {
         self.kept.lock().unwrap_or_else(PoisonError::into_inner).iter().rev().find(|(b, _)| b.id == block).cloned()
     }
@@ -67,7 +67,7 @@ impl Stream {
         kept.push_back((Arc::clone(block), to));
     }
 
-    /// Forgets all frames; the last one is given back.
+    /// Drops all kept frames. Returns the last one.
     fn forget(&self) -> Option<Arc<Block>> {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let last = kept.pop_back();
@@ -93,16 +93,16 @@ pub(super) struct Sensor {
 pub(super) struct State {
     streaming: bool,
     quit: bool,
-    /// Frames until the acquisition ends by itself.
+    /// Remaining frames of an acquisition that ends by itself.
     left: Option<u32>,
     block: u16,
     number: u64,
     triggers: u32,
-    /// When free run exposes next.
+    /// When the next exposure in free run is due.
     due: Option<Instant>,
     /// The last frame of the acquisition before.
     stale: Option<Arc<Block>>,
-    /// A frame that a fault sends once more.
+    /// A frame that a fault sends again.
     again: Option<Arc<Block>>,
 }
 
@@ -119,7 +119,7 @@ impl Sensor {
                 let due = *self.state.due.get_or_insert_with(Instant::now);
                 if self.pause_until(due) && self.state.streaming {
                     let rate = f64::from(self.lock().values.frame_rate_hz);
-                    // Behind its time it goes on from now: frames that were not taken are not made up for.
+                    // If it is late, it continues from now. Missed frames are not made up for.
                     self.state.due = Some((due + self.clock.real(1.0 / rate)).max(Instant::now()));
                     self.frame();
                 }
@@ -177,7 +177,7 @@ impl Sensor {
         self.lock().streaming = false;
     }
 
-    /// Sleeps, yet hears orders; false as soon as the acquisition was ended or begun anew.
+    /// Sleeps and executes orders meanwhile. Returns `false` as soon as the acquisition was ended or started again.
     fn pause_until(&mut self, until: Instant) -> bool {
         loop {
             match self.orders.recv_timeout(until.saturating_duration_since(Instant::now())) {
@@ -279,7 +279,7 @@ impl Sensor {
         Pixels::filled(width, height, format, 0)
     }
 
-    /// What a fault leaves of the acquisition before.
+    /// Sends the packets that a fault keeps of the acquisition before.
     fn send_what_is_stale(&mut self, to: SocketAddrV4, bytes_per_second: u32) {
         if let Some(stale) = self.state.stale.take() {
             let from = (stale.last_packet() + 1).saturating_sub(self.faults.takes_stale_packets());
@@ -287,7 +287,7 @@ impl Sensor {
         }
     }
 
-    /// Sends the packets of a frame from `first` on, at the stream's pace, in order but for what faults do to them.
+    /// Sends the packets of a frame from `first` on, at the pace of the stream. They are in order unless a fault swaps them.
     fn send(&mut self, block: &Block, first: u32, to: SocketAddrV4, bytes_per_second: u32) {
         let burst_bytes = f64::from(bytes_per_second) * BURST.as_secs_f64();
         let begin = Instant::now();
@@ -321,7 +321,7 @@ impl Sensor {
             (false, false) => 1,
         };
         for _ in 0..times {
-            // Nobody listening is the host's affair; it shows there as a missing frame.
+            // If nobody listens, the host notices a missing frame.
             let _ = self.stream.socket.send_to(packet, to);
         }
     }
@@ -331,7 +331,7 @@ impl Sensor {
     }
 }
 
-/// A format whose pixels have as many bytes, where there is one.
+/// Another format with the same number of bytes per pixel, or the same format if there is none.
 fn another(format: PixelFormat) -> PixelFormat {
     match format {
         PixelFormat::Mono8 => PixelFormat::BayerRG8,
@@ -340,10 +340,10 @@ fn another(format: PixelFormat) -> PixelFormat {
     }
 }
 
-/// More light or gain, saturating.
+/// Multiplies all bytes by `factor`, with saturation.
 #[allow(clippy::float_cmp)]
 fn amplify(bytes: &mut [u8], factor: f64) {
-    // Exactly 1 where nothing is set.
+    // The factor is exactly 1 by default.
     if factor == 1.0 {
         return;
     }

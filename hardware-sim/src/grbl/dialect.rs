@@ -1,4 +1,4 @@
-//! Where grblHAL differs from the 8-bit Grbl that it descends from.
+//! The differences between grblHAL and the 8-bit Grbl from which it was developed.
 //!
 //! ```text
 //!                      Grbl 1.1h     grblHAL 1.1f
@@ -6,7 +6,7 @@
 //!   planner            15 blocks     100 blocks
 //!   after an error     nothing       every line of G-code repeats it, until an empty line, a $ command or 0x18
 //!   0x87               dropped       a report with every field
-//!   changed modes      silent        [GC:...] before the next report, unasked
+//!   changed modes      not reported  [GC:...] before the next report, without a request
 //! ```
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,7 +27,7 @@ impl Dialect {
         }
     }
 
-    /// The ring of 16 blocks is full with 15.
+    /// Blocks that fit into the planner. A ring of 16 blocks is full with 15.
     pub fn planner_blocks(self) -> usize {
         match self {
             Self::Grbl => 15,

@@ -1,22 +1,22 @@
-//! The G-code parser: modal state, and what one line asks the machine to do.
+//! The G-code parser: the modal state, and what one line requests of the machine.
 
 use super::words::{self, Word};
 use std::fmt::Write;
 
-/// What a line asks for, once the modal state has taken its part.
+/// What a line requests after it has changed the modal state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Action {
-    /// Nothing but modes.
+    /// Nothing. The line has changed modes only.
     None,
-    /// A straight move to a place in machine coordinates; no feed means as fast as the axes allow.
+    /// A straight move to a target in machine coordinates, units. `feed` is in units/min. Without it the axes go as fast as they may.
     Move { target: [f32; 3], feed: Option<f32> },
     /// `G4`
     Dwell { seconds: f32 },
     /// A code that waits for the planner to drain.
     Synchronise,
-    /// `M0`: drain, then hold.
+    /// `M0`: wait for the planner to drain, then hold.
     Pause,
-    /// `M2`, `M30`: drain and restore the modes.
+    /// `M2`, `M30`: wait for the planner to drain. The modes are those of power-up.
     End,
 }
 
@@ -26,13 +26,14 @@ pub(super) struct Parser {
     absolute: bool,
     inches: bool,
     feed: f32,
-    /// Work offset by G92; G54..G59 are all zero and only their number is kept.
+    /// Work offset of G92. The offsets of G54 to G59 are zero.
     g92: [f32; 3],
+    /// Number of the work coordinate system, 54 to 59.
     system: u8,
     spindle: &'static str,
     /// The flood output, M8 and M9.
     flood: bool,
-    /// Where the parser believes the machine will be, in machine coordinates.
+    /// The position after all accepted moves, in machine coordinates, units.
     pub position: [f32; 3],
 }
 
@@ -61,9 +62,9 @@ impl Default for Parser {
     }
 }
 
-/// Words of a line sorted by what they mean; filled before anything takes effect, as in the firmware.
+/// The words of a line, sorted by their meaning. As in the real firmware, a line is read completely before it takes effect.
 #[derive(Default)]
-// Codes that a line has or has not.
+// Each is a code that the line may contain.
 #[allow(clippy::struct_excessive_bools)]
 struct Line {
     motion: Option<Motion>,
@@ -128,7 +129,7 @@ impl Line {
                 self.clear_g92 = true;
                 Ok(())
             }
-            // Plane, feed mode, cutter compensation, tool length: the only values this machine has.
+            // Plane, feed mode, cutter compensation, tool length: this machine has only these values.
             170 | 940 | 400 | 490 | 911 | 610 => Ok(()),
             _ => Err(20),
         }
@@ -159,17 +160,17 @@ fn once<T>(slot: &mut Option<T>, value: T) -> Result<(), u8> {
 }
 
 impl Parser {
-    /// The modes of power-up, at a place.
+    /// The modes of power-up, at a position.
     pub fn at(position: [f32; 3]) -> Self {
         Self { position, ..Self::default() }
     }
 
-    /// Back to the modes of power-up; the offsets of G92 and the position stay what they are.
+    /// Restores the modes of power-up. The offset of G92 and the position stay.
     pub fn restore_modes(&mut self) {
         *self = Self { position: self.position, g92: self.g92, ..Self::default() };
     }
 
-    /// Takes one line of G-code; the error is Grbl's number, and then nothing has changed.
+    /// Executes one line of G-code. The error is Grbl's number, and then nothing has changed.
     pub fn take(&mut self, line: &[u8]) -> Result<Action, u8> {
         let line = Line::read(&words::split(line)?)?;
         if line.dwell && line.p.is_none() {
@@ -233,7 +234,7 @@ impl Parser {
         })
     }
 
-    /// `$J=`: a move of its own modes that leaves the parser's alone.
+    /// Executes a `$J=` line. It has its own modes and does not change those of the parser. The error is Grbl's number.
     pub fn jog(&mut self, line: &[u8]) -> Result<Action, u8> {
         let line = Line::read(&words::split(line)?)?;
         let allowed = line.motion.is_none() && !line.dwell && !line.set_g92 && !line.clear_g92 && !line.end && !line.pause;
@@ -268,7 +269,7 @@ impl Parser {
         })
     }
 
-    /// `$G`
+    /// The answer to `$G`.
     pub fn report(&self) -> String {
         let motion = match self.rapid {
             Motion::Rapid => "G0",
@@ -282,7 +283,7 @@ impl Parser {
         format!("[GC:{motion} G{} G17 {units} {distance} G94 {} {flood} T0 F{feed:.0} S0]\r\n", self.system, self.spindle)
     }
 
-    /// `$#`
+    /// The answer to `$#`.
     pub fn report_offsets(&self) -> String {
         let zero = "0.000,0.000,0.000";
         let mut text = (54..60).map(|n| format!("[G{n}:{zero}]\r\n")).collect::<Vec<_>>().concat();
@@ -294,7 +295,7 @@ impl Parser {
 
 #[cfg(test)]
 mod tests {
-    // Decimal words and their sums here are exact; that they are is what is tested.
+    // These decimal numbers and their sums are exact in floating point, and these tests check that.
     #![allow(clippy::float_cmp)]
 
     use super::*;

@@ -1,4 +1,12 @@
-//! Emulated Grbl 1.1h, or grblHAL, on a pty. It speaks the firmware's bytes and turns the true [`Shaft`](crate::shaft::Shaft) on axis X.
+//! Emulated Grbl 1.1h, or grblHAL, on a pty. It speaks the real protocol and turns the true [`Shaft`](crate::shaft::Shaft) on axis X.
+//!
+//! ```text
+//!   serial port ── bytes ──► Firmware ──┬── words ──► gcode        lines
+//!                                       ├── settings, dialect      `$` settings, Grbl or grblHAL
+//!                                       ├── report                 status reports
+//!                                       └──► shaft (X), slide (Y)
+//! ```
+//! Positions and lengths in "units" are in the unit of the settings: steps divided by `$100` to `$102`.
 
 mod dialect;
 mod firmware;

@@ -1,8 +1,8 @@
-//! Status reports, whose optional fields come and go as in the firmware.
+//! Status reports. As in the real firmware, some reports have optional fields.
 
 use std::fmt::Write;
 
-/// Reports until the work offset and the overrides are told again; busy machines tell them less often.
+/// Number of reports from one with the work offset, or the overrides, to the next. It is larger while the machine is busy.
 const WCO_EVERY: Refresh = Refresh { busy: 30, idle: 10 };
 const OVERRIDES_EVERY: Refresh = Refresh { busy: 20, idle: 10 };
 
@@ -17,7 +17,7 @@ impl Refresh {
     }
 }
 
-/// What one report tells.
+/// The contents of one report. Positions are in units, the feed is in units/min.
 pub(super) struct Snapshot<'a> {
     pub state: &'a str,
     pub busy: bool,
@@ -26,17 +26,17 @@ pub(super) struct Snapshot<'a> {
     pub feed: f32,
     pub at_limit: bool,
     pub at_probe: bool,
-    /// Letters of the control inputs that are active.
+    /// Letters of the active control inputs.
     pub control: String,
     /// Free planner blocks and receive bytes.
     pub free: (usize, usize),
-    /// `$10`: bit 0 machine position instead of work position, bit 1 buffer state.
+    /// `$10`. Bit 0: the machine position instead of the work position. Bit 1: the buffer state.
     pub mask: u8,
-    /// grblHAL tells whether it is homed.
+    /// Whether the machine is homed. Only grblHAL reports it.
     pub homed: Option<bool>,
 }
 
-/// Counts which report carries which optional field.
+/// Decides which report has which optional field.
 #[derive(Debug, Default)]
 pub(super) struct Reporter {
     wco: u8,
@@ -63,7 +63,7 @@ impl Reporter {
             self.wco -= 1;
         } else {
             self.wco = WCO_EVERY.reload(s.busy);
-            // The overrides never share a report with the offset.
+            // A report never has both the offset and the overrides.
             self.overrides = self.overrides.max(1);
             let _ = write!(text, "|WCO:{}", triple(s.offset));
         }
@@ -83,7 +83,7 @@ impl Reporter {
         text
     }
 
-    /// The offset changed: the next report tells it.
+    /// The offset has changed. The next report contains it.
     pub fn offset_changed(&mut self) {
         self.wco = 0;
     }

@@ -1,26 +1,26 @@
-//! The `$` settings: they live in EEPROM and survive every reset.
+//! The `$` settings. They are stored in the EEPROM and survive every reset.
 
 use super::dialect::Dialect;
 use std::collections::BTreeMap;
 
-/// Settings that Grbl prints without decimals.
+/// Settings that Grbl prints as integers.
 const INTEGERS: [u16; 15] = [0, 1, 2, 3, 4, 5, 6, 10, 20, 21, 22, 23, 26, 30, 31];
 const LASER_MODE: u16 = 32;
-/// grblHAL: bits of the motors that keep their current after `$1`.
+/// grblHAL: bit mask of the motors that keep their current after the time of `$1`.
 const KEPT_POWERED: u16 = 37;
 
-/// `$1`, ms: with this value the motors keep their current for ever.
+/// The value of `$1`, ms, with which the motors always keep their current.
 const ALWAYS_POWERED_MS: f32 = 255.0;
 
-/// What the firmware was told about its machine.
+/// The settings of one controller, by their numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
     values: BTreeMap<u16, f32>,
 }
 
 impl Default for Settings {
-    /// A rotation axis on X: 1 unit = 100 steps, so that every whole step is exact in three decimals, and 500 steps make a
-    /// revolution. Motors stay energised ($1=255), the reference switch is fitted ($22=1).
+    /// A rotation axis on X with 500 steps per revolution. 1 unit is 100 steps, so that every whole step is exact with three decimals.
+    /// Motors keep their current ($1=255), and there is a reference switch ($22=1).
     fn default() -> Self {
         let mut values: BTreeMap<u16, f32> = [
             (0, 10.0),
@@ -59,7 +59,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// What is in force after the settings memory was erased: the values that the firmware was built with.
+    /// The values after the settings memory was erased. They are compiled into the firmware.
     pub(super) fn factory() -> Self {
         let mut settings = Self::default();
         settings.values.extend([(1, 25.0), (22, 0.0), (27, 1.0), (26, 250.0)]);
@@ -69,26 +69,38 @@ impl Settings {
         settings
     }
 
+    /// The value of a setting. It is 0 if there is no such setting.
     pub fn get(&self, number: u16) -> f32 {
         self.values.get(&number).copied().unwrap_or(0.0)
     }
 
-    /// How long the motor of an axis keeps its current after a move, s; none where it does for ever.
+    /// How long the motor of an axis keeps its current after a move, s. `None` if it always keeps it.
     pub(super) fn idle_s(&self, axis: usize, dialect: Dialect) -> Option<f64> {
         let kept = dialect.is_hal() && self.get(KEPT_POWERED) as u32 >> axis & 1 == 1;
         let idle_ms = self.get(1);
         (idle_ms < ALWAYS_POWERED_MS && !kept).then(|| f64::from(idle_ms) / 1000.0)
     }
 
+    /// Whether a setting is not 0.
     pub fn is_on(&self, number: u16) -> bool {
         self.get(number) != 0.0
     }
 
+    /// The values for the axes X, Y and Z, whose settings begin at `base`.
     pub(super) fn per_axis(&self, base: u16) -> [f32; 3] {
         [self.get(base), self.get(base + 1), self.get(base + 2)]
     }
 
-    /// Stores a setting as the firmware would; the error is Grbl's number.
+    /// Converts positions of the axes X, Y and Z from steps to units.
+    pub(super) fn to_units(&self, steps: [i64; 3]) -> [f32; 3] {
+        let per_unit = self.per_axis(100);
+        std::array::from_fn(|i| steps[i] as f32 / per_unit[i])
+    }
+
+    /// Stores a setting as the firmware does.
+    ///
+    /// # Errors
+    /// The error number of Grbl.
     pub fn set(&mut self, number: u16, value: f32) -> Result<(), u8> {
         if !self.values.contains_key(&number) {
             return Err(3);
@@ -110,7 +122,7 @@ impl Settings {
         Ok(())
     }
 
-    /// `$$`
+    /// The answer to `$$`.
     pub(super) fn report(&self, dialect: Dialect) -> String {
         self.values
             .iter()

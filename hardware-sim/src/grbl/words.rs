@@ -7,7 +7,7 @@ pub(super) struct Word {
     pub value: f32,
 }
 
-/// Splits a line from which white space is gone already; the error is Grbl's number.
+/// Splits a line without white space. The error is Grbl's number.
 pub(super) fn split(line: &[u8]) -> Result<Vec<Word>, u8> {
     let mut words = Vec::new();
     let mut rest = line;
@@ -22,12 +22,12 @@ pub(super) fn split(line: &[u8]) -> Result<Vec<Word>, u8> {
     Ok(words)
 }
 
-/// A number at the head of `text` and the bytes it took. Grbl knows no exponents.
+/// The number at the start of `text`, and its length in bytes. Grbl has no exponents.
 pub(super) fn number(text: &[u8]) -> Option<(f32, usize)> {
     let sign = usize::from(matches!(text.first(), Some(b'+' | b'-')));
     let digits = text[sign..].iter().take_while(|b| b.is_ascii_digit() || **b == b'.').count();
     let taken = std::str::from_utf8(&text[..sign + digits]).ok()?;
-    // Two points, or none but a point, are no number.
+    // Two points, or only a point, are not a number.
     let value: f32 = taken.parse().ok()?;
     Some((value, sign + digits))
 }

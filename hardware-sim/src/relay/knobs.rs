@@ -1,11 +1,11 @@
-//! What can be made to go wrong at an emulated relay.
+//! Faults that tests can cause at an emulated relay.
 
 use crate::serial::take_one;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-/// Clones turn the same knobs. Those that count are used up.
+/// Faults. Clones share them. A fault with a count ends after that many times.
 #[derive(Debug, Clone, Default)]
 pub struct Knobs(Arc<Shared>);
 
@@ -30,52 +30,52 @@ impl PartialEq for Knobs {
 }
 
 impl Knobs {
-    /// After the next turn that is asked for, `busy` never says 0.
+    /// `busy` never answers 0 after the first turn.
     pub fn never_idle_after_turns(&self, on: bool) {
         self.0.never_idle.store(on, Ordering::Relaxed);
     }
 
-    /// For so long after a turn has begun (rig time), `busy` says 0.
+    /// `busy` answers 0 for this rig time after a turn has begun.
     pub fn say_idle_for(&self, time: Duration) {
         *self.0.idle_for.lock().unwrap_or_else(PoisonError::into_inner) = time;
     }
 
-    /// Every byte from now on leaves by itself.
+    /// From now on each byte is sent separately.
     pub fn split_answers(&self, on: bool) {
         self.0.split.store(on, Ordering::Relaxed);
     }
 
-    /// Whether what is counted waits for the answers to turns.
+    /// Whether the faults act on the answers to turns only.
     pub fn only_turns(&self, on: bool) {
         self.0.only_turns.store(on, Ordering::Relaxed);
     }
 
-    /// The connection ends as each of the next `count` turns has begun.
+    /// The connection ends after each of the next `count` turns has begun.
     pub fn hang_up_in_turns(&self, count: u32) {
         self.0.hang_ups.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` requests are carried out, but never answered.
+    /// The next `count` requests are executed, but not answered.
     pub fn lose_answers(&self, count: u32) {
         self.0.lost_answers.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` answers come twice, in one piece.
+    /// The next `count` answers are sent twice, in one piece.
     pub fn double_answers(&self, count: u32) {
         self.0.doubled_answers.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` frames say that they are 4 GB long.
+    /// The next `count` frames have a length field of 4 GB.
     pub fn send_wrong_lengths(&self, count: u32) {
         self.0.wrong_lengths.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` answers leave this much later (real time).
+    /// The next `count` answers are delayed by this real time.
     pub fn delay_answers(&self, count: u32, by: Duration) {
         *self.0.late.lock().unwrap_or_else(PoisonError::into_inner) = (count, by);
     }
 
-    /// The next answer reads like this.
+    /// The next answer has this text.
     pub fn answer_next(&self, text: &str) {
         *self.0.rewrite.lock().unwrap_or_else(PoisonError::into_inner) = Some(text.to_owned());
     }
@@ -109,7 +109,7 @@ impl Knobs {
         late.1
     }
 
-    /// What leaves of an answer.
+    /// The bytes that are sent for an answer. `None` if it is lost.
     pub(super) fn sent(&self, answer: &str) -> Option<Vec<u8>> {
         if take_one(&self.0.lost_answers) {
             return None;

@@ -1,11 +1,11 @@
-//! An emulated relay: the Windows program beside VAST's own library, which speaks for it over TCP.
+//! An emulated relay: the Windows program that controls VAST by its library and serves it over TCP.
 //!
 //! ```text
 //!   host ── TCP ── frames (u32 little endian, then as many characters) ── one thread ── Vast ── steps ──► Shaft
 //!                  boot  rot,24  busy  mabs,0,x,y  mrel,0,x,y  get_xy_pos  set_autost,dir  get_autost
 //! ```
-//! Every request has one answer, and an answer does not name its request. `rot` is answered as the turn begins; `busy` says
-//! 0 once nothing moves. What the relay turns goes on turning when its client has gone.
+//! Every request has one answer, and an answer does not name its request. `rot` is answered when the turn begins. `busy` answers 0
+//! when nothing moves. A turn continues after the client has disconnected.
 
 mod knobs;
 mod vast;
@@ -22,7 +22,7 @@ use std::thread::JoinHandle;
 use std::time::Duration;
 use vast::Vast;
 
-/// How often a client that says nothing is left, to look whether the relay is to end.
+/// How often the relay checks whether it must end while the client sends nothing.
 const LOOK: Duration = Duration::from_millis(20);
 const LONGEST_REQUEST: usize = 256;
 
@@ -64,7 +64,7 @@ impl Relay {
 impl Drop for Relay {
     fn drop(&mut self) {
         self.ending.store(true, Ordering::Relaxed);
-        // Wakes the one who waits for clients.
+        // Wakes the thread, which waits for clients.
         let _ = TcpStream::connect(self.address);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -134,7 +134,7 @@ fn frame(text: &str) -> Vec<u8> {
     [&(text.len() as u32).to_le_bytes(), text.as_bytes()].concat()
 }
 
-/// The next whole frame.
+/// The next complete frame.
 fn take_frame(heard: &mut Vec<u8>) -> std::io::Result<Option<String>> {
     let Some(length) = heard.first_chunk().map(|head| u32::from_le_bytes(*head) as usize) else { return Ok(None) };
     if length > LONGEST_REQUEST {

@@ -1,10 +1,10 @@
-//! The machine behind the relay: one rotation that is only told differences, and a stage along and across the capillary.
+//! The machine behind the relay: a rotation axis that accepts relative moves only, and a stage along and across the capillary.
 
 use super::Settings;
 use crate::shaft::Shaft;
 use std::sync::Arc;
 
-/// How fast the stage goes, microsteps per second.
+/// Speed of the stage, microsteps per second.
 const STAGE_SPEED: f64 = 100_000.0;
 
 pub(super) struct Vast {
@@ -22,7 +22,7 @@ impl Vast {
         Self { shaft, settings, stage: [0; 2], turn_s: None, busy_until_s: 0.0, autostore: String::new() }
     }
 
-    /// Carries a request out and answers it.
+    /// Executes a request. Returns the answer.
     pub fn obey(&mut self, request: &str, now_s: f64) -> String {
         let (command, rest) = request.split_once(',').unwrap_or((request, ""));
         let numbers: Option<Vec<i64>> = rest.split(',').map(|n| n.parse().ok()).collect();

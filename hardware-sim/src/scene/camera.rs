@@ -1,4 +1,4 @@
-//! The pinhole of the scene: where a point of the capillary's world lands on the sensor.
+//! The pinhole camera of the scene: the projection of a point in the frame of the capillary to the sensor.
 //!
 //! ```text
 //!          y down                 x~ = K [ R_Y(alpha) R_Z(gamma) R_X(omega) X + f (0, cos phi, sin phi) ]
@@ -6,29 +6,34 @@
 //!   camera |   z away
 //!     [>---+--/----------> x      pixel centres at integers, u right, v down; um and rad
 //! ```
-//! Positive omega moves the near wall to larger v. This is written apart from any program that evaluates the frames, so
-//! that a sign or a half pixel wrong in one of the two shows.
+//! Positive omega moves the near wall to larger v. This code shares nothing with the programs that evaluate the frames, so that tests
+//! detect a wrong sign or half a pixel in either.
 
 use serde::{Deserialize, Serialize};
 
-/// The camera's parameters; the angle of the axis comes with each exposure.
+/// The parameters of the camera. The angle of the axis is a parameter of each exposure.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Camera {
-    /// Distance of the projection centre from the axis.
+    /// Distance of the projection centre from the axis, um.
     pub f_um: f64,
     /// Scale at the axis along the capillary.
     pub kx_px_per_um: f64,
-    /// Scale at the axis across the capillary: larger than `kx` where air surrounds the glass.
+    /// Scale at the axis across the capillary. It is larger than `kx` if air surrounds the glass.
     pub ky_px_per_um: f64,
+    /// Principal point, u.
     pub ux_px: f64,
+    /// Principal point, v.
     pub uy_px: f64,
+    /// The skew s of the matrix K.
     pub skew: f64,
     /// Positive brings the +x end nearer.
     pub alpha_rad: f64,
-    /// Positive lowers the +x end in the picture.
+    /// Positive lowers the +x end in the image.
     pub gamma_rad: f64,
+    /// Direction from the projection centre to the axis, in the plane of y and z. It is pi/2 along +z.
     pub phi_rad: f64,
+    /// Size of the sensor, px.
     pub width: u32,
     pub height: u32,
 }
@@ -51,7 +56,7 @@ impl Default for Camera {
     }
 }
 
-/// A camera that looks at an axis turned by one omega.
+/// The camera at one angle of the axis.
 #[derive(Debug, Clone)]
 pub struct View {
     rotation: [[f64; 3]; 3],
@@ -101,7 +106,7 @@ impl View {
         Projected { u_px: (self.fkx * x + self.skew * y) / depth + self.ux, v_px: self.fky * y / depth + self.uy, depth_um: depth }
     }
 
-    /// The projection centre in the capillary's frame: what is projected to depth 0 in all directions.
+    /// The projection centre in the frame of the capillary, um.
     pub fn centre(&self) -> [f64; 3] {
         std::array::from_fn(|j| -(0..3).map(|i| self.rotation[i][j] * self.shift[i]).sum::<f64>())
     }
@@ -112,13 +117,13 @@ impl View {
         (1.0 + x * x + y * y).sqrt()
     }
 
-    /// The ray through a pixel in the capillary's frame, per unit of depth.
+    /// The ray through a pixel in the frame of the capillary, per unit of depth.
     pub fn ray(&self, u_px: f64, v_px: f64) -> [f64; 3] {
         let slopes = self.slopes(u_px, v_px);
         std::array::from_fn(|j| (0..3).map(|i| self.rotation[i][j] * slopes[i]).sum())
     }
 
-    /// The same in the camera's frame.
+    /// The ray through a pixel in the frame of the camera, per unit of depth.
     fn slopes(&self, u_px: f64, v_px: f64) -> [f64; 3] {
         let y = (v_px - self.uy) / self.fky;
         [(u_px - self.ux - self.skew * y) / self.fkx, y, 1.0]
@@ -130,7 +135,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn signs_follow_the_conventions() {
+    fn positive_angles_have_the_documented_directions() {
         let camera = Camera::default();
         let near = [0.0, 0.0, -300.0];
         assert!(camera.view(0.1).project(near).v_px > 511.5 + 4.0, "positive omega moves the near wall to larger v");
@@ -144,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn nearer_is_larger() {
+    fn a_nearer_object_is_larger() {
         let view = Camera::default().view(0.0);
         let half = |z: f64| view.project([0.0, 550.0, z]).v_px - 511.5;
         assert!((half(0.0) - 100.0).abs() < 1e-9);

@@ -1,5 +1,5 @@
-//! The glass capillary: the room a specimen has, and how its walls look. It does not visibly turn, unless a dot of ink is on it,
-//! and lies as the camera's gamma says: walls, axis and specimen are tilted together.
+//! The glass capillary: its bore and the appearance of its walls. Its turn is visible only with a dot of ink or marks on the glass. The
+//! angle gamma of the camera tilts walls, axis and specimen together.
 
 use super::ink::InkDot;
 use serde::{Deserialize, Serialize};
@@ -8,20 +8,21 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct Capillary {
     pub bore_diameter_um: f64,
-    /// Thickness of the glass.
+    /// Thickness of the glass wall.
     pub glass_um: f64,
-    /// Darkness of the upper inner wall's line, as a part of 1.
+    /// Darkness of the line of the upper inner wall, 0 to 1.
     pub wall_contrast: f64,
-    /// The lower wall's darkness as a part of the upper's: the lamp shines a little from above.
+    /// Darkness of the lower wall over that of the upper wall. It is below 1 because the lamp shines a little from above.
     pub lower_share: f64,
-    /// Standard deviation of a wall line's width.
+    /// Standard deviation of the Gaussian profile of a wall line.
     pub wall_line_px: f64,
-    /// How far a wall's red image lies below its green one, and its blue one above: brownish above, bluish below.
+    /// How far the red image of a wall lies below the green one, and the blue one above it. Walls are brownish above and bluish below.
     pub fringe_px: f64,
-    /// Darkness of the glass between its two lines, as a part of 1.
+    /// Darkness of the glass between its two lines, 0 to 1.
     pub glass_shade: f64,
-    /// Loss of light in the water beside a wall, as a part of 1, and how far it reaches.
+    /// Loss of light in the water beside a wall, 0 to 1.
     pub bore_shade: f64,
+    /// How far from the wall this loss reaches.
     pub bore_shade_px: f64,
     /// A dot of ink on the outside, which turns with the glass.
     pub ink: Option<InkDot>,

@@ -1,37 +1,37 @@
-//! Everything that lies in the capillary at one time.
+//! The contents of the capillary.
 //!
 //! ```text
 //!   ____________________________________
-//!     specimens: drawn and measured        o   <- clutter: drawn like them, in no truth
+//!     specimens: drawn and measured        o   <- clutter: drawn, but not in the ground truth
 //!   ____________________________________
 //! ```
 
 use super::phantom::{PlacementError, Specimen};
 
-/// What is loaded. Each has its own placement; nothing keeps two of them from touching or from lying in one another.
+/// Specimens and clutter, each with its own placement. They may touch or overlap each other.
 #[derive(Debug, Clone, Default)]
 pub struct Contents {
-    /// What a profile should hold: the truth is theirs.
+    /// The specimens. The ground truth describes them.
     pub specimens: Vec<Specimen>,
-    /// What is seen beside them: bubbles, debris. No truth holds any of it, not even where it touches a specimen.
+    /// Bubbles and debris. The ground truth does not contain them, also where they touch a specimen.
     pub clutter: Vec<Specimen>,
 }
 
 impl Contents {
-    /// Adds something that is drawn and not measured.
+    /// Adds clutter.
     #[must_use]
     pub fn beside(mut self, clutter: Specimen) -> Self {
         self.clutter.push(clutter);
         self
     }
 
-    /// All placements carried out.
+    /// The contents in the frame of the capillary, with all placements applied.
     pub(super) fn settled(self, bore_radius_um: f64) -> Result<Self, PlacementError> {
         let settle = |all: Vec<Specimen>| all.into_iter().map(|s| s.settled(bore_radius_um)).collect::<Result<Vec<_>, _>>();
         Ok(Self { specimens: settle(self.specimens)?, clutter: settle(self.clutter)? })
     }
 
-    /// Everything carried along x.
+    /// The contents, shifted along x.
     pub(super) fn shifted(mut self, by_um: f64) -> Self {
         for specimen in self.specimens.iter_mut().chain(&mut self.clutter) {
             specimen.move_all(|[x, y, z]| [x + by_um, y, z]);
@@ -39,7 +39,7 @@ impl Contents {
         self
     }
 
-    /// Everything that is drawn.
+    /// All specimens and clutter.
     pub(super) fn all(&self) -> impl Iterator<Item = &Specimen> {
         self.specimens.iter().chain(&self.clutter)
     }

@@ -1,11 +1,11 @@
-//! What a second camera sees of the same scene: the specimens' bodies glow, and nothing else does, fins included.
+//! The image of a second, fluorescence camera of the same scene. Only the bodies of the specimens glow, without their fins.
 //!
 //! ```text
 //!   scene ── specimens ── thickness along each ray ── x brightness ─► + background -> blur -> noise -> grey
-//!                                                                        axis angle + where this camera stands
+//!                                                                        axis angle + angle of this camera
 //! ```
-//! The light of a pixel is the brightness times the thickness, so that the sum over a picture is the volume times the brightness times
-//! the pixels per um^2, whatever the shape: [`Fluorescent::signal_per_nl`] is the truth.
+//! The light of a pixel is the brightness times the thickness. The sum over an image is therefore the volume times the brightness times
+//! the pixels per um^2, for any shape. [`Fluorescent::signal_per_nl`] is the ground truth.
 
 use super::optics::{Window, blurred, exposed, thickness};
 use super::{Camera, Contents, FRAME_SAMPLES, Optics, Scene};
@@ -13,17 +13,18 @@ use crate::scene::Exposure;
 use crate::sight::{PixelFormat, Pixels, Sight};
 use std::sync::Arc;
 
-/// The second camera's place and light.
+/// Position and light of the second camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FluorescentSettings {
     pub camera: Camera,
-    /// How far around the axis it stands from the first, rad: what the first sees at an angle it sees that much before.
+    /// Angle about the axis between the two cameras. At the axis angle omega this camera sees what the first camera sees at omega plus
+    /// this angle.
     pub around_rad: f64,
-    /// Grey levels of 100 um of specimen.
+    /// Grey levels of 100 um of body along a ray.
     pub brightness_per_100um: f64,
-    /// Grey levels where nothing glows.
+    /// Grey level of the background.
     pub background: f64,
-    /// Blur and noise; the rest is bright field's.
+    /// Blur and noise. The other fields apply to bright field only.
     pub optics: Optics,
 }
 
@@ -39,7 +40,7 @@ impl Default for FluorescentSettings {
     }
 }
 
-/// The glowing view of a scene.
+/// The fluorescence image of a scene.
 #[derive(Debug)]
 pub struct Fluorescent {
     scene: Arc<Scene>,
@@ -51,8 +52,8 @@ impl Fluorescent {
         Self { scene, settings }
     }
 
-    /// What a perfect measurement of a body would find: grey levels times px per nl. Exact at the axis; perspective makes what is 500 um
-    /// nearer 1.7 % brighter in sum, and what is as much farther so much fainter.
+    /// The result of a perfect measurement of a body: sum of grey levels over all pixels, per nl. It is exact at the axis. Because of
+    /// perspective the sum is 1.7 % larger for a body 500 um nearer, and smaller by as much for a body 500 um farther away.
     pub fn signal_per_nl(&self) -> f64 {
         let camera = &self.settings.camera;
         self.settings.brightness_per_100um / 100.0 * camera.kx_px_per_um * camera.ky_px_per_um * 1e6
@@ -105,9 +106,9 @@ mod tests {
     use super::*;
     use crate::scene::{SceneSettings, Specimen};
 
-    /// On the axis, without noise: the sum is the volume times what a perfect measurement would find, from every side.
+    /// Without noise and at the axis the sum is the volume times the result of a perfect measurement, from every side.
     #[test]
-    fn the_light_is_the_volumes() {
+    fn the_sum_of_the_light_is_proportional_to_the_volume() {
         let scene = Arc::new(Scene::new(SceneSettings::default()));
         let bead = Specimen::bead(500.0).unwrap();
         let volume_nl = bead.truth().volume_um3 * 1e-6;

@@ -1,6 +1,6 @@
-//! Pictures as the scene hands them out: colour frames, what a sensor of another kind would have read, and coverage.
+//! Images of the scene: colour frames, their conversions to other sensors, and coverage.
 
-/// An 8-bit colour picture, three bytes per pixel, red first, rows without padding.
+/// An 8-bit colour image: three bytes per pixel, red first, rows without padding.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rgb {
     pub width: u32,
@@ -9,14 +9,14 @@ pub struct Rgb {
 }
 
 impl Rgb {
-    /// The sensor under a colour mosaic whose first row reads R G R G and second G B G B. Noise was drawn for each
-    /// pixel and colour on its own, so the mosaic's noise is that of single sensor pixels.
+    /// The image behind a Bayer mosaic: first row R G R G, second row G B G B. The noise of each pixel and colour is independent, so
+    /// that the noise of the mosaic is that of single sensor pixels.
     pub fn to_bayer_rg8(&self) -> Vec<u8> {
         let width = self.width as usize;
         self.data.chunks_exact(3).enumerate().map(|(i, rgb)| rgb[(i % width % 2) + (i / width % 2)]).collect()
     }
 
-    /// Luma by the weights of ITU-R BT.601.
+    /// Luma with the weights of ITU-R BT.601.
     pub fn to_mono8(&self) -> Vec<u8> {
         self.data
             .chunks_exact(3)
@@ -25,7 +25,7 @@ impl Rgb {
     }
 }
 
-/// How much of each pixel the specimen covers: 0 none, 255 all; inside is 128 and more.
+/// The part of each pixel that the specimens cover: 0 is none, 255 is all. A pixel is inside from 128 on.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Coverage {
     pub width: u32,

@@ -1,29 +1,30 @@
-//! A dot of ink on the outside of the glass: what an operator marks a capillary with to see which way it turns.
+//! A dot of ink on the outside of the glass. An operator marks a capillary with it to see the direction of rotation.
 //!
 //! ```text
 //!        angle -90 deg  ___                 at omega 0 the dot stands at (x, R sin angle, -R cos angle):
-//!                     /     \               0 faces the camera, positive lies lower; the glass takes it to angle + omega
+//!                     /     \               0 faces the camera, positive is lower; at omega it is at angle + omega
 //!   camera ---  0    |       |  180
 //!                     \ ___ /
 //!        angle +90 deg
 //! ```
-//! Every ray meets the glass twice; where it meets the dot it is darkened, before or behind what the capillary holds.
+//! Every ray meets the glass twice. It is darkened if it meets the dot, in front of the contents or behind them.
 
 use super::camera::Camera;
 use super::optics::Optics;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
+/// Position, size and darkness of the dot.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct InkDot {
-    /// Along the capillary.
+    /// Position along the capillary.
     pub x_um: f64,
-    /// Around it.
+    /// Position around the capillary: 0 faces the camera at omega 0, positive is lower.
     pub angle_rad: f64,
-    /// On the glass.
+    /// Radius on the surface of the glass.
     pub radius_um: f64,
-    /// Darkness, as a part of 1.
+    /// Darkness, 0 to 1.
     pub opacity: f64,
 }
 
@@ -33,16 +34,16 @@ impl Default for InkDot {
     }
 }
 
-/// Rays per pixel across the capillary, where the dot is seen edge on.
+/// Rays per pixel across the capillary, for a dot that is seen edge on.
 const RAYS: i32 = 4;
 
 impl InkDot {
-    /// Darkens the sharp picture where the dot is seen.
+    /// Darkens the image before blur where the dot is visible.
     pub(super) fn shade(&self, light: &mut [[f32; 3]], camera: &Camera, outer_um: f64, optics: &Optics, omega_rad: f64) {
         let view = camera.view(omega_rad);
         let (sin, cos) = self.angle_rad.sin_cos();
         let seen = view.project([self.x_um, outer_um * sin, -outer_um * cos]);
-        // A pixel's width, and more as far out of focus as the dot is.
+        // One pixel, and more if the dot is out of focus.
         let soft_um = (1.0 / camera.kx_px_per_um).hypot(2.0 * optics.defocus_rad * (seen.depth_um - camera.f_um));
         let reach_um = self.radius_um + soft_um;
         let span = |at: f64, k: f64, size: u32| {
@@ -64,7 +65,7 @@ impl InkDot {
         }
     }
 
-    /// How much of the glass at a point is inked, 0 to 1.
+    /// Coverage of the glass with ink at a point, 0 to 1.
     fn covers(&self, [x, y, z]: [f64; 3], outer_um: f64, soft_um: f64) -> f64 {
         let turned = y.atan2(-z) - self.angle_rad;
         let around = outer_um * (turned - TAU * (turned / TAU).round());
@@ -86,7 +87,7 @@ mod tests {
     use super::*;
     use crate::scene::{Capillary, Exposure, Scene, SceneSettings};
 
-    /// Where the frame is darker than without the dot: the middle, weighed by how much.
+    /// The centroid of the darkening by the dot, px.
     fn dot(camera: &Camera, ink: InkDot, omega: f64) -> [f64; 2] {
         let frame = |ink| {
             let capillary = Capillary { ink, ..Capillary::default() };
@@ -108,11 +109,11 @@ mod tests {
     }
 
     #[test]
-    fn the_dot_is_where_the_camera_sees_its_place_on_the_glass() {
+    fn the_dot_is_at_the_projection_of_its_point_on_the_glass() {
         let camera = Camera { height: 256, uy_px: 127.5, ..Camera::default() };
         let ink = InkDot { x_um: 1500.0, angle_rad: -0.6, radius_um: 40.0, opacity: 0.9 };
         let outer = Capillary::default().outer_radius_um();
-        // Away from the walls' lines: what is dark already a dot darkens little.
+        // Away from the lines of the walls, which a dot darkens only a little.
         for omega in [0.0_f64, 0.9, 2.9, 3.7, 4.3] {
             let expected = camera.view(0.0).project([1500.0, outer * (omega - 0.6).sin(), -outer * (omega - 0.6).cos()]);
             let [u, v] = dot(&camera, ink, omega);

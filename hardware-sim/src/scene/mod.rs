@@ -1,4 +1,4 @@
-//! What the emulated camera looks at: a specimen in a glass capillary, in bright field, with exact truth.
+//! What the emulated camera sees: a specimen in a glass capillary, in bright field, with exact ground truth.
 //!
 //! ```text
 //!   SceneSettings -> Scene --load(contents)--> [ capillary + specimens + clutter ] <--angle-- the emulated axis
@@ -7,7 +7,7 @@
 //!                      +--> phantom parts -> raster -> transmission -> blur -> nuisances -> noise -> Rgb -> Bayer
 //!                      +--> truth_mask(angle), truth_edge(angle): of the specimens     specimen.truth(): volume, area, hull
 //! ```
-//! One scene is shared by all emulated devices: what the camera shows follows what the axis did.
+//! All emulated devices share one scene, so the image follows the motion of the axis.
 
 pub mod camera;
 pub mod capillary;
@@ -39,7 +39,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, PoisonError, RwLock};
 
-/// Everything about a scene but its specimen.
+/// All parameters of a scene except its contents.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SceneSettings {
@@ -49,31 +49,31 @@ pub struct SceneSettings {
     pub nuisances: Nuisances,
 }
 
-/// One picture taken.
+/// One exposure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Exposure {
-    /// Angle of the axis, true, not commanded.
+    /// True angle of the axis, rad. It may differ from the commanded angle.
     pub angle_rad: f64,
-    /// Number of the exposure: the same number and angle give the same noise.
+    /// Number of the exposure. The same number and angle give the same noise.
     pub number: u64,
 }
 
-/// Samples per pixel of a frame: finer across the capillary, where most edges run along it.
+/// Samples per pixel of a frame, along and across the capillary. Most edges run along the capillary, so it is finer across.
 const FRAME_SAMPLES: (usize, usize) = (2, 4);
 /// Samples per pixel of a mask: 64 levels of coverage.
 const MASK_SAMPLES: (usize, usize) = (8, 8);
 
-/// The capillary with what lies in it. Loading and rendering may happen on different threads.
+/// The capillary with its contents. Different threads may load and render.
 #[derive(Debug)]
 pub struct Scene {
     settings: SceneSettings,
-    /// The empty capillary before and after blur.
+    /// The image of the empty capillary before and after blur.
     sharp: Vec<[f32; 3]>,
     soft: Vec<[f32; 3]>,
     loaded: RwLock<Loaded>,
 }
 
-/// What lies in the capillary, in the picture's coordinates, and how far along x it has been carried.
+/// The contents of the capillary in scene coordinates, and their shift along x.
 #[derive(Debug, Default)]
 struct Loaded {
     contents: Arc<Contents>,
@@ -89,10 +89,10 @@ impl Scene {
         Self { settings, sharp, soft, loaded: RwLock::default() }
     }
 
-    /// Swaps what is in the capillary: one specimen, none (`None` empties it) or more and clutter beside.
+    /// Replaces the contents of the capillary: one specimen, several with clutter, or none (`None` empties it).
     ///
     /// # Errors
-    /// Refuses what leaves the bore; what was loaded then stays.
+    /// A part of the contents lies outside the bore. The earlier contents then stay.
     pub fn load(&self, contents: impl Into<Contents>) -> Result<(), PlacementError> {
         let settled = contents.into().settled(self.settings.capillary.bore_radius_um())?;
         let mut loaded = self.loaded.write().unwrap_or_else(PoisonError::into_inner);
@@ -100,11 +100,11 @@ impl Scene {
         Ok(())
     }
 
-    /// Carries the capillary with what lies in it to `shift_um` along x; the camera stays.
+    /// Moves the capillary and its contents to `shift_um` along x. The camera stays.
     pub fn slide_to(&self, shift_um: f64) {
         let mut loaded = self.loaded.write().unwrap_or_else(PoisonError::into_inner);
         let by_um = shift_um - loaded.shift_um;
-        // Rounding is no way.
+        // A rounding error is not a move.
         if by_um.abs() > 1e-6 {
             loaded.contents = Arc::new(Contents::clone(&loaded.contents).shifted(by_um));
             loaded.shift_um = shift_um;
@@ -115,12 +115,12 @@ impl Scene {
         &self.settings
     }
 
-    /// What is loaded, placed in the bore.
+    /// The contents, in scene coordinates.
     pub fn contents(&self) -> Arc<Contents> {
         Arc::clone(&self.loaded.read().unwrap_or_else(PoisonError::into_inner).contents)
     }
 
-    /// Truth of the one specimen that is loaded; None where there is none or more than one.
+    /// The true values of the specimen. `None` if there is no specimen or more than one.
     pub fn truth(&self) -> Option<Truth> {
         match self.contents().specimens.as_slice() {
             [one] => Some(one.truth()),
@@ -151,14 +151,14 @@ impl Scene {
         }
     }
 
-    /// The light with the contents before an empty capillary that looks `sharp` before blur and `soft` after it.
+    /// The light with the contents. `sharp` is the image of the empty capillary before blur, `soft` the image after it.
     fn lit_before(&self, sharp: &[[f32; 3]], mut soft: Vec<[f32; 3]>, contents: &Contents, angle_rad: f64) -> Vec<[f32; 3]> {
         let SceneSettings { camera, optics, .. } = &self.settings;
         let view = camera.view(angle_rad);
         let reach = blur_reach(optics.blur_px);
-        // Twice the blur's reach: the inner half is what the contents change, the outer half feeds the blur.
+        // Twice the reach of the blur. The contents change the inner half, and the blur needs the outer half.
         let window = self.window(contents.all(), angle_rad, 2 * reach as i64 + 2, FRAME_SAMPLES);
-        // Nothing of them is in sight.
+        // The contents are outside the image.
         let Some(window) = window else { return soft };
         let parts: Vec<_> = contents.all().flat_map(|specimen| passages(specimen, &view, camera.f_um, &window)).collect();
         let spots: Vec<_> = contents.all().flat_map(|specimen| specimen.spots.iter().copied()).collect();
@@ -173,7 +173,7 @@ impl Scene {
             }
         }
         let block = blurred(&block, window.width, optics.blur_px);
-        // The block's rim was blurred without its neighbours: there the empty picture stands, unless the rim is the sensor's.
+        // The border of the block was blurred without its neighbours. There the empty image is used, except at the border of the sensor.
         let (w, h) = (window.width, window.height);
         let rows = if window.v0 == 0 { 0 } else { reach }..if window.v0 as usize + h == camera.height as usize { h } else { h - reach };
         let columns = if window.u0 == 0 { 0 } else { reach }..if window.u0 as usize + w == width { w } else { w - reach };
@@ -184,7 +184,7 @@ impl Scene {
         soft
     }
 
-    /// How much of each pixel the specimens cover, fins included and clutter not.
+    /// The part of each pixel that the specimens cover, with their fins and without clutter.
     pub fn truth_mask(&self, angle_rad: f64) -> Coverage {
         let camera = &self.settings.camera;
         let width = camera.width as usize;
@@ -211,12 +211,13 @@ impl Scene {
         Coverage { width: camera.width, height: camera.height, data }
     }
 
-    /// The outlines of what is seen of the specimens, exact but for the facets of their meshes.
+    /// The outlines of the visible specimens, px. They are exact for the meshes.
     pub fn truth_edge(&self, angle_rad: f64) -> Vec<Outline> {
         self.edge_of(angle_rad, |_| true)
     }
 
-    /// The same without outgrowths: of a larva's body alone, where its fin fold is too faint to be asked for.
+    /// The outlines without outgrowths, px. They are those of the body of a larva, for comparison with methods that cannot detect the
+    /// faint fin fold.
     pub fn body_edge(&self, angle_rad: f64) -> Vec<Outline> {
         self.edge_of(angle_rad, |part| part.within_body == Within::Added)
     }
@@ -228,7 +229,7 @@ impl Scene {
         outline::outlines(parts.map(|part| &part.mesh), &camera.view(angle_rad), (camera.width, camera.height))
     }
 
-    /// The pixels in which any of the specimens is seen.
+    /// The pixels that contain any of the specimens.
     fn window<'a>(
         &self,
         specimens: impl Iterator<Item = &'a Specimen>,
@@ -253,7 +254,7 @@ fn passages(specimen: &Specimen, view: &camera::View, reference_depth_um: f64, w
     if let Some(((body, _), others)) = parts.split_first_mut() {
         for ((plane, _), part) in others.iter_mut().zip(&specimen.parts[1..]) {
             if part.within_body == Within::Replaced {
-                // Exact where the one's passage holds the other's, as for a plate and the body that it grows from.
+                // This is exact if one passage contains the other, as for a plate and the body on which it grows.
                 plane.iter_mut().zip(&*body).for_each(|(own, body)| *own = (*own - body).max(0.0));
             }
         }

@@ -1,4 +1,4 @@
-//! The true outline of what is seen of closed meshes, without sampling: where their projections' union begins and ends.
+//! The true outline of closed meshes in the image, without sampling: the border of the union of their projections.
 //!
 //! ```text
 //!     |   |   |   |         lines every quarter of a pixel, along u and along v. On each, every triangle covers an interval;
@@ -6,8 +6,8 @@
 //!     |   x   |   |         Marching squares joins them to closed polygons.
 //!   --+-x=+===+===+--
 //! ```
-//! Between two places the outline is taken for straight: over a quarter of a pixel a curve of 5 px radius rises by 0.0016 px.
-//! What is thinner than a quarter of a pixel may be missing.
+//! The outline is straight between two such points. Over a quarter of a pixel a curve of 5 px radius deviates by 0.0016 px. Details
+//! thinner than a quarter of a pixel may be missing.
 
 use super::camera::View;
 use super::phantom::Mesh;
@@ -18,10 +18,10 @@ use std::collections::HashMap;
 pub type Outline = Vec<[f64; 2]>;
 
 const LINES_PER_PIXEL: usize = 4;
-/// Intervals closer than this touch: rounding, not a gap.
+/// Intervals closer than this touch. The gap is a rounding error.
 const TOUCHING_PX: f64 = 1e-9;
 
-/// The outlines of the union of all meshes on a sensor of the given size, and closed along its rim.
+/// The outlines of the union of all meshes on a sensor of the given size, px. They are closed along its border.
 pub fn outlines<'a>(meshes: impl Iterator<Item = &'a Mesh>, view: &View, (width, height): (u32, u32)) -> Vec<Outline> {
     let mut rows = Lines::new(height, width);
     let mut columns = Lines::new(width, height);
@@ -45,12 +45,12 @@ pub fn outlines<'a>(meshes: impl Iterator<Item = &'a Mesh>, view: &View, (width,
     trace(&rows, &columns)
 }
 
-/// Place of a grid line: the first and the last lie just outside the sensor.
+/// Position of a grid line. The first and the last line are just outside the sensor.
 fn place(line: usize) -> f64 {
     (line as f64 - 1.0) / LINES_PER_PIXEL as f64 - 0.5
 }
 
-/// Parallel lines over the sensor, and what is covered of each.
+/// Parallel lines over the sensor, and the covered intervals of each.
 struct Lines {
     covered: Vec<Vec<(f64, f64)>>,
     /// Last pixel's far side along a line.
@@ -96,7 +96,7 @@ impl Lines {
         }
     }
 
-    /// What is covered around a place on a line.
+    /// The covered interval around a position on a line.
     fn around(&self, line: usize, at: f64) -> Option<(f64, f64)> {
         let intervals = &self.covered[line];
         let after = intervals.partition_point(|i| i.0 <= at + TOUCHING_PX);
@@ -104,8 +104,8 @@ impl Lines {
     }
 }
 
-/// Where a side of a triangle meets a line. A corner on the line belongs to what lies before it; both triangles at a side
-/// get the same number, to the last bit.
+/// Where a side of a triangle meets a line. A corner on the line belongs to the part before it. Both triangles at a side get exactly
+/// the same number.
 fn crossing(p: (f64, f64), q: (f64, f64), line: f64) -> Option<f64> {
     if (p.0 <= line) == (q.0 <= line) {
         return None;
@@ -153,7 +153,7 @@ fn trace(rows: &Lines, columns: &Lines) -> Vec<Outline> {
             let leaves = |k: usize| corners[k % 4] && !corners[(k + 1) % 4];
             let enters = |k: usize| !corners[k % 4] && corners[(k + 1) % 4];
             for k in (0..4).filter(|&k| leaves(k)) {
-                // Round the uncovered corners to where the covered ones begin again: in a saddle the covered ones stay joined.
+                // Around the uncovered corners to the next covered one. In a saddle the covered corners stay joined.
                 if let Some(to) = (k + 1..k + 4).find(|&to| enters(to)) {
                     next.insert(sides[k], sides[to % 4]);
                     starts.push(sides[k]);

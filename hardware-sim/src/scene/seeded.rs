@@ -1,7 +1,7 @@
-//! Numbers that look random and depend on nothing but their seed: individuals, pigment and sensor noise are the same
-//! on every machine and in every order of evaluation.
+//! Pseudo-random numbers that depend on their seed only. Individuals, pigment and sensor noise are the same on every machine and in
+//! every order of evaluation.
 
-/// One step of a bijective 64-bit mixer: neighbouring inputs give unrelated outputs.
+/// One step of a bijective 64-bit mixer. Neighbouring inputs give unrelated outputs.
 #[inline]
 pub fn mixed(value: u64) -> u64 {
     let mut z = value.wrapping_add(0x9E37_79B9_7F4A_7C15);
@@ -10,8 +10,8 @@ pub fn mixed(value: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Nearly normal, mean 0 and standard deviation 1, from 64 mixed bits: the sum of four uniform 16-bit numbers.
-/// Bounded at 3.46, which suits a sensor.
+/// A nearly normal number with mean 0 and standard deviation 1, from 64 mixed bits: the sum of four uniform 16-bit numbers. It is
+/// bounded at 3.46.
 #[inline]
 pub fn normal_of(bits: u64) -> f32 {
     let sum = (bits & 0xFFFF) + ((bits >> 16) & 0xFFFF) + ((bits >> 32) & 0xFFFF) + (bits >> 48);
@@ -19,7 +19,7 @@ pub fn normal_of(bits: u64) -> f32 {
     (sum as f32 - 131_070.0) / 37_837.2
 }
 
-/// A stream of such numbers.
+/// A stream of pseudo-random numbers.
 #[derive(Debug, Clone)]
 pub struct Seeded(u64);
 
@@ -33,12 +33,12 @@ impl Seeded {
         mixed(self.0)
     }
 
-    /// Uniform from `low` to `high`.
+    /// A uniform number from `low` to `high`.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Normal around 0 with the given standard deviation.
+    /// A nearly normal number with mean 0 and the given standard deviation.
     pub fn normal(&mut self, sd: f64) -> f64 {
         sd * f64::from(normal_of(self.bits()))
     }

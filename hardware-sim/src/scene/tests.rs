@@ -1,4 +1,4 @@
-//! The scene against formulas that it does not use.
+//! Tests of the scene against formulas that it does not use.
 
 mod contents;
 mod larvae;
@@ -24,7 +24,7 @@ fn at(x_um: f64, y_um: f64, z_um: f64) -> Placement {
     Placement { x_um, y_um, z_um, ..Placement::default() }
 }
 
-/// Area of a mask in pixels, and the middle of its mass.
+/// Area of a mask, px^2, and its centroid, px.
 fn moments(mask: &Coverage) -> (f64, f64, f64) {
     let (mut m, mut u_sum, mut v_sum) = (0.0, 0.0, 0.0);
     for (i, &value) in mask.data.iter().enumerate() {
@@ -36,7 +36,7 @@ fn moments(mask: &Coverage) -> (f64, f64, f64) {
     (m, u_sum / m, v_sum / m)
 }
 
-/// Top and bottom edge of one column of a mask whose covered part is one piece, by its length and its middle.
+/// Top and bottom edge of one column of a mask with one covered piece, from the length and the middle of the piece.
 fn edges(mask: &Coverage, u: usize) -> (f64, f64) {
     let column = (0..mask.height as usize).map(|v| f64::from(mask.data[v * mask.width as usize + u]) / 255.0);
     let (length, moment) = column.enumerate().fold((0.0, 0.0), |(l, m), (v, c)| (l + c, m + c * v as f64));
@@ -108,7 +108,7 @@ fn half_a_turn_mirrors_the_profile_where_perspective_is_weak() {
                 unlike += usize::from(one.data[v * width + u].abs_diff(mirrored) > 16);
             }
         }
-        // A sample on an edge may fall either way; a flip that were missing would change thousands of pixels.
+        // A sample on an edge may be inside or outside. A missing flip would change thousands of pixels.
         assert!(unlike < 20, "{unlike} pixels differ");
     }
 }
@@ -201,7 +201,7 @@ fn a_dark_edge_lies_at_the_true_edge() {
 }
 
 #[test]
-fn an_empty_capillary_and_an_emptied_one_look_alike() {
+fn an_empty_capillary_and_an_emptied_one_give_the_same_image() {
     let scene = Scene::new(SceneSettings::default());
     let exposure = Exposure { angle_rad: 0.0, number: 1 };
     let empty = scene.render(&exposure);
@@ -233,7 +233,7 @@ fn a_specimen_changes_no_pixel_away_from_itself() {
 }
 
 #[test]
-fn a_wider_scale_across_stretches_only_across() {
+fn a_larger_scale_across_stretches_only_across() {
     let mut settings = exact();
     settings.camera.ky_px_per_um *= 1.333;
     let scene = loaded(settings, Specimen::bead(400.0).unwrap());
@@ -266,13 +266,13 @@ fn every_larva_fits_the_bore_at_rest() {
 }
 
 #[test]
-fn a_strict_run_leaves_no_test_out() {
+fn a_strict_run_skips_no_test() {
     strict::holds(&[(cfg!(has_shared), "no folder of shared data: name it by CARVED_SHARED")]);
 }
 
 #[test]
 #[cfg_attr(not(has_shared), ignore = "no folder of shared data: name it by CARVED_SHARED")]
-fn a_fish_that_nobody_here_drew_casts_its_mesh() {
+fn the_mask_of_a_scanned_fish_agrees_with_its_mesh() {
     let path = shared::shared("data/blub/fish_low_resolution.obj");
     let mesh = Mesh::from_obj_file(&path).unwrap().laid_along_x(800.0);
     let fish = Specimen::mesh(mesh);

@@ -1,11 +1,11 @@
-//! What can be made to go wrong between the host and a controller.
+//! Faults that tests can cause between the host and a controller.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering};
 use std::time::Duration;
 
-/// Knobs of one serial line. Those that count are used up.
+/// Faults of one serial line. A fault with a count ends after that many times. An "answer" is one piece of output of the controller.
 #[derive(Debug, Default)]
 pub struct SerialFaults {
     dropped_oks: AtomicU32,
@@ -15,34 +15,34 @@ pub struct SerialFaults {
     line: Mutex<Line>,
 }
 
-/// What the line does to bytes on their way.
+/// Changes that the line makes to bytes.
 #[derive(Debug, Default, Clone)]
 pub(super) struct Line {
     delay: Duration,
-    /// How many answers leave in time before the late ones, how many are late, and by how much.
+    /// Number of answers in time before the late ones, number of late ones, and their delay.
     delay_some: Option<(u32, u32, Duration)>,
-    /// How many answers leave once before the one that leaves twice.
+    /// Number of answers that are sent once before the one that is sent twice.
     double: Option<u32>,
     split: bool,
     stray_to_host: Vec<u8>,
     stray_to_controller: Vec<u8>,
     rewrite: Option<(Vec<u8>, Vec<u8>)>,
     rewrite_received: Option<(Vec<u8>, Vec<u8>)>,
-    to_host: Way,
-    to_controller: Way,
+    to_host: Direction,
+    to_controller: Direction,
 }
 
-/// What happens to bytes of one direction, counted from when it was asked for.
+/// Faults of one direction. Bytes are counted from the request of the fault.
 #[derive(Debug, Default, Clone)]
-struct Way {
-    /// Bytes until the cable is pulled.
+struct Direction {
+    /// Bytes until the cable is unplugged.
     unplug_after: Option<usize>,
-    /// Bytes until the one that is disturbed, and its bits that change.
+    /// Bytes until the one that is changed, and the bits of it that change.
     flip_at: Option<(usize, u8)>,
 }
 
-impl Way {
-    /// Disturbs `bytes`; whether the cable is pulled behind what is left of them.
+impl Direction {
+    /// Changes `bytes`. Returns `true` if the cable is unplugged after what is left of them.
     fn pass(&mut self, bytes: &mut Vec<u8>) -> bool {
         if let Some((at, bits)) = &mut self.flip_at {
             if let Some(byte) = bytes.get_mut(*at) {
@@ -63,102 +63,103 @@ impl Way {
     }
 }
 
-/// What becomes of a piece of output.
+/// A piece of output after the faults of the line.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Sent {
-    /// What leaves, and how much later than the piece before.
+    /// The pieces that are sent.
     pub pieces: Vec<Vec<u8>>,
-    /// The cable is pulled once these have left.
+    /// The cable is unplugged after them.
     pub unplug: bool,
 }
 
 impl SerialFaults {
-    /// The next `count` lines are carried out, but their `ok` is lost (Grbl).
+    /// The next `count` lines are executed, but their `ok` is lost (Grbl only).
     pub fn drop_oks(&self, count: u32) {
         self.dropped_oks.store(count, Ordering::Relaxed);
     }
 
-    /// The next `count` pieces of output are lost whole.
+    /// The next `count` answers are lost.
     pub fn drop_answers(&self, count: u32) {
         self.dropped_answers.store(count, Ordering::Relaxed);
     }
 
-    /// Every answer from now on leaves this much later (real time).
+    /// All answers from now on are delayed by this real time.
     pub fn delay_answers(&self, by: Duration) {
         self.line().delay = by;
     }
 
-    /// The answer after `answers` more leaves this much later, and all others behind it.
+    /// The next `answers` answers are in time, and the one after them is delayed by this real time. The later ones queue behind it.
     pub fn delay_answer_after(&self, answers: u32, by: Duration) {
         self.delay_some_answers_after(answers, 1, by);
     }
 
-    /// The `count` answers after `answers` more leave this much later, and all others behind them.
+    /// The next `answers` answers are in time, and the `count` answers after them are delayed by this real time. The later ones queue
+    /// behind them.
     pub fn delay_some_answers_after(&self, answers: u32, count: u32, by: Duration) {
         self.line().delay_some = Some((answers, count, by));
     }
 
-    /// The answer after `answers` more leaves twice.
+    /// The answer after the next `answers` ones is sent twice.
     pub fn double_answer_after(&self, answers: u32) {
         self.line().double = Some(answers);
     }
 
-    /// Every byte from now on leaves by itself.
+    /// From now on each byte of the output is sent separately.
     pub fn split_answers(&self, on: bool) {
         self.line().split = on;
     }
 
-    /// Noise before the next answer.
+    /// The host receives these bytes before the next answer.
     pub fn stray_to_host(&self, bytes: &[u8]) {
         self.line().stray_to_host = bytes.to_vec();
     }
 
-    /// Noise before the host's next bytes.
+    /// The controller receives these bytes before the next bytes of the host.
     pub fn stray_to_controller(&self, bytes: &[u8]) {
         self.line().stray_to_controller = bytes.to_vec();
     }
 
-    /// In the next output that holds `from`, it reads `to`: flipped bits of one's own choice.
+    /// Replaces `from` by `to` in the next answer that contains it, as flipped bits would.
     pub fn rewrite_next(&self, from: &[u8], to: &[u8]) {
         self.line().rewrite = Some((from.to_vec(), to.to_vec()));
     }
 
-    /// In the host's next bytes that hold `from`, the controller reads `to`.
+    /// Replaces `from` by `to` in the next bytes of the host that contain it.
     pub fn rewrite_next_received(&self, from: &[u8], to: &[u8]) {
         self.line().rewrite_received = Some((from.to_vec(), to.to_vec()));
     }
 
-    /// The cable is pulled once `bytes` more bytes have left the controller.
+    /// Unplugs the cable after the controller has sent `bytes` more bytes.
     pub fn unplug_after(&self, bytes: usize) {
         self.line().to_host.unplug_after = Some(bytes);
     }
 
-    /// The cable is pulled once `bytes` more bytes have come from the host.
+    /// Unplugs the cable after the host has sent `bytes` more bytes.
     pub fn unplug_after_received(&self, bytes: usize) {
         self.line().to_controller.unplug_after = Some(bytes);
     }
 
-    /// The byte that leaves the controller after `offset` others has these bits changed.
+    /// Flips these bits of the byte that the controller sends after `offset` others.
     pub fn flip_sent(&self, offset: usize, bits: u8) {
         self.line().to_host.flip_at = Some((offset, bits));
     }
 
-    /// The byte that comes from the host after `offset` others has these bits changed.
+    /// Flips these bits of the byte that the host sends after `offset` others.
     pub fn flip_received(&self, offset: usize, bits: u8) {
         self.line().to_controller.flip_at = Some((offset, bits));
     }
 
-    /// From now on the line does nothing to any byte.
+    /// Ends all faults of the line.
     pub fn clear_line(&self) {
         *self.line() = Line::default();
     }
 
-    /// At its next start the controller finds its settings memory erased.
+    /// Erases the settings memory. The controller notices it at its next start.
     pub fn erase_memory(&self) {
         self.erase_memory.store(true, Ordering::Relaxed);
     }
 
-    /// Bytes from the host that found the receive buffer full. Nobody tells the host of them.
+    /// Number of bytes from the host that were lost because the receive buffer was full. The host is not informed.
     pub fn lost_bytes(&self) -> u64 {
         self.lost_bytes.load(Ordering::Relaxed)
     }
@@ -171,7 +172,7 @@ impl SerialFaults {
         self.lost_bytes.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// How much later a piece of output leaves than it was said.
+    /// The delay of the next answer.
     pub(super) fn take_delay(&self) -> Duration {
         let mut line = self.line();
         let some = match &mut line.delay_some {
@@ -192,7 +193,7 @@ impl SerialFaults {
         take_one(&self.dropped_oks)
     }
 
-    /// What the host's `bytes` are when they arrive, and whether the cable is pulled behind them.
+    /// The bytes that arrive at the controller if the host sends `bytes`, and whether the cable is unplugged after them.
     pub(super) fn received(&self, mut bytes: Vec<u8>) -> (Vec<u8>, bool) {
         if bytes.is_empty() {
             return (bytes, false);
@@ -205,7 +206,7 @@ impl SerialFaults {
         (all, unplug)
     }
 
-    /// What leaves of a controller's `output`.
+    /// The pieces that arrive at the host if the controller sends `output`.
     pub(super) fn sent(&self, mut output: Vec<u8>) -> Sent {
         if output.is_empty() || take_one(&self.dropped_answers) {
             return Sent::default();
@@ -232,7 +233,7 @@ impl SerialFaults {
     }
 }
 
-/// Puts `to` in the place of the first `from`, where there is one.
+/// Replaces the first `from` by `to`, if there is one.
 fn replace(bytes: &mut Vec<u8>, what: &mut Option<(Vec<u8>, Vec<u8>)>) {
     if let Some((from, to)) = what
         && let Some(at) = bytes.windows(from.len()).position(|w| w == from)
@@ -242,7 +243,7 @@ fn replace(bytes: &mut Vec<u8>, what: &mut Option<(Vec<u8>, Vec<u8>)>) {
     }
 }
 
-/// Uses up one of a counted fault; false when none is left.
+/// Uses one of a counted fault. Returns `false` if none is left.
 pub(crate) fn take_one(counter: &AtomicU32) -> bool {
     counter.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |n| n.checked_sub(1)).is_ok()
 }
@@ -256,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn each_knob_does_what_it_says_and_is_used_up() {
+    fn each_fault_acts_once() {
         let faults = SerialFaults::default();
         faults.rewrite_next(b"4.0", b"4.4");
         assert_eq!(whole(&faults, b"MPos:1.0"), b"MPos:1.0");
@@ -265,7 +266,7 @@ mod tests {
         faults.stray_to_host(b"\xff");
         assert_eq!(whole(&faults, b"ok"), b"\xffok");
         faults.stray_to_controller(b"\0");
-        assert_eq!(faults.received(Vec::new()).0, b"", "noise waits for the host's next bytes");
+        assert_eq!(faults.received(Vec::new()).0, b"", "stray bytes wait for the next bytes of the host");
         assert_eq!(faults.received(b"?".to_vec()).0, b"\0?");
         assert_eq!(faults.received(b"?".to_vec()).0, b"?");
         faults.rewrite_next_received(b"$H", b"$X");
@@ -281,7 +282,7 @@ mod tests {
     }
 
     #[test]
-    fn the_cable_is_pulled_at_the_byte_that_was_named() {
+    fn the_cable_is_unplugged_after_the_given_byte() {
         let faults = SerialFaults::default();
         faults.unplug_after(3);
         assert_eq!(faults.sent(b"ok".to_vec()), Sent { pieces: vec![b"ok".to_vec()], unplug: false });

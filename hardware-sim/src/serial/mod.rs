@@ -1,4 +1,4 @@
-//! What every emulated controller on a serial line shares: the port, the line's faults, and what firmware must answer.
+//! Common parts of all emulated controllers on a serial line: the port, the faults of the line, and the interface of the firmware.
 //!
 //! ```text
 //!   host ── pty ── SerialPort ── Firmware (grbl, ...) ── steps ──► Shaft
@@ -12,34 +12,34 @@ pub use faults::SerialFaults;
 pub(crate) use faults::take_one;
 pub use port::SerialPort;
 
-/// A hand at the controller, or a safety circuit.
+/// A control input of the controller: a button, or a safety circuit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Button {
     FeedHold,
-    /// It resumes a motion that was held; it acts when it is pressed.
+    /// Resumes a held motion when it is pressed.
     CycleStart,
-    /// The safety door: pressed is open.
+    /// The safety door. Pressed means open.
     Door,
-    /// A latching emergency stop. It ends at the reset input of a controller that has no other.
+    /// A latching emergency stop. It is wired to the reset input if the controller has no other input for it.
     EmergencyStop,
 }
 
-/// The program of a controller, driven by bytes and rig time.
+/// The program of a controller. Its inputs are bytes and rig time.
 pub trait Firmware: Send {
-    /// Whether the host's opening of the port restarts the controller, as the DTR line of an Arduino does.
+    /// Whether the controller restarts when a host opens the port, as an Arduino does because of its DTR line.
     fn restarts_when_opened(&self) -> bool;
-    /// The controller loses power or is reset: the motor stands still, what it counted is gone.
+    /// The controller loses power or is reset. The motor stops, and the controller loses its count.
     fn lose_power(&mut self, now_s: f64);
     /// The controller starts.
     fn boot(&mut self);
-    /// The next instant at which something happens without a byte coming in.
+    /// The next time at which something happens without a byte from the host, rig seconds.
     fn next_event_s(&self) -> Option<f64>;
-    /// Lets everything happen that is due by `now_s`.
+    /// Executes everything that is due by `now_s`.
     fn advance(&mut self, now_s: f64);
-    /// Bytes from the host.
+    /// Takes bytes from the host.
     fn receive(&mut self, bytes: &[u8], now_s: f64);
-    /// A button is pressed or let go; firmware without such an input does nothing.
+    /// A button is pressed or released. Firmware without this input does nothing.
     fn button(&mut self, _button: Button, _pressed: bool, _now_s: f64) {}
-    /// Bytes for the host since the last call; one call, one piece that leaves together.
+    /// Bytes for the host since the last call. They are sent together.
     fn take_output(&mut self) -> Vec<u8>;
 }

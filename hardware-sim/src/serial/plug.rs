@@ -1,4 +1,4 @@
-//! One end of the cable: a pty, and a watch on who opens it.
+//! One end of the serial cable: a pty, and a watch that notices hosts that open it.
 
 use nix::fcntl::{OFlag, open};
 use nix::pty::{PtyMaster, grantpt, posix_openpt, ptsname_r, unlockpt};
@@ -9,12 +9,12 @@ use std::os::fd::{AsRawFd, OwnedFd};
 use std::path::{Path, PathBuf};
 
 nix::ioctl_none_bad!(
-    /// Lets others open the terminal again.
+    /// Releases the exclusive lock of a terminal.
     tiocnxcl,
     nix::libc::TIOCNXCL
 );
 
-/// A pty with its slave kept open, and a watch on who else opens and closes it.
+/// A pty whose slave end stays open, and a watch that notices when others open and close it.
 pub(super) struct Plug {
     pub master: PtyMaster,
     slave: OwnedFd,
@@ -38,7 +38,7 @@ impl Plug {
         Ok(Self { master, slave, watch, path, clients: 0 })
     }
 
-    /// Takes note of opens and closes; whether somebody opened the port.
+    /// Counts opens and closes. Returns `true` if a host has opened the port.
     pub fn visitors(&mut self) -> bool {
         let mut opened = false;
         for event in self.watch.read_events().unwrap_or_default() {
@@ -50,9 +50,9 @@ impl Plug {
             }
         }
         if self.clients == 0 {
-            // A real port forgets unread bytes and its exclusive lock with the last close; ours is still open.
+            // At its last close a real port drops unread bytes and its exclusive lock. This port is still open, so both are done here.
             let _ = tcflush(&self.slave, FlushArg::TCIFLUSH);
-            // SAFETY: TIOCNXCL takes no argument and touches no memory of ours; the descriptor is open.
+            // SAFETY: TIOCNXCL takes no argument and touches no memory of this process. The descriptor is open.
             #[allow(unsafe_code)]
             let _ = unsafe { tiocnxcl(self.slave.as_raw_fd()) };
         }
@@ -60,7 +60,7 @@ impl Plug {
     }
 }
 
-/// Makes `link` point to `target`, in one step for whoever looks.
+/// Makes `link` point to `target`, atomically for readers.
 pub(super) fn point(link: &Path, target: &Path) -> std::io::Result<()> {
     let fresh = link.with_extension("new");
     let _ = std::fs::remove_file(&fresh);

@@ -1,10 +1,10 @@
-//! A controller's serial port: a pty whose slave end the host opens as it would `/dev/ttyUSB0`.
+//! The serial port of a controller: a pty. The host opens its slave end like `/dev/ttyUSB0`.
 //!
 //! ```text
 //!   host ── /dev/pts/N ═ pty ═ master ── one thread: poll(master, opens and closes, waker) ── Firmware
-//!                                    └── SerialFaults: what the line does to the bytes
+//!                                    └── SerialFaults
 //! ```
-//! The thread keeps the slave open itself, so that a host may close it and come back.
+//! The thread itself keeps the slave open, so that a host may close it and open it again.
 
 use super::faults::{Sent, SerialFaults};
 use super::plug::{Plug, point};
@@ -22,8 +22,8 @@ use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// A real board sits in its bootloader for a second or two; long enough here that a host which flushes after opening does
-/// not flush the greeting away.
+/// Time of the bootloader. A real board needs a second or two. This is long enough for a host that flushes its input after opening:
+/// the greeting comes later.
 const BOOT: Duration = Duration::from_millis(60);
 
 enum Order {
@@ -46,8 +46,8 @@ pub struct SerialPort {
 }
 
 impl SerialPort {
-    /// Plugs the controller in. `link`, where given, always points to the present device name. `firmware` is given the
-    /// knobs that act inside it.
+    /// Plugs the controller in. `link`, if given, always points to the present device name. `firmware` gets the faults that act
+    /// inside the controller.
     pub fn start(
         clock: RigClock,
         firmware: impl FnOnce(Arc<SerialFaults>) -> Box<dyn Firmware>,
@@ -78,7 +78,7 @@ impl SerialPort {
         Ok(Self { orders, waker, path, link, faults, thread: Some(thread) })
     }
 
-    /// What the host opens: the link where one was asked for, else the pty's own name, which changes on a replug.
+    /// The path that a host opens: the link if there is one, otherwise the device name. A replug changes the device name.
     pub fn path(&self) -> PathBuf {
         self.link.clone().unwrap_or_else(|| self.path.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
@@ -87,30 +87,30 @@ impl SerialPort {
         &self.faults
     }
 
-    /// The controller restarts in whatever it is doing, and greets without a word about it.
+    /// Restarts the controller, also during a move. Its greeting does not mention it.
     pub fn reboot(&self) {
         self.order(Order::Reboot);
     }
 
-    /// Bytes that nobody sent reach the controller now.
+    /// The controller now receives bytes that no host has sent.
     pub fn noise(&self, bytes: &[u8]) {
         self.order(Order::Noise(bytes.to_vec()));
     }
 
-    /// A hand presses a button at the controller, or lets it go.
+    /// Presses or releases a button at the controller.
     pub fn button(&self, button: Button, pressed: bool) {
         self.order(Order::Button(button, pressed));
     }
 
-    /// Pulls the cable: the port is gone when this returns, and the controller without power.
+    /// Unplugs the cable. When this returns, the port does not exist any more, and the controller has no power.
     pub fn unplug(&self) {
         let (done, wait) = mpsc::channel();
         self.order(Order::Unplug(done));
-        // The only other answer is that the thread is gone, and then so is the port.
+        // An error means that the thread has ended. Then the port does not exist either.
         let _ = wait.recv();
     }
 
-    /// Plugs the cable in again, under whatever device name is free.
+    /// Plugs the cable in again. The port gets a device name that is free.
     pub fn replug(&self) -> std::io::Result<()> {
         let (done, wait) = mpsc::channel();
         self.order(Order::Replug(done));
@@ -144,7 +144,7 @@ struct Worker {
     link: Option<PathBuf>,
     inbox: mpsc::Receiver<Order>,
     wake: UnixStream,
-    /// When the controller will have booted; none while it runs or has no power.
+    /// When the boot ends. `None` while the controller runs or has no power.
     boot_at: Option<Instant>,
     outgoing: VecDeque<(Instant, Vec<u8>)>,
 }
@@ -166,8 +166,8 @@ impl Worker {
                 self.restart();
             }
             if self.boot_at.is_some_and(|at| at <= Instant::now()) {
-                // What came in during the boot is lost.
-                let _unheard = self.read();
+                // Bytes that arrive during the boot are lost.
+                let _lost = self.read();
                 self.boot_at = None;
                 self.firmware.boot();
             }
@@ -184,7 +184,7 @@ impl Worker {
         }
     }
 
-    /// Sleeps until a byte, an order, an open or close, or the firmware's next event.
+    /// Sleeps until the next byte, order, open, close or event of the firmware.
     fn wait(&mut self) -> nix::Result<()> {
         let motion = self.firmware.next_event_s().map(|at| self.clock.real(at - self.clock.now_s()));
         let now = Instant::now();
@@ -199,7 +199,7 @@ impl Worker {
             Ok(_) | Err(Errno::EINTR) => {}
             Err(error) => return Err(error),
         }
-        // The waker carries no meaning but that there is an order.
+        // A byte of the waker only means that there is an order.
         let mut sink = [0; 64];
         while matches!((&self.wake).read(&mut sink), Ok(n) if n > 0) {}
         Ok(())
@@ -247,7 +247,7 @@ impl Worker {
         self.boot_at = Some(Instant::now() + BOOT);
     }
 
-    /// Bytes from the host, and whether the cable is pulled behind them.
+    /// Bytes from the host, and whether the cable is unplugged after them.
     fn read(&mut self) -> (Vec<u8>, bool) {
         let mut bytes = Vec::new();
         let Some(plug) = &mut self.plug else { return (bytes, false) };
@@ -267,9 +267,9 @@ impl Worker {
         let now = Instant::now();
         while self.outgoing.front().is_some_and(|(due, _)| *due <= now) {
             let Some((_, bytes)) = self.outgoing.pop_front() else { break };
-            // Nobody at the other end: a real port keeps nothing for whoever opens it later.
+            // A real port without a host keeps no bytes for later.
             if let Some(plug) = self.plug.as_mut().filter(|plug| plug.clients > 0) {
-                // A host that does not read loses bytes, as on a UART.
+                // If the host does not read, bytes are lost, as with a UART.
                 let _ = plug.master.write(&bytes);
             }
         }

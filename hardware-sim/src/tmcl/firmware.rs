@@ -1,10 +1,10 @@
-//! The firmware proper: nine bytes in, nine bytes out. It knows no file descriptor and no clock of its own.
+//! The firmware: nine bytes in, nine bytes out. It has no file descriptor and no clock of its own.
 //!
 //! ```text
-//!  bytes ── 9 make a frame, whatever they are ──► command ──► two motors ──► the shaft's two ends
+//!  bytes ── any 9 bytes are a frame ──► command ──► two motors ──► the two ends of the shaft
 //! ```
-//! There is no mark where a frame begins: one stray byte shifts every later one. A frame for another module, which nine
-//! zeros are, is passed over in silence.
+//! The start of a frame is not marked, so that one stray byte shifts all later frames. A frame for another module is ignored. Nine
+//! zeros are such a frame.
 
 use super::frame::{BYTES, Request, Status, reply};
 use super::motor::Motor;
@@ -41,7 +41,7 @@ impl serial::Firmware for Firmware {
         self.received.clear();
     }
 
-    /// A module says nothing when it starts.
+    /// A module sends nothing when it starts.
     fn boot(&mut self) {}
 
     fn next_event_s(&self) -> Option<f64> {

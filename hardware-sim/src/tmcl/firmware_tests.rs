@@ -1,4 +1,4 @@
-//! The firmware without a wire: frames in, frames out.
+//! Tests of the firmware without a serial port: frames in, frames out.
 
 use super::frame::BYTES;
 use super::{Firmware, Settings};
@@ -8,7 +8,7 @@ use crate::serial::Firmware as _;
 use crate::shaft::{Shaft, ShaftSettings};
 use std::sync::Arc;
 
-/// Long after every move.
+/// Later than the end of any move, rig seconds.
 const LATER_S: f64 = 1000.0;
 
 struct Module {
@@ -53,7 +53,7 @@ fn the_published_frame_is_answered_as_published() {
 }
 
 #[test]
-fn on_one_pair_of_wires_a_frame_beside_an_answer_is_not_heard() {
+fn a_half_duplex_module_ignores_a_frame_that_arrives_while_it_answers() {
     for half_duplex in [false, true] {
         let mut module = Module::new(Settings { half_duplex, ..Settings::default() });
         let version = [1, 136, 1, 0, 0, 0, 0, 0, 138];
@@ -63,7 +63,7 @@ fn on_one_pair_of_wires_a_frame_beside_an_answer_is_not_heard() {
 }
 
 #[test]
-fn both_motors_turn_the_capillary_and_one_twists_it() {
+fn two_motors_turn_the_capillary_and_one_alone_turns_it_half_as_far() {
     let mut module = Module::new(Settings::default());
     module.go(0, 1600, 0.0);
     module.go(1, 1600, 0.0);
@@ -72,7 +72,7 @@ fn both_motors_turn_the_capillary_and_one_twists_it() {
     assert_eq!(module.get(1, 0, LATER_S), 1600);
     assert_eq!((module.get(3, 0, LATER_S), module.get(8, 0, LATER_S)), (0, 1));
     module.go(0, 3200, LATER_S);
-    assert!((module.shaft.angle_at_rad(2.0 * LATER_S) - 1.5 * quarter).abs() < 1e-12, "the picture shows the mean");
+    assert!((module.shaft.angle_at_rad(2.0 * LATER_S) - 1.5 * quarter).abs() < 1e-12, "the camera sees the mean");
 }
 
 #[test]
@@ -88,11 +88,11 @@ fn a_stop_brakes_and_leaves_position_reached_at_0() {
 }
 
 #[test]
-fn one_stray_byte_shifts_every_later_frame_until_zeros_fill_it_up() {
+fn one_stray_byte_shifts_every_later_frame_until_zeros_complete_a_frame() {
     let mut module = Module::new(Settings::default());
     module.firmware.receive(&[0x55], 0.0);
     for _ in 0..3 {
-        assert_eq!(module.ask([1, 6, 1, 0], 0, 0.0).0, 1, "wrong checksum for ever");
+        assert_eq!(module.ask([1, 6, 1, 0], 0, 0.0).0, 1, "wrong checksum");
     }
     let mut zeros = 0;
     while module.firmware.take_output().is_empty() {
@@ -104,7 +104,7 @@ fn one_stray_byte_shifts_every_later_frame_until_zeros_fill_it_up() {
 }
 
 #[test]
-fn a_stall_is_seen_only_where_armed_and_arming_again_restarts_the_old_move() {
+fn a_stall_is_detected_only_if_armed_and_arming_again_restarts_the_move() {
     for armed in [0, 1] {
         let mut module = Module::new(Settings::default().with(181, armed));
         module.faults.stall_after(0, 100);
@@ -119,7 +119,7 @@ fn a_stall_is_seen_only_where_armed_and_arming_again_restarts_the_old_move() {
 }
 
 #[test]
-fn a_limit_ends_a_move_and_is_named_by_its_side() {
+fn a_limit_switch_ends_a_move_and_sets_the_flag_of_its_side() {
     let mut module = Module::new(Settings::default());
     module.faults.limit_after(1, 300);
     module.go(1, -1600, 0.0);
@@ -152,11 +152,11 @@ fn a_reset_is_silent_and_forgets_counters_and_variables() {
 }
 
 #[test]
-fn what_it_does_not_know_is_refused_by_status() {
+fn unknown_commands_are_refused_by_status() {
     let mut module = Module::new(Settings::default());
     assert_eq!(module.ask([1, 77, 0, 0], 0, 0.0).0, 2);
     assert_eq!(module.ask([1, 6, 99, 0], 0, 0.0).0, 3);
     assert_eq!(module.ask([1, 6, 1, 5], 0, 0.0).0, 4);
     module.firmware.receive(&[0; 9], 0.0);
-    assert!(module.firmware.take_output().is_empty(), "nine zeros are for nobody");
+    assert!(module.firmware.take_output().is_empty(), "nine zeros address no module");
 }

@@ -1,4 +1,4 @@
-//! Nine bytes each way: `ADR CMD TYPE MOTOR VALUE(4, big endian) SUM8`, answered by `HOST ADR STATUS CMD VALUE(4) SUM8`.
+//! Frames of nine bytes. Request: `ADR CMD TYPE MOTOR VALUE(4, big endian) SUM8`. Reply: `HOST ADR STATUS CMD VALUE(4) SUM8`.
 
 pub(super) const BYTES: usize = 9;
 
@@ -11,7 +11,7 @@ pub(super) enum Status {
     Ok = 100,
 }
 
-/// A request as it came in.
+/// A received request.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Request {
     pub address: u8,

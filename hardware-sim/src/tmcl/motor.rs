@@ -24,7 +24,7 @@ struct Running {
     steps: i64,
     start_s: f64,
     profile: Arc<MotionProfile>,
-    /// A fault that ends this move before its time.
+    /// When a fault ends this move early, and the fault.
     cut: Option<(f64, Fault)>,
     searching: bool,
 }
@@ -44,13 +44,13 @@ pub(super) struct Motor {
     shaft: Arc<Shaft>,
     faults: Arc<MotorFaults>,
     parameters: BTreeMap<u8, i32>,
-    /// Counted up to the move under way.
+    /// Microsteps counted until the last move ended.
     counter: i64,
     target: i64,
     running: Option<Running>,
-    /// The ramp generator holds the target, whatever is written to the counter; else it holds a speed.
+    /// Whether the ramp generator is in position mode. It then moves to the target again if the counter is overwritten.
     positioning: bool,
-    /// Where the stop on stall ended a move that would go on if it were let.
+    /// Whether a detected stall has ended the last move. The move continues if the stall detection is set again.
     stalled: bool,
 }
 
@@ -95,14 +95,14 @@ impl Motor {
                 self.parameters.insert(LOAD, 0);
             }
             _ => {
-                // The counter goes on to the target, the shaft does not.
+                // The module does not notice it: it counts on to the target, and the shaft stays.
                 self.shaft.lose_steps_of(self.number, to_go.unsigned_abs() as u32);
                 self.run(to_go, at_s, false);
             }
         }
     }
 
-    /// Absolute positioning; the ramp begins at once.
+    /// Absolute positioning. The ramp begins at once.
     pub fn go(&mut self, target: i64, now_s: f64) {
         self.rest(now_s);
         self.target = target;
@@ -131,7 +131,7 @@ impl Motor {
         self.running = Some(Running { steps, start_s, profile, cut, searching });
     }
 
-    /// `MST`: brakes as fast as it may, in velocity mode: the target is forgotten, and so is the stall.
+    /// `MST`: brakes with the highest permitted acceleration in velocity mode. The target and a stall are dropped.
     pub fn stop(&mut self, now_s: f64) {
         (self.positioning, self.stalled) = (false, false);
         self.parameters.insert(POSITION_REACHED, 0);
@@ -145,7 +145,7 @@ impl Motor {
         }
     }
 
-    /// `RFS START`: turns on to the reference switch and counts from there.
+    /// `RFS START`: turns forward to the reference switch and counts from there.
     pub fn search(&mut self, now_s: f64) {
         self.rest(now_s);
         (self.positioning, self.stalled) = (true, false);
@@ -158,7 +158,7 @@ impl Motor {
         self.running.as_ref().is_some_and(|r| r.searching)
     }
 
-    /// The module loses power: the motor stands, what it counted is gone.
+    /// The module loses power. The motor stops, and the module loses its count.
     pub fn lose_power(&mut self, parameters: BTreeMap<u8, i32>, now_s: f64) {
         self.rest(now_s);
         (self.counter, self.target, self.positioning, self.stalled) = (0, 0, false, false);
@@ -199,7 +199,7 @@ impl Motor {
                     return false;
                 }
                 if parameter == STOP_ON_STALL && self.stalled {
-                    // What held the ramp back is gone, and it goes on to its old target.
+                    // The stall no longer blocks the ramp, and the motor continues to its target.
                     self.go(self.target, now_s);
                 }
             }

@@ -1,4 +1,4 @@
-//! The axis: its ramp, its counter, its encoder and the flags that its life leaves.
+//! The axis: its ramp, its counter, its encoder and its flags.
 
 use super::Settings;
 use crate::motion::MotionProfile;
@@ -7,7 +7,7 @@ use crate::shaft::Shaft;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Microsteps that a standing axis may be displaced before it says so.
+/// Displacement of a standing axis that sets the flag `WM`, microsteps.
 const DISPLACED_STEPS: f64 = 50.0;
 
 #[derive(Debug)]
@@ -15,7 +15,7 @@ struct Running {
     steps: i64,
     start_s: f64,
     profile: Arc<MotionProfile>,
-    /// A fault that ends this move before its time.
+    /// When a fault ends this move early, and the fault.
     cut: Option<(f64, Fault)>,
     homing: bool,
 }
@@ -23,17 +23,17 @@ struct Running {
 pub(super) struct Axis {
     shaft: Arc<Shaft>,
     faults: Arc<MotorFaults>,
-    /// Counted up to the move under way.
+    /// Microsteps counted until the last move ended.
     counter: i64,
-    /// Where the motor stood when encoder and counter were 0.
+    /// True motor position at which the encoder reads 0.
     encoder_zero: f64,
-    /// What the encoder said when the axis came to rest.
+    /// Reading of the encoder when the axis came to rest.
     rest_encoder: f64,
     running: Option<Running>,
     flags: BTreeSet<&'static str>,
-    /// The motor has current; a hardware stop takes it until the driver is enabled again.
+    /// Whether the motor has current. A hardware stop switches it off until the driver is enabled again.
     enabled: bool,
-    /// Something has come to an end since it was last asked.
+    /// A move has ended since this was last cleared.
     pub ended: bool,
 }
 
@@ -50,7 +50,7 @@ impl Axis {
         self.running.is_some()
     }
 
-    /// All flags, the most important first: faults before warnings before notes.
+    /// All flags, the most important first: faults, warnings, notes.
     pub fn flags(&self) -> Vec<&'static str> {
         let kind = |flag: &&str| "FWN".find(flag.chars().next().unwrap_or('N'));
         let mut flags: Vec<_> = self.flags.iter().copied().collect();
@@ -70,7 +70,7 @@ impl Axis {
         self.enabled
     }
 
-    /// Gives the motor its current back; not while the hardware stop is pressed.
+    /// Switches the current on again. Returns `false` while the hardware stop is pressed.
     pub fn enable(&mut self) -> bool {
         if self.faults.hardware_stop() {
             return false;
@@ -80,8 +80,8 @@ impl Axis {
         true
     }
 
-    /// What a person does at the controller.
-    fn by_hand(&mut self, now_s: f64, settings: &Settings) {
+    /// Applies what a person does at the controller: the hardware stop and the knob.
+    fn apply_manual_controls(&mut self, now_s: f64, settings: &Settings) {
         if self.faults.hardware_stop() && self.enabled {
             self.rest(now_s);
             self.flags.insert("FH");
@@ -114,7 +114,7 @@ impl Axis {
                 Some((_, Fault::Limit { .. })) => _ = self.flags.insert("FE"),
                 Some((_, Fault::Stall { .. })) if settings.encoder => _ = self.flags.insert("FS"),
                 Some(_) => {
-                    // The counter goes on to the target, the shaft does not.
+                    // The controller does not notice it: it counts on to the target, and the shaft stays.
                     self.shaft.lose_steps(to_go.unsigned_abs() as u32);
                     self.run(to_go, at_s, settings, homing);
                     continue;
@@ -124,8 +124,8 @@ impl Axis {
             }
             self.ended = true;
         }
-        self.by_hand(now_s, settings);
-        // A hand at the axis.
+        self.apply_manual_controls(now_s, settings);
+        // Somebody has turned the standing axis.
         if !self.is_moving() && settings.encoder && (self.encoder(now_s) - self.rest_encoder).abs() > DISPLACED_STEPS {
             self.flags.insert("WM");
         }
@@ -150,7 +150,7 @@ impl Axis {
         self.run(steps, now_s, settings, true);
     }
 
-    /// A new move ends an old one, and the flags of both are its own.
+    /// A new move ends the move in progress. The flags of earlier moves are cleared.
     fn interrupt(&mut self, now_s: f64) {
         self.clear_flags();
         if self.is_moving() {
@@ -174,7 +174,7 @@ impl Axis {
         self.running = Some(Running { steps, start_s, profile, cut, homing });
     }
 
-    /// Brakes as fast as it may.
+    /// Brakes with the highest permitted acceleration.
     pub fn stop(&mut self, now_s: f64, settings: &Settings) {
         if let Some(running) = &mut self.running {
             let elapsed_s = now_s - running.start_s;
@@ -193,7 +193,7 @@ impl Axis {
         self.rest_encoder = self.encoder(now_s);
     }
 
-    /// The axis loses power: it stands, what it counted is gone.
+    /// The axis loses power. It stops, and the controller loses its count.
     pub fn lose_power(&mut self, now_s: f64) {
         self.rest(now_s);
         self.counter = 0;
@@ -210,7 +210,7 @@ impl Axis {
 
     pub fn set_counter(&mut self, value: i64) {
         self.counter = value;
-        // It has a place now, though it was not homed.
+        // The position is now known, but not from homing.
         if self.flags.remove("WR") {
             self.flags.insert("WH");
         }

@@ -1,10 +1,10 @@
-//! The firmware proper: lines in, lines out. It knows no file descriptor and no clock of its own.
+//! The firmware: lines in, lines out. It has no file descriptor and no clock of its own.
 //!
 //! ```text
 //!  bytes ── line ── from its last slash ── checksum, if it has one ── device, axis, id ── words ──► axis ──► shaft
 //! ```
-//! What does not begin with a slash, is for another device or has a wrong checksum is passed over in silence. Where a line
-//! has an id, its reply has it too.
+//! A line without a slash, for another device, or with a wrong checksum is ignored. The reply repeats the id of the line, if it has
+//! one.
 
 use super::Settings;
 use super::axis::Axis;
@@ -22,7 +22,7 @@ pub(crate) struct Firmware {
     out: Vec<u8>,
 }
 
-/// Why a command is refused, in the protocol's words.
+/// Why a command is refused, as the protocol names it.
 type Reason = &'static str;
 
 impl serial::Firmware for Firmware {
@@ -36,7 +36,7 @@ impl serial::Firmware for Firmware {
         (self.checksums, self.alerts) = (false, false);
     }
 
-    /// A controller says nothing when it starts; its flags do.
+    /// A controller sends nothing when it starts. Its flag `WR` shows the restart.
     fn boot(&mut self) {}
 
     fn next_event_s(&self) -> Option<f64> {

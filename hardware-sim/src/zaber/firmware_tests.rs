@@ -1,4 +1,4 @@
-//! The firmware without a wire: lines in, lines out.
+//! Tests of the firmware without a serial port: lines in, lines out.
 
 use super::{Firmware, Settings};
 use crate::clock::RigClock;
@@ -7,7 +7,7 @@ use crate::serial::Firmware as _;
 use crate::shaft::{Shaft, ShaftSettings};
 use std::sync::Arc;
 
-/// Long after every move.
+/// Later than the end of any move, rig seconds.
 const LATER_S: f64 = 1000.0;
 
 struct Bench {
@@ -43,12 +43,12 @@ fn the_published_exchange_is_answered_as_published() {
     let mut bench = Bench::new(Settings::default());
     bench.ask("/1 0 set comm.checksum 1", 0.0);
     assert_eq!(bench.ask("/1 1 06 move rel 32000:A9", 0.0), "@01 1 06 OK BUSY WR 0:92");
-    assert_eq!(bench.ask("/1 1 06 move rel 32000:A8", 0.0), "", "a wrong checksum is not heard");
+    assert_eq!(bench.ask("/1 1 06 move rel 32000:A8", 0.0), "", "a line with a wrong checksum is ignored");
     assert_eq!(bench.ask("xx/1 1 07", LATER_S).split(':').next().unwrap(), "@01 1 07 OK IDLE WR 0");
 }
 
 #[test]
-fn homing_gives_a_reference_and_a_restart_takes_it() {
+fn homing_gives_a_reference_and_a_restart_loses_it() {
     let mut bench = Bench::homed();
     bench.ask("/1 1 move abs 1600", LATER_S);
     let quarter = std::f64::consts::FRAC_PI_2;
@@ -70,7 +70,7 @@ fn lost_steps_show_at_the_encoder_alone() {
 }
 
 #[test]
-fn stalls_limits_stops_and_hands_leave_their_flags_until_the_next_move() {
+fn stalls_limits_stops_and_manual_moves_set_flags_until_the_next_move() {
     let mut bench = Bench::homed();
     let mut now_s = LATER_S;
     for (flag, trouble) in [("FS", 0), ("FE", 1)] {
@@ -92,7 +92,7 @@ fn stalls_limits_stops_and_hands_leave_their_flags_until_the_next_move() {
 }
 
 #[test]
-fn refusals_give_their_reason_and_alerts_come_unasked() {
+fn refusals_give_a_reason_and_alerts_are_sent_without_a_request() {
     let mut bench = Bench::homed();
     for (line, reason) in
         [("/1 1 move abs far", "BADDATA"), ("/1 1 dance", "BADCOMMAND"), ("/1 3 home", "BADAXIS"), ("/1 1 get version", "DEVICEONLY")]

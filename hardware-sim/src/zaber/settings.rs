@@ -1,4 +1,4 @@
-//! What the controller is and keeps.
+//! Properties and settings of the controller.
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Settings {
@@ -6,19 +6,19 @@ pub struct Settings {
     pub device: u8,
     /// Microsteps per full step.
     pub resolution: u32,
-    /// Microsteps/s times 1.6384.
+    /// Speed, in the protocol's unit: microsteps/s times 1.6384.
     pub maxspeed: u32,
-    /// Microsteps/s^2 times 1.6384 / 10000.
+    /// Acceleration, in the protocol's unit: microsteps/s^2 times 1.6384 / 10000.
     pub accel: u32,
-    /// Whether an encoder is fitted, and with it stalls are noticed.
+    /// Whether the axis has an encoder. Only then stalls are detected.
     pub encoder: bool,
     pub serial_number: u32,
-    /// A command is heard only where its slash begins the line.
+    /// Whether a command is accepted only if its slash is the first byte of the line.
     pub slash_first: bool,
 }
 
 impl Default for Settings {
-    /// 200 full steps of 32; half a turn per second.
+    /// 200 full steps per revolution, 32 microsteps per full step, half a revolution per second.
     fn default() -> Self {
         Self { device: 1, resolution: 32, maxspeed: 5243, accel: 5, encoder: true, serial_number: 51_234, slash_first: false }
     }

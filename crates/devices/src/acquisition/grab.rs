@@ -48,56 +48,25 @@ pub fn grab_second(camera: &mut dyn Camera, deadline: Duration, cancel: &CancelT
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Link, StreamCounters};
+    use crate::testing::FakeCamera;
     use carved_core::frame::PixelFormat;
 
-    /// Lost at once, there again at the `back`-th look.
-    struct Flaky {
-        looks: u32,
-        back: u32,
-        lost: bool,
-    }
-
-    impl Camera for Flaky {
-        fn identity(&self) -> &'static str {
-            "flaky"
-        }
-        fn arm(&mut self) -> Result<(), DeviceError> {
-            self.looks += 1;
-            self.lost = self.looks < self.back;
-            if self.lost { Err(DeviceError::ControlLost) } else { Ok(()) }
-        }
-        fn grab(&mut self, _deadline: Duration) -> Result<Grabbed, DeviceError> {
-            if self.lost {
-                return Err(DeviceError::CameraSilent { request: "the trigger".into(), why: "pulled".into() });
-            }
-            let frame = RawFrame::new(1, 1, PixelFormat::Mono8, vec![7]).unwrap();
-            Ok(Grabbed { frame, frame_id: 1, attempts: 1, trigger_ms: 0.0 })
-        }
-        fn link(&self) -> Link {
-            let lost = self.lost;
-            Link::new(move || lost)
-        }
-        fn reopen(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-        fn counters(&self) -> StreamCounters {
-            StreamCounters::default()
-        }
-        fn disarm(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
+    /// A camera that is lost, and comes back at the third attempt to start it.
+    fn back_at_third_attempt() -> FakeCamera {
+        FakeCamera::new(|_| Ok(RawFrame::new(1, 1, PixelFormat::Mono8, vec![7]).unwrap()))
+            .arming(|attempt| if attempt < 3 { Err(DeviceError::ControlLost) } else { Ok(()) })
+            .lost()
     }
 
     #[test]
     fn a_camera_that_comes_back_gives_its_view_and_a_cancelled_run_does_not_wait() {
         let cancel = CancelToken::new();
-        let mut camera = Flaky { looks: 0, back: 3, lost: true };
+        let mut camera = back_at_third_attempt();
         assert_eq!(grab(&mut camera, PAUSE, &cancel).unwrap().frame.bytes(), [7]);
-        assert_eq!(camera.looks, 3);
+        assert_eq!(camera.times_armed(), 3);
         cancel.cancel();
-        let mut camera = Flaky { looks: 0, back: 3, lost: true };
+        let mut camera = back_at_third_attempt();
         assert!(matches!(grab(&mut camera, PAUSE, &cancel), Err(DeviceError::CameraSilent { .. })));
-        assert_eq!(camera.looks, 0);
+        assert_eq!(camera.times_armed(), 0);
     }
 }

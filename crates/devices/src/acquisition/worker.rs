@@ -183,104 +183,28 @@ impl Drop for StopUnlessDone {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Achieved, Camera, Capabilities, Grabbed, Link, Position, RotationAxis, StreamCounters};
+    use crate::Achieved;
+    use crate::testing::{AxisLog, FakeAxis, FakeCamera};
     use carved_core::frame::PixelFormat;
     use carved_core::units::{Steps, StepsPerRevolution};
     use carved_records::ViewOrder;
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicI64, AtomicU32, Ordering};
 
-    /// What the fake devices share: the camera sees where the axis stands.
-    #[derive(Default)]
-    struct Bench {
-        steps: AtomicI64,
-        stops: AtomicU32,
-        moves: AtomicU32,
-        /// By how many steps the axis ends beside where it was sent.
-        beside: AtomicI64,
+    fn rig() -> (Rig, AxisLog) {
+        rig_with(FakeAxis::new(), None)
     }
 
-    struct FakeAxis {
-        bench: Arc<Bench>,
-        epoch_rises_at_move: u32,
-    }
-
-    impl RotationAxis for FakeAxis {
-        fn identity(&self) -> &'static str {
-            "fake"
-        }
-        fn capabilities(&self) -> Capabilities {
-            Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
-        }
-        fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-            Ok(Achieved { steps: Steps(0), epoch: 1 })
-        }
-        fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-            if self.bench.stops.load(Ordering::SeqCst) > 0 {
-                return Err(DeviceError::Stopped);
+    /// A rig whose camera sees where the axis stands. The frame of trigger `lost_frame` does not come.
+    fn rig_with(axis: FakeAxis, lost_frame: Option<u32>) -> (Rig, AxisLog) {
+        let log = axis.log();
+        let seen = log.clone();
+        let camera = FakeCamera::new(move |trigger| {
+            if Some(trigger) == lost_frame {
+                return Err(DeviceError::NoFrame { waited_ms: 100, attempts: 3, last: "nothing".into() });
             }
-            let moves = self.bench.moves.fetch_add(1, Ordering::SeqCst) + 1;
-            let steps = Steps(target.0 + self.bench.beside.load(Ordering::SeqCst));
-            self.bench.steps.store(steps.0, Ordering::SeqCst);
-            Ok(Achieved { steps, epoch: 1 + u32::from(moves >= self.epoch_rises_at_move) })
-        }
-        fn check(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-        fn position(&self) -> Position {
-            Position::Referenced { steps: Steps(self.bench.steps.load(Ordering::SeqCst)), epoch: 1 }
-        }
-        fn stop_handle(&self) -> StopHandle {
-            let bench = Arc::clone(&self.bench);
-            StopHandle::new(move || {
-                bench.stops.fetch_add(1, Ordering::SeqCst);
-            })
-        }
-    }
-
-    struct FakeCamera {
-        bench: Arc<Bench>,
-        frames: u32,
-        fails_at: u32,
-    }
-
-    impl Camera for FakeCamera {
-        fn identity(&self) -> &'static str {
-            "fake"
-        }
-        fn arm(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-        fn grab(&mut self, deadline: Duration) -> Result<Grabbed, DeviceError> {
-            self.frames += 1;
-            if self.frames == self.fails_at {
-                return Err(DeviceError::NoFrame { waited_ms: deadline.as_millis(), attempts: 3, last: "nothing".into() });
-            }
-            let pixel = (self.bench.steps.load(Ordering::SeqCst) % 251) as u8;
-            let frame = RawFrame::new(2, 1, PixelFormat::Mono8, vec![pixel; 2]).unwrap();
-            Ok(Grabbed { frame, frame_id: self.frames.into(), attempts: 1, trigger_ms: 0.0 })
-        }
-        fn link(&self) -> Link {
-            Link::new(|| false)
-        }
-        fn reopen(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-        fn counters(&self) -> StreamCounters {
-            StreamCounters::default()
-        }
-        fn disarm(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-    }
-
-    const NEVER: u32 = u32::MAX;
-
-    fn rig(epoch_rises_at_move: u32, fails_at: u32) -> (Rig, Arc<Bench>) {
-        let bench = Arc::new(Bench::default());
-        let rotation = Box::new(FakeAxis { bench: Arc::clone(&bench), epoch_rises_at_move });
-        let camera = Box::new(FakeCamera { bench: Arc::clone(&bench), frames: 0, fails_at });
-        (Rig { rotation, camera }, bench)
+            let pixel = (seen.steps().0 % 251) as u8;
+            Ok(RawFrame::new(2, 1, PixelFormat::Mono8, vec![pixel; 2]).unwrap())
+        });
+        (Rig { rotation: Box::new(axis.referenced()), camera: Box::new(camera) }, log)
     }
 
     fn plan(order: ViewOrder) -> RevolutionPlan {
@@ -294,7 +218,7 @@ mod tests {
     #[test]
     fn each_view_carries_the_frame_of_its_own_angle_in_either_order() {
         for order in [ViewOrder::Sequential, ViewOrder::CoarseToFine] {
-            let (mut rig, bench) = rig(NEVER, NEVER);
+            let (mut rig, log) = rig();
             let mut seen = Vec::new();
             let ledger = revolve(&mut rig, &plan(order), &settings(), &CancelToken::new(), |entry, frame| {
                 seen.push((entry, frame));
@@ -309,13 +233,13 @@ mod tests {
                 assert!((entry.omega + std::f64::consts::TAU * entry.achieved_steps.0 as f64 / 500.0).abs() < 1e-12);
                 assert_eq!(entry.sha256, sha256_hex(frame.bytes()));
             }
-            assert_eq!(bench.stops.load(Ordering::SeqCst), 0, "a finished revolution keeps its reference");
+            assert_eq!(log.stops(), 0, "a finished revolution keeps its reference");
         }
     }
 
     #[test]
     fn who_has_enough_gets_the_closure_view_and_a_view_again_comes_from_its_own_stop() {
-        let (mut rig, bench) = rig(NEVER, NEVER);
+        let (mut rig, log) = rig();
         let plan = plan(ViewOrder::CoarseToFine);
         let cancel = CancelToken::new();
         let ledger = revolve(&mut rig, &plan, &settings(), &cancel, |entry, _| {
@@ -334,13 +258,13 @@ mod tests {
             assert_eq!((entry.view, entry.retake, entry.achieved_steps, entry.closure), (stop.view, 1, stop.target, false));
             assert_eq!(i64::from(frame.bytes()[0]), stop.target.0 % 251);
         }
-        assert_eq!((again.len(), bench.stops.load(Ordering::SeqCst)), (2, 0));
+        assert_eq!((again.len(), log.stops()), (2, 0));
     }
 
     #[test]
     fn the_angle_is_of_the_step_that_was_achieved_not_of_the_one_that_was_asked_for() {
-        let (mut rig, bench) = rig(NEVER, NEVER);
-        bench.beside.store(1, Ordering::SeqCst);
+        let beside = FakeAxis::new().arriving(|at| Achieved { steps: Steps(at.steps.0 + 1), ..at });
+        let (mut rig, _) = rig_with(beside, None);
         let plan = plan(ViewOrder::Sequential);
         let ledger = revolve(&mut rig, &plan, &settings(), &CancelToken::new(), |_, _| Ok(Next::View)).unwrap();
         for (entry, stop) in ledger.entries().iter().zip(plan.stops()) {
@@ -358,28 +282,33 @@ mod tests {
 
     #[test]
     fn a_change_of_epoch_ends_the_revolution_and_stops_the_motor() {
-        let (mut rig, bench) = rig(8, NEVER);
+        let mut moves = 0;
+        let axis = FakeAxis::new().arriving(move |at| {
+            moves += 1;
+            Achieved { epoch: 1 + u32::from(moves >= 8), ..at }
+        });
+        let (mut rig, log) = rig_with(axis, None);
         let mut views = 0;
         let refusal = revolve(&mut rig, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| {
             views += 1;
             Ok(Next::View)
         });
         assert!(matches!(refusal, Err(AcquisitionError::Ledger(LedgerError::EpochChanged { view: 7, expected: 1, found: 2 }))));
-        assert_eq!((views, bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (7, 8, 1));
+        assert_eq!((views, log.targets().len(), log.stops()), (7, 8, 1));
     }
 
     #[test]
     fn a_lost_frame_ends_the_revolution_at_its_view_and_stops_the_motor() {
-        let (mut rig, bench) = rig(NEVER, 3);
+        let (mut rig, log) = rig_with(FakeAxis::new(), Some(3));
         let refusal = revolve(&mut rig, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| Ok(Next::View));
         assert!(matches!(refusal, Err(AcquisitionError::Device { view: 2, source: DeviceError::NoFrame { .. } })));
-        assert_eq!((bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (3, 1));
+        assert_eq!((log.targets().len(), log.stops()), (3, 1));
     }
 
     #[test]
     fn a_cancellation_or_a_closed_sink_ends_it_before_the_next_move() {
         let cancel = CancelToken::new();
-        let (mut cancelled, bench) = rig(NEVER, NEVER);
+        let (mut cancelled, log) = rig();
         let refusal = revolve(&mut cancelled, &plan(ViewOrder::Sequential), &settings(), &cancel, |entry, _| {
             if entry.view == 4 {
                 cancel.cancel();
@@ -387,22 +316,22 @@ mod tests {
             Ok(Next::View)
         });
         assert!(matches!(refusal, Err(AcquisitionError::Cancelled { view: 5 })));
-        assert_eq!((bench.moves.load(Ordering::SeqCst), bench.stops.load(Ordering::SeqCst)), (5, 1));
+        assert_eq!((log.targets().len(), log.stops()), (5, 1));
 
-        let (mut unheard, bench) = rig(NEVER, NEVER);
+        let (mut unheard, log) = rig();
         let refusal = revolve(&mut unheard, &plan(ViewOrder::Sequential), &settings(), &CancelToken::new(), |_, _| Err(SinkClosed));
         assert!(matches!(refusal, Err(AcquisitionError::SinkClosed { view: 0 })));
-        assert_eq!(bench.stops.load(Ordering::SeqCst), 1);
+        assert_eq!(log.stops(), 1);
     }
 
     #[test]
     fn a_cancellation_during_a_long_settle_is_not_waited_out() {
-        let (mut rig, bench) = rig(NEVER, NEVER);
+        let (mut rig, log) = rig();
         let cancel = CancelToken::new();
         let settings = AcquisitionSettings { settle_ms: 3_600_000, ..settings() };
         std::thread::scope(|scope| {
             let running = scope.spawn(|| revolve(&mut rig, &plan(ViewOrder::Sequential), &settings, &cancel, |_, _| Ok(Next::View)));
-            while bench.moves.load(Ordering::SeqCst) == 0 {
+            while log.targets().is_empty() {
                 std::thread::yield_now();
             }
             cancel.cancel();

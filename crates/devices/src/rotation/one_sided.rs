@@ -93,63 +93,26 @@ impl RotationAxis for OneSided {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::{Arc, Mutex};
-
-    struct Recorder {
-        moves: Arc<Mutex<Vec<i64>>>,
-        at: Steps,
-        trigger_only: bool,
-    }
-
-    impl RotationAxis for Recorder {
-        fn identity(&self) -> &'static str {
-            "recorder"
-        }
-        fn capabilities(&self) -> Capabilities {
-            let trigger_only = self.trigger_only;
-            Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only }
-        }
-        fn reference(&mut self, _: &CancelToken) -> Result<Achieved, DeviceError> {
-            self.at = Steps(0);
-            Ok(Achieved { steps: self.at, epoch: 1 })
-        }
-        fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-            self.moves.lock().unwrap().push(target.0);
-            self.at = target;
-            Ok(Achieved { steps: target, epoch: 1 })
-        }
-        fn check(&mut self) -> Result<(), DeviceError> {
-            Ok(())
-        }
-        fn position(&self) -> Position {
-            Position::Referenced { steps: self.at, epoch: 1 }
-        }
-        fn stop_handle(&self) -> StopHandle {
-            StopHandle::new(|| ())
-        }
-    }
-
-    fn recorder(trigger_only: bool) -> (Box<dyn RotationAxis>, Arc<Mutex<Vec<i64>>>) {
-        let moves = Arc::default();
-        (Box::new(Recorder { moves: Arc::clone(&moves), at: Steps(0), trigger_only }), moves)
-    }
+    use crate::testing::FakeAxis;
 
     #[test]
     fn every_stop_is_reached_turning_forward() {
-        let (axis, moves) = recorder(false);
-        let mut axis = one_sided(axis, 7).unwrap();
+        let axis = FakeAxis::new();
+        let log = axis.log();
+        let mut axis = one_sided(Box::new(axis), 7).unwrap();
         assert_eq!(axis.reference(&CancelToken::new()).unwrap().steps, Steps(0));
         for target in [250, 125, 375, 375, 62] {
             assert_eq!(axis.move_to(Steps(target)).unwrap().steps, Steps(target));
         }
-        assert_eq!(*moves.lock().unwrap(), [-7, 0, 250, 118, 125, 375, 375, 55, 62]);
+        assert_eq!(log.targets(), [-7, 0, 250, 118, 125, 375, 375, 55, 62].map(Steps));
     }
 
     #[test]
-    fn what_cannot_go_back_refuses_and_no_backlash_adds_nothing() {
-        assert!(matches!(one_sided(recorder(true).0, 7), Err(DeviceError::Setting { .. })));
-        let (axis, moves) = recorder(true);
-        one_sided(axis, 0).unwrap().reference(&CancelToken::new()).unwrap();
-        assert!(moves.lock().unwrap().is_empty());
+    fn an_axis_that_cannot_go_back_is_refused_and_no_backlash_adds_no_move() {
+        assert!(matches!(one_sided(Box::new(FakeAxis::new().trigger_only()), 7), Err(DeviceError::Setting { .. })));
+        let axis = FakeAxis::new().trigger_only();
+        let log = axis.log();
+        one_sided(Box::new(axis), 0).unwrap().reference(&CancelToken::new()).unwrap();
+        assert!(log.targets().is_empty());
     }
 }

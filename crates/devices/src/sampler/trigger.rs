@@ -279,4 +279,4 @@ impl Sampler for TriggerSampler {
 
 #[cfg(test)]
 #[path = "trigger_tests.rs"]
-pub(super) mod tests;
+mod tests;

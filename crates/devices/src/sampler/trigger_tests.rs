@@ -2,10 +2,9 @@
 //! pauses or a test moves it, so the number of readings is exact.
 
 use super::*;
-use crate::{Achieved, Capabilities, Position, SpecimenInput, StopHandle};
+use crate::testing::{FakeAxis, FakeInput};
 use carved_core::units::Steps;
 use std::cell::Cell;
-use std::collections::VecDeque;
 
 thread_local! {
     /// The time of the test in this thread.
@@ -18,82 +17,9 @@ fn pass(time: Duration) {
     NOW.set(NOW.get() + time);
 }
 
-/// An axis whose input has one level of the script after the other, one per reading.
-#[derive(Default)]
-pub(crate) struct Wired {
-    levels: VecDeque<bool>,
-    last: bool,
-    done: Vec<bool>,
-    stopped: bool,
-    /// The level of the input after the output "done" was switched on.
-    after_done: Option<bool>,
-    /// Cancelled at the first reading after the script.
-    cancels: Option<CancelToken>,
-}
-
-impl Wired {
-    fn says(levels: &[bool]) -> Self {
-        Self { levels: levels.iter().copied().collect(), ..Self::default() }
-    }
-}
-
-impl SpecimenInput for Wired {
-    fn begin(&mut self, cancel: &CancelToken) -> Result<(), DeviceError> {
-        if cancel.is_cancelled() {
-            return Err(DeviceError::Stopped);
-        }
-        self.stopped = false;
-        Ok(())
-    }
-    fn is_active(&mut self) -> Result<bool, DeviceError> {
-        if self.stopped {
-            return Err(DeviceError::Stopped);
-        }
-        if let (true, Some(cancel)) = (self.levels.is_empty(), &self.cancels) {
-            cancel.cancel();
-        }
-        self.last = self.levels.pop_front().unwrap_or(self.last);
-        Ok(self.last)
-    }
-    fn is_active_at_rest(&mut self) -> Result<Option<bool>, DeviceError> {
-        self.last = self.levels.pop_front().unwrap_or(self.last);
-        Ok(Some(self.last))
-    }
-    fn say_done(&mut self, done: bool) -> Result<(), DeviceError> {
-        self.done.push(done);
-        if let (true, Some(level)) = (done, self.after_done) {
-            self.last = level;
-            self.levels.clear();
-        }
-        Ok(())
-    }
-}
-
-impl RotationAxis for Wired {
-    fn identity(&self) -> &'static str {
-        "wired"
-    }
-    fn capabilities(&self) -> Capabilities {
-        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only: false }
-    }
-    fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-        Ok(Achieved { steps: Steps(0), epoch: 1 })
-    }
-    fn move_to(&mut self, target: Steps) -> Result<Achieved, DeviceError> {
-        Ok(Achieved { steps: target, epoch: 1 })
-    }
-    fn specimen_input(&mut self) -> Option<&mut dyn SpecimenInput> {
-        Some(self)
-    }
-    fn check(&mut self) -> Result<(), DeviceError> {
-        Ok(())
-    }
-    fn position(&self) -> Position {
-        Position::Unknown
-    }
-    fn stop_handle(&self) -> StopHandle {
-        StopHandle::new(|| ())
-    }
+/// An axis whose specimen input has these levels, one per reading.
+fn wired(levels: &[bool]) -> FakeAxis {
+    FakeAxis::new().referenced().with_input(FakeInput::new(levels))
 }
 
 const QUICK: TriggerSettings =
@@ -101,7 +27,7 @@ const QUICK: TriggerSettings =
 const A01: Expected<'static> = Expected { well: "A01", bead: false, dpf: None };
 
 fn sampler(settings: TriggerSettings) -> TriggerSampler {
-    TriggerSampler::with_clock(Box::new(Wired::default()), settings, CLOCK).unwrap().0
+    TriggerSampler::with_clock(Box::new(wired(&[])), settings, CLOCK).unwrap().0
 }
 
 fn words(result: Result<impl std::fmt::Debug, DeviceError>) -> String {
@@ -121,26 +47,26 @@ fn an_arrival_is_believed_after_its_bounces_and_a_blink_is_none() {
     // The longest blink is one reading too short.
     let blinks = [&[true, false, false][..], &[true; FOR_LONG - 1], &[false]].concat();
     let levels = [&[false; FOR_LONG], &blinks[..], &[true; FOR_LONG]].concat();
-    let mut axis = Wired::says(&levels);
+    let mut axis = wired(&levels);
     assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
-    assert_eq!(axis.levels.len(), 0, "looks too early");
-    axis.after_done = Some(false);
+    assert_eq!(axis.input().levels.len(), 0, "looks too early");
+    axis.input().after_done = Some(false);
     sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
-    assert_eq!(axis.done, [true, false], "the output is on until it is gone");
+    assert_eq!(axis.input().done, [true, false], "the output is on until it is gone");
     // The next one may be there already: the capillary was seen empty in between.
-    axis.last = true;
+    axis.input().last = true;
     assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
 }
 
 #[test]
 fn what_comes_in_between_two_runs_is_not_the_next_runs_first_specimen() {
     let mut sampler = sampler(QUICK);
-    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    let mut axis = wired(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
     sampler.begin_run();
     assert!(sampler.load(&mut axis, A01, &CancelToken::new()).unwrap().is_some());
-    axis.after_done = Some(false);
+    axis.input().after_done = Some(false);
     sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
-    axis.last = true;
+    axis.input().last = true;
     sampler.begin_run();
     let said = words(sampler.load(&mut axis, A01, &CancelToken::new()));
     assert!(said.contains("none was asked for"), "{said}");
@@ -150,13 +76,13 @@ fn what_comes_in_between_two_runs_is_not_the_next_runs_first_specimen() {
 fn a_specimen_that_is_there_while_nothing_runs_is_seen_once_it_is_no_blink() {
     for inverted in [false, true] {
         let mut sampler = sampler(TriggerSettings { inverted, ..QUICK });
-        let mut axis = Wired::says(&[inverted, !inverted, inverted]);
+        let mut axis = wired(&[inverted, !inverted, inverted]);
         assert_eq!(sampler.sees_specimen(), None, "not looked at yet");
         for found in [Some(false), Some(false), Some(false)] {
             sampler.look(&mut axis).unwrap();
             assert_eq!(sampler.sees_specimen(), found, "a blink");
         }
-        axis.last = !inverted;
+        axis.input().last = !inverted;
         sampler.look(&mut axis).unwrap();
         assert_eq!(sampler.sees_specimen(), Some(false), "a blink as yet");
         pass(BETWEEN_LOOKS);
@@ -168,45 +94,45 @@ fn a_specimen_that_is_there_while_nothing_runs_is_seen_once_it_is_no_blink() {
 #[test]
 fn what_nobody_asked_for_and_what_does_not_come_or_go_is_said() {
     let mut sampler = sampler(QUICK);
-    let mut axis = Wired::says(&[true]);
+    let mut axis = wired(&[true]);
     let said = words(sampler.load(&mut axis, A01, &CancelToken::new()));
     assert!(said.contains("A01") && said.contains("none was asked for"), "{said}");
-    let said = words(sampler.load(&mut Wired::says(&[false]), A01, &CancelToken::new()));
+    let said = words(sampler.load(&mut wired(&[false]), A01, &CancelToken::new()));
     assert!(said.contains("no specimen within 400 ms"), "{said}");
     // It came too late, for nobody.
-    let said = words(sampler.load(&mut Wired::says(&[true]), A01, &CancelToken::new()));
+    let said = words(sampler.load(&mut wired(&[true]), A01, &CancelToken::new()));
     assert!(said.contains("none was asked for"), "{said}");
-    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    let mut axis = wired(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
     sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
     let said = words(sampler.eject(&mut axis, "A01", &CancelToken::new()));
     assert!(said.contains("still says") && said.contains("stuck"), "{said}");
-    assert_eq!(axis.done, [true, false]);
+    assert_eq!(axis.input().done, [true, false]);
 }
 
 #[test]
 fn an_input_that_bounces_for_ever_is_neither_there_nor_gone() {
     let mut sampler = sampler(QUICK);
     let restless: Vec<bool> = [vec![false; FOR_LONG], (0..200).map(|i| i % 2 == 0).collect()].concat();
-    let said = words(sampler.load(&mut Wired::says(&restless), A01, &CancelToken::new()));
+    let said = words(sampler.load(&mut wired(&restless), A01, &CancelToken::new()));
     assert!(said.contains("no specimen within"), "{said}");
 }
 
 #[test]
 fn a_stop_leaves_the_specimen_to_the_next_load_and_a_cancel_ends_the_wait() {
     let mut sampler = sampler(QUICK);
-    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    let mut axis = wired(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
     sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
-    axis.stopped = true;
+    axis.input().is_stopped = true;
     let cancel = CancelToken::new();
     cancel.cancel();
     assert!(matches!(sampler.eject(&mut axis, "A01", &cancel), Err(DeviceError::Stopped)));
-    assert!(axis.done.is_empty(), "nothing moves any more");
-    axis.after_done = Some(false);
+    assert!(axis.input().done.is_empty(), "nothing moves any more");
+    axis.input().after_done = Some(false);
     let said = words(sampler.load(&mut axis, Expected { well: "A02", ..A01 }, &CancelToken::new()));
     assert!(said.contains("A02") && said.contains("no specimen"), "{said}");
-    assert_eq!(axis.done, [true, false], "the last run's specimen is ejected first");
+    assert_eq!(axis.input().done, [true, false], "the last run's specimen is ejected first");
     let waits = CancelToken::new();
-    axis.cancels = Some(waits.clone());
+    axis.input().cancels = Some(waits.clone());
     assert_eq!(sampler.load(&mut axis, A01, &waits).unwrap(), None);
 }
 
@@ -214,7 +140,7 @@ fn a_stop_leaves_the_specimen_to_the_next_load_and_a_cancel_ends_the_wait() {
 fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
     let levels = [[false; FOR_LONG], [true; FOR_LONG]].concat();
     for (then, leaves) in [(vec![false, true], false), (vec![false], true)] {
-        let wire = Wired::says(&[levels.clone(), then].concat());
+        let wire = wired(&[levels.clone(), then].concat());
         let (mut sampler, mut axis) = TriggerSampler::with_clock(Box::new(wire), QUICK, CLOCK).unwrap();
         axis.move_to(Steps(1)).unwrap();
         let mut looks = 0;
@@ -233,13 +159,13 @@ fn a_specimen_that_leaves_in_mid_turn_ends_it_and_a_blink_does_not() {
 }
 
 /// A sampler whose specimen was left in the capillary, and its axis. While nothing runs the input then has these levels, a second apart.
-fn looked_at(levels: &[bool]) -> (TriggerSampler, Wired) {
+fn looked_at(levels: &[bool]) -> (TriggerSampler, FakeAxis) {
     let mut sampler = sampler(QUICK);
-    let mut axis = Wired::says(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
+    let mut axis = wired(&[[false; FOR_LONG], [true; FOR_LONG]].concat());
     sampler.begin_run();
     sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
-    axis.levels = levels.iter().copied().collect();
-    while !axis.levels.is_empty() {
+    axis.input().levels = levels.iter().copied().collect();
+    while !axis.input().levels.is_empty() {
         sampler.look(&mut axis).unwrap();
         pass(BETWEEN_LOOKS);
     }
@@ -279,12 +205,12 @@ fn a_new_run_forgets_that_the_capillary_was_empty_before_it() {
 #[test]
 fn an_inverted_input_is_active_while_it_is_empty() {
     let mut sampler = sampler(TriggerSettings { inverted: true, done_output: false, ..QUICK });
-    let mut axis = Wired::says(&[[true; FOR_LONG], [false; FOR_LONG]].concat());
+    let mut axis = wired(&[[true; FOR_LONG], [false; FOR_LONG]].concat());
     sampler.load(&mut axis, A01, &CancelToken::new()).unwrap();
-    axis.last = true;
-    axis.levels.clear();
+    axis.input().last = true;
+    axis.input().levels.clear();
     sampler.eject(&mut axis, "A01", &CancelToken::new()).unwrap();
-    assert!(axis.done.is_empty(), "no such wire");
+    assert!(axis.input().done.is_empty(), "no such wire");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Outlines against meshes of the same solids and against the sphere's formula; truths against closed forms and meshes.
+//! Tests of outlines against meshes of the same solids and the formula of the sphere, and of true values against closed forms and meshes.
 
 use super::super::slice::Slice;
 use super::super::union::area_px2;
@@ -30,7 +30,7 @@ fn distance(p: [f64; 2], a: [f64; 2], b: [f64; 2]) -> f64 {
     (p[0] - a[0] - share * du).hypot(p[1] - a[1] - share * dv)
 }
 
-/// The furthest that a vertex of `from` lies from the outline `to`.
+/// The largest distance of a vertex of `from` from the outline `to`, px.
 fn furthest(from: &[[f64; 2]], to: &[[f64; 2]]) -> f64 {
     let nearest = |p: &[f64; 2]| (0..to.len()).map(|i| distance(*p, to[i], to[(i + 1) % to.len()])).fold(f64::INFINITY, f64::min);
     from.iter().map(nearest).fold(0.0, f64::max)
@@ -83,7 +83,7 @@ fn outlines_are_those_of_the_meshes() {
     }
 }
 
-/// A ray grazes a sphere where it passes the middle at the radius, whatever the camera: no mesh is in this.
+/// A tangent ray of a sphere passes its centre at the distance of the radius. This test needs no mesh.
 #[test]
 fn the_outline_of_a_sphere_is_where_rays_graze_it() {
     let at = Pose { x_um: 1100.0, y_um: 60.0, z_um: -80.0, roll_rad: 0.4 };
@@ -109,7 +109,7 @@ fn the_outline_of_a_sphere_is_where_rays_graze_it() {
 
 /// Closed forms of an ellipsoid with two equal half axes and of a capsule.
 #[test]
-fn truths_are_the_closed_forms() {
+fn true_values_agree_with_closed_forms() {
     let near = |found: f64, exact: f64| assert!((found / exact - 1.0).abs() < 1e-6, "{found} against {exact}");
     let sphere = Phantom::sphere(512.0).unwrap().truth();
     near(sphere.volume_um3, 4.0 / 3.0 * PI * 256f64.powi(3));
@@ -173,7 +173,7 @@ fn hull_mesh(phantom: &Phantom, rings: u32, segments: usize) -> Mesh {
 /// Meshes of 1000 by 600 and half as many: their error falls with the square, so that a third of their difference on top is
 /// what both tend to.
 #[test]
-fn truths_are_what_meshes_tend_to() {
+fn true_values_are_the_limit_of_finer_meshes() {
     for (dpf, seed) in [(3, 1), (4, 3), (5, 2)] {
         let phantom = Phantom::finned(dpf, seed).unwrap();
         let (truth, bare) = (phantom.truth(), Phantom::larva(dpf, seed).unwrap().truth());
@@ -213,7 +213,7 @@ fn larvae_have_their_sizes_and_differ() {
 }
 
 #[test]
-fn the_bounds_are_those_of_the_mesh() {
+fn bounds_agree_with_the_mesh() {
     for (name, phantom) in phantoms() {
         let bounds = phantom.bounds_um();
         let whole = meshes(&phantom, 800, 480).into_iter().reduce(|all, mesh| all.with(&mesh)).unwrap().bounds();
@@ -225,7 +225,7 @@ fn the_bounds_are_those_of_the_mesh() {
     }
 }
 
-/// Wherever a tip is seen from, its two sides are joined without a gap: vertices stay within a pixel of each other.
+/// From every direction the two sides of a tip are joined without a gap: consecutive vertices are less than a pixel apart.
 #[test]
 fn every_individual_has_a_closed_outline() {
     for seed in 0..100 {

@@ -1,4 +1,4 @@
-//! Each disturbance against what it says it does.
+//! Tests of each disturbance against its description.
 
 use super::super::union::area_px2;
 use super::super::{Disturbance, Fault, Phantom, Pose};
@@ -17,7 +17,7 @@ fn one(view: &View) -> &Outline {
     &view.outline[0]
 }
 
-/// Of the area within.
+/// The centroid of the enclosed area.
 fn middle(outline: &Outline) -> [f64; 2] {
     let next = outline.iter().cycle().skip(1);
     let moment = |axis: usize| -> f64 {
@@ -32,7 +32,7 @@ fn sd(values: &[f64]) -> f64 {
 }
 
 #[test]
-fn nothing_disturbed_is_the_outline_itself() {
+fn without_disturbance_a_view_is_the_outline() {
     let (phantom, camera) = (Phantom::finned(5, 1).unwrap().placed(Pose::seeded(1)), Camera::default());
     for (view, omega) in phantom.views(&camera, &plan(7), &Disturbance::default()).iter().zip(plan(7)) {
         assert_eq!(one(view), &phantom.outline(&camera, omega));
@@ -48,12 +48,12 @@ fn the_same_seed_gives_the_same_views_and_another_seed_others() {
     for (a, b) in views(1).iter().zip(views(2)).skip(1) {
         assert!((a.true_omega_rad - b.true_omega_rad).abs() > 1e-9 && (a.dy_px - b.dy_px).abs() > 1e-9);
     }
-    // A view is the same whatever others are taken.
+    // A view does not depend on the other views.
     assert_eq!(phantom.views(&camera, &plan(12)[..5], &Disturbance::drift(1)), views(1)[..5]);
 }
 
 #[test]
-fn the_camera_and_the_angles_are_off_by_what_was_asked() {
+fn the_camera_and_the_angles_have_the_requested_errors() {
     let camera = Camera::default();
     let asked =
         Disturbance { uy_px: -11.0, gamma_rad: 0.01, rho: 1.02, dy_px: 0.4, omega_jitter_rad: 0.009, seed: 3, ..Disturbance::default() };
@@ -74,7 +74,7 @@ fn the_camera_and_the_angles_are_off_by_what_was_asked() {
 }
 
 #[test]
-fn an_edge_is_as_uneven_as_asked_and_over_the_length_asked() {
+fn an_uneven_edge_has_the_requested_deviation_and_correlation_length() {
     let camera = Camera::default();
     let asked = Disturbance { edge_noise_px: 0.3, edge_correlation_px: 5.0, seed: 9, ..Disturbance::default() };
     let (mut all, mut near, mut apart, mut between) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -107,7 +107,7 @@ fn an_edge_is_as_uneven_as_asked_and_over_the_length_asked() {
 }
 
 #[test]
-fn faults_are_what_they_are_called() {
+fn each_fault_changes_its_view_as_described() {
     let camera = Camera::default();
     let phantom = Phantom::larva(4, 2).unwrap();
     let by = Pose { x_um: 110.0, y_um: 30.0, roll_rad: 0.3, ..Pose::default() };

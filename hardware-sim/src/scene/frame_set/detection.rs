@@ -1,4 +1,4 @@
-//! The recipes of the labelled examples: six of each class, of each side a head can be on, and of each side a picture can clip.
+//! The recipes of the labelled examples: six of each class, six of each side of the head, and six of each clipped side.
 
 use super::item::Kind;
 use super::recipe::{Along, Lies, Recipe};
@@ -63,7 +63,7 @@ fn right() -> Vec<Recipe> {
     ]
 }
 
-/// Two at their places: what is right of the gap, and what is left of it.
+/// Two larvae: one at the right of the gap, and one at the left.
 fn two() -> Vec<Recipe> {
     let pair = |name, first: Kind, second: Kind, apart_um: f64| {
         let half = apart_um / 2.0;

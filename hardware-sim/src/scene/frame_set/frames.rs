@@ -1,4 +1,4 @@
-//! The recipes of the frames that segmentation is judged by.
+//! The recipes of the frames for the evaluation of segmentation.
 
 use super::item::Kind;
 use super::recipe::{Along, Lies, Recipe};
@@ -8,7 +8,7 @@ use crate::scene::Placement;
 const LIVE_3: Kind = Kind::Larva { dpf: 3, fins: true };
 
 pub fn recipes() -> Vec<Recipe> {
-    // How much of the bore a larva fills where its recipe does not say.
+    // The part of the bore that a larva fills if its recipe does not set it.
     let all = [
         (Difficulty::Easy, 0.75, easy()),
         (Difficulty::Medium, 0.82, medium()),
@@ -34,7 +34,7 @@ fn fibre(length_um: f64) -> Kind {
     Kind::Fibre { length_um }
 }
 
-/// Clean glass, centred or at rest, the bore filled to three quarters.
+/// Clean glass. The larva is centred or at rest and fills three quarters of the bore.
 fn easy() -> Vec<Recipe> {
     vec![
         Recipe::bead("easy_bead_500", 500.0),
@@ -58,7 +58,7 @@ fn easy() -> Vec<Recipe> {
     ]
 }
 
-/// One thing at a time is less than good.
+/// One difficulty at a time.
 fn medium() -> Vec<Recipe> {
     vec![
         Recipe::bead("medium_bead_soft", 500.0).blur(1.2).tilt(-1.0),
@@ -82,7 +82,7 @@ fn medium() -> Vec<Recipe> {
     ]
 }
 
-/// Several at once.
+/// Several difficulties at once.
 fn hard() -> Vec<Recipe> {
     vec![
         Recipe::bead("hard_bead_90_percent_wall", 480.0).fill(0.90).lies(Lies::Rests).blur(1.0).tilt(1.5),
@@ -113,7 +113,7 @@ fn hard() -> Vec<Recipe> {
     ]
 }
 
-/// What no method should be expected to get quite right.
+/// Frames that no method is expected to segment correctly.
 fn vicious() -> Vec<Recipe> {
     vec![
         Recipe::bead("vicious_bead_wedged", 420.0).lies(Lies::Wedged).blur(1.3).noise(2.0).tilt(2.0),

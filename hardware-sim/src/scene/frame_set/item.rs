@@ -1,10 +1,10 @@
-//! Things that a frame can hold, as they are written down.
+//! Objects that a frame can contain, in serializable form.
 
 use super::FrameSetError;
 use crate::scene::{Larva, Placement, Specimen};
 use serde::Serialize;
 
-/// What a thing is, with its sizes in um.
+/// The kind of an object, with its sizes in um.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "is")]
 pub enum Kind {
@@ -17,18 +17,18 @@ pub enum Kind {
     Fibre { length_um: f64 },
 }
 
-/// One thing in its place.
+/// One object with its placement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Item {
     #[serde(flatten)]
     pub kind: Kind,
-    /// The individual.
+    /// Seed of the individual.
     pub seed: u64,
     pub placement: Placement,
 }
 
 impl Item {
-    /// `frame` is only named in errors.
+    /// Makes the object. `frame` is the name of the frame, for errors.
     pub(super) fn specimen(&self, frame: &str) -> Result<Specimen, FrameSetError> {
         let larva = |source| FrameSetError::Larva { name: frame.to_owned(), source };
         let size = |source| FrameSetError::Size { name: frame.to_owned(), source };

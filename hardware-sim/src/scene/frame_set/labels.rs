@@ -1,4 +1,4 @@
-//! What can be said of a frame, measured on the geometry that is drawn.
+//! Labels of a frame, measured on the drawn geometry.
 
 use crate::scene::capillary::Capillary;
 use crate::scene::{Contents, SceneSettings, Specimen};
@@ -11,31 +11,31 @@ pub enum Side {
     Right,
 }
 
-/// Of the specimens as this frame shows them; clutter does not count.
+/// Labels of the specimens in a frame. Clutter does not count.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Labels {
-    /// Where the one larva's head is.
+    /// The side of the head, if there is exactly one larva.
     pub head: Option<Side>,
-    /// The outline comes within [`TOUCHING_PX`] of a wall's inner line.
+    /// The outline is closer than [`TOUCHING_PX`] to the inner line of a wall.
     pub touches_wall: bool,
-    /// Between the outline and the inner line of the upper and the lower wall, where they are nearest.
+    /// Smallest distance between the outline and the inner line of the upper and of the lower wall.
     pub gap_px: Option<[f64; 2]>,
-    /// Sides at which the picture ends before the specimens do.
+    /// Sides at which the border of the image clips the specimens.
     pub clipped: Vec<Side>,
-    /// Height of what is seen, as a part of the bore's.
+    /// Height of the visible specimens over the height of the bore.
     pub fill: f64,
 }
 
-/// As near as this, blurred pictures of outline and wall are one.
+/// At this distance the blurred images of outline and wall merge.
 pub const TOUCHING_PX: f64 = 2.0;
 
 impl Labels {
-    /// `contents` are settled in the bore.
+    /// Measures the labels. `contents` are in the frame of the capillary.
     pub(super) fn measured(contents: &Contents, settings: &SceneSettings, angle_rad: f64) -> Self {
         let SceneSettings { camera, capillary, .. } = settings;
         let (view, upright) = (camera.view(angle_rad), camera.view(0.0));
         let grazing = grazing_um(capillary, camera.f_um);
-        // Height of the walls' inner lines over a place in the picture: they are straight.
+        // The inner lines of the walls at a column of the image. They are straight.
         let line = |side: f64| {
             let [a, b] = [-1000.0, 1000.0].map(|x| upright.project([x, side * grazing, 0.0]));
             move |u: f64| a.v_px + (u - a.u_px) / (b.u_px - a.u_px) * (b.v_px - a.v_px)

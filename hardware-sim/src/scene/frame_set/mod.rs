@@ -1,13 +1,13 @@
-//! Two fixed lists of frames with truth, to judge segmentation and detection by.
+//! Two fixed lists of frames with ground truth, to evaluate segmentation and detection.
 //!
 //! ```text
 //!   frames.rs     72 recipes, easy to vicious  --+
 //!                                                +--> recipe + seed = FrameSpec (settings, placements, labels) --> render
 //!   detection.rs  6 and more of each class     --+        frame, coverage, outline
 //! ```
-//! A recipe says what is difficult; the seed draws individuals, pigment, marks, noise, and small turns and shifts. Seed 1 is
-//! THE set: methods are tuned on it (7 was looked at meanwhile) and judged on other seeds, which give other frames of the same recipes. Labels
-//! (`touches_wall`, `clipped`, `fill`) are measured on the geometry that is drawn, not copied from the recipe.
+//! A recipe describes the difficulty. The seed draws individuals, pigment, marks, noise, and small turns and shifts. Methods are tuned on
+//! seed 1 and evaluated on other seeds, which give other frames of the same recipes. Seed 7 was also looked at during the tuning.
+//! Labels (`touches_wall`, `clipped`, `fill`) are measured on the drawn geometry and not copied from the recipe.
 
 mod detection;
 mod frames;
@@ -33,7 +33,7 @@ pub enum Difficulty {
     Vicious,
 }
 
-/// What a detector should say. Clutter beside a larva does not change its class.
+/// The correct answer of a detector. Clutter beside a larva does not change the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
@@ -46,35 +46,35 @@ pub enum Class {
     Debris,
 }
 
-/// One frame of a list: all that it takes to render it.
+/// One frame of a list, with all parameters of its image.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FrameSpec {
     pub name: String,
     pub difficulty: Difficulty,
     pub class: Class,
-    /// What the truth is of.
+    /// The specimens of the ground truth.
     pub specimens: Vec<Item>,
-    /// What is seen beside it.
+    /// Objects that are not in the ground truth.
     pub clutter: Vec<Item>,
     pub settings: SceneSettings,
     pub angle_rad: f64,
     /// Number of the exposure.
     pub number: u64,
-    /// Of this frame: from the list's seed and the place in the list.
+    /// Seed of this frame, from the seed of the list and the position in the list.
     pub seed: u64,
-    /// To be used without colour.
+    /// The frame is to be used as a monochrome frame.
     pub mono: bool,
     #[serde(flatten)]
     pub labels: Labels,
 }
 
-/// A frame with its truth.
+/// A frame with its ground truth.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rendered {
     pub frame: Rgb,
     pub truth: Coverage,
     pub edge: Vec<Outline>,
-    /// Without fins.
+    /// The outlines without fins.
     pub body_edge: Vec<Outline>,
 }
 
@@ -89,25 +89,27 @@ pub enum FrameSetError {
 }
 
 impl FrameSpec {
-    /// What it puts into the capillary.
+    /// The contents of the capillary.
     ///
     /// # Errors
-    /// Names what cannot be made.
+    /// A specimen cannot be made with these parameters.
     pub fn contents(&self) -> Result<Contents, FrameSetError> {
         let make = |items: &[Item]| items.iter().map(|item| item.specimen(&self.name)).collect::<Result<Vec<_>, _>>();
         Ok(Contents { specimens: make(&self.specimens)?, clutter: make(&self.clutter)? })
     }
 
-    /// The scene that it is taken of.
+    /// The scene of the frame.
     ///
     /// # Errors
-    /// As [`FrameSpec::contents`], and where something leaves the bore.
+    /// As [`FrameSpec::contents`], or a specimen is outside the bore.
     pub fn scene(&self) -> Result<Scene, FrameSetError> {
         let scene = Scene::new(self.settings.clone());
         scene.load(self.contents()?).map_err(|source| FrameSetError::Placement { name: self.name.clone(), source })?;
         Ok(scene)
     }
 
+    /// Renders the frame and its ground truth.
+    ///
     /// # Errors
     /// As [`FrameSpec::scene`].
     pub fn render(&self) -> Result<Rendered, FrameSetError> {
@@ -121,20 +123,20 @@ impl FrameSpec {
     }
 }
 
-/// The 72 frames that segmentation is judged by, 18 of each difficulty.
+/// The 72 frames for the evaluation of segmentation, 18 of each difficulty.
 ///
 /// # Errors
-/// Names the frame that cannot be made: a recipe does not fit the individual that the seed drew.
+/// A frame cannot be made: its recipe does not fit the individual of this seed.
 pub fn frame_set(seed: u64) -> Result<Vec<FrameSpec>, FrameSetError> {
     specs(frames::recipes(), seed)
 }
 
-/// Labelled examples of all that a detector must tell apart.
+/// Labelled examples of all classes that a detector must distinguish.
 ///
 /// # Errors
 /// As [`frame_set`].
 pub fn detection_set(seed: u64) -> Result<Vec<FrameSpec>, FrameSetError> {
-    // Other individuals than those of the frames to segment.
+    // These individuals are not those of the frames for segmentation.
     specs(detection::recipes(), seed ^ 0xDE7E_C700)
 }
 

@@ -1,4 +1,4 @@
-//! How a frame is asked for, and what a seed makes of it.
+//! The recipe of a frame, and the frame that a seed makes of it.
 //!
 //! ```text
 //!   larva ... dpf, fins, head, roll      lies: centred / moved / rests / wedged     bore: wide, or by the part it fills
@@ -13,35 +13,35 @@ use crate::scene::seeded::{Seeded, mixed};
 use crate::scene::{Contents, Placement, SceneSettings, Specimen};
 use std::f64::consts::FRAC_PI_2;
 
-/// How the one specimen lies in its bore.
+/// The position of a single specimen across the bore.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Lies {
-    /// Moved down by a part of the room that it has around it: 0 is centred.
+    /// Moved down by this part of the free space. 0 is centred.
     Moved(f64),
-    /// Sunk onto the lower wall.
+    /// At rest on the lower wall.
     Rests,
-    /// In the narrowest bore that holds it, seen from where it is widest: it touches both walls.
+    /// In its narrowest bore, seen from the side where it is widest. It touches both walls.
     Wedged,
 }
 
-/// Where along the capillary clutter lies, relative to the specimen.
+/// Position of clutter along the capillary, relative to the specimen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Along {
-    /// This far before its left or behind its right end; below 0 it overlaps.
+    /// This far to the left of its left end, or to the right of its right end. A negative distance overlaps.
     Left(f64),
     Right(f64),
-    /// A part of its length from its left end.
+    /// At this part of its length from its left end.
     At(f64),
 }
 
-/// Clutter and its place. A plug is as wide as the bore lets it be.
+/// Clutter and its position. A plug is as wide as the bore permits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Beside {
     pub kind: Kind,
     pub along: Along,
-    /// Part of the room between axis and wall: 1 touches the wall.
+    /// Part of the free space between axis and wall. 1 touches the wall.
     pub out: f64,
-    /// Direction as seen in the frame: 0 is down, 90 away from the camera, 180 up.
+    /// Direction in the frame, deg: 0 is down, 90 away from the camera, 180 up.
     pub towards_deg: f64,
 }
 
@@ -60,11 +60,11 @@ pub struct Recipe {
     noise: f64,
 }
 
-/// A bore is wider than the narrowest by at least this factor, which rounding needs.
+/// A bore is wider than the narrowest one by at least this factor, because of rounding errors.
 const SLACK: f64 = 1.0002;
-/// Water around a plug of air, both sides together.
+/// Water around a plug of air, sum of both sides, um.
 const FILM_UM: f64 = 10.0;
-/// A bore that a recipe does not size by its specimens is widened until they fill no more of it than this.
+/// The largest part of the bore that specimens may fill if the recipe does not set it. The bore is widened for that.
 const FULLEST: f64 = 0.96;
 
 impl Recipe {
@@ -100,7 +100,7 @@ impl Recipe {
         Self::of(name, Class::Bead, Kind::Bead { diameter_um })
     }
 
-    /// One more specimen; where there are several, each lies as its placement says.
+    /// Adds a specimen. If there are several, each is at its own placement.
     pub fn with(mut self, kind: Kind, placement: Placement) -> Self {
         self.specimens.push((kind, placement));
         self
@@ -119,7 +119,7 @@ impl Recipe {
         self
     }
 
-    /// Turned about its own axis: at 0 a larva is seen from its side, at 90 from below, at -90 from above.
+    /// Turns the specimen about its own axis, deg. At 0 a larva is seen from its side, at 90 from below, at -90 from above.
     pub fn roll(mut self, deg: f64) -> Self {
         self.specimens.iter_mut().for_each(|(_, p)| p.roll_rad += deg.to_radians());
         self
@@ -138,12 +138,12 @@ impl Recipe {
         Self { lies, ..self }
     }
 
-    /// A bore of which its narrowest one is this part.
+    /// Sets the bore so that the narrowest bore of the specimen is this part of it.
     pub fn fill(self, part: f64) -> Self {
         Self { fill: Some(part), ..self }
     }
 
-    /// The same where the recipe has said nothing about it.
+    /// As `fill`, unless the recipe has set it already.
     pub fn fill_by_default(self, part: f64) -> Self {
         Self { fill: self.fill.or(Some(part)), ..self }
     }
@@ -174,7 +174,7 @@ impl Recipe {
         self
     }
 
-    /// Air around the glass: the picture is stretched across.
+    /// Air around the glass, which stretches the image across.
     pub fn in_air(mut self) -> Self {
         self.settings.camera.ky_px_per_um = 1.333 * self.settings.camera.kx_px_per_um;
         self
@@ -194,7 +194,7 @@ impl Recipe {
         Self { noise: factor, ..self }
     }
 
-    /// The end of the lamp's drift, nearly reached in the exposures that are drawn.
+    /// Sets the final drift of the lamp. The drawn exposures are near the end of the drift.
     pub fn drift(mut self, level: f64, colour: f64) -> Self {
         self.settings.nuisances.drift = Drift { level, colour, exposures: 10.0, flicker: 0.01 };
         self
@@ -229,9 +229,9 @@ impl Recipe {
         Self { mono: true, ..self }
     }
 
-    /// The frame that the seed of a list and a place in it make of the recipe.
+    /// The frame for the seed of a list and a position in the list.
     pub(super) fn spec(self, list_seed: u64, index: u64) -> Result<FrameSpec, FrameSetError> {
-        // 32 bits: a seed survives readers that keep numbers as f64.
+        // 32 bits, so that readers that store numbers as f64 do not change the seed.
         let seed = mixed(mixed(list_seed) ^ index) & 0xFFFF_FFFF;
         let mut draw = Seeded::new(seed);
         let mut spec = FrameSpec {
@@ -247,7 +247,7 @@ impl Recipe {
             mono: self.mono,
             labels: Labels::default(),
         };
-        // Where the axis meets the pixels' raster is nobody's choice.
+        // A random position of the axis relative to the pixels.
         spec.settings.camera.ux_px += draw.between(-0.5, 0.5);
         spec.settings.camera.uy_px += draw.between(-0.5, 0.5);
         spec.settings.optics = spec.settings.optics.with_noise(self.noise);
@@ -287,7 +287,7 @@ impl Recipe {
     }
 }
 
-/// Chooses the bore for a specimen, and its place across it.
+/// Chooses the bore for a specimen, and its position across the bore.
 fn lay(specimen: &mut Specimen, lies: Lies, fill: Option<f64>, bore_um: &mut f64, angle_rad: &mut f64) {
     *specimen = specimen.clone().centred();
     let needed_um = specimen.narrowest_bore().diameter_um * SLACK;
@@ -305,7 +305,7 @@ fn lay(specimen: &mut Specimen, lies: Lies, fill: Option<f64>, bore_um: &mut f64
     *specimen = specimen.clone().placed(placement);
 }
 
-/// Makes a bore wide enough for several specimens as they are placed.
+/// Makes the bore wide enough for several specimens at their placements.
 fn widen(specimens: &[Specimen], bore_um: &mut f64) {
     let reach_um = specimens.iter().flat_map(placed_points).map(|[_, y, z]| y.hypot(z)).fold(0.0, f64::max);
     *bore_um = bore_um.max(2.0 * reach_um / FULLEST);
@@ -342,7 +342,7 @@ impl Beside {
         };
         let needs = clutter.narrowest_bore();
         let room_um = (spec.settings.capillary.bore_radius_um() - needs.diameter_um * SLACK / 2.0).max(0.0);
-        // Down in the picture is +y where the axis stands at 0, and turns with it.
+        // Down in the image is +y at axis angle 0. It turns with the axis.
         let (sin, cos) = (self.towards_deg.to_radians() - spec.angle_rad).sin_cos();
         let out_um = self.out * room_um;
         Placement { x_um, y_um: out_um * cos - needs.y_um, z_um: out_um * sin - needs.z_um, ..Placement::default() }

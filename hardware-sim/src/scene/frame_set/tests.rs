@@ -1,16 +1,16 @@
-//! The lists hold what they promise, for the seed that is tuned on and for another.
+//! Tests of the lists, for the seed on which methods are tuned and for another one.
 
 use super::*;
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
-/// The set that is tuned on: many individuals to build, so built once.
+/// The set of seed 1. It has many individuals, so it is made once.
 static THE_SET: LazyLock<Vec<FrameSpec>> = LazyLock::new(|| frame_set(1).unwrap());
 
-/// Labels that only make sense if the frame is what its name says.
+/// Labels that must agree with the name of the frame.
 fn check(specs: &[FrameSpec]) {
     let names: HashSet<_> = specs.iter().map(|s| &s.name).collect();
-    assert_eq!(names.len(), specs.len(), "two frames have one name");
+    assert_eq!(names.len(), specs.len(), "two frames have the same name");
     for s in specs {
         let name = &s.name;
         let larva = matches!(s.class, Class::Larva | Class::DeadLarva);
@@ -27,7 +27,7 @@ fn check(specs: &[FrameSpec]) {
             assert!(gap[0] < 2.0 && gap[1] < 2.0, "{name}: {gap:?}");
         }
         if let Some(gap) = s.labels.gap_px {
-            // What leaves the bore would be refused; perspective may show up to a pixel more.
+            // A specimen outside the bore would be refused. Perspective adds up to a pixel.
             assert!(gap[0] > -1.0 && gap[1] > -1.0, "{name}: {gap:?}");
         }
         assert!(s.settings.camera.gamma_rad.abs() <= 2.001f64.to_radians(), "{name}");

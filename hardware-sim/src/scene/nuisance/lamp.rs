@@ -1,17 +1,17 @@
-//! A lamp that is not where it should be, and not as bright as it was.
+//! A lamp that is not centred, and whose brightness drifts.
 
 use crate::scene::camera::Camera;
 use crate::scene::seeded::{mixed, normal_of};
 use serde::{Deserialize, Serialize};
 
-/// Light that falls off around a place beside the picture's middle.
+/// Light that decreases around a point beside the middle of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LightCentre {
-    /// Brightest place, from the picture's middle.
+    /// The brightest point, from the middle of the image.
     pub u_px: f64,
     pub v_px: f64,
-    /// Loss at half the picture's diagonal from there, as a part of 1; it grows with the square of the distance.
+    /// Loss at half the diagonal of the image from there, 0 to 1. It grows with the square of the distance.
     pub falloff: f64,
 }
 
@@ -31,17 +31,17 @@ impl LightCentre {
     }
 }
 
-/// A lamp that warms up over a run: level and colour move towards an end, and each exposure flickers.
+/// A lamp that warms up over a run. Level and colour approach an end value, and each exposure flickers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Drift {
-    /// Change of the level in the end, as a part of 1.
+    /// Final relative change of the level.
     pub level: f64,
-    /// Red gains this part in the end and blue loses it.
+    /// Final relative gain of red, and loss of blue.
     pub colour: f64,
-    /// Exposures after which all but 1/e of the change has happened.
+    /// Time constant of the change, in exposures.
     pub exposures: f64,
-    /// Standard deviation of each exposure's level, as a part of 1.
+    /// Relative standard deviation of the level of each exposure.
     pub flicker: f64,
 }
 

@@ -1,8 +1,8 @@
-//! Scratches and dust: thin dark lines and soft dark dots, on a window that stays or on the glass that turns.
+//! Scratches and dust: thin dark lines and soft dark dots, on a fixed window or on the glass, which turns.
 //!
 //! ```text
 //!   ----------------------  outside of the capillary
-//!      \_    *     __/         marks of the near and of the far side are both seen
+//!      \_    *     __/         marks of the near and of the far side are visible
 //!   ----------------------
 //! ```
 
@@ -12,13 +12,13 @@ use crate::scene::seeded::{Seeded, mixed};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// How many marks, and how dark.
+/// Number and darkness of the marks.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Marks {
     pub scratches: u32,
     pub dust: u32,
-    /// Darkness of the darkest, as a part of 1; the faintest have a quarter of it.
+    /// Darkness of the darkest mark, 0 to 1. The faintest have a quarter of it.
     pub contrast: f64,
 }
 
@@ -28,10 +28,10 @@ impl Default for Marks {
     }
 }
 
-/// A mark in the picture: a bent line, or one point.
+/// A mark in the image: a bent line, or one point.
 struct Mark {
     points_px: Vec<[f64; 2]>,
-    /// Distance at which it has faded to nothing.
+    /// Distance at which it ends.
     radius_px: f64,
     depth: f64,
 }
@@ -48,8 +48,8 @@ impl Marks {
         self.scratches == 0 && self.dust == 0
     }
 
-    /// Marks on a rectangle from (0, 0) to `size`; `unit` is about a pixel in its coordinates. Scratches run along the first
-    /// coordinate more often than across.
+    /// Marks on a rectangle from (0, 0) to `size`. `unit` is about a pixel in its coordinates. Most scratches run along the first
+    /// coordinate.
     fn drawn(&self, size: [f64; 2], unit: f64, seed: u64) -> Vec<Drawn> {
         let mut s = Seeded::new(mixed(seed));
         let mut marks = Vec::new();

@@ -1,14 +1,14 @@
-//! The picture moves while the shutter is open: a vibrating camera, which moves all of the picture.
+//! Motion blur: the whole image moves during the exposure, as with a vibrating camera.
 //!
 //! ```text
-//!   from  - motion / 2  ...  0 (what the truth shows)  ...  + motion / 2
+//!   from  - motion / 2  ...  0 (position of the ground truth)  ...  + motion / 2
 //! ```
-//! The motion is centred: an edge is smeared by the same amount to both sides and its half level stays at the truth.
+//! The motion is centred. An edge is blurred by the same amount to both sides, and its half level stays at the ground truth.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// How far the picture moves during an exposure, along a straight line and evenly.
+/// The uniform motion of the image during an exposure, along a straight line.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Motion {
@@ -16,7 +16,7 @@ pub struct Motion {
     pub v_px: f64,
 }
 
-/// Places along the line at which the picture is taken.
+/// Number of positions along the line that are averaged.
 const PLACES: i32 = 32;
 
 impl Motion {
@@ -24,7 +24,7 @@ impl Motion {
         self.u_px == 0.0 && self.v_px == 0.0
     }
 
-    /// The mean of the picture over the motion; edges of the picture are held.
+    /// The mean of the image over the motion. Pixels at the border are repeated outwards.
     pub fn blurred(self, light: &[[f32; 3]], width: usize) -> Vec<[f32; 3]> {
         let height = light.len() / width.max(1);
         let taps = self.taps();
@@ -61,8 +61,8 @@ impl Motion {
     }
 }
 
-/// A shift by a fraction of a pixel as three whole ones: by the parabola through them, which keeps the mean and the variance
-/// of the motion exact (a straight line between two would add blur of its own).
+/// A fractional shift as a weighted sum of three whole shifts, by the parabola through them. The mean and the variance of the motion
+/// stay exact. Linear interpolation between two would add blur.
 fn nearby(shift: f64) -> [(i64, f64); 3] {
     let whole = shift.round();
     let (t, i) = (shift - whole, whole as i64);
@@ -74,7 +74,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_motion_has_no_mean_and_the_variance_of_an_even_one() {
+    fn the_motion_has_mean_0_and_the_variance_of_a_uniform_distribution() {
         for motion in [Motion { u_px: 2.0, v_px: 0.0 }, Motion { u_px: 0.7, v_px: 1.3 }, Motion { u_px: -1.0, v_px: 2.6 }] {
             let taps = motion.taps();
             let sum = |f: &dyn Fn(f64, f64) -> f64| taps.iter().map(|&(u, v, w)| f64::from(w) * f(u as f64, v as f64)).sum::<f64>();

@@ -1,14 +1,14 @@
-//! Pixels of the sensor that are never dark.
+//! Hot pixels of the sensor.
 
 use crate::scene::seeded::Seeded;
 use serde::{Deserialize, Serialize};
 
-/// Single pixels that add a constant to what they see, in all colours: under a mosaic each reads one of them.
+/// Single pixels that add a constant to their signal, in all colours. With a Bayer mosaic each pixel has one colour only.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HotPixels {
     pub count: u32,
-    /// What the hottest add, 8-bit units; the coolest add a quarter of it.
+    /// Constant of the hottest pixel, 8-bit units. The coolest ones add a quarter of it.
     pub level: f64,
 }
 

@@ -1,8 +1,8 @@
-//! Each nuisance does what it says, repeats by seed, and leaves the truth alone.
+//! Tests that each nuisance does what it describes, depends on its seed only, and does not change the ground truth.
 
 use crate::scene::*;
 
-/// No noise and even light, so that what is left is the nuisance.
+/// No noise and even light, so that only the nuisance is visible.
 fn settings(nuisances: Nuisances) -> SceneSettings {
     SceneSettings { optics: Optics { blur_px: 0.7, ..Optics::exact() }, nuisances, ..SceneSettings::default() }
 }
@@ -15,14 +15,14 @@ fn plain() -> Rgb {
     frame(Nuisances::default(), 0.0, 0)
 }
 
-/// Share of the pixels that differ by more than a level, and by how much at most.
+/// The share of pixels that differ by more than one level, and the largest difference.
 fn unlike(a: &Rgb, b: &Rgb) -> (f64, u8) {
     let off: Vec<u8> = a.data.iter().zip(&b.data).map(|(a, b)| a.abs_diff(*b)).collect();
     (off.iter().filter(|&&d| d > 1).count() as f64 / off.len() as f64, off.into_iter().max().unwrap())
 }
 
 #[test]
-fn nothing_is_spoilt_by_default_and_settings_without_nuisances_can_be_read() {
+fn nuisances_are_off_by_default_and_settings_without_them_can_be_read() {
     assert_eq!(serde_json::from_str::<SceneSettings>("{}").unwrap(), SceneSettings::default());
     let unknown = serde_json::from_str::<SceneSettings>(r#"{"nuisances": {"glas": {}}}"#).unwrap_err();
     assert!(unknown.to_string().contains("glas"), "{unknown}");
@@ -46,7 +46,7 @@ fn marks_on_the_window_stay_and_those_on_the_glass_turn() {
         let (share, most) = unlike(&one, &other);
         assert!((0.001..0.05).contains(&share) && most > 40, "{share} of the pixels, by up to {most}");
     }
-    // A turn later the glass shows the same.
+    // After a whole revolution the glass has the same marks.
     assert!(unlike(&frame(glass(1), 0.4, 0), &frame(glass(1), 0.4 + std::f64::consts::TAU, 0)).1 <= 1);
 }
 
@@ -90,7 +90,7 @@ fn the_lamp_drifts_by_exposure_towards_its_end() {
 }
 
 #[test]
-fn light_off_the_middle_is_brightest_there() {
+fn off_centre_light_is_brightest_at_its_centre() {
     let light_centre = LightCentre { u_px: 300.0, v_px: -200.0, falloff: 0.3 };
     let f = frame(Nuisances { light_centre, ..Nuisances::default() }, 0.0, 0);
     let green = |u: usize, v: usize| f64::from(f.data[(v * 1024 + u) * 3 + 1]);
@@ -117,7 +117,7 @@ fn hot_pixels_are_bright_in_the_dark_and_stay() {
 }
 
 #[test]
-fn a_moved_edge_is_wider_and_in_its_place() {
+fn motion_widens_an_edge_and_does_not_shift_it() {
     let edge = |motion: Motion| {
         let scene = Scene::new(settings(Nuisances { motion, ..Nuisances::default() }));
         let bead = Specimen::bead(500.0).unwrap().of_material(phantom::Material { absorption_per_mm: [60.0; 3], index_step: 0.0 });
@@ -140,7 +140,7 @@ fn a_moved_edge_is_wider_and_in_its_place() {
 }
 
 #[test]
-fn nuisances_move_no_truth() {
+fn nuisances_do_not_change_the_ground_truth() {
     let marks = Marks { scratches: 10, dust: 30, contrast: 0.6 };
     let spoilt = Nuisances {
         seed: 3,

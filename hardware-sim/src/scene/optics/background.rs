@@ -1,8 +1,8 @@
-//! The picture without a specimen: uneven light and the glass walls.
+//! The image without a specimen: uneven light and the glass walls.
 //!
 //! ```text
 //!   v  -------------------------------   outer wall: weak dark line   } brownish above, bluish below:
-//!      . . . . . . . . . . . . . . . .   glass: greyer                } colours meet it at unlike heights
+//!      . . . . . . . . . . . . . . . .   glass: greyer                } the height depends on the colour
 //!      ===============================   inner wall: strong dark line }
 //!                 bore                   water: a little darker towards the walls
 //! ```
@@ -23,7 +23,7 @@ pub fn background(camera: &Camera, capillary: &Capillary, optics: &Optics) -> Ve
         for (u, pixel) in row.iter_mut().enumerate() {
             let (du, dv) = ((u as f64 - middle.0) / corner, (v as f64 - middle.1) / corner);
             let vignette = 1.0 - optics.vignetting * (du * du + dv * dv);
-            // A slow slope and a slow wave: a lamp that is not quite centred behind its diffuser.
+            // A slow slope and a slow wave, as of a lamp that is not centred behind its diffuser.
             let uneven = 1.0 + optics.unevenness * (0.5 * du - 0.3 * dv + 0.4 * (3.1 * du + 0.7).sin() * (2.3 * dv - 0.4).cos());
             let glass = walls[u].transmission(v as f64, capillary);
             *pixel = std::array::from_fn(|k| (optics.light_rgb[k] * vignette * uneven * glass[k]) as f32);
@@ -32,9 +32,9 @@ pub fn background(camera: &Camera, capillary: &Capillary, optics: &Optics) -> Ve
     light
 }
 
-/// Where the wall lines of one column of pixels are.
+/// Positions of the wall lines in one column of pixels, px.
 struct WallColumn {
-    /// Upper and lower, of bore and of outside.
+    /// Upper and lower line, of the bore and of the outside.
     inner: [f64; 2],
     outer: [f64; 2],
 }
@@ -43,7 +43,7 @@ impl WallColumn {
     fn new(camera: &Camera, capillary: &Capillary, u_px: f64) -> Self {
         let view = camera.view(0.0);
         let x_um = (u_px - camera.ux_px) / camera.kx_px_per_um;
-        // The ray that grazes a cylinder meets it before its widest place.
+        // A tangent ray touches a cylinder in front of its widest point.
         let line = |radius_um: f64| {
             let grazing = radius_um / (1.0 - (radius_um / camera.f_um).powi(2)).max(1e-6).sqrt();
             [-grazing, grazing].map(|y| view.project([x_um, y, 0.0]).v_px)
@@ -63,7 +63,7 @@ impl WallColumn {
                 let line = |at: f64, depth: f64| 1.0 - depth * (-0.5 * ((from_inner - at) / capillary.wall_line_px).powi(2)).exp();
                 // Grey between the lines, with half a pixel of transition.
                 let within = step_over(from_inner / 0.5) * step_over((thickness - from_inner) / 0.5);
-                // Light bent by the wall's foot is missing on either side of it.
+                // The wall bends light away on both sides of its line.
                 let halo = if from_inner > 0.0 {
                     0.25 * capillary.wall_contrast * (-(from_inner - thickness).abs() / 1.6).exp()
                 } else {
@@ -79,7 +79,7 @@ impl WallColumn {
     }
 }
 
-/// From 0 to 1 around 0.
+/// A smooth step from 0 to 1 around 0.
 fn step_over(t: f64) -> f64 {
     1.0 / (1.0 + (-4.0 * t).exp())
 }

@@ -1,4 +1,4 @@
-//! Defocus: a separable Gaussian over a block of pixels whose edges are held.
+//! Defocus: a separable Gaussian over a block of pixels. Pixels at the border are repeated outwards.
 
 use rayon::prelude::*;
 
@@ -30,7 +30,7 @@ pub fn blurred(pixels: &[[f32; 3]], width: usize, sigma_px: f64) -> Vec<[f32; 3]
     out
 }
 
-/// Pixels on each side that a blur reaches.
+/// Reach of a blur on each side, px.
 pub fn reach(sigma_px: f64) -> usize {
     (4.0 * sigma_px.max(0.0)).ceil() as usize
 }

@@ -4,9 +4,9 @@
 //!   lamp -> [ background: uneven light x glass walls ] -> x transmission of the specimen -> blur -> noise -> 8 bits
 //!                                                              |
 //!            per part: thickness along each ray (raster) -> absorption by Beer-Lambert per colour
-//!            all parts: optical path -> its slope bends the ray -> what misses the lens is dark (rims)
+//!            all parts: optical path -> its slope bends the ray -> rays that miss the lens give dark rims
 //! ```
-//! Every number is a parameter; noise, blur, vignetting and tilt may be 0 for exact tests.
+//! Every number is a parameter. Noise, blur, vignetting and tilt may be 0 for exact tests.
 
 mod background;
 mod blur;
@@ -27,25 +27,25 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Optics {
-    /// Level of the empty field in its middle, 8-bit units: bluish white.
+    /// Level of the empty field in its middle, 8-bit units. The default is a bluish white.
     pub light_rgb: [f64; 3],
-    /// Loss of light in the corners, as a part of 1.
+    /// Loss of light in the corners, 0 to 1.
     pub vignetting: f64,
-    /// Slow unevenness of the field, as a part of 1.
+    /// Slow unevenness of the field, 0 to 1.
     pub unevenness: f64,
     /// Slope of a ray at which half of its light misses the lens, rad.
     pub aperture_rad: f64,
-    /// Light that still arrives, scattered, where every ray misses, as a part of 1.
+    /// Scattered light that still arrives where all rays miss the lens, 0 to 1.
     pub stray_light: f64,
-    /// Light that lens and glass scatter over everything: what the specimen cannot take away, as a part of 1.
+    /// Light that lens and glass scatter over the whole image and that a specimen cannot absorb, 0 to 1.
     pub veil: f64,
-    /// How far the lamp shines from above: rims are then darker below than above, rad.
+    /// Angle by which the lamp shines from above. Rims are then darker below than above.
     pub lamp_tilt_rad: f64,
-    /// Growth of a pigment spot per um out of the focal plane, which holds the capillary's axis.
+    /// Growth of a pigment spot per um out of the focal plane, which contains the axis of the capillary.
     pub defocus_rad: f64,
-    /// Standard deviation of the blur of all in the picture.
+    /// Standard deviation of the blur of the whole image.
     pub blur_px: f64,
-    /// Electrons at level 255: sets the photon noise; 0 switches it off.
+    /// Electrons at level 255, which set the photon noise. 0 switches it off.
     pub full_well_electrons: f64,
     /// Standard deviation of the read noise, 8-bit units.
     pub read_noise: f64,
@@ -72,7 +72,7 @@ impl Default for Optics {
 }
 
 impl Optics {
-    /// No noise, no blur, even light: what a test compares to a formula.
+    /// No noise, no blur, even light: for tests against formulas.
     #[must_use]
     pub fn exact() -> Self {
         Self {
@@ -88,7 +88,7 @@ impl Optics {
         }
     }
 
-    /// All noise `factor` times as strong: photon noise is the inverse square root of the electrons.
+    /// All noise `factor` times as strong. Photon noise is proportional to the inverse square root of the electrons.
     #[must_use]
     pub fn with_noise(self, factor: f64) -> Self {
         let full_well_electrons = self.full_well_electrons / (factor * factor).max(1e-12);

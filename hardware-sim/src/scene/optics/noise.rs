@@ -4,7 +4,7 @@ use super::Optics;
 use crate::scene::seeded::{mixed, normal_of};
 use rayon::prelude::*;
 
-/// The frame as numbers: each pixel and colour has noise of its own, by seed and exposure number.
+/// The digital frame. Each pixel and colour has its own noise, from the seed and the exposure number.
 pub fn exposed(light: &[[f32; 3]], width: usize, optics: &Optics, number: u64) -> Vec<u8> {
     let key = mixed(optics.noise_seed ^ mixed(number));
     let photon = if optics.full_well_electrons > 0.0 { (255.0 / optics.full_well_electrons) as f32 } else { 0.0 };

@@ -1,4 +1,4 @@
-//! How much of a closed mesh each ray of the camera passes through.
+//! The thickness of a closed mesh along each ray of the camera.
 //!
 //! ```text
 //!   ray  ------|=========|-----|====|--->     thickness = sum of exit depths - sum of entry depths,
@@ -33,7 +33,7 @@ impl Window {
         self.height * self.fine_v
     }
 
-    /// Place of a point of the picture in samples: sample i is at i.
+    /// Position of an image point in samples. Sample i is at i.
     pub fn to_samples(self, u_px: f64, v_px: f64) -> (f64, f64) {
         ((u_px + 0.5 - self.u0 as f64) * self.fine_u as f64 - 0.5, (v_px + 0.5 - self.v0 as f64) * self.fine_v as f64 - 0.5)
     }
@@ -42,7 +42,7 @@ impl Window {
         ((column + 0.5) / self.fine_u as f64 - 0.5 + self.u0 as f64, (row + 0.5) / self.fine_v as f64 - 0.5 + self.v0 as f64)
     }
 
-    /// The pixels that hold all `points`, with a margin, within the sensor; None where nothing of them is seen.
+    /// The pixels of the sensor that contain all `points`, with a margin. `None` if all points are outside the image.
     pub fn around(
         points: impl Iterator<Item = [f64; 2]>,
         margin: i64,
@@ -72,7 +72,7 @@ const BAND: usize = 64;
 struct Corner {
     x: i64,
     y: i64,
-    /// 1 / depth: linear in the picture.
+    /// 1 / depth, which is linear in the image.
     nearness: f64,
 }
 
@@ -98,7 +98,7 @@ pub fn thickness(mesh: &Mesh, view: &View, reference_depth_um: f64, window: &Win
             for (column, value) in row.iter_mut().enumerate() {
                 if *value != 0.0 {
                     let (u, v) = window.to_pixels(column as f64, (first_row as usize + i) as f64);
-                    // Entry and exit in rounding distance of each other may leave a grain below 0.
+                    // Entry and exit at almost the same depth may give a rounding error below 0.
                     *value = (*value * view.ray_length_per_depth(u, v) as f32).max(1e-3);
                 }
             }
@@ -120,7 +120,7 @@ fn draw([p, q, r]: [&Corner; 3], reference_depth_um: f64, columns: usize, first_
     if doubled == 0 {
         return;
     }
-    // u right, v down and z away are right-handed: a triangle seen from behind winds positively and the ray leaves there.
+    // The frame of u right, v down and z away is right-handed. A triangle that is seen from behind winds positively: the ray leaves.
     let (sign, a, b, c, doubled) = if doubled > 0 { (1.0, p, q, r, doubled) } else { (-1.0, p, r, q, -doubled) };
     let left = a.x.min(b.x).min(c.x).div_euclid(SNAP).max(0);
     let right = (a.x.max(b.x).max(c.x).div_euclid(SNAP) + 1).min(columns as i64 - 1);
@@ -141,14 +141,14 @@ fn draw([p, q, r]: [&Corner; 3], reference_depth_um: f64, columns: usize, first_
     }
 }
 
-/// A directed side of a triangle: its function is positive inside.
+/// A directed side of a triangle. Its function is positive inside.
 struct Edge {
     x: i64,
     y: i64,
     dx: i64,
     dy: i64,
     per_column: i64,
-    /// Of the two triangles at a side, which are drawn with opposite directions, exactly one owns the samples on it.
+    /// Two triangles share a side and draw it in opposite directions. Exactly one of them owns the samples on it.
     owns: bool,
 }
 
@@ -163,7 +163,7 @@ impl Edge {
     }
 }
 
-/// Which samples any of the meshes covers.
+/// The samples that any of the meshes covers.
 pub fn covered(planes: &[Vec<f32>]) -> Vec<bool> {
     let samples = planes.first().map_or(0, Vec::len);
     (0..samples).into_par_iter().map(|i| planes.iter().any(|plane| plane[i] > 0.0)).collect()

@@ -1,4 +1,4 @@
-//! What is left of the light behind the specimen, per pixel and colour.
+//! The transmission of the specimens, per pixel and colour.
 
 use super::{Optics, Window};
 use crate::scene::camera::{Camera, View};
@@ -53,7 +53,7 @@ pub fn transmission(
                 let (left, right) = (column.saturating_sub(1), (column + 1).min(columns - 1));
                 let slope_u = (path[row * columns + right] - path[row * columns + left]) * per_u;
                 let slope_v = (path[below + column] - path[above + column]) * per_v;
-                // The lamp's light comes a little from above: what bends it further down leaves the lens sooner.
+                // The light comes a little from above, so that rays bent downwards miss the lens sooner.
                 let lost = slope_u * slope_u + slope_v * (slope_v + 2.0 * lamp);
                 let bent = lost.max(0.0) / (aperture * aperture);
                 let caught = stray + (1.0 - stray) / (1.0 + bent * bent);
@@ -71,7 +71,7 @@ pub fn transmission(
     out
 }
 
-/// A spot as it is seen, in samples.
+/// A projected spot, in samples.
 struct Disc {
     x: f64,
     y: f64,
@@ -81,7 +81,7 @@ struct Disc {
 }
 
 impl Disc {
-    /// Out of focus a spot is wider and as much paler as it covers more.
+    /// A spot out of focus is wider, and paler in proportion to its area.
     fn seen(spot: &Spot, camera: &Camera, view: &View, optics: &Optics, window: &Window) -> Self {
         let p = view.project(spot.at_um);
         let (x, y) = window.to_samples(p.u_px, p.v_px);
@@ -108,7 +108,7 @@ impl Disc {
             let start = (row - first_row) * columns;
             for column in span(self.x, self.radius_x, 0, columns) {
                 let dx = (column as f64 - self.x) / self.radius_x;
-                // Flat in the middle, gone at its reach.
+                // Flat in the middle, 0 at its border.
                 let fall = (1.0 - ((dx * dx + dy * dy) / (REACH * REACH)).powi(2)).max(0.0);
                 rows[start + column] += (self.density * fall) as f32;
             }
@@ -116,9 +116,9 @@ impl Disc {
     }
 }
 
-/// Where a spot ends, in its radii.
+/// Reach of a spot, in its radii.
 const REACH: f64 = 1.3;
-/// Pigment is grains with gaps: however many cells lie behind each other, a twentieth of the light passes.
+/// Pigment consists of grains with gaps: a twentieth of the light passes through any number of cells.
 const DENSEST: f32 = 3.0;
 /// Rows of samples that one task draws.
 const BAND: usize = 64;

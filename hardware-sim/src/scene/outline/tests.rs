@@ -1,4 +1,4 @@
-//! Outlines against formulas and against coverage.
+//! Tests of outlines against formulas and against coverage.
 
 use super::*;
 use crate::scene::{Camera, Optics, Placement, Scene, SceneSettings, Specimen};
@@ -10,7 +10,7 @@ fn scene(specimen: Specimen, camera: Camera) -> Scene {
     scene
 }
 
-/// Area within a polygon, positive where it runs clockwise on the screen.
+/// Area of a polygon, px^2. It is positive if the polygon runs clockwise on the screen.
 fn area(outline: &Outline) -> f64 {
     let n = outline.len();
     (0..n).map(|i| outline[i][0] * outline[(i + 1) % n][1] - outline[(i + 1) % n][0] * outline[i][1]).sum::<f64>() / 2.0
@@ -21,7 +21,7 @@ fn covered_pixels(scene: &Scene, angle: f64) -> f64 {
 }
 
 #[test]
-fn the_outline_of_a_sphere_is_where_rays_graze_it() {
+fn the_outline_of_a_sphere_is_made_by_its_tangent_rays() {
     let camera = Camera { gamma_rad: 0.03, ky_px_per_um: 1.333 / 5.5, ..Camera::default() };
     for (radius, [x, y, z], angle) in [
         (250.0, [0.0, 0.0, 0.0], 0.0),
@@ -63,12 +63,12 @@ fn a_larva_has_the_area_of_its_coverage() {
 }
 
 #[test]
-fn what_leaves_the_sensor_is_closed_along_its_rim() {
+fn a_clipped_outline_is_closed_along_the_border_of_the_sensor() {
     let larva = Specimen::larva(4, 2).unwrap().placed(Placement { x_um: -2000.0, ..Placement::default() });
     let scene = scene(larva, Camera::default());
     let outlines = scene.truth_edge(0.0);
     assert!(outlines.iter().flatten().all(|[u, v]| (-0.5..=1023.5).contains(u) && (-0.5..=1023.5).contains(v)));
-    assert!(outlines.iter().flatten().filter(|[u, _]| (u + 0.5).abs() < 1e-9).count() > 100, "it runs along the left rim");
+    assert!(outlines.iter().flatten().filter(|[u, _]| (u + 0.5).abs() < 1e-9).count() > 100, "it runs along the left border");
     let outlined: f64 = outlines.iter().map(area).sum();
     assert!((outlined - covered_pixels(&scene, 0.0)).abs() < 2.0, "{outlined}");
 }

@@ -1,11 +1,11 @@
-//! Air in the capillary: round bubbles, and those that the bore has flattened.
+//! Air in the capillary: round bubbles, and plugs that fill the bore.
 //!
 //! ```text
 //!    round    (####)        plug   --(################)--   as wide as the bore but for a film of water,
 //!             (#..#)                 (################)     with rounded ends
 //!             (####)               --(################)--
 //! ```
-//! Air bends light so much that only rays next to its middle reach the lens: black, with a small bright centre.
+//! Air bends light so much that only rays next to its middle reach the lens. It is black with a small bright centre.
 
 use super::{Material, Mesh, SizeError, Specimen, positive};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -14,7 +14,7 @@ impl Specimen {
     /// A round bubble.
     ///
     /// # Errors
-    /// Refuses a diameter that is no positive length.
+    /// The diameter is not a positive length.
     pub fn bubble(diameter_um: f64) -> Result<Self, SizeError> {
         let r = positive("bubble diameter", diameter_um)? / 2.0;
         let mut bubble = Self::ellipsoid([r; 3])?.of_material(Material::AIR);
@@ -26,7 +26,7 @@ impl Specimen {
     /// A bubble that fills the bore: a cylinder with rounded ends, `length_um` from tip to tip.
     ///
     /// # Errors
-    /// Refuses sizes that are no positive lengths.
+    /// A size is not a positive length.
     pub fn plug(length_um: f64, diameter_um: f64) -> Result<Self, SizeError> {
         let (length, r) = (positive("plug length", length_um)?, positive("plug diameter", diameter_um)? / 2.0);
         let mut plug = Self::mesh(capsule(length, r)).of_material(Material::AIR);
@@ -35,7 +35,7 @@ impl Specimen {
     }
 }
 
-/// Ends are half ellipsoids: round where the length allows it.
+/// Ends are half ellipsoids, and half spheres if the length allows it.
 fn capsule(length: f64, radius: f64) -> Mesh {
     const RINGS: u32 = 48;
     let end = radius.min(length / 2.0);

@@ -1,4 +1,4 @@
-//! Debris: small opaque things that drift through tubing. Chips are bounded by a few flat faces, fibres are thin and curved.
+//! Debris: small opaque objects in the tubing. Chips have a few flat faces, fibres are thin and curved.
 //!
 //! ```text
 //!      __               ______
@@ -11,19 +11,19 @@ use crate::scene::seeded::{Seeded, mixed};
 use std::f64::consts::{PI, TAU};
 
 impl Specimen {
-    /// A chip that fits into a ball of the diameter `size_um`.
+    /// A chip that fits into a sphere of the diameter `size_um`.
     ///
     /// # Errors
-    /// Refuses a size that is no positive length.
+    /// The size is not a positive length.
     pub fn chip(size_um: f64, seed: u64) -> Result<Self, SizeError> {
         let radius = positive("chip size", size_um)? / 2.0;
         Ok(Self::debris(format!("chip of {size_um} um, seed {seed}"), chip(radius, seed)))
     }
 
-    /// A fibre that fits into a ball of the diameter `length_um`.
+    /// A fibre that fits into a sphere of the diameter `length_um`.
     ///
     /// # Errors
-    /// Refuses a length that is no positive one.
+    /// The length is not positive.
     pub fn fibre(length_um: f64, seed: u64) -> Result<Self, SizeError> {
         Ok(Self::debris(format!("fibre of {length_um} um, seed {seed}"), fibre(positive("fibre length", length_um)?, seed)))
     }
@@ -35,7 +35,7 @@ impl Specimen {
     }
 }
 
-/// What a few planes leave of a ball.
+/// A sphere that is cut by a few planes.
 fn chip(radius: f64, seed: u64) -> Mesh {
     let mut seeded = Seeded::new(mixed(seed ^ 0xC41F));
     let faces: Vec<([f64; 3], f64)> = (0..11)
@@ -61,7 +61,7 @@ fn chip(radius: f64, seed: u64) -> Mesh {
     Mesh::lofted(surface(0.0, 0.0), &rows, surface(PI, 0.0))
 }
 
-/// A tube along a bent line, 6 to 16 um thick, that lies in any direction.
+/// A tube along a bent line in a random direction, 6 to 16 um thick.
 fn fibre(length: f64, seed: u64) -> Mesh {
     let mut seeded = Seeded::new(mixed(seed ^ 0xF1B3));
     let radius = (length / 20.0).min(seeded.between(3.0, 8.0));
@@ -69,7 +69,7 @@ fn fibre(length: f64, seed: u64) -> Mesh {
     let phase = seeded.between(0.0, TAU);
     let (yaw, pitch) = (seeded.between(-1.2, 1.2), seeded.between(-0.6, 0.6));
     let rings = 60u32;
-    // Bow, wave and thickness stay within the ball: 0.8 of its diameter is the chord.
+    // The chord is 0.8 of the diameter, so that bow, wave and thickness stay within the sphere.
     let row = |i: u32| -> Vec<[f64; 3]> {
         let t = f64::from(i) / f64::from(rings) * 2.0 - 1.0;
         let (y, z) = (length * bow * (0.5 - t * t), length * wave * (3.0 * t + phase).sin());
@@ -91,7 +91,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn debris_is_closed_and_no_larger_than_its_ball() {
+    fn debris_is_closed_and_fits_into_its_sphere() {
         for seed in 0..30 {
             for size in [30.0, 120.0, 300.0] {
                 for mesh in [chip(size / 2.0, seed), fibre(size, seed)] {

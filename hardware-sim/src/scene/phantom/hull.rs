@@ -1,14 +1,14 @@
-//! The ideal visual hull: what silhouettes from every direction around the capillary axis could at best recover.
+//! The ideal visual hull: the best result that silhouettes from all directions around the capillary axis can give.
 //!
-//! All views are taken across x, so each slice stands for itself: the hull of a connected section is its convex hull.
-//! A section of several pieces is treated as one (its convex hull holds the true one).
+//! All views are perpendicular to x, so each slice is independent. The hull of a connected section is its convex hull. A section of
+//! several pieces is treated as one piece, whose convex hull contains the true hull.
 //!
-//! With the support function h(theta) of each slice, `l = h + h''` is the length of outline per direction, hence
+//! With the support function h(theta) of each slice, `l = h + h''` is the length of outline per direction, so that
 //! volume = Int Int h l / 2 dtheta dx and area = Int Int l sqrt(1 + (dh/dx)^2) dtheta dx.
 
 use std::f64::consts::TAU;
 
-/// Directions per slice: the polygon around a circle is then too large by (pi / n)^2 / 3 = 6e-6.
+/// Directions per slice. The polygon around a circle is then too large by (pi / n)^2 / 3 = 6e-6.
 const DIRECTIONS: usize = 720;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Hull {
     pub area_um2: f64,
 }
 
-/// The hull of sections at growing `x`; the first and the last may be single points.
+/// The hull of sections at growing `x`, um. The first and the last may be single points.
 pub fn ideal_hull(sections: &[(f64, Vec<[f64; 2]>)]) -> Hull {
     let directions: Vec<[f64; 2]> = (0..DIRECTIONS)
         .map(|k| {
@@ -50,7 +50,7 @@ impl Slice {
     fn new(x: f64, points: &[[f64; 2]], directions: &[[f64; 2]]) -> Self {
         let corners = convex_hull(points);
         let reach = |i: usize, d: &[f64; 2]| corners[i][0] * d[0] + corners[i][1] * d[1];
-        // Corners and directions both turn one way: the corner that reaches furthest only ever moves on.
+        // Corners and directions turn the same way, so the furthest corner only moves forward.
         let mut furthest =
             (0..corners.len()).fold(0, |best, i| if reach(i, &directions[0]) > reach(best, &directions[0]) { i } else { best });
         let support: Vec<f64> = directions

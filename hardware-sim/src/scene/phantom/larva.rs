@@ -1,4 +1,4 @@
-//! Zebrafish larvae of 3, 4 and 5 days as smooth solids that can be integrated.
+//! Zebrafish larvae of 3, 4 and 5 dpf as smooth solids that can be integrated.
 //!
 //! ```text
 //!   dorsal (-y)      ________---------_________________ .............  fin fold (thin, median)
@@ -7,10 +7,10 @@
 //!              \__  \___( yolk )___yolk extension__/
 //!   ventral (+y)     s = 0 ........................................ 1    x = length (s - 1/2)
 //! ```
-//! The body is star-shaped in every slice around its centre line: two half ellipses (dorsal and ventral height, one width)
-//! with bulges for the eyes, all as smooth curves of s, closed by rounded caps. Yolk, bladder, notochord and eyes lie
-//! inside it and are seen, not measured. The fin fold is a thin plate of its own: it casts a profile, so it counts in the
-//! ideal hull, but not in the body.
+//! The body is star-shaped in every slice around its centre line. A slice consists of two half ellipses (dorsal and ventral height, one
+//! width) with bulges for the eyes. All are smooth curves of s, closed by rounded caps. Yolk, bladder, notochord and eyes lie inside the
+//! body: they are visible, but not measured. The fin fold is a separate thin plate. It is part of the outline, so it counts in the ideal
+//! hull, but not in the body.
 
 mod organs;
 mod shape;
@@ -24,7 +24,7 @@ use organs::EYE_AT;
 use shape::{Age, Shape};
 use std::f64::consts::{PI, TAU};
 
-/// Rings and segments of the drawn mesh, and of the one that is measured.
+/// Rings and segments of the drawn mesh, and of the mesh for the true values.
 const DRAWN: (u32, u32) = (360, 144);
 const MEASURED: (u32, u32) = (1600, 400);
 
@@ -43,11 +43,11 @@ pub struct Larva {
     /// The drawing from the side, in thousandths of the length.
     shape: Shape,
     bladder: f64,
-    /// How much yolk is left: 1 at 3 days.
+    /// The amount of yolk: 1 at 3 dpf.
     yolk: f64,
     /// Factor on all cross-sections that gives the body its volume.
     girth: f64,
-    /// Factor on what all tissue absorbs.
+    /// Factor on the absorption of all tissue.
     opacity: f64,
     bend_y_um: f64,
     bend_z_um: f64,
@@ -56,13 +56,13 @@ pub struct Larva {
     finned: bool,
 }
 
-/// How far the eyes bulge, along the body and out of it.
+/// Size of the bulges of the eyes, along the body and outwards.
 const EYE_SPAN: f64 = 0.040;
 const EYE_BULGE: f64 = 7.0;
 
 impl Larva {
     /// # Errors
-    /// Refuses ages other than 3, 4 and 5 dpf.
+    /// The age is not 3, 4 or 5 dpf.
     pub fn new(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
         let age = Age::of(dpf).ok_or(LarvaError::Age { found: dpf })?;
         let mut s = Seeded::new(seed ^ (u64::from(dpf) << 56));
@@ -84,12 +84,12 @@ impl Larva {
             fin_um: 85.0 * vary(0.08),
             finned: true,
         };
-        // Sections grow with the square of the girth. What the volume then is, the truth says.
+        // The area of sections grows with the square of the girth. The volume is computed from the mesh.
         larva.girth = (volume_um3 / larva.body(DRAWN).volume()).sqrt();
         Ok(larva)
     }
 
-    /// The same individual without its fin fold: body and hull then differ only by the body's own hollows.
+    /// The same individual without its fin fold. Body and hull then differ only by the hollows of the body.
     #[must_use]
     pub fn without_fins(mut self) -> Self {
         self.finned = false;
@@ -101,11 +101,11 @@ impl Larva {
         1e-3 * self.length_um * self.girth
     }
 
-    /// The place of the median plane at `s` and a height of the drawing.
+    /// The point of the median plane at `s` and a height of the drawing.
     fn lateral(&self, s: f64, height: f64) -> [f64; 3] {
         let arch = (2.0 * s - 1.0).powi(2) - 1.0 / 3.0;
         let wave = (TAU * s + self.twist_phase).sin();
-        // Where the body is deepest its middle lies on the specimen's own axis.
+        // Where the body is deepest, its middle is on the axis of the specimen.
         let y = self.bend_y_um * arch + self.unit_um() * (height - self.shape.middle);
         [self.length_um * (s - 0.5), y, self.bend_z_um * wave]
     }
@@ -158,7 +158,7 @@ impl Larva {
         let grown = |from: f64| smooth_step((s - from) / 0.16);
         let up = 0.6 * self.radius(inside, PI) + self.fin_um * grown(FIN_FROM);
         let down = 0.6 * self.radius(inside, 0.0) + self.fin_um * grown(FIN_FROM + 0.12);
-        // The tail fin is rounded and a little wider than the fold before it.
+        // The tail fin is rounded and a little higher than the fold in front of it.
         let tail = 1.0 + 0.35 * (-((s - 0.98) / 0.06).powi(2)).exp();
         let end = (1.0 - ((s - 0.94) / (FIN_TO - 0.94)).max(0.0).powi(2)).sqrt();
         let start = (1.0 - ((FIN_FROM + 0.02 - s) / 0.02).max(0.0).powi(2)).sqrt();
@@ -192,7 +192,7 @@ impl Larva {
             .collect()
     }
 
-    /// Slices of everything that casts a profile, for the ideal hull.
+    /// Slices of body and fin fold, for the ideal hull.
     fn sections(&self, rings: u32, segments: u32) -> Vec<(f64, Vec<[f64; 2]>)> {
         let flat = |ring: Vec<[f64; 3]>| ring.into_iter().map(|p| [p[1], p[2]]).collect::<Vec<_>>();
         let behind = self.fin_stations(rings).filter(|&s| s > 1.0);
@@ -256,7 +256,7 @@ impl Outline {
         let (sin, cos) = theta.sin_cos();
         let height = if cos >= 0.0 { self.ventral } else { self.dorsal };
         let ellipse = 1.0 / ((cos / height).powi(2) + (sin / self.width).powi(2)).sqrt();
-        // Below a millionth of a micrometre the bulge is not worth its two exponentials.
+        // Below 1e-6 um the bulge is negligible, and the two exponentials are slow.
         let around = if self.bulge > 1e-6 { (9.0 * (sin - 1.0)).exp() + (9.0 * (-sin - 1.0)).exp() } else { 0.0 };
         self.scale * (ellipse + self.bulge * around)
     }
@@ -265,13 +265,13 @@ impl Outline {
 const FIN_FROM: f64 = 0.40;
 const FIN_TO: f64 = 1.03;
 
-/// An individual's own factor along a curve: three slow waves around 1.
+/// The variation of an individual along a curve: a factor of three slow waves around 1.
 fn swelling(vary: &mut dyn FnMut(f64) -> f64) -> impl Fn(f64) -> f64 + use<> {
     let waves = [1.0, 2.0, 3.5].map(|turns| (turns, vary(0.015) - 1.0, TAU * vary(0.3)));
     move |s| 1.0 + waves.iter().map(|(turns, by, phase)| by * (TAU * turns * s + phase).sin()).sum::<f64>()
 }
 
-/// Closes the body at both ends like an ellipsoid: over a fifteenth of the length at the nose, a fiftieth at the tail.
+/// Closes the body at both ends like an ellipsoid: over 1/15 of the length at the nose and 1/50 at the tail.
 fn cap(s: f64) -> f64 {
     let end = |from_end: f64, over: f64| {
         let t = (1.0 - from_end / over).max(0.0);
@@ -285,7 +285,7 @@ fn smooth_step(t: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// `n` places between 0 and 1, without both, denser towards the ends where the caps curve.
+/// `n` positions between 0 and 1, without both ends. They are denser towards the ends, where the caps curve.
 fn stations(n: u32) -> impl Iterator<Item = f64> {
     (1..n).map(move |i| (1.0 - (PI * f64::from(i) / f64::from(n)).cos()) / 2.0)
 }
@@ -294,7 +294,7 @@ fn stations(n: u32) -> impl Iterator<Item = f64> {
 mod tests {
     use super::*;
 
-    /// Volume as Int Int r^2 / 2 dtheta dx, which shares nothing with the meshes.
+    /// Volume as Int Int r^2 / 2 dtheta dx, which does not use the meshes.
     fn integrated(larva: &Larva, slices: u32, turns: u32) -> f64 {
         let mut sum = 0.0;
         for i in 0..slices {
@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn the_truth_has_converged() {
+    fn the_true_values_have_converged() {
         for dpf in [3, 4, 5] {
             let larva = Larva::new(dpf, 11).unwrap();
             let truth = larva.truth();
@@ -324,13 +324,13 @@ mod tests {
                 truth.hull_area_um2,
                 off(hull.area_um2, truth.hull_area_um2),
             );
-            // Errors fall with the square of the mesh: against half the mesh it shows three times what is left.
+            // Errors decrease with the square of the mesh size, so the difference to the half mesh is three times the remaining error.
             assert!(off(coarser.volume(), truth.volume_um3) < 3e-4);
             assert!(off(coarser.area(), truth.area_um2) < 3e-4);
             assert!(off(hull.volume_um3, truth.hull_volume_um3) < 3e-4);
             assert!(off(hull.area_um2, truth.hull_area_um2) < 1e-3);
             assert!(off(integrated(&larva, 20_000, 720), truth.volume_um3) < 1e-4);
-            // What is drawn is what is measured, within its facets: (2 pi / 144)^2 / 6 = 3.2e-4, and the rings.
+            // The drawn mesh agrees with the true values within its facets: (2 pi / 144)^2 / 6 = 3.2e-4, and the rings.
             assert!(off(larva.body(DRAWN).volume(), truth.volume_um3) < 1e-3);
         }
     }
@@ -358,7 +358,7 @@ mod tests {
             assert!(bare.hull_volume_um3 >= bare.volume_um3, "{bare:?}");
             assert!(bare.hull_volume_um3 < 1.02 * bare.volume_um3, "a bare body is nearly convex in its slices: {bare:?}");
             assert!(finned.hull_volume_um3 > 1.01 * bare.hull_volume_um3, "{finned:?}");
-            assert!((finned.volume_um3 - bare.volume_um3).abs() < 1.0, "fins are no part of the body");
+            assert!((finned.volume_um3 - bare.volume_um3).abs() < 1.0, "fins do not belong to the body");
         }
     }
 

@@ -1,9 +1,9 @@
-//! Closed triangle meshes: the form in which every specimen is drawn, with exact volume and area.
+//! Closed triangle meshes, from which every specimen is drawn, with exact volume and area.
 
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Triangles wound counter-clockwise when seen from outside (the normal by the right-hand rule points out). um.
+/// Triangles, um. They wind counter-clockwise when seen from outside, so that normals by the right-hand rule point outwards.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Mesh {
     pub vertices: Vec<[f64; 3]>,
@@ -27,10 +27,10 @@ pub enum MeshError {
 }
 
 impl Mesh {
-    /// Reads the vertices and faces of a Wavefront OBJ; polygons become fans. Then the mesh is checked as by [`Mesh::closed`].
+    /// Reads the vertices and faces of a Wavefront OBJ. Polygons become fans. The mesh is checked by [`Mesh::closed`].
     ///
     /// # Errors
-    /// Names the line that cannot be read, or why the surface is no closed one.
+    /// A line cannot be read, or the surface is not closed.
     pub fn from_obj(text: &str) -> Result<Self, MeshError> {
         let mut mesh = Self::default();
         for (i, raw) in text.lines().enumerate() {
@@ -46,7 +46,7 @@ impl Mesh {
     }
 
     /// # Errors
-    /// As [`Mesh::from_obj`], and where the file cannot be read.
+    /// As [`Mesh::from_obj`], or the file cannot be read.
     pub fn from_obj_file(path: &Path) -> Result<Self, MeshError> {
         let text = std::fs::read_to_string(path).map_err(|source| MeshError::Read { path: path.display().to_string(), source })?;
         Self::from_obj(&text)
@@ -62,7 +62,7 @@ impl Mesh {
                 expected: "a face of vertex numbers such as `f 1 2 3` or `f 1/1/1 2/2/2 3/3/3`",
             })?;
             let vertices = self.vertices.len();
-            // Negative numbers count back from the last vertex read.
+            // Negative numbers count backwards from the last vertex.
             let from_zero = if index < 0 { vertices as i64 + index } else { index - 1 };
             if from_zero < 0 || from_zero >= vertices as i64 {
                 return Err(MeshError::NoSuchVertex { line, index, vertices });
@@ -78,11 +78,10 @@ impl Mesh {
         Ok(())
     }
 
-    /// Turns the triangles outwards, once it is sure that they close.
+    /// Checks that the triangles close, and turns them outwards.
     ///
     /// # Errors
-    /// Refuses a surface with open edges, with edges of more than two triangles or of unlike winding, and one without
-    /// volume.
+    /// An edge is open, or has more than two triangles, or has two triangles of different winding, or the volume is 0.
     pub fn closed(mut self) -> Result<Self, MeshError> {
         let mut directed: HashMap<(u32, u32), usize> = HashMap::new();
         for t in &self.triangles {
@@ -114,7 +113,7 @@ impl Mesh {
         self.triangles.iter().map(|t| t.map(|i| self.vertices[i as usize]))
     }
 
-    /// Sum of the signed tetrahedra that the triangles span with a point near them.
+    /// The volume: the sum of the signed tetrahedra of the triangles with a nearby point.
     pub fn volume(&self) -> f64 {
         let Some(&origin) = self.vertices.first() else { return 0.0 };
         self.corners().map(|[a, b, c]| dot(sub(a, origin), cross(sub(b, origin), sub(c, origin))) / 6.0).sum()
@@ -124,7 +123,7 @@ impl Mesh {
         self.corners().map(|[a, b, c]| norm(cross(sub(b, a), sub(c, a))) / 2.0).sum()
     }
 
-    /// Lowest and highest coordinate on each axis.
+    /// Lowest and highest coordinate of each axis, um.
     pub fn bounds(&self) -> [[f64; 2]; 3] {
         std::array::from_fn(|axis| {
             self.vertices.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v[axis]), high.max(v[axis])])
@@ -139,7 +138,7 @@ impl Mesh {
         self
     }
 
-    /// Joins another closed mesh to this one; the two may overlap.
+    /// Adds another closed mesh. The two may overlap.
     #[must_use]
     pub fn with(mut self, other: &Self) -> Self {
         let first = self.vertices.len() as u32;
@@ -148,7 +147,7 @@ impl Mesh {
         self
     }
 
-    /// The longest side of the bounding box laid along x, its middle at the origin, scaled to `length_um`.
+    /// The mesh with the longest side of its bounding box along x, its middle at the origin, and scaled to `length_um`.
     #[must_use]
     pub fn laid_along_x(self, length_um: f64) -> Self {
         let bounds = self.bounds();
@@ -164,7 +163,7 @@ impl Mesh {
         })
     }
 
-    /// Where the plane at `x` cuts the triangles: the end points (y, z) of all cuts, unordered.
+    /// The section of the plane at `x`: the end points (y, z) of all cut triangles, unordered.
     pub fn section(&self, x: f64) -> Vec<[f64; 2]> {
         let mut points = Vec::new();
         for corners in self.corners() {
@@ -179,8 +178,7 @@ impl Mesh {
         points
     }
 
-    /// A closed tube of `rings` (one closed ring of points per station, all with the same number), each end closed by
-    /// a fan from its tip.
+    /// A closed tube of `rings`: closed rings with the same number of points. Each end is closed by a fan from its tip.
     pub fn lofted(first_tip: [f64; 3], rings: &[Vec<[f64; 3]>], last_tip: [f64; 3]) -> Self {
         let n = rings.first().map_or(0, Vec::len) as u32;
         let mut mesh = Self { vertices: vec![first_tip, last_tip], triangles: Vec::new() };
@@ -260,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn faces_wound_unlike_are_refused() {
+    fn faces_of_different_winding_are_refused() {
         let twisted = CUBE.replace("f 5 6 7 8", "f 8 7 6 5");
         assert!(matches!(Mesh::from_obj(&twisted), Err(MeshError::Tangled { .. })));
     }

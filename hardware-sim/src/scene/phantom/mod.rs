@@ -1,12 +1,12 @@
-//! What lies in the capillary, with its truth.
+//! Specimens and clutter with their true values.
 //!
 //! ```text
 //!   larva(dpf, seed)  bead  ellipsoid  mesh          each is a list of parts: closed mesh + material (what the optics see)
 //!   dead_larva          \      |        /            plus spots of pigment,
-//!   bubble  plug  chip  fibre  |       |             plus Truth (what a measurement is judged by)
+//!   bubble  plug  chip  fibre  |       |             plus Truth (the reference for a measurement)
 //! ```
-//! Everything is made in the specimen's own frame (um; x along the capillary, y down, z away from the camera at angle 0)
-//! and then placed in the bore once.
+//! Each specimen is made in its own frame (um; x along the capillary, y down, z away from the camera at angle 0) and then placed in the
+//! bore once.
 
 mod bubble;
 mod dead;
@@ -30,23 +30,23 @@ pub use truth::Truth;
 use serde::{Deserialize, Serialize};
 use truth::AskedTruth;
 
-/// How a part acts on light, relative to what surrounds it.
+/// Optical properties of a part, relative to its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Material {
     /// Extinction of red, green and blue.
     pub absorption_per_mm: [f64; 3],
-    /// Refractive index minus that of the surrounding part: bends light and so draws dark rims.
+    /// Refractive index minus that of the surrounding part. It bends light, which makes dark rims.
     pub index_step: f64,
 }
 
 impl Material {
     /// Living tissue: pale yellowish-brown, index 1.36 in water.
     pub const TISSUE: Self = Self { absorption_per_mm: [1.05, 1.25, 1.65], index_step: 0.024 };
-    /// Polystyrene as beads show it: translucent with a broad dark rim.
+    /// Polystyrene of beads: translucent with a broad dark rim.
     pub const POLYSTYRENE: Self = Self { absorption_per_mm: [0.30, 0.32, 0.36], index_step: 0.045 };
     /// Air in water.
     pub const AIR: Self = Self { absorption_per_mm: [0.0; 3], index_step: -0.333 };
-    /// Opaque grit and fibres: 30 um let a third of the light through.
+    /// Opaque chips and fibres: 30 um transmit a third of the light.
     pub const DEBRIS: Self = Self { absorption_per_mm: [34.0, 37.0, 42.0], index_step: 0.1 };
 }
 
@@ -58,12 +58,12 @@ pub struct Part {
     pub within_body: Within,
 }
 
-/// What a part is where it overlaps the body (the first part of a specimen).
+/// The meaning of a part where it overlaps the body, which is the first part of a specimen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Within {
-    /// An organ: its material comes on top of the body's.
+    /// An organ: its material is added to that of the body.
     Added,
-    /// An outgrowth whose root is body: only what lies outside counts.
+    /// An outgrowth: only its part outside the body counts.
     Replaced,
 }
 
@@ -120,7 +120,7 @@ impl Specimen {
             }],
             spots: Vec::new(),
             placement: Placement::default(),
-            // Convex: it is its own hull.
+            // A convex solid is its own hull.
             truth: AskedTruth::by(move || {
                 let (volume_um3, area_um2) = (solid::ellipsoid_volume(half_axes_um), solid::ellipsoid_area(half_axes_um));
                 let length_um = 2.0 * half_axes_um[0];
@@ -129,7 +129,7 @@ impl Specimen {
         })
     }
 
-    /// Any closed mesh, in um, x along the capillary ([`Mesh::laid_along_x`] brings it there).
+    /// A closed mesh, um, with x along the capillary. [`Mesh::laid_along_x`] rotates a mesh so.
     pub fn mesh(mesh: Mesh) -> Self {
         let measured = mesh.clone();
         Self {

@@ -1,8 +1,8 @@
-//! Pigment cells and other small marks: soft absorbing balls at points of the specimen.
+//! Pigment cells and other small marks: soft absorbing spheres at points of the specimen.
 //!
 //! ```text
 //!        o o
-//!    o  o     o o          a melanophore: an uneven middle of some balls, arms that wander off, grow thin and fork
+//!    o  o     o o          a melanophore: an uneven middle of some spheres, and arms that get thinner and fork
 //!      O@@O oo   o
 //!    o  @@O
 //!   o      o o o
@@ -11,8 +11,8 @@
 use crate::scene::seeded::Seeded;
 use std::f64::consts::TAU;
 
-/// A ball that absorbs all colours alike; `density` is its optical density through the middle (natural logarithm), below 0
-/// where it is clearer than its surroundings.
+/// A sphere that absorbs all colours equally. `density` is its optical density through the middle (natural logarithm). It is negative if
+/// the sphere is clearer than its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spot {
     pub at_um: [f64; 3],
@@ -20,8 +20,8 @@ pub struct Spot {
     pub density: f64,
 }
 
-/// A star-shaped cell of about `size_um` from its middle to where the arms begin. `place` gives the point of the skin that
-/// lies so far along and across the body from the cell's middle.
+/// A star-shaped cell of about `size_um` from its middle to the beginning of the arms. `place` returns the point of the skin at these
+/// distances along and across the body from the middle of the cell.
 pub fn melanophore(place: impl Fn(f64, f64) -> [f64; 3], size_um: f64, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
     let mut put = |at: [f64; 2], radius_um: f64, density: f64| spots.push(Spot { at_um: place(at[0], at[1]), radius_um, density });
     for _ in 0..5 {
@@ -43,7 +43,7 @@ pub fn melanophore(place: impl Fn(f64, f64) -> [f64; 3], size_um: f64, seeded: &
             put(at, radius_um.max(2.5), seeded.between(0.5, 1.4));
             radius_um *= 0.86;
             if seeded.between(0.0, 1.0) < 0.15 {
-                // A fork: a twig of its own length beside the arm.
+                // A fork: a branch beside the arm, with its own length.
                 let (sin, cos) = (heading + if seeded.between(0.0, 1.0) < 0.5 { 0.9 } else { -0.9 }).sin_cos();
                 put([at[0] + step * cos, at[1] + step * sin], (0.8 * radius_um).max(2.5), 0.9);
                 put([at[0] + 2.0 * step * cos, at[1] + 2.0 * step * sin], (0.65 * radius_um).max(2.5), 0.7);

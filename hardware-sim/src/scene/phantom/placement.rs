@@ -1,30 +1,30 @@
-//! Where in the bore a specimen lies, and the narrowest bore that holds it.
+//! The position of a specimen in the bore, and the narrowest bore that contains it.
 //!
 //! ```text
-//!   own frame -> half a turn around y (faces_right) -> roll around x -> moved by x, y, z -> sinks in +y (rests_on_wall)
+//!   own frame -> half a turn about y (faces_right) -> roll about x -> shift by x, y, z -> sink in +y (rests_on_wall)
 //! ```
 
 use super::Specimen;
 use super::hull::convex_hull;
 use serde::{Deserialize, Serialize};
 
-/// Where in the bore the specimen lies, and how it is turned. It turns with the capillary.
+/// Position and orientation of a specimen in the bore. It turns with the capillary.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Placement {
     pub x_um: f64,
     pub y_um: f64,
     pub z_um: f64,
-    /// Turned half around the y axis first: what lay to the left, as a larva's head does, lies to the right.
+    /// First turns the specimen by half a revolution about the y axis. The head of a larva is then at the right instead of the left.
     pub faces_right: bool,
-    /// Turn about its own x axis before it is moved.
+    /// Turn about its own x axis before the shift.
     pub roll_rad: f64,
-    /// Lets it sink in +y until it touches the bore; `y_um` is then where it starts from.
+    /// Lets it sink in +y from `y_um` until it touches the bore.
     pub rests_on_wall: bool,
 }
 
 impl Placement {
-    /// Carries it out on a point, but for the sinking.
+    /// Applies the placement to a point, without the sinking.
     pub(crate) fn place(&self, [x, y, z]: [f64; 3]) -> [f64; 3] {
         let side = if self.faces_right { -1.0 } else { 1.0 };
         let (sin, cos) = self.roll_rad.sin_cos();
@@ -41,20 +41,20 @@ pub enum PlacementError {
     OutsideBore { name: String, reach_um: f64, bore_radius_um: f64 },
 }
 
-/// The narrowest straight bore that holds a specimen as it is placed.
+/// The narrowest straight bore that contains a specimen in its placement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Narrowest {
     pub diameter_um: f64,
-    /// Where its axis runs.
+    /// Position of its axis.
     pub y_um: f64,
     pub z_um: f64,
 }
 
 impl Specimen {
-    /// The same specimen with its placement carried out: all coordinates are the capillary's.
+    /// The specimen in the frame of the capillary, with its placement applied.
     ///
     /// # Errors
-    /// Refuses a specimen that leaves the bore.
+    /// A part of the specimen is outside the bore.
     pub(crate) fn settled(mut self, bore_radius_um: f64) -> Result<Self, PlacementError> {
         let placement = self.placement;
         self.move_all(|point| placement.place(point));
@@ -63,21 +63,20 @@ impl Specimen {
             self.move_all(|[x, y, z]| [x, y + drop_um, z]);
         }
         let reach_um = self.points().map(|v| v[1].hypot(v[2])).fold(0.0, f64::max);
-        // A specimen that rests on the wall touches it to rounding.
+        // A specimen that rests on the wall may be outside by a rounding error.
         if reach_um > bore_radius_um + 1e-6 {
             return Err(PlacementError::OutsideBore { name: self.name, reach_um, bore_radius_um });
         }
         Ok(self)
     }
 
-    /// The furthest way down that keeps every point within the bore.
+    /// The longest way down that keeps every point within the bore.
     fn depth_to_wall(&self, bore_radius_um: f64) -> f64 {
         let room = |v: &[f64; 3]| (bore_radius_um.powi(2) - v[2].powi(2)).max(0.0).sqrt() - v[1];
         self.points().map(room).fold(f64::INFINITY, f64::min)
     }
 
-    /// What it needs to pass: the smallest circle around all its points, seen along the capillary. Too wide by less than
-    /// a thousandth.
+    /// The smallest circle around all its points, seen along the capillary. The diameter is too large by less than a thousandth.
     pub fn narrowest_bore(&self) -> Narrowest {
         let seen: Vec<[f64; 2]> = self.points().map(|&point| self.placement.place(point)).map(|[_, y, z]| [y, z]).collect();
         let corners = convex_hull(&seen);
@@ -85,7 +84,7 @@ impl Specimen {
             let away = |c: &[f64; 2]| (c[0] - y).hypot(c[1] - z);
             corners.iter().copied().max_by(|a, b| away(a).total_cmp(&away(b))).map_or(([y, z], 0.0), |c| (c, away(&c)))
         };
-        // Badoiu and Clarkson: a step of 1/(i+1) towards the furthest point, i times, is within 1/i of the best.
+        // Badoiu and Clarkson 2003: after i steps of 1/(i+1) towards the furthest point the result is within 1/i of the optimum.
         let mut centre = corners.first().copied().unwrap_or_default();
         for i in 1..4000 {
             let (corner, _) = furthest(centre);
@@ -95,7 +94,7 @@ impl Specimen {
         Narrowest { diameter_um: 2.0 * furthest(centre).1, y_um: centre[0], z_um: centre[1] }
     }
 
-    /// The same specimen moved across so that the bore's axis is that of the narrowest bore.
+    /// The specimen, shifted across so that the axis of its narrowest bore is the axis of the bore.
     #[must_use]
     pub fn centred(self) -> Self {
         let Narrowest { y_um, z_um, .. } = self.narrowest_bore();

@@ -1,4 +1,4 @@
-//! Spheres and ellipsoids: exact values, and meshes fine enough to be taken for them.
+//! Spheres and ellipsoids: exact values, and fine meshes.
 
 use super::Mesh;
 use std::f64::consts::{PI, TAU};

@@ -1,4 +1,4 @@
-//! A smooth curve through a few measured values: the natural cubic spline.
+//! The natural cubic spline: a smooth curve through a few measured values.
 
 #[derive(Debug, Clone)]
 pub struct Spline {
@@ -8,7 +8,7 @@ pub struct Spline {
 }
 
 impl Spline {
-    /// Through `knots` (position growing, value), straight at both ends.
+    /// The spline through `knots` (position, value), in the order of position. It is straight at both ends.
     pub fn through(knots: &[[f64; 2]]) -> Self {
         let n = knots.len();
         let mut curvature = vec![0.0; n];
@@ -27,7 +27,7 @@ impl Spline {
         Self { knots: knots.to_vec(), curvature }
     }
 
-    /// The value at `s`; beyond the knots the end value.
+    /// The value at `s`. Beyond the knots it is the value of the last knot.
     pub fn at(&self, s: f64) -> f64 {
         let (Some(first), Some(last)) = (self.knots.first(), self.knots.last()) else { return 0.0 };
         if s <= first[0] {

@@ -33,7 +33,7 @@ fn a_prism_keeps_its_flat_ends_in_the_hull() {
 }
 
 #[test]
-fn sizes_that_nothing_has_are_named() {
+fn sizes_that_are_not_positive_are_refused() {
     assert_eq!(Specimen::bead(0.0).unwrap_err(), SizeError::NotPositive { name: "bead diameter", found: 0.0 });
     assert!(Specimen::ellipsoid([1.0, f64::NAN, 1.0]).is_err());
 }

@@ -1,28 +1,30 @@
-//! The exact values of a specimen, worked out when they are first asked for: pictures need none, and slices of fine meshes
-//! take ten times as long as building what is drawn.
+//! The exact values of a specimen. They are computed at the first request, because images do not need them and slices of fine meshes
+//! take ten times as long as the mesh that is drawn.
 
 use super::{Mesh, ideal_hull};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 use std::sync::{Arc, LazyLock};
 
-/// Exact values of the specimen, whatever the pictures show of it.
+/// Exact values of the specimen. They do not depend on the images.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Truth {
-    /// The body: without the fin fold where there is one.
+    /// Volume of the body, without a fin fold.
     pub volume_um3: f64,
+    /// Surface area of the body, without a fin fold.
     pub area_um2: f64,
-    /// The ideal visual hull of all that casts a profile, fins included: what silhouettes can at best recover.
+    /// Volume of the ideal visual hull of body and fins: the best result that silhouettes can give.
     pub hull_volume_um3: f64,
+    /// Surface area of the ideal visual hull.
     pub hull_area_um2: f64,
     /// Extent of the body along x.
     pub length_um: f64,
-    /// Of a sphere.
+    /// Diameter of a sphere. `None` for other shapes.
     pub diameter_um: Option<f64>,
 }
 
 impl Truth {
-    /// Of a closed mesh.
+    /// The true values of a closed mesh.
     pub(super) fn of_mesh(mesh: &Mesh) -> Self {
         let [low, high] = mesh.bounds()[0];
         let cuts = 2000;
@@ -31,7 +33,7 @@ impl Truth {
         stations.insert(0, low + step * 1e-6);
         stations.push(high - step * 1e-6);
         let mut sections: Vec<_> = stations.into_iter().map(|x| (x, mesh.section(x))).collect();
-        // A flat end is part of the surface: each end closes to a point.
+        // A flat end is part of the surface, so each end is closed to a point.
         let first = sections.first().and_then(|(_, points)| points.first().copied());
         let last = sections.last().and_then(|(_, points)| points.first().copied());
         sections.insert(0, (low, first.into_iter().collect()));
@@ -50,7 +52,7 @@ impl Truth {
 
 type Work = Box<dyn FnOnce() -> Truth + Send>;
 
-/// A truth that is known once it has been asked for; copies of a specimen share it.
+/// True values that are computed at the first request. Copies of a specimen share them.
 #[derive(Clone)]
 pub(super) struct AskedTruth(Arc<LazyLock<Truth, Work>>);
 
@@ -63,7 +65,7 @@ impl AskedTruth {
         **self.0
     }
 
-    /// The same, of a sphere of this diameter.
+    /// The true values of a sphere of this diameter, um.
     pub fn of_sphere(self, diameter_um: f64) -> Self {
         Self::by(move || Truth { diameter_um: Some(diameter_um), ..self.get() })
     }

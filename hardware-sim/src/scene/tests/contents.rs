@@ -1,8 +1,8 @@
-//! What may lie in the capillary beside one living larva: truth, looks and order.
+//! Tests of contents other than one living larva: ground truth, appearance and order.
 
 use super::*;
 
-/// Bounding box of what a mask covers: u from, u to, v from, v to.
+/// Bounding box of the covered pixels of a mask: first u, last u, first v, last v.
 fn bounds(mask: &Coverage) -> [usize; 4] {
     let mut b = [usize::MAX, 0, usize::MAX, 0];
     for (i, _) in mask.data.iter().enumerate().filter(|(_, c)| **c >= 128) {
@@ -70,7 +70,7 @@ fn each_fin_is_rooted_in_its_own_body() {
 }
 
 #[test]
-fn clutter_is_seen_and_in_no_truth_even_where_it_touches() {
+fn clutter_is_drawn_and_not_in_the_ground_truth_even_where_it_touches() {
     let larva = || Specimen::larva(4, 2).unwrap();
     let nose_um = -larva().truth().length_um / 2.0;
     let bare = loaded(exact(), larva());

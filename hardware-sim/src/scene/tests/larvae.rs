@@ -1,8 +1,8 @@
-//! What larvae look like, held to where they are.
+//! Tests of the appearance of larvae.
 
 use super::*;
 
-/// Light that the larva takes, green, noise left out; the larva as a specimen placed nowhere special.
+/// Green light that the larva absorbs, without noise, and the larva at the default placement.
 fn taken(larva: &Larva, angle_rad: f64) -> Vec<f64> {
     let optics = Optics { full_well_electrons: 0.0, read_noise: 0.0, ..Optics::default() };
     let scene = Scene::new(SceneSettings { optics, ..SceneSettings::default() });
@@ -13,7 +13,7 @@ fn taken(larva: &Larva, angle_rad: f64) -> Vec<f64> {
     empty.data.iter().zip(&frame.data).skip(1).step_by(3).map(|(&a, &b)| f64::from(a) - f64::from(b)).collect()
 }
 
-/// Pixels that something within `reach` of them covers.
+/// The pixels that have a covered pixel within `reach`.
 fn near(mask: &Coverage, reach: usize) -> Vec<bool> {
     let (w, h) = (mask.width as usize, mask.height as usize);
     let mut out = vec![false; w * h];
@@ -31,7 +31,7 @@ fn pigment_and_organs_change_no_pixel_outside_the_larva() {
     for (dpf, angle_rad) in [(3, 0.0), (4, 0.8), (5, 1.6)] {
         let larva = Larva::new(dpf, 6).unwrap();
         let mask = loaded(exact(), larva.specimen()).truth_mask(angle_rad);
-        // The blur of 0.7 px ends after 3.
+        // The blur of 0.7 px ends after 3 px.
         let inside = near(&mask, 3);
         let outside = taken(&larva, angle_rad).into_iter().zip(&inside).filter(|(t, inside)| !**inside && *t != 0.0).count();
         assert_eq!(outside, 0, "{dpf} dpf: {outside} pixels differ outside");
@@ -39,7 +39,7 @@ fn pigment_and_organs_change_no_pixel_outside_the_larva() {
 }
 
 #[test]
-fn the_fin_takes_a_few_grey_values_and_its_edge_a_few_more() {
+fn the_fin_absorbs_a_few_grey_levels_and_its_edge_a_few_more() {
     for dpf in [3, 4, 5] {
         for seed in 0..2 {
             let larva = Larva::new(dpf, seed).unwrap();

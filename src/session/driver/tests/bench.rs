@@ -5,76 +5,18 @@ use super::super::*;
 use crate::session::channel;
 use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
-use carved_core::units::Steps;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
-use carved_devices::{
-    Achieved, Camera, Capabilities, DeviceError, Grabbed, Link as CameraLink, Position, Rig, RotationAxis, StopHandle, StreamCounters,
-};
+use carved_devices::testing::{FakeAxis, FakeCamera};
+use carved_devices::{DeviceError, Rig, RotationAxis};
 use carved_records::{Event, Mode, Phase, RunPlan, SpecimenOutcome, WellTimes};
 use carved_store::{Claim, EventsAfter};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 use tokio::sync::oneshot;
 
-/// Devices that do nothing.
-#[derive(Default)]
-pub struct Idle {
-    /// What the axis says when it is next asked whether it is there.
-    pub says: Option<DeviceError>,
-    /// The axis steps through a list, as that of a stock VAST.
-    pub trigger_only: bool,
-    /// The camera arms: the worker goes on to its first well.
-    pub arms: bool,
-}
-
-impl RotationAxis for Idle {
-    fn identity(&self) -> &'static str {
-        "idle axis"
-    }
-    fn capabilities(&self) -> Capabilities {
-        let trigger_only = self.trigger_only;
-        Capabilities { has_position: true, has_encoder: false, has_stall: false, can_stop: true, absolute: true, trigger_only }
-    }
-    fn reference(&mut self, _cancel: &CancelToken) -> Result<Achieved, DeviceError> {
-        Ok(Achieved { steps: Steps(0), epoch: 1 })
-    }
-    fn move_to(&mut self, steps: Steps) -> Result<Achieved, DeviceError> {
-        Ok(Achieved { steps, epoch: 1 })
-    }
-    fn check(&mut self) -> Result<(), DeviceError> {
-        self.says.take().map_or(Ok(()), Err)
-    }
-    fn position(&self) -> Position {
-        Position::Unknown
-    }
-    fn stop_handle(&self) -> StopHandle {
-        StopHandle::new(|| ())
-    }
-}
-
-impl Camera for Idle {
-    fn identity(&self) -> &'static str {
-        "idle camera"
-    }
-    fn arm(&mut self) -> Result<(), DeviceError> {
-        if self.arms { Ok(()) } else { Err(DeviceError::NotArmed) }
-    }
-    fn grab(&mut self, _deadline: Duration) -> Result<Grabbed, DeviceError> {
-        Err(DeviceError::NotArmed)
-    }
-    fn link(&self) -> CameraLink {
-        CameraLink::new(|| false)
-    }
-    fn reopen(&mut self) -> Result<(), DeviceError> {
-        Ok(())
-    }
-    fn counters(&self) -> StreamCounters {
-        StreamCounters::default()
-    }
-    fn disarm(&mut self) -> Result<(), DeviceError> {
-        Ok(())
-    }
+/// A camera that does not arm.
+pub fn dark_camera() -> FakeCamera {
+    FakeCamera::default().arming(|_| Err(DeviceError::NotArmed))
 }
 
 /// A sampler that brings nothing: of a loader, or driven.
@@ -134,8 +76,8 @@ impl Sampler for Arm {
 }
 
 /// An instrument whose camera does not arm.
-pub fn instrument(axis: Idle, sampler: Arm) -> Instrument {
-    let rig = Rig { rotation: Box::new(axis), camera: Box::new(Idle::default()) };
+pub fn instrument(axis: FakeAxis, sampler: Arm) -> Instrument {
+    let rig = Rig { rotation: Box::new(axis), camera: Box::new(dark_camera()) };
     Instrument { rig, second: None, sampler: Box::new(sampler) }
 }
 
@@ -162,7 +104,7 @@ pub fn plan(wells: &[&str]) -> RunPlan {
 
 /// A driver that works in this folder, what speaks to it, and what hears that.
 pub fn driver(root: &Path, loaded_from_outside: bool) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {
-    driver_of(root, instrument(Idle::default(), Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() }))
+    driver_of(root, instrument(FakeAxis::new(), Arm { waits: loaded_from_outside, brings_again: true, ..Arm::default() }))
 }
 
 fn driver_of(root: &Path, instrument: Instrument) -> (Driver, SessionHandle, mpsc::Receiver<Command>) {

@@ -2,12 +2,13 @@
 //! with it, over a restart too.
 
 use super::super::*;
-use super::bench::{Arm, Bench, Idle, RUN, bench, instrument, journalled, on_this_thread, scratch, started, started_with};
+use super::bench::{Arm, Bench, RUN, bench, instrument, journalled, on_this_thread, scratch, started, started_with};
 use super::loader::{IN, out};
 use crate::session::handle::{Refusal, Towards};
 use crate::session::worker::{OpticsFault, Progress, RunEnd, RunError};
 use carved_core::profile::ProfileError;
 use carved_devices::DeviceError;
+use carved_devices::testing::{FakeAxis, FakeCamera};
 use carved_records::{EventData, Interrupted, Phase, SpecimenOutcome, fault_table};
 use carved_store::RecordingWriter;
 use carved_store::testing::recording as a_recording;
@@ -136,8 +137,8 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
             if !outside {
                 let ejected = Arc::default();
                 let sampler = Arm { brings_again: true, ejected: Arc::clone(&ejected), ..Arm::default() };
-                let mut with_camera = instrument(Idle::default(), sampler);
-                with_camera.rig.camera = Box::new(Idle { arms: true, ..Idle::default() });
+                let mut with_camera = instrument(FakeAxis::new(), sampler);
+                with_camera.rig.camera = Box::new(FakeCamera::default());
                 b.d.instrument = Some(with_camera);
                 b.put("r2").unwrap();
                 b.tell(Progress::Ready);
@@ -215,7 +216,7 @@ const INTERRUPTED: Option<SpecimenOutcome> = Some(SpecimenOutcome::Interrupted);
 fn a_kept_specimen_that_is_out_ends_its_well_where_the_sampler_brings_none_twice() {
     on_this_thread(async {
         let dir = scratch();
-        let mut b = started_with(dir.path(), instrument(Idle::default(), Arm::default()), &["A01", "A02", "A03"]);
+        let mut b = started_with(dir.path(), instrument(FakeAxis::new(), Arm::default()), &["A01", "A02", "A03"]);
         b.has_recorded(1);
         held(&mut b, dark()).await;
         assert_eq!((b.inside_by_status().as_deref(), b.outcomes()), (Some("A02"), vec![SUCCEEDED, None, None]));
@@ -269,7 +270,7 @@ fn what_a_rig_that_steps_through_a_list_could_not_see_is_brought_again_whatever_
     on_this_thread(async {
         for outside in [true, false] {
             let dir = scratch();
-            let axis = Idle { trigger_only: true, ..Idle::default() };
+            let axis = FakeAxis::new().trigger_only();
             let sampler = Arm { waits: outside, brings_again: true, ..Arm::default() };
             let mut b = started_with(dir.path(), instrument(axis, sampler), &["A01", "A02"]);
             b.skips_interrupted();

@@ -1,11 +1,12 @@
 //! The loader's words that cross something else: a hold, the run's end, a crash; and those that mean nothing.
 
 use super::super::*;
-use super::bench::{Bench, Idle, RUN, bench, count, journalled, on_this_thread, scratch, started};
+use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, scratch, started};
 use super::loader::{IN, out};
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::worker::{Progress, RunEnd};
 use carved_devices::DeviceError;
+use carved_devices::testing::FakeAxis;
 use carved_records::{EventData, Handoff, HandoffEnd, HandoffIntent, Phase, WellLoaded, kind};
 
 /// A driven sampler was about to bring it when the daemon died; it may be inside, and somebody has looked.
@@ -242,7 +243,9 @@ fn what_a_person_did_at_the_axis_is_a_fault_until_it_is_acknowledged() {
         let mut b = bench(dir.path(), true);
         let what = "the controller reports NC: the axis was turned with the controller's knob".into();
         let by_hand = DeviceError::Intervention { device: "axis", what, way_out: "Let go of the axis" };
-        b.d.instrument.as_mut().unwrap().rig.rotation = Box::new(Idle { says: Some(by_hand), ..Idle::default() });
+        let mut once = Some(by_hand);
+        let axis = FakeAxis::new().answering(move || once.take().map_or(Ok(()), Err));
+        b.d.instrument.as_mut().unwrap().rig.rotation = Box::new(axis);
         for _ in 0..2 {
             b.beat().await;
             let status = b.status();

@@ -1,26 +1,26 @@
-//! What is seen inside a larva: eyes, brain, ear, yolk, heart's room, notochord, swim bladder. All of it is tucked into the
-//! body, so that it changes how a ray fares and never where the outline is.
+//! The visible organs of a larva: eyes, brain, ear, yolk, pericardium, notochord, swim bladder. All lie inside the body, so they change
+//! the brightness and never the outline.
 
 use super::{Larva, cap, smooth_step, stations};
 use crate::scene::phantom::solid::ellipsoid_mesh;
 use crate::scene::phantom::{Material, Mesh, Part, Within};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// Skin and muscle: pale yellowish brown, so near to water's index that the trunk has hardly a rim.
+/// Skin and muscle: pale yellowish brown. The index is so near to that of water that the trunk has almost no rim.
 pub const BODY: Material = Material { absorption_per_mm: [1.02, 1.13, 1.58], index_step: 0.011 };
-/// Of the fin little more than its bent edge is seen: 1 % of the light.
+/// The fin absorbs only 1 % of the light. Mostly its edge is visible.
 pub const FIN: Material = Material { absorption_per_mm: [0.95, 1.0, 1.2], index_step: 0.016 };
 const EYE: Material = Material { absorption_per_mm: [32.0, 33.0, 34.0], index_step: 0.0 };
 const BRAIN: Material = Material { absorption_per_mm: [0.80, 0.85, 1.9], index_step: 0.0015 };
 const YOLK: Material = Material { absorption_per_mm: [1.75, 1.95, 2.5], index_step: 0.019 };
-/// Water in the body: the rooms of heart and ear, the gap below the jaw.
+/// Water in the body: the cavities of heart and ear, and the gap below the jaw.
 const CLEAR: Material = Material { absorption_per_mm: [-0.9, -1.0, -1.4], index_step: -0.0025 };
-/// The ear's wall is seen as a thin ring.
+/// The wall of the ear, which is visible as a thin ring.
 const EAR: Material = Material { absorption_per_mm: [-0.7, -0.75, -0.9], index_step: -0.006 };
 const NOTOCHORD: Material = Material { absorption_per_mm: [-4.0, -4.4, -6.2], index_step: -0.006 };
 const BLADDER: Material = Material { absorption_per_mm: [-0.5, -0.6, -0.9], index_step: -0.085 };
 
-/// Room that is left between organs and skin, um.
+/// Smallest distance between organs and skin, um.
 const SKIN_UM: f64 = 6.0;
 pub const EYE_AT: f64 = 0.078;
 
@@ -45,18 +45,18 @@ impl Larva {
         parts
     }
 
-    /// A material as dense as this individual's tissue is.
+    /// A material with the tissue density of this individual.
     pub(super) fn tinged(&self, material: Material) -> Material {
         Material { absorption_per_mm: material.absorption_per_mm.map(|a| self.opacity * a), ..material }
     }
 
-    /// The less yolk is left, the paler it is.
+    /// Yolk is paler when less of it is left.
     fn yolk_material(&self) -> Material {
         let left = 0.35 + 0.65 * self.yolk;
         Material { absorption_per_mm: YOLK.absorption_per_mm.map(|a| left * a), ..YOLK }
     }
 
-    /// Both eyes, under the middle of the head and as far apart as it is wide.
+    /// Both eyes, below the middle of the head. Their distance is the width of the head.
     fn eyes(&self) -> Mesh {
         let u = self.unit_um();
         let [x, y, z] = self.lateral(EYE_AT, self.shape.centre.at(EYE_AT) + 18.0);
@@ -77,7 +77,7 @@ impl Larva {
         lobe(0.045, 38.0, [0.03, 30.0, 30.0]).with(&lobe(0.088, 28.0, [0.036, 25.0, 34.0])).with(&lobe(0.15, 21.0, [0.05, 17.0, 26.0]))
     }
 
-    /// The heart's room before the yolk and the gap below the jaw.
+    /// The pericardium in front of the yolk, and the gap below the jaw.
     fn clear_rooms(&self) -> Mesh {
         let u = self.unit_um();
         let room =
@@ -108,7 +108,7 @@ impl Larva {
         [x, y, z + side * 0.55 * self.radius(s, FRAC_PI_2)]
     }
 
-    /// Ball and extension as one: from below the gut line down to the belly's skin.
+    /// The yolk with its extension, from below the gut line to the skin of the belly.
     fn yolk(&self) -> Mesh {
         let (from, to) = (0.157, 0.60);
         self.tube(140, 64, |t| {
@@ -117,7 +117,7 @@ impl Larva {
             // The swim bladder presses a hollow into its upper side.
             let hollow = 40.0 * self.bladder.cbrt() * (-((s - BLADDER_AT) / 0.06).powi(2)).exp();
             let top = self.shape.gut_line.at(s) + 6.0;
-            // Behind the ball only a rod remains, along the belly.
+            // The extension is a rod along the belly.
             let ball = 1.0 - smooth_step((s - 0.31) / 0.11);
             let height = (belly - top) * (ball * (0.45 + 0.55 * self.yolk) + (1.0 - ball) * (0.18 + 0.32 * self.yolk));
             let height = height.min(belly - top - hollow);
@@ -137,7 +137,7 @@ impl Larva {
         })
     }
 
-    /// A closed tube from `section` at t in 0..1: s, height of its middle, and half axes, in thousandths of the length.
+    /// A closed tube. `section` returns s, the height of the middle and the half axes, in thousandths of the length, at t from 0 to 1.
     fn tube(&self, rings: u32, segments: u32, section: impl Fn(f64) -> (f64, f64, [f64; 2])) -> Mesh {
         let u = self.unit_um();
         let rows: Vec<Vec<[f64; 3]>> = stations(rings)
@@ -154,7 +154,7 @@ impl Larva {
         self.tucked(Mesh::lofted(middle_of(first), &rows, middle_of(last)))
     }
 
-    /// A mesh drawn in to where the skin leaves room.
+    /// A mesh that is moved inwards where it is too near to the skin.
     fn tucked(&self, mesh: Mesh) -> Mesh {
         mesh.mapped(|[x, y, z]| {
             let s = x / self.length_um + 0.5;

@@ -1,4 +1,4 @@
-//! The drawing of a larva seen from its side, and how it changes from 3 to 5 days.
+//! The drawing of a larva from its side, and its change from 3 to 5 dpf.
 //!
 //! ```text
 //!            __-------- back ________________
@@ -7,12 +7,12 @@
 //!          \___  (    yolk     )________/
 //!              jaw\___belly___/
 //! ```
-//! Heights are in thousandths of the body's length, downwards from the line that the tail points along. At 3 days the head
-//! is bowed and the yolk a ball; at 5 days the fish is straight and its yolk nearly used up.
+//! Heights are in thousandths of the body length, downwards from the line along the tail. At 3 dpf the head is bowed and the yolk is a
+//! ball. At 5 dpf the larva is straight and its yolk is nearly used up.
 
 use super::super::spline::Spline;
 
-/// What makes an age: body length, body volume, swim bladder, and how much of the youngest's drawing is left in its shape.
+/// Properties of an age: body length, body volume, swim bladder, and the part of the drawing at 3 dpf in its shape.
 pub struct Age {
     pub length_um: f64,
     pub volume_um3: f64,
@@ -31,7 +31,7 @@ impl Age {
     }
 }
 
-/// s; back, centre line, belly and half width at 3 days; the same at 5 days. The caps are put on by the body.
+/// s; back, centre line, belly and half width at 3 dpf; the same at 5 dpf. The body adds the caps.
 const BODY: [(f64, [f64; 4], [f64; 4]); 25] = [
     (0.000, [-19.9, 41.9, 94.2, 47.2], [-13.7, 36.4, 77.7, 43.5]),
     (0.030, [-33.7, 37.8, 95.5, 52.0], [-22.7, 33.7, 83.2, 49.6]),
@@ -60,7 +60,7 @@ const BODY: [(f64, [f64; 4], [f64; 4]); 25] = [
     (1.000, [-12.4, -7.6, -2.1, 4.2], [-11.7, -7.6, -2.7, 4.2]),
 ];
 
-/// s; gut line and notochord at 3 days; the same at 5 days.
+/// s; gut line and notochord at 3 dpf; the same at 5 dpf.
 const INNER: [(f64, [f64; 2], [f64; 2]); 14] = [
     (0.110, [32.3, 4.8], [43.3, 13.1]),
     (0.135, [25.4, -4.8], [36.4, 3.4]),
@@ -96,7 +96,8 @@ pub struct Shape {
 const DEEPEST: f64 = 0.25;
 
 impl Shape {
-    /// `vary` gives the individual's own factor on a curve at s, near 1; it is asked once per distance: dorsal, ventral, width.
+    /// `vary` returns the variation of the individual on a curve at s, a factor near 1. It is called once per distance: dorsal, ventral,
+    /// width.
     pub fn new(youth: f64, vary: &[impl Fn(f64) -> f64; 3]) -> Self {
         let mixed = |a: f64, b: f64| youth * a + (1.0 - youth) * b;
         let body = |of: &dyn Fn(f64, [f64; 4]) -> f64| -> Spline {

@@ -1,4 +1,4 @@
-//! Marks on and in a larva: pigment cells, the grain of its tissue, the seams of its muscles, the fin's edge.
+//! Marks on and in a larva: pigment cells, the grain of its tissue, the borders of its muscle segments, the edge of the fin.
 
 use super::organs::BLADDER_AT;
 use super::{Larva, smooth_step};
@@ -6,7 +6,7 @@ use crate::scene::phantom::pigment::{Spot, melanophore};
 use crate::scene::seeded::{Seeded, mixed};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// A field of pigment cells: angle from the belly and its spread, first and last s, how many, size, how much longer than wide.
+/// A field of pigment cells: angle from the belly and its spread, first and last s, number, size, length over width.
 struct Field {
     theta: f64,
     spread: f64,
@@ -21,7 +21,7 @@ const fn field(theta: f64, spread: f64, s: [f64; 2], count: u32, size_um: f64, s
 }
 
 const FIELDS: [Field; 12] = [
-    // The cap on the head, its ragged border, and single cells before it.
+    // The cap on the head, its irregular border, and single cells in front of it.
     field(PI, 0.22, [0.07, 0.165], 30, 30.0, 1.0),
     field(PI, 0.42, [0.05, 0.165], 20, 24.0, 1.0),
     field(PI, 0.75, [0.015, 0.09], 10, 20.0, 1.0),
@@ -33,7 +33,7 @@ const FIELDS: [Field; 12] = [
     // Yolk, on both sides.
     field(0.95, 0.35, [0.19, 0.36], 4, 20.0, 1.0),
     field(-0.95, 0.35, [0.19, 0.36], 4, 20.0, 1.0),
-    // The flank's row.
+    // The row on the flank.
     field(FRAC_PI_2 + 0.12, 0.06, [0.36, 0.82], 12, 9.0, 2.6),
     field(-FRAC_PI_2 - 0.12, 0.06, [0.36, 0.82], 12, 9.0, 2.6),
     // Behind the ear.
@@ -45,7 +45,7 @@ impl Larva {
     pub(super) fn spots(&self) -> Vec<Spot> {
         let mut seeded = Seeded::new(mixed(self.seed ^ 0x5107));
         let mut spots = Vec::new();
-        // Cells gather their pigment in the light and spread it in the dark.
+        // Cells concentrate their pigment in light and spread it in the dark.
         let dispersed = seeded.between(0.75, 1.2);
         for field in &FIELDS {
             let few_or_many = seeded.between(0.7, 1.25);
@@ -78,14 +78,14 @@ impl Larva {
     fn add_gut_line(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
         let u = self.unit_um();
         let steps = 620;
-        // Its thickness wanders: clots and thin places.
+        // Its thickness varies.
         let mut clot = 1.0;
         for i in 0..steps {
             let s = 0.112 + 0.86 * f64::from(i) / f64::from(steps);
             clot += 0.12 * (1.0 - clot) + seeded.normal(0.17);
-            // Closed over the yolk, broken behind it.
+            // Continuous over the yolk, interrupted behind it.
             let dark = clot.clamp(0.15 + 0.6 * (1.0 - smooth_step((s - 0.34) / 0.1)), 1.3);
-            // Broad over the yolk, a thread at the tail.
+            // Broad over the yolk, thin at the tail.
             let breadth = 26.0 * (1.0 - smooth_step((s - 0.3) / 0.35)) * smooth_step((s - 0.10) / 0.06) + 3.0;
             let thick = (0.8 + 1.5 * (-((s - 0.25) / 0.09f64).powi(2)).exp() - 0.35 * smooth_step((s - 0.6) / 0.3)) * dark.max(0.45);
             for _ in 0..3 {
@@ -95,7 +95,7 @@ impl Larva {
                 let density = seeded.between(0.15, 0.55) * dark;
                 spots.push(Spot { at_um: [x, y, z + seeded.normal(0.5) * breadth * u], radius_um, density });
             }
-            // Cells hang from it on the flanks of the gut.
+            // Cells below it on the flanks of the gut.
             if s > 0.33 && s < 0.72 && seeded.between(0.0, 1.0) < 0.13 {
                 let drop = seeded.between(-2.0, 12.0);
                 let [_, y, _] = self.lateral(s, self.shape.gut_line.at(s) + drop);
@@ -115,7 +115,7 @@ impl Larva {
         }
     }
 
-    /// Pigment on the yolk's upper half and front: soft blotches, as most of them lie out of focus.
+    /// Pigment on the upper half and front of the yolk: soft spots, because most of them are out of focus.
     fn add_yolk_blotches(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
         for _ in 0..26 {
             let s = seeded.between(0.165, 0.37);
@@ -137,7 +137,7 @@ impl Larva {
         }
     }
 
-    /// Two ear stones on each side; the heart, grey and uneven in its clear room.
+    /// Two otoliths on each side, and the heart, which is grey and uneven in the clear pericardium.
     fn add_ears_and_heart(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
         let u = self.unit_um();
         for side in [1.0, -1.0] {
@@ -155,7 +155,7 @@ impl Larva {
         }
     }
 
-    /// Tissue is not clear: grain all through it, soft clouds, and the yolk's globules.
+    /// The texture of the tissue: grain, soft clouds, and the globules of the yolk.
     fn add_grain(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
         for _ in 0..4800 {
             let s = seeded.between(0.01, 0.97);
@@ -177,14 +177,14 @@ impl Larva {
                 spots.push(Spot { at_um, radius_um: 4.5, density });
             }
         }
-        // The skin is rougher: where the ray grazes it, it makes the outline uneven.
+        // The skin is rougher. It makes the edge of the image uneven where rays are tangent to it.
         for _ in 0..2200 {
             let s = seeded.between(0.005, 0.97);
             let theta = seeded.between(0.0, TAU);
             let at_um = self.within(s, theta, 1.0 - 5.0 / self.radius(s, theta).max(10.0));
             spots.push(Spot { at_um, radius_um: seeded.between(3.0, 9.0), density: (seeded.normal(0.08) + 0.05) * (1.3 - 0.9 * s) });
         }
-        // The jaw's and the gills' bars.
+        // The cartilages of jaw and gills.
         for bar in 0..6 {
             let (from, lean) = (0.03 + 0.021 * f64::from(bar), seeded.between(-0.035, -0.012));
             for step in 0..16 {
@@ -206,7 +206,7 @@ impl Larva {
         }
     }
 
-    /// The oblique seams between the muscle segments: chevrons that point to the head, on both flanks.
+    /// The oblique borders between the muscle segments: chevrons that point to the head, on both flanks.
     fn add_seams(&self, spots: &mut Vec<Spot>) {
         for seam in 0..36 {
             let at = 0.20 + 0.0205 * f64::from(seam);
@@ -214,7 +214,7 @@ impl Larva {
                 let height = f64::from(step) / 14.0;
                 let s = at + 0.020 * height.abs();
                 for side in [-1.0, 1.0] {
-                    // Over the yolk only the back's half is seen.
+                    // Over the yolk only the dorsal half is visible.
                     let theta = side * (FRAC_PI_2 + 1.25 * height);
                     if height > -0.1 || s > 0.40 {
                         spots.push(Spot { at_um: self.within(s, theta, 0.9), radius_um: 3.6, density: 0.09 });
@@ -224,7 +224,7 @@ impl Larva {
         }
     }
 
-    /// The fin's edge: a line of a few grey values, as dark where the stations are dense as where they are not.
+    /// The edge of the fin: a line of a few grey levels. Its darkness does not depend on the spacing of the stations.
     fn add_fin_edge(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
         let density_per_um = seeded.between(0.005, 0.010);
         let rings: Vec<(f64, Vec<[f64; 3]>)> = self.fin_stations(900).map(|s| (s, self.fin_ring(s, 48))).collect();
@@ -239,7 +239,7 @@ impl Larva {
         }
     }
 
-    /// A place in the body: `depth` 0 is its centre line, 1 its surface.
+    /// A point in the body. `depth` 0 is the centre line, 1 the surface.
     fn within(&self, s: f64, theta: f64, depth: f64) -> [f64; 3] {
         let [x, y, z] = self.centre(s);
         let r = depth * self.radius(s, theta);

@@ -1,6 +1,6 @@
-//! Scripted dialogues in rig time that the test moves by hand: nothing waits.
+//! Scripted dialogues. The test sets the rig time, so nothing waits.
 
-// Whole steps and what they print are exact; that they are is what is tested.
+// Whole steps and their printed values are exact, and these tests check that.
 #![allow(clippy::float_cmp)]
 
 use super::*;
@@ -29,14 +29,14 @@ impl Bench {
         Self { firmware, shaft, faults, now_s: 0.0 }
     }
 
-    /// Booted, unlocked without homing, silent.
+    /// A controller that has booted and was unlocked without homing. Its messages were read.
     fn unlocked() -> Self {
         let mut bench = Self::new();
         bench.say("$X\n");
         bench
     }
 
-    /// Sends and returns what comes back at this very instant.
+    /// Sends a text. Returns what comes back without any delay.
     fn say(&mut self, text: &str) -> String {
         self.send(text.as_bytes())
     }
@@ -67,7 +67,7 @@ impl Bench {
         report[at..].split(',').next().unwrap().parse().unwrap()
     }
 
-    /// To a billionth of a step: the detour through radians costs the last bits.
+    /// The true position of the shaft, rounded to 1e-9 steps. The conversion through radians is not exact in the last bits.
     fn shaft_steps(&self) -> f64 {
         (self.shaft.angle_at_rad(self.now_s) / TAU * 500.0 * 1e9).round() / 1e9
     }
@@ -88,7 +88,7 @@ fn ok_means_queued_and_g4_means_arrived() {
     let mut b = Bench::unlocked();
     assert_eq!(b.say("G91 G1 X5 F300\n"), "ok\r\n");
     assert_eq!(b.state(), "Run");
-    assert_eq!(b.say("G4 P0.01\n"), "", "not before the planner has drained");
+    assert_eq!(b.say("G4 P0.01\n"), "", "no answer before the planner has drained");
     assert_eq!(b.after(0.3), "");
     assert!(b.x() > 0.0 && b.x() < 5.0);
     assert_eq!(b.after(2.0), "ok\r\n");
@@ -97,7 +97,7 @@ fn ok_means_queued_and_g4_means_arrived() {
 }
 
 #[test]
-fn a_dwell_is_rounded_up_to_50_ms_and_none_is_none() {
+fn a_dwell_is_rounded_up_to_50_ms_and_a_dwell_of_0_does_not_wait() {
     let mut b = Bench::unlocked();
     assert_eq!(b.say("G4 P0.01\n"), "");
     assert_eq!(b.after(0.049), "");
@@ -118,7 +118,7 @@ fn homing_finds_the_index_and_sets_the_position_as_grbl_does() {
     b.after(1.0);
     assert!(b.shaft_steps().abs() < 1e-9);
     let report = b.say("?");
-    assert!(report.contains("|Pn:X"), "the shaft presses its switch: {report}");
+    assert!(report.contains("|Pn:X"), "the reference switch is pressed: {report}");
 
     b.say("$23=1\n");
     b.say("$H\n");
@@ -144,12 +144,12 @@ fn lines_have_80_bytes_and_the_receive_buffer_128() {
     let mut b = Bench::unlocked();
     let line = |n: usize| format!("G91{}\n", "G91".repeat(n)).replace("G91G91", "G91");
     assert_eq!(b.say(&line(1)), "ok\r\n");
-    assert_eq!(b.say(&format!("({})G91 {}\n", "c".repeat(200), " ".repeat(200))), "ok\r\n", "comments and blanks take no room");
+    assert_eq!(b.say(&format!("({})G91 {}\n", "c".repeat(200), " ".repeat(200))), "ok\r\n", "comments and blanks are not stored");
     assert_eq!(b.say(&format!("X{}\n", "1".repeat(79))), "error:11\r\n");
     assert_eq!(b.say("\n"), "ok\r\n");
 
     b.say("G4 P1\n");
-    // 20 lines of 18 bytes during a dwell: 7 whole ones fit into 128 bytes, the rest is lost in silence.
+    // 20 lines of 18 bytes during a dwell. 7 complete lines fit into 128 bytes, and the rest is lost without a message.
     let flood = (0..20).map(|i| format!("G91 G1 X0.01 F{i:03}\n")).collect::<Vec<_>>().concat();
     assert_eq!(flood.len(), 20 * 18);
     assert_eq!(b.say(&flood), "");
@@ -205,7 +205,7 @@ fn a_reset_in_motion_alarms_and_keeps_its_count() {
     assert!(x > 0.0 && x < 5.0);
     assert!((b.shaft_steps() - 137.0 - 100.0 * x).abs() < 1e-6);
     assert_eq!(b.after(5.0), "");
-    assert_eq!(b.x(), x, "nothing goes on");
+    assert_eq!(b.x(), x, "the move does not continue");
     b.say("$X\n");
     b.say("G0 X0\n");
     b.after(5.0);
@@ -270,7 +270,7 @@ fn a_cancelled_jog_stops_short_and_is_idle() {
 }
 
 #[test]
-fn a_hard_limit_goes_deaf_until_reset() {
+fn after_a_hard_limit_only_a_reset_is_accepted() {
     let mut b = Bench::unlocked();
     b.say("$21=1\n");
     b.say("G91 G1 X5 F300\n");
@@ -295,7 +295,7 @@ fn a_soft_limit_alarms_before_it_moves_and_a_jog_is_refused() {
 }
 
 #[test]
-fn optional_fields_come_and_go() {
+fn only_some_reports_have_the_optional_fields() {
     let mut b = Bench::unlocked();
     b.send(&[0x18]);
     b.heard();
@@ -304,7 +304,7 @@ fn optional_fields_come_and_go() {
     assert_eq!(with("|WCO:"), [0, 10, 20]);
     assert_eq!(with("|Ov:"), [1, 11, 21]);
     assert_eq!(reports[5], "<Idle|MPos:0.000,0.000,0.000|FS:0,0>\r\n");
-    assert!(b.say("G92X1\n?").contains("|WCO:-1.000,"), "told at once when it changes");
+    assert!(b.say("G92X1\n?").contains("|WCO:-1.000,"), "a changed offset is in the next report");
 }
 
 #[test]
@@ -319,9 +319,9 @@ fn lost_steps_and_lost_oks_are_silent() {
     assert_eq!(b.say("\n"), "ok\r\n");
 }
 
-/// Every whole step of three revolutions is exact in what the firmware prints, so a driver may ask for equality.
+/// Every whole step of three revolutions is exact in the printed position, so that a driver may test for equality.
 #[test]
-fn whole_steps_survive_three_decimals() {
+fn whole_steps_are_exact_with_three_decimals() {
     let mut b = Bench::unlocked();
     for step in [1_i64, 6, 7, 499, 500, 1499, -3, -1500] {
         let units = step as f64 / 100.0;
@@ -333,18 +333,18 @@ fn whole_steps_survive_three_decimals() {
 }
 
 #[test]
-fn what_does_not_fit_into_the_receive_buffer_is_lost_and_counted() {
+fn bytes_that_do_not_fit_into_the_receive_buffer_are_lost_and_counted() {
     let mut b = Bench::unlocked();
     let flood = "G1X1F100\n".repeat(20);
     b.say("G4P10\n");
     let ok = b.say(&flood) + &b.after(60.0);
     assert_eq!(b.faults.lost_bytes(), flood.len() as u64 - 128);
-    // The dwell's, and those of the lines that found room.
+    // One for the dwell, and one for each line that fitted.
     assert!(ok.matches("ok\r\n").count() <= 16, "{ok}");
 }
 
 #[test]
-fn an_erased_memory_is_told_at_the_start_and_leaves_the_firmwares_own_settings() {
+fn an_erased_memory_is_reported_at_the_start_and_gives_the_factory_settings() {
     let mut b = Bench::new();
     b.faults.erase_memory();
     b.firmware.lose_power(0.0);
@@ -355,7 +355,7 @@ fn an_erased_memory_is_told_at_the_start_and_leaves_the_firmwares_own_settings()
 }
 
 #[test]
-fn grblhal_repeats_its_last_error_until_it_is_told_otherwise() {
+fn grblhal_repeats_its_last_error_until_an_empty_line_a_command_or_a_reset() {
     for cure in ["\n", "$G\n", "\x18"] {
         let mut b = Bench::of(Dialect::GrblHal);
         b.say("$X\n");
@@ -371,7 +371,7 @@ fn grblhal_repeats_its_last_error_until_it_is_told_otherwise() {
 }
 
 #[test]
-fn grblhal_reports_more_and_unasked() {
+fn grblhal_has_full_reports_and_reports_changed_modes_without_a_request() {
     let mut b = Bench::of(Dialect::GrblHal);
     b.say("$X\n");
     assert!(b.send(&[0x87]).contains("|H:0"), "not homed yet");
@@ -381,7 +381,7 @@ fn grblhal_reports_more_and_unasked() {
     b.say("G91\n");
     let said = b.say("?");
     assert!(said.starts_with("[GC:") && said.contains("\r\n<Idle|"), "{said}");
-    assert!(b.say("?").starts_with("<Idle|"), "told once");
+    assert!(b.say("?").starts_with("<Idle|"), "they are reported once");
     assert_eq!(Bench::unlocked().send(&[0x87]), "", "Grbl drops the byte");
 }
 
@@ -394,7 +394,7 @@ impl Bench {
 }
 
 #[test]
-fn an_open_door_brakes_the_axis_and_only_cycle_start_behind_a_closed_one_ends_it() {
+fn an_open_door_stops_the_axis_until_it_is_closed_and_cycle_start_is_pressed() {
     let mut b = Bench::unlocked();
     b.say("G91 G1 X5 F300\n");
     b.after(0.5);
@@ -429,7 +429,7 @@ fn a_door_that_opens_during_homing_ends_it_and_keeps_the_axis_locked() {
 }
 
 #[test]
-fn a_feed_hold_button_holds_and_shows_while_it_is_pressed() {
+fn a_feed_hold_button_holds_and_is_reported_while_it_is_pressed() {
     let mut b = Bench::unlocked();
     b.button(Button::FeedHold, true);
     assert_eq!(b.state(), "Hold:0");
@@ -440,7 +440,7 @@ fn a_feed_hold_button_holds_and_shows_while_it_is_pressed() {
 }
 
 #[test]
-fn grblhal_in_an_emergency_stop_answers_reports_and_no_reset_ends_it_before_it_is_released() {
+fn an_emergency_stop_of_grblhal_lasts_until_it_is_released_and_reset() {
     let mut b = Bench::of(Dialect::GrblHal);
     b.say("$X\n");
     b.say("G91 G1 X5 F300\n");
@@ -449,7 +449,7 @@ fn grblhal_in_an_emergency_stop_answers_reports_and_no_reset_ends_it_before_it_i
     let stands = b.shaft_steps();
     assert!(b.say("?").contains("<Alarm|") && b.say("?").contains("|Pn:E"));
     assert!(b.send(&[0x87]).contains("<Alarm:10|"));
-    assert!(b.send(&[0x18]).starts_with("ALARM:10\r\n"), "it does not greet");
+    assert!(b.send(&[0x18]).starts_with("ALARM:10\r\n"), "no greeting");
     b.button(Button::EmergencyStop, false);
     assert!(b.send(&[0x18]).contains("GrblHAL 1.1f"));
     assert_eq!(b.state(), "Alarm");
@@ -471,9 +471,9 @@ fn check_mode_moves_nothing_and_sleep_lasts_until_a_reset() {
     assert_eq!(b.state(), "Alarm");
 }
 
-/// `$1` is what the motors do after a move: 255 keeps them powered, anything less lets the capillary go.
+/// `$1` is the time for which the motors keep their current after a move. 255 means always.
 #[test]
-fn motors_that_lose_their_current_let_the_capillary_be_pulled_round() {
+fn motors_that_lose_their_current_let_a_hose_turn_the_capillary() {
     for (idle_ms, slips) in [(255, 0.0), (25, 3.0)] {
         let mut b = Bench::unlocked();
         b.say(&format!("$1={idle_ms}\n"));
