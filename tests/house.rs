@@ -89,6 +89,21 @@ fn only_results_and_old_events_read_the_store() {
     assert_eq!(reads.iter().map(String::as_str).collect::<BTreeSet<_>>(), BTreeSet::from(["events.rs", "results.rs"]));
 }
 
+/// The driver's parts decide; what they decide is carried out in one place.
+#[test]
+fn one_file_of_the_driver_has_effects() {
+    let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/session/driver");
+    let mut files = Vec::new();
+    sources(&driver, &mut files);
+    let has_effects = |file: &&PathBuf| {
+        let code = code(file);
+        ["impl Running", "impl Driver"].iter().any(|block| code.contains(block))
+    };
+    let found: BTreeSet<_> = files.iter().filter(has_effects).map(|file| file.strip_prefix(&driver).unwrap().to_owned()).collect();
+    // `mod.rs` waits for what comes next and passes it on.
+    assert_eq!(found, BTreeSet::from(["mod.rs".into(), "running.rs".into()]));
+}
+
 #[test]
 fn the_table_names_every_module() {
     let lib = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/lib.rs")).unwrap();

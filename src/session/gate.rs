@@ -3,6 +3,7 @@
 use crate::config::Config;
 use carved_records::{BeadGate, Method};
 use carved_records::{CalibrationStatus, FieldError, GateStatus, Mode, RunPlan, SpecimenKind, SpecimenOutcome, WellStatus};
+use carved_store::calibrations;
 use carved_store::gates::{self, GateFile};
 use std::path::Path;
 
@@ -19,7 +20,7 @@ fn status_of(file: &GateFile, now: jiff::Timestamp) -> GateStatus {
 }
 
 /// The rig's newest gate, from disk; one that cannot be read is told in the log, and is none.
-pub fn newest(config: &Config, mode: Mode) -> Option<GateStatus> {
+fn newest(config: &Config, mode: Mode) -> Option<GateStatus> {
     let found = gates::newest(&config.calibrations(), &config.rig_name, mode).unwrap_or_else(|error| {
         tracing::warn!(%error, "the rig's bead gates are not read");
         None
@@ -27,8 +28,18 @@ pub fn newest(config: &Config, mode: Mode) -> Option<GateStatus> {
     Some(status_of(&found, jiff::Timestamp::now()))
 }
 
+/// The rig's newest calibration with its gate, from disk; one that cannot be read is told in the log, and is none.
+pub fn calibration(config: &Config, mode: Mode) -> Option<CalibrationStatus> {
+    let found = calibrations::newest(&config.calibrations(), &config.rig_name, mode).unwrap_or_else(|error| {
+        tracing::warn!(%error, "the rig's calibrations are not read");
+        None
+    });
+    let size = found.map(|found| found.status(config.calibration.max_age_days, jiff::Timestamp::now()));
+    beside(size, newest(config, mode))
+}
+
 /// The rig's calibration with its gate; a gate alone where no calibration of the rig's size is kept.
-pub fn beside(calibration: Option<CalibrationStatus>, gate: Option<GateStatus>) -> Option<CalibrationStatus> {
+fn beside(calibration: Option<CalibrationStatus>, gate: Option<GateStatus>) -> Option<CalibrationStatus> {
     let alone = |gate: &GateStatus| CalibrationStatus {
         id: gate.id.clone(),
         kind: "gate".into(),

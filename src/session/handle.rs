@@ -294,9 +294,9 @@ impl Publisher {
         change(&mut self.live.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
-    /// Hands an event that is already on disk to everyone who listens.
-    pub fn announce(&self, event: Event) {
-        self.events.push(event);
+    /// Where events that are on disk go, to everyone who listens.
+    pub fn log(&self) -> Arc<EventLog> {
+        self.events.clone()
     }
 }
 
@@ -323,7 +323,8 @@ impl EventLog {
         Self { tail: Mutex::new(tail.into_iter().skip(skip).map(Arc::new).collect()), live: broadcast::channel(256).0 }
     }
 
-    fn push(&self, event: Event) {
+    /// Appends an event that is on disk, and sends it to everyone who listens.
+    pub fn push(&self, event: Event) {
         let event = Arc::new(event);
         let mut tail = self.tail.lock().unwrap_or_else(PoisonError::into_inner);
         if tail.len() == KEPT_EVENTS {

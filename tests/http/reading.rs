@@ -140,7 +140,7 @@ fn events_are_replayed_from_the_id_on_and_go_on_live() {
     let data = replayed.iter().find_map(|f| f.strip_prefix("data: ")).unwrap();
     assert_eq!(serde_json::from_str::<carved_records::Event>(data).unwrap(), event(6));
     assert_eq!(id_of(&next_event(&mut stream)), 7);
-    rig.driver.announce(event(8));
+    rig.driver.log().push(event(8));
     assert_eq!(id_of(&next_event(&mut stream)), 8);
 }
 
@@ -150,7 +150,7 @@ fn a_reader_without_an_id_sees_only_what_happens_from_now_on() {
     let mut stream = ask(&rig, "/v1/events", "");
     // The server sends the retry line after it has subscribed the reader, so event 8 reaches it.
     read_until(&mut stream, b"retry: 2000");
-    rig.driver.announce(event(8));
+    rig.driver.log().push(event(8));
     assert_eq!(id_of(&next_event(&mut stream)), 8);
 }
 
@@ -165,7 +165,7 @@ fn a_gap_that_cannot_be_filled_is_said() {
     }
     let mut stream = ask(&rig, "/v1/events", "Last-Event-ID: 3\r\n");
     next_event(&mut stream);
-    rig.driver.announce(event(8));
+    rig.driver.log().push(event(8));
     assert_eq!(id_of(&next_event(&mut stream)), 8, "the stream goes on live after a resync");
 }
 
@@ -181,7 +181,7 @@ fn a_reader_that_was_long_away_gets_every_event_once() {
     for id in 6..=1102 {
         assert_eq!(id_of(&next_event(&mut stream)), id);
     }
-    rig.driver.announce(event(1103));
+    rig.driver.log().push(event(1103));
     assert_eq!(id_of(&next_event(&mut stream)), 1103);
     assert_eq!(next_event(&mut ask(&rig, "/v1/events", "Last-Event-ID: 9000\r\n"))[0], "event: resync", "an id that was never given");
 }
@@ -193,7 +193,7 @@ fn a_reader_that_falls_behind_misses_nothing() {
     read_until(&mut stream, b"retry: 2000");
     // More events than the live channel holds (256), and fewer than the journal in memory (2000).
     for id in 2..=1500 {
-        rig.driver.announce(event(id));
+        rig.driver.log().push(event(id));
     }
     for id in 2..=1500 {
         assert_eq!(id_of(&next_event(&mut stream)), id);

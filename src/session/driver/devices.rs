@@ -1,129 +1,241 @@
-//! Whether the devices are there: looked at while nothing runs, shown while something does.
+//! Who has the instrument, which devices are lost, and what takes the instrument for a moment while no run has it.
+//!
+//! ```text
+//!            begin_look, begin_preflight ──► BackgroundTask ──► done ─┐
+//! at rest ───┤                                                        ├──► at rest
+//!            take ──► the run's worker ──► give_back ─────────────────┘
+//! ```
 
-use super::super::{Status, gate};
-use super::super::{search, worker::Instrument};
-use super::Running;
-use super::background::BackgroundTask;
-use carved_devices::DeviceError;
-use carved_records::{CalibrationStatus, Device, fault_table};
-use carved_store::calibrations;
+use super::super::handle::Refusal;
+use super::super::preflight::{self, Check, DeviceReport};
+use super::super::search::{self, DevicesFound, Search};
+use super::super::worker::Instrument;
+use carved_devices::{DeviceError, Link};
+use carved_records::{Device, RunPlan, fault_table};
+use std::time::Duration;
+use tokio::sync::oneshot;
+use tokio::task::{JoinError, JoinHandle};
 
-impl Running {
-    /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.
-    pub(super) fn show_camera(&self) {
-        let is_lost = self.camera.is_lost();
-        if self.publisher.status().hardware.camera.connected == is_lost {
-            self.publish(|s| s.hardware.camera.connected = !is_lost);
-        }
+/// The instrument, wherever it is now.
+pub(super) struct Devices {
+    /// At rest while there is no worker and no task.
+    instrument: Option<Instrument>,
+    task: Option<BackgroundTask>,
+    /// Devices that do not answer any more, oldest first. Nothing runs without them.
+    lost: Vec<Device>,
+    /// Whether the camera is there, wherever the instrument is.
+    camera: Link,
+}
+
+/// A plan that is checked on the instrument, and who waits for the answer.
+pub(super) struct PreflightRequest {
+    pub plan: RunPlan,
+    pub answer: oneshot::Sender<Result<Vec<Check>, Refusal>>,
+}
+
+enum BackgroundTask {
+    Search(Search),
+    Preflight { look: JoinHandle<(Instrument, DeviceReport)>, request: Box<PreflightRequest> },
+}
+
+/// What a background task has found.
+pub(super) enum Done {
+    Searched(DevicesFound),
+    Preflight(DeviceReport, Box<PreflightRequest>),
+}
+
+/// What a look says of a device.
+#[derive(Debug)]
+pub(super) enum Finding {
+    There(Device),
+    Lost(Device, DeviceError),
+    /// A fault of this code is open for as long as it is found.
+    Stands(&'static str, DeviceError),
+}
+
+impl Devices {
+    pub fn new(instrument: Instrument) -> Self {
+        Self { camera: instrument.rig.camera.link(), instrument: Some(instrument), task: None, lost: Vec::new() }
     }
 
-    /// Shows whether the index holds all that is on disk.
-    pub(super) fn show_index(&self) {
-        let trouble = self.store.index_trouble();
-        if self.publisher.status().hardware.index_trouble != trouble {
-            self.publish(|s| s.hardware.index_trouble = trouble);
-        }
+    /// The instrument while nobody has it.
+    pub fn at_rest(&self) -> Option<&Instrument> {
+        self.instrument.as_ref()
     }
 
-    /// At rest the devices are asked whether they are still there.
-    pub(super) fn look(&mut self) {
-        if self.task.is_some() || self.instrument.is_none() {
-            return;
-        }
-        if self.camera.is_lost() {
-            self.lose(Device::Camera, DeviceError::ControlLost);
-        }
+    /// Hands the instrument over, to a worker.
+    pub fn take(&mut self) -> Option<Instrument> {
+        self.instrument.take()
+    }
+
+    /// The worker hands the instrument back.
+    pub fn give_back(&mut self, instrument: Instrument) {
+        self.instrument = Some(instrument);
+    }
+
+    /// A run begins: its sampler forgets the run before.
+    pub fn begin_run(&mut self) {
+        self.instrument.iter_mut().for_each(|instrument| instrument.sampler.begin_run());
+    }
+
+    /// Whether the axis steps through a list of its controller, which takes no specimen up twice.
+    pub fn steps_through_a_list(&self) -> bool {
+        self.instrument.as_ref().is_some_and(|instrument| instrument.rig.rotation.capabilities().trigger_only)
+    }
+
+    /// Whether anything is under way beside a run.
+    pub fn are_busy(&self) -> bool {
+        self.task.is_some()
+    }
+
+    /// Whether commands wait: a look takes milliseconds, unless a device is away.
+    pub fn are_looked_at(&self) -> bool {
+        matches!(self.task, Some(BackgroundTask::Search(_))) && self.lost.is_empty()
+    }
+
+    /// Whether a plan is checked on the instrument, so that no run can start.
+    pub fn are_checked(&self) -> bool {
+        matches!(self.task, Some(BackgroundTask::Preflight { .. }))
+    }
+
+    /// Looks whether the devices at rest are still there.
+    pub fn begin_look(&mut self) {
         self.task = self.instrument.take().map(|instrument| BackgroundTask::Search(search::begin(instrument)));
     }
 
-    pub(super) fn searched(&mut self, instrument: Instrument, found: search::DevicesFound) {
-        let identity = instrument.rig.rotation.identity().to_owned();
-        let specimen = instrument.sampler.sees_specimen();
+    /// Checks a plan on the instrument; `deadline` is that of its frame. Gives the request back where the instrument is away.
+    pub fn begin_preflight(&mut self, request: Box<PreflightRequest>, deadline: Duration) -> Result<(), Box<PreflightRequest>> {
+        let Some(instrument) = self.instrument.take() else { return Err(request) };
+        let look = tokio::task::spawn_blocking(move || preflight::look(instrument, deadline));
+        self.task = Some(BackgroundTask::Preflight { look, request });
+        Ok(())
+    }
+
+    /// The end of a background task, with the instrument at rest again; never, where none is under way.
+    ///
+    /// # Errors
+    /// The task has panicked.
+    pub async fn done(&mut self) -> Result<Done, JoinError> {
+        // Waited for in place: what is given up half way is still there the next time.
+        enum Brought {
+            Search(DevicesFound),
+            Preflight(DeviceReport),
+        }
+        let (instrument, brought) = match &mut self.task {
+            None => return std::future::pending().await,
+            Some(BackgroundTask::Search(search)) => search.await.map(|(instrument, found)| (instrument, Brought::Search(found)))?,
+            Some(BackgroundTask::Preflight { look, .. }) => look.await.map(|(instrument, seen)| (instrument, Brought::Preflight(seen)))?,
+        };
         self.instrument = Some(instrument);
-        let was_lost = !self.lost.is_empty();
-        match found.camera {
-            Ok(()) => self.regain(Device::Camera, |s| s.hardware.camera.connected = true),
-            Err(error) => tracing::debug!(%error, "the camera is not back yet"),
-        }
-        match found.rotation {
-            Ok(()) => {
-                self.regain(Device::Rotation, |s| s.hardware.find_axes(&identity));
-                // A controller that was held when it was opened tells its version only once it is free.
-                if self.publisher.status().hardware.rotation.identity.as_deref() != Some(&identity) {
-                    self.publish(|s| s.hardware.find_axes(&identity));
-                }
-            }
-            Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => self.lose(Device::Rotation, error),
-            Err(ref error @ DeviceError::Intervention { .. }) => self.axis_is_taken(Some(error)),
-            Err(error @ DeviceError::Mismatch { .. }) => self.stands(fault_table::ROTATION_SETTINGS.code, error),
-            Err(error) => tracing::debug!(%error, "the rotation axis is not back yet"),
-        }
-        self.unasked(specimen);
-        // A run that was held by it may go on.
-        if was_lost && self.lost.is_empty() {
-            self.resume_by_itself();
+        match (brought, self.task.take()) {
+            (Brought::Search(found), _) => Ok(Done::Searched(found)),
+            (Brought::Preflight(seen), Some(BackgroundTask::Preflight { request, .. })) => Ok(Done::Preflight(seen, request)),
+            (Brought::Preflight(_), _) => std::future::pending().await,
         }
     }
 
-    /// A person or a safety circuit has the axis. For as long as that lasts the fault stands, also where it was acknowledged before
-    /// it was over. A lost axis counts as back only once it is free.
-    pub(super) fn axis_is_taken(&mut self, intervention: Option<&DeviceError>) {
-        if let Some(DeviceError::Intervention { device, what, way_out }) = intervention {
-            let error = DeviceError::Intervention { device, what: what.clone(), way_out };
-            self.stands(fault_table::ROTATION_INTERVENTION.code, error);
-        }
+    /// The device that is lost for the longest time.
+    pub fn lost(&self) -> Option<Device> {
+        self.lost.first().copied()
     }
 
-    /// Raises what a look has found, unless a fault of that code stands already.
-    fn stands(&mut self, code: &str, error: DeviceError) {
-        if self.state().faults.open().iter().all(|fault| fault.code != code) {
-            self.raise(&error.into());
-        }
+    pub fn has_lost(&self, device: Device) -> bool {
+        self.lost.contains(&device)
     }
 
-    /// A specimen in the capillary, by the sampler's wire, while there is no run and none was left there.
-    fn unasked(&mut self, seen: Option<bool>) {
-        let Some(seen) = seen.filter(|_| self.active.is_none() && self.capillary().inside().is_none()) else { return };
-        if self.unasked != seen {
-            self.unasked = seen;
-            self.publish(|_| ());
-        }
-        if seen {
-            self.stands(fault_table::SAMPLER_FAILED.code, DeviceError::Unasked);
-        }
-    }
-
-    /// A loss at rest is a fault of its own, raised once.
-    fn lose(&mut self, device: Device, error: DeviceError) {
+    /// Notes that a device does not answer any more.
+    pub fn lose(&mut self, device: Device) {
         if !self.lost.contains(&device) {
-            self.raise(&error.into());
+            self.lost.push(device);
         }
     }
 
-    /// What is back is a fault no more.
-    fn regain(&mut self, device: Device, connected: impl FnOnce(&mut Status)) {
-        if self.lost.contains(&device) {
-            self.lost.retain(|lost| *lost != device);
-            self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
-        }
+    /// Notes that a device answers; returns whether it was lost.
+    pub fn find(&mut self, device: Device) -> bool {
+        let before = self.lost.len();
+        self.lost.retain(|lost| *lost != device);
+        self.lost.len() < before
     }
 
-    /// The rig's newest calibration, from disk.
-    pub(super) fn calibration(&self) -> Option<CalibrationStatus> {
-        let config = &self.config;
-        let found = calibrations::newest(&config.calibrations(), &config.rig_name, self.mode).unwrap_or_else(|error| {
-            tracing::warn!(%error, "the rig's calibrations are not read");
+    /// Whether the camera is lost, wherever the instrument is.
+    pub fn camera_is_lost(&self) -> bool {
+        self.camera.is_lost()
+    }
+
+    #[cfg(test)]
+    pub fn instrument_mut(&mut self) -> &mut Instrument {
+        self.instrument.as_mut().unwrap()
+    }
+}
+
+/// What a look says, the camera first. Errors that say nothing of a loss are logged.
+pub(super) fn findings(found: DevicesFound) -> Vec<Finding> {
+    let camera = match found.camera {
+        Ok(()) => Some(Finding::There(Device::Camera)),
+        Err(error) => {
+            tracing::debug!(%error, "the camera is not back yet");
             None
-        });
-        let size = found.map(|found| found.status(config.calibration.max_age_days, jiff::Timestamp::now()));
-        gate::beside(size, gate::newest(config, self.mode))
+        }
+    };
+    let rotation = match found.rotation {
+        Ok(()) => Some(Finding::There(Device::Rotation)),
+        Err(error @ (DeviceError::Gone { .. } | DeviceError::Silent { .. })) => Some(Finding::Lost(Device::Rotation, error)),
+        Err(ref error @ DeviceError::Intervention { .. }) => intervention(error),
+        Err(error @ DeviceError::Mismatch { .. }) => Some(Finding::Stands(fault_table::ROTATION_SETTINGS.code, error)),
+        Err(error) => {
+            tracing::debug!(%error, "the rotation axis is not back yet");
+            None
+        }
+    };
+    camera.into_iter().chain(rotation).collect()
+}
+
+/// A person or a safety circuit has the axis. The fault is open for as long as that lasts, also where it was acknowledged before it was
+/// over. A lost axis counts as back only once it is free.
+pub(super) fn intervention(error: &DeviceError) -> Option<Finding> {
+    let DeviceError::Intervention { device, what, way_out } = error else { return None };
+    let error = DeviceError::Intervention { device, what: what.clone(), way_out };
+    Some(Finding::Stands(fault_table::ROTATION_INTERVENTION.code, error))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::bench::{Arm, instrument};
+    use super::*;
+    use carved_devices::testing::FakeAxis;
+
+    #[test]
+    fn the_instrument_is_at_rest_or_somebody_has_it() {
+        let mut devices = Devices::new(instrument(FakeAxis::new(), Arm::default()));
+        assert!(devices.at_rest().is_some() && !devices.are_busy());
+        let taken = devices.take().unwrap();
+        assert!(devices.at_rest().is_none() && devices.take().is_none());
+        devices.begin_look();
+        assert!(!devices.are_busy(), "there is nothing to look at");
+        devices.give_back(taken);
+        assert!(devices.at_rest().is_some());
     }
 
-    /// A calibration, or a gate, that has grown too old is a change of state, and told as one.
-    pub(super) fn calibration_ages(&self) {
-        let mut calibration = self.publisher.status().calibration.clone();
-        if calibration.as_mut().is_some_and(|c| c.grows_too_old(jiff::Timestamp::now())) {
-            self.publish(|s| s.calibration = calibration);
+    #[test]
+    fn a_device_is_lost_once_and_found_once() {
+        let mut devices = Devices::new(instrument(FakeAxis::new(), Arm::default()));
+        assert!(!devices.find(Device::Camera));
+        for device in [Device::Rotation, Device::Camera, Device::Rotation] {
+            devices.lose(device);
         }
+        assert_eq!((devices.lost(), devices.has_lost(Device::Camera)), (Some(Device::Rotation), true));
+        assert!(devices.find(Device::Rotation) && !devices.find(Device::Rotation));
+        assert_eq!(devices.lost(), Some(Device::Camera));
+    }
+
+    #[test]
+    fn only_a_device_that_does_not_answer_is_lost() {
+        let silent = || DeviceError::Silent { device: "rotation axis", request: "?".into(), waited_ms: 500 };
+        let taken = DeviceError::Intervention { device: "axis", what: "feed hold".into(), way_out: "Release it." };
+        let of = |rotation| findings(DevicesFound { rotation, camera: Err(DeviceError::ControlLost) });
+        assert!(matches!(of(Ok(()))[..], [Finding::There(Device::Rotation)]));
+        assert!(matches!(of(Err(silent()))[..], [Finding::Lost(Device::Rotation, _)]));
+        assert!(matches!(of(Err(taken))[..], [Finding::Stands(code, _)] if code == fault_table::ROTATION_INTERVENTION.code));
+        assert!(of(Err(DeviceError::NotArmed)).is_empty());
     }
 }

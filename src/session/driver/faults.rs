@@ -1,133 +1,99 @@
-//! Faults: raised, over by themselves, acknowledged; and what they keep from running.
+//! What open faults keep from happening, and who ends them. The faults themselves are in
+//! [`OpenFaults`](carved_records::OpenFaults); the driver raises them.
 
-use super::super::fault;
-use super::super::state::{HOLDABLE, Trigger};
-use super::super::worker::RunError;
-use super::super::{Refusal, State, Status};
-use super::{Request, Running};
-use carved_records::{Device, EventData, Fault, FaultAcknowledged, FaultsCleared, fault_table};
-use carved_store::StoreError;
+use super::super::Refusal;
+use carved_records::{Device, Fault, FaultAcknowledged, HoldCause, OpenFaults, fault_table};
 
-/// Free space below which a disk that was full is not tried again, bytes: a few frames and their record.
-const ROOM_BYTES: u64 = 64 << 20;
+/// Refuses what cannot run: a device is lost, or a fault waits for somebody.
+///
+/// # Errors
+/// The lost device first, then the oldest such fault.
+pub(super) fn stands_in_the_way(faults: &OpenFaults, lost: Option<Device>) -> Result<(), Refusal> {
+    if let Some(lost) = lost {
+        return Err(Refusal::DeviceLost { why: lost.way_out().to_owned() });
+    }
+    match faults.open().iter().find(|f| f.operator_required) {
+        Some(f) if f.is_of_storage() => of_the_disk(faults).map_or(Ok(()), Err),
+        Some(f) => Err(Refusal::FaultStands { seq: f.seq, code: f.code.clone(), message: f.message.clone() }),
+        None => Ok(()),
+    }
+}
 
-impl Running {
-    /// A write that fails holds the run: motors first, then the fault. What could not be written is shown all the same, and the
-    /// plate is not called removable.
-    pub(super) fn keep(&mut self, written: Result<(), StoreError>) {
-        let Err(error) = written else { return };
-        tracing::error!(%error, "not stored");
-        let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
-        if works {
-            self.ask(Request::Halt);
+/// The refusal of a command that the disk would have to accept, while its fault is open.
+pub(super) fn of_the_disk(faults: &OpenFaults) -> Option<Refusal> {
+    let fault = faults.open().iter().find(|f| f.is_of_storage())?;
+    Some(Refusal::Store { why: fault.message.clone(), full: fault.code == fault_table::DISK_FULL.code })
+}
+
+/// The event of an acknowledgement, and whether the fault ends with it; `None` where it is over already.
+///
+/// # Errors
+/// There has been no such fault.
+pub(super) fn acknowledge(faults: &OpenFaults, seq: u64) -> Result<Option<(FaultAcknowledged, bool)>, Refusal> {
+    let newest = faults.newest();
+    match faults.open().iter().find(|f| f.seq == seq) {
+        Some(fault) => Ok(Some((FaultAcknowledged { seq, code: fault.code.clone() }, !fault.ends_by_itself()))),
+        None if (1..=newest).contains(&seq) => Ok(None),
+        None => Err(Refusal::UnknownFault { seq, newest }),
+    }
+}
+
+/// Whether a fault of this code is open.
+pub(super) fn is_open(faults: &OpenFaults, code: &str) -> bool {
+    faults.open().iter().any(|fault| fault.code == code)
+}
+
+/// What holds a run that comes to rest now: the newest fault, or an operator.
+pub(super) fn cause_of_hold(faults: &OpenFaults, by_fault: bool) -> HoldCause {
+    let newest: Option<&Fault> = faults.open().last().filter(|_| by_fault);
+    newest.map_or_else(HoldCause::operator, |f| HoldCause { code: f.code.clone(), words: f.plainly().to_owned() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use carved_records::{EventBody, EventData, FaultCode, InstrumentState};
+
+    /// Faults 1, 2, ... of these codes.
+    fn open(codes: &[&FaultCode]) -> OpenFaults {
+        let mut state = InstrumentState::default();
+        for (code, seq) in codes.iter().zip(1..) {
+            let data = EventData::FaultRaised(Fault::new(seq, code, format!("found {seq}"), String::new()));
+            state.apply(&EventBody { time: String::new(), run: None, well: None, data });
         }
-        // What is raised is written behind what failed; a second failure adds nothing.
-        if !self.outbox.set_failing(true) {
-            self.raise(&error.into());
-        }
-        if works && HOLDABLE.contains(&self.publisher.status().state) {
-            self.go(Trigger::Hold);
-        }
+        state.faults
     }
 
-    /// A fault of the run under way.
-    pub(super) fn fault(&mut self, error: &RunError) {
-        if matches!(error, RunError::Store(_)) {
-            self.outbox.set_failing(true);
-        }
-        self.raise(error);
+    #[test]
+    fn a_lost_device_comes_before_a_fault_and_a_full_disk_is_named_as_the_disk() {
+        let stop = open(&[&fault_table::EMERGENCY_STOP]);
+        assert!(matches!(stands_in_the_way(&stop, Some(Device::Camera)), Err(Refusal::DeviceLost { .. })));
+        assert!(matches!(stands_in_the_way(&stop, None), Err(Refusal::FaultStands { seq: 1, .. })));
+        let full = open(&[&fault_table::DISK_FULL]);
+        assert!(matches!(of_the_disk(&full), Some(Refusal::Store { full: true, .. })));
+        assert!(matches!(of_the_disk(&open(&[&fault_table::STORE_FAILED])), Some(Refusal::Store { full: false, .. })));
+        assert_eq!((of_the_disk(&stop), stands_in_the_way(&OpenFaults::default(), None)), (None, Ok(())));
     }
 
-    pub(super) fn raise(&mut self, error: &RunError) {
-        let raised = fault::of(self.state().faults.newest() + 1, error);
-        let lost = fault::lost_device(error);
-        if let Some(lost) = lost.filter(|lost| !self.lost.contains(lost)) {
-            self.lost.push(lost);
-        }
-        self.event_shown(None, EventData::FaultRaised(raised), |d| {
-            d.publish(|s| match lost {
-                Some(Device::Camera) => s.hardware.camera.connected = false,
-                Some(Device::Rotation) => s.hardware.lose_axes(),
-                None => {}
-            });
-        });
+    #[test]
+    fn an_acknowledgement_ends_a_fault_unless_it_ends_with_its_cause() {
+        let faults = open(&[&fault_table::EMERGENCY_STOP, &fault_table::CAMERA_LOST]);
+        let ends = |seq| acknowledge(&faults, seq).map(|found| found.map(|(_, ends)| ends));
+        assert_eq!((ends(1), ends(2)), (Ok(Some(true)), Ok(Some(false))));
+        assert_eq!(
+            (ends(0), ends(3)),
+            (Err(Refusal::UnknownFault { seq: 0, newest: 2 }), Err(Refusal::UnknownFault { seq: 3, newest: 2 }))
+        );
+        let mut later = OpenFaults::default();
+        later.number_from(7);
+        assert_eq!(acknowledge(&later, 7), Ok(None), "it is over already");
     }
 
-    /// Takes out of the list what is over, in one revision with what shows that it is.
-    pub(super) fn fault_over(&mut self, is_over: impl Fn(&Fault) -> bool, why: &str, change: impl FnOnce(&mut Status)) {
-        let seq = self.state().faults.open().iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
-        self.event(None, EventData::FaultsCleared(FaultsCleared { seq, why: why.to_owned() }));
-        self.publish(change);
-    }
-
-    /// A disk that failed is tried until it takes writes; what is not on it yet goes first.
-    pub(super) fn try_the_store(&mut self) {
-        let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
-        if !self.outbox.is_failing() || works || self.store.free_bytes().is_some_and(|free| free < ROOM_BYTES) {
-            return;
-        }
-        let written = self
-            .flush()
-            .and_then(|()| self.active.as_ref().map_or(Ok(()), |active| self.store.save_run(&active.record)))
-            .and_then(|()| self.promise(None, EventData::StoreRegained));
-        if let Err(error) = written {
-            tracing::warn!(%error, "the disk does not take writes yet");
-            return;
-        }
-        self.outbox.set_failing(false);
-        self.fault_over(Fault::is_of_storage, "the disk takes writes again", |_| ());
-        self.resume_by_itself();
-    }
-
-    /// Refuses what cannot run: a device is away, or a fault waits for somebody.
-    pub(super) fn nothing_stands_in_the_way(&self) -> Result<(), Refusal> {
-        if let Some(lost) = self.lost.first() {
-            return Err(Refusal::DeviceLost { why: lost.way_out().to_owned() });
-        }
-        match self.state().faults.open().iter().find(|f| f.operator_required) {
-            Some(f) if f.is_of_storage() => self.disk_fault().map_or(Ok(()), Err),
-            Some(f) => Err(Refusal::FaultStands { seq: f.seq, code: f.code.clone(), message: f.message.clone() }),
-            None => Ok(()),
-        }
-    }
-
-    pub(super) fn acknowledge(&mut self, seq: u64) -> Result<(), Refusal> {
-        let newest = self.state().faults.newest();
-        let Some(fault) = self.state().faults.open().iter().find(|f| f.seq == seq) else {
-            // Over already, by itself or by somebody's word.
-            return if (1..=newest).contains(&seq) { Ok(()) } else { Err(Refusal::UnknownFault { seq, newest }) };
-        };
-        let (code, goes_with_its_cause) = (fault.code.clone(), fault.ends_by_itself());
-        self.promise(None, EventData::FaultAcknowledged(FaultAcknowledged { seq, code }))?;
-        if !goes_with_its_cause {
-            self.publish(|_| ());
-        }
-        Ok(())
-    }
-
-    /// The motors have been told already. What runs is aborted, and nothing runs again before somebody has acknowledged it.
-    pub(super) fn emergency_stopped(&mut self) -> Result<(), Refusal> {
-        self.emergency_pressed();
-        self.on_disk()
-    }
-
-    /// Once for all who pressed it until now.
-    pub(super) fn emergency_pressed(&mut self) {
-        if !self.publisher.halt().take() {
-            return;
-        }
-        let latched = self.state().faults.open().iter().any(|f| f.code == fault_table::EMERGENCY_STOP.code);
-        if !latched {
-            let (seq, since) = (self.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
-            let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
-            self.event_shown(None, EventData::FaultRaised(fault), |d| d.publish(|_| ()));
-        }
-        let state = self.publisher.status().state;
-        if self.active.is_some() && state != State::Aborting {
-            self.abort();
-        } else if self.active.is_none() && state != State::Aborted {
-            self.go(Trigger::Abort);
-            self.go(Trigger::MotorsStopped);
-        }
+    #[test]
+    fn the_newest_fault_holds_a_run_unless_an_operator_does() {
+        let faults = open(&[&fault_table::CAMERA_LOST, &fault_table::DISK_FULL]);
+        assert_eq!(cause_of_hold(&faults, true).code, fault_table::DISK_FULL.code);
+        assert_eq!(cause_of_hold(&faults, false), HoldCause::operator());
+        assert_eq!(cause_of_hold(&OpenFaults::default(), true), HoldCause::operator());
     }
 }

@@ -1,136 +1,262 @@
-//! The loader's word on specimens: one is in the capillary, or has been taken out.
+//! What the loader reports of specimens: one is in the capillary, or has been taken out.
 //!
 //! ```text
 //! asked for A02 ──► {A02, loaded} ──┬─ the run waits ──────────────► it goes on with A02
 //!     │ (outlasts a hold, a fault,  ├─ held, or about to go on ────► brought: it stays, and is used when the run goes on
 //!     │  a crash and the run's end) └─ the run is over by then ────► inside until {A02, not loaded}: nothing runs, nothing is removable
-//!     └─ A01 is inside still: exchanged in one go, A01 is out
+//!     └─ A01 is still inside: exchanged in one go, A01 is out
 //! ```
-//! A word is taken once it is journalled, whatever became of the run since it was asked for: the larva is where the loader says.
+//! A message counts once it is journalled, whatever has become of the run since the request: the larva is where the loader says.
 
-use super::super::state::Trigger;
-use super::super::{Refusal, State};
-use super::Running;
-use carved_records::{EventData, Phase, WellLoaded};
+use super::super::Refusal;
+use super::handling::Handling;
+use carved_devices::sampler::{LoaderGate, Sampler};
+use carved_records::{Capillary, Phase, RunOutcome, WellLoaded};
 
-impl Running {
-    pub(super) fn loaded(&mut self, run: &str, well: &str) -> Result<(), Refusal> {
-        let status = self.publisher.status();
-        let newest = status.run.as_ref();
-        let Some(told) = newest.filter(|newest| newest.id == run) else {
-            return Err(Refusal::UnknownRun { id: run.to_owned(), newest: newest.map(|r| r.id.clone()) });
-        };
-        // Said again: nothing has been done with it since.
-        if self.capillary().brought() == Some(well) {
-            return Ok(());
-        }
-        let asked_for = self.capillary().asked_for() == Some(well);
-        let over = !self.is(run);
-        let waits_for_another = self.active.as_ref().is_some_and(|a| a.waiting_for.is_some());
-        if let Some(inside) = self.to_be_taken_out()
-            // Exchanged in one go while the run is there, and after its end with a word on each.
-            && (inside == well || if over { asked_for } else { !asked_for && !waits_for_another })
-        {
-            return Err(self.capillary_full(inside.to_owned()));
-        }
-        if self.capillary().inside() == Some(well) {
-            return Ok(());
-        }
-        if !asked_for {
-            let ended = Refusal::RunEnded { id: run.to_owned(), outcome: told.outcome };
-            return Err(if over { ended } else { self.unexpected(run, well) });
-        }
-        // A loader that exchanges specimens in one go says only what it has brought: the former is out.
-        let in_place_of = self.capillary().inside().map(str::to_owned);
-        self.promise_of(self.told_in(run).as_deref(), Some(well), EventData::WellLoaded(WellLoaded { in_place_of }))?;
-        let (mut waits, mut waited_for_the_former) = (false, false);
-        if let Some(active) = &mut self.active {
-            waits = active.waiting_for.take().is_some();
-            waited_for_the_former = active.take_out.take().is_some();
-        }
-        let suspended = status.state == State::Suspended;
-        if suspended && waits {
-            self.gate.say_loaded(well);
-            self.go(Trigger::Loaded);
-        } else if suspended && waited_for_the_former {
-            self.go(Trigger::Loaded);
-            self.proceed();
-        } else if over {
-            let views_planned = self.store.run(run).ok().flatten().map_or(0, |record| record.method.asd);
-            let left = self.left_specimen(views_planned);
-            self.publish(|s| s.specimen = left);
-        } else {
-            // Held it waits for the run to go on, in which it is not brought again; in a run that is ending it is left inside.
-            self.publish(|_| ());
-        }
-        Ok(())
+/// Who fills the capillary, and the way to a sampler that waits.
+pub(super) struct Loader {
+    gate: LoaderGate,
+    fills_capillary: bool,
+    brings_again: bool,
+    /// A specimen that no run asked for is in the capillary, by the sampler's wire.
+    unexpected: bool,
+}
+
+/// What the sampler's wire shows at rest, in a capillary that is empty as far as is known.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct WireReading {
+    /// A specimen that no run asked for is inside.
+    pub unexpected: bool,
+    /// The reading before was another.
+    pub is_news: bool,
+}
+
+impl Loader {
+    pub fn new(gate: LoaderGate, sampler: &dyn Sampler) -> Self {
+        Self { gate, fills_capillary: sampler.waits_for_loader(), brings_again: sampler.brings_again(), unexpected: false }
     }
 
-    /// The specimen has been taken out: after its well is done, before a run goes on, or after its run.
-    pub(super) fn unloaded(&mut self, run: &str, well: &str) -> Result<(), Refusal> {
-        let status = self.publisher.status();
-        let newest = status.run.as_ref().map(|r| r.id.clone());
-        if newest.as_deref() != Some(run) {
-            return Err(Refusal::UnknownRun { id: run.to_owned(), newest });
+    /// Whether a plate-loader fills the capillary; else a driven sampler does.
+    pub fn fills_capillary(&self) -> bool {
+        self.fills_capillary
+    }
+
+    /// Whether a specimen that was taken out can be brought again.
+    pub fn brings_again(&self) -> bool {
+        self.brings_again
+    }
+
+    /// Whether a specimen that no run asked for is in the capillary.
+    pub fn has_unexpected(&self) -> bool {
+        self.unexpected
+    }
+
+    /// A run begins. What is in the capillary is the run's from now on.
+    pub fn begin_run(&mut self) {
+        self.unexpected = false;
+    }
+
+    /// Where a worker hears the loader; an earlier message is dropped.
+    pub fn clear_gate(&self) -> LoaderGate {
+        self.gate.clear();
+        self.gate.clone()
+    }
+
+    /// Passes on to the worker that a specimen is in the capillary.
+    pub fn say_loaded(&self, well: &str) {
+        self.gate.say_loaded(well);
+    }
+
+    /// The well whose specimen is in the capillary and that nobody but the loader takes out. A driven sampler does so itself, before the
+    /// next one.
+    pub fn has_to_take_out<'a>(&self, capillary: &'a Capillary) -> Option<&'a str> {
+        capillary.inside().filter(|_| self.fills_capillary)
+    }
+
+    /// What the loader is asked for: whose specimen to take out, and whose to bring after that.
+    pub fn requests(&self, capillary: &Capillary, run: Option<&Handling>) -> (Option<String>, Option<String>) {
+        let left = self.has_to_take_out(capillary).map(str::to_owned);
+        match run {
+            Some(run) => match run.awaited() {
+                Some(next) => (left, Some(next.to_owned())),
+                None => (run.take_out().map(str::to_owned), None),
+            },
+            None => (left, None),
         }
-        if self.capillary().inside() != Some(well) {
-            // Said again, or said of a specimen that another has taken the place of; of one that never was inside it is a mistake.
-            return if self.capillary().has_held(well) { Ok(()) } else { Err(self.unexpected(run, well)) };
+    }
+
+    /// Takes in what the sampler's wire shows.
+    pub fn read_wire(&mut self, unexpected: bool) -> WireReading {
+        let before = std::mem::replace(&mut self.unexpected, unexpected);
+        WireReading { unexpected, is_news: before != unexpected }
+    }
+
+    #[cfg(test)]
+    pub fn gate(&self) -> &LoaderGate {
+        &self.gate
+    }
+}
+
+/// The refusal of a specimen while another one is inside.
+pub(super) fn capillary_full(run: Option<&str>, inside: &str) -> Refusal {
+    Refusal::CapillaryFull { run: run.unwrap_or("RUN").to_owned(), well: inside.to_owned() }
+}
+
+/// A message of the loader on the specimen of a well, beside what is known.
+pub(super) struct LoaderMessage<'a> {
+    /// The run that the message names.
+    pub run: &'a str,
+    pub well: &'a str,
+    /// The newest run and its outcome.
+    pub newest: Option<(&'a str, Option<RunOutcome>)>,
+    pub capillary: &'a Capillary,
+    /// What the run wants moved; `None` after its end.
+    pub wanted: Option<&'a Handling>,
+}
+
+impl LoaderMessage<'_> {
+    /// The event of a specimen that was brought; `None` where that is known.
+    ///
+    /// # Errors
+    /// Another run is meant, another specimen is inside, or nobody asked for this one.
+    pub fn loaded(&self) -> Result<Option<WellLoaded>, Refusal> {
+        let outcome = self.outcome_of_run()?;
+        // Reported again: nothing has been done with it since.
+        if self.capillary.brought() == Some(self.well) {
+            return Ok(None);
         }
-        let works = self.active.as_ref().is_some_and(|a| a.work.is_some());
-        if works && status.specimen.as_ref().is_some_and(|s| s.well == well && s.phase != Phase::Eject) {
-            return Err(self.unexpected(run, well));
+        let asked_for = self.capillary.asked_for() == Some(self.well);
+        let waits_for_another = self.wanted.is_some_and(|wanted| wanted.awaited().is_some());
+        if let Some(inside) = self.to_be_taken_out()
+            // While the run is there both may be exchanged in one go. After its end each needs a message.
+            && (inside == self.well || if self.wanted.is_none() { asked_for } else { !asked_for && !waits_for_another })
+        {
+            return Err(capillary_full(Some(self.run), inside));
         }
-        let was_kept = self.capillary().brought() == Some(well);
-        self.promise_of(self.told_in(run).as_deref(), Some(well), EventData::WellUnloaded)?;
-        if was_kept && !self.brings_again {
-            self.give_up(well, "somebody took its specimen out, and the sampler brings none twice");
+        if self.capillary.inside() == Some(self.well) {
+            return Ok(None);
         }
-        let waited = self.active.as_mut().is_some_and(|a| {
-            a.eject_first.take_if(|x| x == well);
-            a.take_out.take_if(|x| x == well).is_some()
-        });
-        let at_rest = self.active.is_none();
-        let change = |s: &mut super::Status| drop(s.specimen.take_if(|_| at_rest));
-        if waited && status.state == State::Suspended {
-            self.go_with(Trigger::Loaded, change);
-            self.proceed();
-        } else {
-            self.publish(change);
+        if !asked_for {
+            let ended = Refusal::RunEnded { id: self.run.to_owned(), outcome };
+            return Err(if self.wanted.is_none() { ended } else { self.unexpected() });
         }
-        Ok(())
+        // A loader that exchanges specimens in one go reports only what it has brought: the former one is out.
+        Ok(Some(WellLoaded { in_place_of: self.capillary.inside().map(str::to_owned) }))
+    }
+
+    /// Whether the specimen has been taken out now, and not before. `worked_on`: the well and the phase that a worker is at.
+    ///
+    /// # Errors
+    /// Another run is meant, this specimen was never inside, or the worker is at it.
+    pub fn unloaded(&self, worked_on: Option<(&str, Phase)>) -> Result<bool, Refusal> {
+        self.outcome_of_run()?;
+        if self.capillary.inside() != Some(self.well) {
+            // Reported again, or of a specimen that another one has replaced. Of one that was never inside it is a mistake.
+            return if self.capillary.has_held(self.well) { Ok(false) } else { Err(self.unexpected()) };
+        }
+        if worked_on.is_some_and(|(well, phase)| well == self.well && phase != Phase::Eject) {
+            return Err(self.unexpected());
+        }
+        Ok(true)
+    }
+
+    /// The outcome of the run that is named, which is the newest one.
+    fn outcome_of_run(&self) -> Result<Option<RunOutcome>, Refusal> {
+        match self.newest {
+            Some((newest, outcome)) if newest == self.run => Ok(outcome),
+            newest => Err(Refusal::UnknownRun { id: self.run.to_owned(), newest: newest.map(|(id, _)| id.to_owned()) }),
+        }
     }
 
     /// The well whose specimen somebody is asked to take out now.
     fn to_be_taken_out(&self) -> Option<&str> {
-        let inside = self.capillary().inside();
-        match &self.active {
-            Some(active) => active.take_out.as_deref().or_else(|| inside.filter(|_| active.waiting_for.is_some())),
+        let inside = self.capillary.inside();
+        match self.wanted {
+            Some(wanted) => wanted.take_out().or_else(|| inside.filter(|_| wanted.awaited().is_some())),
             None => inside,
         }
     }
 
-    /// The run that an event is told in; one that was pruned is not to come back.
-    fn told_in(&self, run: &str) -> Option<String> {
-        self.store.run_folder(run).is_dir().then(|| run.to_owned())
-    }
-
-    /// Refuses a specimen while another is inside, and says whose word is missing.
-    pub(super) fn capillary_full(&self, well: String) -> Refusal {
-        let run = self.publisher.status().run.as_ref().map_or_else(|| "RUN".to_owned(), |newest| newest.id.clone());
-        Refusal::CapillaryFull { run, well }
-    }
-
-    /// Refuses a word on a well that nobody asked about, with the word that is waited for.
-    fn unexpected(&self, run: &str, well: &str) -> Refusal {
+    /// Refuses a message on a well that nobody asked about, with the message that is waited for.
+    fn unexpected(&self) -> Refusal {
+        let run = self.run;
         let say = |well: &str, loaded: bool| format!("PUT /v1/runs/{run}/wells/{well} {{\"loaded\": {loaded}}}");
-        let waiting_for = self.active.as_ref().and_then(|a| a.waiting_for.as_deref());
-        let instead = match (waiting_for, self.to_be_taken_out(), self.capillary().inside()) {
+        let awaited = self.wanted.and_then(Handling::awaited);
+        let instead = match (awaited, self.to_be_taken_out(), self.capillary.inside()) {
             (Some(next), ..) => format!("that of well {next} is waited for; once it is in the capillary, say {}", say(next, true)),
             (None, Some(inside), _) => format!("that of well {inside} is to be taken out; once it is, say {}", say(inside, false)),
             (None, None, Some(inside)) => format!("that of well {inside} is in the capillary; wait until plate.needs asks for one"),
             (None, None, None) => "none is in the capillary, as far as is known; wait until plate.needs asks for one".to_owned(),
         };
-        Refusal::UnexpectedWell { run: run.to_owned(), well: well.to_owned(), instead }
+        Refusal::UnexpectedWell { run: run.to_owned(), well: self.well.to_owned(), instead }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use carved_records::{EventBody, EventData, PhaseEntered, RunState};
+
+    fn after(events: &[(&str, EventData)]) -> RunState {
+        let mut run = RunState::new("r");
+        for (well, data) in events {
+            run.apply(&EventBody { time: String::new(), run: Some("r".into()), well: Some((*well).into()), data: data.clone() });
+        }
+        run
+    }
+
+    fn inside(well: &str) -> (&str, EventData) {
+        (well, EventData::SpecimenPhase(PhaseEntered { phase: Phase::Eject, in_capillary: true }))
+    }
+
+    fn message<'a>(well: &'a str, state: &'a RunState, wanted: Option<&'a Handling>) -> LoaderMessage<'a> {
+        LoaderMessage { run: "r", well, newest: Some(("r", None)), capillary: state.capillary(), wanted }
+    }
+
+    fn is_full(answer: Result<Option<WellLoaded>, Refusal>, by: &str) -> bool {
+        matches!(answer, Err(Refusal::CapillaryFull { well, .. }) if well == by)
+    }
+
+    #[test]
+    fn specimens_are_exchanged_in_one_go_while_the_run_is_there_and_one_by_one_after_its_end() {
+        let state = after(&[inside("A01"), ("A02", EventData::WellAwaited)]);
+        let mut waits = Handling::default();
+        waits.await_specimen("A02");
+        let exchanged = message("A02", &state, Some(&waits)).loaded();
+        assert_eq!(exchanged, Ok(Some(WellLoaded { in_place_of: Some("A01".into()) })));
+        assert!(is_full(message("A02", &state, None).loaded(), "A01"), "after the end of the run");
+        assert!(is_full(message("A01", &state, Some(&waits)).loaded(), "A01"), "it is to be taken out");
+    }
+
+    #[test]
+    fn a_specimen_that_nobody_asked_for_is_refused_with_the_message_that_is_missing() {
+        let state = after(&[("A02", EventData::WellAwaited)]);
+        let mut waits = Handling::default();
+        waits.await_specimen("A02");
+        let Err(Refusal::UnexpectedWell { instead, .. }) = message("A07", &state, Some(&waits)).loaded() else { panic!("it is accepted") };
+        assert!(instead.contains("wells/A02 {\"loaded\": true}"), "{instead}");
+        assert!(matches!(message("A07", &state, None).loaded(), Err(Refusal::RunEnded { .. })));
+        let other = LoaderMessage { newest: Some(("q", None)), ..message("A02", &state, Some(&waits)) };
+        assert_eq!(other.loaded(), Err(Refusal::UnknownRun { id: "r".into(), newest: Some("q".into()) }));
+    }
+
+    #[test]
+    fn a_message_that_is_repeated_changes_nothing() {
+        let brought = after(&[("A01", EventData::WellAwaited), ("A01", EventData::WellLoaded(WellLoaded { in_place_of: None }))]);
+        let none = Handling::default();
+        assert_eq!(message("A01", &brought, Some(&none)).loaded(), Ok(None));
+        assert_eq!(message("A01", &brought, Some(&none)).unloaded(None), Ok(true));
+        let out = after(&[inside("A01"), ("A01", EventData::WellUnloaded)]);
+        assert_eq!(message("A01", &out, Some(&none)).unloaded(None), Ok(false));
+        assert!(message("A02", &out, Some(&none)).unloaded(None).is_err(), "it was never inside");
+    }
+
+    #[test]
+    fn a_specimen_that_a_worker_is_at_cannot_be_out() {
+        let state = after(&[inside("A01")]);
+        let none = Handling::default();
+        let out = |phase| message("A01", &state, Some(&none)).unloaded(Some(("A01", phase)));
+        assert!(out(Phase::Revolve).is_err());
+        assert_eq!(out(Phase::Eject), Ok(true));
     }
 }

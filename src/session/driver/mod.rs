@@ -1,29 +1,46 @@
 //! The driver: the one place that changes anything. It takes commands and the worker's progress, journals, then publishes.
 //!
 //! ```text
-//!            commands ─────────┐                    ┌──► journal (synced) ──► status, events
-//!  loader, faults, life, plate │                    │
+//!            commands ─────────┐                    ┌──► Outbox: journal (synced) ──► state, events
 //!                              ▼                    │
-//!  worker ──► progress ──► Running (one thread) ────┤
-//!  recovery ───────────────────┤                    │
-//!  search, preflight ──────────┘   owns the run     └──► life: worker for the wells that are left
+//!  worker ──► progress ──► Running (one thread) ────┼──► snapshot: one revision of the status
+//!  numbers ────────────────────┤                    │
+//!  look, preflight ────────────┘   asks its parts   └──► a worker for the wells that are left
 //! ```
-//! A run is [`Active`] from its acceptance to its outcome. It has a worker, which has the instrument, or none while it is held.
+//! A part owns its state. Its decisions have no effects and are tested without threads and without a disk, but for the `Outbox`, whose
+//! work is the disk:
+//!
+//! | part | what it owns or decides |
+//! |---|---|
+//! | `Outbox` | the state that follows from events, and what of it is not on disk yet |
+//! | `RunInProgress` | a run's record, its worker, what was asked of it; what follows when the worker ends |
+//! | `Handling` | which specimens the loader or the sampler is to move for the run |
+//! | `Numbers` | numbers that are made from the frames of specimens that are gone, and what waits for them |
+//! | `Devices` | who has the instrument, which devices are lost, the looks at them between runs |
+//! | `Loader` | who fills the capillary, and the way to a worker that waits; what a message of the loader means |
+//! | `DiskRoom` | whether the smallest run would fit |
+//! | `commands`, `faults`, `plates`, `interrupt`, `resume`, `start` | rules: which command is accepted, what stands in the way, what becomes of a specimen, when a held run goes on |
+//! | `snapshot`, `progress` | what a revision shows |
+//!
+//! Only `running.rs` has effects: it carries out what the parts decide. A [`RunInProgress`] exists from its acceptance to its outcome. It
+//! has a worker, which has the instrument, or none while it is held.
 
-mod active;
-mod background;
 mod commands;
 mod devices;
-mod ends;
 mod faults;
-mod life;
+mod handling;
+mod interrupt;
 mod loader;
 mod outbox;
 mod plates;
 mod progress;
-mod publish;
 mod recovery;
+mod resume;
+mod room;
+mod run;
+mod running;
 mod sealing;
+mod snapshot;
 mod start;
 #[cfg(test)]
 mod tests;
@@ -34,14 +51,11 @@ use super::state::Trigger;
 use super::worker::Instrument;
 use super::{Plate, State, Status, search};
 use crate::config::Config;
-use active::{Active, Message, Request, next_message};
-use background::BackgroundTask;
-use carved_devices::Link;
-use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::LoaderGate;
-use carved_records::{Capillary, Device, Event, EventData, InstrumentState, Mode, RunState};
+use carved_records::Mode;
 use carved_store::{Journal, Store, StoreError};
-use outbox::Outbox;
+use run::{Message, next_message};
+use running::Running;
 use std::future::Future;
 use std::sync::Arc;
 use tokio::sync::mpsc;
@@ -54,7 +68,7 @@ pub struct Driver {
     pub journal: Journal,
     pub publisher: Publisher,
     pub instrument: Instrument,
-    /// Where the loader's word goes, on a rig that is loaded from outside.
+    /// Where the loader's message goes, on a rig that is loaded from outside.
     pub gate: LoaderGate,
     pub heartbeat: Heartbeat,
 }
@@ -68,34 +82,14 @@ pub enum DriverError {
     WorkerPanicked,
 }
 
-#[allow(clippy::struct_excessive_bools, reason = "four facts that do not exclude one another")]
-struct Running {
-    config: Arc<Config>,
-    mode: Mode,
-    store: Store,
-    outbox: Outbox,
-    publisher: Publisher,
-    gate: LoaderGate,
-    /// Whether the loader fills the capillary.
-    loaded_from_outside: bool,
-    /// Whether a specimen that was taken out can be brought again.
-    brings_again: bool,
-    /// At rest while there is no worker and no task.
-    instrument: Option<Instrument>,
-    active: Option<Active>,
-    /// A specimen that no run asked for is in the capillary, by the sampler's wire.
-    unasked: bool,
-    /// Why not even one well would fit on the disk.
-    no_room: Option<String>,
-    /// Devices that do not answer any more; nothing runs without them.
-    lost: Vec<Device>,
-    /// Whether the camera is there, wherever the instrument is now.
-    camera: Link,
-    /// A look at the devices without a run, which has the instrument.
-    task: Option<BackgroundTask>,
-    /// What an earlier life left is not looked at yet.
-    starting: bool,
-    stopping: bool,
+/// Where the daemon is in its life.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Life {
+    /// What an earlier life left has not been looked at yet.
+    Starting,
+    Up,
+    /// It ends once everything is joined.
+    Stopping,
 }
 
 impl Driver {
@@ -132,28 +126,28 @@ impl Driver {
         let mut beat = tokio::time::interval(heartbeat::INTERVAL);
         let mut look = tokio::time::interval(search::LOOK);
         loop {
-            if d.stopping && d.active.is_none() && d.task.is_none() {
+            if d.life == Life::Stopping && d.is_at_rest() {
                 d.go(Trigger::Joined);
                 return Ok(d.final_report()?);
             }
             tokio::select! {
                 biased;
-                () = &mut shutdown, if !d.stopping => d.shut_down(),
-                // Not only by the mailbox: who pressed it may have hung up before its word was in.
-                () = halt.pressed(), if !d.stopping => d.emergency_pressed(),
-                word = next_message(&mut d.active) => match word {
+                () = &mut shutdown, if d.life != Life::Stopping => d.shut_down(),
+                // Not only by the mailbox: who pressed it may have hung up before the command was in.
+                () = halt.pressed(), if d.life != Life::Stopping => d.emergency_pressed(),
+                message = next_message(&mut d.run) => match message {
                     Message::Progress(progress) => d.progress(progress),
                     Message::Recovered(ended) => d.recovered(ended),
                     Message::Ended(ended) => d.worker_ended(ended.map_err(|_| DriverError::WorkerPanicked)?),
                 },
-                done = background::ended(&mut d.task) => d.task_done(done.map_err(|_| DriverError::WorkerPanicked)?),
+                done = d.devices.done() => d.task_done(done.map_err(|_| DriverError::WorkerPanicked)?),
                 _ = beat.tick() => {
                     heartbeat.beat();
                     d.beat();
                 }
-                _ = look.tick(), if d.active.is_some() => d.show_camera(),
+                _ = look.tick(), if d.run.is_some() => d.show_camera(),
                 // A look at devices that are there takes milliseconds, and a run needs them; without them there is no run.
-                command = mailbox.recv(), if !d.stopping && !d.is_looking() => {
+                command = mailbox.recv(), if d.life != Life::Stopping && !d.devices.are_looked_at() => {
                     match command {
                         Some(command) => d.command(command),
                         // Every handle is gone: nobody can ask for anything any more, not even for an end.
@@ -162,74 +156,5 @@ impl Driver {
                 }
             }
         }
-    }
-}
-
-impl Running {
-    fn new(driver: Driver) -> Self {
-        let Driver { config, mode, store, journal, publisher, instrument, gate, heartbeat: _ } = driver;
-        publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
-        // The journal's tail alone would forget a plate within some dozen wells: most of it are views.
-        let remembered = store.remembered().unwrap_or_else(|error| {
-            tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
-            publisher.tail().iter().map(|event| Event::clone(event)).collect()
-        });
-        Self {
-            outbox: Outbox::new(journal, InstrumentState::after(&remembered)),
-            loaded_from_outside: instrument.sampler.waits_for_loader(),
-            brings_again: instrument.sampler.brings_again(),
-            camera: instrument.rig.camera.link(),
-            instrument: Some(instrument),
-            config,
-            mode,
-            store,
-            publisher,
-            gate,
-            active: None,
-            unasked: false,
-            no_room: None,
-            lost: Vec::new(),
-            task: None,
-            starting: true,
-            stopping: false,
-        }
-    }
-
-    /// What the events say.
-    fn state(&self) -> &InstrumentState {
-        self.outbox.state()
-    }
-
-    /// What is in the capillary, as far as is known: in the run under way, or since the newest one.
-    fn capillary(&self) -> &Capillary {
-        const NOTHING: &Capillary = &Capillary::empty();
-        self.state().run.as_ref().map_or(NOTHING, RunState::capillary)
-    }
-
-    fn beat(&mut self) {
-        self.calibration_ages();
-        self.show_index();
-        if !self.stopping {
-            // Before the look: that has the instrument for a moment, and a run that goes on needs it.
-            self.try_the_store();
-            self.look();
-            self.look_for_room();
-        }
-    }
-
-    fn shut_down(&mut self) {
-        self.stopping = true;
-        self.ask(Request::ShutDown);
-        self.go(Trigger::ShutDown);
-        if self.active.is_some() {
-            self.event(None, EventData::DaemonStopping);
-        }
-        if self.active.as_ref().is_some_and(|a| a.work.is_none()) {
-            self.end_run();
-        }
-    }
-
-    fn is(&self, run: &str) -> bool {
-        self.active.as_ref().is_some_and(|a| a.record.id == run)
     }
 }

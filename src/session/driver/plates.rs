@@ -1,65 +1,121 @@
-//! Plates handed over by the loader. The instrument does not see them; it holds the loader to its word.
+//! Plates handed over by the loader. The instrument does not see plates. It checks that the loader does what it has announced.
 
 use super::super::state::STARTABLE;
-use super::super::{Plate, Refusal};
-use super::Running;
-use super::publish::to_be_taken_out;
-use carved_records::{EventData, FieldError, Handoff, HandoffEnd, HandoffIntent, HandoffNeeds, PlateNamed, is_plain_name};
+use super::super::{Refusal, State};
+use carved_records::{Capillary, EventData, FieldError, Handoff, HandoffEnd, HandoffIntent, PlateHandover, PlateNamed, is_plain_name};
 
-impl Running {
-    /// Announces that a plate is to be moved, and says what has to happen first.
-    pub(super) fn handoff(&mut self, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
+/// What else decides on a handover.
+pub(super) struct Surroundings<'a> {
+    pub state: State,
+    /// A run has no outcome yet.
+    pub has_run: bool,
+    /// Barcode of the plate that is shown as present.
+    pub plate: Option<&'a str>,
+    pub capillary: &'a Capillary,
+    /// Not everything is on disk.
+    pub is_failing: bool,
+}
+
+impl Surroundings<'_> {
+    /// What has to happen before a plate is moved.
+    pub fn needs(&self) -> Option<String> {
+        if self.has_run {
+            return Some("the run to end".into());
+        }
+        if self.is_failing {
+            return Some("the disk to take what is not written yet".into());
+        }
+        self.capillary.inside().map(to_be_taken_out)
+    }
+
+    /// Whether this announcement is a new one.
+    ///
+    /// # Errors
+    /// The barcode is no name, another plate is inside, or a run is under way.
+    pub fn announce(&self, known: &PlateHandover, plate: &Handoff) -> Result<bool, Refusal> {
         if !is_plain_name(&plate.barcode) {
             let detail = format!("{:?} is not a barcode: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'", plate.barcode);
             return Err(Refusal::InvalidHandoff(vec![FieldError { pointer: "/barcode".into(), detail }]));
         }
-        let status = self.publisher.status();
-        let inside = status.plate.barcode.clone().filter(|_| status.plate.present);
-        if let Some(inside) = inside.filter(|inside| *inside != plate.barcode) {
-            return Err(Refusal::OtherBarcode { expected: inside, found: plate.barcode });
+        if let Some(inside) = self.plate.filter(|inside| *inside != plate.barcode) {
+            return Err(Refusal::OtherBarcode { expected: inside.to_owned(), found: plate.barcode.clone() });
         }
-        if plate.intent == HandoffIntent::Load && (self.active.is_some() || !STARTABLE.contains(&status.state)) {
-            return Err(Refusal::WrongState { state: status.state, accepted_in: STARTABLE.to_vec() });
+        if plate.intent == HandoffIntent::Load && (self.has_run || !STARTABLE.contains(&self.state)) {
+            return Err(Refusal::WrongState { state: self.state, accepted_in: STARTABLE.to_vec() });
         }
-        if self.state().plate.open() != Some(&plate) {
-            self.promise(None, EventData::PlateAnnounced(plate.clone()))?;
-            self.publish(|_| ());
-        }
-        Ok(HandoffNeeds { intent: plate.intent, needs: self.before_the_plate(), barcode: plate.barcode })
+        Ok(known.open() != Some(plate))
     }
 
-    /// What has to happen before a plate is moved.
-    fn before_the_plate(&self) -> Option<String> {
-        if self.active.is_some() {
-            return Some("the run to end".into());
-        }
-        if self.outbox.is_failing() {
-            return Some("the disk to take what is not written yet".into());
-        }
-        self.capillary().inside().map(to_be_taken_out)
-    }
-
-    pub(super) fn end_handoff(&mut self, end: HandoffEnd) -> Result<(), Refusal> {
-        let Some(plate) = self.state().plate.open().cloned() else {
-            return if self.state().plate.ended() == Some(end) { Ok(()) } else { Err(Refusal::NoHandoff) };
+    /// The event of the end of the open handover; `None` where the end is known.
+    ///
+    /// # Errors
+    /// No handover is open, or it still waits for something.
+    pub fn end(&self, known: &PlateHandover, end: HandoffEnd) -> Result<Option<EventData>, Refusal> {
+        let Some(plate) = known.open() else {
+            return if known.ended() == Some(end) { Ok(None) } else { Err(Refusal::NoHandoff) };
         };
-        let moved = end == HandoffEnd::Completed;
-        if let Some(needs) = self.before_the_plate().filter(|_| moved) {
+        if let Some(needs) = self.needs().filter(|_| end == HandoffEnd::Completed) {
             return Err(Refusal::PlateNeeded { needs });
         }
-        let named = PlateNamed { barcode: plate.barcode };
-        let data = match (end, plate.intent) {
+        let named = PlateNamed { barcode: plate.barcode.clone() };
+        Ok(Some(match (end, plate.intent) {
             (HandoffEnd::Aborted, _) => EventData::PlateHandoffAborted(named),
             (HandoffEnd::Completed, HandoffIntent::Load) => EventData::PlateLoaded(named),
             (HandoffEnd::Completed, HandoffIntent::Unload) => EventData::PlateUnloaded(named),
-        };
-        self.promise(None, data)?;
-        if moved {
-            let inside = self.state().plate.inside().map(str::to_owned);
-            self.publish(|s| s.plate = Plate { present: inside.is_some(), barcode: inside, ..Plate::default() });
-        } else {
-            self.publish(|_| ());
+        }))
+    }
+}
+
+/// A request to the loader, in words.
+pub(super) fn to_be_taken_out(well: &str) -> String {
+    format!("the specimen of well {well} to be taken out of the capillary")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use carved_records::{EventBody, InstrumentState};
+
+    const EMPTY: &Capillary = &Capillary::empty();
+    const AT_REST: Surroundings = Surroundings { state: State::Idle, has_run: false, plate: None, capillary: EMPTY, is_failing: false };
+
+    fn handoff(intent: HandoffIntent, barcode: &str) -> Handoff {
+        Handoff { intent, barcode: barcode.into() }
+    }
+
+    fn after(events: &[EventData]) -> PlateHandover {
+        let mut state = InstrumentState::default();
+        for data in events {
+            state.apply(&EventBody { time: String::new(), run: None, well: None, data: data.clone() });
         }
-        Ok(())
+        state.plate
+    }
+
+    #[test]
+    fn a_plate_is_announced_once_and_not_while_another_one_is_inside_or_a_run_is_under_way() {
+        let load = handoff(HandoffIntent::Load, "P-1");
+        let announced = after(&[EventData::PlateAnnounced(load.clone())]);
+        assert_eq!(AT_REST.announce(&PlateHandover::default(), &load), Ok(true));
+        assert_eq!(AT_REST.announce(&announced, &load), Ok(false));
+        assert!(matches!(AT_REST.announce(&announced, &handoff(HandoffIntent::Load, "P/1")), Err(Refusal::InvalidHandoff(_))));
+        let other = Surroundings { plate: Some("P-2"), ..AT_REST };
+        assert!(matches!(other.announce(&announced, &load), Err(Refusal::OtherBarcode { .. })));
+        let runs = Surroundings { state: State::Execute, has_run: true, ..AT_REST };
+        assert!(matches!(runs.announce(&announced, &load), Err(Refusal::WrongState { .. })));
+        assert_eq!(runs.announce(&announced, &handoff(HandoffIntent::Unload, "P-1")), Ok(true), "it waits for the end of the run");
+    }
+
+    #[test]
+    fn a_plate_is_moved_once_nothing_needs_it_and_a_handover_may_be_called_off_at_any_time() {
+        let open = after(&[EventData::PlateAnnounced(handoff(HandoffIntent::Unload, "P-1"))]);
+        for (waits, word) in [(Surroundings { has_run: true, ..AT_REST }, "run"), (Surroundings { is_failing: true, ..AT_REST }, "disk")] {
+            assert!(matches!(waits.end(&open, HandoffEnd::Completed), Err(Refusal::PlateNeeded { needs }) if needs.contains(word)));
+            assert!(matches!(waits.end(&open, HandoffEnd::Aborted), Ok(Some(EventData::PlateHandoffAborted(_)))));
+        }
+        let gone = AT_REST.end(&open, HandoffEnd::Completed).unwrap().unwrap();
+        assert!(matches!(gone, EventData::PlateUnloaded(_)));
+        let ended = after(&[EventData::PlateAnnounced(handoff(HandoffIntent::Unload, "P-1")), gone]);
+        assert_eq!(AT_REST.end(&ended, HandoffEnd::Completed), Ok(None));
+        assert_eq!(AT_REST.end(&ended, HandoffEnd::Aborted), Err(Refusal::NoHandoff));
     }
 }

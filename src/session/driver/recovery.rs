@@ -9,13 +9,12 @@
 //! ```
 //! Each attempt is journalled before it is made, where the disk takes it: one on which the daemon dies each time must not be made for ever.
 
+use super::super::numbers;
 use super::super::worker::{self, Overrun};
-use super::super::{gate, numbers};
-use super::Running;
-use super::publish::run_status;
 use carved_core::surface::Mesh;
-use carved_records::{EventData, LedgerEntry, Phase, PlannedWell, RecoveryBegun, SpecimenDone, SpecimenOutcome, WellStatus, WellTimes};
-use carved_store::{MeasurementFile, RecordingReader, RecordingWriter, StoreError};
+use carved_records::LedgerEntry;
+use carved_records::{Phase, PlannedWell, SpecimenOutcome, WellStatus, WellTimes};
+use carved_store::{MeasurementFile, RecordingReader, RecordingWriter, RunRecord, StoreError};
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,8 +28,8 @@ const ATTEMPTS: u32 = 3;
 
 /// What is made of a well's frames, and how long it took.
 pub(super) struct Recovered {
-    result: WellStatus,
-    times: WellTimes,
+    pub result: WellStatus,
+    pub times: WellTimes,
 }
 
 /// How the making of a well's numbers has ended.
@@ -38,6 +37,97 @@ pub(super) enum Made {
     Done(Box<Result<Recovered, StoreError>>),
     Overran(Overrun),
     Panicked,
+}
+
+/// Numbers that are made from the frames of specimens that are gone, and what waits for them.
+#[derive(Default)]
+pub(super) struct Numbers {
+    making: Option<Recovery>,
+    continuation: Option<Continuation>,
+}
+
+/// What is done about a well without numbers.
+pub(super) enum Attempt {
+    /// They are made; the attempt, from 1.
+    Begin(u32),
+    /// It was tried too often. The well ends so.
+    GiveUp(Box<Recovered>),
+}
+
+/// The next attempt at the numbers of a well of the run in this folder. `tried`: attempts that the daemon did not survive.
+pub(super) fn attempt(run: &Path, planned: &PlannedWell, tried: u32) -> Attempt {
+    if tried < ATTEMPTS {
+        return Attempt::Begin(tried + 1);
+    }
+    let why = format!("the daemon has ended in each of {ATTEMPTS} attempts to make its numbers from its frames");
+    Attempt::GiveUp(Box::new(without_numbers(run, planned, &why)))
+}
+
+/// The wells without outcome whose specimens were accepted. Nobody is asked for these specimens again. `run`: the run's folder.
+pub(super) fn accepted(run: &Path, record: &RunRecord) -> VecDeque<PlannedWell> {
+    let open = record.plan.plate_map.iter().zip(&record.wells).filter(|(_, w)| w.outcome.is_none());
+    let is_accepted = |planned: &PlannedWell| RecordingReader::open(&run.join(&planned.well)).is_ok_and(|r| r.is_accepted());
+    open.map(|(planned, _)| planned).filter(|planned| is_accepted(planned)).cloned().collect()
+}
+
+impl Numbers {
+    /// Whether the numbers of any well are being made.
+    pub fn are_being_made(&self) -> bool {
+        self.making.is_some()
+    }
+
+    /// Begins with the first of `wells`. `run`: the run's folder.
+    pub fn begin(&mut self, wells: VecDeque<PlannedWell>, run: &Path, allowed: Duration) {
+        self.making = Recovery::begin(wells, run, allowed);
+    }
+
+    /// The wells whose numbers are not there yet.
+    pub fn wells(&self) -> impl Iterator<Item = &str> {
+        self.making.iter().flat_map(|recovery| &recovery.wells).map(|planned| planned.well.as_str())
+    }
+
+    /// Whether `then` has to wait for numbers; it is done once they are there.
+    pub fn delay(&mut self, then: Continuation) -> bool {
+        if self.making.is_some() {
+            self.continuation = Some(then);
+        }
+        self.making.is_some()
+    }
+
+    /// What has waited for the numbers, and does not any more.
+    pub fn take_continuation(&mut self) -> Option<Continuation> {
+        self.continuation.take()
+    }
+
+    /// Nothing waits for the numbers.
+    pub fn forget_continuation(&mut self) {
+        self.continuation = None;
+    }
+
+    /// The end of the well that is under way; never, where none is. It may be asked again where it was given up half way.
+    pub async fn made(&mut self) -> Made {
+        match &mut self.making {
+            Some(recovery) => recovery.made().await,
+            None => std::future::pending().await,
+        }
+    }
+
+    /// Takes what has become of the well under way, and the wells behind it; `None` where nothing is under way.
+    pub fn take(&mut self, made: Made) -> Option<(Result<Recovered, StoreError>, VecDeque<PlannedWell>)> {
+        let Recovery { mut wells, run, .. } = self.making.take()?;
+        let planned = wells.pop_front()?;
+        let found = match made {
+            Made::Done(found) => *found,
+            Made::Overran(overrun) => Ok(without_numbers(&run, &planned, &overrun.to_string())),
+            Made::Panicked => Ok(without_numbers(&run, &planned, "its numbers could not be made from its frames; the log has more")),
+        };
+        Some((found, wells))
+    }
+
+    #[cfg(test)]
+    pub fn awaited(making: Recovery, then: Continuation) -> Self {
+        Self { making: Some(making), continuation: Some(then) }
+    }
 }
 
 /// The wells whose numbers are made from their frames, one after the other.
@@ -90,13 +180,8 @@ impl Recovery {
         Self { wells, run: run.to_owned(), done, decided: Arc::default(), until: Instant::now() + allowed, allowed }
     }
 
-    /// The wells whose numbers are not there yet.
-    pub fn wells(&self) -> impl Iterator<Item = &str> {
-        self.wells.iter().map(|planned| planned.well.as_str())
-    }
-
-    /// Waits for the numbers, as long as they may take; may be asked again where it was given up half way.
-    pub async fn made(&mut self) -> Made {
+    /// Waits for the numbers, as long as they may take.
+    async fn made(&mut self) -> Made {
         let ended = |done: Result<_, _>| done.map_or(Made::Panicked, |made| Made::Done(Box::new(made)));
         if let Ok(done) = timeout_at(self.until, &mut self.done).await {
             return ended(done);
@@ -175,115 +260,24 @@ fn without_numbers(run: &Path, planned: &PlannedWell, why: &str) -> Recovered {
     Recovered { result, times: WellTimes::default() }
 }
 
-impl Running {
-    /// The wells without an end whose specimens were accepted: nobody is asked for these again.
-    pub(super) fn accepted(&self) -> VecDeque<PlannedWell> {
-        let Some(active) = &self.active else { return VecDeque::new() };
-        let run: PathBuf = self.store.run_folder(&active.record.id);
-        let open = active.record.plan.plate_map.iter().zip(&active.record.wells).filter(|(_, w)| w.outcome.is_none());
-        let is_accepted = |planned: &PlannedWell| RecordingReader::open(&run.join(&planned.well)).is_ok_and(|r| r.is_accepted());
-        open.map(|(planned, _)| planned).filter(|planned| is_accepted(planned)).cloned().collect()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_well_on_which_the_daemon_ended_three_times_is_given_up() {
+        let planned = PlannedWell::new("A01", carved_records::SpecimenKind::Larva, None);
+        let next = |tried| attempt(Path::new("/data/runs/r1"), &planned, tried);
+        assert!(matches!(next(0), Attempt::Begin(1)) && matches!(next(2), Attempt::Begin(3)));
+        let Attempt::GiveUp(given_up) = next(3) else { panic!("it is tried for ever") };
+        assert!(given_up.result.outcome == Some(SpecimenOutcome::Failed), "{:?}", given_up.result);
+        assert!(given_up.result.reason.unwrap().contains("carved measure /data/runs/r1/A01"));
     }
 
-    /// Has their numbers made, where that is not under way. Not beside a worker, which may be at the same frames.
-    pub(super) fn recover(&mut self) {
-        if self.active.as_ref().is_none_or(|a| a.work.is_some() || a.recovery.is_some()) {
-            return;
-        }
-        let wells = self.accepted();
-        let lacks_gate = self.lacks_gate();
-        let Some(active) = &mut self.active else { return };
-        active.lacks_gate = lacks_gate;
-        self.recover_next(wells);
-    }
-
-    /// Begins with the first of them that was not tried too often; the others fail.
-    fn recover_next(&mut self, mut wells: VecDeque<PlannedWell>) {
-        while let Some(planned) = wells.front() {
-            let well = planned.well.clone();
-            let Some(active) = &self.active else { return };
-            let tried = self.state().run.as_ref().map_or(0, |run| run.recoveries_of(&well));
-            if tried >= ATTEMPTS {
-                let why = format!("the daemon has ended in each of {ATTEMPTS} attempts to make its numbers from its frames");
-                let failed = without_numbers(&self.store.run_folder(&active.record.id), planned, &why);
-                wells.pop_front();
-                self.well_recovered(failed);
-                continue;
-            }
-            let attempt = tried + 1;
-            let allowed = active.record.method.policy.deadlines_s.of(Phase::Measure);
-            tracing::info!(well, attempt, "the numbers of a specimen that was let go are made from its frames");
-            // Of an end that was asked for nobody dies, however short the time that is left.
-            if !self.stopping {
-                self.event(Some(&well), EventData::SpecimenRecovering(RecoveryBegun { attempt }));
-            }
-            let Some(active) = &mut self.active else { return };
-            active.recovery = Recovery::begin(wells, &self.store.run_folder(&active.record.id), allowed);
-            return;
-        }
-    }
-
-    /// Whether `then` has to wait for numbers that are being made; it is done once they are there.
-    pub(super) fn waits_for_numbers(&mut self, then: Continuation) -> bool {
-        let Some(active) = self.active.as_mut().filter(|a| a.recovery.is_some()) else { return false };
-        active.continuation = Some(then);
-        true
-    }
-
-    pub(super) fn recovered(&mut self, made: Made) {
-        let Some(active) = &mut self.active else { return };
-        let Some(mut recovery) = active.recovery.take() else { return };
-        let Some(planned) = recovery.wells.pop_front() else { return };
-        let found = match made {
-            Made::Done(found) => *found,
-            Made::Overran(overrun) => Ok(without_numbers(&recovery.run, &planned, &overrun.to_string())),
-            Made::Panicked => {
-                Ok(without_numbers(&recovery.run, &planned, "its numbers could not be made from its frames; the log has more"))
-            }
-        };
-        match found {
-            Ok(found) => {
-                self.well_recovered(found);
-                self.recover_next(recovery.wells);
-                if self.active.as_ref().is_some_and(|a| a.recovery.is_none()) {
-                    self.go_on();
-                }
-            }
-            // As where a live run cannot write them: it is held, and they are made when it goes on.
-            Err(error) => {
-                self.keep(Err(error));
-                match self.active.as_mut().and_then(|a| a.continuation.take()) {
-                    Some(Continuation::Finish) => self.rest(true),
-                    Some(Continuation::End) => self.end_now(),
-                    None => {}
-                }
-            }
-        }
-    }
-
-    /// What has waited for the numbers is done.
-    fn go_on(&mut self) {
-        match self.active.as_mut().and_then(|a| a.continuation.take()) {
-            Some(Continuation::Finish) => self.close(),
-            Some(Continuation::End) => self.end_now(),
-            None => {}
-        }
-    }
-
-    fn well_recovered(&mut self, Recovered { mut result, times }: Recovered) {
-        let Some(active) = &mut self.active else { return };
-        gate::flag(&mut result, active.lacks_gate);
-        if let Some(slot) = active.record.wells.iter_mut().find(|w| w.well == result.well) {
-            slot.clone_from(&result);
-        }
-        let record = active.record.clone();
-        // Closed already where it has numbers.
-        self.seal_well(&record.id, &result.well);
-        let status = run_status(&record);
-        self.save(record);
-        let well = result.well.clone();
-        self.event(Some(&well), EventData::SpecimenRecovered);
-        let done = SpecimenDone { result, times: Some(times), seconds: None };
-        self.event_shown(Some(&well), EventData::SpecimenDone(Box::new(done)), |d| d.publish(|s| s.run = Some(status)));
+    #[test]
+    fn nothing_waits_for_numbers_that_nobody_makes() {
+        let mut numbers = Numbers::default();
+        assert!(!numbers.delay(Continuation::Finish) && numbers.take_continuation().is_none());
+        assert!(numbers.take(Made::Panicked).is_none());
     }
 }

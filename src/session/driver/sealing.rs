@@ -1,7 +1,6 @@
-//! The sums of what wells keep whose records nobody closed: their writer ended with the daemon, or their numbers are given up.
+//! The checksums of wells whose records nobody closed: their writer ended with the daemon, or their numbers are given up.
 
-use super::Running;
-use carved_store::{self, StoreError};
+use carved_store::{Store, StoreError};
 use std::path::Path;
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -31,14 +30,12 @@ fn within(folder: &Path, seal: fn(&Path) -> Result<(), StoreError>) {
     }
 }
 
-impl Running {
-    /// Of a well of the run under way that is over.
-    pub(super) fn seal_well(&self, run: &str, well: &str) {
-        within(&self.store.run_folder(run).join(well), carved_store::seal);
-    }
+/// Of a well of the run under way that is over.
+pub(super) fn seal_well(store: &Store, run: &str, well: &str) {
+    within(&store.run_folder(run).join(well), carved_store::seal);
+}
 
-    /// Of every well of a run that ends.
-    pub(super) fn seal_run(&self, run: &str) {
-        within(&self.store.run_folder(run), carved_store::seal_run);
-    }
+/// Of every well of a run that ends.
+pub(super) fn seal_run(store: &Store, run: &str) {
+    within(&store.run_folder(run), carved_store::seal_run);
 }

@@ -1,108 +1,41 @@
-//! A start: the devices' first word, and what an earlier life of the daemon left.
+//! What a start makes of what an earlier life of the daemon left.
 
-use super::super::State;
-use super::super::status::{CameraStatus, TranslationStatus};
-use super::Running;
-use carved_records::{DaemonStarted, EndRequest, Event, EventData, InstrumentState, RunInterrupted, RunOutcome, RunState};
-use carved_store::RunRecord;
+use super::super::{Publisher, State};
+use carved_records::{EndRequest, Event, EventData, InstrumentState, Mode, RunOutcome, RunState};
+use carved_store::{RunRecord, Store};
 
-impl Running {
-    /// Puts the first word into the status. A disk that takes nothing is a fault, not the end of the daemon.
-    pub(super) fn first_report(&mut self) {
-        let second = self.instrument.as_ref().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
-        let identities = self.instrument.as_ref().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
-        let has_translation = self.config.translation.is_some();
-        let disk_free_bytes = self.store.free_bytes();
-        let calibration = self.calibration();
-        let inside = self.state().plate.inside().map(str::to_owned);
-        let open = self.open_runs();
-        self.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: self.mode }));
-        self.publish(|s| {
-            s.calibration = calibration;
-            if let Some((rotation, camera)) = identities {
-                s.hardware.translation = has_translation.then(TranslationStatus::default);
-                s.hardware.find_axes(&rotation);
-                s.hardware.camera.identity = Some(camera);
-                s.hardware.camera.connected = true;
-            }
-            s.hardware.camera_second =
-                second.map(|identity| CameraStatus { identity: Some(identity), connected: true, ..CameraStatus::default() });
-            s.hardware.disk_free_bytes = disk_free_bytes;
-            s.plate.present = inside.is_some();
-            s.plate.barcode = inside;
-        });
-        self.starting = false;
-        if let Some(record) = open {
-            let run = run_after(&record.id, &self.events_of(&record.id));
-            self.take_up(record, run);
-        } else if let Some(record) = self.ended_run() {
-            self.show_again(&record);
-        } else {
-            self.publish(|_| ());
-        }
-    }
+/// The run that can go on here, if any, and the open runs that cannot: older ones, or of another kind of rig. `open`: oldest first.
+pub(super) fn newest_of(mut open: Vec<RunRecord>, mode: Mode) -> (Option<RunRecord>, Vec<RunRecord>) {
+    let newest = open.pop_if(|run| run.mode == mode);
+    (newest, open)
+}
 
-    fn events_of(&self, run: &str) -> Vec<Event> {
-        self.store.events_of(run).unwrap_or_else(|error| {
-            tracing::error!(%error, run, "what happened in the run cannot be read");
-            self.publisher.tail().iter().map(|event| Event::clone(event)).collect()
-        })
-    }
+/// Whether the plate of a run was taken away after the run was accepted. `of_run`: the run's events. `newest`: the newest ones of all.
+pub(super) fn plate_is_away<'a>(of_run: &[Event], newest: impl IntoIterator<Item = &'a Event>) -> bool {
+    // No plate is taken away while a run goes on; the loader's message may come after both.
+    let accepted = of_run.first().map_or(0, |event| event.id);
+    newest.into_iter().any(|event| matches!(event.body.data, EventData::PlateUnloaded(_)) && event.id > accepted)
+}
 
-    /// The newest run, where it is over: what it has left in the capillary is there still.
-    fn ended_run(&self) -> Option<RunRecord> {
-        let newest = self.store.newest_run(self.mode).unwrap_or_else(|error| {
-            tracing::warn!(%error, "the newest run is not shown");
-            None
-        });
-        newest.filter(|run| run.outcome.is_some())
-    }
+/// The events of a run, oldest first; the newest events of all where the run's own cannot be read.
+pub(super) fn events_of(store: &Store, publisher: &Publisher, run: &str) -> Vec<Event> {
+    store.events_of(run).unwrap_or_else(|error| {
+        tracing::error!(%error, run, "what happened in the run cannot be read");
+        publisher.tail().iter().map(|event| Event::clone(event)).collect()
+    })
+}
 
-    /// An ended run as it was shown before the daemon ended: until the next one starts.
-    fn show_again(&mut self, record: &RunRecord) {
-        let events = self.events_of(&record.id);
-        let run = run_after(&record.id, &events);
-        // No plate is taken away while a run goes on; the loader's word may come after both.
-        let accepted = events.first().map_or(0, |event| event.id);
-        let tail = self.publisher.tail();
-        let plate_is_away = tail.iter().any(|event| matches!(event.body.data, EventData::PlateUnloaded(_)) && event.id > accepted);
-        let state = rests_in(record.outcome, run.end_request());
-        self.outbox.recall(run);
-        let barcode = record.plan.plate_barcode.clone();
-        let change = self.over(record);
-        self.publish(|s| {
-            change(s);
-            s.state = state;
-            if !s.plate.present && !plate_is_away {
-                s.plate.present = true;
-                s.plate.barcode = Some(barcode);
-            }
-        });
-    }
-
-    /// The newest run that was left open; an older one, or one of another kind of rig, is ended: it cannot go on here.
-    fn open_runs(&mut self) -> Option<RunRecord> {
-        let mut open = match self.store.open_runs() {
-            Ok(open) => open,
-            Err(error) => {
-                self.keep(Err(error));
-                return None;
-            }
-        };
-        let newest = open.pop_if(|run| run.mode == self.mode);
-        for mut run in open {
-            self.seal_run(&run.id);
-            run.end_interrupted();
-            let id = run.id.clone();
-            self.save(run);
-            self.event_of(Some(&id), None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: None }));
-        }
-        newest
-    }
+/// The newest run, where it is over: what it has left in the capillary is there still.
+pub(super) fn ended_run(store: &Store, mode: Mode) -> Option<RunRecord> {
+    let newest = store.newest_run(mode).unwrap_or_else(|error| {
+        tracing::warn!(%error, "the newest run is not shown");
+        None
+    });
+    newest.filter(|run| run.outcome.is_some())
 }
 
 /// What a run's events say of it.
-fn run_after(id: &str, events: &[Event]) -> RunState {
+pub(super) fn run_after(id: &str, events: &[Event]) -> RunState {
     // A file of which only the end could be read lacks the run's acceptance.
     let mut state = InstrumentState { run: Some(RunState::new(id)), ..InstrumentState::default() };
     events.iter().filter(|event| event.body.run.as_deref() == Some(id)).for_each(|event| state.apply(&event.body));
@@ -110,7 +43,7 @@ fn run_after(id: &str, events: &[Event]) -> RunState {
 }
 
 /// The state in which a run ended.
-fn rests_in(outcome: Option<RunOutcome>, asked: Option<EndRequest>) -> State {
+pub(super) fn rests_in(outcome: Option<RunOutcome>, asked: Option<EndRequest>) -> State {
     match (outcome, asked) {
         (Some(RunOutcome::Interrupted), _) | (_, Some(EndRequest::Stop)) => State::Stopped,
         (Some(RunOutcome::Aborted), _) => State::Aborted,
@@ -120,7 +53,31 @@ fn rests_in(outcome: Option<RunOutcome>, asked: Option<EndRequest>) -> State {
 
 #[cfg(test)]
 mod tests {
+    use super::super::run::tests::run;
     use super::*;
+    use carved_records::{EventBody, PlateNamed};
+
+    #[test]
+    fn only_the_newest_run_of_this_kind_of_rig_goes_on() {
+        let of = |mode| RunRecord { mode, ..run(&["A01"]).record().clone() };
+        let found = |modes: &[Mode]| {
+            let (newest, others) = newest_of(modes.iter().map(|mode| of(*mode)).collect(), Mode::Hardware);
+            (newest.is_some(), others.len())
+        };
+        assert_eq!(found(&[]), (false, 0));
+        assert_eq!(found(&[Mode::Hardware, Mode::Hardware]), (true, 1));
+        assert_eq!(found(&[Mode::Hardware, Mode::Simulated]), (false, 2), "the rig has run something else since");
+    }
+
+    #[test]
+    fn a_plate_that_was_taken_away_before_the_run_does_not_count() {
+        let event = |id, data| Event { id, body: EventBody { time: String::new(), run: None, well: None, data } };
+        let unloaded = |id| event(id, EventData::PlateUnloaded(PlateNamed { barcode: "P-1".into() }));
+        let of_run = [event(5, EventData::RunStarted)];
+        assert!(!plate_is_away(&of_run, &[unloaded(4)]));
+        assert!(plate_is_away(&of_run, &[unloaded(6)]));
+        assert!(!plate_is_away(&of_run, &[event(7, EventData::RunStarted)]));
+    }
 
     #[test]
     fn an_ended_run_is_shown_in_the_state_in_which_it_ended() {

@@ -13,9 +13,8 @@ fn held() -> DeviceError {
 
 /// A look that finds this.
 fn look(b: &mut Bench, rotation: Result<(), DeviceError>, wire: Option<bool>) {
-    let mut instrument = b.d.instrument.take().unwrap();
-    instrument.sampler = Box::new(Arm { wire, ..Arm::default() });
-    b.d.searched(instrument, DevicesFound { rotation, camera: Ok(()) });
+    b.d.devices.instrument_mut().sampler = Box::new(Arm { wire, ..Arm::default() });
+    b.d.searched(DevicesFound { rotation, camera: Ok(()) });
 }
 
 #[test]

@@ -1,10 +1,12 @@
 //! A driver whose devices do nothing. Its worker ends at once, since the camera does not arm; that end is withheld, and the test tells
 //! what a worker would have told.
 
+use super::super::run::RunInProgress;
 use super::super::*;
 use crate::session::channel;
 use crate::session::handle::{Accepted, Refusal, SessionHandle, Towards};
 use crate::session::worker::{Progress, RunEnd};
+use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::testing::{FakeAxis, FakeCamera};
 use carved_devices::{DeviceError, Rig, RotationAxis};
@@ -181,13 +183,13 @@ impl Bench {
     }
 
     pub fn works(&self) -> bool {
-        self.d.active.as_ref().is_some_and(|a| a.work.is_some())
+        self.d.run.as_ref().is_some_and(RunInProgress::works)
     }
 
     /// Tells the driver what a worker tells; false where the run is cancelled by then.
     pub fn tell(&mut self, progress: Progress) -> bool {
         self.d.progress(progress);
-        self.d.active.as_ref().and_then(|a| a.work.as_ref()).is_some_and(|work| !work.cancel.is_cancelled())
+        self.d.run.as_mut().and_then(|run| run.work_mut().as_ref()).is_some_and(|work| !work.is_cancelled())
     }
 
     pub fn phase(&mut self, well: &str, phase: Phase, in_capillary: bool) -> bool {
@@ -197,7 +199,7 @@ impl Bench {
 
     /// The numbers of a well are on disk.
     pub fn done(&mut self, well: &str) -> bool {
-        let record = &self.d.active.as_ref().unwrap().record;
+        let record = self.d.run.as_ref().unwrap().record();
         let mut result = record.wells.iter().find(|w| w.well == well).unwrap().clone();
         result.end(SpecimenOutcome::Succeeded, None);
         self.tell(Progress::WellDone { result, seconds: 1.0, times: WellTimes::default() })
@@ -206,16 +208,20 @@ impl Bench {
     /// A beat, and the look at the devices that it begins; commands wait for that.
     pub async fn beat(&mut self) {
         self.d.beat();
-        if self.d.task.is_some() {
-            let done = background::ended(&mut self.d.task).await.unwrap();
-            self.d.task_done(done);
+        if self.d.devices.are_busy() {
+            self.task_ends().await;
         }
+    }
+
+    pub async fn task_ends(&mut self) {
+        let done = self.d.devices.done().await.unwrap();
+        self.d.task_done(done);
     }
 
     /// The worker hands the instrument back and ends so.
     pub async fn ends(&mut self, end: RunEnd) {
-        let work = self.d.active.as_mut().unwrap().work.as_mut().unwrap();
-        let (instrument, _not_armed) = (&mut work.worker).await.unwrap();
+        let work = self.d.run.as_mut().unwrap().work_mut();
+        let instrument = work.as_mut().unwrap().instrument().await;
         self.d.worker_ended((instrument, end));
     }
 }
@@ -229,7 +235,7 @@ pub fn journalled(root: &Path) -> Vec<Event> {
 
 /// The same, as the index has them.
 pub fn indexed(bench: &Bench) -> Vec<Event> {
-    match bench.d.store.reader().events_after(0, 100_000).unwrap() {
+    match bench.d.outbox.store().reader().events_after(0, 100_000).unwrap() {
         EventsAfter::Events(events) => events,
         EventsAfter::Unknown => panic!("the index has a gap"),
     }

@@ -46,7 +46,7 @@ fn bring(b: &mut Bench, well: &str) -> bool {
     if !b.phase(well, Phase::Load, false) {
         return false;
     }
-    if b.d.loaded_from_outside {
+    if b.d.loader.fills_capillary() {
         if !b.tell(Progress::WaitingForLoader { well: well.into() }) {
             return false;
         }
@@ -59,7 +59,7 @@ fn take_out(b: &mut Bench, well: &str) -> bool {
     if !b.phase(well, Phase::Eject, true) {
         return false;
     }
-    if b.d.loaded_from_outside {
+    if b.d.loader.fills_capillary() {
         say(b, well, false);
         return true;
     }
@@ -76,7 +76,7 @@ fn work(b: &mut Bench) -> bool {
     {
         return false;
     }
-    let record = b.d.active.as_ref().unwrap().record.clone();
+    let record = b.d.run.as_ref().unwrap().record().clone();
     let mut before = None;
     for well in record.wells.iter().filter(|w| w.outcome.is_none()).map(|w| w.well.as_str()) {
         // The numbers of the one before were made beside.
@@ -89,11 +89,11 @@ fn work(b: &mut Bench) -> bool {
 
 /// Held with a specimen in the capillary, the driver knows that it is there, and has it taken out before anything else.
 fn is_remembered(b: &Bench, when: &str) {
-    let active = b.d.active.as_ref().unwrap();
+    let handling = b.d.run.as_ref().unwrap().handling();
     let shown = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
     assert_eq!(shown, b.inside, "{when}: shown");
-    let taken_out = if b.d.loaded_from_outside { &active.take_out } else { &active.eject_first };
-    assert_eq!(*taken_out, b.inside, "{when}: taken out first");
+    let taken_out = if b.d.loader.fills_capillary() { handling.take_out() } else { handling.eject_first() };
+    assert_eq!(taken_out, b.inside.as_deref(), "{when}: taken out first");
     assert!(!b.status().plate.removable, "{when}");
 }
 
@@ -117,7 +117,7 @@ fn is_whole(b: &Bench, root: &Path, outcome: RunOutcome, when: &str) {
         }
     }
     assert_eq!(raised, cleared, "{when}: {kinds:?}");
-    let run = b.d.store.run(RUN).unwrap().unwrap();
+    let run = b.d.outbox.store().run(RUN).unwrap().unwrap();
     assert_eq!((run.outcome, b.status().run.unwrap().outcome), (Some(outcome), Some(outcome)), "{when}");
     for well in &run.wells {
         let done = events.iter().filter(|e| e.body.data.kind() == "specimen.done" && e.body.well.as_ref() == Some(&well.well)).count();
@@ -142,10 +142,10 @@ fn outlasts(loaded_from_outside: bool) {
             let mut b = bench(dir.path(), loaded_from_outside);
             disk_trace::fill(at, witness(dir.path(), &b.handle));
             accept(&mut b, &when);
-            while b.d.active.is_some() {
+            while b.d.run.is_some() {
                 let end = if work(&mut b) { RunEnd::AllWells } else { RunEnd::Cancelled };
                 b.ends(end).await;
-                if b.d.active.is_none() {
+                if b.d.run.is_none() {
                     break;
                 }
                 assert_eq!(b.status().state, State::Held, "{when}");
@@ -214,8 +214,8 @@ fn an_abort_on_a_full_disk_is_written_once_there_is_room_or_when_the_daemon_ends
                     disk_trace::end();
                     drop(b);
                     let b = bench(dir.path(), false);
-                    assert!(b.d.active.is_none(), "{when}: the aborted run is taken up again");
-                    assert_eq!(b.d.store.run(RUN).unwrap().unwrap().outcome, Some(RunOutcome::Aborted), "{when}");
+                    assert!(b.d.run.is_none(), "{when}: the aborted run is taken up again");
+                    assert_eq!(b.d.outbox.store().run(RUN).unwrap().unwrap().outcome, Some(RunOutcome::Aborted), "{when}");
                     assert_eq!(indexed(&b), journalled(dir.path()), "{when}");
                     for once in ["run.abort_requested", "run.ended"] {
                         assert_eq!(count(&journalled(dir.path()), once), 1, "{when}: {once}");

@@ -26,7 +26,7 @@ fn hand() -> RunError {
 /// A01 is measured; A02 is inside and under way when `error` ends the worker.
 async fn held(b: &mut Bench, error: RunError) {
     for well in ["A01", "A02"] {
-        if b.d.loaded_from_outside {
+        if b.d.loader.fills_capillary() {
             b.asks_for(well);
             b.loaded(well, true).unwrap();
         } else {
@@ -35,7 +35,7 @@ async fn held(b: &mut Bench, error: RunError) {
         b.phase(well, Phase::Position, true);
         if well == "A01" {
             b.phase(well, Phase::Eject, true);
-            if !b.d.loaded_from_outside {
+            if !b.d.loader.fills_capillary() {
                 b.phase(well, Phase::Wash, false);
             }
             b.done(well);
@@ -50,8 +50,8 @@ fn is_kept(b: &Bench, when: &str) {
     assert!(!status.ready && !status.plate.removable, "{when}");
     let run = status.run.unwrap();
     assert_eq!((run.wells.pending, run.wells.failed, run.goes_on_by_itself), (1, 0, false), "{when}");
-    let active = b.d.active.as_ref().unwrap();
-    assert_eq!((&active.take_out, &active.eject_first), (&None, &None), "{when}");
+    let handling = b.d.run.as_ref().unwrap().handling();
+    assert_eq!((handling.take_out(), handling.eject_first()), (None, None), "{when}");
 }
 
 #[test]
@@ -81,7 +81,7 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 b.tell(Progress::Ready);
                 if outside {
                     b.asks_for("A02");
-                    assert!(b.d.gate.has_loaded("A02"), "{when}: the worker waits for a word that was said");
+                    assert!(b.d.loader.gate().has_loaded("A02"), "{when}: the worker waits for a word that was said");
                 } else {
                     b.phase("A02", Phase::Load, false);
                 }
@@ -91,8 +91,8 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 b.phase("A02", Phase::Position, true);
                 drop(b);
                 let b = bench(dir.path(), outside);
-                let active = b.d.active.as_ref().unwrap();
-                let taken_out = if outside { active.take_out.as_deref() } else { b.d.capillary().inside() };
+                let handling = b.d.run.as_ref().unwrap().handling();
+                let taken_out = if outside { handling.take_out() } else { b.d.capillary().inside() };
                 assert_eq!(taken_out, Some("A02"), "{when}");
             }
         }
@@ -139,7 +139,7 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
                 let sampler = Arm { brings_again: true, ejected: Arc::clone(&ejected), ..Arm::default() };
                 let mut with_camera = instrument(FakeAxis::new(), sampler);
                 with_camera.rig.camera = Box::new(FakeCamera::default());
-                b.d.instrument = Some(with_camera);
+                b.d.devices.give_back(with_camera);
                 b.put("r2").unwrap();
                 b.tell(Progress::Ready);
                 // The larva inside is not used as the new plate's A02: it is ejected first.
@@ -154,20 +154,20 @@ fn a_kept_specimen_is_not_forgotten_with_its_run() {
 impl Bench {
     /// What a worker has written of the specimen of well `at` when it ends: a record that nobody closed.
     fn has_recorded(&self, at: usize) {
-        let record = &self.d.active.as_ref().unwrap().record;
+        let record = self.d.run.as_ref().unwrap().record();
         let planned = &record.plan.plate_map[at];
-        let folder = self.d.store.run_folder(RUN).join(&planned.well);
+        let folder = self.d.outbox.store().run_folder(RUN).join(&planned.well);
         drop(RecordingWriter::create(&folder, a_recording(RUN, planned), None).unwrap());
     }
 
     fn is_sealed(&self, well: &str) -> bool {
-        self.d.store.run_folder(RUN).join(well).join("SHA256SUMS").is_file()
+        self.d.outbox.store().run_folder(RUN).join(well).join("SHA256SUMS").is_file()
     }
 
     /// By the status and by `run.json`.
     fn outcomes(&self) -> Vec<Option<SpecimenOutcome>> {
         let shown: Vec<_> = self.status().run.unwrap().results.iter().map(|well| well.outcome).collect();
-        let stored = self.d.store.run(RUN).unwrap().unwrap();
+        let stored = self.d.outbox.store().run(RUN).unwrap().unwrap();
         assert_eq!(shown, stored.wells.iter().map(|well| well.outcome).collect::<Vec<_>>());
         shown
     }
@@ -179,12 +179,12 @@ impl Bench {
     }
 
     fn skips_interrupted(&mut self) {
-        self.d.active.as_mut().unwrap().record.method.policy.interrupted = Interrupted::Skip;
+        self.d.run.as_mut().unwrap().record_mut().method.policy.interrupted = Interrupted::Skip;
     }
 
     /// Of each time that the specimen of A02 was interrupted: whether it was kept.
     fn interruptions(&self) -> Vec<bool> {
-        let events = journalled(&self.d.store.run_folder(RUN));
+        let events = journalled(&self.d.outbox.store().run_folder(RUN));
         let of_a02 = events.into_iter().filter(|e| e.body.well.as_deref() == Some("A02"));
         let kept = of_a02.filter_map(|e| match e.body.data {
             EventData::SpecimenInterrupted(interrupted) => Some(interrupted.kept),
@@ -196,9 +196,9 @@ impl Bench {
 
 /// The specimen of A02 is to be taken out, by the loader or by the sampler; then the run goes on.
 fn goes_on_once_it_is_out(b: &mut Bench, outside: bool) {
-    let active = b.d.active.as_ref().unwrap();
-    let taken_out = if outside { &active.take_out } else { &active.eject_first };
-    assert_eq!(taken_out.as_deref(), Some("A02"), "a loader: {outside}");
+    let handling = b.d.run.as_ref().unwrap().handling();
+    let taken_out = if outside { handling.take_out() } else { handling.eject_first() };
+    assert_eq!(taken_out, Some("A02"), "a loader: {outside}");
     b.goes_on();
     if outside {
         assert_eq!(b.needs(), out("A02"));

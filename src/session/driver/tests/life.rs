@@ -44,8 +44,8 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             assert_eq!(outcome, Some(carved_records::SpecimenOutcome::Succeeded), "{wells:?}");
             assert!(status.specimen.is_some_and(|s| s.well == "A01" && s.in_capillary), "{wells:?}");
             assert!(!status.plate.removable && status.state == State::Held, "{:?}", status.state);
-            let active = b.d.active.as_ref().unwrap();
-            assert_eq!(active.eject_first.as_deref(), Some("A01"));
+            let handling = b.d.run.as_ref().unwrap().handling();
+            assert_eq!(handling.eject_first(), Some("A01"));
             // It is taken out before the run ends, too.
             let seq = status.faults[0].seq;
             b.d.acknowledge(seq).unwrap();
@@ -65,15 +65,14 @@ fn a_run_that_has_to_go_on_without_its_instrument_waits_for_it() {
         b.loaded("A01", true).unwrap();
         b.phase("A01", Phase::Position, true);
         b.ends(RunEnd::Failed(RunError::Device(gone()))).await;
-        let mut instrument = b.d.instrument.take().unwrap();
-        b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
+        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()) });
         assert_eq!(b.status().state, State::Suspended, "it goes on to have the specimen taken out");
-        instrument = b.d.instrument.take().unwrap();
-        b.d.searched(instrument, DevicesFound { rotation: Err(gone()), camera: Ok(()) });
-        instrument = b.d.instrument.take().unwrap();
+        b.d.searched(DevicesFound { rotation: Err(gone()), camera: Ok(()) });
+        let instrument = b.d.devices.take().unwrap();
         b.loaded("A01", false).unwrap();
         assert_eq!((b.status().state, b.works()), (State::Held, false));
-        b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
+        b.d.devices.give_back(instrument);
+        b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()) });
         assert!(b.works(), "{:?}", b.status().state);
     });
 }
@@ -152,8 +151,8 @@ fn a_start_after_thousands_of_views_knows_the_plate_the_run_and_what_stands() {
         let status = b.status();
         assert_eq!((status.plate.present, b.d.state().plate.inside()), (true, Some("P-1")));
         assert_eq!(status.faults.iter().map(|f| f.code.as_str()).collect::<Vec<_>>(), [fault_table::INTERNAL_ERROR.code]);
-        let active = b.d.active.as_ref().unwrap();
-        assert!(b.d.is_held_by_operator() && active.take_out.as_deref() == Some("A02"), "{:?}", active.take_out);
+        let handling = b.d.run.as_ref().unwrap().handling();
+        assert!(b.d.is_held_by_operator() && handling.take_out() == Some("A02"), "{:?}", handling.take_out());
         assert!(status.run.unwrap().eta_s.is_some(), "what A01 took is forgotten");
     });
 }

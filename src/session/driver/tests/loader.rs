@@ -47,11 +47,6 @@ impl Bench {
     pub(super) fn inside_by_status(&self) -> Option<String> {
         self.status().specimen.filter(|s| s.in_capillary).map(|s| s.well)
     }
-
-    async fn task_ends(&mut self) {
-        let done = background::ended(&mut self.d.task).await.unwrap();
-        self.d.task_done(done);
-    }
 }
 
 /// Only the loader knows when a specimen is out: while the next is awaited the one before may still be inside.
@@ -166,8 +161,7 @@ fn what_an_operator_holds_does_not_go_on_by_itself() {
                 assert_eq!((b.steer(Towards::Hold), b.steer(Towards::Hold)), (Ok(()), Ok(())));
             }
             assert_eq!((b.status().state, b.status().run.unwrap().held_by_operator), (State::Held, held));
-            let instrument = b.d.instrument.take().unwrap();
-            b.d.searched(instrument, DevicesFound { rotation: Ok(()), camera: Ok(()) });
+            b.d.searched(DevicesFound { rotation: Ok(()), camera: Ok(()) });
             let expected = if held { State::Held } else { State::Suspended };
             assert_eq!((b.status().state, b.status().faults.len()), (expected, 0), "before {before}, after {after}");
             if held {

@@ -1,7 +1,7 @@
 //! The driver on a bench: its commands, its store and its status are the real ones; what a worker tells and when it ends, the test says.
 
 mod at_rest;
-mod bench;
+pub(super) mod bench;
 mod full_disk;
 mod kept;
 mod life;

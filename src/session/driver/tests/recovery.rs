@@ -1,8 +1,8 @@
 //! Numbers that are made from frames, where making them takes too long or costs the daemon its life.
 
-use super::super::active::next_message;
-use super::super::ends::Fate;
-use super::super::recovery::{Continuation, Recovery};
+use super::super::interrupt::Fate;
+use super::super::recovery::{Continuation, Numbers, Recovery};
+use super::super::run::next_message;
 use super::super::*;
 use super::bench::{Bench, RUN, bench, count, journalled, on_this_thread, plan, scratch, started};
 use crate::session::worker::RunEnd;
@@ -16,11 +16,11 @@ use tokio::sync::oneshot;
 /// A run of these wells, the first of which was let go and has no numbers.
 fn let_go(root: &Path, wells: &[&str]) -> Bench {
     let b = started(root, true, wells);
-    let run = &b.d.active.as_ref().unwrap().record;
+    let run = b.d.run.as_ref().unwrap().record();
     let mut recording = a_recording(RUN, &run.plan.plate_map[0]);
     // No view is missing of a turn that ended after none.
     recording.ended_after_views = Some(0);
-    let mut writer = RecordingWriter::create(&b.d.store.run_folder(RUN).join(wells[0]), recording, None).unwrap();
+    let mut writer = RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join(wells[0]), recording, None).unwrap();
     writer.accept().unwrap();
     b
 }
@@ -44,14 +44,14 @@ fn numbers_on_which_the_daemon_dies_each_time_are_tried_three_times() {
         assert_eq!(count(&journalled(dir.path()), kind::SPECIMEN_RECOVERING), 3, "it is tried for ever");
         let well = of_well(&b, 0);
         let why = well.reason.unwrap();
-        let by_hand = format!("carved measure {}", b.d.store.run_folder(RUN).join("A01").display());
+        let by_hand = format!("carved measure {}", b.d.outbox.store().run_folder(RUN).join("A01").display());
         assert!(well.outcome == Some(SpecimenOutcome::Failed) && why.contains("3 attempts") && why.contains(&by_hand), "{why}");
         assert!(b.works(), "the other well waits for ever: {:?}", b.status().state);
     });
 }
 
 fn has_sums(b: &Bench, well: &str) -> bool {
-    b.d.store.run_folder(RUN).join(well).join("SHA256SUMS").is_file()
+    b.d.outbox.store().run_folder(RUN).join(well).join("SHA256SUMS").is_file()
 }
 
 /// Whatever ends a well, what it keeps can be verified.
@@ -72,16 +72,16 @@ fn a_well_that_is_given_up_has_the_sums_of_what_it_keeps() {
         b.asks_for("A01");
         b.loaded("A01", true).unwrap();
         b.phase("A01", Phase::Position, true);
-        let active = b.d.active.as_mut().unwrap();
-        active.record.method.policy.interrupted = carved_records::Interrupted::Skip;
-        let recording = a_recording(RUN, &active.record.plan.plate_map[0]);
-        drop(RecordingWriter::create(&b.d.store.run_folder(RUN).join("A01"), recording, None).unwrap());
-        b.d.interrupt_specimen("the power was cut", Fate::PoseLost);
+        let record = b.d.run.as_mut().unwrap().record_mut();
+        record.method.policy.interrupted = carved_records::Interrupted::Skip;
+        let recording = a_recording(RUN, &record.plan.plate_map[0]);
+        drop(RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join("A01"), recording, None).unwrap());
+        b.d.interrupt_specimens("the power was cut", Fate::PoseLost);
         assert!(has_sums(&b, "A01"), "skipped by policy");
 
         // Left by a crash and never begun again: the run's end seals it, whatever that is.
-        let recording = a_recording(RUN, &b.d.active.as_ref().unwrap().record.plan.plate_map[1]);
-        drop(RecordingWriter::create(&b.d.store.run_folder(RUN).join("A02.attempt-1"), recording, None).unwrap());
+        let recording = a_recording(RUN, &b.d.run.as_ref().unwrap().record().plan.plate_map[1]);
+        drop(RecordingWriter::create(&b.d.outbox.store().run_folder(RUN).join("A02.attempt-1"), recording, None).unwrap());
         b.d.end_now();
         assert!(has_sums(&b, "A02.attempt-1"), "at the end of the run");
     });
@@ -131,12 +131,11 @@ fn numbers_that_take_longer_than_the_method_allows_fail_their_well_and_let_the_r
         let planned = plan(&["A01"]).plate_map.into();
         // Nobody ever tells this one anything.
         let (_hangs, done) = oneshot::channel();
-        let run = b.d.store.run_folder(RUN);
-        let active = b.d.active.as_mut().unwrap();
-        active.work = None;
-        active.recovery = Some(Recovery::awaited(planned, &run, done, Duration::from_millis(1)));
-        active.continuation = Some(Continuation::End);
-        let Message::Recovered(made) = next_message(&mut b.d.active).await else { panic!("another word") };
+        let run = b.d.outbox.store().run_folder(RUN);
+        let in_progress = b.d.run.as_mut().unwrap();
+        *in_progress.work_mut() = None;
+        *in_progress.numbers_mut() = Numbers::awaited(Recovery::awaited(planned, &run, done, Duration::from_millis(1)), Continuation::End);
+        let Message::Recovered(made) = next_message(&mut b.d.run).await else { panic!("another word") };
         b.d.recovered(made);
         let well = of_well(&b, 0);
         let why = well.reason.unwrap();

@@ -5,7 +5,7 @@ use super::bench::{Bench, bench, journalled, on_this_thread, plan, scratch};
 use crate::session::handle::Towards;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
-use carved_records::{Handoff, HandoffEnd, HandoffIntent, LiveEstimate, Phase};
+use carved_records::{Handoff, HandoffEnd, HandoffIntent, InstrumentState, LiveEstimate, Phase};
 use carved_store::testing::trace as disk_trace;
 use proptest::prelude::*;
 use std::path::Path;
@@ -69,7 +69,7 @@ fn error(which: u8) -> RunError {
 
 async fn takes(b: &mut Bench, step: &Step) {
     let open = |b: &Bench, well: usize| {
-        let wells = b.d.active.as_ref().map(|active| active.record.wells.clone()).unwrap_or_default();
+        let wells = b.d.run.as_ref().map(|run| run.record().wells.clone()).unwrap_or_default();
         wells.iter().any(|w| w.well == WELLS[well] && w.outcome.is_none())
     };
     match *step {

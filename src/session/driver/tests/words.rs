@@ -133,7 +133,7 @@ fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
             b.tell(Progress::Ready);
             b.asks_for("A01");
             assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Execute, Some("A01"), String::new()));
-            assert!(b.d.gate.has_loaded("A01"), "the worker waits for a word that was said");
+            assert!(b.d.loader.gate().has_loaded("A01"), "the worker waits for a word that was said");
             b.phase("A01", Phase::Eject, true);
             b.done("A01");
             b.asks_for("A02");
@@ -245,7 +245,7 @@ fn what_a_person_did_at_the_axis_is_a_fault_until_it_is_acknowledged() {
         let by_hand = DeviceError::Intervention { device: "axis", what, way_out: "Let go of the axis" };
         let mut once = Some(by_hand);
         let axis = FakeAxis::new().answering(move || once.take().map_or(Ok(()), Err));
-        b.d.instrument.as_mut().unwrap().rig.rotation = Box::new(axis);
+        b.d.devices.instrument_mut().rig.rotation = Box::new(axis);
         for _ in 0..2 {
             b.beat().await;
             let status = b.status();

@@ -1,0 +1,73 @@
+//! Room for a run on the disk, and within the disk's budget.
+
+use super::super::{Refusal, preflight};
+use crate::config::Config;
+use carved_store::{Budget, Store};
+
+/// Free space below which a disk that was full is not tried again, bytes: a few frames and their record.
+const RETRY_BYTES: u64 = 64 << 20;
+
+/// Whether the smallest run would fit, as the newest look has found.
+#[derive(Debug, Default)]
+pub(super) struct DiskRoom {
+    lacking: Option<String>,
+}
+
+impl DiskRoom {
+    /// Why the smallest run would not fit; `None` where it would.
+    pub fn lacking(&self) -> Option<&str> {
+        self.lacking.as_deref()
+    }
+
+    /// Notes what a look has found. Returns whether there is room now and was not before, or the reverse: the numbers in the text change
+    /// all the time.
+    pub fn note(&mut self, lacking: Option<String>) -> bool {
+        let changes = lacking.is_some() != self.lacking.is_some();
+        if changes {
+            self.lacking = lacking;
+        }
+        changes
+    }
+}
+
+/// What runs have taken and may take; a budget that cannot be counted refuses nothing.
+pub(super) fn budget(config: &Config, store: &Store) -> Option<Budget> {
+    let counted = store.budget(Some(config.store.budget_gb?));
+    counted.inspect_err(|error| tracing::warn!(%error, "the disk's budget is not counted")).ok()
+}
+
+/// Refuses what would not fit on the disk, or into its budget.
+///
+/// # Errors
+/// What is needed, and what there is.
+pub(super) fn fits(config: &Config, store: &Store, needed_bytes: u64) -> Result<(), Refusal> {
+    if let Some(free_bytes) = store.free_bytes().filter(|free| *free < needed_bytes) {
+        return Err(Refusal::WillNotFit { needed_bytes, free_bytes });
+    }
+    budget(config, store).and_then(|budget| budget.refuses(needed_bytes)).map_or(Ok(()), |why| Err(Refusal::OverBudget { why }))
+}
+
+/// Why not even the smallest run would be accepted: one well of the method that takes least.
+pub(super) fn look(config: &Config, store: &Store) -> Option<String> {
+    let least_bytes = config.methods.values().map(|method| preflight::needed_bytes(config, method, 1)).min();
+    fits(config, store, least_bytes?).err().map(|refusal| format!("one well: {refusal}"))
+}
+
+/// Whether a disk that was full is worth another try.
+pub(super) fn is_worth_a_retry(store: &Store) -> bool {
+    store.free_bytes().is_none_or(|free| free >= RETRY_BYTES)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_change_from_room_to_none_or_back_is_news() {
+        let mut room = DiskRoom::default();
+        assert!(!room.note(None) && room.lacking().is_none());
+        assert!(room.note(Some("1 GB is free".into())));
+        assert!(!room.note(Some("0.9 GB is free".into())) && room.lacking() == Some("1 GB is free"));
+        assert!(room.note(None) && room.lacking().is_none());
+    }
+}

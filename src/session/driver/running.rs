@@ -1,0 +1,1301 @@
+//! The driver at work: it asks its parts what is to be done, and does it. Everything that has an effect is here: events, records,
+//! revisions of the status, workers, background tasks. What decides is in the parts.
+//!
+//! ```text
+//! start ──► launch ──► worker ──► worker_ended ─┬─ all wells ──► finish ──► close ───────► Complete
+//!             ▲                                 ├─ paused, failed ──► rest ──► Held ──┐
+//!             │                                 └─ stop, abort, shut-down ──► end_run ──► end_now ──► Stopped, Aborted
+//!             └──────────── unhold (operator, or by itself) ◄─────────────────────────┘
+//! ```
+//! `finish` and `end_run` wait for the numbers of specimens that are gone.
+
+use super::super::handle::{Accepted, Command, Publisher, Refusal, Towards};
+use super::super::preflight;
+use super::super::search::DevicesFound;
+use super::super::state::{self, HOLDABLE, Trigger};
+use super::super::status::{CameraStatus, TranslationStatus};
+use super::super::worker::{self, Instrument, Progress, RunContext, RunEnd, RunError};
+use super::super::{Live, Plate, Shown, SpecimenStatus, State, Status, fault, gate};
+use super::devices::{Devices, Done, Finding, PreflightRequest, findings, intervention};
+use super::handling::Waited;
+use super::interrupt::{Course, Fate, interruptions};
+use super::loader::{Loader, LoaderMessage, capillary_full};
+use super::outbox::Outbox;
+use super::plates::Surroundings;
+use super::progress::{Hardware, View, show_done, show_estimate, show_hardware, show_phase, show_view};
+use super::recovery::{self, Attempt, Continuation, Made, Recovered};
+use super::room::{self, DiskRoom};
+use super::run::{AfterWork, Request, RunInProgress, Work};
+use super::sealing::{seal_run, seal_well};
+use super::snapshot::{self, Parts, left_specimen, run_status};
+use super::{Driver, Life, commands, faults, resume, start};
+use crate::config::Config;
+use carved_core::units::Steps;
+use carved_devices::DeviceError;
+use carved_devices::cancel::CancelToken;
+use carved_records::Method;
+use carved_records::{
+    AttemptFailed, Capillary, DaemonStarted, Device, EndRequest, Event, EventData, Fault, FaultsCleared, Handoff, HandoffEnd, HandoffNeeds,
+    HeldBy, InstrumentState, LoadedBy, Mode, Phase, PhaseEntered, PlannedWell, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld,
+    RunInterrupted, RunPlan, RunResumed, RunState, SpecimenDone, SpecimenInterrupted, ViewTaken, WellCounts, WellStatus, WellTimes,
+    fault_table,
+};
+use carved_store::{RunRecord, StoreError};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use tokio::sync::oneshot;
+
+/// The parts of the driver.
+pub(super) struct Running {
+    pub(super) config: Arc<Config>,
+    mode: Mode,
+    pub(super) publisher: Publisher,
+    pub(super) outbox: Outbox,
+    pub(super) devices: Devices,
+    pub(super) loader: Loader,
+    room: DiskRoom,
+    pub(super) run: Option<RunInProgress>,
+    pub(super) life: Life,
+}
+
+/// A client that hung up before its answer is no reason to stop: what was decided stands.
+fn reply<T>(answer: oneshot::Sender<Result<T, Refusal>>, result: Result<T, Refusal>) {
+    let _hung_up = answer.send(result);
+}
+
+// A start, each second, and an end.
+impl Running {
+    pub fn new(driver: Driver) -> Self {
+        let Driver { config, mode, store, journal, publisher, instrument, gate, heartbeat: _ } = driver;
+        publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
+        // The journal's tail alone would forget a plate within some dozen wells: most of it are views.
+        let remembered = store.remembered().unwrap_or_else(|error| {
+            tracing::error!(%error, "the journal cannot be read; its newest events are all that is remembered");
+            publisher.tail().iter().map(|event| Event::clone(event)).collect()
+        });
+        Self {
+            outbox: Outbox::new(store, journal, publisher.log(), InstrumentState::after(&remembered)),
+            loader: Loader::new(gate, instrument.sampler.as_ref()),
+            devices: Devices::new(instrument),
+            config,
+            mode,
+            publisher,
+            room: DiskRoom::default(),
+            run: None,
+            life: Life::Starting,
+        }
+    }
+
+    /// Shows the devices, then what an earlier life of the daemon left. A disk that refuses writes is a fault, not the end of the daemon.
+    pub fn first_report(&mut self) {
+        let second = self.devices.at_rest().and_then(|i| i.second.as_ref()).map(|second| second.identity().to_owned());
+        let identities = self.devices.at_rest().map(|i| (i.rig.rotation.identity().to_owned(), i.rig.camera.identity().to_owned()));
+        let has_translation = self.config.translation.is_some();
+        let disk_free_bytes = self.outbox.store().free_bytes();
+        let calibration = gate::calibration(&self.config, self.mode);
+        let inside = self.state().plate.inside().map(str::to_owned);
+        let open = self.open_runs();
+        self.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: self.mode }));
+        self.publish(|s| {
+            s.calibration = calibration;
+            if let Some((rotation, camera)) = identities {
+                s.hardware.translation = has_translation.then(TranslationStatus::default);
+                s.hardware.find_axes(&rotation);
+                s.hardware.camera.identity = Some(camera);
+                s.hardware.camera.connected = true;
+            }
+            s.hardware.camera_second =
+                second.map(|identity| CameraStatus { identity: Some(identity), connected: true, ..CameraStatus::default() });
+            s.hardware.disk_free_bytes = disk_free_bytes;
+            s.plate.present = inside.is_some();
+            s.plate.barcode = inside;
+        });
+        self.life = Life::Up;
+        if let Some(record) = open {
+            let run = start::run_after(&record.id, &start::events_of(self.outbox.store(), &self.publisher, &record.id));
+            self.take_up(record, run);
+        } else if let Some(record) = start::ended_run(self.outbox.store(), self.mode) {
+            self.show_again(&record);
+        } else {
+            self.publish(|_| ());
+        }
+    }
+
+    /// The newest run that was left open; the others are ended here: they cannot go on.
+    fn open_runs(&mut self) -> Option<RunRecord> {
+        let open = match self.outbox.store().open_runs() {
+            Ok(open) => open,
+            Err(error) => {
+                self.keep(Err(error));
+                return None;
+            }
+        };
+        let (newest, others) = start::newest_of(open, self.mode);
+        for mut run in others {
+            seal_run(self.outbox.store(), &run.id);
+            run.end_interrupted();
+            let id = run.id.clone();
+            self.save(run);
+            let interrupted = RunInterrupted { found: "at start".into(), loaded_by: None };
+            self.outbox.happened(Some(&id), None, EventData::RunInterrupted(interrupted));
+            self.write();
+        }
+        newest
+    }
+
+    /// An ended run as it was shown before the daemon ended: until the next one starts.
+    fn show_again(&mut self, record: &RunRecord) {
+        let events = start::events_of(self.outbox.store(), &self.publisher, &record.id);
+        let run = start::run_after(&record.id, &events);
+        let tail = self.publisher.tail();
+        let plate_is_away = start::plate_is_away(&events, tail.iter().map(AsRef::as_ref));
+        let state = start::rests_in(record.outcome, run.end_request());
+        self.outbox.recall(run);
+        let barcode = record.plan.plate_barcode.clone();
+        let change = self.over(record);
+        self.publish(|s| {
+            change(s);
+            s.state = state;
+            if !s.plate.present && !plate_is_away {
+                s.plate.present = true;
+                s.plate.barcode = Some(barcode);
+            }
+        });
+    }
+
+    /// Takes up a run that an earlier life of the daemon left open.
+    fn take_up(&mut self, record: RunRecord, run: RunState) {
+        let asd = record.method.asd;
+        let (status, barcode) = (run_status(&record), record.plan.plate_barcode.clone());
+        let end_request = run.end_request();
+        self.outbox.recall(run);
+        self.run = Some(RunInProgress::new(record));
+        let by_loader = self.loader.fills_capillary();
+        let loaded_by = if by_loader { LoadedBy::Loader } else { LoadedBy::Sampler };
+        self.event(None, EventData::RunInterrupted(RunInterrupted { found: "at start".into(), loaded_by: Some(loaded_by) }));
+        let (known, capillary) = (self.outbox.state().run.as_ref(), snapshot::capillary(self.outbox.state()));
+        if let Some(run) = &mut self.run {
+            // Known before it is shown: who reads in between is not to believe that the run waits for somebody.
+            run.recall(end_request);
+            run.set_may_go_on(end_request.is_none() && resume::is_automatic(run, known));
+            // What is there for the run to go on with stays.
+            if let Some(inside) = capillary.inside().filter(|inside| capillary.brought() != Some(inside)) {
+                run.handling_mut().remove(inside, by_loader);
+            }
+        }
+        let left = self.left_specimen(asd);
+        self.go_with(Trigger::TakeUp, |s: &mut Status| {
+            s.run = Some(status);
+            s.specimen = left;
+            s.plate.barcode = Some(barcode);
+            s.plate.present = true;
+        });
+        self.interrupt_specimens("the daemon ended before this specimen was done", Fate::PoseLost);
+        if let Some(run) = &self.run {
+            // What is given up stays so, whatever comes before the run goes on.
+            let (record, status) = (run.record().clone(), run_status(run.record()));
+            self.save(record);
+            self.publish(|s| s.run = Some(status));
+        }
+        self.recover();
+        match end_request {
+            Some(end) => {
+                self.go(if end == EndRequest::Stop { Trigger::Stop } else { Trigger::Abort });
+                self.end_run();
+            }
+            None => self.resume_by_itself(),
+        }
+    }
+
+    pub fn beat(&mut self) {
+        self.calibration_ages();
+        self.show_index();
+        if self.life != Life::Stopping {
+            // Before the look: that has the instrument for a moment, and a run that goes on needs it.
+            self.try_the_store();
+            self.look();
+            self.look_for_room();
+        }
+    }
+
+    pub fn shut_down(&mut self) {
+        self.life = Life::Stopping;
+        self.ask(Request::ShutDown);
+        self.go(Trigger::ShutDown);
+        if self.run.is_some() {
+            self.event(None, EventData::DaemonStopping);
+        }
+        if self.has_idle_run() {
+            self.end_run();
+        }
+    }
+
+    /// Whether nothing is under way any more.
+    pub fn is_at_rest(&self) -> bool {
+        self.run.is_none() && !self.devices.are_busy()
+    }
+
+    /// The daemon's last event, and one more try for what is not on disk.
+    pub fn final_report(&mut self) -> Result<(), StoreError> {
+        let stopped = self.promise(None, EventData::DaemonStopped);
+        if self.outbox.waiting() > 0 {
+            tracing::error!(waiting = self.outbox.waiting(), "the daemon ends with events and records that the disk did not take");
+        }
+        stopped
+    }
+}
+
+// What the parts know.
+impl Running {
+    /// What the events say.
+    pub fn state(&self) -> &InstrumentState {
+        self.outbox.state()
+    }
+
+    pub fn capillary(&self) -> &Capillary {
+        snapshot::capillary(self.state())
+    }
+
+    fn is(&self, run: &str) -> bool {
+        self.run.as_ref().is_some_and(|r| r.record().id == run)
+    }
+
+    fn works(&self) -> bool {
+        self.run.as_ref().is_some_and(RunInProgress::works)
+    }
+
+    /// Whether a run is under way that nobody works on.
+    fn has_idle_run(&self) -> bool {
+        self.run.as_ref().is_some_and(|r| !r.works())
+    }
+
+    pub fn is_held_by_operator(&self) -> bool {
+        self.state().run.as_ref().is_some_and(RunState::is_held_by_operator)
+    }
+
+    fn left_specimen(&self, views_planned: u32) -> Option<SpecimenStatus> {
+        left_specimen(self.capillary(), self.publisher.status().specimen.as_ref(), views_planned)
+    }
+
+    fn nothing_stands_in_the_way(&self) -> Result<(), Refusal> {
+        faults::stands_in_the_way(&self.state().faults, self.devices.lost())
+    }
+
+    /// The wells of the run under way that only lack their numbers.
+    fn accepted(&self) -> VecDeque<PlannedWell> {
+        let run = self.run.as_ref().map(RunInProgress::record);
+        run.map_or_else(VecDeque::new, |record| recovery::accepted(&self.outbox.store().run_folder(&record.id), record))
+    }
+
+    /// Whether the run's larvae are measured without a valid bead gate.
+    fn lacks_gate(&self) -> bool {
+        let newest = gate::calibration(&self.config, self.mode).and_then(|c| c.gate);
+        self.run.as_ref().is_some_and(|run| gate::lacking(newest.as_ref(), &run.record().method, self.mode).is_some())
+    }
+}
+
+// What is shown, and what is written.
+impl Running {
+    /// Follows the state table; every state on the way is published as a revision of its own.
+    pub fn go(&self, trigger: Trigger) {
+        self.go_with(trigger, |_| ());
+    }
+
+    /// The same with a change that comes with the first state and in the same revision.
+    pub fn go_with(&self, trigger: Trigger, change: impl FnOnce(&mut Status)) {
+        let from = self.publisher.status().state;
+        let Some(path) = state::next(from, trigger) else {
+            tracing::error!(?from, ?trigger, "no such transition");
+            return self.publish(change);
+        };
+        let mut change = Some(change);
+        for &to in path {
+            let change = change.take();
+            self.publish(|s| {
+                s.state = to;
+                if let Some(change) = change {
+                    change(s);
+                }
+            });
+        }
+        if let Some(change) = change {
+            self.publish(change);
+        }
+    }
+
+    /// Publishes a change as one revision, with all that follows from it.
+    pub fn publish(&self, change: impl FnOnce(&mut Status)) {
+        let parts = Parts {
+            state: self.outbox.state(),
+            run: self.run.as_ref(),
+            loader: &self.loader,
+            lost: self.devices.lost(),
+            is_checked: self.devices.are_checked(),
+            no_room: self.room.lacking(),
+            is_failing: self.outbox.is_failing(),
+            life: self.life,
+            now: jiff::Timestamp::now(),
+        };
+        self.publisher.publish(|s| {
+            change(s);
+            parts.derive(s);
+        });
+    }
+
+    /// Writes down what has happened in the run under way, if there is one.
+    pub fn event(&mut self, well: Option<&str>, data: EventData) {
+        self.event_shown(well, data, |_| ());
+    }
+
+    /// Shows what has happened before it is written: a disk that hangs must not keep a fault or a state from being seen.
+    fn event_shown(&mut self, well: Option<&str>, data: EventData, show: impl FnOnce(&Self)) {
+        let run = self.run.as_ref().map(|run| run.record().id.as_str());
+        self.outbox.happened(run, well, data);
+        show(self);
+        self.write();
+    }
+
+    fn write(&mut self) {
+        let written = self.outbox.flush();
+        self.keep(written);
+    }
+
+    /// Writes a run's record, behind all that happened before.
+    fn save(&mut self, record: RunRecord) {
+        self.outbox.save(record);
+        self.write();
+    }
+
+    /// Writes down what somebody asks for, which has not happened where it cannot be written.
+    fn promise(&mut self, well: Option<&str>, data: EventData) -> Result<(), StoreError> {
+        let run = self.run.as_ref().map(|run| run.record().id.as_str());
+        self.outbox.promise(run, well, data)
+    }
+
+    /// A write that fails holds the run: motors first, then the fault. What could not be written is shown all the same, and the plate is
+    /// not called removable.
+    pub fn keep(&mut self, written: Result<(), StoreError>) {
+        let Err(error) = written else { return };
+        tracing::error!(%error, "not stored");
+        let works = self.works();
+        if works {
+            self.ask(Request::Halt);
+        }
+        // What is raised is written behind what failed; a second failure adds nothing.
+        if !self.outbox.set_failing(true) {
+            self.raise(&error.into());
+        }
+        if works && HOLDABLE.contains(&self.publisher.status().state) {
+            self.go(Trigger::Hold);
+        }
+    }
+
+    /// A disk that failed is tried until it accepts writes; what is not on it yet goes first.
+    pub fn try_the_store(&mut self) {
+        if !self.outbox.is_failing() || self.works() || !room::is_worth_a_retry(self.outbox.store()) {
+            return;
+        }
+        let written = match &self.run {
+            Some(run) => self.outbox.promise_with(run.record(), EventData::StoreRegained),
+            None => self.outbox.promise(None, None, EventData::StoreRegained),
+        };
+        if let Err(error) = written {
+            tracing::warn!(%error, "the disk does not take writes yet");
+            return;
+        }
+        self.outbox.set_failing(false);
+        self.fault_over(Fault::is_of_storage, "the disk takes writes again", |_| ());
+        self.resume_by_itself();
+    }
+}
+
+// Faults and devices.
+impl Running {
+    pub fn raise(&mut self, error: &RunError) {
+        let raised = fault::of(self.state().faults.newest() + 1, error);
+        let lost = fault::lost_device(error);
+        if let Some(lost) = lost {
+            self.devices.lose(lost);
+        }
+        self.event_shown(None, EventData::FaultRaised(raised), |d| {
+            d.publish(|s| match lost {
+                Some(Device::Camera) => s.hardware.camera.connected = false,
+                Some(Device::Rotation) => s.hardware.lose_axes(),
+                None => {}
+            });
+        });
+    }
+
+    /// Ends the faults that are over, then shows what ended them.
+    fn fault_over(&mut self, is_over: impl Fn(&Fault) -> bool, why: &str, change: impl FnOnce(&mut Status)) {
+        let seq = self.state().faults.open().iter().filter(|f| is_over(f)).map(|f| f.seq).collect();
+        self.event(None, EventData::FaultsCleared(FaultsCleared { seq, why: why.to_owned() }));
+        self.publish(change);
+    }
+
+    pub fn acknowledge(&mut self, seq: u64) -> Result<(), Refusal> {
+        if let Some((known, ends)) = faults::acknowledge(&self.state().faults, seq)? {
+            self.promise(None, EventData::FaultAcknowledged(known))?;
+            if ends {
+                self.publish(|_| ());
+            }
+        }
+        Ok(())
+    }
+
+    /// The motors are stopped already. What runs is aborted, and nothing runs again before somebody has acknowledged it.
+    pub fn emergency_stopped(&mut self) -> Result<(), Refusal> {
+        self.emergency_pressed();
+        self.outbox.on_disk()
+    }
+
+    /// Once for all who pressed it until now.
+    pub fn emergency_pressed(&mut self) {
+        if !self.publisher.halt().take() {
+            return;
+        }
+        if !faults::is_open(&self.state().faults, fault_table::EMERGENCY_STOP.code) {
+            let (seq, since) = (self.state().faults.newest() + 1, jiff::Timestamp::now().to_string());
+            let fault = Fault::new(seq, &fault_table::EMERGENCY_STOP, fault_table::EMERGENCY_STOP.meaning.into(), since);
+            self.event_shown(None, EventData::FaultRaised(fault), |d| d.publish(|_| ()));
+        }
+        let state = self.publisher.status().state;
+        if self.run.is_some() && state != State::Aborting {
+            self.abort();
+        } else if self.run.is_none() && state != State::Aborted {
+            self.go(Trigger::Abort);
+            self.go(Trigger::MotorsStopped);
+        }
+    }
+
+    /// During a run the worker opens a lost camera again by itself, or ends; here it is shown.
+    pub fn show_camera(&self) {
+        let is_lost = self.devices.camera_is_lost();
+        if self.publisher.status().hardware.camera.connected == is_lost {
+            self.publish(|s| s.hardware.camera.connected = !is_lost);
+        }
+    }
+
+    /// Shows whether the index holds all that is on disk.
+    fn show_index(&self) {
+        let trouble = self.outbox.store().index_trouble();
+        if self.publisher.status().hardware.index_trouble != trouble {
+            self.publish(|s| s.hardware.index_trouble = trouble);
+        }
+    }
+
+    /// A calibration, or a gate, that has grown too old is a change of state, and shown as one.
+    fn calibration_ages(&self) {
+        let mut calibration = self.publisher.status().calibration.clone();
+        if calibration.as_mut().is_some_and(|c| c.grows_too_old(jiff::Timestamp::now())) {
+            self.publish(|s| s.calibration = calibration);
+        }
+    }
+
+    /// At rest others may fill the disk, or make room on it.
+    pub fn look_for_room(&mut self) {
+        let lacking = if self.run.is_none() { room::look(&self.config, self.outbox.store()) } else { None };
+        if self.room.note(lacking) {
+            self.publish(|_| ());
+        }
+    }
+
+    /// At rest the devices are asked whether they are still there.
+    pub fn look(&mut self) {
+        if self.devices.at_rest().is_none() {
+            return;
+        }
+        if self.devices.camera_is_lost() {
+            self.lose(Device::Camera, DeviceError::ControlLost);
+        }
+        self.devices.begin_look();
+    }
+
+    pub fn task_done(&mut self, done: Done) {
+        match done {
+            Done::Searched(found) => self.searched(found),
+            Done::Preflight(seen, request) => {
+                let PreflightRequest { plan, answer } = *request;
+                if let Some(taken) = seen.intervention().and_then(intervention) {
+                    self.find(taken);
+                }
+                let status = self.publisher.status();
+                let (store, inside) = (self.outbox.store(), self.state().plate.inside());
+                let budget = room::budget(&self.config, store);
+                let checks = preflight::checks(&self.config, &plan, &seen, &status, inside, store.free_bytes(), budget);
+                // A run would be accepted again, before the client can ask for one.
+                self.publish(|_| ());
+                reply(answer, Ok(checks));
+            }
+        }
+        self.go_on_if_it_may();
+    }
+
+    pub fn searched(&mut self, found: DevicesFound) {
+        let was_lost = self.devices.lost().is_some();
+        for finding in findings(found) {
+            self.find(finding);
+        }
+        let seen = self.devices.at_rest().and_then(|instrument| instrument.sampler.sees_specimen());
+        self.read_wire(seen);
+        // A run that was held by it may go on.
+        if was_lost && self.devices.lost().is_none() {
+            self.resume_by_itself();
+        }
+    }
+
+    fn find(&mut self, finding: Finding) {
+        match finding {
+            Finding::There(device) => self.find_again(device),
+            Finding::Lost(device, error) => self.lose(device, error),
+            Finding::Stands(code, error) => {
+                if !faults::is_open(&self.state().faults, code) {
+                    self.raise(&error.into());
+                }
+            }
+        }
+    }
+
+    /// A loss at rest is a fault of its own, raised once.
+    fn lose(&mut self, device: Device, error: DeviceError) {
+        if !self.devices.has_lost(device) {
+            self.raise(&error.into());
+        }
+    }
+
+    fn find_again(&mut self, device: Device) {
+        let identity = self.devices.at_rest().map(|instrument| instrument.rig.rotation.identity().to_owned()).unwrap_or_default();
+        let connected = |s: &mut Status| match device {
+            Device::Camera => s.hardware.camera.connected = true,
+            Device::Rotation => s.hardware.find_axes(&identity),
+        };
+        if self.devices.find(device) {
+            self.fault_over(|fault| device.is_all_of(fault), device.is_back(), connected);
+        }
+        // A controller that was held when it was opened tells its version only once it is free.
+        if device == Device::Rotation && self.publisher.status().hardware.rotation.identity.as_deref() != Some(&identity) {
+            self.publish(connected);
+        }
+    }
+
+    /// A specimen in the capillary, by the sampler's wire, while there is no run and none was left there.
+    fn read_wire(&mut self, seen: Option<bool>) {
+        let Some(seen) = seen.filter(|_| self.run.is_none() && self.capillary().inside().is_none()) else { return };
+        let reading = self.loader.read_wire(seen);
+        if reading.is_news {
+            self.publish(|_| ());
+        }
+        if reading.unexpected {
+            self.find(Finding::Stands(fault_table::SAMPLER_FAILED.code, DeviceError::Unasked));
+        }
+    }
+}
+
+// Commands.
+impl Running {
+    pub fn command(&mut self, command: Command) {
+        match command {
+            Command::PutRun { id, plan, answer } => reply(answer, self.put_run(&id, plan)),
+            Command::Steer { id, towards, answer } => reply(answer, self.steer(&id, towards)),
+            Command::EmergencyStop { answer } => reply(answer, self.emergency_stopped()),
+            Command::Acknowledge { seq, answer } => reply(answer, self.acknowledge(seq)),
+            Command::Loaded { run, well, loaded: true, answer } => reply(answer, self.loaded(&run, &well)),
+            Command::Loaded { run, well, loaded: false, answer } => reply(answer, self.unloaded(&run, &well)),
+            Command::Handoff { plate, answer } => reply(answer, self.handoff(plate)),
+            Command::EndHandoff { end, answer } => reply(answer, self.end_handoff(end)),
+            Command::Preflight { plan, answer } => self.preflight(plan, answer),
+        }
+    }
+
+    fn put_run(&mut self, id: &str, plan: RunPlan) -> Result<Accepted, Refusal> {
+        commands::is_named_well(id)?;
+        let store = self.outbox.store();
+        if let Some(known) = store.run(id).map_err(Refusal::from)? {
+            return if known.plan == plan { Ok(Accepted::Same) } else { Err(Refusal::OtherPlan { id: id.to_owned() }) };
+        }
+        if store.reader().was_accepted(id).unwrap_or(false) {
+            return Err(Refusal::Pruned { id: id.to_owned() });
+        }
+        plan.check(&self.config.methods).map_err(Refusal::InvalidPlan)?;
+        gate::refuses(&self.config, self.mode, &plan).map_or(Ok(()), |mistake| Err(Refusal::InvalidPlan(vec![mistake])))?;
+        let status = self.publisher.status();
+        commands::is_startable(self.run.is_some(), status.state)?;
+        self.nothing_stands_in_the_way()?;
+        if let Some(left) = self.loader.has_to_take_out(self.capillary()) {
+            return Err(capillary_full(status.run.as_ref().map(|newest| newest.id.as_str()), left));
+        }
+        commands::is_of_this_plate(&plan, &self.state().plate)?;
+        let method = self.config.methods.get(&plan.method).cloned().ok_or_else(|| commands::unknown_method(&plan))?;
+        if self.devices.at_rest().is_none() {
+            return Err(Refusal::Busy);
+        }
+        room::fits(&self.config, self.outbox.store(), preflight::needed_bytes(&self.config, &method, plan.plate_map.len()))?;
+        self.start(id, plan, method)?;
+        Ok(Accepted::Created)
+    }
+
+    fn steer(&mut self, id: &str, towards: Towards) -> Result<(), Refusal> {
+        let status = self.publisher.status();
+        if !self.is(id) {
+            let stored = self.outbox.store().run(id).map_err(Refusal::from)?;
+            return commands::steer_ended(id, towards, stored, status.run.as_ref().map(|r| r.id.as_str()), status.state);
+        }
+        if !commands::steer(towards, status.state)? {
+            return Ok(());
+        }
+        match towards {
+            Towards::Abort => {
+                self.abort();
+                self.outbox.on_disk()
+            }
+            Towards::Stop => self.stop(),
+            Towards::Hold => self.hold(status.state),
+            Towards::Unhold => self.unhold(ResumedBy::Operator),
+        }
+    }
+
+    fn loader_message<'a>(&'a self, run: &'a str, well: &'a str, status: &'a Status) -> LoaderMessage<'a> {
+        let newest = status.run.as_ref().map(|newest| (newest.id.as_str(), newest.outcome));
+        let wanted = self.run.as_ref().map(RunInProgress::handling);
+        LoaderMessage { run, well, newest, capillary: self.capillary(), wanted }
+    }
+
+    /// The run that an event of the loader belongs to; one that was pruned is not to come back.
+    fn run_of_event<'a>(&self, run: &'a str) -> Option<&'a str> {
+        self.outbox.store().run_folder(run).is_dir().then_some(run)
+    }
+
+    fn loaded(&mut self, run: &str, well: &str) -> Result<(), Refusal> {
+        let status = self.publisher.status();
+        let Some(loaded) = self.loader_message(run, well, &status).loaded()? else { return Ok(()) };
+        self.outbox.promise(self.run_of_event(run), Some(well), EventData::WellLoaded(loaded))?;
+        let waited = self.run.as_mut().map(|run| run.handling_mut().brought());
+        match waited {
+            Some(Waited::ForIt) if status.state == State::Suspended => {
+                self.loader.say_loaded(well);
+                self.go(Trigger::Loaded);
+            }
+            Some(Waited::ForTheFormer) if status.state == State::Suspended => {
+                self.go(Trigger::Loaded);
+                self.proceed();
+            }
+            // Held it waits for the run to go on, in which it is not brought again; in a run that is ending it is left inside.
+            Some(_) => self.publish(|_| ()),
+            None => {
+                let views_planned = self.outbox.store().run(run).ok().flatten().map_or(0, |record| record.method.asd);
+                let left = self.left_specimen(views_planned);
+                self.publish(|s| s.specimen = left);
+            }
+        }
+        Ok(())
+    }
+
+    fn unloaded(&mut self, run: &str, well: &str) -> Result<(), Refusal> {
+        let status = self.publisher.status();
+        let worked_on = status.specimen.as_ref().filter(|_| self.works()).map(|s| (s.well.as_str(), s.phase));
+        if !self.loader_message(run, well, &status).unloaded(worked_on)? {
+            return Ok(());
+        }
+        let was_kept = self.capillary().brought() == Some(well);
+        self.outbox.promise(self.run_of_event(run), Some(well), EventData::WellUnloaded)?;
+        if was_kept && !self.loader.brings_again() {
+            self.give_up(well, "somebody took its specimen out, and the sampler brings none twice");
+        }
+        let waited = self.run.as_mut().is_some_and(|run| run.handling_mut().taken_out(well));
+        let at_rest = self.run.is_none();
+        let change = |s: &mut Status| drop(s.specimen.take_if(|_| at_rest));
+        if waited && status.state == State::Suspended {
+            self.go_with(Trigger::Loaded, change);
+            self.proceed();
+        } else {
+            self.publish(change);
+        }
+        Ok(())
+    }
+
+    fn surroundings<'a>(&'a self, status: &'a Status) -> Surroundings<'a> {
+        Surroundings {
+            state: status.state,
+            has_run: self.run.is_some(),
+            plate: status.plate.barcode.as_deref().filter(|_| status.plate.present),
+            capillary: self.capillary(),
+            is_failing: self.outbox.is_failing(),
+        }
+    }
+
+    /// Announces that a plate is to be moved, and says what has to happen first.
+    pub fn handoff(&mut self, plate: Handoff) -> Result<HandoffNeeds, Refusal> {
+        let status = self.publisher.status();
+        if self.surroundings(&status).announce(&self.state().plate, &plate)? {
+            self.promise(None, EventData::PlateAnnounced(plate.clone()))?;
+            self.publish(|_| ());
+        }
+        Ok(HandoffNeeds { intent: plate.intent, needs: self.surroundings(&status).needs(), barcode: plate.barcode })
+    }
+
+    pub fn end_handoff(&mut self, end: HandoffEnd) -> Result<(), Refusal> {
+        let status = self.publisher.status();
+        let Some(data) = self.surroundings(&status).end(&self.state().plate, end)? else { return Ok(()) };
+        self.promise(None, data)?;
+        let inside = self.state().plate.inside().map(str::to_owned);
+        self.publish(|s| {
+            if end == HandoffEnd::Completed {
+                s.plate = Plate { present: inside.is_some(), barcode: inside, ..Plate::default() };
+            }
+        });
+        Ok(())
+    }
+
+    /// Looks at everything that a run of this plan would need. It needs the instrument, so there can be no run.
+    pub fn preflight(&mut self, plan: RunPlan, answer: oneshot::Sender<Result<Vec<preflight::Check>, Refusal>>) {
+        let sound = plan.check(&self.config.methods).map_err(Refusal::InvalidPlan);
+        let accepted = sound.and_then(|()| commands::is_startable(self.run.is_some(), self.publisher.status().state));
+        if let Err(refusal) = accepted {
+            return reply(answer, Err(refusal));
+        }
+        let deadline = std::time::Duration::from_millis(self.config.acquisition.grab_deadline_ms.into());
+        match self.devices.begin_preflight(Box::new(PreflightRequest { plan, answer }), deadline) {
+            // No run would be accepted meanwhile.
+            Ok(()) => self.publish(|_| ()),
+            Err(request) => reply(request.answer, Err(Refusal::Busy)),
+        }
+    }
+}
+
+// The life of a run.
+impl Running {
+    /// Journals the run, then lets the worker go.
+    fn start(&mut self, id: &str, plan: RunPlan, method: Method) -> Result<(), StoreError> {
+        let calibration = gate::calibration(&self.config, self.mode);
+        let record = RunRecord {
+            calibration: calibration.clone(),
+            ..RunRecord::new(id, plan, method, self.mode, self.config.empty_capillary.as_deref())
+        };
+        // What is left in the capillary here is taken out by a driven sampler before the first well.
+        let left = self.capillary().inside().map(str::to_owned);
+        let accepted = EventData::RunAccepted(RunAccepted {
+            plate_barcode: record.plan.plate_barcode.clone(),
+            method: record.plan.method.clone(),
+            left_in_capillary: left.clone(),
+        });
+        // What waits for the disk comes first.
+        self.outbox.flush()?;
+        if let Err(refused) = self.outbox.promise_with(&record, accepted) {
+            // Not accepted: the same request must not read as known when it comes again.
+            if let Err(error) = self.outbox.store().forget_run(id) {
+                tracing::error!(%error, "a run that was refused is still on disk");
+            }
+            return Err(refused);
+        }
+        let status = run_status(&record);
+        let barcode = record.plan.plate_barcode.clone();
+        self.loader.begin_run();
+        self.devices.begin_run();
+        let mut run = RunInProgress::new(record);
+        if let Some(left) = left {
+            run.handling_mut().remove(&left, false);
+        }
+        self.run = Some(run);
+        self.launch();
+        self.go_with(Trigger::Start, |s| {
+            s.calibration = calibration;
+            s.run = Some(status);
+            s.specimen = None;
+            s.plate = Plate { barcode: Some(barcode), present: true, ..Plate::default() };
+        });
+        Ok(())
+    }
+
+    /// Gives the instrument to a worker for the wells that are left.
+    fn launch(&mut self) {
+        let lacks_gate = self.lacks_gate();
+        let accepted = self.accepted();
+        // A loader's is reported through the gate.
+        let inside = self.capillary().brought().filter(|_| !self.loader.fills_capillary()).map(str::to_owned);
+        let (Some(run), Some(instrument)) = (&mut self.run, self.devices.take()) else {
+            tracing::error!("there is no run, or no instrument for it");
+            return;
+        };
+        let (wells, eject_first) = (run.wells_left(&accepted), run.handling_mut().hand_to_worker());
+        let record = run.record();
+        let work = Work::begin(instrument, self.loader.clear_gate(), self.publisher.halt(), |cancel, pause, progress| RunContext {
+            config: self.config.clone(),
+            mode: self.mode,
+            run: record.id.clone(),
+            wells,
+            eject_first,
+            inside,
+            method_name: record.plan.method.clone(),
+            method: record.method.clone(),
+            folder: self.outbox.store().run_folder(&record.id),
+            cancel,
+            pause,
+            progress,
+        });
+        run.set_lacks_gate(lacks_gate);
+        run.launch(work);
+    }
+
+    fn ask(&mut self, what: Request) {
+        self.run.iter_mut().for_each(|run| run.ask(what));
+    }
+
+    /// An operator's hold, which outlasts what else holds the run.
+    fn hold(&mut self, state: State) -> Result<(), Refusal> {
+        if self.is_held_by_operator() {
+            return Ok(());
+        }
+        self.promise(None, EventData::RunHoldRequested)?;
+        if matches!(state, State::Holding | State::Held) {
+            self.publish(|_| ());
+            return Ok(());
+        }
+        self.ask(Request::Hold);
+        self.go(Trigger::Hold);
+        if self.has_idle_run() {
+            self.rest(false);
+        }
+        Ok(())
+    }
+
+    fn stop(&mut self) -> Result<(), Refusal> {
+        self.promise(None, EventData::RunStopRequested)?;
+        self.ask(Request::Stop);
+        self.go(Trigger::Stop);
+        if self.has_idle_run() {
+            self.end_run();
+        }
+        Ok(())
+    }
+
+    /// Whatever the disk says: it is written as soon as it can be.
+    fn abort(&mut self) {
+        self.ask(Request::Abort);
+        self.go(Trigger::Abort);
+        self.event(None, EventData::RunAbortRequested);
+        if self.has_idle_run() {
+            self.end_run();
+        }
+    }
+
+    /// Lets a held run go on, once what held it is over.
+    pub fn unhold(&mut self, by: ResumedBy) -> Result<(), Refusal> {
+        self.nothing_stands_in_the_way()?;
+        let Some(run) = &mut self.run else { return Ok(()) };
+        if self.devices.at_rest().is_none() {
+            return Err(Refusal::Busy);
+        }
+        self.outbox.promise_with(run.record(), EventData::RunResumed(RunResumed { by }))?;
+        run.set_may_go_on(false);
+        let status = run_status(run.record());
+        self.go_with(Trigger::Unhold, |s| s.run = Some(status));
+        self.proceed();
+        Ok(())
+    }
+
+    /// On from Unholding: to the loader, to the next well, or to the end.
+    fn proceed(&mut self) {
+        self.recover();
+        let accepted = self.accepted();
+        let Some(run) = &self.run else { return };
+        if run.handling().take_out().is_some() {
+            self.go(Trigger::WaitForLoader);
+        } else if self.devices.at_rest().is_none() {
+            // A device went away while the loader was waited for; who finds it again lets the run go on.
+            self.rest(true);
+        } else if run.wells_left(&accepted).is_empty() && run.handling().eject_first().is_none() {
+            self.finish();
+        } else {
+            self.launch();
+        }
+    }
+
+    /// What held the run is over: it goes on by itself where its method says so and no operator holds it.
+    fn resume_by_itself(&mut self) {
+        let known = self.outbox.state().run.as_ref();
+        if let Some(run) = &mut self.run {
+            run.set_may_go_on(resume::is_automatic(run, known));
+        }
+        self.go_on_if_it_may();
+    }
+
+    /// At once, or when the background task that has the instrument is done.
+    fn go_on_if_it_may(&mut self) {
+        let may = self.run.as_ref().is_some_and(RunInProgress::may_go_on) && !self.is_held_by_operator();
+        if !may || self.publisher.status().state != State::Held {
+            return;
+        }
+        match self.unhold(ResumedBy::Instrument) {
+            // Who has the instrument gives it back; a disk that did not accept it is asked again.
+            Ok(()) | Err(Refusal::Busy | Refusal::Store { .. }) => {}
+            Err(refusal) => {
+                tracing::warn!(%refusal, "the run stays held");
+                self.run.iter_mut().for_each(|run| run.set_may_go_on(false));
+                self.publish(|_| ());
+            }
+        }
+    }
+
+    pub fn worker_ended(&mut self, (instrument, end): (Instrument, RunEnd)) {
+        self.devices.give_back(instrument);
+        let Some(run) = &mut self.run else { return };
+        match run.joined(end) {
+            AfterWork::Finish => self.finish(),
+            AfterWork::End(error) => {
+                if let Some(error) = error {
+                    tracing::error!(%error, "the run failed while it was being ended");
+                }
+                self.end_run();
+            }
+            AfterWork::Rest => self.rest(false),
+            AfterWork::Fault(error) => {
+                let fate = match worker::keeps_specimen(&error) {
+                    false => Fate::PoseLost,
+                    // A stock VAST takes no specimen up twice.
+                    true if self.devices.steps_through_a_list() => Fate::BroughtAgain,
+                    true => Fate::Stays,
+                };
+                if matches!(error, RunError::Store(_)) {
+                    self.outbox.set_failing(true);
+                }
+                self.raise(&error);
+                self.interrupt_specimens(&error.to_string(), fate);
+                self.rest(true);
+            }
+            AfterWork::Halted => {
+                self.interrupt_specimens("the run could not be stored", Fate::PoseLost);
+                self.rest(true);
+            }
+            AfterWork::Abort => self.abort(),
+        }
+    }
+
+    /// Ends, keeps or asks again for the specimens under way.
+    pub fn interrupt_specimens(&mut self, reason: &str, fate: Fate) {
+        let accepted = self.accepted();
+        let Some(run) = &self.run else { return };
+        let policy = run.record().method.policy.interrupted;
+        let (by_loader, brings_again) = (self.loader.fills_capillary(), self.loader.brings_again());
+        let known = self.state().run.as_ref();
+        let found = known.map_or_else(Vec::new, |known| interruptions(run, known, &accepted, brings_again, fate));
+        for interruption in found {
+            let Some(run) = &mut self.run else { return };
+            let well = &interruption.well;
+            if interruption.remove {
+                run.handling_mut().remove(well, by_loader);
+            }
+            if interruption.course == Course::LacksNumbers {
+                continue;
+            }
+            if interruption.course == Course::GivenUp && run.give_up(well, reason) {
+                seal_well(self.outbox.store(), &run.record().id, well);
+            }
+            let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: interruption.course == Course::Kept };
+            self.event(Some(well), EventData::SpecimenInterrupted(interrupted));
+        }
+        // One whose well is done is still there where it could not be taken out.
+        if let Some(run) = self.run.as_mut().filter(|_| !by_loader) {
+            run.handling_mut().remove_what_is_stuck(snapshot::capillary(self.outbox.state()));
+        }
+    }
+
+    /// Ends a well whose specimen cannot be measured any more.
+    fn give_up(&mut self, well: &str, reason: &str) {
+        let Some(run) = &mut self.run else { return };
+        if !run.give_up(well, reason) {
+            return;
+        }
+        let (record, policy) = (run.record().clone(), run.record().method.policy.interrupted);
+        seal_well(self.outbox.store(), &record.id, well);
+        let status = run_status(&record);
+        self.save(record);
+        let interrupted = SpecimenInterrupted { reason: reason.to_owned(), policy, kept: false };
+        self.event_shown(Some(well), EventData::SpecimenInterrupted(interrupted), |d| d.publish(|s| s.run = Some(status)));
+    }
+
+    /// To Held, from wherever the run was: the worker has handed the instrument back.
+    fn rest(&mut self, by_fault: bool) {
+        let state = self.publisher.status().state;
+        if state == State::Stopping {
+            // The end that was asked for comes first.
+            return self.end_run();
+        }
+        if state != State::Holding {
+            self.go(Trigger::Hold);
+        }
+        let Some(run) = &mut self.run else { return };
+        run.rests();
+        let record = run.record().clone();
+        let status = run_status(&record);
+        let cause = faults::cause_of_hold(&self.state().faults, by_fault);
+        let by = if by_fault { HeldBy::Fault } else { HeldBy::Operator };
+        self.save(record);
+        let held = RunHeld { by, code: Some(cause.code), cause: Some(cause.words) };
+        self.event_shown(None, EventData::RunHeld(held), |d| d.go_with(Trigger::Rested, |s| s.run = Some(status)));
+    }
+
+    /// All wells are done, but for numbers that are still made from frames.
+    fn finish(&mut self) {
+        self.go(Trigger::WellsDone);
+        self.recover();
+        if !self.is_delayed(Continuation::Finish) {
+            self.close();
+        }
+    }
+
+    /// Ends the run as it was asked to, once specimens that are gone have their numbers.
+    fn end_run(&mut self) {
+        self.recover();
+        if !self.is_delayed(Continuation::End) {
+            self.end_now();
+        }
+    }
+
+    /// Whether `then` has to wait for numbers that are being made.
+    fn is_delayed(&mut self, then: Continuation) -> bool {
+        self.run.as_mut().is_some_and(|run| run.numbers_mut().delay(then))
+    }
+
+    /// The run ends once that is on disk, and is held until then.
+    fn close(&mut self) {
+        let Some(run) = &self.run else { return };
+        let record = run.finished();
+        self.close_folder(&record.id);
+        if let Err(error) = self.outbox.promise_with(&record, ended(&record)) {
+            self.keep(Err(error));
+            return self.rest(true);
+        }
+        self.forget_run();
+        self.go_with(Trigger::Recorded, self.over(&record));
+    }
+
+    /// Stopped, aborted, or with the daemon.
+    pub fn end_now(&mut self) {
+        let Some(run) = &self.run else { return };
+        let (asked, record) = (run.request(), run.ended());
+        self.close_folder(&record.id);
+        self.save(record.clone());
+        self.event(None, ended(&record));
+        self.forget_run();
+        let change = self.over(&record);
+        match asked {
+            Request::Abort => self.go_with(Trigger::MotorsStopped, change),
+            Request::Stop if self.life != Life::Stopping => self.go_with(Trigger::Joined, change),
+            // The daemon's own end follows when everything is joined.
+            _ => self.publish(change),
+        }
+    }
+
+    /// Closes what the run has left open in its folder, and keeps its beads.
+    fn close_folder(&self, run: &str) {
+        seal_run(self.outbox.store(), run);
+        gate::keep(&self.config, &self.outbox.store().run_folder(run));
+    }
+
+    fn forget_run(&mut self) {
+        self.run = None;
+        self.room.note(room::look(&self.config, self.outbox.store()));
+    }
+
+    /// The end of a run and all that follows from it, for one revision.
+    fn over(&self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
+        let (status, calibration, left) =
+            (run_status(record), gate::calibration(&self.config, self.mode), self.left_specimen(record.method.asd));
+        |s| {
+            s.run = Some(status);
+            s.calibration = calibration;
+            s.specimen = left;
+        }
+    }
+}
+
+/// The event of a run's end.
+fn ended(record: &RunRecord) -> EventData {
+    EventData::RunEnded(RunEnded { outcome: record.outcome, wells: WellCounts::of(&record.wells) })
+}
+
+// Numbers of specimens that are gone.
+impl Running {
+    /// Has numbers made, where that is not under way. Not beside a worker, which may be at the same frames.
+    fn recover(&mut self) {
+        if self.run.as_ref().is_none_or(|run| run.works() || run.numbers().are_being_made()) {
+            return;
+        }
+        let wells = self.accepted();
+        let lacks_gate = self.lacks_gate();
+        self.run.iter_mut().for_each(|run| run.set_lacks_gate(lacks_gate));
+        self.recover_next(wells);
+    }
+
+    /// Begins with the first of them that was not tried too often; the others fail.
+    fn recover_next(&mut self, mut wells: VecDeque<PlannedWell>) {
+        while let (Some(run), Some(planned)) = (&self.run, wells.front()) {
+            let folder = self.outbox.store().run_folder(&run.record().id);
+            let tried = self.state().run.as_ref().map_or(0, |known| known.recoveries_of(&planned.well));
+            let attempt = match recovery::attempt(&folder, planned, tried) {
+                Attempt::Begin(attempt) => attempt,
+                Attempt::GiveUp(failed) => {
+                    wells.pop_front();
+                    self.well_recovered(*failed);
+                    continue;
+                }
+            };
+            let (well, allowed) = (planned.well.clone(), run.record().method.policy.deadlines_s.of(Phase::Measure));
+            tracing::info!(well, attempt, "the numbers of a specimen that was let go are made from its frames");
+            // Of an end that was asked for nobody dies, however short the time that is left.
+            if self.life != Life::Stopping {
+                self.event(Some(&well), EventData::SpecimenRecovering(RecoveryBegun { attempt }));
+            }
+            self.run.iter_mut().for_each(|run| run.numbers_mut().begin(std::mem::take(&mut wells), &folder, allowed));
+            return;
+        }
+    }
+
+    pub fn recovered(&mut self, made: Made) {
+        let Some((found, wells)) = self.run.as_mut().and_then(|run| run.numbers_mut().take(made)) else { return };
+        match found {
+            Ok(found) => {
+                self.well_recovered(found);
+                self.recover_next(wells);
+                if self.run.as_ref().is_some_and(|run| !run.numbers().are_being_made()) {
+                    match self.take_continuation() {
+                        Some(Continuation::Finish) => self.close(),
+                        Some(Continuation::End) => self.end_now(),
+                        None => {}
+                    }
+                }
+            }
+            // As where a live run cannot write them: it is held, and they are made when it goes on.
+            Err(error) => {
+                self.keep(Err(error));
+                match self.take_continuation() {
+                    Some(Continuation::Finish) => self.rest(true),
+                    Some(Continuation::End) => self.end_now(),
+                    None => {}
+                }
+            }
+        }
+    }
+
+    fn take_continuation(&mut self) -> Option<Continuation> {
+        self.run.as_mut().and_then(|run| run.numbers_mut().take_continuation())
+    }
+
+    fn well_recovered(&mut self, Recovered { result, times }: Recovered) {
+        let Some(run) = &mut self.run else { return };
+        let result = run.enter(result);
+        let record = run.record().clone();
+        // Closed already where it has numbers.
+        seal_well(self.outbox.store(), &record.id, &result.well);
+        let status = run_status(&record);
+        self.save(record);
+        let well = result.well.clone();
+        self.event(Some(&well), EventData::SpecimenRecovered);
+        let done = SpecimenDone { result, times: Some(times), seconds: None };
+        self.event_shown(Some(&well), EventData::SpecimenDone(Box::new(done)), |d| d.publish(|s| s.run = Some(status)));
+    }
+}
+
+// What the worker reports.
+impl Running {
+    pub fn progress(&mut self, progress: Progress) {
+        match progress {
+            Progress::Ready => self.ready(),
+            Progress::WaitingForLoader { well } => self.waits_for_loader(&well),
+            Progress::Phase { well, phase, in_capillary } => {
+                let Some(views_planned) = self.run.as_ref().map(|run| run.record().method.asd) else { return };
+                self.event_shown(Some(&well), EventData::SpecimenPhase(PhaseEntered { phase, in_capillary }), |d| {
+                    d.publish(|s| show_phase(s, &well, phase, views_planned));
+                });
+            }
+            Progress::Detected { well, found, live } => {
+                self.show(&well, 0, live);
+                self.publish(|_| ());
+                self.event(Some(&well), EventData::SpecimenDetected(found));
+            }
+            Progress::TriedAgain { well, attempt, why } => {
+                let views_planned = self.run.as_ref().map_or(0, |run| run.record().method.asd);
+                self.publish(|s| s.specimen = Some(SpecimenStatus::new(&well, Phase::Position, views_planned)));
+                self.event(Some(&well), EventData::SpecimenTriedAgain(AttemptFailed { attempt, why }));
+            }
+            Progress::View { well, index, closure, achieved_steps, hull_volume_um3, estimate, light, live } => {
+                let shown = self.publisher.status().specimen.as_ref().filter(|s| s.well == well).map(|s| s.view);
+                // One that comes late belongs to a specimen that has made room for the next: it is journalled, and that is all.
+                if let Some(before) = shown {
+                    self.show(&well, before + u32::from(hull_volume_um3.is_some()), live);
+                }
+                let position_deg = self.config.steps_per_revolution.angle(Steps(achieved_steps)).to_degrees();
+                let view = View { achieved_steps, position_deg, hull_volume_um3, estimate, light };
+                self.publish(|s| show_view(s, &well, &view));
+                let view = ViewTaken { index, closure, achieved_steps, hull_volume_um3, estimate };
+                self.event(Some(&well), EventData::ViewTaken(view));
+            }
+            Progress::Measured { well, glb, end } => {
+                // Once the next specimen is looked at, the pictures are that one's.
+                self.publisher.set_live(|l| {
+                    if l.shown.as_ref().is_some_and(|shown| shown.well == well) {
+                        l.mesh_glb = glb.or(l.mesh_glb.take());
+                    }
+                });
+                self.publish(|s| show_estimate(s, &well, end));
+            }
+            Progress::Hardware { rotation, translation, counters, second } => {
+                let disk_free_bytes = self.outbox.store().free_bytes();
+                self.publish(|s| show_hardware(s, Hardware { rotation, translation, counters, second, disk_free_bytes }));
+            }
+            Progress::WellDone { result, seconds, times } => self.well_done(result, seconds, times),
+        }
+    }
+
+    /// The newest pictures, and whose they are.
+    fn show(&self, well: &str, views: u32, live: Live) {
+        let shown = self.run.as_ref().map(|run| Shown { run: run.record().id.clone(), well: well.to_owned(), views });
+        self.publisher.set_live(|l| *l = Live { shown, ..live });
+    }
+
+    fn ready(&mut self) {
+        if matches!(self.publisher.status().state, State::Starting | State::Unholding) {
+            self.go_with(Trigger::Ready, |s| {
+                s.hardware.camera.connected = true;
+                s.hardware.rotation.connected = true;
+            });
+        }
+        self.event(None, EventData::RunStarted);
+    }
+
+    fn waits_for_loader(&mut self, well: &str) {
+        if self.capillary().brought() == Some(well) {
+            // Brought before the run went on. Not over a hold's message to the one who waits: it then stays until the run goes on again.
+            if self.run.as_ref().is_some_and(|run| run.request() == Request::Nothing) {
+                self.loader.say_loaded(well);
+            }
+            return;
+        }
+        self.run.iter_mut().for_each(|run| run.handling_mut().await_specimen(well));
+        self.event_shown(Some(well), EventData::WellAwaited, |d| {
+            if d.publisher.status().state == State::Execute {
+                d.go(Trigger::WaitForLoader);
+            } else {
+                d.publish(|_| ());
+            }
+        });
+    }
+
+    /// All of a well is on disk; the next may be under way.
+    fn well_done(&mut self, result: WellStatus, seconds: f64, times: WellTimes) {
+        let Some(run) = &mut self.run else { return };
+        let result = run.enter(result);
+        let record = run.record().clone();
+        let (status, views_planned) = (run_status(&record), record.method.asd);
+        let next = run.next_well().map(|next| SpecimenStatus::new(next, Phase::Load, views_planned));
+        // A loader takes it out before it brings the next; where that is a sampler's work, one that is still there could not be taken out.
+        let stuck = self.capillary().inside() == Some(&result.well) && !self.loader.fills_capillary();
+        self.save(record);
+        let well = result.well.clone();
+        let done = SpecimenDone { result, times: Some(times), seconds: Some(seconds) };
+        // One revision: counters and phase change together, so that no reader sees a gap between two wells.
+        self.event_shown(Some(&well), EventData::SpecimenDone(Box::new(done)), |d| {
+            d.publish(|s| show_done(s, status, &well, next.filter(|_| !stuck)));
+        });
+    }
+}

@@ -1,0 +1,235 @@
+//! What of a snapshot follows from the driver's parts: computed anew with each revision.
+
+use super::super::{Pending, Refusal, RunStatus, SpecimenStatus, State, Status, sentence};
+use super::Life;
+use super::loader::Loader;
+use super::plates::to_be_taken_out;
+use super::resume;
+use super::run::{Request, RunInProgress};
+use carved_records::{Capillary, Device, Fault, InstrumentState, Phase, RunState, WellCounts};
+use carved_store::RunRecord;
+use jiff::Timestamp;
+
+/// The driver's parts, as a snapshot reads them.
+pub(super) struct Parts<'a> {
+    pub state: &'a InstrumentState,
+    pub run: Option<&'a RunInProgress>,
+    pub loader: &'a Loader,
+    /// The device that is lost for the longest time.
+    pub lost: Option<Device>,
+    /// A plan is checked on the instrument.
+    pub is_checked: bool,
+    /// Why the smallest run would not fit on the disk.
+    pub no_room: Option<&'a str>,
+    /// Not everything is on disk.
+    pub is_failing: bool,
+    pub life: Life,
+    pub now: Timestamp,
+}
+
+impl Parts<'_> {
+    /// Sets everything that follows from the parts and from the rest of the snapshot.
+    pub fn derive(&self, s: &mut Status) {
+        let capillary = capillary(self.state);
+        s.pending = self.pending();
+        s.faults = self.state.faults.open().to_vec();
+        if let Some(specimen) = &mut s.specimen {
+            specimen.in_capillary = capillary.inside() == Some(&specimen.well);
+        }
+        if let Some(run) = &mut s.run {
+            self.derive_run(s.state, s.specimen.as_ref(), run);
+        }
+        (s.plate.take_out, s.plate.bring) = self.loader.requests(capillary, self.run.map(RunInProgress::handling));
+        s.plate.needs = needs(s.plate.take_out.as_deref(), s.plate.bring.as_deref());
+        // Only who takes a specimen out knows that it is out. A start may yet take a run up.
+        let is_empty = capillary.inside().is_none() && !self.loader.has_unexpected();
+        let is_over = self.life != Life::Starting && self.run.is_none() && is_empty;
+        s.plate.removable = is_over && s.plate.barcode.is_some() && !self.is_failing;
+        s.not_ready_reason = self.not_ready();
+        s.ready = s.not_ready_reason.is_none();
+        s.doing = sentence::of(s);
+    }
+
+    fn pending(&self) -> Pending {
+        let asked = self.run.map_or(Request::Nothing, RunInProgress::request);
+        Pending {
+            hold: self.run.is_some_and(RunInProgress::works) && matches!(asked, Request::Hold | Request::Halt),
+            stop: self.life == Life::Stopping || asked == Request::Stop,
+            abort: asked == Request::Abort,
+        }
+    }
+
+    fn derive_run(&self, state: State, specimen: Option<&SpecimenStatus>, shown: &mut RunStatus) {
+        let (known, faults) = (self.state.run.as_ref(), &self.state.faults);
+        let is_held = state == State::Held;
+        shown.held_by_operator = self.run.is_some() && known.is_some_and(RunState::is_held_by_operator);
+        shown.goes_on_by_itself =
+            (is_held || state == State::Holding) && self.run.is_some_and(|run| resume::goes_on_by_itself(run, known, faults));
+        shown.hold = self.run.filter(|_| is_held).and_then(|run| resume::hold(run, known, faults));
+        if let Some(run) = self.run {
+            let begun = known.map_or(&[][..], RunState::begun);
+            let recovering = run.numbers().wells().filter(|well| !begun.iter().any(|b| b == well)).count();
+            let waiting = shown.wells.pending.saturating_sub((begun.len() + recovering) as u32);
+            let under_way = specimen.map(|specimen| specimen.well.as_str());
+            shown.eta_s = self.state.paces.remaining(&run.record().plan.method, under_way, waiting, self.now);
+        }
+    }
+
+    /// Why no run would be accepted now.
+    fn not_ready(&self) -> Option<String> {
+        match self.life {
+            Life::Stopping => return Some("shutting down".into()),
+            Life::Starting => return Some("starting".into()),
+            Life::Up => {}
+        }
+        let stands = self.state.faults.open().iter().find(|f: &&Fault| f.operator_required);
+        let left = self.loader.has_to_take_out(capillary(self.state));
+        let lost = self.lost.map(|lost| lost.way_out().to_owned());
+        lost.or_else(|| stands.map(|f| format!("a fault stands: {}", f.plainly())))
+            .or_else(|| self.run.map(|_| "a run is under way".into()))
+            .or_else(|| left.map(|well| format!("the specimen of well {well} is still in the capillary; take it out and say so")))
+            .or_else(|| self.state.plate.open().map(|open| format!("plate {} is being handed over", open.barcode)))
+            .or_else(|| self.is_checked.then(|| Refusal::Busy.to_string()))
+            .or_else(|| self.no_room.map(str::to_owned))
+    }
+}
+
+/// What is in the capillary, as far as is known: in the run under way, or since the newest one.
+pub(super) fn capillary(state: &InstrumentState) -> &Capillary {
+    const NOTHING: &Capillary = &Capillary::empty();
+    state.run.as_ref().map_or(NOTHING, RunState::capillary)
+}
+
+/// A run as the status shows it.
+pub(super) fn run_status(record: &RunRecord) -> RunStatus {
+    RunStatus {
+        id: record.id.clone(),
+        external_id: record.plan.external_id.clone(),
+        method: record.plan.method.clone(),
+        operator: record.plan.operator.clone(),
+        wells: WellCounts::of(&record.wells),
+        results: record.wells.clone(),
+        started: record.started.clone(),
+        ended: record.ended.clone(),
+        eta_s: None,
+        held_by_operator: false,
+        goes_on_by_itself: false,
+        hold: None,
+        outcome: record.outcome,
+    }
+}
+
+/// The specimen that stays shown at rest: the one that is still in the capillary. `shown`: the one that is shown now.
+pub(super) fn left_specimen(capillary: &Capillary, shown: Option<&SpecimenStatus>, views_planned: u32) -> Option<SpecimenStatus> {
+    let well = capillary.inside()?;
+    let shown = shown.filter(|shown| shown.well == well).cloned();
+    Some(shown.unwrap_or_else(|| SpecimenStatus::new(well, Phase::Eject, views_planned)))
+}
+
+/// What the loader is asked for, in words.
+fn needs(take_out: Option<&str>, bring: Option<&str>) -> Option<String> {
+    let out = take_out.map(to_be_taken_out);
+    let bring = bring.map(|well| format!("the specimen of well {well} in the capillary"));
+    let both: Vec<String> = out.into_iter().chain(bring).collect();
+    (!both.is_empty()).then(|| both.join(", then "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::run::tests::run;
+    use super::*;
+    use crate::session::Driver;
+    use carved_devices::sampler::{LoaderGate, LoaderSampler};
+    use carved_records::{EventBody, EventData, Mode, PhaseEntered, fault_table};
+
+    fn after(events: &[(Option<&str>, EventData)]) -> InstrumentState {
+        let mut state = InstrumentState { run: Some(RunState::new("r1")), ..InstrumentState::default() };
+        for (well, data) in events {
+            state.apply(&EventBody { time: String::new(), run: Some("r1".into()), well: well.map(Into::into), data: data.clone() });
+        }
+        state
+    }
+
+    fn loader() -> Loader {
+        Loader::new(LoaderGate::default(), &LoaderSampler::new(LoaderGate::default()))
+    }
+
+    fn parts<'a>(state: &'a InstrumentState, loader: &'a Loader) -> Parts<'a> {
+        Parts {
+            state,
+            run: None,
+            loader,
+            lost: None,
+            is_checked: false,
+            no_room: None,
+            is_failing: false,
+            life: Life::Up,
+            now: Timestamp::UNIX_EPOCH,
+        }
+    }
+
+    fn snapshot(parts: &Parts) -> Status {
+        let mut s = Driver::first_status(Mode::Simulated, "b".into());
+        s.plate.barcode = Some("P-1".into());
+        parts.derive(&mut s);
+        s
+    }
+
+    #[test]
+    fn the_first_thing_that_keeps_a_run_from_starting_is_the_reason() {
+        let (empty, loader) = (after(&[]), loader());
+        assert!(snapshot(&parts(&empty, &loader)).ready);
+        let fault = Fault::new(1, &fault_table::EMERGENCY_STOP, String::new(), String::new());
+        let latched = after(&[(None, EventData::FaultRaised(fault))]);
+        let r = run(&["A01"]);
+        let all = Parts {
+            run: Some(&r),
+            lost: Some(Device::Camera),
+            is_checked: true,
+            no_room: Some("one well: it is full"),
+            life: Life::Stopping,
+            ..parts(&latched, &loader)
+        };
+        let reason = |parts: &Parts| snapshot(parts).not_ready_reason.unwrap();
+        assert_eq!(reason(&all), "shutting down");
+        let all = Parts { life: Life::Up, ..all };
+        assert!(reason(&all).contains("camera is lost"));
+        let all = Parts { lost: None, ..all };
+        assert!(reason(&all).contains("a fault stands"));
+        let all = Parts { state: &empty, ..all };
+        assert_eq!(reason(&all), "a run is under way");
+        let all = Parts { run: None, ..all };
+        assert!(reason(&all).contains("being checked"));
+        assert_eq!(reason(&Parts { is_checked: false, ..all }), "one well: it is full");
+    }
+
+    #[test]
+    fn a_plate_is_removable_once_nothing_of_it_is_inside_or_unwritten() {
+        let (empty, mut loader) = (after(&[]), loader());
+        assert!(snapshot(&parts(&empty, &loader)).plate.removable);
+        let r = run(&["A01"]);
+        for parts in [
+            Parts { is_failing: true, ..parts(&empty, &loader) },
+            Parts { run: Some(&r), ..parts(&empty, &loader) },
+            Parts { life: Life::Starting, ..parts(&empty, &loader) },
+        ] {
+            assert!(!snapshot(&parts).plate.removable);
+        }
+        let inside = after(&[(Some("A01"), EventData::SpecimenPhase(PhaseEntered { phase: Phase::Eject, in_capillary: true }))]);
+        let left = snapshot(&parts(&inside, &loader)).plate;
+        assert!(!left.removable && left.take_out.as_deref() == Some("A01") && left.needs.unwrap().contains("A01"));
+        loader.read_wire(true);
+        assert!(!snapshot(&parts(&empty, &loader)).plate.removable, "nobody knows what is inside");
+    }
+
+    #[test]
+    fn a_hold_that_waits_for_the_specimen_under_way_is_not_pending_without_a_worker() {
+        let (state, loader) = (after(&[]), loader());
+        let mut r = run(&["A01"]);
+        r.ask(Request::Hold);
+        assert_eq!(snapshot(&Parts { run: Some(&r), ..parts(&state, &loader) }).pending, Pending::default());
+        r.ask(Request::Abort);
+        let pending = snapshot(&Parts { run: Some(&r), ..parts(&state, &loader) }).pending;
+        assert!(pending.abort && !pending.stop && !pending.hold);
+    }
+}
