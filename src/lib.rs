@@ -4,11 +4,12 @@
 //! devices are `carved-devices`, and the data folder is `carved-store`:
 //!
 //! ```text
-//! carved-core <- carved-records <- carved-devices, carved-store <- config <- session <- http, cli
+//! carved-core <- carved-records <- carved-devices, carved-store <- config, api <- session <- http, cli
 //! ```
 //! Cargo's manifests hold the arrows between the crates, `tests/house.rs` those between the modules of this one. Only
 //! `session` runs specimens.
 
+pub mod api;
 pub mod cli;
 pub mod config;
 pub mod export;

@@ -1,8 +1,9 @@
 //! The daemon of `serve` and `simulate`, from opening the store to joining all threads.
 
 use super::notify;
+use crate::api::MethodOffer;
 use crate::config::Config;
-use crate::session::{self, Driver, Heartbeat, Instrument, MethodOffer, SessionHandle};
+use crate::session::{self, Driver, Heartbeat, Instrument, SessionHandle};
 use anyhow::Context;
 use carved_devices::sampler::LoaderGate;
 use carved_records::Mode;

@@ -233,7 +233,7 @@ fn kind(value: &Value) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use carved_records::{PlannedWell, RunPlan, SpecimenKind};
+    use crate::api::{PlannedWell, RunPlan, SpecimenKind};
     use serde_json::json;
     use utoipa::PartialSchema;
 

@@ -9,6 +9,7 @@
 //! client reads the status again and continues.
 
 use super::{AppState, closed};
+use crate::api;
 use crate::session::Missed;
 use axum::extract::State;
 use axum::http::HeaderMap;
@@ -35,7 +36,7 @@ const RETRY: Duration = Duration::from_secs(2);
 #[utoipa::path(
     get, path = "/v1/events", tag = "status",
     params(("Last-Event-ID" = Option<u64>, Header, description = "Id of the newest event that the client has seen")),
-    responses((status = 200, description = "Server-sent events: `id`, and an Event as JSON in `data`; an event named `resync` where the gap is too old", body = Event, content_type = "text/event-stream"))
+    responses((status = 200, description = "Server-sent events: `id`, and an Event as JSON in `data`; an event named `resync` where the gap is too old", body = api::Event, content_type = "text/event-stream"))
 )]
 pub(super) async fn get(State(app): State<AppState>, headers: HeaderMap) -> Sse<impl Stream<Item = Result<Sent, Infallible>>> {
     let asked = headers.get("last-event-id").map(|v| v.to_str().unwrap_or_default().trim()).filter(|v| !v.is_empty());
@@ -107,7 +108,7 @@ impl Feed {
 
     fn send(&mut self, event: &Event) -> Sent {
         self.seen = Some(event.id);
-        let data = serde_json::to_string(event).unwrap_or_default();
+        let data = serde_json::to_string(&api::Event::from(event)).unwrap_or_default();
         Sent::default().id(event.id.to_string()).data(data)
     }
 }

@@ -1,7 +1,7 @@
 //! The methods that a plan may name.
 
 use super::AppState;
-use crate::session::MethodOffer;
+use crate::api::MethodOffer;
 use axum::Json;
 use axum::extract::State;
 use serde::{Deserialize, Serialize};

@@ -4,7 +4,7 @@
 
 use super::AppState;
 use super::problem::Problem;
-use crate::session::Status;
+use crate::api::Status;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{Method, StatusCode, header};
 use axum::middleware::Next;

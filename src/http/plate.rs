@@ -5,11 +5,11 @@ use super::body::{self, Body};
 use super::problem::Problem;
 use super::runs::refused;
 use super::safety::{Noted, noted};
-use crate::session::Check;
+use crate::api::{Check, Handoff, HandoffNeeds, RunPlan};
 use axum::Json;
 use axum::extract::State;
 use axum::http::HeaderMap;
-use carved_records::{Handoff, HandoffEnd, HandoffNeeds, RunPlan};
+use carved_records::HandoffEnd;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -27,7 +27,7 @@ pub(super) async fn handoff(
     State(app): State<AppState>,
     Body(plate): Body<Handoff, { body::SMALL }>,
 ) -> Result<Json<HandoffNeeds>, Problem> {
-    app.session.handoff(plate).await.map(Json).map_err(|refusal| refused(&app, refusal))
+    app.session.handoff(plate.into()).await.map(Json).map_err(|refusal| refused(&app, refusal))
 }
 
 async fn end(app: &AppState, headers: &HeaderMap, end: HandoffEnd) -> Result<Json<Noted>, Problem> {
@@ -82,6 +82,6 @@ pub(super) async fn preflight(
     State(app): State<AppState>,
     Body(plan): Body<RunPlan, { body::PLATE_MAP }>,
 ) -> Result<Json<Preflight>, Problem> {
-    let checks = app.session.preflight(plan).await.map_err(|refusal| refused(&app, refusal))?;
+    let checks = app.session.preflight(plan.into()).await.map_err(|refusal| refused(&app, refusal))?;
     Ok(Json(Preflight { passed: checks.iter().all(|c| c.passed || !c.blocks), checks }))
 }

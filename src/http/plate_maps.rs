@@ -2,10 +2,11 @@
 
 use super::body::PlateMapFile;
 use super::problem::Problem;
+use crate::api::PlateMap;
 use axum::Json;
 use axum::extract::Query;
 use axum::extract::rejection::QueryRejection;
-use carved_records::plate_map::{self, PlateMap};
+use carved_records::plate_map;
 use serde::Deserialize;
 use utoipa::IntoParams;
 
@@ -31,6 +32,6 @@ pub(super) struct Which {
 pub(super) async fn check(query: Result<Query<Which>, QueryRejection>, file: PlateMapFile) -> Result<Json<PlateMap>, Problem> {
     let Query(which) = query?;
     plate_map::read(&file.bytes, file.format, which.plate.as_deref())
-        .map(Json)
+        .map(|map| Json(map.into()))
         .map_err(|mistakes| Problem::unprocessable("invalid_plate_map", mistakes).of_a_plate())
 }

@@ -1,13 +1,13 @@
 //! Every error of the server: `application/problem+json` (RFC 9457) with the scheduler's reaction.
 
 use super::lease::LeaseStatus;
-use crate::session::{Refusal, State, Status};
+use crate::api::{Mistake, SchedulerAction, State, Status};
+use crate::session::Refusal;
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use carved_records::SchedulerAction;
-use carved_records::plate_map::Mistake;
+use carved_records::plate_map;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -81,11 +81,12 @@ impl Problem {
         Self::new(StatusCode::BAD_REQUEST, code, detail)
     }
 
-    pub(super) fn unprocessable(code: &str, errors: impl IntoIterator<Item: Into<Mistake>>) -> Self {
-        let errors: Vec<Mistake> = errors.into_iter().map(Into::into).collect();
+    pub(super) fn unprocessable(code: &str, errors: impl IntoIterator<Item: Into<plate_map::Mistake>>) -> Self {
+        let errors: Vec<plate_map::Mistake> = errors.into_iter().map(Into::into).collect();
         let detail = errors.iter().take(DETAILED).map(ToString::to_string).collect::<Vec<_>>().join("; ");
         let more = errors.len().saturating_sub(DETAILED);
         let detail = if more > 0 { format!("{detail}; {more} more stand in errors") } else { detail };
+        let errors = errors.into_iter().map(Into::into).collect();
         // An error of the program or of a barcode reader, not of the plate: the same body gets the same answer with any plate.
         Self { errors, ..Self::new(StatusCode::UNPROCESSABLE_ENTITY, code, detail) }
     }

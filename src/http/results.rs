@@ -7,18 +7,18 @@
 
 mod files;
 
-use carved_records::{RunOutcome, RunPlan, WellCounts, WellStatus};
 use files::DETECTION;
 pub(super) use files::{__path_mesh, __path_model, __path_profile, __path_view, mesh, model, profile, view};
 
 use super::conditional;
 use super::problem::Problem;
 use super::{App, AppState};
+use crate::api::{RunOutcome, RunPlan, WellCounts, WellStatus};
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use carved_store::{Cursor, RunRow, RunsQuery, SpecimenFile, StoreError, StoreReader};
+use carved_store::{Cursor, RunsQuery, SpecimenFile, StoreError, StoreReader};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use utoipa::{IntoParams, ToSchema};
@@ -51,6 +51,45 @@ pub(super) struct Asked {
     mode: Option<String>,
     /// `succeeded`, `partial`, `failed`, `aborted`, `interrupted`, or `open` for those without one.
     outcome: Option<String>,
+}
+
+/// A run in a list.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+pub(super) struct RunRow {
+    id: String,
+    external_id: Option<String>,
+    mode: String,
+    software_version: String,
+    plate_barcode: String,
+    method: String,
+    operator: String,
+    /// RFC 3339, UTC.
+    started: String,
+    ended: Option<String>,
+    outcome: Option<String>,
+    wells: WellCounts,
+}
+
+impl From<carved_store::RunRow> for RunRow {
+    fn from(row: carved_store::RunRow) -> Self {
+        // Where a page ends is the `next` of the page.
+        let carved_store::RunRow {
+            id,
+            external_id,
+            mode,
+            software_version,
+            plate_barcode,
+            method,
+            operator,
+            started,
+            ended,
+            outcome,
+            wells,
+            started_us: _,
+        } = row;
+        let wells = wells.into();
+        Self { id, external_id, mode, software_version, plate_barcode, method, operator, started, ended, outcome, wells }
+    }
 }
 
 /// A page of runs.
@@ -198,8 +237,8 @@ pub(super) async fn list(
     let mut runs = read(&app, move |store| store.runs(&query)).await?;
     let more = runs.len() > limit;
     runs.truncate(limit);
-    let next = runs.last().filter(|_| more).map(RunRow::cursor).map(|c| format!("{}-{}", c.started_us, c.id));
-    Ok(json(&headers, &Runs { runs, next }))
+    let next = runs.last().filter(|_| more).map(carved_store::RunRow::cursor).map(|c| format!("{}-{}", c.started_us, c.id));
+    Ok(json(&headers, &Runs { runs: runs.into_iter().map(Into::into).collect(), next }))
 }
 
 /// A run that is stored, with the results of its wells.
@@ -220,18 +259,18 @@ pub(super) async fn run(
         specimens: record.wells.iter().map(|w| format!("/v1/runs/{id}/specimens/{}", w.well)).collect(),
         mode: word(serde_json::to_value(record.mode).unwrap_or_default()),
         method_settings: serde_json::to_value(&record.method).unwrap_or_default(),
-        wells: WellCounts::of(&record.wells),
+        wells: carved_records::WellCounts::of(&record.wells).into(),
         id,
         external_id: record.plan.external_id.clone(),
         software_version: record.software.version,
         plate_barcode: record.plan.plate_barcode.clone(),
         method: record.plan.method.clone(),
         operator: record.plan.operator.clone(),
-        plan: record.plan,
+        plan: record.plan.into(),
         started: record.started,
         ended: record.ended,
-        outcome: record.outcome,
-        results: record.wells,
+        outcome: record.outcome.map(Into::into),
+        results: record.wells.into_iter().map(Into::into).collect(),
     };
     Ok(json(&headers, &detail))
 }
@@ -281,7 +320,7 @@ pub(super) async fn specimen(
         well,
         attempt,
         earlier_attempts: stored.earlier,
-        result: stored.status,
+        result: stored.status.map(Into::into),
         recording: stored.recording,
         measurement: stored.measurement,
         hull_volumes_um3: stored.hull_volumes_um3,

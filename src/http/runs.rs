@@ -3,14 +3,15 @@
 use super::AppState;
 use super::body::{self, Body};
 use super::problem::Problem;
+use crate::api::RunPlan;
 use crate::session::{Accepted, Refusal, Towards};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
+use carved_records::is_plain_name;
 use carved_records::plate_map::Mistake;
-use carved_records::{RunPlan, is_plain_name};
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -61,7 +62,7 @@ pub(super) async fn put(
         let detail = format!("{id:?} is not a run id: use 1 to 64 letters, digits, '-', '_' or '.', the first not a '.'");
         return Err(Problem { detail, ..Problem::unprocessable("invalid_run_id", Vec::<Mistake>::new()) });
     }
-    let accepted = app.session.put_run(id.clone(), plan).await.map_err(|refusal| refused(&app, refusal))?;
+    let accepted = app.session.put_run(id.clone(), plan.into()).await.map_err(|refusal| refused(&app, refusal))?;
     let location = format!("/v1/runs/{id}");
     let body = acknowledged(&app, id);
     Ok(match accepted {

@@ -2,7 +2,7 @@
 
 use super::problem::Problem;
 use super::{AppState, closed, conditional};
-use crate::session::Status;
+use crate::api::Status;
 use axum::Json;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};

@@ -3,7 +3,8 @@
 
 use super::halt::Halt;
 use super::{Check, MethodOffer, State, Status};
-use carved_records::{Event, FieldError, Handoff, HandoffEnd, HandoffNeeds, RunOutcome, RunPlan};
+use crate::api::{HandoffNeeds, RunOutcome};
+use carved_records::{Event, FieldError, Handoff, HandoffEnd, RunPlan};
 use carved_store::{StoreError, size};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
@@ -179,7 +180,7 @@ impl SessionHandle {
         let now = jiff::Timestamp::now();
         status.server_time = now.to_string();
         if let Some(calibration) = &mut status.calibration {
-            calibration.age_s = calibration.age_s(now).unwrap_or(calibration.age_s);
+            calibration.set_age(now);
         }
         status.uptime_s = self.booted.elapsed().as_secs_f64();
         status

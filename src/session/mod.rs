@@ -20,16 +20,15 @@ mod preflight;
 mod search;
 mod sentence;
 mod state;
-mod status;
 mod worker;
 
 pub use driver::{Driver, DriverError};
 pub use halt::Halt;
 pub use handle::{Accepted, Command, EventLog, Live, Missed, Publisher, Refusal, SessionHandle, Shown, Towards, channel};
 pub use heartbeat::Heartbeat;
-pub use offer::MethodOffer;
-pub use preflight::Check;
-pub use status::{
-    CameraStatus, HardwareStatus, Hold, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State, Status, TranslationStatus,
-};
 pub use worker::Instrument;
+
+use crate::api::{
+    CameraStatus, Check, HardwareStatus, Hold, MethodOffer, Pending, Plate, RotationStatus, RunStatus, SpecimenStatus, State, Status,
+    TranslationStatus,
+};

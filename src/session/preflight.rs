@@ -6,32 +6,14 @@
 //! ```
 
 use super::worker::Instrument;
-use super::{Status, gate};
+use super::{Check, Status, gate};
 use crate::config::Config;
 use carved_devices::DeviceError;
 use carved_devices::acquisition::grab;
 use carved_devices::cancel::CancelToken;
-use carved_records::Light;
-use carved_records::{BeadGate, Method};
-use carved_records::{PlannedWell, RunPlan, SpecimenKind};
+use carved_records::{BeadGate, GateStatus, Light, Method, Mode, PlannedWell, RunPlan, SpecimenKind};
 use carved_store::{Budget, bytes_per_specimen, size};
-use serde::{Deserialize, Serialize};
 use std::time::Duration;
-use utoipa::ToSchema;
-
-/// One precondition of a run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct Check {
-    /// Stable word to branch on.
-    pub code: String,
-    pub passed: bool,
-    /// Whether a run would be refused or fail; else its numbers are flagged or lack something.
-    pub blocks: bool,
-    /// What was found, with its numbers.
-    pub detail: String,
-    /// What to do about it; `null` where it has passed.
-    pub what_to_do: Option<String>,
-}
 
 /// What a look at the instrument has found.
 pub struct DeviceReport {
@@ -99,16 +81,21 @@ pub fn light(seen: &Light) -> Result<String, (String, &'static str)> {
     }
 }
 
+/// What is known without a look at the devices.
+pub struct Known<'a> {
+    pub status: &'a Status,
+    pub mode: Mode,
+    /// The rig's newest bead gate.
+    pub gate: Option<&'a GateStatus>,
+    /// Barcode of the plate that was handed over.
+    pub plate_inside: Option<&'a str>,
+    pub free_bytes: Option<u64>,
+    pub budget: Option<Budget>,
+}
+
 /// Every precondition of this plan, passed or not.
-pub fn checks(
-    config: &Config,
-    plan: &RunPlan,
-    seen: &DeviceReport,
-    status: &Status,
-    plate_inside: Option<&str>,
-    free_bytes: Option<u64>,
-    budget: Option<Budget>,
-) -> Vec<Check> {
+pub fn checks(config: &Config, plan: &RunPlan, seen: &DeviceReport, known: &Known) -> Vec<Check> {
+    let status = known.status;
     let device = |e: &DeviceError, what_to_do: &'static str| (e.to_string(), what_to_do);
     let mut checks = vec![
         check(
@@ -140,7 +127,7 @@ pub fn checks(
             Err((format!("faults stand: {}", stands.join(" ")), "mend their cause, then acknowledge them"))
         },
     ));
-    let plate = plate_inside.filter(|inside| *inside != plan.plate_barcode);
+    let plate = known.plate_inside.filter(|inside| *inside != plan.plate_barcode);
     checks.push(check(
         "plate",
         true,
@@ -162,9 +149,8 @@ pub fn checks(
     ));
     if let Some(method) = config.methods.get(&plan.method) {
         let larvae = plan.plate_map.iter().any(|w| w.specimen == SpecimenKind::Larva);
-        let beads = status.calibration.as_ref().and_then(|c| c.gate.as_ref());
         // Beads are what makes one.
-        let lacking = larvae.then(|| gate::lacking(beads, method, status.mode)).flatten();
+        let lacking = larvae.then(|| gate::lacking(known.gate, method, known.mode)).flatten();
         let refuses = method.policy.bead_gate == BeadGate::Refuse;
         checks.push(check(
             "calibration",
@@ -180,13 +166,13 @@ pub fn checks(
         checks.push(check(
             "disk",
             true,
-            match free_bytes {
+            match known.free_bytes {
                 Some(free) if free >= needed => Ok(found(free)),
                 Some(free) => Err((found(free), "archive and remove runs, or split the plate")),
                 None => Err(("the free space of the data folder is not known".into(), "check that the disk is mounted")),
             },
         ));
-        checks.extend(budget.map(|budget| {
+        checks.extend(known.budget.as_ref().map(|budget| {
             let refused = budget.refuses(needed).map_or_else(|| Ok("the plate fits the disk budget".into()), Err);
             check("disk_budget", true, refused.map_err(|why| (why, "archive runs and prune them, or raise [store] budget_gb")))
         }));
@@ -219,11 +205,12 @@ mod tests {
     fn beads_need_no_gate_of_beads() {
         let mut config = Config::parse(include_str!("../../config/simulated.toml"), std::path::Path::new("simulated.toml")).unwrap();
         config.methods.get_mut("standard").unwrap().policy.bead_gate = BeadGate::Refuse;
-        let status = crate::session::driver::Driver::first_status(carved_records::Mode::Hardware, "b".into());
+        let status = &crate::session::driver::Driver::first_status(Mode::Hardware, "b".into());
         let calibration = |specimen| {
             let plan = RunPlan::new("P-1", "standard", "kim", vec![PlannedWell::new("A01", specimen, None)]);
             let seen = DeviceReport { axis: Ok(()), light: Ok(Light { background: 200.0, saturated: 0.0, focus: 1.0 }) };
-            let checks = checks(&config, &plan, &seen, &status, None, Some(u64::MAX), None);
+            let known = Known { status, mode: Mode::Hardware, gate: None, plate_inside: None, free_bytes: Some(u64::MAX), budget: None };
+            let checks = checks(&config, &plan, &seen, &known);
             checks.into_iter().find(|c| c.code == "calibration").unwrap()
         };
         let (larva, bead) = (calibration(SpecimenKind::Larva), calibration(SpecimenKind::Bead));

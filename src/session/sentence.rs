@@ -1,7 +1,7 @@
 //! What the instrument is doing, in one sentence for people.
 
 use super::{Hold, State, Status};
-use carved_records::{Phase, WellCounts};
+use crate::api::{Phase, WellCounts};
 
 pub fn of(s: &Status) -> String {
     let motors = match s.hardware.rotation.can_stop {
@@ -107,6 +107,7 @@ fn counted(c: &WellCounts) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::api;
     use crate::session::state::tests::ALL;
     use crate::session::{Driver, SpecimenStatus};
     use carved_records::{Fault, Mode};
@@ -137,14 +138,14 @@ mod tests {
         let mut s = Driver::first_status(Mode::Simulated, "b".into());
         s.state = State::Held;
         assert_eq!(of(&s), "Held, until somebody lets it go on.");
-        s.faults = vec![Fault::new(1, &carved_records::fault_table::DISK_FULL, "os error 28".into(), String::new())];
+        s.faults = vec![Fault::new(1, &carved_records::fault_table::DISK_FULL, "os error 28".into(), String::new()).into()];
         assert_eq!(of(&s), "Held by a fault. The disk that holds the data is full. The plate is not called removable.");
     }
 
     /// Whoever reads the sentence and not `ready` is not misled by it.
     #[test]
     fn only_an_instrument_that_is_ready_is_called_so_and_one_that_is_not_says_why() {
-        let fault = Fault::new(1, &carved_records::fault_table::DISK_FULL, "no room".into(), String::new());
+        let fault: api::Fault = Fault::new(1, &carved_records::fault_table::DISK_FULL, "no room".into(), String::new()).into();
         let specimen = SpecimenStatus::new("A01", Phase::Eject, 21);
         let reasons = [
             None,

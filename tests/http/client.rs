@@ -2,8 +2,8 @@
 
 use crate::rig::Rig;
 use crate::wire::PATIENCE;
-use carved::session::{RunStatus, State};
-use carved_records::{Fault, PlannedWell, RunOutcome, SchedulerAction, SpecimenKind, SpecimenOutcome, WellCounts, WellStatus};
+use carved::api::{Fault, RunOutcome, RunStatus, SchedulerAction, State};
+use carved_records::{PlannedWell, SpecimenKind, SpecimenOutcome, WellCounts, WellStatus};
 use std::io::{Read, Write};
 use std::net::TcpListener;
 use std::process::{Command, Output};
@@ -52,8 +52,8 @@ fn run_of(results: Vec<WellStatus>, outcome: Option<RunOutcome>) -> RunStatus {
         external_id: None,
         method: "standard".into(),
         operator: "kim".into(),
-        wells: WellCounts::of(&results),
-        results,
+        wells: WellCounts::of(&results).into(),
+        results: results.into_iter().map(Into::into).collect(),
         started: "2026-01-01T00:00:00Z".into(),
         ended: None,
         eta_s: None,

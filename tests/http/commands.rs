@@ -2,11 +2,12 @@
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{connect, read_answer};
+use carved::api::{Fault, SchedulerAction, State};
 use carved::http::HttpSettings;
-use carved::session::{Refusal, State};
+use carved::session::Refusal;
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
-use carved_records::{Fault, FieldError, SchedulerAction};
+use carved_records::FieldError;
 use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};

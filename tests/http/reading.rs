@@ -2,8 +2,8 @@
 
 use crate::rig::{BOOT, Rig, event, settings};
 use crate::wire::{PATIENCE, connect, read_answer, read_until};
-use carved::session::{RunStatus, Shown, State};
-use carved_records::{CalibrationStatus, Mode, RunOutcome, WellCounts};
+use carved::api::{CalibrationStatus, Mode, RunOutcome, RunStatus, State, WellCounts};
+use carved::session::Shown;
 use carved_store::{Claim, Store};
 use std::io::{Read, Write};
 use std::net::TcpStream;

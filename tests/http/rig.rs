@@ -1,9 +1,10 @@
 //! A running server, and the driver at its other end, which the tests control.
 
 use crate::wire::{self, Answer};
+use carved::api::{Check, HandoffNeeds, HardwareStatus, MethodOffer, Mode, Pending, Plate, State, Status};
 use carved::http::{HttpError, HttpSettings, serve};
-use carved::session::{Accepted, Check, Command, HardwareStatus, MethodOffer, Pending, Plate, Publisher, Refusal, State, Status, channel};
-use carved_records::{Event, EventBody, EventData, HandoffNeeds, Mode, RunPlan, ViewOrder, ViewTaken};
+use carved::session::{Accepted, Command, Publisher, Refusal, channel};
+use carved_records::{Event, EventBody, EventData, RunPlan, ViewOrder, ViewTaken};
 use carved_store::StoreReader;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -187,7 +188,7 @@ async fn drive(mut mailbox: mpsc::Receiver<Command>, refusal: Arc<Mutex<Option<R
             }
             Command::Handoff { plate, answer } => {
                 commands.lock().unwrap().push(format!("{:?} {}", plate.intent, plate.barcode));
-                let needs = HandoffNeeds { intent: plate.intent, barcode: plate.barcode, needs: Some("the run to end".into()) };
+                let needs = HandoffNeeds { intent: plate.intent.into(), barcode: plate.barcode, needs: Some("the run to end".into()) };
                 answer.send(refusal.map_or(Ok(needs), Err)).unwrap();
             }
             Command::EndHandoff { end, answer } => {

@@ -1,10 +1,9 @@
 //! What a run and the status say of the rig's calibration and of its daily beads.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 /// The newest calibration of this rig, by beads or by scale; looked up when the daemon and when a run starts.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct CalibrationStatus {
     pub id: String,
     /// `beads` or `scale`; `gate` where neither is kept, and only daily beads are.
@@ -48,7 +47,7 @@ fn age_s(measured: &str, now: jiff::Timestamp) -> Option<f64> {
 }
 
 /// The newest gate of this rig.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct GateStatus {
     pub id: String,
     /// `passed`, `no_history` (passed, with too few earlier gates to tell a change), `failed` or `too_few_beads`.

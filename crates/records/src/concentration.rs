@@ -2,10 +2,9 @@
 //! people write them.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 /// A unit keeps what the lab wrote: `ug/mL` and `mg/L` are the same amount, and are not made one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ConcentrationUnit {
     #[serde(rename = "M")]
     Molar,

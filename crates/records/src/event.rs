@@ -13,7 +13,6 @@ use carved_core::profile::Detection;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::Value;
-use utoipa::ToSchema;
 
 /// Something that happened, as it is to be written: it has no id yet.
 #[derive(Debug, Clone, PartialEq)]
@@ -38,8 +37,7 @@ pub struct Event {
 }
 
 /// Something that happened. Ids rise by one and last across restarts.
-#[derive(Serialize, Deserialize, ToSchema)]
-#[schema(as = Event)]
+#[derive(Serialize, Deserialize)]
 struct Line {
     id: u64,
     /// RFC 3339, UTC.
@@ -63,18 +61,6 @@ impl<'de> Deserialize<'de> for Event {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let Line { id, time, kind, run, well, data } = Line::deserialize(deserializer)?;
         Ok(Self { id, body: EventBody { time, run, well, data: EventData::of(&kind, data) } })
-    }
-}
-
-impl utoipa::PartialSchema for Event {
-    fn schema() -> utoipa::openapi::RefOr<utoipa::openapi::schema::Schema> {
-        Line::schema()
-    }
-}
-
-impl ToSchema for Event {
-    fn name() -> std::borrow::Cow<'static, str> {
-        "Event".into()
     }
 }
 

@@ -6,9 +6,8 @@
 //! The instrument does not see plates: it believes the loader, and holds it to what it said.
 
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum HandoffIntent {
     /// The plate is to be put in.
@@ -18,20 +17,11 @@ pub enum HandoffIntent {
 }
 
 /// Body of `PUT /v1/plate/handoff`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Handoff {
     pub intent: HandoffIntent,
     pub barcode: String,
-}
-
-/// What the announced handover waits for.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-pub struct HandoffNeeds {
-    pub intent: HandoffIntent,
-    pub barcode: String,
-    /// What has to happen first, in words; `null`: the plate may be moved now.
-    pub needs: Option<String>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

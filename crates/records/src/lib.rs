@@ -35,7 +35,7 @@ pub use event::{
 };
 pub use fault::table::{self as fault_table, ALL as FAULT_CODES, Category, FaultCode};
 pub use fault::{Device, Fault};
-pub use handover::{Handoff, HandoffEnd, HandoffIntent, HandoffNeeds};
+pub use handover::{Handoff, HandoffEnd, HandoffIntent};
 pub use hash::sha256_hex;
 pub use ledger::{Ledger, LedgerEntry, LedgerError, SecondEntry};
 pub use light::Light;

@@ -2,10 +2,9 @@
 
 use crate::WellStatus;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 /// Phase within one specimen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Phase {
     Load,
@@ -35,7 +34,7 @@ impl Phase {
 }
 
 /// How a run ended. `null` until it has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunOutcome {
     Succeeded,
@@ -68,7 +67,7 @@ impl RunOutcome {
 }
 
 /// How a specimen ended. `null` until it has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SpecimenOutcome {
     Succeeded,
@@ -79,7 +78,7 @@ pub enum SpecimenOutcome {
 }
 
 /// What the scheduler does about a fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SchedulerAction {
     Retry,
@@ -92,7 +91,7 @@ pub enum SchedulerAction {
 
 /// Whether numbers come from an instrument, from the emulated rig or from imported pictures, of whose origin carved knows
 /// nothing; stamped into every output. A daemon's is one of the first two.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     Hardware,

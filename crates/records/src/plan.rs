@@ -4,10 +4,9 @@ use crate::ConcentrationUnit;
 use crate::plate_map::Metadata;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use utoipa::ToSchema;
 
 /// What the plate map says is in a well.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SpecimenKind {
     Larva,
@@ -15,31 +14,27 @@ pub enum SpecimenKind {
 }
 
 /// Body of `PUT /v1/runs/{run_id}`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunPlan {
-    #[schema(pattern = "^[A-Za-z0-9_-][A-Za-z0-9._-]{0,63}$")]
     pub plate_barcode: String,
     /// Name of a method of the configuration.
     pub method: String,
     /// The version that the method must have there; any where it is left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub method_version: Option<String>,
-    #[schema(pattern = r"\S")]
     pub operator: String,
     #[serde(default)]
     pub external_id: Option<String>,
     /// The wells in the order in which they are visited.
-    #[schema(min_items = 1)]
     pub plate_map: Vec<PlannedWell>,
     /// What the lab keeps with the plate, as MIHCSME has it; stored with the run and not read.
     #[serde(default, skip_serializing_if = "Metadata::is_empty")]
-    #[schema(value_type = Object)]
     pub metadata: Metadata,
 }
 
 /// Whether a well is one that others are held against.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Control {
     Positive,
@@ -48,38 +43,31 @@ pub enum Control {
 
 /// One well of a plate map: what is in it, and what was done to it. carved measures by `specimen` and `dpf` and carries the rest
 /// into the results.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlannedWell {
     /// `A01` to `P24`.
-    #[schema(pattern = "^[A-P](0[1-9]|1[0-9]|2[0-4])$")]
     pub well: String,
     #[serde(default = "larva")]
     pub specimen: SpecimenKind,
     /// Days post fertilisation.
     #[serde(default)]
-    #[schema(minimum = 0, maximum = 30)]
     pub dpf: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(max_length = 200, pattern = r"\S")]
     pub compound: Option<String>,
     /// In `concentration_unit`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 0)]
     pub concentration: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub concentration_unit: Option<ConcentrationUnit>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(max_length = 200, pattern = r"\S")]
     pub strain: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(max_length = 200, pattern = r"\S")]
     pub treatment: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub control: Option<Control>,
     /// Number of the repetition of the same condition, from 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1)]
     pub replicate: Option<u32>,
 }
 
@@ -140,7 +128,7 @@ fn larva() -> SpecimenKind {
 }
 
 /// One thing wrong with a plan, and where.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FieldError {
     /// JSON pointer into the body, as `/plate_map/3/well`.
     pub pointer: String,

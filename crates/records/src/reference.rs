@@ -2,17 +2,16 @@
 
 use carved_core::measure::references::{Answer, Place, Quantity, Standing, VOXEL};
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
 
 /// The place of `volume_um3` and `area_um2`; `measurement.json` has the whole of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ReferenceStatus {
     pub volume: PlaceStatus,
     pub area: PlaceStatus,
 }
 
 /// One number among the reference larvae of its age; `null` throughout where there are none.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlaceStatus {
     /// `area 0.8 SD below the mean of 24 larvae of 4 dpf`, or why there is no such place.
     pub words: String,

@@ -4,10 +4,9 @@ use crate::{Phase, PlannedWell, ReferenceStatus, SpecimenKind, SpecimenOutcome};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Duration;
-use utoipa::ToSchema;
 
 /// One well of the run, as far as it has come.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WellStatus {
     pub well: String,
     /// What the plate map says is in it.
@@ -97,7 +96,7 @@ impl WellCounts {
 }
 
 /// Disjoint counts of a run's wells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct WellCounts {
     pub succeeded: u32,
     pub flagged: u32,
@@ -122,7 +121,7 @@ pub struct LiveEstimate {
 }
 
 /// Where the time of a well went, s. Phases add up to more than the well took where two of them went on side by side.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct WellTimes {
     /// By the phase's name.
     pub phases_s: BTreeMap<String, f64>,

@@ -1,7 +1,7 @@
 //! HTTP requests to one daemon. Requests that may be repeated are repeated until the time limit, and `Retry-After` is honoured.
 
+use crate::api::Status;
 use crate::http::Problem;
-use crate::session::Status;
 use anyhow::{Context, bail};
 use serde_json::Value;
 use std::path::PathBuf;

@@ -1,7 +1,6 @@
 //! The status as text.
 
-use crate::session::{RunStatus, Status};
-use carved_records::{Fault, Mode, SpecimenKind, WellStatus};
+use crate::api::{Fault, Mode, RunStatus, SpecimenKind, Status, WellStatus};
 
 use serde::Serialize;
 

@@ -2,9 +2,8 @@
 
 use super::client::{Client, segment};
 use super::{code_of, show};
-use crate::session::RunStatus;
+use crate::api::{Fault, Mode, RunStatus};
 use anyhow::{Context, bail};
-use carved_records::{Fault, Mode};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::collections::BTreeSet;
 use std::process::ExitCode;

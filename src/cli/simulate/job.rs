@@ -1,7 +1,8 @@
 //! The work of `simulate` once the daemon runs, as its client: the demo plate, a replayed recording, or nothing.
 
-use crate::session::{RunStatus, SessionHandle};
-use carved_records::{PlannedWell, RunPlan, SpecimenKind, WellStatus};
+use crate::api::{self, RunStatus};
+use crate::session::SessionHandle;
+use carved_records::{PlannedWell, RunPlan, SpecimenKind};
 
 use carved_core::pipeline::SpecimenRecord;
 use carved_store::{MEASUREMENT, MeasurementFile, RecordingReader, durable};
@@ -83,16 +84,16 @@ fn demo_plan() -> RunPlan {
 
 /// The numbers of the demo compared with the truth of the phantoms.
 fn table(run: &RunStatus, folder: &Path) -> String {
-    let row = |w: &WellStatus| {
+    let row = |w: &api::WellStatus| {
         let hull = RecordingReader::open(&folder.join(&w.well))
             .ok()
             .and_then(|r| r.recording().truth.as_ref().and_then(|t| t.get("hull_volume_um3")).and_then(serde_json::Value::as_f64));
         let number = |x: Option<f64>| x.map_or_else(|| "-".into(), |x| format!("{x:.4e}"));
         let difference = w.volume_um3.zip(hull).map_or_else(|| "-".into(), |(v, h)| format!("{:+.2} %", (v / h - 1.0) * 100.0));
         let kind = match (w.specimen, w.dpf) {
-            (SpecimenKind::Bead, _) => "bead".to_owned(),
-            (SpecimenKind::Larva, Some(dpf)) => format!("{dpf} dpf"),
-            (SpecimenKind::Larva, None) => "larva".to_owned(),
+            (api::SpecimenKind::Bead, _) => "bead".to_owned(),
+            (api::SpecimenKind::Larva, Some(dpf)) => format!("{dpf} dpf"),
+            (api::SpecimenKind::Larva, None) => "larva".to_owned(),
         };
         let outcome = match (&w.outcome, &w.reason) {
             (Some(o), Some(reason)) => format!("{o:?}: {reason}"),

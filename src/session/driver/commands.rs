@@ -40,7 +40,7 @@ pub(super) fn steer_ended(id: &str, towards: Towards, stored: Option<RunRecord>,
         Towards::Stop => now == State::Stopped && newest == Some(id),
         Towards::Hold | Towards::Unhold => false,
     };
-    if repeated { Ok(()) } else { Err(Refusal::RunEnded { id: run.id, outcome: run.outcome }) }
+    if repeated { Ok(()) } else { Err(Refusal::RunEnded { id: run.id, outcome: run.outcome.map(Into::into) }) }
 }
 
 /// Refuses what cannot be the name of a run.

@@ -6,8 +6,9 @@
 //!            take ──► the run's worker ──► give_back ─────────────────┘
 //! ```
 
+use super::super::Check;
 use super::super::handle::Refusal;
-use super::super::preflight::{self, Check, DeviceReport};
+use super::super::preflight::{self, DeviceReport};
 use super::super::search::{self, DevicesFound, Search};
 use super::super::worker::Instrument;
 use carved_devices::{DeviceError, Link};

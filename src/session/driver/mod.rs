@@ -102,7 +102,7 @@ impl Driver {
             server_time: String::new(),
             uptime_s: 0.0,
             version: env!("CARGO_PKG_VERSION").into(),
-            mode,
+            mode: mode.into(),
             ready: false,
             not_ready_reason: Some("starting".into()),
             state: State::Idle,

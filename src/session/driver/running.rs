@@ -13,9 +13,8 @@ use super::super::handle::{Accepted, Command, Publisher, Refusal, Towards};
 use super::super::preflight;
 use super::super::search::DevicesFound;
 use super::super::state::{self, HOLDABLE, Trigger};
-use super::super::status::{CameraStatus, TranslationStatus};
 use super::super::worker::{self, Instrument, Progress, RunContext, RunEnd, RunError};
-use super::super::{Live, Plate, Shown, SpecimenStatus, State, Status, fault, gate};
+use super::super::{CameraStatus, Live, Plate, Shown, SpecimenStatus, State, Status, TranslationStatus, fault, gate};
 use super::devices::{Devices, Done, Finding, PreflightRequest, findings, intervention};
 use super::handling::Waited;
 use super::interrupt::{Course, Fate, interruptions};
@@ -29,16 +28,17 @@ use super::run::{AfterWork, Request, RunInProgress, Work};
 use super::sealing::{seal_run, seal_well};
 use super::snapshot::{self, Parts, left_specimen, run_status};
 use super::{Driver, Life, commands, faults, resume, start};
+use crate::api::{self, HandoffNeeds};
 use crate::config::Config;
 use carved_core::units::Steps;
 use carved_devices::DeviceError;
 use carved_devices::cancel::CancelToken;
 use carved_records::Method;
 use carved_records::{
-    AttemptFailed, Capillary, DaemonStarted, Device, EndRequest, Event, EventData, Fault, FaultsCleared, Handoff, HandoffEnd, HandoffNeeds,
-    HeldBy, InstrumentState, LoadedBy, Mode, Phase, PhaseEntered, PlannedWell, RecoveryBegun, ResumedBy, RunAccepted, RunEnded, RunHeld,
-    RunInterrupted, RunPlan, RunResumed, RunState, SpecimenDone, SpecimenInterrupted, ViewTaken, WellCounts, WellStatus, WellTimes,
-    fault_table,
+    AttemptFailed, CalibrationStatus, Capillary, DaemonStarted, Device, EndRequest, Event, EventData, Fault, FaultsCleared, Handoff,
+    HandoffEnd, HeldBy, InstrumentState, LoadedBy, Mode, Phase, PhaseEntered, PlannedWell, RecoveryBegun, ResumedBy, RunAccepted, RunEnded,
+    RunHeld, RunInterrupted, RunPlan, RunResumed, RunState, SpecimenDone, SpecimenInterrupted, ViewTaken, WellCounts, WellStatus,
+    WellTimes, fault_table,
 };
 use carved_store::{RunRecord, StoreError};
 use std::collections::VecDeque;
@@ -54,6 +54,8 @@ pub(super) struct Running {
     pub(super) devices: Devices,
     pub(super) loader: Loader,
     room: DiskRoom,
+    /// The rig's newest calibration, as it was looked up last.
+    calibration: Option<CalibrationStatus>,
     pub(super) run: Option<RunInProgress>,
     pub(super) life: Life,
 }
@@ -81,6 +83,7 @@ impl Running {
             mode,
             publisher,
             room: DiskRoom::default(),
+            calibration: None,
             run: None,
             life: Life::Starting,
         }
@@ -96,8 +99,8 @@ impl Running {
         let inside = self.state().plate.inside().map(str::to_owned);
         let open = self.open_runs();
         self.event(None, EventData::DaemonStarted(DaemonStarted { version: env!("CARGO_PKG_VERSION").into(), mode: self.mode }));
+        self.calibration = calibration;
         self.publish(|s| {
-            s.calibration = calibration;
             if let Some((rotation, camera)) = identities {
                 s.hardware.translation = has_translation.then(TranslationStatus::default);
                 s.hardware.find_axes(&rotation);
@@ -333,6 +336,7 @@ impl Running {
             is_checked: self.devices.are_checked(),
             no_room: self.room.lacking(),
             is_failing: self.outbox.is_failing(),
+            calibration: self.calibration.as_ref(),
             life: self.life,
             now: jiff::Timestamp::now(),
         };
@@ -485,10 +489,9 @@ impl Running {
     }
 
     /// A calibration, or a gate, that has grown too old is a change of state, and shown as one.
-    fn calibration_ages(&self) {
-        let mut calibration = self.publisher.status().calibration.clone();
-        if calibration.as_mut().is_some_and(|c| c.grows_too_old(jiff::Timestamp::now())) {
-            self.publish(|s| s.calibration = calibration);
+    fn calibration_ages(&mut self) {
+        if self.calibration.as_mut().is_some_and(|c| c.grows_too_old(jiff::Timestamp::now())) {
+            self.publish(|_| ());
         }
     }
 
@@ -519,10 +522,16 @@ impl Running {
                 if let Some(taken) = seen.intervention().and_then(intervention) {
                     self.find(taken);
                 }
-                let status = self.publisher.status();
-                let (store, inside) = (self.outbox.store(), self.state().plate.inside());
-                let budget = room::budget(&self.config, store);
-                let checks = preflight::checks(&self.config, &plan, &seen, &status, inside, store.free_bytes(), budget);
+                let store = self.outbox.store();
+                let known = preflight::Known {
+                    status: &self.publisher.status(),
+                    mode: self.mode,
+                    gate: self.calibration.as_ref().and_then(|c| c.gate.as_ref()),
+                    plate_inside: self.state().plate.inside(),
+                    free_bytes: store.free_bytes(),
+                    budget: room::budget(&self.config, store),
+                };
+                let checks = preflight::checks(&self.config, &plan, &seen, &known);
                 // A run would be accepted again, before the client can ask for one.
                 self.publish(|_| ());
                 reply(answer, Ok(checks));
@@ -692,7 +701,7 @@ impl Running {
 
     fn unloaded(&mut self, run: &str, well: &str) -> Result<(), Refusal> {
         let status = self.publisher.status();
-        let worked_on = status.specimen.as_ref().filter(|_| self.works()).map(|s| (s.well.as_str(), s.phase));
+        let worked_on = status.specimen.as_ref().filter(|s| self.works() && s.phase != api::Phase::Eject).map(|s| s.well.as_str());
         if !self.loader_message(run, well, &status).unloaded(worked_on)? {
             return Ok(());
         }
@@ -730,7 +739,7 @@ impl Running {
             self.promise(None, EventData::PlateAnnounced(plate.clone()))?;
             self.publish(|_| ());
         }
-        Ok(HandoffNeeds { intent: plate.intent, needs: self.surroundings(&status).needs(), barcode: plate.barcode })
+        Ok(HandoffNeeds { intent: plate.intent.into(), needs: self.surroundings(&status).needs(), barcode: plate.barcode })
     }
 
     pub fn end_handoff(&mut self, end: HandoffEnd) -> Result<(), Refusal> {
@@ -747,7 +756,7 @@ impl Running {
     }
 
     /// Looks at everything that a run of this plan would need. It needs the instrument, so there can be no run.
-    pub fn preflight(&mut self, plan: RunPlan, answer: oneshot::Sender<Result<Vec<preflight::Check>, Refusal>>) {
+    pub fn preflight(&mut self, plan: RunPlan, answer: oneshot::Sender<Result<Vec<api::Check>, Refusal>>) {
         let sound = plan.check(&self.config.methods).map_err(Refusal::InvalidPlan);
         let accepted = sound.and_then(|()| commands::is_startable(self.run.is_some(), self.publisher.status().state));
         if let Err(refusal) = accepted {
@@ -797,8 +806,8 @@ impl Running {
         }
         self.run = Some(run);
         self.launch();
+        self.calibration = calibration;
         self.go_with(Trigger::Start, |s| {
-            s.calibration = calibration;
             s.run = Some(status);
             s.specimen = None;
             s.plate = Plate { barcode: Some(barcode), present: true, ..Plate::default() };
@@ -1066,7 +1075,8 @@ impl Running {
             return self.rest(true);
         }
         self.forget_run();
-        self.go_with(Trigger::Recorded, self.over(&record));
+        let change = self.over(&record);
+        self.go_with(Trigger::Recorded, change);
     }
 
     /// Stopped, aborted, or with the daemon.
@@ -1098,12 +1108,11 @@ impl Running {
     }
 
     /// The end of a run and all that follows from it, for one revision.
-    fn over(&self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
-        let (status, calibration, left) =
-            (run_status(record), gate::calibration(&self.config, self.mode), self.left_specimen(record.method.asd));
+    fn over(&mut self, record: &RunRecord) -> impl FnOnce(&mut Status) + use<> {
+        self.calibration = gate::calibration(&self.config, self.mode);
+        let (status, left) = (run_status(record), self.left_specimen(record.method.asd));
         |s| {
             s.run = Some(status);
-            s.calibration = calibration;
             s.specimen = left;
         }
     }

@@ -6,7 +6,7 @@ use super::loader::Loader;
 use super::plates::to_be_taken_out;
 use super::resume;
 use super::run::{Request, RunInProgress};
-use carved_records::{Capillary, Device, Fault, InstrumentState, Phase, RunState, WellCounts};
+use carved_records::{CalibrationStatus, Capillary, Device, Fault, InstrumentState, Phase, RunState, WellCounts};
 use carved_store::RunRecord;
 use jiff::Timestamp;
 
@@ -23,6 +23,8 @@ pub(super) struct Parts<'a> {
     pub no_room: Option<&'a str>,
     /// Not everything is on disk.
     pub is_failing: bool,
+    /// The rig's newest calibration.
+    pub calibration: Option<&'a CalibrationStatus>,
     pub life: Life,
     pub now: Timestamp,
 }
@@ -32,7 +34,8 @@ impl Parts<'_> {
     pub fn derive(&self, s: &mut Status) {
         let capillary = capillary(self.state);
         s.pending = self.pending();
-        s.faults = self.state.faults.open().to_vec();
+        s.faults = self.state.faults.open().iter().cloned().map(Into::into).collect();
+        s.calibration = self.calibration.cloned().map(Into::into);
         if let Some(specimen) = &mut s.specimen {
             specimen.in_capillary = capillary.inside() == Some(&specimen.well);
         }
@@ -71,7 +74,7 @@ impl Parts<'_> {
             let recovering = run.numbers().wells().filter(|well| !begun.iter().any(|b| b == well)).count();
             let waiting = shown.wells.pending.saturating_sub((begun.len() + recovering) as u32);
             let under_way = specimen.map(|specimen| specimen.well.as_str());
-            shown.eta_s = self.state.paces.remaining(&run.record().plan.method, under_way, waiting, self.now);
+            shown.eta_s = self.state.paces.remaining(&run.record().plan.method, under_way, waiting, self.now).map(Into::into);
         }
     }
 
@@ -107,15 +110,15 @@ pub(super) fn run_status(record: &RunRecord) -> RunStatus {
         external_id: record.plan.external_id.clone(),
         method: record.plan.method.clone(),
         operator: record.plan.operator.clone(),
-        wells: WellCounts::of(&record.wells),
-        results: record.wells.clone(),
+        wells: WellCounts::of(&record.wells).into(),
+        results: record.wells.iter().cloned().map(Into::into).collect(),
         started: record.started.clone(),
         ended: record.ended.clone(),
         eta_s: None,
         held_by_operator: false,
         goes_on_by_itself: false,
         hold: None,
-        outcome: record.outcome,
+        outcome: record.outcome.map(Into::into),
     }
 }
 
@@ -163,6 +166,7 @@ mod tests {
             is_checked: false,
             no_room: None,
             is_failing: false,
+            calibration: None,
             life: Life::Up,
             now: Timestamp::UNIX_EPOCH,
         }

@@ -5,9 +5,8 @@ pub mod table;
 use crate::SchedulerAction;
 use serde::{Deserialize, Serialize};
 use table::{Category, FaultCode};
-use utoipa::ToSchema;
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Fault {
     /// Its number; numbers rise and last across restarts.
     pub seq: u64,

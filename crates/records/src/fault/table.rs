@@ -10,10 +10,9 @@
 
 use crate::SchedulerAction::{self, EscalateOperator, PauseInstrument, Retry};
 use serde::Serialize;
-use utoipa::ToSchema;
 
 /// One code with what is always true of it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct FaultCode {
     /// Stable word to branch on.
     pub code: &'static str,
@@ -30,7 +29,7 @@ pub struct FaultCode {
 }
 
 /// What a fault concerns.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Category {
     Camera,

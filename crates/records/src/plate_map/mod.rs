@@ -20,7 +20,6 @@ pub use table::{UNCLOSED_QUOTE, unclosed_quote};
 use super::{FieldError, PlannedWell};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use utoipa::ToSchema;
 
 /// What carved keeps beside the wells without reading it: a JSON object.
 pub type Metadata = serde_json::Map<String, serde_json::Value>;
@@ -35,19 +34,18 @@ pub enum Format {
 }
 
 /// A plate map that holds no mistake.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct PlateMap {
     /// The `plate_map` of a run's plan: the wells in the order of the file.
     pub plate_map: Vec<PlannedWell>,
     /// The `metadata` of a run's plan: MIHCSME as it came, for one.
-    #[schema(value_type = Object)]
     pub metadata: Metadata,
     /// What was read otherwise than it stands there, each with its place.
     pub notes: Vec<String>,
 }
 
 /// One thing wrong with what was sent, and where: a JSON pointer, or a line and a column of a CSV.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Mistake {
     /// JSON pointer into the body, as `/plate_map/3/well`; the body itself is the empty one.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -12,10 +12,9 @@ use crate::{EventBody, EventData, Phase, SpecimenOutcome};
 use jiff::Timestamp;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, VecDeque};
-use utoipa::ToSchema;
 
 /// Seconds until the run is done.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Eta {
     /// Median, s.
     pub p50: f64,

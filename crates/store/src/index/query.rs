@@ -6,7 +6,6 @@ use carved_records::{Event, EventBody, EventData, Phase, WellCounts, WellStatus,
 use rusqlite::{Connection, OpenFlags, OptionalExtension, Row, params};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
-use utoipa::ToSchema;
 
 /// Which runs; what is not given does not matter.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -32,7 +31,7 @@ pub struct Cursor {
 }
 
 /// A run in a list.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRow {
     pub id: String,
     pub external_id: Option<String>,

@@ -4,12 +4,13 @@
 use super::super::*;
 use super::bench::{Arm, Bench, RUN, bench, instrument, journalled, on_this_thread, scratch, started, started_with};
 use super::loader::{IN, out};
+use crate::api::SpecimenOutcome;
 use crate::session::handle::{Refusal, Towards};
 use crate::session::worker::{OpticsFault, Progress, RunEnd, RunError};
 use carved_core::profile::ProfileError;
 use carved_devices::DeviceError;
 use carved_devices::testing::{FakeAxis, FakeCamera};
-use carved_records::{EventData, Interrupted, Phase, SpecimenOutcome, fault_table};
+use carved_records::{EventData, Interrupted, Phase, fault_table};
 use carved_store::RecordingWriter;
 use carved_store::testing::recording as a_recording;
 use std::sync::Arc;
@@ -168,7 +169,7 @@ impl Bench {
     fn outcomes(&self) -> Vec<Option<SpecimenOutcome>> {
         let shown: Vec<_> = self.status().run.unwrap().results.iter().map(|well| well.outcome).collect();
         let stored = self.d.outbox.store().run(RUN).unwrap().unwrap();
-        assert_eq!(shown, stored.wells.iter().map(|well| well.outcome).collect::<Vec<_>>());
+        assert_eq!(shown, stored.wells.iter().map(|well| well.outcome.map(Into::into)).collect::<Vec<_>>());
         shown
     }
 

@@ -41,7 +41,7 @@ fn a_specimen_that_could_not_be_taken_out_is_not_forgotten_with_its_numbers() {
             };
             assert_eq!((of_a01("specimen.done"), of_a01("specimen.interrupted")), (1, 0), "{wells:?}");
             let outcome = status.run.as_ref().unwrap().results[0].outcome;
-            assert_eq!(outcome, Some(carved_records::SpecimenOutcome::Succeeded), "{wells:?}");
+            assert_eq!(outcome, Some(crate::api::SpecimenOutcome::Succeeded), "{wells:?}");
             assert!(status.specimen.is_some_and(|s| s.well == "A01" && s.in_capillary), "{wells:?}");
             assert!(!status.plate.removable && status.state == State::Held, "{:?}", status.state);
             let handling = b.d.run.as_ref().unwrap().handling();

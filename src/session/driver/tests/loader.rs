@@ -2,11 +2,12 @@
 
 use super::super::*;
 use super::bench::{Bench, RUN, bench, journalled, on_this_thread, plan, scratch, started};
+use crate::api::RunOutcome;
 use crate::session::handle::{Accepted, Refusal, Towards};
 use crate::session::search::DevicesFound;
 use crate::session::worker::{Progress, RunEnd, RunError};
 use carved_devices::DeviceError;
-use carved_records::{EventData, Phase, RunOutcome, WellLoaded, kind};
+use carved_records::{EventData, Phase, WellLoaded, kind};
 use carved_store::StoreError;
 use std::path::PathBuf;
 use tokio::sync::oneshot;

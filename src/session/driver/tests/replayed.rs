@@ -142,7 +142,8 @@ fn check(loaded_from_outside: bool, steps: &[Step]) {
             }
             let when = format!("after step {at} of {steps:?}");
             assert_eq!(*b.d.state(), replayed(&b, dir.path()), "{when}");
-            assert_eq!(b.status().faults, b.d.state().faults.open(), "{when}");
+            let open: Vec<crate::api::Fault> = b.d.state().faults.open().iter().cloned().map(Into::into).collect();
+            assert_eq!(b.status().faults, open, "{when}");
             let inside = b.status().specimen.filter(|s| s.in_capillary).map(|s| s.well);
             assert!(inside.is_none() || inside.as_deref() == b.d.capillary().inside(), "{when}");
         }

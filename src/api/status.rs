@@ -4,9 +4,10 @@
 //! and the `faults`. Clocks (`server_time`, `uptime_s`, the calibration's `age_s`) are filled in when a snapshot is read and do not
 //! change its revision; `eta_s` is told anew with each well that is done.
 
+use super::{CalibrationStatus, Eta, Fault, Light, Mode, Phase, RunOutcome, WellCounts, WellStatus};
 use carved_core::units::Steps;
 use carved_devices::Position;
-use carved_records::{CalibrationStatus, Eta, Fault, LiveEstimate, Mode, Phase, RunOutcome, WellCounts, WellStatus};
+use carved_records::LiveEstimate;
 use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
@@ -119,11 +120,11 @@ pub struct SpecimenStatus {
 
 impl SpecimenStatus {
     /// A specimen of which nothing is known yet; the driver knows what is in the capillary.
-    pub fn new(well: &str, phase: Phase, views_planned: u32) -> Self {
+    pub fn new(well: &str, phase: impl Into<Phase>, views_planned: u32) -> Self {
         Self {
             well: well.to_owned(),
             in_capillary: false,
-            phase,
+            phase: phase.into(),
             view: 0,
             views_planned,
             volume_um3: None,
@@ -151,7 +152,7 @@ pub struct CameraStatus {
     pub ignored_packets: u64,
     /// Light and focus of the newest view.
     #[serde(default)]
-    pub light: Option<carved_records::Light>,
+    pub light: Option<Light>,
 }
 
 impl CameraStatus {
