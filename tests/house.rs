@@ -9,7 +9,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// The modules of the daemon, each with the other modules that it may use. Cargo's manifests define the dependencies between crates.
-const MAY_USE: &[(&str, &[&str])] = &[("export", &[]), ("config", &["http"]), ("session", &["export", "config"]), ("http", &["session"])];
+const MAY_USE: &[(&str, &[&str])] =
+    &[("export", &[]), ("config", &[]), ("session", &["export", "config"]), ("http", &["config", "session"])];
 
 /// Crates with the crates of this workspace that they may depend on.
 const MAY_DEPEND_ON: &[(&str, &[&str])] = &[

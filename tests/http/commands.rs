@@ -2,7 +2,7 @@
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{connect, read_answer};
-use carved::http::HttpSettings;
+use carved::config::HttpSettings;
 use carved::session::{Refusal, State};
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;

@@ -1,7 +1,8 @@
 //! A running server, and the driver at its other end, which the tests control.
 
 use crate::wire::{self, Answer};
-use carved::http::{HttpError, HttpSettings, serve};
+use carved::config::HttpSettings;
+use carved::http::{HttpError, bind, serve};
 use carved::session::{Accepted, Check, Command, HardwareStatus, MethodOffer, Pending, Plate, Publisher, Refusal, State, Status, channel};
 use carved_records::{Event, EventBody, EventData, HandoffNeeds, Mode, RunPlan, ViewOrder, ViewTaken};
 use carved_store::StoreReader;
@@ -82,7 +83,7 @@ impl Rig {
         runtime.spawn(drive(mailbox, refusal.clone(), commands.clone()));
         let data = tempfile::tempdir().unwrap();
         let reader = StoreReader::new(data.path());
-        let listener = settings.bind().unwrap();
+        let listener = bind(&settings).unwrap();
         let address = listener.local_addr().unwrap();
         let (stop, stopped) = oneshot::channel::<()>();
         let server = runtime.spawn(async move {
