@@ -53,8 +53,9 @@ bench: deps-build deps-bench ## benchmarks, then other tools beside carved: docs
 
 web: $(PAGE) ## the operator's page alone: web/dist
 
-contract: deps-build $(NODE_MODULES) ## after a change of the API: docs/openapi.json from the daemon, the page's types from it
+contract: deps-build $(NODE_MODULES) ## after a change of the API or a setting: docs/openapi.json, the page's types, docs/configuration.md
 	CARVED_UPDATE_OPENAPI=1 $(CARGO) test --locked --test http openapi_file
+	CARVED_UPDATE_CONFIGURATION=1 $(CARGO) test --locked --test commands reference_page
 	cd web && npm run --silent contract
 
 deny: ## licences, banned crates and sources of everything that is built in (installs cargo-deny where missing)

@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 /// The modules of the daemon, each with the other modules that it may use. Cargo's manifests define the dependencies between crates.
 const MAY_USE: &[(&str, &[&str])] = &[
     ("export", &[]),
-    ("config", &["http"]),
+    ("config", &[]),
     // Made of records and of what devices report.
     ("api", &[]),
     // It builds its snapshots of API types, and does not know `http`, which serves them.
     ("session", &["api", "export", "config"]),
-    ("http", &["api", "session"]),
+    ("http", &["api", "config", "session"]),
 ];
 
 /// Crates with the crates of this workspace that they may depend on.

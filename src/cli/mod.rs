@@ -22,6 +22,7 @@ mod reconstruct;
 mod reference;
 mod replay;
 mod run;
+mod schema;
 mod segment;
 mod serve;
 #[cfg(feature = "simulate")]
@@ -94,6 +95,8 @@ enum Command {
 enum ConfigCommand {
     /// Check a configuration and report everything that is wrong with it.
     Check(check::Args),
+    /// Print the JSON schema of a configuration: every key with its unit, default, range, level and meaning.
+    Schema(schema::Args),
 }
 
 const LOG: &str = "Environment:
@@ -152,6 +155,7 @@ fn run() -> anyhow::Result<ExitCode> {
         Command::Run(command) => return run::run(&command),
         Command::Plate(command) => return plate::run(&command),
         Command::Config(ConfigCommand::Check(args)) => check::run(&args),
+        Command::Config(ConfigCommand::Schema(args)) => schema::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)
 }

@@ -2,6 +2,7 @@
 
 use super::daemon::Daemon;
 use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
+use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
 use carved_devices::sampler::{LoaderGate, LoaderSampler, Sampler, TriggerSampler};
@@ -20,7 +21,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let config = Arc::new(Config::load(&args.config)?);
-    let listener = config.http.bind()?;
+    let listener = http::bind(&config.http)?;
     // The data folder is claimed before any device is opened, because its owner may be in the middle of a turn.
     let claim = Claim::on(&config.store.data_dir)?;
     let gate = LoaderGate::default();

@@ -1,12 +1,13 @@
 //! Raw to checked: every breach is found and said, then nothing needs to be doubted again.
 
-use super::raw::{CalibrationConfig, CameraDriver, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
+use super::HttpSettings;
+use super::raw::{CalibrationConfig, CameraDriver, Drivers, Raw, RawSecondOptics, RotationDriver, SamplerDriver};
 use super::references::{self, ReferencesError};
-use crate::http::HttpSettings;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::geometry::{Camera, SecondOptics};
 use carved_core::measure::references::References;
 use carved_core::profile::{EmptyCapillary, Picture};
+use carved_core::range::{OutOfRange, Ranged};
 use carved_core::units::StepsPerRevolution;
 use carved_devices::acquisition::{AcquisitionSettings, RevolutionPlan};
 use carved_devices::rotation::TranslationSettings;
@@ -64,26 +65,11 @@ pub struct StoreConfig {
 pub enum ConfigError {
     #[error("{}: cannot read the configuration: {source}", path.display())]
     Read { path: PathBuf, source: std::io::Error },
-    #[error("{}: {source}", path.display())]
-    Syntax { path: PathBuf, source: Box<toml::de::Error> },
+    /// `key` is the path of the key, or empty where the file is no TOML.
+    #[error("{}: {key}{source}", path.display())]
+    Syntax { path: PathBuf, key: String, source: Box<toml::de::Error> },
     #[error("{}: {} value(s) cannot be used:\n{}", path.display(), breaches.len(), breaches.join("\n"))]
     Breaches { path: PathBuf, breaches: Vec<String> },
-}
-
-/// Inner diameters that a capillary for larvae may have, um: a larva is 300 um thick. A bore in mm is below.
-const BORE_UM: std::ops::RangeInclusive<f64> = 100.0..=5000.0;
-
-/// Single numbers of the tables for the calibration, the optics and the store.
-fn check_bounds(raw: &Raw, wrong: &mut impl FnMut(&str, String, &str)) {
-    if !(0.01..=3650.0).contains(&raw.calibration.max_age_days) {
-        wrong("calibration.max_age_days", raw.calibration.max_age_days.to_string(), "0.01 to 3650 days");
-    }
-    if let Some(um) = raw.optics.bore_um.filter(|um| !BORE_UM.contains(um)) {
-        wrong("optics.bore_um", um.to_string(), &format!("{:.0} to {:.0} um", BORE_UM.start(), BORE_UM.end()));
-    }
-    if let Some(gb) = raw.store.budget_gb.filter(|gb| !(1.0..=1e6).contains(gb)) {
-        wrong("store.budget_gb", gb.to_string(), "1 to 1000000 GB");
-    }
 }
 
 impl Config {
@@ -99,7 +85,13 @@ impl Config {
 
     /// `path` names the source in errors; what the text names is looked for beside it.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        let raw: Raw = toml::from_str(text).map_err(|e| ConfigError::Syntax { path: path.to_owned(), source: Box::new(e) })?;
+        let syntax = |key, source| ConfigError::Syntax { path: path.to_owned(), key, source: Box::new(source) };
+        let written = toml::Deserializer::parse(text).map_err(|e| syntax(String::new(), e))?;
+        let raw: Raw = serde_path_to_error::deserialize(written).map_err(|e| syntax(format!("{}: ", e.path()), e.into_inner()))?;
+        let drivers = raw.read_drivers().map_err(|breaches| ConfigError::Breaches { path: path.to_owned(), breaches })?;
+        let outside: Vec<OutOfRange> = raw.outside().into_iter().chain(drivers.outside()).collect();
+        // What is said of several numbers together is only said where each of them can be meant.
+        let in_range = |table: &str| !outside.iter().any(|breach| breach.key.starts_with(&format!("{table}.")));
         let o = &raw.optics;
         let optics = Camera {
             f: o.distance_um,
@@ -114,18 +106,8 @@ impl Config {
             width: o.width_px,
             height: o.height_px,
         };
-        let mut breaches = Vec::new();
+        let mut breaches: Vec<String> = outside.iter().map(|breach| format!("  {breach}")).collect();
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
-        if let Err(e) = optics.check() {
-            wrong("[optics]", e.to_string(), "a camera");
-        }
-        if raw.acquisition.settle_ms > 10_000 {
-            wrong("acquisition.settle_ms", raw.acquisition.settle_ms.to_string(), "0 to 10000 ms");
-        }
-        if !(10..=60_000).contains(&raw.acquisition.grab_deadline_ms) {
-            wrong("acquisition.grab_deadline_ms", raw.acquisition.grab_deadline_ms.to_string(), "10 to 60000 ms");
-        }
-        check_bounds(&raw, &mut wrong);
         if raw.methods.is_empty() {
             wrong("[methods]", "nothing".into(), "at least one method, as [methods.standard]");
         }
@@ -133,7 +115,8 @@ impl Config {
             if !carved_records::is_plain_name(name) {
                 wrong(&format!("methods.{name:?}"), "this name".into(), "1 to 64 letters, digits, '-', '_' or '.'");
             }
-            if let Err(e) = RevolutionPlan::new(method.asd, raw.rig.steps_per_revolution, method.order) {
+            let planned = in_range("rig") && method.outside().is_empty();
+            if let Some(Err(e)) = planned.then(|| RevolutionPlan::new(method.asd, raw.rig.steps_per_revolution, method.order)) {
                 wrong(&format!("methods.{name}.asd"), method.asd.to_string(), &e.to_string());
             }
         }
@@ -141,25 +124,32 @@ impl Config {
         for (name, method) in &raw.methods {
             breaches.extend(method.check().iter().map(|e| format!("  methods.{name}.{e}")));
         }
+        let CameraDriver::Aravis(camera) = &drivers.camera;
         let empty_capillary = raw.optics.empty_capillary.as_deref().and_then(|named| {
             let file = path.parent().unwrap_or(Path::new("")).join(named);
-            empty_capillary(&file, &raw).map_err(|e| breaches.push(format!("  optics.empty_capillary = \"{}\": {e}", named.display()))).ok()
+            empty_capillary(&file, &raw, camera.pixel_format)
+                .map_err(|e| breaches.push(format!("  optics.empty_capillary = \"{}\": {e}", named.display())))
+                .ok()
         });
         let references = configured_references(raw.references.as_deref(), path).unwrap_or_else(|e| {
             breaches.push(format!("  references: {e}"));
             Arc::new([])
         });
         breaches.extend(raw.http.check().iter().map(|e| format!("  {e}")));
-        let CameraDriver::Aravis(camera) = &raw.camera;
-        let translation = raw.translation.as_ref().map_or(Ok(()), TranslationSettings::check);
-        for checked in [raw.rotation.check(raw.rig.steps_per_revolution), translation, camera.check()] {
+        let translation = raw.translation.as_ref().filter(|_| in_range("translation")).map_or(Ok(()), TranslationSettings::check);
+        let rotation = if in_range("rotation") && in_range("rig") { drivers.rotation.check(raw.rig.steps_per_revolution) } else { Ok(()) };
+        let sampler = match &drivers.sampler {
+            SamplerDriver::Trigger(trigger) if in_range("sampler") => trigger.check(),
+            _ => Ok(()),
+        };
+        for checked in [rotation, translation, sampler] {
             breaches.extend(checked.err().map(|e| format!("  {e}")));
         }
-        wires(&raw, &mut breaches);
-        let second = second_camera(raw.camera_second, raw.optics_second.as_ref(), &mut breaches);
+        wires(raw.translation.as_ref(), &drivers, &mut breaches);
+        let second = second_camera(drivers.camera_second, raw.optics_second.as_ref(), &mut breaches);
         breaches.extend(second.iter().flat_map(|second| too_near(&raw.methods, "optics_second", &second.optics.camera)));
         let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
-        let (width, height) = raw.camera.frame_size();
+        let (width, height) = drivers.camera.frame_size();
         if (width, height) != (o.width_px, o.height_px) {
             wrong("[camera] frame", format!("{width} x {height} px"), &format!("the {} x {} px of [optics]", o.width_px, o.height_px));
         }
@@ -177,11 +167,11 @@ impl Config {
             optics,
             empty_capillary,
             bore_um: raw.optics.bore_um,
-            rotation: raw.rotation,
+            rotation: drivers.rotation,
             translation: raw.translation,
-            camera: raw.camera,
+            camera: drivers.camera,
             second,
-            sampler: raw.sampler,
+            sampler: drivers.sampler,
             methods: raw.methods,
             references,
         })
@@ -196,9 +186,9 @@ fn too_near(methods: &BTreeMap<String, Method>, table: &str, camera: &Camera) ->
 }
 
 /// What ends at the rotation's controller besides the rotation.
-fn wires(raw: &Raw, breaches: &mut Vec<String>) {
+fn wires(translation: Option<&TranslationSettings>, drivers: &Drivers, breaches: &mut Vec<String>) {
     let mut wrong = |key: &str, found: String, expected: &str| breaches.push(format!("  {key} = {found}; expected {expected}"));
-    match (&raw.translation, &raw.rotation) {
+    match (translation, &drivers.rotation) {
         (Some(_), driver) if !matches!(driver, RotationDriver::Grbl(_)) => {
             wrong("[translation]", "a table".into(), "none: of the drivers of [rotation] only \"grbl\" moves the capillary along");
         }
@@ -207,11 +197,9 @@ fn wires(raw: &Raw, breaches: &mut Vec<String>) {
         }
         _ => {}
     }
-    let SamplerDriver::Trigger(trigger) = &raw.sampler else { return };
-    if !matches!(raw.rotation, RotationDriver::Grbl(_)) {
+    if matches!(drivers.sampler, SamplerDriver::Trigger(_)) && !matches!(drivers.rotation, RotationDriver::Grbl(_)) {
         wrong("sampler.driver", "\"trigger\"".into(), "\"loader\": of the drivers of [rotation] only \"grbl\" has the wire");
     }
-    breaches.extend(trigger.check().err().map(|e| format!("  {e}")));
 }
 
 /// Both tables of a second camera, or neither.
@@ -225,7 +213,6 @@ fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>,
         }
     };
     let CameraDriver::Aravis(settings) = &camera;
-    breaches.extend(settings.check().err().map(|e| format!("  [camera_second] {e}")));
     if settings.pixel_format != PixelFormat::Mono8 {
         breaches
             .push(format!("  camera_second.pixel_format = {}; expected Mono8: light is summed, not colours", settings.pixel_format.name()));
@@ -243,10 +230,6 @@ fn second_camera(camera: Option<CameraDriver>, optics: Option<&RawSecondOptics>,
         width: settings.width,
         height: settings.height,
     };
-    breaches.extend(optics.check().err().map(|e| format!("  [optics_second] = {e}; expected a camera")));
-    if !o.around_deg.is_finite() {
-        breaches.push(format!("  optics_second.around_deg = {}; expected a finite number", o.around_deg));
-    }
     Some(SecondCamera { camera, optics: SecondOptics { camera: optics, around: o.around_deg.to_radians() } })
 }
 
@@ -257,9 +240,9 @@ fn configured_references(named: Option<&[PathBuf]>, path: &Path) -> Result<Arc<[
 }
 
 /// Reads the picture of the empty capillary and looks whether every method finds the walls in it.
-fn empty_capillary(file: &Path, raw: &Raw) -> Result<Arc<RawFrame>, String> {
+fn empty_capillary(file: &Path, raw: &Raw, format: PixelFormat) -> Result<Arc<RawFrame>, String> {
     const WAY_OUT: &str = "put the `frames/detect.png` of a well there that was skipped as empty, or leave the key out";
-    let frame = frames::decode(file, raw.camera.pixel_format()).map_err(|e| format!("{e}; {WAY_OUT}"))?;
+    let frame = frames::decode(file, format).map_err(|e| format!("{e}; {WAY_OUT}"))?;
     let (found, expected) = ((frame.width(), frame.height()), (raw.optics.width_px, raw.optics.height_px));
     if found != expected {
         return Err(format!("{} x {} px; expected the {} x {} px of [optics]; {WAY_OUT}", found.0, found.1, expected.0, expected.1));

@@ -2,13 +2,18 @@
 //!
 //! ```text
 //! file ─> Raw (serde, deny_unknown_fields) ─> check: every breach is listed ─> Config
+//!          └─> schema: `carved config schema`, docs/configuration.md
 //! ```
 
 mod check;
+mod http;
 mod raw;
 pub mod references;
+mod schema;
 #[cfg(test)]
 mod tests;
 
 pub use check::{Config, ConfigError, SecondCamera, StoreConfig};
+pub use http::{Guard, HttpSettings, HttpSettingsError};
 pub use raw::{CalibrationConfig, CameraDriver, RotationDriver, SamplerDriver};
+pub use schema::{Key, keys, reference_page, schema};

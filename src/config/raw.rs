@@ -1,7 +1,16 @@
 //! The configuration as it is written: every key with its unit in its name.
+//!
+//! ```text
+//! file ─ toml ─> Raw ─ read_drivers ─> Drivers      tables whose `driver` says which keys they have
+//!                 └──── outside ─────> numbers out of range, with the full path of their keys
+//! ```
+//! The documentation of the fields is the reference of the keys: `carved config schema` prints it. `x-level` says who sets a key;
+//! a key has the level of its table, unless it has its own.
 
-use crate::http::HttpSettings;
+use super::HttpSettings;
 use carved_core::frame::PixelFormat;
+use carved_core::range::{OutOfRange, Range, Ranged, in_schema, outside_in};
+use carved_core::ranges;
 use carved_core::units::StepsPerRevolution;
 use carved_devices::DeviceError;
 use carved_devices::acquisition::AcquisitionSettings;
@@ -9,52 +18,92 @@ use carved_devices::camera::AravisSettings;
 use carved_devices::rotation::{GrblSettings, RelaySettings, TmclSettings, TranslationSettings, VastBridgeSettings, ZaberSettings};
 use carved_devices::sampler::TriggerSettings;
 use carved_records::Method;
+use schemars::JsonSchema;
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-#[derive(Debug, Deserialize)]
+/// The configuration of an instrument. Paths of files are relative to the folder of the configuration, unless a key says otherwise.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Raw {
-    /// Files of reference larvae, relative to the configuration file; the paper's where left out.
+    /// Files of reference larvae (`carved reference build`), relative to the configuration file. Larvae of known age are compared with
+    /// them. If it is left out, the larvae of the paper are used, which are built in.
     #[serde(default)]
+    #[schemars(extend("x-level" = "operator"))]
     pub references: Option<Vec<PathBuf>>,
+    /// The server of the page and the API.
+    #[schemars(extend("x-level" = "operator"))]
     pub http: HttpSettings,
+    /// Where results are stored.
+    #[schemars(extend("x-level" = "operator"))]
     pub store: RawStore,
+    /// The calibrations of the rig itself, which `carved calibrate beads` and `carved calibrate scale` keep.
     #[serde(default)]
+    #[schemars(extend("x-level" = "operator"))]
     pub calibration: CalibrationConfig,
+    /// The instrument.
+    #[schemars(extend("x-level" = "operator"))]
     pub rig: RawRig,
+    /// How the stops of a revolution are executed.
+    #[schemars(extend("x-level" = "operator"))]
     pub acquisition: AcquisitionSettings,
+    /// The nominal camera of the rig. Each turn calibrates its own camera, starting from this one.
+    #[schemars(extend("x-level" = "operator"))]
     pub optics: RawOptics,
-    pub rotation: RotationDriver,
-    /// The axis along the capillary, where the rotation's controller drives it.
+    /// The controller that turns the capillary.
+    #[schemars(with = "RotationDriver", extend("x-level" = "operator"))]
+    pub rotation: toml::Table,
+    /// The axis that moves the capillary along, on the controller of the rotation. Only the driver `grbl` has it. Leave the table out if
+    /// there is none.
     #[serde(default)]
+    #[schemars(extend("x-level" = "operator"))]
     pub translation: Option<TranslationSettings>,
-    pub camera: CameraDriver,
-    /// A second camera, the microscope's; both tables or none.
+    /// The camera.
+    #[schemars(with = "CameraDriver", extend("x-level" = "operator"))]
+    pub camera: toml::Table,
+    /// A second camera, such as that of a microscope. It is triggered for each view after the first camera. Its pixel format is `Mono8`.
+    /// It needs `[optics_second]`. Leave both tables out if there is none.
     #[serde(default)]
-    pub camera_second: Option<CameraDriver>,
+    #[schemars(with = "Option<CameraDriver>", extend("x-level" = "operator"))]
+    pub camera_second: Option<toml::Table>,
+    /// The nominal second camera. The size of its picture is that of its frames.
     #[serde(default)]
+    #[schemars(extend("x-level" = "operator"))]
     pub optics_second: Option<RawSecondOptics>,
-    pub sampler: SamplerDriver,
+    /// Who brings the specimens.
+    #[schemars(with = "SamplerDriver", extend("x-level" = "operator"))]
+    pub sampler: toml::Table,
+    /// The methods by name, as `[methods.standard]`: what is done to a specimen and how it is measured. There must be at least one.
+    #[schemars(extend("x-level" = "method"))]
     pub methods: BTreeMap<String, Method>,
 }
 
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = in_schema::<Self>)]
 pub(super) struct RawStore {
+    /// Folder of the runs and their index, relative to the working directory of the daemon.
     pub data_dir: PathBuf,
-    /// What the runs may take of the disk; left out, all of it.
+    /// How much of the disk the runs may take. No run starts that could need more. If it is left out, the runs may fill the disk.
     #[serde(default)]
     pub budget_gb: Option<f64>,
 }
 
-/// Where the rig's own calibrations are, and how long they count.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
+impl Ranged for RawStore {
+    const RANGES: &'static [Range<Self>] = ranges![budget_gb: 1.0, 1e6, "GB";];
+}
+
+/// Where the rig's own calibrations are, and how long they are valid.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
+#[schemars(transform = in_schema::<Self>)]
 pub struct CalibrationConfig {
-    /// `calibrations` in the data folder where left out.
+    /// Folder of the calibrations, relative to the working directory of the daemon. If it is left out, it is `calibrations` in
+    /// `store.data_dir`.
     pub folder: Option<PathBuf>,
+    /// Age at which a calibration expires. An older one is reported as expired and is not valid.
     pub max_age_days: f64,
 }
 
@@ -64,65 +113,224 @@ impl Default for CalibrationConfig {
     }
 }
 
-#[derive(Debug, Deserialize)]
+impl Ranged for CalibrationConfig {
+    const RANGES: &'static [Range<Self>] = ranges![max_age_days: 0.01, 3650.0, "days";];
+}
+
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = in_schema::<Self>)]
 pub(super) struct RawRig {
+    /// Name of the instrument. It is written into every recording.
     pub name: String,
+    /// Motor steps of one turn of the capillary as an exact ratio `[steps, turns]` (microsteps times gear): `[500, 1]` is 0.72 deg per
+    /// step.
     pub steps_per_revolution: StepsPerRevolution,
-    /// Play between motor and capillary, motor steps: every stop is approached from the same side by at least this much.
+    /// Play between the motor and the capillary. Every stop is approached from the same side by at least this many motor steps. With 0
+    /// the axis moves straight to its stops.
     #[serde(default)]
     pub backlash_steps: u32,
 }
 
+impl Ranged for RawRig {
+    const RANGES: &'static [Range<Self>] = ranges![
+        steps_per_revolution: 1.0, u32::MAX as f64, "(ratio of steps and turns)";
+        backlash_steps: 0.0, 1e6, "steps";
+    ];
+}
+
+/// Inner diameters that a capillary for larvae may have, um: a larva is 300 um thick. A bore in mm is below.
+const BORE_UM: [f64; 2] = [100.0, 5000.0];
+/// Distances of a camera, um. A telecentric lens is written as a large distance.
+const DISTANCE_UM: [f64; 2] = [1.0, 1e9];
+/// Scales of a camera, px/um: a pixel sees from 10 mm to 10 nm.
+const SCALE: [f64; 2] = [1e-4, 100.0];
+/// Furthest principal point, px. It may lie outside of the picture.
+const PRINCIPAL_MOST_PX: f64 = 1e5;
+
 /// psi as a rig's data sheet has it; angles in degrees, lengths in um, image positions in px.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = in_schema::<Self>)]
 pub(super) struct RawOptics {
+    /// Distance of the projection centre from the axis of the capillary. It determines only the perspective: a larger distance gives
+    /// less of it.
     pub distance_um: f64,
+    /// Scale along the capillary, at its axis.
     pub kx_px_per_um: f64,
+    /// Scale across the capillary, at its axis. It differs from `kx_px_per_um` where the glass refracts.
     pub ky_px_per_um: f64,
+    /// Column of the principal point. Centres of pixels are at integers, and the first column is 0.
     pub ux_px: f64,
+    /// Row of the principal point, which is the row of the axis. Centres of pixels are at integers, and the first row is 0.
     pub uy_px: f64,
+    /// Tilt of the capillary towards the camera. A positive angle brings its +x end nearer.
     #[serde(default)]
     pub alpha_deg: f64,
+    /// Roll of the capillary in the picture. A positive angle lowers its +x end.
     #[serde(default)]
     pub gamma_deg: f64,
+    /// Width of the picture. It must be that of `[camera]`.
     pub width_px: u32,
+    /// Height of the picture. It must be that of `[camera]`.
     pub height_px: u32,
-    /// A frame of the empty capillary, as this camera takes it; relative to the configuration file.
+    /// A frame of the empty capillary, as this camera takes it, relative to the configuration file: `frames/detect.png` of a well that
+    /// was skipped as empty. Frames are compared with it, so that dust and scratches are not taken for the specimen.
     #[serde(default)]
     pub empty_capillary: Option<PathBuf>,
-    /// Inner diameter of the capillary, um.
+    /// Inner diameter of the capillary. The scale is compared with it before a specimen is measured: a bore that looks more than 20 %
+    /// wider or narrower holds the run. If it is left out, nothing is compared.
     #[serde(default)]
     pub bore_um: Option<f64>,
 }
 
+impl Ranged for RawOptics {
+    const RANGES: &'static [Range<Self>] = ranges![
+        distance_um: DISTANCE_UM[0], DISTANCE_UM[1], "um";
+        kx_px_per_um: SCALE[0], SCALE[1], "px/um";
+        ky_px_per_um: SCALE[0], SCALE[1], "px/um";
+        ux_px: -PRINCIPAL_MOST_PX, PRINCIPAL_MOST_PX, "px";
+        uy_px: -PRINCIPAL_MOST_PX, PRINCIPAL_MOST_PX, "px";
+        alpha_deg: -90.0, 90.0, "deg";
+        gamma_deg: -180.0, 180.0, "deg";
+        width_px: 1.0, 65_535.0, "px";
+        height_px: 1.0, 65_535.0, "px";
+        bore_um: BORE_UM[0], BORE_UM[1], "um";
+    ];
+}
+
 /// The second camera's, in the same words.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = in_schema::<Self>)]
 pub(super) struct RawSecondOptics {
-    /// How far around the capillary it looks from, seen from the first: what the first sees at an angle of the axis it sees when
-    /// the axis stands this much before it.
+    /// Angle around the capillary from the first camera to this one. What the first camera sees at an angle of the axis, this one sees
+    /// when the axis stands this much before it.
     pub around_deg: f64,
+    /// Distance of the projection centre from the axis of the capillary.
     pub distance_um: f64,
+    /// Scale along the capillary, at its axis.
     pub kx_px_per_um: f64,
+    /// Scale across the capillary, at its axis.
     pub ky_px_per_um: f64,
+    /// Column of the principal point.
     pub ux_px: f64,
+    /// Row of the principal point.
     pub uy_px: f64,
+    /// Tilt of the capillary towards the camera. A positive angle brings its +x end nearer.
     #[serde(default)]
     pub alpha_deg: f64,
+    /// Roll of the capillary in the picture. A positive angle lowers its +x end.
     #[serde(default)]
     pub gamma_deg: f64,
 }
 
+impl Ranged for RawSecondOptics {
+    const RANGES: &'static [Range<Self>] = ranges![
+        around_deg: -360.0, 360.0, "deg";
+        distance_um: DISTANCE_UM[0], DISTANCE_UM[1], "um";
+        kx_px_per_um: SCALE[0], SCALE[1], "px/um";
+        ky_px_per_um: SCALE[0], SCALE[1], "px/um";
+        ux_px: -PRINCIPAL_MOST_PX, PRINCIPAL_MOST_PX, "px";
+        uy_px: -PRINCIPAL_MOST_PX, PRINCIPAL_MOST_PX, "px";
+        alpha_deg: -90.0, 90.0, "deg";
+        gamma_deg: -180.0, 180.0, "deg";
+    ];
+}
+
+impl Raw {
+    /// Every number that is out of its range, with the full path of its key: without those of [`Drivers`] and of the methods.
+    pub fn outside(&self) -> Vec<OutOfRange> {
+        outside_in("http", &self.http)
+            .chain(outside_in("store", &self.store))
+            .chain(outside_in("calibration", &self.calibration))
+            .chain(outside_in("rig", &self.rig))
+            .chain(outside_in("acquisition", &self.acquisition))
+            .chain(outside_in("optics", &self.optics))
+            .chain(self.translation.iter().flat_map(|settings| outside_in("translation", settings)))
+            .chain(self.optics_second.iter().flat_map(|settings| outside_in("optics_second", settings)))
+            .collect()
+    }
+
+    /// Reads the tables whose `driver` says which keys they have.
+    ///
+    /// # Errors
+    /// Every table that cannot be read, with the full path of the key.
+    pub fn read_drivers(&self) -> Result<Drivers, Vec<String>> {
+        let rotation = read_driver("rotation", &self.rotation);
+        let camera = read_driver("camera", &self.camera);
+        let second = self.camera_second.as_ref().map(|table| read_driver("camera_second", table)).transpose();
+        let sampler = read_driver("sampler", &self.sampler);
+        match (rotation, camera, second, sampler) {
+            (Ok(rotation), Ok(camera), Ok(camera_second), Ok(sampler)) => Ok(Drivers { rotation, camera, camera_second, sampler }),
+            (rotation, camera, second, sampler) => {
+                Err([rotation.err(), camera.err(), second.err(), sampler.err()].into_iter().flatten().collect())
+            }
+        }
+    }
+}
+
+/// The tables with a `driver`.
+#[derive(Debug)]
+pub(super) struct Drivers {
+    pub rotation: RotationDriver,
+    pub camera: CameraDriver,
+    pub camera_second: Option<CameraDriver>,
+    pub sampler: SamplerDriver,
+}
+
+impl Drivers {
+    /// Every number that is out of its range, with the full path of its key.
+    pub fn outside(&self) -> Vec<OutOfRange> {
+        let rotation = match &self.rotation {
+            RotationDriver::Grbl(settings) => settings.outside(),
+            RotationDriver::VastBridge(settings) => settings.outside(),
+            RotationDriver::Relay(settings) => settings.outside(),
+            RotationDriver::Tmcl(settings) => settings.outside(),
+            RotationDriver::Zaber(settings) => settings.outside(),
+        };
+        let CameraDriver::Aravis(camera) = &self.camera;
+        let second = self.camera_second.iter().flat_map(|CameraDriver::Aravis(second)| outside_in("camera_second", second));
+        let sampler = match &self.sampler {
+            SamplerDriver::Loader {} => Vec::new(),
+            SamplerDriver::Trigger(settings) => settings.outside(),
+        };
+        let rotation = rotation.into_iter().map(|breach| breach.below("rotation"));
+        let sampler = sampler.into_iter().map(|breach| breach.below("sampler"));
+        rotation.chain(outside_in("camera", camera)).chain(second).chain(sampler).collect()
+    }
+}
+
+/// serde reads a table with a tag into a buffer and forgets where in it an error was. So the table becomes `{ grbl = { keys } }`.
+fn read_driver<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T, String> {
+    let mut keys = table.clone();
+    let driver = match keys.remove("driver") {
+        Some(toml::Value::String(driver)) => driver,
+        Some(other) => return Err(format!("  {name}.driver = {other}; expected a name in quotation marks")),
+        None => return Err(format!("  {name}.driver is missing; expected the name of a driver")),
+    };
+    let tagged = toml::Table::from_iter([(driver.clone(), toml::Value::Table(keys))]);
+    serde_path_to_error::deserialize(toml::Value::Table(tagged)).map_err(|error| {
+        let path = error.path().to_string();
+        let key = path.strip_prefix(&driver).unwrap_or(&path);
+        format!("  {name}{key}: {}", error.inner().message())
+    })
+}
+
 /// Which controller turns the capillary.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "driver", rename_all = "snake_case")]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(tag = "driver")]
 pub enum RotationDriver {
+    /// Grbl 1.1 or grblHAL.
     Grbl(GrblSettings),
+    /// A stock VAST behind a trigger bridge.
     VastBridge(VastBridgeSettings),
+    /// A stock VAST behind a relay: a program beside VAST's own library.
     Relay(RelaySettings),
+    /// A Trinamic module with TMCL firmware, two of whose motors hold the capillary at both ends.
     Tmcl(TmclSettings),
+    /// A Zaber controller with the ASCII protocol.
     Zaber(ZaberSettings),
 }
 
@@ -140,20 +348,23 @@ impl RotationDriver {
     }
 }
 
-/// Which door the camera is behind.
-#[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(tag = "driver", rename_all = "snake_case")]
+/// Which camera, and how it is reached.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(tag = "driver")]
 pub enum CameraDriver {
+    /// A GigE Vision camera.
     Aravis(AravisSettings),
 }
 
 /// Who puts specimens into the capillary.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(tag = "driver", rename_all = "snake_case", deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[schemars(tag = "driver")]
 pub enum SamplerDriver {
-    /// The plate-loader does and says so: `PUT /v1/runs/{id}/wells/{well}`.
+    /// The plate-loader does, and says so by `PUT /v1/runs/{id}/wells/{well}`.
     Loader {},
-    /// A sampler of its own does, and says so by a wire to the motion controller.
+    /// A sampler of its own does, and says so by a wire to the probe input of the Grbl controller of the rotation.
     Trigger(TriggerSettings),
 }
 

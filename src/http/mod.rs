@@ -33,13 +33,12 @@ mod results;
 mod runs;
 mod safety;
 mod serve;
-mod settings;
 mod status;
 
 pub use problem::Problem;
-pub use serve::serve;
-pub use settings::{HttpError, HttpSettings};
+pub use serve::{HttpError, bind, serve};
 
+use crate::config::{Guard, HttpSettings};
 use crate::session::SessionHandle;
 use axum::body::Bytes;
 use axum::extract::Request;
@@ -49,7 +48,6 @@ use axum::middleware::{Next, from_fn, from_fn_with_state};
 use axum::response::Response;
 use axum::{Router, http::Uri};
 use carved_store::StoreReader;
-use settings::Guard;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{Semaphore, watch};

@@ -8,7 +8,8 @@
 //! hyper's builder is used directly because `axum::serve` sets no deadline for a request head.
 
 use super::pace::Peer;
-use super::{HttpError, HttpSettings, closed, router};
+use super::{closed, router};
+use crate::config::{HttpSettings, HttpSettingsError};
 use crate::session::SessionHandle;
 use axum::Router;
 use carved_store::StoreReader;
@@ -18,6 +19,8 @@ use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use std::io;
+use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -29,6 +32,26 @@ use tokio::task::{JoinError, JoinSet};
 const HEAD_BYTES: usize = 16 * 1024;
 /// Pause after a failed accept (no free descriptors), in which other connections may end.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(100);
+
+/// Why the server does not start, or had to end.
+#[derive(Debug, thiserror::Error)]
+pub enum HttpError {
+    #[error(transparent)]
+    Settings(#[from] HttpSettingsError),
+    #[error("http: cannot listen on {listen}: {why}. Another program may hold the port; choose another with --listen ADDRESS:PORT")]
+    Bind { listen: SocketAddr, why: io::Error },
+    #[error("http: the listening socket failed: {0}")]
+    Socket(#[from] io::Error),
+}
+
+/// Opens the port.
+///
+/// # Errors
+/// Why it must not be opened, or cannot.
+pub fn bind(settings: &HttpSettings) -> Result<std::net::TcpListener, HttpError> {
+    settings.guard(settings.listen)?;
+    std::net::TcpListener::bind(settings.listen).map_err(|why| HttpError::Bind { listen: settings.listen, why })
+}
 
 /// Serves until `shutdown` resolves, then ends open connections within the settings' `drain_ms`. Every task is joined.
 ///
@@ -71,8 +94,8 @@ pub async fn serve(
     Ok(())
 }
 
-async fn next_client(listener: &TcpListener, slots: &Arc<Semaphore>) -> std::io::Result<(TcpStream, Peer, OwnedSemaphorePermit)> {
-    let slot = slots.clone().acquire_owned().await.map_err(std::io::Error::other)?;
+async fn next_client(listener: &TcpListener, slots: &Arc<Semaphore>) -> io::Result<(TcpStream, Peer, OwnedSemaphorePermit)> {
+    let slot = slots.clone().acquire_owned().await.map_err(io::Error::other)?;
     let (stream, peer) = listener.accept().await?;
     // Answers are small, and clients wait for them.
     stream.set_nodelay(true)?;
@@ -127,5 +150,18 @@ async fn drain(mut connections: JoinSet<()>, deadline: Duration) {
 fn note(ended: Result<(), JoinError>) {
     if let Err(why) = ended {
         tracing::error!(%why, "a connection's task ended badly");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_port_that_is_taken_is_said_with_the_way_out() {
+        let held = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let settings = HttpSettings { listen: held.local_addr().unwrap(), ..HttpSettings::default() };
+        let said = bind(&settings).unwrap_err().to_string();
+        assert!(said.contains(&settings.listen.to_string()) && said.contains("--listen"), "{said}");
     }
 }

@@ -74,7 +74,7 @@ fn the_empty_capillary_is_stored_with_its_facts_and_taken_by_the_configuration()
     assert_eq!((&facts["kind"], &facts["frames"]), (&Value::from("empty"), &Value::from(8)));
     assert!(facts["taken"].as_str().unwrap().ends_with('Z') && facts["camera"].as_str().unwrap().contains("GE1050C"), "{facts}");
     let dimmed = ("exposure_us = 5000.0", "exposure_us = 3800.0");
-    let config = bench.config(&[dimmed, ("# empty_capillary = \"empty.png\"", "empty_capillary = \"empty.png\"")]);
+    let config = bench.config(&[dimmed, ("height_px = 1024", "height_px = 1024\nempty_capillary = \"empty.png\"")]);
     let output = run(&["config", "check", config.to_str().unwrap()]);
     assert!(output.status.success(), "{}", stderr(&output));
 

@@ -9,6 +9,7 @@ mod bad_files;
 mod calibrate_marked;
 mod camera_command;
 mod config;
+mod config_keys;
 mod doctor;
 mod import;
 mod reconstruct;

@@ -48,7 +48,7 @@ impl Bench {
             port(&self.rig),
             ("settle_ms = 50", format!("settle_ms = {:.0}", 50.0 / TIME_SCALE)),
             // Rendering a picture can take long on a busy machine.
-            ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
+            ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
         let (config, data) = configured("vast-grbl.toml", self.folder(), &self.rig, &[&usual[..], changes].concat());

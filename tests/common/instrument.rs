@@ -69,7 +69,7 @@ impl Instrument {
             // A budget for a few wells. A whole plate with 500 views per well would not fit.
             ("[store]", "[store]\nbudget_gb = 10".into()),
             // Rendering a picture can take long on a busy machine.
-            ("frame_timeout_ms = 500", "frame_timeout_ms = 20000".into()),
+            ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 20000".into()),
             ("grab_deadline_ms = 3000", "grab_deadline_ms = 60000".into()),
         ];
         let (config, data) = configured("vast-grbl.toml", dir.path(), &rig, &[&changes[..], more].concat());

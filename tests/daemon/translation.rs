@@ -144,6 +144,19 @@ fn a_restart_makes_both_axes_doubtful_and_its_own_switches_end_a_move() {
     stands_at(&rig, 0.0);
 }
 
+/// The second axis of the emulated controller.
+const TRANSLATION: &str = "\
+[translation]
+axis = \"Y\"
+steps_per_um = [64, 3]
+um_per_unit = 10
+max_rate_units_per_min = 60000.0
+acceleration_units_per_s2 = 5000.0
+limits_um = [-19000.0, 0.0]
+position_um = -4990.0
+
+";
+
 /// The right border of the picture cuts a larva that lies 1.8 mm off, until the capillary has been moved along.
 #[test]
 fn a_specimen_that_is_cut_by_the_pictures_side_is_carried_into_view_and_measured() {
@@ -154,16 +167,9 @@ fn a_specimen_that_is_cut_by_the_pictures_side_is_carried_into_view_and_measured
         port(&rig),
         ("settle_ms = 50", "settle_ms = 5".into()),
         ("asd = 21", "asd = 12".into()),
-        ("frame_timeout_ms = 500", "frame_timeout_ms = 5000".into()),
+        ("exposure_us = 5000.0", "exposure_us = 5000.0\nframe_timeout_ms = 5000".into()),
         ("grab_deadline_ms = 3000", "grab_deadline_ms = 20000".into()),
-        ("# [translation] ", "[translation] ".into()),
-        ("# axis = \"Y\"", "axis = \"Y\"".into()),
-        ("# steps_per_um", "steps_per_um".into()),
-        ("# um_per_unit", "um_per_unit".into()),
-        ("# max_rate", "max_rate".into()),
-        ("# acceleration", "acceleration".into()),
-        ("# limits_um", "limits_um".into()),
-        ("# position_um", "position_um".into()),
+        ("[sampler]", format!("{TRANSLATION}[sampler]")),
     ];
     let (config, data) = configured("vast-grbl.toml", folder.path(), &rig, &changes);
     let daemon = Daemon::serve(&config, &data);

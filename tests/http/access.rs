@@ -2,7 +2,8 @@
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{PATIENCE, exchange};
-use carved::http::{HttpError, HttpSettings, serve};
+use carved::config::{HttpSettings, HttpSettingsError};
+use carved::http::{HttpError, serve};
 use carved::session::channel;
 use carved_store::StoreReader;
 use std::io::Write;
@@ -138,5 +139,5 @@ fn refuses_to_serve_other_machines_without_a_token() {
     let (session, _mailbox, _driver) = channel(crate::rig::status(), Vec::new());
     let serving = serve(open, session, StoreReader::new("nowhere".as_ref()), settings(), std::future::pending());
     let refused = runtime.block_on(async { tokio::time::timeout(PATIENCE, serving).await }).expect("it serves");
-    assert!(matches!(refused, Err(HttpError::TokenMandatory { .. })), "{refused:?}");
+    assert!(matches!(refused, Err(HttpError::Settings(HttpSettingsError::TokenMandatory { .. }))), "{refused:?}");
 }

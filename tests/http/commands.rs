@@ -3,7 +3,7 @@
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{connect, read_answer};
 use carved::api::{Fault, SchedulerAction, State};
-use carved::http::HttpSettings;
+use carved::config::HttpSettings;
 use carved::session::Refusal;
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;

@@ -2,7 +2,7 @@
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::Answer;
-use carved::http::HttpSettings;
+use carved::config::HttpSettings;
 
 const JSON: (&str, &str) = ("Content-Type", "application/json");
 

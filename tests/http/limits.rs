@@ -2,7 +2,7 @@
 
 use crate::rig::{PLAN, Rig, settings};
 use crate::wire::{PATIENCE, connect, exchange, read_answer, read_until};
-use carved::http::HttpSettings;
+use carved::config::HttpSettings;
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};

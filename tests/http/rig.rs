@@ -2,7 +2,8 @@
 
 use crate::wire::{self, Answer};
 use carved::api::{Check, HandoffNeeds, HardwareStatus, MethodOffer, Mode, Pending, Plate, State, Status};
-use carved::http::{HttpError, HttpSettings, serve};
+use carved::config::HttpSettings;
+use carved::http::{HttpError, bind, serve};
 use carved::session::{Accepted, Command, Publisher, Refusal, channel};
 use carved_records::{Event, EventBody, EventData, RunPlan, ViewOrder, ViewTaken};
 use carved_store::StoreReader;
@@ -83,7 +84,7 @@ impl Rig {
         runtime.spawn(drive(mailbox, refusal.clone(), commands.clone()));
         let data = tempfile::tempdir().unwrap();
         let reader = StoreReader::new(data.path());
-        let listener = settings.bind().unwrap();
+        let listener = bind(&settings).unwrap();
         let address = listener.local_addr().unwrap();
         let (stop, stopped) = oneshot::channel::<()>();
         let server = runtime.spawn(async move {

@@ -10,6 +10,7 @@ use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::profile::{
     EdgeSettings, FringeSettings, LevelSetSettings, MeanShiftSettings, Method, Picture, SegmentSettings, WallSettings, segment,
 };
+use carved_core::range::Ranged;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
 use std::cell::Cell;
@@ -162,7 +163,7 @@ fn no_picture_and_no_settings_make_it_panic() {
     let (segmented, outlined) = (Cell::new(0), Cell::new(0));
     let config = ProptestConfig { cases: CASES, failure_persistence: None, ..ProptestConfig::default() };
     let run = TestRunner::new(config).run(&(drawing(), settings()), |(drawing, settings)| {
-        prop_assert_eq!(settings.check().len(), 0);
+        prop_assert_eq!(settings.outside().len(), 0);
         for format in [PixelFormat::Mono8, PixelFormat::BayerRG8, PixelFormat::RGB8Packed] {
             let Ok(profile) = segment(&drawing.picture(format), &settings) else { continue };
             segmented.set(segmented.get() + 1);

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Layout of a frame's bytes, by its GenICam name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum PixelFormat {
     /// One grey byte per pixel.
     Mono8,

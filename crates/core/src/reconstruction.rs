@@ -16,7 +16,8 @@ use crate::carver::{CarveError, Carver, Leaves};
 use crate::geometry::{CameraError, Projection, VoxelGrid};
 use crate::measure::{self, AreaMethod, Estimator, Estimators, Extents, Measurement, SphereError, VoxelEstimate};
 use crate::profile::{Mask, Polygon};
-use crate::range::{OutOfRange, outside};
+use crate::range::{OutOfRange, Range, Ranged};
+use crate::ranges;
 use crate::surface::{self, Contour, ContourError, Distance, Fairing, FairingError, Mesh, Occupancy};
 use serde::{Deserialize, Serialize};
 
@@ -31,11 +32,12 @@ pub use turn::{Reconstruction, TurnModel};
 
 /// How the surface is made from the voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct SurfaceSettings {
-    /// Weight of the umbrella operator in one iteration of the implicit fairing.
+    /// Weight of the umbrella operator in one iteration of the implicit fairing. A larger weight gives a smoother and smaller surface.
     pub fairing_lambda: f64,
-    /// Iterations of the implicit fairing.
+    /// Iterations of the implicit fairing. With 0 the surface is not faired.
     pub fairing_iterations: usize,
 }
 
@@ -46,14 +48,12 @@ impl Default for SurfaceSettings {
     }
 }
 
-impl SurfaceSettings {
-    /// Every setting that is out of its range. With a weight beyond 100 the solver does not converge within its steps.
-    pub fn check(&self) -> Vec<OutOfRange> {
-        outside([
-            ("fairing_lambda", self.fairing_lambda, 0.0..=100.0, "(weight)"),
-            ("fairing_iterations", self.fairing_iterations as f64, 0.0..=1000.0, "iterations"),
-        ])
-    }
+impl Ranged for SurfaceSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        // With a larger weight the solver does not converge within its steps.
+        fairing_lambda: 0.0, 100.0, "(weight)";
+        fairing_iterations: 0.0, 1000.0, "iterations";
+    ];
 }
 
 /// What the model depends on besides views, camera and grid.
@@ -183,7 +183,7 @@ impl HullModel {
     ///
     /// A setting or a grid from which no model can be made.
     pub fn new(grid: VoxelGrid, planned_views: usize, settings: ReconstructionSettings) -> Result<Self, ReconstructionError> {
-        if let Some(&wrong) = settings.surface.check().first() {
+        if let Some(wrong) = settings.surface.outside().into_iter().next() {
             return Err(wrong.into());
         }
         Ok(Self { carver: Carver::new(grid, planned_views, settings.epsilon)?, contours: Vec::new(), settings })

@@ -2,6 +2,7 @@
 //!
 //! Angles are `f64` in radians (`omega`), as in the formulas. Names of lengths end in `_um`.
 
+use crate::range::Numbers;
 use serde::{Deserialize, Serialize};
 
 /// A position of a stepper axis, counted in whole motor steps from the reference.
@@ -24,6 +25,7 @@ impl std::fmt::Display for Steps {
 
 /// Motor steps of one revolution of the capillary, as the exact ratio `num / den` (microsteps times gear), never a float.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "[u32; 2]", into = "[u32; 2]")]
 pub struct StepsPerRevolution {
     num: u32,
@@ -42,8 +44,6 @@ impl StepsPerRevolution {
     /// The ratio `num / den`.
     ///
     /// # Errors
-    /// # Errors
-    ///
     /// A zero on either side of the ratio.
     pub fn new(num: u32, den: u32) -> Result<Self, BadStepsPerRevolution> {
         if num == 0 || den == 0 {
@@ -68,6 +68,7 @@ impl StepsPerRevolution {
 /// The direction in which positive motor steps turn the capillary: `1` moves the near wall to larger v, `-1` to smaller.
 /// Silhouettes cannot show it, so it is verified once per rig with a marked capillary and then configured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(extend("enum" = [1, -1])))]
 #[serde(try_from = "i8", into = "i8")]
 pub enum Sense {
     /// Positive steps move the near wall to larger v.
@@ -122,6 +123,12 @@ impl TryFrom<[u32; 2]> for StepsPerRevolution {
     type Error = BadStepsPerRevolution;
     fn try_from([num, den]: [u32; 2]) -> Result<Self, Self::Error> {
         Self::new(num, den)
+    }
+}
+
+impl Numbers for StepsPerRevolution {
+    fn numbers(&self) -> Vec<f64> {
+        [self.num, self.den].numbers()
     }
 }
 

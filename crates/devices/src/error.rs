@@ -15,7 +15,7 @@ pub enum DeviceError {
     NotBuilt { device: &'static str, driver: &'static str, remedy: &'static str },
     /// A value of the configuration is out of range.
     #[error("{device}: {name} = {found} in the configuration; {rule}")]
-    Setting { device: &'static str, name: &'static str, found: String, rule: String },
+    Setting { device: &'static str, name: String, found: String, rule: String },
     /// The controller did not answer, though the connection stands.
     #[error("{device}: no answer to {request:?} within {waited_ms} ms. Check power and cable, then reference the axis again")]
     Silent { device: &'static str, request: String, waited_ms: u128 },

@@ -24,6 +24,7 @@ pub mod testing;
 mod error;
 mod lasting;
 mod rig;
+mod setting;
 
 pub use error::{DeviceError, Difference};
 pub use lasting::Lasting;

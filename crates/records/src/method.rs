@@ -5,12 +5,14 @@ use carved_core::geometry::{BoxUm, Camera, GridError, VoxelGrid};
 use carved_core::pipeline::PipelineSettings;
 use carved_core::profile::SegmentSettings;
 use carved_core::quality::{EarlyStopSettings, QualitySettings};
+use carved_core::range::{OutOfRange, Range, Ranged, outside_in};
+use carved_core::ranges;
 use carved_core::reconstruction::{CalibrationSettings, ReconstructionSettings, SurfaceSettings};
 use serde::{Deserialize, Deserializer, Serialize};
-use std::fmt::Display;
 
 /// The order in which the views of a revolution are taken. The result does not depend on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum ViewOrder {
     /// Once around, the shortest way.
@@ -21,51 +23,79 @@ pub enum ViewOrder {
     CoarseToFine,
 }
 
+/// What is done to a specimen and how it is measured.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct Method {
     /// What the lab calls this state of the method: a word or a number. It is recorded with the method and its numbers.
+    #[cfg_attr(feature = "schema", schemars(with = "Option<Version>"))]
     #[serde(default, deserialize_with = "word_or_number", skip_serializing_if = "Option::is_none")]
     pub version: Option<String>,
-    /// ASD: axial views in one revolution.
+    /// Axial views in one revolution (ASD). More views give a better model and take longer.
     pub asd: u32,
-    /// In which order the stops are visited.
+    /// The order in which the views are taken. The result does not depend on it.
     pub order: ViewOrder,
-    /// Share of the views that may miss a voxel that still counts (paper: 0.05).
+    /// Share of the views that may miss a voxel that still counts (paper: 0.05). A larger share forgives more views with errors and makes the
+    /// model larger.
     pub epsilon: f64,
-    /// SD: edge of a voxel, um.
+    /// Edge of a voxel (SD). A smaller voxel takes more memory and time.
     pub voxel_um: f64,
-    /// The reconstructed box, um.
+    /// The reconstructed box around the axis of the capillary: x along it, y and z across it. The specimen must fit into it.
     #[serde(default = "papers_box")]
     pub box_um: BoxUm,
+    /// How the outline of the specimen is found in a frame.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     #[serde(default)]
     pub segment: SegmentSettings,
+    /// How the surface is made from the voxels.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     #[serde(default)]
     pub surface: SurfaceSettings,
+    /// How a turn calibrates its own camera.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     #[serde(default)]
     pub calibration: CalibrationSettings,
-    /// How long a phase may take, what is tried again and how an interrupted run goes on.
+    /// How long a phase may take, what is tried again and how an interrupted run continues.
     #[serde(default)]
     pub policy: Policy,
-    /// What is over one of these limits is flagged.
+    /// A specimen beyond one of these limits is flagged, never dropped (docs/quality.md).
     #[serde(default)]
     pub quality: QualitySettings,
+    /// When a turn may end before its last view. It needs `order = "coarse_to_fine"`.
     #[serde(default)]
     pub early_stop: EarlyStopSettings,
 }
 
-/// The breaches of a table below the method's.
-fn below(table: &str, breaches: Vec<impl Display>) -> impl Iterator<Item = String> {
-    breaches.into_iter().map(move |breach| format!("{table}.{breach}"))
+impl Ranged for Method {
+    const RANGES: &'static [Range<Self>] = ranges![
+        // The rig's steps say how many stops there may be.
+        asd: 3.0, 100_000.0, "views";
+        epsilon: 0.0, 0.499, "of the views";
+        voxel_um: 0.1, 1000.0, "um";
+    ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        outside_in("box_um", &self.box_um)
+            .chain(outside_in("segment", &self.segment))
+            .chain(outside_in("surface", &self.surface))
+            .chain(outside_in("calibration", &self.calibration))
+            .chain(outside_in("policy", &self.policy))
+            .chain(outside_in("quality", &self.quality))
+            .chain(outside_in("early_stop", &self.early_stop))
+            .collect()
+    }
+}
+
+#[derive(Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
+#[serde(untagged)]
+enum Version {
+    Word(String),
+    Number(u64),
 }
 
 fn word_or_number<'de, D: Deserializer<'de>>(found: D) -> Result<Option<String>, D::Error> {
-    #[derive(Deserialize)]
-    #[serde(untagged)]
-    enum Version {
-        Word(String),
-        Number(u64),
-    }
     Ok(Option::<Version>::deserialize(found)?.map(|version| match version {
         Version::Word(word) => word,
         Version::Number(number) => number.to_string(),
@@ -108,21 +138,13 @@ impl Method {
     /// Every value that cannot be used, as `key = value; expected ...` below the method's table. Whether the axis can make `asd` stops is
     /// the rig's to say.
     pub fn check(&self) -> Vec<String> {
-        let mut breaches = Vec::new();
-        if !(0.0..0.5).contains(&self.epsilon) {
-            breaches.push(format!("epsilon = {}; expected 0 up to, not including, 0.5", self.epsilon));
-        }
-        if let Err(e) = VoxelGrid::new(self.box_um, self.voxel_um) {
+        let outside = self.outside();
+        let mut breaches: Vec<String> = outside.iter().map(ToString::to_string).collect();
+        let is_grid = !outside.iter().any(|breach| breach.key == "voxel_um" || breach.key.starts_with("box_um."));
+        if is_grid && let Err(e) = VoxelGrid::new(self.box_um, self.voxel_um) {
             let key = if matches!(e, GridError::Box { .. }) { "box_um".into() } else { format!("voxel_um = {}", self.voxel_um) };
             breaches.push(format!("{key}: {e}"));
         }
-        breaches.extend(below("segment", self.segment.check()));
-        breaches.extend(below("surface", self.surface.check()));
-        breaches.extend(below("calibration", self.calibration.check()));
-        breaches.extend(below("quality", self.quality.check()));
-        breaches.extend(below("quality.gate", self.quality.gate.check()));
-        breaches.extend(below("early_stop", self.early_stop.check()));
-        breaches.extend(below("policy", self.policy.check()));
         if self.early_stop.enabled && self.order == ViewOrder::Sequential {
             breaches.push(
                 "early_stop.enabled = true, with order = \"sequential\"; expected order = \"coarse_to_fine\": views one after the other leave the \

@@ -1,74 +1,100 @@
 //! What is done when a well does not go as it should: how long a phase may take, what is tried again, how a run goes on.
 
 use crate::Phase;
+use carved_core::range::{OutOfRange, Range, Ranged, outside_in};
+use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// `[methods.NAME.policy]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct Policy {
-    /// Longest time that each phase of a specimen may take, s.
+    /// Longest time of each phase of a specimen, s. A phase that takes longer is ended and its motors are stopped.
     pub deadlines_s: Deadlines,
-    /// How often a specimen that is still in the capillary is tried again before its well is given up.
+    /// How often a specimen that is still in the capillary is tried again before its well is given up. With 0 it is never tried again.
     pub retries: u32,
-    /// What becomes of the specimen that was under way when its run was interrupted.
+    /// What becomes of the specimen that was in progress when its run was interrupted.
     pub interrupted: Interrupted,
-    /// Who lets a run go on whose lost device is back.
+    /// Who continues a run whose lost device has come back.
     pub resume: Resume,
-    /// What a specimen that goes on beyond the picture means, where it cannot be carried into view.
+    /// What is done with a specimen that extends beyond the picture and cannot be moved into view.
     pub clipped: Clipped,
-    /// What a rig whose beads are off, or too old, means for the numbers.
+    /// What it means for a run that the daily bead check failed or has expired (see `quality.gate`).
     pub bead_gate: BeadGate,
 }
 
 /// One time for each phase, s.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct Deadlines {
+    /// From the request for a specimen until it is in the capillary.
     pub load: f64,
+    /// Until it is known what is in the capillary.
     pub detect: f64,
+    /// Until the specimen is in the middle of the picture.
     pub position: f64,
+    /// All views of the revolution.
     pub revolve: f64,
+    /// From the last view until there is a model.
     pub reconstruct: f64,
+    /// From the model to its numbers and files.
     pub measure: f64,
+    /// Until the specimen has left the capillary.
     pub eject: f64,
+    /// Until the capillary is clean again.
     pub wash: f64,
 }
 
+/// What becomes of the specimen whose run was interrupted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Interrupted {
-    /// It is taken from the beginning; what there is of it is kept beside.
+    /// It is measured from the beginning. What there is of it is kept.
     #[default]
     Redo,
+    /// Its well is given up.
     Skip,
 }
 
+/// Who continues a run whose lost device has come back.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Resume {
-    /// A run goes on by itself where a lost device has come back; after any other fault the operator says so.
+    /// The run continues by itself. After any other fault the operator continues it.
     #[default]
     Automatic,
+    /// The operator continues it.
     Operator,
 }
 
+/// What is done with a specimen that extends beyond the picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Clipped {
     /// It is measured as far as it is seen, and flagged.
     #[default]
     Flag,
+    /// Its well is skipped.
     Skip,
 }
 
+/// What a bead check that failed or has expired means.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum BeadGate {
+    /// The numbers are flagged.
     #[default]
     Flag,
+    /// No run of specimens starts.
     Refuse,
+    /// The bead check is ignored.
     Off,
 }
 
@@ -91,25 +117,31 @@ impl Default for Deadlines {
     }
 }
 
-/// Longest deadline that can be meant, s: a day.
-const LONGEST_S: f64 = 86_400.0;
-/// More than this is not trying again but hammering.
-const RETRIES_MOST: u32 = 5;
+/// Shortest and longest deadline that can be meant, s: a millisecond and a day.
+const DEADLINES_S: [f64; 2] = [0.001, 86_400.0];
 
-impl Policy {
-    /// Every value that cannot be meant, as `key = value; expected ...`.
-    pub fn check(&self) -> Vec<String> {
-        let mut breaches = Vec::new();
-        if self.retries > RETRIES_MOST {
-            breaches.push(format!("retries = {}; expected 0 to {RETRIES_MOST}", self.retries));
-        }
-        for (name, seconds) in self.deadlines_s.named() {
-            if !(seconds > 0.0 && seconds <= LONGEST_S) {
-                breaches.push(format!("deadlines_s.{name} = {seconds}; expected more than 0, up to {LONGEST_S} s"));
-            }
-        }
-        breaches
+impl Ranged for Policy {
+    const RANGES: &'static [Range<Self>] = ranges![
+        // A specimen suffers from every trial.
+        retries: 0.0, 5.0, "times";
+    ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        outside_in("deadlines_s", &self.deadlines_s).collect()
     }
+}
+
+impl Ranged for Deadlines {
+    const RANGES: &'static [Range<Self>] = ranges![
+        load: DEADLINES_S[0], DEADLINES_S[1], "s";
+        detect: DEADLINES_S[0], DEADLINES_S[1], "s";
+        position: DEADLINES_S[0], DEADLINES_S[1], "s";
+        revolve: DEADLINES_S[0], DEADLINES_S[1], "s";
+        reconstruct: DEADLINES_S[0], DEADLINES_S[1], "s";
+        measure: DEADLINES_S[0], DEADLINES_S[1], "s";
+        eject: DEADLINES_S[0], DEADLINES_S[1], "s";
+        wash: DEADLINES_S[0], DEADLINES_S[1], "s";
+    ];
 }
 
 impl Deadlines {
@@ -126,19 +158,6 @@ impl Deadlines {
             Phase::Wash => self.wash,
         })
     }
-
-    fn named(&self) -> [(&'static str, f64); 8] {
-        [
-            ("load", self.load),
-            ("detect", self.detect),
-            ("position", self.position),
-            ("revolve", self.revolve),
-            ("reconstruct", self.reconstruct),
-            ("measure", self.measure),
-            ("eject", self.eject),
-            ("wash", self.wash),
-        ]
-    }
 }
 
 #[cfg(test)]
@@ -146,21 +165,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_defaults_are_those_that_the_shipped_file_names() {
-        let text = include_str!("../../../config/simulated.toml");
-        let (_, block) = text.split_once("# [methods.standard.policy]").unwrap();
-        let keys: String = block.lines().skip(1).take_while(|l| !l.starts_with("# [")).map(|l| format!("{}\n", &l[2..])).collect();
-        assert_eq!(toml::from_str::<Policy>(&keys).unwrap(), Policy::default(), "{keys}");
-    }
-
-    #[test]
     fn a_policy_is_written_by_its_own_words_and_what_cannot_be_meant_is_named() {
         let policy: Policy =
             toml::from_str("retries = 9\ninterrupted = \"skip\"\nresume = \"operator\"\n[deadlines_s]\nwash = 0\n").unwrap();
         assert_eq!((policy.interrupted, policy.resume, policy.bead_gate), (Interrupted::Skip, Resume::Operator, BeadGate::Flag));
-        let breaches = policy.check();
+        let breaches: Vec<String> = policy.outside().iter().map(ToString::to_string).collect();
         assert!(breaches.len() == 2 && breaches[0].contains("retries = 9") && breaches[1].contains("deadlines_s.wash = 0"), "{breaches:?}");
-        assert!(Policy::default().check().is_empty());
+        assert!(Policy::default().outside().is_empty());
         assert!(toml::from_str::<Policy>("[deadlines_s]\nhoming = 3").is_err());
     }
 }

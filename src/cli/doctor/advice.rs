@@ -10,7 +10,7 @@ pub fn of(answer: &Answer, port: &Port, baud: u32) -> String {
         Port::Usb(UsbAdapter { usb_serial }) => format!("port = {{ usb_serial = {usb_serial:?} }}"),
     };
     let table = |driver: &str| format!("[rotation]\ndriver = \"{driver}\"\n{port}\nbaud = {baud}\n");
-    let example = |driver: &str, file: &str| format!("{}# its further keys, with their meanings: config/{file}\n", table(driver));
+    let example = |driver: &str, file: &str| format!("{}# an example: config/{file}; every key: docs/configuration.md\n", table(driver));
     match answer {
         Answer::Grbl { is_hal, version, settings } => {
             let mut text = format!("{}: {version}\n{}", if *is_hal { "grblHAL" } else { "Grbl" }, table("grbl"));

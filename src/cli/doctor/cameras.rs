@@ -62,6 +62,6 @@ fn advice(camera: &Listed) -> String {
         };
         let _ = writeln!(text, "packet_size = {packet_size}   # {} has an MTU of {}; {why}", way.interface, way.mtu);
     }
-    text.push_str("# its further keys, with their meanings: config/vast-grbl.toml\n");
+    text.push_str("# an example: config/vast-grbl.toml; every key: docs/configuration.md\n");
     text
 }

@@ -18,6 +18,7 @@ mod overlay;
 
 use anyhow::{Context, bail};
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenters};
+use carved_core::range::Ranged;
 use empty::Empty;
 use output::{Names, Report};
 use rayon::prelude::*;
@@ -138,7 +139,7 @@ pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
     let name = || format!("--settings {}", file.display());
     let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
     let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;
-    let breaches: Vec<String> = settings.check().iter().map(ToString::to_string).collect();
+    let breaches: Vec<String> = settings.outside().iter().map(ToString::to_string).collect();
     if !breaches.is_empty() {
         bail!("{}: {}", name(), breaches.join("; "));
     }

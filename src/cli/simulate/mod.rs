@@ -16,6 +16,7 @@ mod second;
 use super::daemon::Daemon;
 use super::serve;
 use crate::config::{CameraDriver, Config};
+use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
 use carved_devices::camera::CameraSelect;
@@ -104,7 +105,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if args.translation {
         controller::with_translation(&mut config)?;
     }
-    let listener = config.http.bind()?;
+    let listener = http::bind(&config.http)?;
     let listen = listener.local_addr().context("the address that is served")?;
     config.http.listen = listen;
     let claim = Claim::on(&config.store.data_dir)?;

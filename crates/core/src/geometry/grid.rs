@@ -1,14 +1,27 @@
 //! The voxel grid: `n = round(L / S)` voxels per axis, centred in the box.
 
+use crate::range::{Range, Ranged};
+use crate::ranges;
 use serde::{Deserialize, Serialize};
 
 /// An axis-parallel box in world units: um, unless the cameras of a set have another unit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 pub struct BoxUm {
     /// Least coordinate along each axis.
     pub min: [f64; 3],
     /// Largest coordinate along each axis.
     pub max: [f64; 3],
+}
+
+/// A box of a metre holds every capillary, wherever its axis is put.
+const FURTHEST_UM: f64 = 1e6;
+
+impl Ranged for BoxUm {
+    const RANGES: &'static [Range<Self>] = ranges![
+        min: -FURTHEST_UM, FURTHEST_UM, "um";
+        max: -FURTHEST_UM, FURTHEST_UM, "um";
+    ];
 }
 
 impl BoxUm {

@@ -3,20 +3,23 @@
 //! The ranges exclude what no frame can need and what would take too long.
 
 use super::onset::REACH_PX;
-use crate::range::{OutOfRange, Setting, outside};
+use crate::range::{OutOfRange, Range, Ranged, outside_in};
+use crate::ranges;
 use serde::{Deserialize, Serialize};
 
 /// How walls are found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct WallSettings {
-    /// Largest tilt of the capillary, degrees.
+    /// Largest tilt of the capillary in the picture. Steeper lines are not taken for walls.
     pub max_tilt_deg: f64,
-    /// Largest bend of a wall: depth of its ends against its middle, share of the frame's width.
+    /// Largest bend of a wall: depth of its ends against its middle, share of the frame's width. With 0 walls must be straight.
     pub max_sag_share: f64,
-    /// Least share of the frame's width along which a wall must be visible.
+    /// Least share of the frame's width along which a wall must be visible. A smaller share finds walls in poorer pictures, and more false
+    /// ones.
     pub min_support: f64,
-    /// Least darkness of a wall against both its sides, grey values.
+    /// Least darkness of a wall against both its sides, grey values. A smaller value finds fainter walls, and more false ones.
     pub min_depth: f32,
     /// Reach of the search for a wall's bright sides, share of the frame's height.
     pub line_reach_share: f64,
@@ -42,22 +45,24 @@ impl Default for WallSettings {
 
 /// How the edge is placed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct EdgeSettings {
     /// Blur of the rig's frames (optics, sensor and demosaicing) as the standard deviation of a Gaussian, px. The search for a
     /// frame's own blur starts here, and this value is used where the edges do not determine one.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "operator")))]
     pub blur_px: f64,
     /// How far outside the coarse outline the edge is searched, px.
     pub search_outside_px: f64,
     /// How far inside the coarse outline the edge is searched, px. The coarse outline errs outwards.
     pub search_inside_px: f64,
-    /// Averaging along the outline before the fit, standard deviation in px.
+    /// Averaging along the outline before the fit, standard deviation in px. More of it lessens noise and blurs detail.
     pub along_px: f64,
-    /// Smoothing of the coarse outline, which gives the normals, standard deviation in px.
+    /// Smoothing of the coarse outline, which gives the normals, standard deviation in px. More of it gives smoother normals.
     pub outline_smoothing_px: f64,
-    /// Smoothing of the found shifts along the outline, standard deviation in px.
+    /// Smoothing of the found shifts along the outline, standard deviation in px. More of it lessens noise and blurs detail.
     pub shift_smoothing_px: f64,
-    /// Cost of a kink in the edge: per squared px of difference between neighbouring shifts.
+    /// Cost of a kink in the edge, per squared px of difference between neighbouring shifts. A larger cost gives a smoother edge.
     pub stiffness: f64,
 }
 
@@ -77,6 +82,7 @@ impl Default for EdgeSettings {
 
 /// How the specimen is separated from the empty bore, before its edge is placed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Mean shift and level set combined, then refined: for measurements.
@@ -90,9 +96,11 @@ pub enum Method {
 
 /// The mean shift.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct MeanShiftSettings {
-    /// Bandwidth of contrast, standard deviations of a block's noise. High contrast counts by its logarithm.
+    /// Bandwidth of contrast, standard deviations of a block's noise. High contrast counts by its logarithm. A larger bandwidth merges more
+    /// grey values into one mode.
     pub range_sigma: f64,
 }
 
@@ -104,17 +112,18 @@ impl Default for MeanShiftSettings {
 
 /// The level set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct LevelSetSettings {
-    /// The level between background and body, as a share of the body's typical contrast.
+    /// The level between background and body, as a share of the body's typical contrast. A smaller share gives a larger outline.
     pub level_share: f64,
-    /// Least value of that level, standard deviations of a block's noise. High contrast counts by its logarithm.
+    /// Least level between background and body, standard deviations of a block's noise. High contrast counts by its logarithm.
     pub least_sigma: f64,
-    /// Weight of the region term.
+    /// Weight of the region term, which moves the front to the level between background and body.
     pub region: f64,
-    /// Weight of the edge term.
+    /// Weight of the edge term, which pulls the front to the nearest edge.
     pub edge: f64,
-    /// Number of steps of the front.
+    /// Number of steps of the front. With more steps it moves further and takes longer.
     pub steps: usize,
 }
 
@@ -126,23 +135,26 @@ impl Default for LevelSetSettings {
 
 /// The transparent fringe around the body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct FringeSettings {
-    /// How far from the body a fin's border is searched, share of the bore's height.
+    /// How far from the body the border of a fin is searched, share of the bore's height.
     pub reach_bore: f64,
-    /// Averaging along the outline, standard deviation in px.
+    /// Averaging along the outline, standard deviation in px. More of it shows fainter borders and blurs detail.
     pub along_px: f64,
-    /// Border that a place further out than the body must show, in standard deviations of chance.
+    /// Strength of the border that a place further out than the body must show, in standard deviations of chance. A larger value believes
+    /// fewer fins.
     pub bar: f64,
-    /// Most that one place counts, in the same unit.
+    /// Largest strength that one place counts with, in standard deviations of chance, so that one strong place does not make a fin.
     pub most: f64,
-    /// Length over which a fringe must show `least` in the mean, px.
+    /// Length over which the mean border of a fringe must reach `least`, px.
     pub run_px: f64,
     /// Least mean border of a fringe that is believed, in standard deviations of chance.
     pub least: f64,
-    /// Darkness that cannot lie between the body and its fringe, standard deviations of a pixel's noise.
+    /// Darkness that cannot lie between the body and its fringe, standard deviations of a pixel's noise. A fringe behind a darker place is
+    /// not part of the specimen.
     pub opaque_sigma: f64,
-    /// Cost of a kink in the fringe: per squared px of difference between neighbouring steps.
+    /// Cost of a kink in the fringe, per squared px of difference between neighbouring steps. A larger cost gives a smoother fringe.
     pub kink: f64,
 }
 
@@ -154,9 +166,11 @@ impl Default for FringeSettings {
 
 /// How a frame is segmented. Lengths in bores are shares of the bore's height, so that they hold at any magnification.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct SegmentSettings {
     /// Method of segmentation.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "method")))]
     pub method: Method,
     /// How walls are found.
     pub walls: WallSettings,
@@ -168,15 +182,16 @@ pub struct SegmentSettings {
     pub fringe: FringeSettings,
     /// How the edge is placed.
     pub edge: EdgeSettings,
-    /// Contrast of a mode that starts foreground, standard deviations of a block's noise.
+    /// Contrast of a mode that starts foreground, standard deviations of a block's noise. A larger value starts foreground in fewer places.
     pub high_sigma: f64,
-    /// Contrast of a mode that continues foreground, standard deviations of a block's noise.
+    /// Contrast of a mode that continues foreground, standard deviations of a block's noise, at most `high_sigma`. A larger value gives a
+    /// smaller outline.
     pub low_sigma: f64,
-    /// Gaps narrower than twice this are bridged, px.
+    /// Gaps narrower than twice this are bridged, px. With 0 none is.
     pub closing_px: usize,
-    /// Whiskers narrower than twice this are removed, px.
+    /// Whiskers narrower than twice this are removed, px. With 0 none is.
     pub opening_px: usize,
-    /// Width of the stripe along each wall in which foreground is not looked for, px.
+    /// Width of the stripe along each wall in which foreground is not searched, px.
     pub wall_margin_px: f64,
     /// Pieces smaller than this are noise: share of the squared bore.
     pub speck_bore2: f64,
@@ -213,63 +228,96 @@ impl Default for SegmentSettings {
     }
 }
 
-impl SegmentSettings {
-    /// Every setting that is out of its range, by its key below the method's `segment`.
-    pub fn check(&self) -> Vec<OutOfRange> {
-        const FRAME: &str = "of the frame's height";
-        const BORE: &str = "of the bore's height";
-        const BORE2: &str = "of the squared bore";
-        const NOISE: &str = "standard deviations of the noise";
-        const CHANCE: &str = "standard deviations of chance";
-        let own: [Setting; 24] = [
-            ("fringe.reach_bore", self.fringe.reach_bore, 0.0..=1.0, BORE),
-            ("fringe.along_px", self.fringe.along_px, 0.3..=30.0, "px"),
-            ("fringe.bar", self.fringe.bar, 0.0..=100.0, CHANCE),
-            ("fringe.most", self.fringe.most, 0.0..=100.0, CHANCE),
-            ("fringe.run_px", self.fringe.run_px, 2.0..=1000.0, "px"),
-            ("fringe.least", self.fringe.least, 0.0..=100.0, CHANCE),
-            ("fringe.opaque_sigma", self.fringe.opaque_sigma, 0.0..=1000.0, NOISE),
-            ("fringe.kink", self.fringe.kink, 0.0..=100.0, "per squared px"),
-            ("mean_shift.range_sigma", self.mean_shift.range_sigma, 0.5..=100.0, NOISE),
-            ("level_set.level_share", self.level_set.level_share, 0.01..=1.0, "of the body's contrast"),
-            ("level_set.least_sigma", self.level_set.least_sigma, 0.1..=100.0, NOISE),
-            ("level_set.region", self.level_set.region, 0.0..=2.0, "per step"),
-            ("level_set.edge", self.level_set.edge, 0.0..=2.0, "per step"),
-            ("level_set.steps", self.level_set.steps as f64, 0.0..=1000.0, "steps"),
-            ("high_sigma", self.high_sigma, 0.1..=100.0, NOISE),
-            // Foreground is not continued by what would start it.
-            ("low_sigma", self.low_sigma, 0.1..=self.high_sigma.clamp(0.1, 100.0), NOISE),
-            ("closing_px", self.closing_px as f64, 0.0..=30.0, "px"),
-            ("opening_px", self.opening_px as f64, 0.0..=30.0, "px"),
-            ("wall_margin_px", self.wall_margin_px, 0.0..=20.0, "px"),
-            ("speck_bore2", self.speck_bore2, 0.0..=1.0, BORE2),
-            ("min_area_bore2", self.min_area_bore2, 1e-4..=1.0, BORE2),
-            ("join_gap_bore", self.join_gap_bore, 0.0..=1.0, BORE),
-            ("black_below", f64::from(self.black_below), 0.0..=254.0, "grey values"),
-            ("max_saturated_share", self.max_saturated_share, 0.0..=1.0, "of the pixels"),
-        ];
-        let walls = &self.walls;
-        let of_walls: [Setting; 7] = [
-            ("walls.max_sag_share", walls.max_sag_share, 0.0..=0.05, "of the frame's width"),
-            ("walls.max_tilt_deg", walls.max_tilt_deg, 0.0..=10.0, "deg"),
-            ("walls.min_support", walls.min_support, 0.05..=1.0, "of the frame's width"),
-            ("walls.min_depth", f64::from(walls.min_depth), 0.5..=100.0, "grey values"),
-            ("walls.line_reach_share", walls.line_reach_share, 0.001..=0.2, FRAME),
-            ("walls.min_bore_share", walls.min_bore_share, 0.01..=0.95, FRAME),
-            ("walls.max_wall_share", walls.max_wall_share, 0.01..=0.45, "of the capillary's outer diameter"),
-        ];
-        let edge = &self.edge;
-        // The edge is fitted in a window of this reach to either side of the coarse outline.
-        let reach = REACH_PX as f64 - 2.0;
-        let of_edge: [Setting; 7] = [
-            ("edge.blur_px", edge.blur_px, 0.3..=4.0, "px"),
-            ("edge.search_outside_px", edge.search_outside_px, 0.5..=reach, "px"),
-            ("edge.search_inside_px", edge.search_inside_px, 0.5..=reach, "px"),
-            ("edge.along_px", edge.along_px, 0.3..=10.0, "px"),
-            ("edge.outline_smoothing_px", edge.outline_smoothing_px, 0.3..=10.0, "px"),
-            ("edge.shift_smoothing_px", edge.shift_smoothing_px, 0.3..=10.0, "px"),
-            ("edge.stiffness", edge.stiffness, 0.0..=1000.0, "per squared px"),
-        ];
-        outside(own.into_iter().chain(of_walls).chain(of_edge))
+const FRAME: &str = "of the frame's height";
+const WIDTH: &str = "of the frame's width";
+const BORE: &str = "of the bore's height";
+const BORE2: &str = "of the squared bore";
+const NOISE: &str = "standard deviations of the noise";
+const CHANCE: &str = "standard deviations of chance";
+/// The edge is fitted in a window of this reach to either side of the coarse outline, px.
+const EDGE_REACH_PX: f64 = REACH_PX as f64 - 2.0;
+
+impl Ranged for WallSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        max_sag_share: 0.0, 0.05, WIDTH;
+        max_tilt_deg: 0.0, 10.0, "deg";
+        min_support: 0.05, 1.0, WIDTH;
+        min_depth: 0.5, 100.0, "grey values";
+        line_reach_share: 0.001, 0.2, FRAME;
+        min_bore_share: 0.01, 0.95, FRAME;
+        max_wall_share: 0.01, 0.45, "of the capillary's outer diameter";
+    ];
+}
+
+impl Ranged for EdgeSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        blur_px: 0.3, 4.0, "px";
+        search_outside_px: 0.5, EDGE_REACH_PX, "px";
+        search_inside_px: 0.5, EDGE_REACH_PX, "px";
+        along_px: 0.3, 10.0, "px";
+        outline_smoothing_px: 0.3, 10.0, "px";
+        shift_smoothing_px: 0.3, 10.0, "px";
+        stiffness: 0.0, 1000.0, "per squared px";
+    ];
+}
+
+impl Ranged for MeanShiftSettings {
+    const RANGES: &'static [Range<Self>] = ranges![range_sigma: 0.5, 100.0, NOISE;];
+}
+
+impl Ranged for LevelSetSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        level_share: 0.01, 1.0, "of the body's contrast";
+        least_sigma: 0.1, 100.0, NOISE;
+        region: 0.0, 2.0, "per step";
+        edge: 0.0, 2.0, "per step";
+        steps: 0.0, 1000.0, "steps";
+    ];
+}
+
+impl Ranged for FringeSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        reach_bore: 0.0, 1.0, BORE;
+        along_px: 0.3, 30.0, "px";
+        bar: 0.0, 100.0, CHANCE;
+        most: 0.0, 100.0, CHANCE;
+        run_px: 2.0, 1000.0, "px";
+        least: 0.0, 100.0, CHANCE;
+        opaque_sigma: 0.0, 1000.0, NOISE;
+        kink: 0.0, 100.0, "per squared px";
+    ];
+}
+
+impl Ranged for SegmentSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        high_sigma: 0.1, 100.0, NOISE;
+        low_sigma: 0.1, 100.0, NOISE;
+        closing_px: 0.0, 30.0, "px";
+        opening_px: 0.0, 30.0, "px";
+        wall_margin_px: 0.0, 20.0, "px";
+        speck_bore2: 0.0, 1.0, BORE2;
+        min_area_bore2: 1e-4, 1.0, BORE2;
+        join_gap_bore: 0.0, 1.0, BORE;
+        black_below: 0.0, 254.0, "grey values";
+        max_saturated_share: 0.0, 1.0, "of the pixels";
+    ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        // Foreground is not continued by what would start it.
+        let (least, most) = (0.1, self.high_sigma.clamp(0.1, 100.0));
+        let continued = (self.low_sigma > most && self.low_sigma <= 100.0).then(|| OutOfRange {
+            key: "low_sigma".into(),
+            found: self.low_sigma,
+            least,
+            most,
+            unit: NOISE,
+        });
+        (continued.into_iter())
+            .chain(outside_in("walls", &self.walls))
+            .chain(outside_in("mean_shift", &self.mean_shift))
+            .chain(outside_in("level_set", &self.level_set))
+            .chain(outside_in("fringe", &self.fringe))
+            .chain(outside_in("edge", &self.edge))
+            .collect()
     }
 }

@@ -10,11 +10,13 @@
 
 use super::estimate::Estimate;
 use crate::calibration::HARMONICS_MOST;
-use crate::range::{OutOfRange, outside};
+use crate::range::{Range, Ranged};
+use crate::ranges;
 use serde::{Deserialize, Serialize};
 
 /// `[methods.X.early_stop]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct EarlyStopSettings {
     /// Whether turns may end early. Off by default: a turn that ends early has no view left that could show that something went
@@ -22,9 +24,9 @@ pub struct EarlyStopSettings {
     pub enabled: bool,
     /// Fewest views after which a turn may end.
     pub min_views: usize,
-    /// Number of newest estimates that must agree.
+    /// Number of newest estimates that must agree. A larger number stops later.
     pub last: usize,
-    /// Largest allowed difference between the largest and the smallest of them, % of the newest.
+    /// Largest allowed difference between the largest and the smallest of these estimates, % of the newest.
     pub spread_percent: f64,
     /// Error of the volume at the stop that is not exceeded in 95 of 100 turns, %. Half of the newest estimate's own 95 %
     /// interval must not be wider.
@@ -37,19 +39,18 @@ impl Default for EarlyStopSettings {
     }
 }
 
+impl Ranged for EarlyStopSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        min_views: 7.0, 1000.0, "views";
+        last: 2.0, 20.0, "estimates";
+        spread_percent: 0.01, 10.0, "%";
+        promised_error_percent: 0.05, 10.0, "%";
+    ];
+}
+
 impl EarlyStopSettings {
     /// Checked on 1000 phantoms: docs/quality.md.
     pub const DEFAULT: Self = Self { enabled: false, min_views: 28, last: 3, spread_percent: 0.4, promised_error_percent: 1.0 };
-
-    /// Every setting that is out of its range.
-    pub fn check(&self) -> Vec<OutOfRange> {
-        outside([
-            ("min_views", self.min_views as f64, 7.0..=1000.0, "views"),
-            ("last", self.last as f64, 2.0..=20.0, "estimates"),
-            ("spread_percent", self.spread_percent, 0.01..=10.0, "%"),
-            ("promised_error_percent", self.promised_error_percent, 0.05..=10.0, "%"),
-        ])
-    }
 
     /// Whether an estimate after this number of views is used. Earlier ones decide nothing.
     pub fn asks(&self, views: usize) -> bool {

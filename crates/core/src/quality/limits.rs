@@ -1,11 +1,13 @@
 //! The limits of a method, `[methods.X.quality]`.
 
 use super::gate::GateSettings;
-use crate::range::{OutOfRange, outside};
+use crate::range::{OutOfRange, Range, Ranged, outside_in};
+use crate::ranges;
 use serde::{Deserialize, Serialize};
 
 /// A number beyond one of these limits is flagged, never dropped. Each check has the name of its limit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct QualitySettings {
     /// Smallest overlap of the profiles at 0 and 360 deg, intersection over union.
@@ -70,26 +72,27 @@ impl Default for QualitySettings {
     }
 }
 
-impl QualitySettings {
-    /// Every limit that is out of its range.
-    pub fn check(&self) -> Vec<OutOfRange> {
-        outside([
-            ("closure_overlap", self.closure_overlap, 0.0..=1.0, "(share)"),
-            ("closure_along_px", self.closure_along_px, 0.0..=1000.0, "px"),
-            ("closure_across_px", self.closure_across_px, 0.0..=1000.0, "px"),
-            ("closure_turn_deg", self.closure_turn_deg, 0.0..=180.0, "deg"),
-            ("views_least", self.views_least as f64, 3.0..=1000.0, "views"),
-            ("usable_percent", self.usable_percent, 0.0..=100.0, "%"),
-            ("gap_deg", self.gap_deg, 1.0..=180.0, "deg"),
-            ("residual_px", self.residual_px, 0.01..=100.0, "px"),
-            ("residual_view_px", self.residual_view_px, 0.01..=100.0, "px"),
-            ("overlap_percent", self.overlap_percent, 0.0..=100.0, "%"),
-            ("volume_sd_percent", self.volume_sd_percent, 0.01..=100.0, "%"),
-            ("uy_px", self.uy_px, 0.1..=1000.0, "px"),
-            ("gamma_deg", self.gamma_deg, 0.01..=10.0, "deg"),
-            ("alpha_deg", self.alpha_deg, 0.01..=10.0, "deg"),
-            ("rho_percent", self.rho_percent, 0.1..=50.0, "%"),
-            ("reference_z", self.reference_z, 0.1..=1000.0, "standard deviations"),
-        ])
+impl Ranged for QualitySettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        closure_overlap: 0.0, 1.0, "(share)";
+        closure_along_px: 0.0, 1000.0, "px";
+        closure_across_px: 0.0, 1000.0, "px";
+        closure_turn_deg: 0.0, 180.0, "deg";
+        views_least: 3.0, 1000.0, "views";
+        usable_percent: 0.0, 100.0, "%";
+        gap_deg: 1.0, 180.0, "deg";
+        residual_px: 0.01, 100.0, "px";
+        residual_view_px: 0.01, 100.0, "px";
+        overlap_percent: 0.0, 100.0, "%";
+        volume_sd_percent: 0.01, 100.0, "%";
+        uy_px: 0.1, 1000.0, "px";
+        gamma_deg: 0.01, 10.0, "deg";
+        alpha_deg: 0.01, 10.0, "deg";
+        rho_percent: 0.1, 50.0, "%";
+        reference_z: 0.1, 1000.0, "standard deviations";
+    ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        outside_in("gate", &self.gate).collect()
     }
 }

@@ -3,24 +3,32 @@
 use super::Reconstruction;
 use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Priors, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv};
 use crate::geometry::{Camera, Projection};
-use crate::range::{OutOfRange, outside};
+use crate::range::{Range, Ranged};
+use crate::ranges;
 use serde::{Deserialize, Serialize};
 
 /// How a turn is calibrated, and the prior on the rig.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationSettings {
-    /// Whether uy, gamma, alpha, the ratio of angles and each view's shift are determined from the turn itself.
+    /// Whether uy, gamma, alpha, the ratio of angles and each view's shift are determined from the turn itself. With `false` a turn is
+    /// measured with `[optics]` as it stands.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "method")))]
     pub enabled: bool,
-    /// Prior standard deviation of the roll gamma of the capillary against the rig's camera, deg.
+    /// Prior standard deviation of the roll gamma of the capillary against the rig's camera, deg. A larger value lets a turn
+    /// differ more from `[optics]`.
     pub gamma_sd_deg: f64,
-    /// Prior standard deviation of the tilt alpha of the capillary against the rig's camera, deg.
+    /// Prior standard deviation of the tilt alpha of the capillary against the rig's camera, deg. A larger value lets a turn
+    /// differ more from `[optics]`.
     pub alpha_sd_deg: f64,
-    /// Prior standard deviation of a view's shift, px.
+    /// Prior standard deviation of the shift of a single view, px. A larger value lets views be shifted further.
     pub dy_sd_px: f64,
-    /// Standard deviation of the rig's scale, %. The volume's share is three times as large.
+    /// Standard deviation of the scale of the rig (kx and ky), %. Three times as much is added to the standard deviation of the volume.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "operator")))]
     pub scale_sd_percent: f64,
-    /// Standard deviation of an error that all edges have in common, outwards or inwards, px.
+    /// Standard deviation of an error that all edges have in common, outwards or inwards, px. A larger value gives a larger standard deviation
+    /// of the volume.
     pub edge_sd_px: f64,
 }
 
@@ -30,18 +38,17 @@ impl Default for CalibrationSettings {
     }
 }
 
-impl CalibrationSettings {
-    /// Every setting that is out of its range.
-    pub fn check(&self) -> Vec<OutOfRange> {
-        outside([
-            ("gamma_sd_deg", self.gamma_sd_deg, 0.001..=10.0, "deg"),
-            ("alpha_sd_deg", self.alpha_sd_deg, 0.001..=1.0, "deg"),
-            ("dy_sd_px", self.dy_sd_px, 0.001..=10.0, "px"),
-            ("scale_sd_percent", self.scale_sd_percent, 0.0..=10.0, "%"),
-            ("edge_sd_px", self.edge_sd_px, 0.0..=5.0, "px"),
-        ])
-    }
+impl Ranged for CalibrationSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        gamma_sd_deg: 0.001, 10.0, "deg";
+        alpha_sd_deg: 0.001, 1.0, "deg";
+        dy_sd_px: 0.001, 10.0, "px";
+        scale_sd_percent: 0.0, 10.0, "%";
+        edge_sd_px: 0.0, 5.0, "px";
+    ];
+}
 
+impl CalibrationSettings {
     fn priors(&self) -> Priors {
         Priors {
             gamma_rad: self.gamma_sd_deg.to_radians(),

@@ -12,6 +12,8 @@ use super::{RevolutionPlan, Stop, grab};
 use crate::cancel::CancelToken;
 use crate::{DeviceError, Rig, StopHandle};
 use carved_core::frame::RawFrame;
+use carved_core::range::{Range, Ranged};
+use carved_core::ranges;
 use carved_core::units::Sense;
 use carved_records::sha256_hex;
 use carved_records::{Ledger, LedgerEntry, LedgerError, Light};
@@ -20,15 +22,25 @@ use std::time::{Duration, Instant};
 
 /// How the stops of a plan are executed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct AcquisitionSettings {
     /// Rest between arrival and trigger, ms: time for the specimen to come to rest in its liquid.
     pub settle_ms: u32,
     /// Time for one complete frame with all its repeated triggers, ms.
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub grab_deadline_ms: u32,
-    /// Which way positive steps turn the capillary, 1 or -1.
+    /// Which way positive steps turn the capillary: 1 if they move the near wall to larger v (down in the picture), -1 if to smaller v.
+    /// Measure it with a marked capillary (`carved calibrate marked`).
     #[serde(default)]
     pub sense: Sense,
+}
+
+impl Ranged for AcquisitionSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        settle_ms: 0.0, 10_000.0, "ms";
+        grab_deadline_ms: 10.0, 60_000.0, "ms";
+    ];
 }
 
 /// The receiver of the views has gone away.

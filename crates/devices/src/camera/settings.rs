@@ -1,13 +1,17 @@
 //! The `[camera]` table of a GigE Vision camera.
 
 use crate::DeviceError;
+use crate::setting::in_range;
 use carved_core::frame::PixelFormat;
+use carved_core::range::{OutOfRange, Range, Ranged, outside_in};
+use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 #[cfg(feature = "aravis")]
 use std::time::Duration;
 
 /// How a camera is found, and its configuration.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct AravisSettings {
     /// Which camera: `{ address = "192.168.1.20" }`, `{ id = "Vendor-Model-Serial" }`, `{ serial = "02-2200A-06123" }` or
@@ -25,7 +29,7 @@ pub struct AravisSettings {
     /// First row of the region, px.
     #[serde(default)]
     pub offset_y: u32,
-    /// Exposure, us.
+    /// Exposure, us. A longer exposure gives a brighter picture: `carved camera exposure` finds it.
     pub exposure_us: f64,
     /// `Gain`, in the camera's own unit, mostly dB. It is not changed if left out.
     #[serde(default)]
@@ -41,16 +45,20 @@ pub struct AravisSettings {
     pub packet_size: u32,
     /// Receive buffer of the stream's socket, bytes. The kernel grants at most `net.core.rmem_max`.
     #[serde(default = "default_socket_buffer_bytes")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub socket_buffer_bytes: u32,
     /// Whether to receive through a ring of raw packets. It needs `CAP_NET_RAW`, and an interface with one camera only, because it also
     /// receives the packets of other cameras.
     #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub packet_socket: bool,
     /// Whether to request lost packets again.
     #[serde(default = "default_resend")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub resend: bool,
     /// Longest wait for the frame of one trigger before the next trigger, ms.
     #[serde(default = "default_frame_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub frame_timeout_ms: u32,
     /// Further GenICam features as `[name, value]`, set in this order before everything above.
     #[serde(default)]
@@ -59,6 +67,7 @@ pub struct AravisSettings {
 
 /// What begins an exposure.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(rename_all = "snake_case")]
 pub enum Trigger {
     /// A command of this program for each view.
@@ -72,6 +81,7 @@ pub enum Trigger {
 
 /// How a camera is named.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum CameraSelect {
     /// By its IPv4 address.
@@ -86,6 +96,7 @@ pub enum CameraSelect {
 
 /// A hardware address, as `00:0f:31:02:12:34` or with dashes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(try_from = "String", into = "String")]
 pub struct MacAddress([u8; 6]);
 
@@ -130,6 +141,9 @@ impl std::fmt::Display for CameraSelect {
     }
 }
 
+/// No sensor has more rows or columns.
+const SENSOR_MOST_PX: f64 = 65_535.0;
+
 fn default_packet_size() -> u32 {
     1500
 }
@@ -145,6 +159,40 @@ fn default_resend() -> bool {
 
 fn default_frame_timeout_ms() -> u32 {
     500
+}
+
+impl Ranged for AravisSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        width: 1.0, SENSOR_MOST_PX, "px";
+        height: 1.0, SENSOR_MOST_PX, "px";
+        offset_x: 0.0, SENSOR_MOST_PX, "px";
+        offset_y: 0.0, SENSOR_MOST_PX, "px";
+        // As long as the longest deadline of a frame.
+        exposure_us: 0.1, 6e7, "us";
+        gain: -1000.0, 1000.0, "(the camera's unit)";
+        gain_raw: -1e6, 1e6, "(the camera's integer scale)";
+        // The minimum of GigE Vision, and the maximum of a jumbo frame.
+        packet_size: 576.0, 9000.0, "bytes";
+        socket_buffer_bytes: 1.0, i32::MAX as f64, "bytes";
+        frame_timeout_ms: 1.0, 60_000.0, "ms";
+    ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        outside_in("trigger", &self.trigger).collect()
+    }
+}
+
+impl Ranged for Trigger {
+    const RANGES: &'static [Range<Self>] = &[Range {
+        key: "fixed_rate_hz",
+        numbers: |trigger| match trigger {
+            Self::FixedRateHz(rate) => vec![*rate],
+            Self::Software | Self::Line(_) => Vec::new(),
+        },
+        least: 0.001,
+        most: 10_000.0,
+        unit: "Hz",
+    }];
 }
 
 impl AravisSettings {
@@ -175,29 +223,7 @@ impl AravisSettings {
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let bad = |name, found: String, rule: &str| Err(DeviceError::Setting { device: "camera", name, found, rule: rule.into() });
-        if self.width == 0 || self.height == 0 {
-            return bad("width, height", format!("{} x {}", self.width, self.height), "both must be at least 1");
-        }
-        if !(self.exposure_us.is_finite() && self.exposure_us > 0.0) {
-            return bad("exposure_us", self.exposure_us.to_string(), "it must be above 0");
-        }
-        // The minimum of GigE Vision, and the maximum of a jumbo frame.
-        if !(576..=9000).contains(&self.packet_size) {
-            return bad("packet_size", self.packet_size.to_string(), "it must be from 576 to 9000 bytes");
-        }
-        if i32::try_from(self.socket_buffer_bytes).is_err() || self.socket_buffer_bytes == 0 {
-            return bad("socket_buffer_bytes", self.socket_buffer_bytes.to_string(), "it must be from 1 to 2^31 - 1 bytes");
-        }
-        if let Trigger::FixedRateHz(rate) = self.trigger
-            && !(rate.is_finite() && rate > 0.0)
-        {
-            return bad("trigger.fixed_rate_hz", rate.to_string(), "it must be above 0");
-        }
-        if self.frame_timeout_ms == 0 {
-            return bad("frame_timeout_ms", "0".into(), "it must be at least 1");
-        }
-        Ok(())
+        in_range("camera", self)
     }
 
     #[cfg(feature = "aravis")]
@@ -230,7 +256,7 @@ mod tests {
     fn values_no_camera_can_have_are_named() {
         let good: AravisSettings = serde_json::from_str(LEAST).unwrap();
         for (bad, name) in [
-            (AravisSettings { height: 0, ..good.clone() }, "64 x 0"),
+            (AravisSettings { height: 0, ..good.clone() }, "height = 0"),
             (AravisSettings { exposure_us: -1.0, ..good.clone() }, "exposure_us = -1"),
             (AravisSettings { packet_size: 100, ..good.clone() }, "packet_size = 100"),
             (AravisSettings { socket_buffer_bytes: u32::MAX, ..good.clone() }, "socket_buffer_bytes = 4294967295"),

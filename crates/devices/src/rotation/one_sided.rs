@@ -26,8 +26,9 @@ pub fn one_sided(axis: Box<dyn RotationAxis>, backlash_steps: u32) -> Result<Box
         return Ok(axis);
     }
     if axis.capabilities().trigger_only {
+        let (name, found) = ("rig.backlash_steps".into(), backlash_steps.to_string());
         let rule = "an axis that steps through a list cannot go back: it must be 0".into();
-        return Err(DeviceError::Setting { device: "rotation axis", name: "rig.backlash_steps", found: backlash_steps.to_string(), rule });
+        return Err(DeviceError::Setting { device: "rotation axis", name, found, rule });
     }
     Ok(Box::new(OneSided { axis, backlash_steps: backlash_steps.into() }))
 }

@@ -5,7 +5,6 @@
 //!   an end does not count  │                an end counts                 │ the turn has failed
 //! ```
 
-use crate::DeviceError;
 use std::time::Duration;
 
 /// The configured speed, which somebody has measured.
@@ -15,19 +14,12 @@ pub(super) struct Pace {
     pub margin: Duration,
 }
 
-impl Pace {
-    pub fn check(&self, device: &'static str, margin_name: &'static str) -> Result<(), DeviceError> {
-        let bad = |name, found, rule: &str| Err(DeviceError::Setting { device, name, found, rule: rule.into() });
-        // A step of 0.72 deg at the slowest takes 12 minutes, one at the fastest 70 us.
-        if !(0.001..=10_000.0).contains(&self.speed_deg_per_s) {
-            return bad("speed_deg_per_s", self.speed_deg_per_s.to_string(), "it must be from 0.001 to 10000");
-        }
-        if self.margin.is_zero() {
-            return bad(margin_name, "0".into(), "it must be at least 1");
-        }
-        Ok(())
-    }
+/// A step of 0.72 deg takes 12 minutes at the slowest speed, and 70 us at the fastest.
+pub(super) const SLOWEST_DEG_PER_S: f64 = 0.001;
+/// The fastest speed.
+pub(super) const FASTEST_DEG_PER_S: f64 = 10_000.0;
 
+impl Pace {
     /// No turn ends sooner: half its time at the configured speed.
     pub fn shortest(&self, deg: f64) -> Duration {
         Duration::from_secs_f64(0.5 * deg.abs() / self.speed_deg_per_s)

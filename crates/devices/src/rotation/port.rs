@@ -7,6 +7,7 @@ use std::path::Path;
 
 /// `port = "/dev/ttyUSB0"` or `port = { usb_serial = "A10K5V2M" }`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(untagged, expecting = "a path such as \"/dev/ttyUSB0\", or { usb_serial = \"the adapter's serial number\" }")]
 pub enum Port {
     /// Name of the device file.
@@ -17,6 +18,7 @@ pub enum Port {
 
 /// A USB adapter by its serial number.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub struct UsbAdapter {
     /// As `carved doctor` lists it.

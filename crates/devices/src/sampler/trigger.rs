@@ -18,15 +18,20 @@ use super::clock::Clock;
 use super::watched::{Watch, Watched};
 use super::{Expected, Loaded, Sampler};
 use crate::cancel::CancelToken;
+use crate::setting::in_range;
 use crate::{DeviceError, RotationAxis};
+use carved_core::range::{Range, Ranged};
+use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// The `[sampler]` table of `driver = "trigger"`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct TriggerSettings {
-    /// The input is active while the capillary is empty.
+    /// Whether the input is active while the capillary is empty. With `false` it is active while a specimen is there: a pulled wire then
+    /// says that none is.
     pub inverted: bool,
     /// Time for which the input must be stable, ms.
     pub debounce_ms: u32,
@@ -44,20 +49,30 @@ impl Default for TriggerSettings {
     }
 }
 
+/// Longest wait that is meant, ms: a day.
+const WAIT_MOST_MS: f64 = 86_400_000.0;
+
+impl Ranged for TriggerSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        debounce_ms: 1.0, 10_000.0, "ms";
+        load_timeout_ms: 1.0, WAIT_MOST_MS, "ms";
+        eject_timeout_ms: 1.0, WAIT_MOST_MS, "ms";
+    ];
+}
+
 impl TriggerSettings {
     /// Checks the values.
     ///
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let bad = |name, found: u32, rule: String| Err(DeviceError::Setting { device: "sampler", name, found: found.to_string(), rule });
-        if !(1..=10_000).contains(&self.debounce_ms) {
-            return bad("debounce_ms", self.debounce_ms, "it must be from 1 to 10000".into());
-        }
+        in_range("sampler", self)?;
         let least = self.debounce_ms * BOUNCES;
         for (name, found) in [("load_timeout_ms", self.load_timeout_ms), ("eject_timeout_ms", self.eject_timeout_ms)] {
             if found < least {
-                return bad(name, found, format!("it must be at least {least}, {BOUNCES} times debounce_ms"));
+                let (name, found) = (name.into(), found.to_string());
+                let rule = format!("it must be at least {least}, {BOUNCES} times debounce_ms");
+                return Err(DeviceError::Setting { device: "sampler", name, found, rule });
             }
         }
         Ok(())
@@ -115,7 +130,7 @@ impl TriggerSampler {
         settings.check()?;
         if axis.specimen_input().is_none() {
             let rule = format!("{} has no input for it: take \"loader\"", axis.identity());
-            return Err(DeviceError::Setting { device: "sampler", name: "driver", found: "\"trigger\"".into(), rule });
+            return Err(DeviceError::Setting { device: "sampler", name: "driver".into(), found: "\"trigger\"".into(), rule });
         }
         let watch = Watch::default();
         let watched = Watched { axis, watch: watch.clone(), inverted: settings.inverted, debounce: settings.debounce(), clock };

@@ -16,11 +16,13 @@ pub use chart::Chart;
 pub use judge::{BeadGate, GateVerdict};
 pub use numbers::{BeadMeasured, GateNumbers};
 
-use crate::range::{OutOfRange, outside};
+use crate::range::{Range, Ranged};
+use crate::ranges;
 use serde::{Deserialize, Serialize};
 
 /// `[methods.X.quality.gate]`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
 #[serde(default, deny_unknown_fields)]
 pub struct GateSettings {
     /// Age at which a gate expires, h.
@@ -69,22 +71,19 @@ impl Default for GateSettings {
     }
 }
 
-impl GateSettings {
-    /// Every limit that is out of its range.
-    pub fn check(&self) -> Vec<OutOfRange> {
-        outside([
-            ("max_age_h", self.max_age_h, 0.1..=8760.0, "h"),
-            ("beads_least", self.beads_least as f64, 3.0..=100.0, "beads"),
-            ("nominal_um", self.nominal_um, 1.0..=5000.0, "um"),
-            ("t_percent", self.t_percent, 0.01..=20.0, "%"),
-            ("aspect_off", self.aspect_off, 0.0001..=0.5, "(ratio)"),
-            ("roundness_um", self.roundness_um, 0.01..=100.0, "um"),
-            ("residual_px", self.residual_px, 0.01..=100.0, "px"),
-            ("repeat_um", self.repeat_um, 0.01..=100.0, "um"),
-            ("history_least", self.history_least as f64, 3.0..=1000.0, "gates"),
-            ("shewhart_sd", self.shewhart_sd, 1.0..=10.0, "standard deviations"),
-            ("cusum_slack_sd", self.cusum_slack_sd, 0.0..=5.0, "standard deviations"),
-            ("cusum_limit_sd", self.cusum_limit_sd, 1.0..=50.0, "standard deviations"),
-        ])
-    }
+impl Ranged for GateSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        max_age_h: 0.1, 8760.0, "h";
+        beads_least: 3.0, 100.0, "beads";
+        nominal_um: 1.0, 5000.0, "um";
+        t_percent: 0.01, 20.0, "%";
+        aspect_off: 0.0001, 0.5, "(ratio)";
+        roundness_um: 0.01, 100.0, "um";
+        residual_px: 0.01, 100.0, "px";
+        repeat_um: 0.01, 100.0, "um";
+        history_least: 3.0, 1000.0, "gates";
+        shewhart_sd: 1.0, 10.0, "standard deviations";
+        cusum_slack_sd: 0.0, 5.0, "standard deviations";
+        cusum_limit_sd: 1.0, 50.0, "standard deviations";
+    ];
 }

@@ -22,7 +22,7 @@ pub(super) fn hundredths_per_step(per_revolution: StepsPerRevolution) -> std::re
     if !(HUNDREDTHS * den).is_multiple_of(num) {
         return Err(DeviceError::Setting {
             device: DEVICE,
-            name: "rig.steps_per_revolution",
+            name: "rig.steps_per_revolution".into(),
             found: format!("[{num}, {den}]"),
             rule: "VAST's list has hundredths of a degree, so 36000 * the second number must be a multiple of the first, as with [500, 1]"
                 .into(),

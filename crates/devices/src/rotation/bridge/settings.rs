@@ -3,7 +3,10 @@
 use super::DEVICE;
 use crate::DeviceError;
 use crate::rotation::Port;
-use crate::rotation::pace::Pace;
+use crate::rotation::pace::{FASTEST_DEG_PER_S, Pace, SLOWEST_DEG_PER_S};
+use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
+use carved_core::range::{Range, Ranged};
+use carved_core::ranges;
 use carved_core::units::StepsPerRevolution;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
@@ -11,11 +14,12 @@ use std::time::Duration;
 
 /// How the bridge is connected, the path of VAST's list, and the speed of VAST.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct VastBridgeSettings {
     /// Serial port of the Arduino, by its name or by its USB serial number.
     pub port: Port,
-    /// Baud.
+    /// Speed of the serial line.
     #[serde(default = "default_baud")]
     pub baud: u32,
     /// Path of VAST's `external.txt` on this computer (its folder is shared).
@@ -25,19 +29,22 @@ pub struct VastBridgeSettings {
     /// The list's `x_position`, um.
     #[serde(default)]
     pub x_position_um: i32,
-    /// The list's `tray_LED`.
+    /// The list's `tray_LED`: whether the lamp of the tray is on.
     #[serde(default = "yes")]
     pub tray_led: bool,
     /// Speed of the rotation, deg/s; measure it. An arrival before half the time of a turn at this speed does not count.
     pub speed_deg_per_s: f64,
     /// A turn has failed this long after one and a half times its time, ms.
     #[serde(default = "default_turn_margin_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub turn_margin_ms: u32,
     /// Longest wait after the specimen was reported as loaded until VAST has it in the first position, ms.
     #[serde(default = "default_first_arrival_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub first_arrival_timeout_ms: u32,
     /// Longest wait for the bridge's `OK`, ms.
     #[serde(default = "default_answer_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub answer_timeout_ms: u32,
     /// Whether VAST needs a trigger after the last view to continue.
     #[serde(default = "yes")]
@@ -46,6 +53,7 @@ pub struct VastBridgeSettings {
 
 /// The meaning of the degrees of an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Degrees {
     /// A position of the axis.
@@ -74,22 +82,27 @@ fn default_answer_timeout_ms() -> u32 {
     1000
 }
 
+impl Ranged for VastBridgeSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        baud: BAUD_LEAST, BAUD_MOST, "baud";
+        x_position_um: -1e6, 1e6, "um";
+        speed_deg_per_s: SLOWEST_DEG_PER_S, FASTEST_DEG_PER_S, "deg/s";
+        turn_margin_ms: 1.0, ANSWER_MOST_MS, "ms";
+        first_arrival_timeout_ms: 1.0, HOMING_MOST_MS, "ms";
+        answer_timeout_ms: 1.0, ANSWER_MOST_MS, "ms";
+    ];
+}
+
 impl VastBridgeSettings {
     /// Checks the values.
     ///
     /// # Errors
     /// The first value that is out of range, or steps that the list cannot express.
     pub fn check(&self, per_revolution: StepsPerRevolution) -> Result<(), DeviceError> {
-        let bad =
-            |name, found: &str, rule: &str| Err(DeviceError::Setting { device: DEVICE, name, found: found.into(), rule: rule.into() });
-        self.pace().check(DEVICE, "turn_margin_ms")?;
-        for (name, value) in [("answer_timeout_ms", self.answer_timeout_ms), ("first_arrival_timeout_ms", self.first_arrival_timeout_ms)] {
-            if value == 0 {
-                return bad(name, "0", "it must be at least 1");
-            }
-        }
+        in_range(DEVICE, self)?;
         if self.list.file_name().is_none() {
-            return bad("list", &self.list.display().to_string(), "it must be the path of VAST's external.txt");
+            let (name, found) = ("list".into(), self.list.display().to_string());
+            return Err(DeviceError::Setting { device: DEVICE, name, found, rule: "it must be the path of VAST's external.txt".into() });
         }
         super::list::hundredths_per_step(per_revolution).map(|_| ())
     }

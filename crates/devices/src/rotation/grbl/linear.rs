@@ -7,16 +7,21 @@
 //! A port has one owner, so both axes are one [`Grbl`]. If one position becomes suspect, both do.
 
 use super::geometry::Geometry;
+use super::settings::{FASTEST, SLOWEST};
 use super::{Grbl, Knowledge, Reference};
 use crate::cancel::CancelToken;
 use crate::rotation::AxisLetter;
+use crate::setting::in_range;
 use crate::{Achieved, DeviceError, LinearAxis, Position};
+use carved_core::range::{Range, Ranged};
+use carved_core::ranges;
 use carved_core::units::{Sense, Steps};
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 /// The `[translation]` table. Lengths are counted from the reference.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct TranslationSettings {
     /// The axis that moves the capillary.
@@ -33,9 +38,23 @@ pub struct TranslationSettings {
     pub limits_um: [f64; 2],
     /// Position at which the specimen is in view, um.
     pub position_um: f64,
-    /// Whether positive positions move the capillary to the right of the picture.
+    /// Which way positive positions move the capillary: 1 if to the right of the picture, -1 if to the left.
     #[serde(default)]
     pub sense: Sense,
+}
+
+/// Furthest position from the reference that is meant, um: 10 m.
+const FURTHEST_UM: f64 = 1e7;
+
+impl Ranged for TranslationSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        steps_per_um: 1.0, u32::MAX as f64, "(ratio of steps and um)";
+        um_per_unit: 1.0, 1e6, "um";
+        max_rate_units_per_min: SLOWEST, FASTEST, "units/min";
+        acceleration_units_per_s2: SLOWEST, FASTEST, "units/s^2";
+        limits_um: -FURTHEST_UM, FURTHEST_UM, "um";
+        position_um: -FURTHEST_UM, FURTHEST_UM, "um";
+    ];
 }
 
 impl TranslationSettings {
@@ -44,23 +63,17 @@ impl TranslationSettings {
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let bad =
-            |name, found: String, rule: &str| Err(DeviceError::Setting { device: "translation axis", name, found, rule: rule.into() });
+        const DEVICE: &str = "translation axis";
+        in_range(DEVICE, self)?;
+        let bad = |name: &str, found, rule: &str| Err(DeviceError::Setting { device: DEVICE, name: name.into(), found, rule: rule.into() });
         let [num, den] = self.steps_per_um;
-        let per_unit = f64::from(num) * f64::from(self.um_per_unit) / f64::from(den.max(1));
-        if num == 0 || den == 0 || self.um_per_unit == 0 || per_unit > super::settings::MOST_STEPS_PER_UNIT || self.ratio().is_none() {
+        let per_unit = f64::from(num) * f64::from(self.um_per_unit) / f64::from(den);
+        if per_unit > super::settings::MOST_STEPS_PER_UNIT || self.ratio().is_none() {
             let found = format!("[{num}, {den}] with um_per_unit = {}", self.um_per_unit);
-            return bad("steps_per_um", found, "all must be at least 1 and a unit at most 400 steps");
-        }
-        for (name, value) in
-            [("max_rate_units_per_min", self.max_rate_units_per_min), ("acceleration_units_per_s2", self.acceleration_units_per_s2)]
-        {
-            if !(value.is_finite() && value > 0.0) {
-                return bad(name, value.to_string(), "it must be above 0");
-            }
+            return bad("steps_per_um", found, "a unit must be at most 400 steps");
         }
         let [low, high] = self.limits_um;
-        if !(low.is_finite() && high.is_finite() && low < high) {
+        if low >= high {
             return bad("limits_um", format!("[{low}, {high}]"), "the first must be below the second");
         }
         if !(low..=high).contains(&self.position_um) {

@@ -2,16 +2,20 @@
 
 use crate::DeviceError;
 use crate::rotation::{Port, Reference};
+use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
+use carved_core::range::{Range, Ranged};
+use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// How a Grbl controller is connected, and the settings that it must have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct GrblSettings {
     /// Serial port, by its name or by its USB adapter's serial number.
     pub port: Port,
-    /// Baud; Grbl 1.1 speaks 115200.
+    /// Speed of the serial line. Grbl 1.1 has 115200.
     #[serde(default = "default_baud")]
     pub baud: u32,
     /// The axis that turns the capillary.
@@ -26,14 +30,16 @@ pub struct GrblSettings {
     pub acceleration_units_per_s2: f64,
     /// How step 0 is found.
     pub reference: Reference,
-    /// The expected firmware; any of both if left out.
+    /// The expected firmware. Any other greeting is refused.
     #[serde(default)]
     pub dialect: Dialect,
     /// Longest wait for the answer to a line, ms.
     #[serde(default = "default_answer_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub answer_timeout_ms: u32,
     /// Longest homing cycle, ms.
     #[serde(default = "default_homing_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub homing_timeout_ms: u32,
 }
 
@@ -51,6 +57,7 @@ fn default_homing_timeout_ms() -> u32 {
 
 /// Grbl's axes in the order of its position reports.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 pub enum AxisLetter {
     #[default]
     /// First axis.
@@ -75,6 +82,7 @@ impl AxisLetter {
 
 /// The firmware of the controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum Dialect {
     /// Grbl or grblHAL, by its greeting.
@@ -89,28 +97,33 @@ pub enum Dialect {
 /// Largest number of steps per unit. Half a thousandth of a unit, the rounding of a report, is then a fifth of a step.
 pub(super) const MOST_STEPS_PER_UNIT: f64 = 400.0;
 
+/// Slowest speed and acceleration that are meant, in units/min and units/s^2.
+pub(super) const SLOWEST: f64 = 1e-3;
+/// Fastest speed and acceleration that are meant, in units/min and units/s^2.
+pub(super) const FASTEST: f64 = 1e9;
+
+impl Ranged for GrblSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        baud: BAUD_LEAST, BAUD_MOST, "baud";
+        steps_per_unit: 1.0, u32::MAX as f64, "(ratio of steps and units)";
+        max_rate_units_per_min: SLOWEST, FASTEST, "units/min";
+        acceleration_units_per_s2: SLOWEST, FASTEST, "units/s^2";
+        answer_timeout_ms: 1.0, ANSWER_MOST_MS, "ms";
+        homing_timeout_ms: 1.0, HOMING_MOST_MS, "ms";
+    ];
+}
+
 impl GrblSettings {
     /// Checks the values.
     ///
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let bad = |name, found: String, rule: &str| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule: rule.into() });
+        in_range(super::DEVICE, self)?;
         let [num, den] = self.steps_per_unit;
-        if num == 0 || den == 0 || f64::from(num) / f64::from(den) > MOST_STEPS_PER_UNIT {
-            return bad("steps_per_unit", format!("[{num}, {den}]"), "both numbers must be at least 1 and the ratio at most 400");
-        }
-        for (name, value) in
-            [("max_rate_units_per_min", self.max_rate_units_per_min), ("acceleration_units_per_s2", self.acceleration_units_per_s2)]
-        {
-            if !(value.is_finite() && value > 0.0) {
-                return bad(name, value.to_string(), "it must be above 0");
-            }
-        }
-        for (name, value) in [("answer_timeout_ms", self.answer_timeout_ms), ("homing_timeout_ms", self.homing_timeout_ms)] {
-            if value == 0 {
-                return bad(name, value.to_string(), "it must be at least 1");
-            }
+        if f64::from(num) / f64::from(den) > MOST_STEPS_PER_UNIT {
+            let (name, found) = ("steps_per_unit".into(), format!("[{num}, {den}]"));
+            return Err(DeviceError::Setting { device: super::DEVICE, name, found, rule: "the ratio must be at most 400".into() });
         }
         Ok(())
     }

@@ -2,12 +2,16 @@
 
 use super::DEVICE;
 use crate::DeviceError;
-use crate::rotation::pace::Pace;
+use crate::rotation::pace::{FASTEST_DEG_PER_S, Pace, SLOWEST_DEG_PER_S};
+use crate::setting::{ANSWER_MOST_MS, HOMING_MOST_MS, in_range};
+use carved_core::range::{Range, Ranged};
+use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// The address of the relay, and the speed of its VAST.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct RelaySettings {
     /// `host:port` of the program on VAST's computer.
@@ -18,14 +22,17 @@ pub struct RelaySettings {
     pub boot: bool,
     /// Longest wait for the answer to `boot`, ms.
     #[serde(default = "default_boot_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub boot_timeout_ms: u32,
     /// Speed of the rotation, deg/s; measure it. The end of a turn does not count before half its time at this speed.
     pub speed_deg_per_s: f64,
     /// A turn has failed this long after one and a half times its time, ms.
     #[serde(default = "default_turn_margin_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub turn_margin_ms: u32,
     /// Longest wait for any other answer, ms.
     #[serde(default = "default_answer_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub answer_timeout_ms: u32,
 }
 
@@ -41,23 +48,27 @@ fn default_answer_timeout_ms() -> u32 {
     1000
 }
 
+impl Ranged for RelaySettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        boot_timeout_ms: 1.0, HOMING_MOST_MS, "ms";
+        speed_deg_per_s: SLOWEST_DEG_PER_S, FASTEST_DEG_PER_S, "deg/s";
+        turn_margin_ms: 1.0, ANSWER_MOST_MS, "ms";
+        answer_timeout_ms: 1.0, ANSWER_MOST_MS, "ms";
+    ];
+}
+
 impl RelaySettings {
     /// Checks the values.
     ///
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let bad =
-            |name, found: &str, rule: &str| Err(DeviceError::Setting { device: DEVICE, name, found: found.into(), rule: rule.into() });
+        in_range(DEVICE, self)?;
         let port = self.address.rsplit_once(':').filter(|(host, _)| !host.is_empty()).and_then(|(_, port)| port.parse::<u16>().ok());
         if port.is_none_or(|port| port == 0) {
-            return bad("address", &format!("{:?}", self.address), "it must be host:port, such as \"192.168.10.3:5000\"");
-        }
-        self.pace().check(DEVICE, "turn_margin_ms")?;
-        for (name, value) in [("boot_timeout_ms", self.boot_timeout_ms), ("answer_timeout_ms", self.answer_timeout_ms)] {
-            if value == 0 {
-                return bad(name, "0", "it must be at least 1");
-            }
+            let (name, found) = ("address".into(), format!("{:?}", self.address));
+            let rule = "it must be host:port, such as \"192.168.10.3:5000\"".into();
+            return Err(DeviceError::Setting { device: DEVICE, name, found, rule });
         }
         Ok(())
     }

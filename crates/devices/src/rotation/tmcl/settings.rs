@@ -3,16 +3,21 @@
 use crate::DeviceError;
 use crate::rotation::knowledge::travel_time;
 use crate::rotation::{Port, Reference};
+use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
+use carved_core::range::{OutOfRange, Range, Ranged, outside_in};
+use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// How a Trinamic module is connected, and the settings that it must have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct TmclSettings {
     /// Serial port, by its name or by its USB adapter's serial number.
     pub port: Port,
-    /// Baud; without effect on USB. With the factory setting of 9600 every look at the pair takes 0.1 s.
+    /// Speed of the serial line; without effect on USB. The module's own is its global parameter 65. With the factory setting of 9600 every
+    /// look at the pair takes 0.1 s.
     #[serde(default = "default_baud")]
     pub baud: u32,
     /// The module's serial address.
@@ -20,8 +25,9 @@ pub struct TmclSettings {
     pub module_address: u8,
     /// The address to which the module answers.
     #[serde(default = "default_host_address")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub host_address: u8,
-    /// The two motors at the ends of the capillary.
+    /// The two motors at the ends of the capillary. Where they face each other, parameter 251 of one of them reverses its sense.
     #[serde(default = "default_motors")]
     pub motors: [u8; 2],
     /// Parameter 140: 2^n microsteps per full step.
@@ -32,24 +38,29 @@ pub struct TmclSettings {
     pub max_acceleration: u32,
     /// Parameters 154 and 153 of a module with speeds in fractions of its clock. Leave them out if its unit is microsteps/s.
     #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub clock_divisors: Option<ClockDivisors>,
     /// Largest permitted difference between the two motors, microsteps: the largest twist of the glass.
     pub max_skew_steps: u32,
     /// Parameter 181, the lowest speed at which a stall stops a motor. If it is left out, stalls are not detected.
     #[serde(default)]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub stop_on_stall: Option<u32>,
     /// How step 0 is found.
     pub reference: Reference,
     /// Longest wait for an answer, ms.
     #[serde(default = "default_answer_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub answer_timeout_ms: u32,
     /// Longest reference search, ms.
     #[serde(default = "default_homing_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub homing_timeout_ms: u32,
 }
 
 /// The divisors of the 16 MHz clock in a module of the TMC428/429 family.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct ClockDivisors {
     /// Parameter 154.
@@ -90,9 +101,36 @@ const EXCHANGES_OF_TWO_LOOKS: u32 = 8;
 const EXCHANGES_APART: u32 = 3;
 /// Clock of the TMC428/429, Hz.
 const CLOCK_HZ: f64 = 16.0e6;
-/// 2^8 = 256 microsteps.
-const FINEST_RESOLUTION: u8 = 8;
-const LARGEST_DIVISOR: u8 = 13;
+/// Largest value of a parameter of the module.
+const PARAMETER_MOST: f64 = i32::MAX as f64;
+
+impl Ranged for TmclSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        baud: BAUD_LEAST, BAUD_MOST, "baud";
+        module_address: 0.0, 255.0, "(address)";
+        host_address: 0.0, 255.0, "(address)";
+        motors: 0.0, 255.0, "(number)";
+        // 2^8 = 256 microsteps.
+        microstep_resolution: 0.0, 8.0, "(exponent of 2)";
+        max_speed: 1.0, PARAMETER_MOST, "(the module's unit)";
+        max_acceleration: 1.0, PARAMETER_MOST, "(the module's unit)";
+        max_skew_steps: 1.0, PARAMETER_MOST, "microsteps";
+        stop_on_stall: 1.0, PARAMETER_MOST, "(the module's unit of speed)";
+        answer_timeout_ms: 1.0, ANSWER_MOST_MS, "ms";
+        homing_timeout_ms: 1.0, HOMING_MOST_MS, "ms";
+    ];
+
+    fn outside_below(&self) -> Vec<OutOfRange> {
+        self.clock_divisors.iter().flat_map(|divisors| outside_in("clock_divisors", divisors)).collect()
+    }
+}
+
+impl Ranged for ClockDivisors {
+    const RANGES: &'static [Range<Self>] = ranges![
+        pulse: 0.0, 13.0, "(exponent of 2)";
+        ramp: 0.0, 13.0, "(exponent of 2)";
+    ];
+}
 
 impl TmclSettings {
     /// Checks the values.
@@ -100,30 +138,10 @@ impl TmclSettings {
     /// # Errors
     /// The first value that is out of range, or a skew that one motor exceeds before both can be started.
     pub fn check(&self) -> Result<(), DeviceError> {
-        let bad = |name, found: String, rule: String| Err(DeviceError::Setting { device: super::DEVICE, name, found, rule });
+        in_range(super::DEVICE, self)?;
+        let bad = |name: &str, found, rule| Err(DeviceError::Setting { device: super::DEVICE, name: name.into(), found, rule });
         if self.motors[0] == self.motors[1] {
             return bad("motors", format!("{:?}", self.motors), "each end of the capillary has its own motor".into());
-        }
-        if self.microstep_resolution > FINEST_RESOLUTION {
-            return bad("microstep_resolution", self.microstep_resolution.to_string(), "it must be 0 to 8".into());
-        }
-        for (name, value) in [
-            ("baud", self.baud),
-            ("max_speed", self.max_speed),
-            ("max_acceleration", self.max_acceleration),
-            ("stop_on_stall", self.stop_on_stall.unwrap_or(1)),
-            ("max_skew_steps", self.max_skew_steps),
-            ("answer_timeout_ms", self.answer_timeout_ms),
-            ("homing_timeout_ms", self.homing_timeout_ms),
-        ] {
-            if !(1..=i32::MAX as u32).contains(&value) {
-                return bad(name, value.to_string(), "it must be 1 to 2147483647".into());
-            }
-        }
-        if let Some(divisors) = self.clock_divisors
-            && (divisors.pulse > LARGEST_DIVISOR || divisors.ramp > LARGEST_DIVISOR)
-        {
-            return bad("clock_divisors", format!("{divisors:?}"), "both must be 0 to 13".into());
         }
         let (apart_ms, needed_ms) = (self.apart_s() * 1e3, (EXCHANGES_APART * self.exchange_time()).as_secs_f64() * 1e3);
         if apart_ms < needed_ms {
@@ -217,7 +235,7 @@ mod tests {
             (TmclSettings { microstep_resolution: 9, ..settings() }, "microstep_resolution"),
             (TmclSettings { max_skew_steps: 0, ..settings() }, "max_skew_steps"),
             (TmclSettings { stop_on_stall: Some(0), ..settings() }, "stop_on_stall"),
-            (TmclSettings { clock_divisors: Some(ClockDivisors { pulse: 14, ramp: 0 }), ..settings() }, "clock_divisors"),
+            (TmclSettings { clock_divisors: Some(ClockDivisors { pulse: 14, ramp: 0 }), ..settings() }, "clock_divisors.pulse"),
             (TmclSettings { baud: 0, ..settings() }, "baud"),
         ] {
             assert!(matches!(broken.check(), Err(DeviceError::Setting { name: found, .. }) if found == name), "{name}");

@@ -3,16 +3,20 @@
 use crate::DeviceError;
 use crate::rotation::knowledge::travel_time;
 use crate::rotation::{Port, Reference};
+use crate::setting::{ANSWER_MOST_MS, BAUD_LEAST, BAUD_MOST, HOMING_MOST_MS, in_range};
+use carved_core::range::{Range, Ranged};
+use carved_core::ranges;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// How a Zaber controller is connected, and the settings that it must have.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = carved_core::range::in_schema::<Self>))]
 #[serde(deny_unknown_fields)]
 pub struct ZaberSettings {
     /// Serial port, by its name or by its USB adapter's serial number.
     pub port: Port,
-    /// Baud; 115200 for the ASCII protocol.
+    /// Speed of the serial line. The ASCII protocol has 115200.
     #[serde(default = "default_baud")]
     pub baud: u32,
     /// Address of the device in its chain.
@@ -23,9 +27,9 @@ pub struct ZaberSettings {
     pub axis: u8,
     /// The controller's `resolution`: microsteps per full step.
     pub resolution: u32,
-    /// Its `maxspeed`: microsteps/s times 1.6384.
+    /// The controller's `maxspeed`: microsteps/s times 1.6384.
     pub maxspeed: u32,
-    /// Its `accel`: microsteps/s^2 times 1.6384 / 10000.
+    /// The controller's `accel`: microsteps/s^2 times 1.6384 / 10000.
     pub accel: u32,
     /// Largest difference between encoder and counter after a move, microsteps. Leave it out without an encoder.
     #[serde(default)]
@@ -34,9 +38,11 @@ pub struct ZaberSettings {
     pub reference: Reference,
     /// Longest wait for an answer, ms.
     #[serde(default = "default_answer_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub answer_timeout_ms: u32,
     /// Longest homing, ms.
     #[serde(default = "default_homing_timeout_ms")]
+    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub homing_timeout_ms: u32,
 }
 
@@ -60,8 +66,20 @@ fn default_homing_timeout_ms() -> u32 {
 const SPEED_UNIT: f64 = 1.6384;
 /// The protocol's unit of acceleration, per microstep/s^2.
 const ACCELERATION_UNIT: f64 = SPEED_UNIT / 10_000.0;
-const MOST_DEVICES: u8 = 99;
-const MOST_AXES: u8 = 9;
+
+impl Ranged for ZaberSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        baud: BAUD_LEAST, BAUD_MOST, "baud";
+        device: 1.0, 99.0, "(address)";
+        axis: 1.0, 9.0, "(number)";
+        resolution: 1.0, 256.0, "microsteps per full step";
+        maxspeed: 1.0, u32::MAX as f64, "(the controller's unit)";
+        accel: 1.0, u32::MAX as f64, "(the controller's unit)";
+        encoder_tolerance_steps: 1.0, u32::MAX as f64, "microsteps";
+        answer_timeout_ms: 1.0, ANSWER_MOST_MS, "ms";
+        homing_timeout_ms: 1.0, HOMING_MOST_MS, "ms";
+    ];
+}
 
 impl ZaberSettings {
     /// Checks the values.
@@ -69,22 +87,7 @@ impl ZaberSettings {
     /// # Errors
     /// The first value that is out of range.
     pub fn check(&self) -> Result<(), DeviceError> {
-        for (name, value, most) in [
-            ("device", self.device.into(), MOST_DEVICES.into()),
-            ("axis", self.axis.into(), MOST_AXES.into()),
-            ("resolution", self.resolution, 256),
-            ("maxspeed", self.maxspeed, u32::MAX),
-            ("accel", self.accel, u32::MAX),
-            ("encoder_tolerance_steps", self.encoder_tolerance_steps.unwrap_or(1), u32::MAX),
-            ("answer_timeout_ms", self.answer_timeout_ms, u32::MAX),
-            ("homing_timeout_ms", self.homing_timeout_ms, u32::MAX),
-        ] {
-            if !(1..=most).contains(&value) {
-                let rule = format!("it must be 1 to {most}");
-                return Err(DeviceError::Setting { device: super::DEVICE, name, found: value.to_string(), rule });
-            }
-        }
-        Ok(())
+        in_range(super::DEVICE, self)
     }
 
     /// The longest time that a healthy controller needs for a move.

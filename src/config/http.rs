@@ -1,16 +1,19 @@
 //! The settings of the server, and the checks before its port is opened.
 
-use carved_core::range::{OutOfRange, outside};
+use carved_core::range::{OutOfRange, Range, Ranged, in_schema};
+use carved_core::ranges;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::io;
-use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr};
 use std::os::unix::fs::PermissionsExt;
 use std::path::PathBuf;
 use std::time::Duration;
 
 /// The `[http]` table of a configuration.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(transform = in_schema::<Self>)]
 #[serde(default, deny_unknown_fields)]
 pub struct HttpSettings {
     /// Address to listen on. Outside loopback a `token_file` is mandatory.
@@ -20,16 +23,22 @@ pub struct HttpSettings {
     /// File with the bearer token that every client must send; readable by the daemon alone (mode 0600).
     pub token_file: Option<PathBuf>,
     /// Deadline for the head of a request, ms.
+    #[schemars(extend("x-level" = "expert"))]
     pub head_timeout_ms: u64,
     /// Deadline for the body of a request, ms.
+    #[schemars(extend("x-level" = "expert"))]
     pub body_timeout_ms: u64,
     /// Maximum number of simultaneous connections. More connections wait until they are accepted.
+    #[schemars(extend("x-level" = "expert"))]
     pub max_connections: usize,
     /// Commands that one address may send per minute on average. Reading is not counted.
+    #[schemars(extend("x-level" = "expert"))]
     pub commands_per_minute: u32,
     /// Commands that one address may send at once after a pause.
+    #[schemars(extend("x-level" = "expert"))]
     pub command_burst: u32,
     /// Time for open requests to end after a shutdown request, ms.
+    #[schemars(extend("x-level" = "expert"))]
     pub drain_ms: u64,
 }
 
@@ -57,9 +66,9 @@ impl Default for HttpSettings {
 /// Minimum length of a token: a shorter one could be guessed.
 const TOKEN_BYTES: usize = 32;
 
-/// Why the server did not start or had to end.
+/// Why nothing can be served with these settings.
 #[derive(Debug, thiserror::Error)]
-pub enum HttpError {
+pub enum HttpSettingsError {
     #[error(
         "http: refuses to listen on {listen}, which other machines reach, without a bearer token. Listen on 127.0.0.1, or make one \
          (`openssl rand -hex 32 > token; chmod 600 token`) and name it as token_file in [http]"
@@ -78,52 +87,42 @@ pub enum HttpError {
     AllowedHost { name: String },
     #[error("http.{0}")]
     Number(OutOfRange),
-    #[error("http: cannot listen on {listen}: {why}. Another program may hold the port; choose another with --listen ADDRESS:PORT")]
-    Bind { listen: SocketAddr, why: io::Error },
-    #[error("http: the listening socket failed: {0}")]
-    Socket(#[from] io::Error),
+}
+
+impl Ranged for HttpSettings {
+    const RANGES: &'static [Range<Self>] = ranges![
+        head_timeout_ms: 10.0, 600_000.0, "ms";
+        body_timeout_ms: 10.0, 600_000.0, "ms";
+        drain_ms: 0.0, 600_000.0, "ms";
+        commands_per_minute: 1.0, 60_000.0, "commands";
+        command_burst: 1.0, 10_000.0, "commands";
+        max_connections: 1.0, 65_536.0, "connections";
+    ];
 }
 
 impl HttpSettings {
-    /// Opens the port, or returns the reason why it must not be opened.
-    pub fn bind(&self) -> Result<TcpListener, HttpError> {
-        self.guard(self.listen)?;
-        TcpListener::bind(self.listen).map_err(|why| HttpError::Bind { listen: self.listen, why })
-    }
-
-    /// All reasons not to open the port. The port itself is not opened.
-    pub fn check(&self) -> Vec<HttpError> {
-        let numbers = self.numbers().into_iter().map(HttpError::Number);
+    /// Everything besides the numbers for which the port would not be opened. The port itself stays closed.
+    pub(super) fn check(&self) -> Vec<HttpSettingsError> {
         let hosts = self.allowed_hosts.iter().filter_map(|name| bare(name).err());
-        numbers.chain(self.token(self.listen).err()).chain(hosts).collect()
-    }
-
-    /// The numbers outside their ranges.
-    fn numbers(&self) -> Vec<OutOfRange> {
-        let ms = |key, found: u64, least| (key, found as f64, least..=600_000.0, "ms");
-        outside([
-            ms("head_timeout_ms", self.head_timeout_ms, 10.0),
-            ms("body_timeout_ms", self.body_timeout_ms, 10.0),
-            ms("drain_ms", self.drain_ms, 0.0),
-            ("commands_per_minute", f64::from(self.commands_per_minute), 1.0..=60_000.0, "commands"),
-            ("command_burst", f64::from(self.command_burst), 1.0..=10_000.0, "commands"),
-            ("max_connections", self.max_connections as f64, 1.0..=65_536.0, "connections"),
-        ])
+        self.token(self.listen).err().into_iter().chain(hosts).collect()
     }
 
     /// The token that clients of a listener at `local` must send. `None` if no token is required.
-    fn token(&self, local: SocketAddr) -> Result<Option<String>, HttpError> {
+    fn token(&self, local: SocketAddr) -> Result<Option<String>, HttpSettingsError> {
         let token = self.token_file.clone().map(read_token).transpose()?;
         if token.is_none() && !local.ip().is_loopback() {
-            return Err(HttpError::TokenMandatory { listen: local });
+            return Err(HttpSettingsError::TokenMandatory { listen: local });
         }
         Ok(token)
     }
 
     /// The access rules, checked for a listener at `local`.
-    pub(super) fn guard(&self, local: SocketAddr) -> Result<Guard, HttpError> {
-        if let Some(&breach) = self.numbers().first() {
-            return Err(HttpError::Number(breach));
+    ///
+    /// # Errors
+    /// The first setting with which nothing may be served there.
+    pub fn guard(&self, local: SocketAddr) -> Result<Guard, HttpSettingsError> {
+        if let Some(breach) = self.outside().into_iter().next() {
+            return Err(HttpSettingsError::Number(breach));
         }
         let token = self.token(local)?;
         let mut hosts: BTreeSet<String> = ["localhost", "127.0.0.1", "[::1]"].map(String::from).into();
@@ -137,14 +136,15 @@ impl HttpSettings {
         Ok(Guard { hosts, token })
     }
 
-    pub(super) fn body_timeout(&self) -> Duration {
+    /// Time that a client has to send a request's body.
+    pub fn body_timeout(&self) -> Duration {
         Duration::from_millis(self.body_timeout_ms)
     }
 }
 
 /// The accepted hosts, and the required token.
 #[derive(Debug, Clone)]
-pub(super) struct Guard {
+pub struct Guard {
     pub hosts: BTreeSet<String>,
     pub token: Option<String>,
 }
@@ -158,27 +158,27 @@ fn host_of(ip: IpAddr) -> String {
 }
 
 /// Refuses a host name with a scheme, port, path or wildcard.
-fn bare(name: &str) -> Result<(), HttpError> {
+fn bare(name: &str) -> Result<(), HttpSettingsError> {
     let authority = name.parse::<axum::http::uri::Authority>();
     let bare = authority.is_ok_and(|a| a.host() == name && a.port().is_none() && !name.contains('*'));
-    if bare { Ok(()) } else { Err(HttpError::AllowedHost { name: name.to_owned() }) }
+    if bare { Ok(()) } else { Err(HttpSettingsError::AllowedHost { name: name.to_owned() }) }
 }
 
-fn read_token(path: PathBuf) -> Result<String, HttpError> {
+fn read_token(path: PathBuf) -> Result<String, HttpSettingsError> {
     let read = || -> io::Result<(u32, String)> {
         let mode = std::fs::metadata(&path)?.permissions().mode() & 0o7777;
         Ok((mode, carved_files::read_to_string(&path)?))
     };
     let (mode, text) = match read() {
         Ok(found) => found,
-        Err(why) => return Err(HttpError::TokenFile { path, why }),
+        Err(why) => return Err(HttpSettingsError::TokenFile { path, why }),
     };
     if mode & 0o077 != 0 {
-        return Err(HttpError::TokenExposed { path, mode });
+        return Err(HttpSettingsError::TokenExposed { path, mode });
     }
     let token = text.trim();
     if token.len() < TOKEN_BYTES || !token.bytes().all(|b| b.is_ascii_graphic()) {
-        return Err(HttpError::TokenWeak { path, found: token.len() });
+        return Err(HttpSettingsError::TokenWeak { path, found: token.len() });
     }
     Ok(token.to_owned())
 }
@@ -196,14 +196,14 @@ mod tests {
     }
 
     #[test]
-    fn listens_off_loopback_only_with_a_token() {
+    fn may_listen_off_loopback_only_with_a_token() {
         let open = HttpSettings { listen: SocketAddr::from(([0, 0, 0, 0], 0)), ..HttpSettings::default() };
-        let error = open.bind().unwrap_err();
-        assert!(matches!(error, HttpError::TokenMandatory { .. }));
+        let error = open.guard(open.listen).unwrap_err();
+        assert!(matches!(error, HttpSettingsError::TokenMandatory { .. }));
         assert!(error.to_string().contains("token_file"), "{error}");
         let file = token_file(&"k".repeat(32), 0o600);
-        HttpSettings { token_file: Some(file.path().into()), ..open }.bind().unwrap();
-        HttpSettings { listen: SocketAddr::from(([127, 0, 0, 1], 0)), ..HttpSettings::default() }.bind().unwrap();
+        HttpSettings { token_file: Some(file.path().into()), ..open.clone() }.guard(open.listen).unwrap();
+        HttpSettings::default().guard(SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
     }
 
     #[test]
@@ -211,10 +211,10 @@ mod tests {
         let with = |file: &tempfile::NamedTempFile| HttpSettings { token_file: Some(file.path().into()), ..HttpSettings::default() };
         let local = SocketAddr::from(([127, 0, 0, 1], 1));
         let exposed = token_file(&"k".repeat(32), 0o640);
-        assert!(matches!(with(&exposed).guard(local), Err(HttpError::TokenExposed { mode: 0o640, .. })));
+        assert!(matches!(with(&exposed).guard(local), Err(HttpSettingsError::TokenExposed { mode: 0o640, .. })));
         for weak in ["", "short", &format!("{} {}", "k".repeat(20), "k".repeat(20))] {
             let file = token_file(weak, 0o600);
-            assert!(matches!(with(&file).guard(local), Err(HttpError::TokenWeak { .. })), "{weak:?}");
+            assert!(matches!(with(&file).guard(local), Err(HttpSettingsError::TokenWeak { .. })), "{weak:?}");
         }
         let gone = HttpSettings { token_file: Some("/nonexistent/token".into()), ..HttpSettings::default() };
         assert!(gone.guard(local).unwrap_err().to_string().contains("/nonexistent/token"));
@@ -232,13 +232,5 @@ mod tests {
         for wrong in ["http://carved.lab", "carved.lab:80", "carved.lab/", "", "*", "a b", "me@carved.lab"] {
             assert!(with(wrong).is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn a_port_that_is_taken_is_said_with_the_way_out() {
-        let held = TcpListener::bind("127.0.0.1:0").unwrap();
-        let settings = HttpSettings { listen: held.local_addr().unwrap(), ..HttpSettings::default() };
-        let said = settings.bind().unwrap_err().to_string();
-        assert!(said.contains(&settings.listen.to_string()) && said.contains("--listen"), "{said}");
     }
 }

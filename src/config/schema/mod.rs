@@ -1,0 +1,99 @@
+//! The schema of the configuration, and what is made from it.
+//!
+//! ```text
+//! settings' types: fields, defaults, documentation ── schemars ──┐
+//! RANGES ─────────────────────────────────────────── in_schema ──┼─> tidy ─> schema ─┬─> `carved config schema`, for editors
+//! x-level beside the fields ─────────────────────────────────────┘                   └─> keys ─> reference_page, and the tests
+//! ```
+//! So no key is listed a second time anywhere.
+
+mod keys;
+mod page;
+
+pub use keys::{Key, keys};
+pub use page::reference_page;
+
+use super::raw::Raw;
+use schemars::generate::SchemaSettings;
+use serde_json::{Map, Value};
+
+const LEVEL: &str = "x-level";
+
+/// The JSON schema (draft 2020-12) of a configuration. Beside the standard words a key has `x-level` (who sets it: `operator`, `method`
+/// or `expert`), and a number has `x-unit`.
+pub fn schema() -> Value {
+    let settings = SchemaSettings::draft2020_12().with(|settings| settings.inline_subschemas = true);
+    let mut schema = settings.into_generator().into_root_schema_for::<Raw>().to_value();
+    schema["title"] = "Configuration of carved".into();
+    tidy(&mut schema, None, None);
+    schema
+}
+
+/// Removes what TOML cannot say, and gives every key its own level and default.
+fn tidy(node: &mut Value, level: Option<&str>, default: Option<Value>) {
+    without_null(node);
+    let Value::Object(found) = node else { return };
+    found.remove("format");
+    let own = found.remove(LEVEL);
+    let level = own.as_ref().and_then(Value::as_str).or(level);
+    let default = found.remove("default").or(default).filter(|value| !value.is_null());
+    if let Some(Value::Object(properties)) = found.get_mut("properties") {
+        for (key, child) in properties {
+            tidy(child, level, default.as_ref().and_then(|table| table.get(key)).cloned());
+        }
+    }
+    if let Some(child @ Value::Object(_)) = found.get_mut("additionalProperties") {
+        tidy(child, level, None);
+    }
+    for choice in ["oneOf", "anyOf"] {
+        for variant in found.get_mut(choice).and_then(Value::as_array_mut).into_iter().flatten() {
+            if variant.get("properties").is_some() {
+                describe_only_key(variant);
+                tidy(variant, level, None);
+            }
+        }
+    }
+    // The words of a list are all that there is.
+    if found.contains_key("enum") {
+        found.remove("minimum");
+        found.remove("maximum");
+    }
+    // A table with a driver stands for the key `driver`, too.
+    let is_key = !(found.contains_key("properties") || found.contains_key("additionalProperties"));
+    if is_key {
+        found.extend(level.map(|level| (LEVEL.to_owned(), level.into())));
+        found.extend(default.map(|default| ("default".to_owned(), default)));
+    }
+}
+
+/// serde's words for `{ line = "Line1" }` are documented at the variant. The reader looks for its key.
+fn describe_only_key(variant: &mut Value) {
+    let about = variant["description"].clone();
+    let Some(Value::Object(properties)) = variant.get_mut("properties") else { return };
+    if let (1, Some(only), true) = (properties.len(), properties.values_mut().next(), about.is_string())
+        && only.get("description").is_none()
+    {
+        only["description"] = about;
+    }
+}
+
+/// A key that may be left out is no key that may be null: TOML has no null.
+fn without_null(node: &mut Value) {
+    let Value::Object(found) = node else { return };
+    if let Some(Value::Array(types)) = found.get_mut("type") {
+        types.retain(|name| name != "null");
+        if let [name] = types.as_slice() {
+            let name = name.clone();
+            found.insert("type".into(), name);
+        }
+    }
+    let Some(Value::Array(variants)) = found.get_mut("anyOf") else { return };
+    variants.retain(|variant| variant["type"] != "null");
+    if let [Value::Object(only)] = variants.as_slice() {
+        // What is said of the key counts more than what is said of its type.
+        let mut merged: Map<String, Value> = only.clone();
+        found.remove("anyOf");
+        merged.append(found);
+        *found = merged;
+    }
+}

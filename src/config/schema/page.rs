@@ -1,0 +1,160 @@
+//! The reference page of the configuration, `docs/configuration.md`.
+
+use super::keys::{Key, is_table, keys, variants};
+use serde_json::Value;
+use std::collections::BTreeSet;
+
+const HEAD: &str = "\
+<!-- Generated from the settings' types: `make contract` writes this file. Do not edit it. -->
+
+# Configuration
+
+The configuration of an instrument is one TOML file. [`config/`](../config) has one for each make of controller, with the
+keys that a lab changes. This page has every key. `carved config schema` prints the same as a JSON schema for editors;
+`carved config check FILE` lists everything that is wrong with a file.
+
+A key that the program does not know is refused, and so is a value out of its range. Both ends of a range are allowed.
+The level of a key says who sets it:
+
+| level | who sets it |
+|---|---|
+| operator | the lab, at installation: addresses, ports, folders, optics, rig |
+| method | the scientist, for each method: views, voxels, limits, policies |
+| expert | somebody who knows the internals: segmentation, calibration, surface, timeouts. Validate the numbers again after a change |
+
+**required** in the column of defaults means that a table needs the key. A dash means that the key may be left out and then
+has no value.
+";
+
+/// The reference page, made from the schema.
+pub fn reference_page(schema: &Value) -> String {
+    let keys = keys(schema);
+    let mut page = HEAD.to_owned();
+    let levels = ["operator", "method", "expert"].map(|level| {
+        let count = keys.iter().filter(|key| key.level() == level).count();
+        format!("{count} {level}")
+    });
+    page += &format!("\nThere are {} keys: {}.\n", keys.len(), levels.join(", "));
+    let mut section = None;
+    for key in &keys {
+        let (table, own) = table_and_key(schema, key);
+        if section != Some((table.clone(), key.driver)) {
+            page += &heading(schema, &table, key.driver);
+            section = Some((table, key.driver));
+        }
+        page += &row(key, &own);
+    }
+    page
+}
+
+/// The table's own path, and the key in it. A key of an inline table is written with its dot.
+fn table_and_key<'a>(schema: &Value, key: &Key<'a>) -> (Vec<&'a str>, String) {
+    let mut at = schema;
+    let mut depth = 0;
+    for name in &key.path[..key.path.len() - 1] {
+        at = if *name == Key::NAME { &at["additionalProperties"] } else { &at["properties"][name] };
+        if !is_table(at) {
+            break;
+        }
+        depth += 1;
+    }
+    (key.path[..depth].to_vec(), key.path[depth..].join("."))
+}
+
+fn heading(schema: &Value, table: &[&str], driver: Option<&str>) -> String {
+    let mut node = schema;
+    for name in table {
+        node = if *name == Key::NAME { &node["additionalProperties"] } else { &node["properties"][name] };
+    }
+    let name = if table.is_empty() { "Outside of tables".to_owned() } else { format!("`[{}]`", table.join(".")) };
+    let (name, about) = match driver {
+        None => (name, &node["description"]),
+        Some(driver) => {
+            let about = variants(node).find(|variant| variant["properties"]["driver"]["const"] == driver);
+            (format!("{name} with `driver = \"{driver}\"`"), about.map_or(&Value::Null, |variant| &variant["description"]))
+        }
+    };
+    let about = if table.is_empty() { String::new() } else { format!("{}\n\n", text(about)) };
+    format!("\n## {name}\n\n{about}| key | unit or value | default | range | level | meaning |\n|---|---|---|---|---|---|\n")
+}
+
+/// Documentation on one line, as a cell of a table needs it.
+fn text(description: &Value) -> String {
+    description.as_str().unwrap_or_default().split_whitespace().collect::<Vec<_>>().join(" ").replace('|', "\\|")
+}
+
+fn row(key: &Key, name: &str) -> String {
+    let node = key.node;
+    let default = match node.get("default") {
+        Some(value) => format!("`{}`", toml_of(value)),
+        None if key.is_required => "**required**".into(),
+        None => "-".into(),
+    };
+    let range = key.range().map_or("-".into(), |[least, most]| format!("{least} to {most}"));
+    format!("| `{name}` | {} | {default} | {range} | {} | {} |\n", value(key, name), key.level(), meaning(key, name))
+}
+
+/// A default as the file would have it.
+fn toml_of(value: &Value) -> String {
+    match value {
+        Value::Array(list) => format!("[{}]", list.iter().map(toml_of).collect::<Vec<_>>().join(", ")),
+        other => other.to_string(),
+    }
+}
+
+/// The words that may stand for a value, with what each means.
+fn words(key: &Key, name: &str) -> Vec<(String, String)> {
+    if name == "driver" {
+        let drivers = variants(key.node).filter_map(|variant| Some((variant["properties"]["driver"]["const"].as_str()?, variant)));
+        return drivers.map(|(driver, variant)| (format!("`\"{driver}\"`"), text(&variant["description"]))).collect();
+    }
+    let listed = |node: &Value| -> Vec<(String, String)> {
+        node["enum"].as_array().into_iter().flatten().map(|word| (format!("`{word}`"), String::new())).collect()
+    };
+    let said = variants(key.node).flat_map(|variant| match variant.get("const") {
+        Some(word) => vec![(format!("`{word}`"), text(&variant["description"]))],
+        None => listed(variant),
+    });
+    listed(key.node).into_iter().chain(said).collect()
+}
+
+/// The unit of a number, or what else the value is.
+fn value(key: &Key, name: &str) -> String {
+    let node = key.node;
+    let count = node["minItems"].as_u64().map_or("list of".into(), |count| format!("{count} numbers,"));
+    match (key.unit(), node["type"].as_str()) {
+        (Some(unit), Some("array")) => format!("{count} {unit}"),
+        (Some(unit), _) => unit.to_owned(),
+        (None, Some("array")) if node["items"]["type"] == "array" => "list of pairs of texts".into(),
+        (None, Some("array")) => "list of texts".into(),
+        (None, _) => {
+            let words: Vec<String> = words(key, name).into_iter().map(|(word, _)| word).collect();
+            let kinds: BTreeSet<&str> = std::iter::once(node).chain(variants(node)).filter_map(kind).collect();
+            let kinds = kinds.into_iter().map(str::to_owned);
+            words.into_iter().chain(kinds).collect::<Vec<_>>().join(" or ")
+        }
+    }
+}
+
+/// What a value is that is no number with a unit and no word of a list.
+fn kind(node: &Value) -> Option<&'static str> {
+    if node.get("const").is_some() || node.get("enum").is_some() || node["properties"]["driver"].is_object() {
+        return None;
+    }
+    match node["type"].as_str()? {
+        "boolean" => Some("`true` or `false`"),
+        "string" => Some("text"),
+        "object" => Some("table"),
+        _ => Some("number"),
+    }
+}
+
+fn meaning(key: &Key, name: &str) -> String {
+    let explained = words(key, name).into_iter().filter(|(_, about)| !about.is_empty());
+    let words: Vec<String> = explained.map(|(word, about)| format!("{word}: {about}")).collect();
+    let about = if name == "driver" { "Which keys the table has.".to_owned() } else { text(&key.node["description"]) };
+    match words.as_slice() {
+        [] => about,
+        words => format!("{about} {}", words.join(" ")).trim().to_owned(),
+    }
+}
