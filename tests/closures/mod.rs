@@ -1,5 +1,7 @@
 //! Rendered and segmented closure views of specimens that were disturbed in a known way. Used by `tests/science/quality.rs` and by
 //! `benches/closure_rates.rs`.
+#![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
+
 
 use carved::config::Config;
 use carved_core::calibration::PoseOffset;
