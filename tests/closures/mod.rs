@@ -2,7 +2,6 @@
 //! `benches/closure_rates.rs`.
 #![allow(clippy::unwrap_used)] // a test may panic; its helpers are part of it
 
-
 use carved::config::Config;
 use carved_core::calibration::PoseOffset;
 use carved_core::frame::{PixelFormat, RawFrame};
