@@ -5,7 +5,7 @@
 //!                                           ◄── From ◄──     ◄── JSON of a request
 //! ```
 //! Each conversion names every field, so a field that the records gain does not compile before somebody decides whether clients see
-//! it. A field that clients gain changes no file. `session` builds its snapshots of these types, once per revision; `http` serves
+//! it. A field that clients gain changes no file. Recordings, measurements and the data of events are served as the files have them. `session` builds its snapshots of these types, once per revision; `http` serves
 //! them. The types that only one route uses stand beside that route.
 
 mod event;

@@ -7,22 +7,22 @@
 //!  numbers ────────────────────┤                    │
 //!  look, preflight ────────────┘   asks its parts   └──► a worker for the wells that are left
 //! ```
-//! A part owns its state. Its decisions have no effects and are tested without threads and without a disk, but for the `Outbox`, whose
-//! work is the disk:
+//! A part owns its state, and its decisions are tested without threads and without a disk. The `Outbox` is the exception: its work is
+//! the disk.
 //!
 //! | part | what it owns or decides |
 //! |---|---|
 //! | `Outbox` | the state that follows from events, and what of it is not on disk yet |
-//! | `RunInProgress` | a run's record, its worker, what was asked of it; what follows when the worker ends |
+//! | `RunInProgress` (`run.rs`) | a run's record, its worker, what was asked of it; what follows when the worker ends |
 //! | `Handling` | which specimens the loader or the sampler is to move for the run |
-//! | `Numbers` | numbers that are made from the frames of specimens that are gone, and what waits for them |
+//! | `Numbers` (`recovery.rs`) | numbers that are made from the frames of specimens that are gone, and what waits for them |
 //! | `Devices` | who has the instrument, which devices are lost, the looks at them between runs |
 //! | `Loader` | who fills the capillary, and the way to a worker that waits; what a message of the loader means |
-//! | `DiskRoom` | whether the smallest run would fit |
+//! | `DiskRoom` (`room.rs`) | whether the smallest run would fit |
 //! | `commands`, `faults`, `plates`, `interrupt`, `resume`, `start` | rules: which command is accepted, what stands in the way, what becomes of a specimen, when a held run goes on |
 //! | `snapshot`, `progress` | what a revision shows |
 //!
-//! Only `running.rs` has effects: it carries out what the parts decide. A [`RunInProgress`] exists from its acceptance to its outcome. It
+//! `running.rs` carries out what the parts decide, in the order in which it is written and shown. A [`RunInProgress`](run::RunInProgress) exists from its acceptance to its outcome. It
 //! has a worker, which has the instrument, or none while it is held.
 
 mod commands;
