@@ -5,7 +5,7 @@ use crate::api::MethodOffer;
 use crate::config::Config;
 use crate::session::{self, Driver, Heartbeat, Instrument, SessionHandle};
 use anyhow::Context;
-use carved_devices::sampler::LoaderGate;
+use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
 use carved_store::{Claim, Store};
 use std::net::TcpListener;
@@ -19,7 +19,7 @@ pub struct Daemon {
     pub config: Arc<Config>,
     pub mode: Mode,
     pub instrument: Instrument,
-    pub gate: LoaderGate,
+    pub interlock: LoaderInterlock,
     pub listener: TcpListener,
     /// Printed on standard output, followed by the address, once the daemon serves.
     pub greeting: String,
@@ -33,14 +33,15 @@ impl Daemon {
     {
         let runtime =
             tokio::runtime::Builder::new_multi_thread().enable_all().thread_name("carved").build().context("cannot start the runtime")?;
-        let Self { claim, config, mode, instrument, gate, listener, greeting } = self;
+        let Self { claim, config, mode, instrument, interlock, listener, greeting } = self;
         let listen = listener.local_addr().context("the address that is served")?;
         let (store, journal, events) = Store::open(claim)?;
         let reader = store.reader();
         let (handle, mailbox, publisher) = session::channel(Driver::first_status(mode, boot_id()?), events);
         let handle = handle.offering(config.methods.iter().map(|(name, method)| MethodOffer::new(name, method)));
         let heartbeat = Heartbeat::default();
-        let driver = Driver { config: config.clone(), mode, store, journal, publisher, instrument, gate, heartbeat: heartbeat.clone() };
+        let driver =
+            Driver { config: config.clone(), mode, store, journal, publisher, instrument, interlock, heartbeat: heartbeat.clone() };
         let (stop_in, stop) = watch::channel(false);
         // The driver syncs to disk. It has a thread of its own, so that no request waits for the disk.
         let driving = {

@@ -5,7 +5,7 @@ use crate::config::{CameraDriver, Config, RotationDriver, SamplerDriver};
 use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
-use carved_devices::sampler::{LoaderGate, LoaderSampler, Sampler, TriggerSampler};
+use carved_devices::sampler::{LoaderInterlock, LoaderSampler, Sampler, TriggerSampler};
 use carved_devices::{Camera, DeviceError, Lasting, Rig, RotationAxis, camera, rotation};
 use carved_records::Mode;
 use carved_store::Claim;
@@ -24,11 +24,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let listener = http::bind(&config.http)?;
     // The data folder is claimed before any device is opened, because its owner may be in the middle of a turn.
     let claim = Claim::on(&config.store.data_dir)?;
-    let gate = LoaderGate::default();
-    let (rig, sampler) = with_sampler(open_rig(&config)?, config.sampler, &gate)?;
+    let interlock = LoaderInterlock::default();
+    let (rig, sampler) = with_sampler(open_rig(&config)?, config.sampler, &interlock)?;
     let second = open_second(&config)?;
     let greeting = format!("carved serves the instrument {:?}:", config.rig_name);
-    Daemon { claim, config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, gate, listener, greeting }
+    Daemon { claim, config, mode: Mode::Hardware, instrument: Instrument { rig, second, sampler }, interlock, listener, greeting }
         .run(|_| async { Ok(()) })
 }
 
@@ -43,9 +43,9 @@ pub fn open_rig(config: &Config) -> anyhow::Result<Rig> {
 }
 
 /// Opens the sampler of the configuration. A sampler on wires uses the rig's axis.
-pub fn with_sampler(rig: Rig, driver: SamplerDriver, gate: &LoaderGate) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
+pub fn with_sampler(rig: Rig, driver: SamplerDriver, interlock: &LoaderInterlock) -> anyhow::Result<(Rig, Box<dyn Sampler>)> {
     Ok(match driver {
-        SamplerDriver::Loader {} => (rig, Box::new(LoaderSampler::new(gate.clone()))),
+        SamplerDriver::Loader {} => (rig, Box::new(LoaderSampler::new(interlock.clone()))),
         SamplerDriver::Trigger(settings) => {
             let (sampler, rotation) = TriggerSampler::beside(rig.rotation, settings)?;
             (Rig { rotation, ..rig }, Box::new(sampler))

@@ -87,7 +87,11 @@ impl Config {
     pub fn parse(text: &str, path: &Path) -> Result<Self, ConfigError> {
         let syntax = |key, source| ConfigError::Syntax { path: path.to_owned(), key, source: Box::new(source) };
         let written = toml::Deserializer::parse(text).map_err(|e| syntax(String::new(), e))?;
-        let raw: Raw = serde_path_to_error::deserialize(written).map_err(|e| syntax(format!("{}: ", e.path()), e.into_inner()))?;
+        let raw: Raw = serde_path_to_error::deserialize(written).map_err(|e| {
+            // A table that is missing has no path.
+            let key = e.path().iter().next().map_or(String::new(), |_| format!("{}: ", e.path()));
+            syntax(key, e.into_inner())
+        })?;
         let drivers = raw.read_drivers().map_err(|breaches| ConfigError::Breaches { path: path.to_owned(), breaches })?;
         let outside: Vec<OutOfRange> = raw.outside().into_iter().chain(drivers.outside()).collect();
         // What is said of several numbers together is only said where each of them can be meant.

@@ -20,7 +20,8 @@ pub struct HttpSettings {
     pub listen: SocketAddr,
     /// Host names under which clients may address the instrument, besides the loopback names and the address it listens on.
     pub allowed_hosts: Vec<String>,
-    /// File with the bearer token that every client must send; readable by the daemon alone (mode 0600).
+    /// File with the bearer token that every client must send; readable by the daemon alone (mode 0600). Write the whole path: a
+    /// relative one begins in the working directory of the daemon.
     pub token_file: Option<PathBuf>,
     /// Deadline for the head of a request, ms.
     #[schemars(extend("x-level" = "expert"))]

@@ -24,7 +24,7 @@ use serde::de::DeserializeOwned;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// The configuration of an instrument. Paths of files are relative to the folder of the configuration, unless a key says otherwise.
+/// The configuration of an instrument.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Raw {
@@ -179,7 +179,7 @@ pub(super) struct RawOptics {
     #[serde(default)]
     pub empty_capillary: Option<PathBuf>,
     /// Inner diameter of the capillary. The scale is compared with it before a specimen is measured: a bore that looks more than 20 %
-    /// wider or narrower holds the run. If it is left out, nothing is compared.
+    /// wider or narrower holds the run. If it is left out, the bore is compared only with the method's `box_um` and with `empty_capillary`.
     #[serde(default)]
     pub bore_um: Option<f64>,
 }
@@ -311,8 +311,9 @@ fn read_driver<T: DeserializeOwned>(name: &str, table: &toml::Table) -> Result<T
     };
     let tagged = toml::Table::from_iter([(driver.clone(), toml::Value::Table(keys))]);
     serde_path_to_error::deserialize(toml::Value::Table(tagged)).map_err(|error| {
+        // Without a key it is the driver's own name that is unknown.
         let path = error.path().to_string();
-        let key = path.strip_prefix(&driver).unwrap_or(&path);
+        let key = path.strip_prefix(&driver).unwrap_or(".driver");
         format!("  {name}{key}: {}", error.inner().message())
     })
 }

@@ -24,6 +24,26 @@ fn every_shipped_configuration_is_sound() {
 }
 
 #[test]
+fn an_unknown_driver_and_a_missing_table_are_named() {
+    let text = std::fs::read_to_string(folder().join("vast-grbl.toml")).unwrap();
+    let refused = |from: &str, to: &str| {
+        assert!(text.contains(from), "{from}");
+        Config::parse(&text.replacen(from, to, 1), Path::new("x.toml")).map(|_| ()).unwrap_err().to_string()
+    };
+    let said = refused("driver = \"grbl\"", "driver = \"grlb\"");
+    assert!(said.contains("rotation.driver: unknown variant `grlb`") && said.contains("`zaber`"), "{said}");
+    let said = refused("driver = \"loader\"", "driver = 3");
+    assert!(said.contains("sampler.driver = 3; expected a name in quotation marks"), "{said}");
+    let said = refused("[rig]", "[riig]");
+    assert!(said.contains("riig") && !said.contains(".: "), "{said}");
+    let said = refused(
+        "[rig]\nname = \"vast-1\"                # stamped into every recording\nsteps_per_revolution = [500, 1]   # motor steps per turn of the capillary, an exact ratio: 0.72 deg per step\n",
+        "",
+    );
+    assert!(said.contains("missing field `rig`") && !said.contains(".: "), "{said}");
+}
+
+#[test]
 fn breaches_name_file_key_value_and_expectation_all_at_once() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("broken.toml");

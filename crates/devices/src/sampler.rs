@@ -1,7 +1,7 @@
 //! Samplers: they put a specimen into the capillary and take it out again.
 //!
 //! ```text
-//! worker ── load, go_on, eject ──► Sampler ─┬─ LoaderSampler    waits for a message: plate-loader ── HTTP ──► LoaderGate
+//! worker ── load, go_on, eject ──► Sampler ─┬─ LoaderSampler    waits for a message: plate-loader ── HTTP ──► LoaderInterlock
 //!                                           └─ TriggerSampler   waits for a wire:    sampler ── SpecimenInput of the axis
 //! ```
 
@@ -82,9 +82,9 @@ enum LoaderMessage {
 
 /// The place where the loader's message arrives. It holds the newest message until a wait takes it.
 #[derive(Clone, Default)]
-pub struct LoaderGate(Arc<(Mutex<Option<LoaderMessage>>, Condvar)>);
+pub struct LoaderInterlock(Arc<(Mutex<Option<LoaderMessage>>, Condvar)>);
 
-impl LoaderGate {
+impl LoaderInterlock {
     /// Drops a message that an earlier wait left. It belongs to another run, or to this run before it was held.
     pub fn clear(&self) {
         *self.0.0.lock().unwrap_or_else(PoisonError::into_inner) = None;
@@ -114,16 +114,16 @@ impl LoaderGate {
 
 /// A sampler that waits for the plate-loader's message.
 pub struct LoaderSampler {
-    gate: LoaderGate,
+    interlock: LoaderInterlock,
 }
 
 /// How often a wait checks whether the run was cancelled.
 const CANCEL_CHECK: Duration = Duration::from_millis(50);
 
 impl LoaderSampler {
-    /// A sampler that waits for messages at `gate`.
-    pub fn new(gate: LoaderGate) -> Self {
-        Self { gate }
+    /// A sampler that waits for messages at `interlock`.
+    pub fn new(interlock: LoaderInterlock) -> Self {
+        Self { interlock }
     }
 }
 
@@ -147,7 +147,7 @@ impl Sampler for LoaderSampler {
     }
 
     fn load(&mut self, _axis: &mut dyn RotationAxis, expected: Expected<'_>, cancel: &CancelToken) -> Result<Option<Loaded>, DeviceError> {
-        let (slot, changed) = &*self.gate.0;
+        let (slot, changed) = &*self.interlock.0;
         let mut message = slot.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
             if cancel.is_cancelled() {
@@ -190,27 +190,27 @@ mod tests {
     #[test]
     fn a_message_for_another_well_does_not_count_and_a_cancel_ends_the_wait() {
         let well = |well| Expected { well, bead: false, dpf: None };
-        let gate = LoaderGate::default();
+        let interlock = LoaderInterlock::default();
         let cancel = CancelToken::default();
-        let mut sampler = LoaderSampler::new(gate.clone());
+        let mut sampler = LoaderSampler::new(interlock.clone());
         let mut axis = FakeAxis::new();
-        gate.say_loaded("A01");
+        interlock.say_loaded("A01");
         assert_eq!(sampler.load(&mut axis, well("A01"), &cancel).unwrap(), Some(Loaded::default()));
-        gate.say_loaded("A02");
-        gate.clear();
+        interlock.say_loaded("A02");
+        interlock.clear();
         cancel.cancel();
         assert_eq!(sampler.load(&mut axis, well("A02"), &cancel).unwrap(), None);
     }
 
     #[test]
     fn a_wait_that_is_given_up_ends_without_a_cancel_and_the_next_run_waits_anew() {
-        let gate = LoaderGate::default();
-        let mut sampler = LoaderSampler::new(gate.clone());
+        let interlock = LoaderInterlock::default();
+        let mut sampler = LoaderSampler::new(interlock.clone());
         let expected = Expected { well: "A01", bead: false, dpf: None };
-        gate.give_up();
+        interlock.give_up();
         assert_eq!(sampler.load(&mut FakeAxis::new(), expected, &CancelToken::default()).unwrap(), None);
-        gate.clear();
-        gate.say_loaded("A01");
+        interlock.clear();
+        interlock.say_loaded("A01");
         assert_eq!(sampler.load(&mut FakeAxis::new(), expected, &CancelToken::default()).unwrap(), Some(Loaded::default()));
     }
 }

@@ -20,7 +20,7 @@ use crate::http;
 use crate::session::Instrument;
 use anyhow::Context;
 use carved_devices::camera::CameraSelect;
-use carved_devices::sampler::{LoaderGate, Sampler};
+use carved_devices::sampler::{LoaderInterlock, Sampler};
 use carved_records::{Mode, is_well};
 use carved_store::Claim;
 use hardware_sim::gige::CameraFaults;
@@ -123,8 +123,8 @@ pub fn run(args: Args) -> anyhow::Result<()> {
     if let (true, Content::Scene(scenery)) = (args.second_camera, &content) {
         config.second = Some(second::beside(&mut rig, scenery.scene())?);
     }
-    let gate = LoaderGate::default();
-    let (devices, daemons) = serve::with_sampler(serve::open_rig(&config)?, config.sampler, &gate)?;
+    let interlock = LoaderInterlock::default();
+    let (devices, daemons) = serve::with_sampler(serve::open_rig(&config)?, config.sampler, &interlock)?;
     let second = serve::open_second(&config)?;
     let sampler: Box<dyn Sampler> = match (content, args.sampler) {
         (Content::Recording, _) => Box::new(replay::ReplaySampler),
@@ -140,7 +140,7 @@ pub fn run(args: Args) -> anyhow::Result<()> {
         config,
         mode: Mode::Simulated,
         instrument: Instrument { rig: devices, second, sampler },
-        gate,
+        interlock,
         listener,
         greeting: "carved simulates an instrument. Page:".into(),
     };

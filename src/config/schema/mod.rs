@@ -37,9 +37,12 @@ fn tidy(node: &mut Value, level: Option<&str>, default: Option<Value>) {
     let own = found.remove(LEVEL);
     let level = own.as_ref().and_then(Value::as_str).or(level);
     let default = found.remove("default").or(default).filter(|value| !value.is_null());
+    let required: Vec<Value> = found.get("required").and_then(Value::as_array).cloned().unwrap_or_default();
     if let Some(Value::Object(properties)) = found.get_mut("properties") {
         for (key, child) in properties {
-            tidy(child, level, default.as_ref().and_then(|table| table.get(key)).cloned());
+            // A table that is given whole or not at all has a default, and its keys have none.
+            let own = default.as_ref().and_then(|table| table.get(key)).filter(|_| !required.iter().any(|name| name == key));
+            tidy(child, level, own.cloned());
         }
     }
     if let Some(child @ Value::Object(_)) = found.get_mut("additionalProperties") {
@@ -62,6 +65,8 @@ fn tidy(node: &mut Value, level: Option<&str>, default: Option<Value>) {
     let is_key = !(found.contains_key("properties") || found.contains_key("additionalProperties"));
     if is_key {
         found.extend(level.map(|level| (LEVEL.to_owned(), level.into())));
+    }
+    if is_key || !required.is_empty() {
         found.extend(default.map(|default| ("default".to_owned(), default)));
     }
 }

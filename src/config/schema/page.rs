@@ -22,7 +22,7 @@ The level of a key says who sets it:
 | method | the scientist, for each method: views, voxels, limits, policies |
 | expert | somebody who knows the internals: segmentation, calibration, surface, timeouts. Validate the numbers again after a change |
 
-**required** in the column of defaults means that a table needs the key. A dash means that the key may be left out and then
+**required** in the column of defaults means that a table needs the key, if the table is there. A dash means that the key may be left out and then
 has no value.
 ";
 
@@ -49,32 +49,31 @@ pub fn reference_page(schema: &Value) -> String {
 
 /// The table's own path, and the key in it. A key of an inline table is written with its dot.
 fn table_and_key<'a>(schema: &Value, key: &Key<'a>) -> (Vec<&'a str>, String) {
-    let mut at = schema;
-    let mut depth = 0;
-    for name in &key.path[..key.path.len() - 1] {
-        at = if *name == Key::NAME { &at["additionalProperties"] } else { &at["properties"][name] };
-        if !is_table(at) {
-            break;
-        }
-        depth += 1;
-    }
+    let tables = &key.path[..key.path.len() - 1];
+    let depth = (1..=tables.len()).take_while(|&depth| is_table(node_of(schema, &tables[..depth], key.driver))).count();
     (key.path[..depth].to_vec(), key.path[depth..].join("."))
 }
 
+/// What the schema says of a table; below a table with a driver, of that driver.
+fn node_of<'a>(schema: &'a Value, table: &[&str], driver: Option<&str>) -> &'a Value {
+    table.iter().fold(schema, |node, name| {
+        let node = variant(node, driver).unwrap_or(node);
+        if *name == Key::NAME { &node["additionalProperties"] } else { &node["properties"][name] }
+    })
+}
+
+/// What a table with a driver says of one of them.
+fn variant<'a>(node: &'a Value, driver: Option<&str>) -> Option<&'a Value> {
+    driver.and_then(|driver| variants(node).find(|variant| variant["properties"]["driver"]["const"] == driver))
+}
+
 fn heading(schema: &Value, table: &[&str], driver: Option<&str>) -> String {
-    let mut node = schema;
-    for name in table {
-        node = if *name == Key::NAME { &node["additionalProperties"] } else { &node["properties"][name] };
-    }
+    let node = node_of(schema, table, driver);
     let name = if table.is_empty() { "Outside of tables".to_owned() } else { format!("`[{}]`", table.join(".")) };
-    let (name, about) = match driver {
-        None => (name, &node["description"]),
-        Some(driver) => {
-            let about = variants(node).find(|variant| variant["properties"]["driver"]["const"] == driver);
-            (format!("{name} with `driver = \"{driver}\"`"), about.map_or(&Value::Null, |variant| &variant["description"]))
-        }
-    };
-    let about = if table.is_empty() { String::new() } else { format!("{}\n\n", text(about)) };
+    let name = driver.map_or(name.clone(), |driver| format!("{name} with `driver = \"{driver}\"`"));
+    let about = text(&variant(node, driver).unwrap_or(node)["description"]);
+    let left_out = node.get("default").map_or(String::new(), |table| format!(" If the table is left out, it is `{}`.", toml_of(table)));
+    let about = if table.is_empty() { String::new() } else { format!("{about}{left_out}\n\n") };
     format!("\n## {name}\n\n{about}| key | unit or value | default | range | level | meaning |\n|---|---|---|---|---|---|\n")
 }
 
@@ -98,6 +97,10 @@ fn row(key: &Key, name: &str) -> String {
 fn toml_of(value: &Value) -> String {
     match value {
         Value::Array(list) => format!("[{}]", list.iter().map(toml_of).collect::<Vec<_>>().join(", ")),
+        Value::Object(table) => {
+            let keys: Vec<String> = table.iter().map(|(key, value)| format!("{key} = {}", toml_of(value))).collect();
+            format!("{{ {} }}", keys.join(", "))
+        }
         other => other.to_string(),
     }
 }

@@ -11,12 +11,12 @@
 use super::super::Refusal;
 use super::handling::Handling;
 use crate::api::RunOutcome;
-use carved_devices::sampler::{LoaderGate, Sampler};
+use carved_devices::sampler::{LoaderInterlock, Sampler};
 use carved_records::{Capillary, WellLoaded};
 
 /// Who fills the capillary, and the way to a sampler that waits.
 pub(super) struct Loader {
-    gate: LoaderGate,
+    interlock: LoaderInterlock,
     fills_capillary: bool,
     brings_again: bool,
     /// A specimen that no run asked for is in the capillary, by the sampler's wire.
@@ -33,8 +33,8 @@ pub(super) struct WireReading {
 }
 
 impl Loader {
-    pub fn new(gate: LoaderGate, sampler: &dyn Sampler) -> Self {
-        Self { gate, fills_capillary: sampler.waits_for_loader(), brings_again: sampler.brings_again(), unexpected: false }
+    pub fn new(interlock: LoaderInterlock, sampler: &dyn Sampler) -> Self {
+        Self { interlock, fills_capillary: sampler.waits_for_loader(), brings_again: sampler.brings_again(), unexpected: false }
     }
 
     /// Whether a plate-loader fills the capillary; else a driven sampler does.
@@ -58,14 +58,14 @@ impl Loader {
     }
 
     /// Where a worker hears the loader; an earlier message is dropped.
-    pub fn clear_gate(&self) -> LoaderGate {
-        self.gate.clear();
-        self.gate.clone()
+    pub fn cleared_interlock(&self) -> LoaderInterlock {
+        self.interlock.clear();
+        self.interlock.clone()
     }
 
     /// Passes on to the worker that a specimen is in the capillary.
     pub fn say_loaded(&self, well: &str) {
-        self.gate.say_loaded(well);
+        self.interlock.say_loaded(well);
     }
 
     /// The well whose specimen is in the capillary and that nobody but the loader takes out. A driven sampler does so itself, before the
@@ -93,8 +93,8 @@ impl Loader {
     }
 
     #[cfg(test)]
-    pub fn gate(&self) -> &LoaderGate {
-        &self.gate
+    pub fn interlock(&self) -> &LoaderInterlock {
+        &self.interlock
     }
 }
 

@@ -51,7 +51,7 @@ use super::state::Trigger;
 use super::worker::Instrument;
 use super::{Plate, State, Status, search};
 use crate::config::Config;
-use carved_devices::sampler::LoaderGate;
+use carved_devices::sampler::LoaderInterlock;
 use carved_records::Mode;
 use carved_store::{Journal, Store, StoreError};
 use run::{Message, next_message};
@@ -69,7 +69,7 @@ pub struct Driver {
     pub publisher: Publisher,
     pub instrument: Instrument,
     /// Where the loader's message goes, on a rig that is loaded from outside.
-    pub gate: LoaderGate,
+    pub interlock: LoaderInterlock,
     pub heartbeat: Heartbeat,
 }
 

@@ -14,7 +14,7 @@ use super::handling::Handling;
 use super::recovery::{Made, Numbers};
 use carved_devices::StopHandle;
 use carved_devices::cancel::CancelToken;
-use carved_devices::sampler::LoaderGate;
+use carved_devices::sampler::LoaderInterlock;
 use carved_records::{EndRequest, PlannedWell, RunOutcome, SpecimenOutcome, WellStatus};
 use carved_store::RunRecord;
 use std::collections::VecDeque;
@@ -247,7 +247,7 @@ pub(super) struct Work {
     cancel: CancelToken,
     pause: CancelToken,
     stop: StopHandle,
-    gate: LoaderGate,
+    interlock: LoaderInterlock,
     worker: JoinHandle<(Instrument, RunEnd)>,
     progress: mpsc::Receiver<Progress>,
 }
@@ -256,7 +256,7 @@ impl Work {
     /// Begins on a thread of its own. `context` gets the tokens that cancel and pause it, and where it sends its progress.
     pub fn begin(
         instrument: Instrument,
-        gate: LoaderGate,
+        interlock: LoaderInterlock,
         halt: &Halt,
         context: impl FnOnce(CancelToken, CancelToken, mpsc::Sender<Progress>) -> RunContext,
     ) -> Self {
@@ -266,7 +266,7 @@ impl Work {
         let (progress_in, progress) = mpsc::channel(64);
         let context = context(cancel.clone(), pause.clone(), progress_in);
         let worker = tokio::task::spawn_blocking(move || worker::run(instrument, &context));
-        Self { cancel, pause, stop, gate, worker, progress }
+        Self { cancel, pause, stop, interlock, worker, progress }
     }
 
     fn obey(&self, request: Request) {
@@ -274,7 +274,7 @@ impl Work {
             Request::Nothing => {}
             Request::Hold | Request::Stop => {
                 self.pause.cancel();
-                self.gate.give_up();
+                self.interlock.give_up();
             }
             // Motors first; the worker then ends by itself.
             Request::Halt => {

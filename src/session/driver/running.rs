@@ -68,7 +68,7 @@ fn reply<T>(answer: oneshot::Sender<Result<T, Refusal>>, result: Result<T, Refus
 // A start, each second, and an end.
 impl Running {
     pub fn new(driver: Driver) -> Self {
-        let Driver { config, mode, store, journal, publisher, instrument, gate, heartbeat: _ } = driver;
+        let Driver { config, mode, store, journal, publisher, instrument, interlock, heartbeat: _ } = driver;
         publisher.halt().aim(instrument.rig.rotation.stop_handle(), CancelToken::default());
         // The journal's tail alone would forget a plate within some dozen wells: most of it are views.
         let remembered = store.remembered().unwrap_or_else(|error| {
@@ -77,7 +77,7 @@ impl Running {
         });
         Self {
             outbox: Outbox::new(store, journal, publisher.log(), InstrumentState::after(&remembered)),
-            loader: Loader::new(gate, instrument.sampler.as_ref()),
+            loader: Loader::new(interlock, instrument.sampler.as_ref()),
             devices: Devices::new(instrument),
             config,
             mode,
@@ -819,7 +819,7 @@ impl Running {
     fn launch(&mut self) {
         let lacks_gate = self.lacks_gate();
         let accepted = self.accepted();
-        // A loader's is reported through the gate.
+        // A loader's is reported through the interlock.
         let inside = self.capillary().brought().filter(|_| !self.loader.fills_capillary()).map(str::to_owned);
         let (Some(run), Some(instrument)) = (&mut self.run, self.devices.take()) else {
             tracing::error!("there is no run, or no instrument for it");
@@ -827,7 +827,7 @@ impl Running {
         };
         let (wells, eject_first) = (run.wells_left(&accepted), run.handling_mut().hand_to_worker());
         let record = run.record();
-        let work = Work::begin(instrument, self.loader.clear_gate(), self.publisher.halt(), |cancel, pause, progress| RunContext {
+        let work = Work::begin(instrument, self.loader.cleared_interlock(), self.publisher.halt(), |cancel, pause, progress| RunContext {
             config: self.config.clone(),
             mode: self.mode,
             run: record.id.clone(),

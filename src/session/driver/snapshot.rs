@@ -142,7 +142,7 @@ mod tests {
     use super::super::run::tests::run;
     use super::*;
     use crate::session::Driver;
-    use carved_devices::sampler::{LoaderGate, LoaderSampler};
+    use carved_devices::sampler::{LoaderInterlock, LoaderSampler};
     use carved_records::{EventBody, EventData, Mode, PhaseEntered, fault_table};
 
     fn after(events: &[(Option<&str>, EventData)]) -> InstrumentState {
@@ -154,7 +154,7 @@ mod tests {
     }
 
     fn loader() -> Loader {
-        Loader::new(LoaderGate::default(), &LoaderSampler::new(LoaderGate::default()))
+        Loader::new(LoaderInterlock::default(), &LoaderSampler::new(LoaderInterlock::default()))
     }
 
     fn parts<'a>(state: &'a InstrumentState, loader: &'a Loader) -> Parts<'a> {

@@ -8,10 +8,10 @@
 
 mod clock;
 mod estimator;
-mod gates;
 mod optics;
 mod retry;
 mod science;
+mod skip;
 mod specimen;
 mod turn;
 mod watch;

@@ -15,7 +15,7 @@
 //! A specimen lies inside the bore: it can hide neither the outer lines of both walls nor the light beside them. It can look like a
 //! crooked wall from some sides; the instrument does so from all.
 
-use super::gates;
+use super::skip;
 use super::turn::retaken_most;
 use crate::session::preflight;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
@@ -89,7 +89,7 @@ impl OpticsFault {
     ///
     /// `bore_um` is the capillary's configured inner diameter, um. Without one a bore is compared with the box of the method alone.
     pub fn of_judged(light: &Light, seen: &SegmentedFrame, pipeline: &Pipeline, method: &Method, bore_um: Option<f64>) -> Option<Self> {
-        let shows_nothing = |profile: &Profile, policy: &Policy| gates::skipped(profile, policy).is_some();
+        let shows_nothing = |profile: &Profile, policy: &Policy| skip::reason(profile, policy).is_some();
         Self::of_picture(light, &seen.profile, |profile| shows_nothing(profile, &method.policy)).or_else(|| {
             let (profile, settings) = (seen.profile.as_ref().ok()?, pipeline.settings());
             let (ux, ky) = (settings.camera.ux, settings.camera.ky);

@@ -12,7 +12,7 @@ use super::science::Science;
 use super::specimen::Work;
 use super::turn::Attempt;
 use super::watch::within;
-use super::{OpticsFault, Progress, RunError, WellEnd, Worker, gates, optics_fault, retry};
+use super::{OpticsFault, Progress, RunError, WellEnd, Worker, optics_fault, retry, skip};
 use crate::session::{Instrument, Live, live, placing};
 use carved_core::frame::RawFrame;
 use carved_core::pipeline::{Pipeline, PipelineError, SegmentedFrame};
@@ -220,7 +220,7 @@ impl Worker {
             return Err(optics_fault(planned, fault));
         }
         // A frame that the specimen may have spoiled is not taken for an empty well: the revolution decides.
-        let skipped = seen.profile.as_ref().ok().and_then(|p| gates::skipped(p, &self.context.method.policy));
+        let skipped = seen.profile.as_ref().ok().and_then(|p| skip::reason(p, &self.context.method.policy));
         Ok(match skipped {
             Some(reason) => {
                 tracing::info!(well = %planned.well, reason, detection = ?found, "the well is skipped");

@@ -28,7 +28,6 @@ pub struct AcquisitionSettings {
     /// Rest between arrival and trigger, ms: time for the specimen to come to rest in its liquid.
     pub settle_ms: u32,
     /// Time for one complete frame with all its repeated triggers, ms.
-    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub grab_deadline_ms: u32,
     /// Which way positive steps turn the capillary: 1 if they move the near wall to larger v (down in the picture), -1 if to smaller v.
     /// Measure it with a marked capillary (`carved calibrate marked`).

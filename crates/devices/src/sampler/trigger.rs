@@ -35,9 +35,9 @@ pub struct TriggerSettings {
     pub inverted: bool,
     /// Time for which the input must be stable, ms.
     pub debounce_ms: u32,
-    /// Longest wait for a specimen, ms.
+    /// Longest wait for a specimen, ms. At least four times `debounce_ms`.
     pub load_timeout_ms: u32,
-    /// Longest wait for an empty capillary, ms.
+    /// Longest wait for an empty capillary, ms. At least four times `debounce_ms`.
     pub eject_timeout_ms: u32,
     /// Whether the controller's output is switched on when a specimen is done, until it has left.
     pub done_output: bool,
@@ -55,8 +55,8 @@ const WAIT_MOST_MS: f64 = 86_400_000.0;
 impl Ranged for TriggerSettings {
     const RANGES: &'static [Range<Self>] = ranges![
         debounce_ms: 1.0, 10_000.0, "ms";
-        load_timeout_ms: 1.0, WAIT_MOST_MS, "ms";
-        eject_timeout_ms: 1.0, WAIT_MOST_MS, "ms";
+        load_timeout_ms: 4.0, WAIT_MOST_MS, "ms";
+        eject_timeout_ms: 4.0, WAIT_MOST_MS, "ms";
     ];
 }
 

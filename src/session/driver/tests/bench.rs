@@ -121,7 +121,7 @@ fn driver_of(root: &Path, instrument: Instrument) -> (Driver, SessionHandle, mps
         journal,
         publisher,
         instrument,
-        gate: LoaderGate::default(),
+        interlock: LoaderInterlock::default(),
         heartbeat: Heartbeat::default(),
     };
     (driver, handle, mailbox)

@@ -82,7 +82,7 @@ fn what_the_instrument_could_not_see_stays_inside_and_the_run_goes_on_with_it() 
                 b.tell(Progress::Ready);
                 if outside {
                     b.asks_for("A02");
-                    assert!(b.d.loader.gate().has_loaded("A02"), "{when}: the worker waits for a word that was said");
+                    assert!(b.d.loader.interlock().has_loaded("A02"), "{when}: the worker waits for a word that was said");
                 } else {
                     b.phase("A02", Phase::Load, false);
                 }

@@ -133,7 +133,7 @@ fn what_the_loader_brings_after_a_hold_is_used_when_the_run_goes_on() {
             b.tell(Progress::Ready);
             b.asks_for("A01");
             assert_eq!((b.status().state, b.inside_by_status().as_deref(), b.needs()), (State::Execute, Some("A01"), String::new()));
-            assert!(b.d.loader.gate().has_loaded("A01"), "the worker waits for a word that was said");
+            assert!(b.d.loader.interlock().has_loaded("A01"), "the worker waits for a word that was said");
             b.phase("A01", Phase::Eject, true);
             b.done("A01");
             b.asks_for("A02");

@@ -22,7 +22,8 @@ pub struct VastBridgeSettings {
     /// Speed of the serial line.
     #[serde(default = "default_baud")]
     pub baud: u32,
-    /// Path of VAST's `external.txt` on this computer (its folder is shared).
+    /// Path of VAST's `external.txt` on this computer (its folder is shared). Write the whole path: a relative one begins in the working
+    /// directory of the daemon.
     pub list: PathBuf,
     /// The meaning of the degrees in the list.
     pub degrees: Degrees,

@@ -25,7 +25,6 @@ pub struct TmclSettings {
     pub module_address: u8,
     /// The address to which the module answers.
     #[serde(default = "default_host_address")]
-    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub host_address: u8,
     /// The two motors at the ends of the capillary. Where they face each other, parameter 251 of one of them reverses its sense.
     #[serde(default = "default_motors")]
@@ -38,13 +37,11 @@ pub struct TmclSettings {
     pub max_acceleration: u32,
     /// Parameters 154 and 153 of a module with speeds in fractions of its clock. Leave them out if its unit is microsteps/s.
     #[serde(default)]
-    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub clock_divisors: Option<ClockDivisors>,
     /// Largest permitted difference between the two motors, microsteps: the largest twist of the glass.
     pub max_skew_steps: u32,
     /// Parameter 181, the lowest speed at which a stall stops a motor. If it is left out, stalls are not detected.
     #[serde(default)]
-    #[cfg_attr(feature = "schema", schemars(extend("x-level" = "expert")))]
     pub stop_on_stall: Option<u32>,
     /// How step 0 is found.
     pub reference: Reference,

@@ -7,7 +7,7 @@ use carved_records::{Clipped, Policy};
 const BLOCKED_SHARE: f64 = 0.9;
 
 /// Why a well with this frame is not worth a revolution: one of [`carved_core::profile::Kind`]'s names, `blocked` or `clipped`.
-pub fn skipped(profile: &Profile, policy: &Policy) -> Option<&'static str> {
+pub fn reason(profile: &Profile, policy: &Policy) -> Option<&'static str> {
     let found = &profile.detection;
     if filled_share(profile) > BLOCKED_SHARE {
         return Some("blocked");
@@ -42,7 +42,7 @@ mod tests {
     fn a_larva_is_worth_its_turn_and_a_full_bore_is_not() {
         let mut seen = profile(0.0);
         let policy = Policy::default();
-        assert_eq!(skipped(&seen, &policy), None);
+        assert_eq!(reason(&seen, &policy), None);
         assert!(filled_share(&seen) < 0.5, "{}", filled_share(&seen));
         for v in 0..seen.mask.height() {
             for u in 0..seen.mask.width() {
@@ -50,13 +50,13 @@ mod tests {
                 seen.mask.set(u, v, inside);
             }
         }
-        assert_eq!(skipped(&seen, &policy), Some("blocked"));
+        assert_eq!(reason(&seen, &policy), Some("blocked"));
     }
 
     #[test]
     fn a_larva_that_the_picture_cuts_is_skipped_only_where_the_method_says_so() {
         let cut = profile(2000.0);
-        assert_eq!(skipped(&cut, &Policy::default()), None);
-        assert_eq!(skipped(&cut, &Policy { clipped: Clipped::Skip, ..Policy::default() }), Some("clipped"));
+        assert_eq!(reason(&cut, &Policy::default()), None);
+        assert_eq!(reason(&cut, &Policy { clipped: Clipped::Skip, ..Policy::default() }), Some("clipped"));
     }
 }
