@@ -61,7 +61,7 @@ fn values_out_of_range_are_refused_by_name() {
     let feature = |name: &str, value: &str| vec![(name.to_owned(), value.to_owned())];
     for (bad, named) in [
         (AravisSettings { exposure_us: 1.0, ..good.clone() }, "exposure = 1 us"),
-        (AravisSettings { width: 1 << 20, ..good.clone() }, "Width = 1048576"),
+        (AravisSettings { width: 65_535, ..good.clone() }, "Width = 65535"),
         (AravisSettings { offset_x: 3, width: 128, ..good.clone() }, "OffsetX = 3"),
         (AravisSettings { trigger: Trigger::Line("Line2".into()), ..good.clone() }, "TriggerSource = Line2"),
         (AravisSettings { trigger: Trigger::FixedRateHz(1e4), ..good.clone() }, "frame rate = 10000 Hz"),
