@@ -103,9 +103,9 @@ fn a_camera_of_another_maker_is_opened_driven_refused_to_others_and_missed_when_
     takes_what_it_is_told(deadline);
 
     for (bad, named) in [
-        (AravisSettings { width: 100_000, ..settings() }, "Width = 100000"),
+        (AravisSettings { width: 65_535, ..settings() }, "Width = 65535"),
         (AravisSettings { gain_raw: Some(1_000_000), ..settings() }, "GainRaw = 1000000"),
-        (AravisSettings { exposure_us: 1e12, ..settings() }, "exposure = 1000000000000 us"),
+        (AravisSettings { exposure_us: 6e7, ..settings() }, "exposure = 60000000 us"),
         (AravisSettings { features: vec![("NoSuchFeature".into(), "1".into())], ..settings() }, "NoSuchFeature = 1"),
     ] {
         let said = AravisCamera::open(bad).err().unwrap().to_string();
