@@ -5,7 +5,7 @@
 //! cargo bench --bench closure_rates -- 32 rest # 32 larvae at rest only, two closure views each
 //! ```
 
-#[path = "../tests/closures/mod.rs"]
+#[path = "../tests/science/closures.rs"]
 mod closures;
 
 use carved_core::calibration::PoseOffset;

@@ -97,17 +97,17 @@ fn only_results_and_old_events_read_the_store() {
     assert_eq!(reads.iter().map(String::as_str).collect::<BTreeSet<_>>(), BTreeSet::from(["events.rs", "results.rs"]));
 }
 
-/// The driver's parts decide; what they decide is carried out in one place.
+/// The driver's parts decide. What they decide is carried out in one file.
 #[test]
-fn one_file_of_the_driver_has_effects() {
+fn one_file_carries_out_what_the_parts_of_the_driver_decide() {
     let driver = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/session/driver");
     let mut files = Vec::new();
     sources(&driver, &mut files);
-    let has_effects = |file: &&PathBuf| {
+    let carries_out = |file: &&PathBuf| {
         let code = code(file);
         ["impl Running", "impl Driver"].iter().any(|block| code.contains(block))
     };
-    let found: BTreeSet<_> = files.iter().filter(has_effects).map(|file| file.strip_prefix(&driver).unwrap().to_owned()).collect();
+    let found: BTreeSet<_> = files.iter().filter(carries_out).map(|file| file.strip_prefix(&driver).unwrap().to_owned()).collect();
     // `mod.rs` waits for what comes next and passes it on.
     assert_eq!(found, BTreeSet::from(["mod.rs".into(), "running.rs".into()]));
 }

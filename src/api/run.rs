@@ -188,6 +188,13 @@ impl From<records::plate_map::Mistake> for Mistake {
     }
 }
 
+impl From<Mistake> for records::plate_map::Mistake {
+    fn from(from: Mistake) -> Self {
+        let Mistake { pointer, line, column, detail } = from;
+        Self { pointer, line, column, detail }
+    }
+}
+
 /// One well of the run, as far as it has come.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct WellStatus {
@@ -227,13 +234,6 @@ pub struct WellStatus {
     /// Where a larva of known age stands among reference larvae.
     #[serde(default)]
     pub reference: Option<Box<ReferenceStatus>>,
-}
-
-impl From<Mistake> for records::plate_map::Mistake {
-    fn from(from: Mistake) -> Self {
-        let Mistake { pointer, line, column, detail } = from;
-        Self { pointer, line, column, detail }
-    }
 }
 
 impl From<records::WellStatus> for WellStatus {

@@ -1,7 +1,7 @@
 //! `carved doctor` on emulated controllers: what they are, what to configure, and that nothing moved.
 
-use crate::common::{run, stderr};
-use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+use crate::common::{controllers, run, stderr};
+use carved_devices::rotation::{Grbl, Reference};
 use hardware_sim::grbl::Settings;
 use hardware_sim::{Controller, Rig, RigSettings, TestCard};
 use std::io::Read;
@@ -135,19 +135,7 @@ fn a_port_that_somebody_holds_is_left_alone() {
     let rig = rig(Controller::default());
     let path = rig.serial_path();
     // The port is held by the driver itself, which locks it against all others.
-    let _held = Grbl::open(GrblSettings {
-        port: path.to_str().unwrap().into(),
-        baud: 115_200,
-        axis: AxisLetter::X,
-        steps_per_unit: [100, 1],
-        max_rate_units_per_min: 500.0,
-        acceleration_units_per_s2: 20.0,
-        reference: Reference::Here,
-        dialect: Dialect::Auto,
-        answer_timeout_ms: 2000,
-        homing_timeout_ms: 60_000,
-    })
-    .unwrap();
+    let _held = Grbl::open(controllers::grbl(controllers::serial_port(&rig), Reference::Here)).unwrap();
     let said = doctor(path.to_str().unwrap());
     assert!(said.contains("Close the other program"), "{said}");
 }

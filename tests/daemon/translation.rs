@@ -2,10 +2,10 @@
 //! into view.
 #![cfg(feature = "aravis")]
 
-use crate::common::{Daemon, configured, json, port};
+use crate::common::{Daemon, configured, controllers, json, port};
 use carved_core::units::{Sense, Steps};
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference, TranslationSettings};
+use carved_devices::rotation::{AxisLetter, Grbl, Reference, TranslationSettings};
 use carved_devices::{DeviceError, Position, RotationAxis};
 use hardware_sim::grbl::Settings;
 use hardware_sim::scene::{Placement, Scene, SceneSettings, Specimen};
@@ -48,18 +48,7 @@ fn translation() -> TranslationSettings {
 }
 
 fn open(rig: &Rig, reference: Reference) -> Grbl {
-    let settings = GrblSettings {
-        port: rig.serial_path().to_str().unwrap().into(),
-        baud: 115_200,
-        axis: AxisLetter::X,
-        steps_per_unit: [100, 1],
-        max_rate_units_per_min: 500.0,
-        acceleration_units_per_s2: 20.0,
-        reference,
-        dialect: Dialect::Auto,
-        answer_timeout_ms: 2000,
-        homing_timeout_ms: 60_000,
-    };
+    let settings = controllers::grbl(controllers::serial_port(rig), reference);
     Grbl::with_translation(settings, Some(translation())).unwrap()
 }
 

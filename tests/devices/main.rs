@@ -4,13 +4,11 @@
 
 #[path = "../common/mod.rs"]
 mod common;
-#[path = "../common/driver.rs"]
-mod driver;
-#[cfg(feature = "aravis")]
-#[path = "../common/motion.rs"]
-mod motion;
 
 mod camera;
+mod driver;
+#[cfg(feature = "aravis")]
+mod motion;
 mod motion_bridge;
 mod motion_grbl;
 mod motion_relay;

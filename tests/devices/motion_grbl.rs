@@ -6,10 +6,11 @@
 //!    └──────────── what it says it achieved ═══ must be ═══════════ true angle
 //! ```
 
+use crate::common::controllers;
 use carved_core::units::{Steps, StepsPerRevolution};
 use carved_devices::acquisition::RevolutionPlan;
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Port, Reference};
+use carved_devices::rotation::{Grbl, GrblSettings, Port, Reference};
 use carved_devices::{DeviceError, Position, RotationAxis};
 use carved_records::ViewOrder;
 use hardware_sim::grbl::Settings;
@@ -43,19 +44,7 @@ impl Bench {
         let link = folder.path().join("motor");
         let rig = RigSettings { time_scale, controller, serial_link: Some(link.clone()), ..RigSettings::default() };
         let rig = Rig::start(rig, Arc::new(TestCard::new(64, 64))).unwrap();
-        // The defaults of the emulated firmware: 100 steps per unit, 500 units/min, 20 units/s^2.
-        let settings = GrblSettings {
-            port: Port::from(link.to_str().unwrap()),
-            baud: 115_200,
-            axis: AxisLetter::X,
-            steps_per_unit: [100, 1],
-            max_rate_units_per_min: 500.0,
-            acceleration_units_per_s2: 20.0,
-            reference: Reference::Home,
-            dialect: Dialect::Auto,
-            answer_timeout_ms: 2000,
-            homing_timeout_ms: 2000,
-        };
+        let settings = GrblSettings { homing_timeout_ms: 2000, ..controllers::grbl(Port::from(link.to_str().unwrap()), Reference::Home) };
         Self { rig, _folder: folder, settings }
     }
 

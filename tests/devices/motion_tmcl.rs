@@ -1,5 +1,6 @@
 //! The TMCL driver against an emulated module over a pty, compared with the true positions of the shaft and its motors.
 
+use crate::common::controllers;
 use crate::driver::{cable_pulled_at_any_byte, late_answers, stand, turns, until};
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
@@ -20,8 +21,12 @@ fn rig(settings: Settings) -> Rig {
 }
 
 fn settings(rig: &Rig) -> TmclSettings {
+    settings_at(controllers::serial_port(rig))
+}
+
+pub fn settings_at(port: Port) -> TmclSettings {
     TmclSettings {
-        port: Port::Path(rig.serial_path().to_str().unwrap().into()),
+        port,
         baud: 115_200,
         module_address: 1,
         host_address: 2,

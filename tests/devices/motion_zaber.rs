@@ -1,9 +1,10 @@
 //! The Zaber driver against an emulated controller over a pty, compared with the true position of the shaft.
 
+use crate::common::controllers;
 use crate::driver::{cable_pulled_at_any_byte, late_answers, stand, turns, until};
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{Port, Reference, Zaber, ZaberSettings, one_sided};
+use carved_devices::rotation::{Reference, Zaber, ZaberSettings, one_sided};
 use carved_devices::{Achieved, DeviceError, Position, RotationAxis};
 use hardware_sim::{Controller, Rig, zaber::Settings};
 
@@ -15,7 +16,7 @@ fn rig(settings: Settings) -> Rig {
 
 fn settings(rig: &Rig) -> ZaberSettings {
     ZaberSettings {
-        port: Port::Path(rig.serial_path().to_str().unwrap().into()),
+        port: controllers::serial_port(rig),
         baud: 115_200,
         device: 1,
         axis: 1,

@@ -8,6 +8,7 @@
 //! package, and there is no package of a Grbl.
 
 use crate::driver::{stand, turns};
+use crate::motion_tmcl;
 use carved_core::units::Steps;
 use carved_devices::RotationAxis;
 use carved_devices::cancel::CancelToken;
@@ -87,21 +88,11 @@ fn a_module_of_pytrinamics_frames_understands_the_driver() {
     let mut said = BufReader::new(module.stdout.take().unwrap()).lines();
     let port = said.next().unwrap().unwrap();
     let settings = TmclSettings {
-        port: Port::Path(port),
-        baud: 115_200,
-        module_address: 1,
-        host_address: 2,
-        motors: [0, 1],
-        microstep_resolution: 5,
-        max_speed: 3200,
-        max_acceleration: 32_000,
-        clock_divisors: None,
-        max_skew_steps: 640,
-        stop_on_stall: None,
         reference: Reference::Here,
         // The module is another process on a machine that may be busy.
         answer_timeout_ms: 5000,
         homing_timeout_ms: 5000,
+        ..motion_tmcl::settings_at(Port::Path(port))
     };
     let mut axis = Tmcl::open(settings).unwrap();
     axis.reference(&CancelToken::new()).unwrap();

@@ -1,9 +1,10 @@
 //! An external sampler that reports by a wire whether a specimen is present. The wire is read through the status reports of the emulated
 //! controller. The tests cover every fault of this wire and a whole run.
 
+use crate::common::controllers;
 use carved_core::units::Steps;
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+use carved_devices::rotation::{Grbl, Reference};
 use carved_devices::sampler::{Expected, Sampler, TriggerSampler, TriggerSettings};
 use carved_devices::{DeviceError, RotationAxis};
 use hardware_sim::grbl::Settings;
@@ -30,18 +31,7 @@ impl Bench {
     fn new(controller: Controller) -> Self {
         let settings = RigSettings { time_scale: 20.0, controller, sampler: Some(QUICK), ..RigSettings::default() };
         let rig = Rig::start(settings, Arc::new(TestCard::new(64, 64))).unwrap();
-        let grbl = Grbl::open(GrblSettings {
-            port: rig.serial_path().to_str().unwrap().into(),
-            baud: 115_200,
-            axis: AxisLetter::X,
-            steps_per_unit: [100, 1],
-            max_rate_units_per_min: 500.0,
-            acceleration_units_per_s2: 20.0,
-            reference: Reference::Here,
-            dialect: Dialect::Auto,
-            answer_timeout_ms: 2000,
-            homing_timeout_ms: 60_000,
-        });
+        let grbl = Grbl::open(controllers::grbl(controllers::serial_port(&rig), Reference::Here));
         let (sampler, axis) = TriggerSampler::beside(Box::new(grbl.unwrap()), TRIGGER).unwrap();
         Self { rig, sampler, axis, filled: Arc::default() }
     }

@@ -1,12 +1,13 @@
 //! The drivers over real serial and network lines: serialport and libaravis against the emulated rig, compared with the true exposures.
 #![cfg(feature = "aravis")]
 
+use crate::common::controllers;
 use carved_core::frame::{PixelFormat, RawFrame};
 use carved_core::units::{Sense, Steps, StepsPerRevolution};
 use carved_devices::acquisition::{AcquisitionError, AcquisitionSettings, Next, RevolutionPlan, revolve};
 use carved_devices::camera::{self, AravisSettings, CameraSelect};
 use carved_devices::cancel::CancelToken;
-use carved_devices::rotation::{AxisLetter, Dialect, Grbl, GrblSettings, Reference};
+use carved_devices::rotation::{Grbl, Reference};
 use carved_devices::{DeviceError, Position, Rig, RotationAxis};
 use carved_records::{Ledger, ViewOrder};
 use hardware_sim::{Exposure, ExposureRecord, RigSettings, Sight, TestCard};
@@ -29,21 +30,8 @@ fn rig(time_scale: f64) -> hardware_sim::Rig {
     hardware_sim::Rig::start(RigSettings { time_scale, ..RigSettings::default() }, Arc::new(card())).unwrap()
 }
 
-/// The defaults of the emulated firmware: 100 steps per unit, 500 units/min, 20 units/s^2.
 fn axis(rig: &hardware_sim::Rig) -> Grbl {
-    Grbl::open(GrblSettings {
-        port: rig.serial_path().to_str().unwrap().into(),
-        baud: 115_200,
-        axis: AxisLetter::X,
-        steps_per_unit: [100, 1],
-        max_rate_units_per_min: 500.0,
-        acceleration_units_per_s2: 20.0,
-        reference: Reference::Home,
-        dialect: Dialect::Auto,
-        answer_timeout_ms: 2000,
-        homing_timeout_ms: 60_000,
-    })
-    .unwrap()
+    Grbl::open(controllers::grbl(controllers::serial_port(rig), Reference::Home)).unwrap()
 }
 
 fn camera_settings(rig: &hardware_sim::Rig) -> AravisSettings {

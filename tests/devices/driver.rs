@@ -1,5 +1,4 @@
 //! An emulated rig for the tests of motion drivers, and waiting for its state.
-#![allow(dead_code, unused_imports, clippy::unwrap_used)] // each test binary uses its own part; a harness may panic
 
 pub use crate::common::until;
 

@@ -1,5 +1,4 @@
 //! One revolution through a real driver and the real camera, compared with the true exposures.
-#![allow(dead_code, unused_imports)] // each test binary uses its own part
 
 pub use crate::common::{PATIENCE, until};
 
