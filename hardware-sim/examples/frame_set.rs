@@ -1,6 +1,7 @@
 //! Writes the frames with which segmentation and detection are evaluated, with their ground truth.
 //!
-//! `frame_set OUT [SEED]`. Seed 1 is the set on which methods are tuned. Per frame:
+//! `frame_set OUT [SEED] [clean|dust]`. Seed 1 is the set on which methods are tuned. `clean` frames have a clean capillary. `dust` gives
+//! the same frames with as much dust as real VAST frames have. Per frame:
 //!
 //! ```text
 //!   NAME.png        image of the camera, RGB         NAME.truth.png   coverage by the specimens, 0 to 255
@@ -11,7 +12,7 @@
 //! Frames for segmentation are written to OUT, labelled examples for detection to OUT/detection.
 
 use hardware_sim::scene::Outline;
-use hardware_sim::scene::frame_set::{FrameSpec, detection_set, frame_set};
+use hardware_sim::scene::frame_set::{FrameSpec, Realism, detection_set_of, frame_set_of};
 use image::ColorType::{L8, Rgb8};
 use rayon::prelude::*;
 use std::error::Error;
@@ -23,11 +24,16 @@ type Failure = Box<dyn Error + Send + Sync>;
 fn main() -> Result<(), Failure> {
     let mut args = std::env::args().skip(1);
     let Some(out) = args.next().map(PathBuf::from) else {
-        return Err("frame_set OUT [SEED]".into());
+        return Err("frame_set OUT [SEED] [clean|dust]".into());
     };
     let seed: u64 = args.next().map(|s| s.parse()).transpose()?.unwrap_or(1);
-    write_all(&out, &frame_set(seed)?)?;
-    write_all(&out.join("detection"), &detection_set(seed)?)
+    let realism = match args.next().as_deref() {
+        None | Some("clean") => Realism::Clean,
+        Some("dust") => Realism::Dust,
+        Some(other) => return Err(format!("{other} is no kind of frames; choose clean or dust").into()),
+    };
+    write_all(&out, &frame_set_of(seed, realism)?)?;
+    write_all(&out.join("detection"), &detection_set_of(seed, realism)?)
 }
 
 fn write_all(out: &Path, specs: &[FrameSpec]) -> Result<(), Failure> {

@@ -28,7 +28,7 @@ pub use contents::Contents;
 pub use fluorescence::{Fluorescent, FluorescentSettings};
 pub use image::{Coverage, Rgb};
 pub use ink::InkDot;
-pub use nuisance::{Drift, HotPixels, LightCentre, Marks, Motion, Nuisances};
+pub use nuisance::{Drift, Dust, HotPixels, LightCentre, Marks, Motion, Nuisances};
 pub use optics::Optics;
 pub use outline::Outline;
 pub use phantom::{Larva, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
@@ -84,7 +84,7 @@ impl Scene {
     /// A scene with an empty capillary.
     pub fn new(settings: SceneSettings) -> Self {
         let mut sharp = background(&settings.camera, &settings.capillary, &settings.optics);
-        settings.nuisances.shade_field(&mut sharp, &settings.camera);
+        settings.nuisances.shade_field(&mut sharp, &settings.camera, &settings.capillary);
         let soft = blurred(&sharp, settings.camera.width as usize, settings.optics.blur_px);
         Self { settings, sharp, soft, loaded: RwLock::default() }
     }

@@ -33,6 +33,16 @@ pub enum Difficulty {
     Vicious,
 }
 
+/// How near the frames of a list are to real VAST frames. The recipes, individuals and placements are the same in all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Realism {
+    /// A clean capillary.
+    Clean,
+    /// The clean frames with as much dust as real frames have.
+    Dust,
+}
+
 /// The correct answer of a detector. Clutter beside a larva does not change the class.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -128,7 +138,15 @@ impl FrameSpec {
 /// # Errors
 /// A frame cannot be made: its recipe does not fit the individual of this seed.
 pub fn frame_set(seed: u64) -> Result<Vec<FrameSpec>, FrameSetError> {
-    specs(frames::recipes(), seed)
+    frame_set_of(seed, Realism::Clean)
+}
+
+/// The 72 frames of [`frame_set`] with the dirt of real frames.
+///
+/// # Errors
+/// As [`frame_set`].
+pub fn frame_set_of(seed: u64, realism: Realism) -> Result<Vec<FrameSpec>, FrameSetError> {
+    specs(frames::recipes(), seed, realism)
 }
 
 /// Labelled examples of all classes that a detector must distinguish.
@@ -136,12 +154,20 @@ pub fn frame_set(seed: u64) -> Result<Vec<FrameSpec>, FrameSetError> {
 /// # Errors
 /// As [`frame_set`].
 pub fn detection_set(seed: u64) -> Result<Vec<FrameSpec>, FrameSetError> {
-    // These individuals are not those of the frames for segmentation.
-    specs(detection::recipes(), seed ^ 0xDE7E_C700)
+    detection_set_of(seed, Realism::Clean)
 }
 
-fn specs(recipes: Vec<Recipe>, seed: u64) -> Result<Vec<FrameSpec>, FrameSetError> {
-    recipes.into_par_iter().enumerate().map(|(index, recipe)| recipe.spec(seed, index as u64)).collect()
+/// The labelled examples of [`detection_set`] with the dirt of real frames.
+///
+/// # Errors
+/// As [`frame_set`].
+pub fn detection_set_of(seed: u64, realism: Realism) -> Result<Vec<FrameSpec>, FrameSetError> {
+    // These individuals are not those of the frames for segmentation.
+    specs(detection::recipes(), seed ^ 0xDE7E_C700, realism)
+}
+
+fn specs(recipes: Vec<Recipe>, seed: u64, realism: Realism) -> Result<Vec<FrameSpec>, FrameSetError> {
+    recipes.into_par_iter().enumerate().map(|(index, recipe)| recipe.spec(seed, index as u64, realism)).collect()
 }
 
 #[cfg(test)]

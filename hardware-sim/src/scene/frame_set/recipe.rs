@@ -7,8 +7,8 @@
 
 use super::item::{Item, Kind};
 use super::labels::Labels;
-use super::{Class, Difficulty, FrameSetError, FrameSpec};
-use crate::scene::nuisance::{Drift, HotPixels, LightCentre, Marks, Motion};
+use super::{Class, Difficulty, FrameSetError, FrameSpec, Realism};
+use crate::scene::nuisance::{Drift, Dust, HotPixels, LightCentre, Marks, Motion};
 use crate::scene::seeded::{Seeded, mixed};
 use crate::scene::{Contents, Placement, SceneSettings, Specimen};
 use std::f64::consts::FRAC_PI_2;
@@ -66,6 +66,9 @@ const SLACK: f64 = 1.0002;
 const FILM_UM: f64 = 10.0;
 /// The largest part of the bore that specimens may fill if the recipe does not set it. The bore is widened for that.
 const FULLEST: f64 = 0.96;
+
+/// Frames have at most this factor more or less dust than usual.
+const DUSTINESS: f64 = 1.3;
 
 impl Recipe {
     pub fn empty(name: &'static str) -> Self {
@@ -230,7 +233,7 @@ impl Recipe {
     }
 
     /// The frame for the seed of a list and a position in the list.
-    pub(super) fn spec(self, list_seed: u64, index: u64) -> Result<FrameSpec, FrameSetError> {
+    pub(super) fn spec(self, list_seed: u64, index: u64, realism: Realism) -> Result<FrameSpec, FrameSetError> {
         // 32 bits, so that readers that store numbers as f64 do not change the seed.
         let seed = mixed(mixed(list_seed) ^ index) & 0xFFFF_FFFF;
         let mut draw = Seeded::new(seed);
@@ -253,6 +256,11 @@ impl Recipe {
         spec.settings.optics = spec.settings.optics.with_noise(self.noise);
         spec.settings.optics.noise_seed = seed;
         spec.settings.nuisances.seed = seed;
+        if realism == Realism::Dust {
+            // Its own stream, so that the frame is otherwise that of the clean list.
+            let density = DUSTINESS.powf(Seeded::new(mixed(seed ^ 0xD057)).between(-1.0, 1.0));
+            spec.settings.nuisances = spec.settings.nuisances.with_dust(Dust::USUAL.times(density));
+        }
         let mut contents = Contents::default();
         for (i, (kind, mut placement)) in self.specimens.into_iter().enumerate() {
             placement.x_um += draw.between(-30.0, 30.0);

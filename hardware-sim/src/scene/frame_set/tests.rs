@@ -1,6 +1,7 @@
 //! Tests of the lists, for the seed on which methods are tuned and for another one.
 
 use super::*;
+use crate::scene::Nuisances;
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
@@ -93,7 +94,7 @@ fn detection_has_six_and_more_of_each() {
 fn a_frame_repeats_and_its_labels_are_those_of_its_outline() {
     let wedged = THE_SET.iter().find(|s| s.name == "vicious_bead_wedged").unwrap();
     let place = THE_SET.iter().position(|s| s == wedged).unwrap();
-    assert_eq!(&frames::recipes().swap_remove(place).spec(1, place as u64).unwrap(), wedged, "a spec repeats");
+    assert_eq!(&frames::recipes().swap_remove(place).spec(1, place as u64, Realism::Clean).unwrap(), wedged, "a spec repeats");
     let rendered = wedged.render().unwrap();
     assert_eq!(rendered, wedged.render().unwrap());
     assert_eq!(rendered.edge.len(), 1);
@@ -101,4 +102,18 @@ fn a_frame_repeats_and_its_labels_are_those_of_its_outline() {
     // 420 um, and the bead's silhouette fills its bore's.
     assert!((height[1] - height[0] - 420.0 / 5.5).abs() < 0.2, "{height:?}");
     assert!((wedged.labels.fill - 1.0).abs() < 0.01);
+}
+
+#[test]
+fn the_list_with_dust_differs_from_the_clean_one_by_its_dust_only() {
+    let dusty = frame_set_of(1, Realism::Dust).unwrap();
+    assert_eq!(dusty.len(), THE_SET.len());
+    for (clean, dusty) in THE_SET.iter().zip(&dusty) {
+        let Nuisances { window_dust, glass_dust, water_dust, .. } = &dusty.settings.nuisances;
+        let density = window_dust.specks_per_1000px + glass_dust.specks_per_1000px + water_dust.specks_per_1000px;
+        assert!((60.0..105.0).contains(&density), "{}: {density} specks", dusty.name);
+        let mut cleaned = dusty.clone();
+        cleaned.settings.nuisances = clean.settings.nuisances.clone();
+        assert_eq!(&cleaned, clean);
+    }
 }

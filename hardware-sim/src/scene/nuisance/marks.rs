@@ -29,11 +29,11 @@ impl Default for Marks {
 }
 
 /// A mark in the image: a bent line, or one point.
-struct Mark {
-    points_px: Vec<[f64; 2]>,
+pub(super) struct Mark {
+    pub points_px: Vec<[f64; 2]>,
     /// Distance at which it ends.
-    radius_px: f64,
-    depth: f64,
+    pub radius_px: f64,
+    pub depth: f64,
 }
 
 /// A mark on a surface, in coordinates along it.
@@ -99,7 +99,7 @@ impl Marks {
     }
 }
 
-fn shade(mark: &Mark, light: &mut [[f32; 3]], width: usize) {
+pub(super) fn shade(mark: &Mark, light: &mut [[f32; 3]], width: usize) {
     let height = light.len() / width.max(1);
     let span = |axis: usize, size: usize| {
         let low = mark.points_px.iter().map(|p| p[axis]).fold(f64::INFINITY, f64::min) - mark.radius_px;

@@ -3,15 +3,19 @@
 //! ```text
 //!   lamp  x off-centre light  x marks on the window  x marks on the glass  x specimen -> blur -> motion -> x drift -> hot pixels
 //!          \_______ fixed in the picture ________/    turn with the shaft                               by exposure    fixed
+//!                                x dust                x dust on the glass
+//!                                                      x dust in the water
 //! ```
 //! Vignetting, defocus and noise belong to [`super::Optics`]. A tilted capillary is `gamma_rad` of the camera, a narrow one its bore. No
 //! nuisance changes the ground truth.
 
+mod dust;
 mod lamp;
 mod marks;
 mod motion;
 mod sensor;
 
+pub use dust::Dust;
 pub use lamp::{Drift, LightCentre};
 pub use marks::Marks;
 pub use motion::Motion;
@@ -32,23 +36,43 @@ pub struct Nuisances {
     pub window: Marks,
     /// Scratches and dust on the outside of the capillary. They turn with it.
     pub glass: Marks,
+    /// Dust on the window. It does not move in the image.
+    pub window_dust: Dust,
+    /// Dust on the outside of the capillary. It turns with it.
+    pub glass_dust: Dust,
+    /// Dust in the water of the bore. It turns with the capillary.
+    pub water_dust: Dust,
     pub motion: Motion,
     pub drift: Drift,
     pub hot_pixels: HotPixels,
 }
 
+/// The parts of the dust on the window, on the glass and in the water. Real frames show their sum only.
+const SHARES: [f64; 3] = [0.2, 0.5, 0.3];
+
 impl Nuisances {
-    /// Applies what does not depend on the exposure to the sharp image of the empty capillary.
-    pub(super) fn shade_field(&self, light: &mut [[f32; 3]], camera: &Camera) {
-        self.light_centre.shade(light, camera);
-        self.window.shade_fixed(light, camera, self.seed);
+    /// Distributes the dust over the window, the glass and the water.
+    #[must_use]
+    pub fn with_dust(self, all: Dust) -> Self {
+        let [window_dust, glass_dust, water_dust] = SHARES.map(|share| all.times(share));
+        Self { window_dust, glass_dust, water_dust, ..self }
     }
 
-    /// The sharp image of the empty capillary with the marks that turn with the shaft. `None` if there are no such marks.
+    /// Applies what does not depend on the exposure to the sharp image of the empty capillary.
+    pub(super) fn shade_field(&self, light: &mut [[f32; 3]], camera: &Camera, capillary: &Capillary) {
+        self.light_centre.shade(light, camera);
+        self.window.shade_fixed(light, camera, self.seed);
+        self.window_dust.shade_fixed(light, camera, capillary, self.seed);
+    }
+
+    /// The sharp image of the empty capillary with the marks and the dust that turn with the shaft. `None` if there are none.
     pub(super) fn marked(&self, light: &[[f32; 3]], camera: &Camera, capillary: &Capillary, angle_rad: f64) -> Option<Vec<[f32; 3]>> {
-        (!self.glass.none()).then(|| {
+        let none = self.glass.none() && self.glass_dust.none() && self.water_dust.none();
+        (!none).then(|| {
             let mut light = light.to_vec();
             self.glass.shade_turning(&mut light, camera, capillary, angle_rad, self.seed);
+            self.glass_dust.shade_on_glass(&mut light, camera, capillary, angle_rad, self.seed);
+            self.water_dust.shade_in_water(&mut light, camera, capillary, angle_rad, self.seed);
             light
         })
     }

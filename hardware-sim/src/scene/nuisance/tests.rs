@@ -68,6 +68,105 @@ fn marks_on_the_glass_lie_on_the_glass() {
     assert!(marked_rows > 100, "{marked_rows}");
 }
 
+/// The share of light that each pixel of one colour loses, without blur.
+fn lost(nuisances: Nuisances, angle_rad: f64) -> Vec<f64> {
+    let frame = |nuisances| {
+        let optics = Optics { light_rgb: [250.0; 3], ..Optics::exact() };
+        Scene::new(SceneSettings { optics, nuisances, ..SceneSettings::default() }).render(&Exposure { angle_rad, number: 0 })
+    };
+    let (clean, dusty) = (frame(Nuisances::default()), frame(nuisances));
+    clean.data.iter().zip(&dusty.data).step_by(3).map(|(c, d)| 1.0 - f64::from(*d) / f64::from((*c).max(1))).collect()
+}
+
+/// The bore of the default scene is 118 px wide, around row 511.5. Rows near its walls are left out, because eight bits of a dark wall
+/// do not show faint specks.
+const BORE_ROWS: std::ops::Range<usize> = 457..567;
+
+/// Connected pieces that lose more than 1 % somewhere above `least`, in the rows of the bore.
+fn pieces(lost: &[f64], least: f64) -> usize {
+    let (width, rows) = (1024, BORE_ROWS.len());
+    let inside = |i: usize| lost[BORE_ROWS.start * width + i];
+    let mut seen = vec![false; width * rows];
+    let mut pieces = 0;
+    for first in 0..seen.len() {
+        let (mut stack, mut deepest) = (vec![first], 0.0f64);
+        while let Some(i) = stack.pop() {
+            if seen[i] || inside(i) < 0.01 {
+                continue;
+            }
+            seen[i] = true;
+            deepest = deepest.max(inside(i));
+            let (u, v) = (i % width, i / width);
+            let near = [(u > 0, i.wrapping_sub(1)), (u + 1 < width, i + 1), (v > 0, i.wrapping_sub(width)), (v + 1 < rows, i + width)];
+            stack.extend(near.into_iter().filter_map(|(is, j)| is.then_some(j)));
+        }
+        pieces += usize::from(deepest > least);
+    }
+    pieces
+}
+
+#[test]
+fn each_layer_of_dust_has_the_stated_number_of_specks_in_the_image_of_the_bore() {
+    let dust = Dust { specks_per_1000px: 60.0, faint_per_1000px: 0.0 };
+    // Of a length of 1024 px, and of 110 of the 118 rows.
+    let expected = 60.0 * 1.024 * 110.0 / 118.0;
+    let clean = Nuisances::default();
+    for (layer, of) in [
+        ("window", Nuisances { window_dust: dust, ..clean.clone() }),
+        ("glass", Nuisances { glass_dust: dust, ..clean.clone() }),
+        ("water", Nuisances { water_dust: dust, ..clean.clone() }),
+    ] {
+        let counts = (0..6u64).map(|seed| pieces(&lost(Nuisances { seed, ..of.clone() }, 0.4), 0.018) as f64);
+        let mean = counts.sum::<f64>() / 6.0;
+        // One frame varies by 8, six by 3. Some 5 % of the specks overlap another one, and specks at the rows' ends add 5 %.
+        assert!((mean - expected).abs() < 9.0, "{layer}: {mean} specks instead of {expected}");
+    }
+}
+
+#[test]
+fn specks_are_as_deep_as_those_of_real_frames() {
+    let dust = |specks_per_1000px, faint_per_1000px| Nuisances {
+        window_dust: Dust { specks_per_1000px, faint_per_1000px },
+        ..Nuisances::default()
+    };
+    let visible = lost(dust(30.0, 0.0), 0.0);
+    let count = |least| pieces(&visible, least) as f64;
+    // The median is 4.5 %, and 10 % are deeper than 4.5 % e^(1.28 * 0.62) = 10 %.
+    let [half, tenth] = [0.045, 0.10].map(|least| count(least) / count(0.018));
+    assert!((0.3..0.7).contains(&half) && (0.02..0.25).contains(&tenth), "{half} and {tenth}");
+    let faintest = lost(dust(0.0, 30.0), 0.0).into_iter().fold(0.0, f64::max);
+    // One of 250 levels is 0.4 %.
+    assert!((0.014..0.033).contains(&faintest), "faint specks lose at most {faintest}");
+}
+
+#[test]
+fn dust_on_the_window_stays_and_dust_on_glass_and_in_water_turns() {
+    let dust = Dust { specks_per_1000px: 80.0, faint_per_1000px: 0.0 };
+    let window = Nuisances { window_dust: dust, ..Nuisances::default() };
+    assert_eq!(frame(window.clone(), 0.0, 0), frame(window, 1.0, 0));
+    for turning in [Nuisances { glass_dust: dust, ..Nuisances::default() }, Nuisances { water_dust: dust, ..Nuisances::default() }] {
+        let (share, most) = unlike(&frame(turning.clone(), 0.0, 0), &frame(turning.clone(), 1.0, 0));
+        assert!((0.001..0.05).contains(&share) && most > 10, "{share} of the pixels, by up to {most}");
+        let whole_turn = frame(turning.clone(), 0.4 + std::f64::consts::TAU, 0);
+        assert!(unlike(&frame(turning, 0.4, 0), &whole_turn).1 <= 1, "after a whole turn the dust is at its place again");
+    }
+}
+
+#[test]
+fn dust_in_the_water_stays_in_the_bore_and_lies_at_all_depths() {
+    let dust = Dust { specks_per_1000px: 400.0, faint_per_1000px: 0.0 };
+    let rows = |angle: f64| -> Vec<usize> {
+        let lost = lost(Nuisances { water_dust: dust, ..Nuisances::default() }, angle);
+        lost.chunks(1024).enumerate().filter(|(_, row)| row.iter().any(|&l| l > 0.02)).map(|(v, _)| v).collect()
+    };
+    for angle in [0.0, 1.3] {
+        let rows = rows(angle);
+        // The wall is 59 px from the axis, and the border of a speck at most 7 px from its middle.
+        assert!(rows.iter().all(|&v| (v as f64 - 511.5).abs() < 67.0), "at {angle}: rows {rows:?}");
+        assert!(rows.len() > 100, "at {angle}: {} rows", rows.len());
+    }
+}
+
 #[test]
 fn the_lamp_drifts_by_exposure_towards_its_end() {
     let drift = Drift { level: -0.2, colour: 0.05, exposures: 10.0, flicker: 0.0 };
@@ -150,6 +249,7 @@ fn nuisances_do_not_change_the_ground_truth() {
         motion: Motion { u_px: 1.0, v_px: 1.0 },
         drift: Drift { level: 0.1, ..Drift::default() },
         hot_pixels: HotPixels { count: 50, ..HotPixels::default() },
+        ..Nuisances::default().with_dust(Dust::USUAL)
     };
     let mask = |nuisances| {
         let scene = Scene::new(settings(nuisances));
