@@ -1,7 +1,7 @@
 //! Writes the frames with which segmentation and detection are evaluated, with their ground truth.
 //!
-//! `frame_set OUT [SEED] [clean|dust]`. Seed 1 is the set on which methods are tuned. `clean` frames have a clean capillary. `dust` gives
-//! the same frames with as much dust as real VAST frames have. Per frame:
+//! `frame_set OUT [SEED] [clean|dust|real]`. Seed 1 is the set on which methods are tuned. `clean` frames have a clean capillary. `dust` gives
+//! the same frames with as much dust as real VAST frames have, and `real` also their light, walls, blur and noise. Per frame:
 //!
 //! ```text
 //!   NAME.png        image of the camera, RGB         NAME.truth.png   coverage by the specimens, 0 to 255
@@ -24,13 +24,14 @@ type Failure = Box<dyn Error + Send + Sync>;
 fn main() -> Result<(), Failure> {
     let mut args = std::env::args().skip(1);
     let Some(out) = args.next().map(PathBuf::from) else {
-        return Err("frame_set OUT [SEED] [clean|dust]".into());
+        return Err("frame_set OUT [SEED] [clean|dust|real]".into());
     };
     let seed: u64 = args.next().map(|s| s.parse()).transpose()?.unwrap_or(1);
     let realism = match args.next().as_deref() {
         None | Some("clean") => Realism::Clean,
         Some("dust") => Realism::Dust,
-        Some(other) => return Err(format!("{other} is no kind of frames; choose clean or dust").into()),
+        Some("real") => Realism::Real,
+        Some(other) => return Err(format!("{other} is no kind of frames; choose clean, dust or real").into()),
     };
     write_all(&out, &frame_set_of(seed, realism)?)?;
     write_all(&out.join("detection"), &detection_set_of(seed, realism)?)

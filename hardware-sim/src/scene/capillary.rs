@@ -24,8 +24,25 @@ pub struct Capillary {
     pub bore_shade: f64,
     /// How far from the wall this loss reaches.
     pub bore_shade_px: f64,
+    /// Loss of light in the whole bore against the light outside the capillary, 0 to 1.
+    pub bore_loss: f64,
+    /// The lower wall, if it does not look like the upper one. [`Capillary::lower_share`] applies in addition.
+    pub lower: Option<Wall>,
     /// A dot of ink on the outside, which turns with the glass.
     pub ink: Option<InkDot>,
+}
+
+/// The appearance of one wall. The glass of a real capillary looks thicker on one side than on the other, because it is not exactly
+/// perpendicular to the line of sight.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Wall {
+    /// Distance of the outer line from the inner one. Below 20 um the two blend into one.
+    pub glass_um: f64,
+    /// As [`Capillary::wall_line_px`].
+    pub line_px: f64,
+    /// As [`Capillary::bore_shade`].
+    pub bore_shade: f64,
 }
 
 impl Default for Capillary {
@@ -40,6 +57,8 @@ impl Default for Capillary {
             glass_shade: 0.32,
             bore_shade: 0.12,
             bore_shade_px: 7.0,
+            bore_loss: 0.0,
+            lower: None,
             ink: None,
         }
     }
@@ -50,6 +69,13 @@ impl Capillary {
         self.bore_diameter_um / 2.0
     }
 
+    /// The upper and the lower wall.
+    pub fn walls(&self) -> [Wall; 2] {
+        let upper = Wall { glass_um: self.glass_um, line_px: self.wall_line_px, bore_shade: self.bore_shade };
+        [upper, self.lower.unwrap_or(upper)]
+    }
+
+    /// Radius of the outside of the glass.
     pub fn outer_radius_um(&self) -> f64 {
         self.bore_radius_um() + self.glass_um
     }

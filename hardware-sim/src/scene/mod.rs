@@ -20,10 +20,11 @@ pub mod nuisance;
 pub mod optics;
 pub mod outline;
 pub mod phantom;
+mod real;
 pub(crate) mod seeded;
 
 pub use camera::Camera;
-pub use capillary::Capillary;
+pub use capillary::{Capillary, Wall};
 pub use contents::Contents;
 pub use fluorescence::{Fluorescent, FluorescentSettings};
 pub use image::{Coverage, Rgb};

@@ -41,6 +41,8 @@ pub enum Realism {
     Clean,
     /// The clean frames with as much dust as real frames have.
     Dust,
+    /// In addition light, blur, noise and walls of real frames, and colours interpolated from a mosaic.
+    Real,
 }
 
 /// The correct answer of a detector. Clutter beside a larva does not change the class.
@@ -74,6 +76,8 @@ pub struct FrameSpec {
     pub seed: u64,
     /// The frame is to be used as a monochrome frame.
     pub mono: bool,
+    /// The colours of the frame are interpolated from its mosaic.
+    pub demosaicked: bool,
     #[serde(flatten)]
     pub labels: Labels,
 }
@@ -124,8 +128,9 @@ impl FrameSpec {
     /// As [`FrameSpec::scene`].
     pub fn render(&self) -> Result<Rendered, FrameSetError> {
         let scene = self.scene()?;
+        let frame = scene.render(&Exposure { angle_rad: self.angle_rad, number: self.number });
         Ok(Rendered {
-            frame: scene.render(&Exposure { angle_rad: self.angle_rad, number: self.number }),
+            frame: if self.demosaicked { frame.demosaicked() } else { frame },
             truth: scene.truth_mask(self.angle_rad),
             edge: scene.truth_edge(self.angle_rad),
             body_edge: scene.body_edge(self.angle_rad),

@@ -8,7 +8,8 @@
 use super::item::{Item, Kind};
 use super::labels::Labels;
 use super::{Class, Difficulty, FrameSetError, FrameSpec, Realism};
-use crate::scene::nuisance::{Drift, Dust, HotPixels, LightCentre, Marks, Motion};
+use crate::scene::nuisance::{Drift, HotPixels, LightCentre, Marks, Motion};
+use crate::scene::real;
 use crate::scene::seeded::{Seeded, mixed};
 use crate::scene::{Contents, Placement, SceneSettings, Specimen};
 use std::f64::consts::FRAC_PI_2;
@@ -66,9 +67,6 @@ const SLACK: f64 = 1.0002;
 const FILM_UM: f64 = 10.0;
 /// The largest part of the bore that specimens may fill if the recipe does not set it. The bore is widened for that.
 const FULLEST: f64 = 0.96;
-
-/// Frames have at most this factor more or less dust than usual.
-const DUSTINESS: f64 = 1.3;
 
 impl Recipe {
     pub fn empty(name: &'static str) -> Self {
@@ -248,6 +246,7 @@ impl Recipe {
             number: draw.between(20.0, 40.0) as u64,
             seed,
             mono: self.mono,
+            demosaicked: realism == Realism::Real,
             labels: Labels::default(),
         };
         // A random position of the axis relative to the pixels.
@@ -256,11 +255,7 @@ impl Recipe {
         spec.settings.optics = spec.settings.optics.with_noise(self.noise);
         spec.settings.optics.noise_seed = seed;
         spec.settings.nuisances.seed = seed;
-        if realism == Realism::Dust {
-            // Its own stream, so that the frame is otherwise that of the clean list.
-            let density = DUSTINESS.powf(Seeded::new(mixed(seed ^ 0xD057)).between(-1.0, 1.0));
-            spec.settings.nuisances = spec.settings.nuisances.with_dust(Dust::USUAL.times(density));
-        }
+        spec.settings = realism.applied(spec.settings, seed);
         let mut contents = Contents::default();
         for (i, (kind, mut placement)) in self.specimens.into_iter().enumerate() {
             placement.x_um += draw.between(-30.0, 30.0);
@@ -292,6 +287,22 @@ impl Recipe {
             .map_err(|source| FrameSetError::Placement { name: spec.name.clone(), source })?;
         spec.labels = Labels::measured(&settled, &spec.settings, spec.angle_rad);
         Ok(spec)
+    }
+}
+
+impl Realism {
+    /// The settings of a clean frame, made as real as this.
+    fn applied(self, clean: SceneSettings, seed: u64) -> SceneSettings {
+        match self {
+            Self::Clean => clean,
+            Self::Dust => SceneSettings { nuisances: clean.nuisances.with_real_dust(seed), ..clean },
+            Self::Real => SceneSettings {
+                capillary: clean.capillary.with_real_walls(seed),
+                optics: clean.optics.with_real_light(seed).with_noise(real::NOISE),
+                nuisances: clean.nuisances.with_real_dust(seed),
+                ..clean
+            },
+        }
     }
 }
 

@@ -9,7 +9,7 @@
 
 use super::Optics;
 use crate::scene::camera::Camera;
-use crate::scene::capillary::Capillary;
+use crate::scene::capillary::{Capillary, Wall};
 use rayon::prelude::*;
 
 /// Light per pixel and colour, in 8-bit units, before blur and noise.
@@ -37,6 +37,7 @@ struct WallColumn {
     /// Upper and lower line, of the bore and of the outside.
     inner: [f64; 2],
     outer: [f64; 2],
+    walls: [Wall; 2],
 }
 
 impl WallColumn {
@@ -48,26 +49,33 @@ impl WallColumn {
             let grazing = radius_um / (1.0 - (radius_um / camera.f_um).powi(2)).max(1e-6).sqrt();
             [-grazing, grazing].map(|y| view.project([x_um, y, 0.0]).v_px)
         };
-        Self { inner: line(capillary.bore_radius_um()), outer: line(capillary.bore_radius_um() + capillary.glass_um) }
+        let walls = capillary.walls();
+        let [upper, lower] = walls.map(|wall| line(capillary.bore_radius_um() + wall.glass_um));
+        Self { inner: line(capillary.bore_radius_um()), outer: [upper[0], lower[1]], walls }
     }
 
     fn transmission(&self, v_px: f64, capillary: &Capillary) -> [f64; 3] {
         let mut out = [1.0; 3];
+        if capillary.bore_loss > 0.0 {
+            let within = step_over((v_px - self.inner[0]) / 0.5) * step_over((self.inner[1] - v_px) / 0.5);
+            out = [1.0 - capillary.bore_loss * within; 3];
+        }
         for (side, strength) in [1.0, capillary.lower_share].into_iter().enumerate() {
             let outward = if side == 0 { -1.0 } else { 1.0 };
             let thickness = outward * (self.outer[side] - self.inner[side]);
+            let wall = &self.walls[side];
             for (k, value) in out.iter_mut().enumerate() {
                 let shifted = v_px - capillary.fringe_px * (1.0 - k as f64);
                 // Distance outside the bore.
                 let from_inner = outward * (shifted - self.inner[side]);
-                let line = |at: f64, depth: f64| 1.0 - depth * (-0.5 * ((from_inner - at) / capillary.wall_line_px).powi(2)).exp();
+                let line = |at: f64, depth: f64| 1.0 - depth * (-0.5 * ((from_inner - at) / wall.line_px).powi(2)).exp();
                 // Grey between the lines, with half a pixel of transition.
                 let within = step_over(from_inner / 0.5) * step_over((thickness - from_inner) / 0.5);
                 // The wall bends light away on both sides of its line.
                 let halo = if from_inner > 0.0 {
                     0.25 * capillary.wall_contrast * (-(from_inner - thickness).abs() / 1.6).exp()
                 } else {
-                    capillary.bore_shade * (from_inner / capillary.bore_shade_px).exp()
+                    wall.bore_shade * (from_inner / capillary.bore_shade_px).exp()
                 };
                 *value *= line(0.0, strength * capillary.wall_contrast)
                     * line(thickness, 0.6 * strength * capillary.wall_contrast)
