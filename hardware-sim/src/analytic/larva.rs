@@ -49,7 +49,7 @@ impl Body {
             3 => (3_700.0, 2.40e8, 1.0),
             4 => (3_900.0, 2.66e8, 0.5),
             5 => (4_100.0, 3.05e8, 0.0),
-            found => return Err(LarvaError::Age { found }),
+            found => return Err(LarvaError::Age { found, first: 3, last: 5 }),
         };
         let mut s = Seeded::new(mixed(seed ^ (u64::from(dpf) << 56) ^ 0xA11A));
         let length_um = (length_um * (1.0 + s.normal(0.018))).clamp(3_600.0, 4_200.0);

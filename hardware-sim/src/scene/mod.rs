@@ -32,7 +32,7 @@ pub use ink::InkDot;
 pub use nuisance::{Drift, Dust, HotPixels, LightCentre, Marks, Motion, Nuisances};
 pub use optics::Optics;
 pub use outline::Outline;
-pub use phantom::{Larva, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
+pub use phantom::{Condition, Larva, Look, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
 
 use optics::{Window, background, blur_reach, blurred, covered, exposed, thickness, transmission};
 use phantom::{Material, Part, Within};

@@ -1,7 +1,7 @@
 //! Objects that a frame can contain, in serializable form.
 
 use super::FrameSetError;
-use crate::scene::{Larva, Placement, Specimen};
+use crate::scene::{Larva, Look, Placement, Specimen};
 use serde::Serialize;
 
 /// The kind of an object, with its sizes in um.
@@ -25,6 +25,8 @@ pub struct Item {
     /// Seed of the individual.
     pub seed: u64,
     pub placement: Placement,
+    /// Appearance of a living larva. It does not apply to other objects.
+    pub look: Look,
 }
 
 impl Item {
@@ -33,8 +35,10 @@ impl Item {
         let larva = |source| FrameSetError::Larva { name: frame.to_owned(), source };
         let size = |source| FrameSetError::Size { name: frame.to_owned(), source };
         let specimen = match self.kind {
-            Kind::Larva { dpf, fins: true } => Specimen::larva(dpf, self.seed).map_err(larva),
-            Kind::Larva { dpf, fins: false } => Larva::new(dpf, self.seed).map(|l| l.without_fins().specimen()).map_err(larva),
+            Kind::Larva { dpf, fins } => Larva::new(dpf, self.seed)
+                .map(|larva| larva.with_look(self.look))
+                .map(|larva| if fins { larva.specimen() } else { larva.without_fins().specimen() })
+                .map_err(larva),
             Kind::DeadLarva { dpf } => Specimen::dead_larva(dpf, self.seed).map_err(larva),
             Kind::Bead { diameter_um } => Specimen::bead(diameter_um).map_err(size),
             Kind::Bubble { diameter_um } => Specimen::bubble(diameter_um).map_err(size),

@@ -33,7 +33,8 @@ pub enum Difficulty {
     Vicious,
 }
 
-/// How near the frames of a list are to real VAST frames. The recipes, individuals and placements are the same in all.
+/// How near the frames of a list are to real VAST frames. The recipes, the seeds of the individuals and the
+/// placements are the same in all.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Realism {
@@ -41,7 +42,7 @@ pub enum Realism {
     Clean,
     /// The clean frames with as much dust as real frames have.
     Dust,
-    /// In addition light, blur, noise and walls of real frames, and colours interpolated from a mosaic.
+    /// In addition light, blur, noise, walls and larvae as on real frames, and colours interpolated from a mosaic.
     Real,
 }
 

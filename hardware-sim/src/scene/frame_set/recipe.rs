@@ -11,7 +11,7 @@ use super::{Class, Difficulty, FrameSetError, FrameSpec, Realism};
 use crate::scene::nuisance::{Drift, HotPixels, LightCentre, Marks, Motion};
 use crate::scene::real;
 use crate::scene::seeded::{Seeded, mixed};
-use crate::scene::{Contents, Placement, SceneSettings, Specimen};
+use crate::scene::{Contents, Look, Placement, SceneSettings, Specimen};
 use std::f64::consts::FRAC_PI_2;
 
 /// The position of a single specimen across the bore.
@@ -260,7 +260,9 @@ impl Recipe {
         for (i, (kind, mut placement)) in self.specimens.into_iter().enumerate() {
             placement.x_um += draw.between(-30.0, 30.0);
             placement.roll_rad += draw.between(-0.12, 0.12);
-            let item = Item { kind, seed: mixed(seed + i as u64) & 0xFFFF_FFFF, placement };
+            let individual = mixed(seed + i as u64) & 0xFFFF_FFFF;
+            let look = realism.look(kind, individual);
+            let item = Item { kind, seed: individual, placement, look };
             contents.specimens.push(item.specimen(&spec.name)?);
             spec.specimens.push(item);
         }
@@ -276,7 +278,8 @@ impl Recipe {
                 Kind::Plug { length_um, .. } => Kind::Plug { length_um, diameter_um: spec.settings.capillary.bore_diameter_um - FILM_UM },
                 kind => kind,
             };
-            let mut item = Item { kind, seed: mixed(seed ^ (0xC1 + i as u64)) & 0xFFFF_FFFF, placement: Placement::default() };
+            let mut item =
+                Item { kind, seed: mixed(seed ^ (0xC1 + i as u64)) & 0xFFFF_FFFF, placement: Placement::default(), look: Look::default() };
             let clutter = item.specimen(&spec.name)?;
             item.placement = beside.placement(&clutter, contents.specimens.first(), &spec);
             contents.clutter.push(clutter.placed(item.placement));
@@ -291,6 +294,14 @@ impl Recipe {
 }
 
 impl Realism {
+    /// The appearance of an object.
+    fn look(self, kind: Kind, seed: u64) -> Look {
+        match (self, kind) {
+            (Self::Real, Kind::Larva { dpf, .. }) => Look::drawn(dpf, seed),
+            _ => Look::default(),
+        }
+    }
+
     /// The settings of a clean frame, made as real as this.
     fn applied(self, clean: SceneSettings, seed: u64) -> SceneSettings {
         match self {

@@ -22,7 +22,7 @@ impl Specimen {
     /// mesh.
     ///
     /// # Errors
-    /// The age is not 3, 4 or 5 dpf.
+    /// The age is not 2 to 7 dpf.
     pub fn dead_larva(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
         let mut dead = Larva::new(dpf, seed)?.without_fins().specimen();
         let body = |dead: &Self| dead.parts.first().map(|part| part.mesh.clone()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! Zebrafish larvae of 3, 4 and 5 dpf as smooth solids that can be integrated.
+//! Zebrafish larvae of 2 to 7 dpf as smooth solids that can be integrated.
 //!
 //! ```text
 //!   dorsal (-y)      ________---------_________________ .............  fin fold (thin, median)
@@ -9,10 +9,12 @@
 //! ```
 //! The body is star-shaped in every slice around its centre line. A slice consists of two half ellipses (dorsal and ventral height, one
 //! width) with bulges for the eyes. All are smooth curves of s, closed by rounded caps. Yolk, bladder, notochord and eyes lie inside the
-//! body: they are visible, but not measured. The fin fold is a separate thin plate. It is part of the outline, so it counts in the ideal
-//! hull, but not in the body.
+//! body: they are visible, but not measured. The fin fold is a separate thin plate, and so is each pectoral fin. They are part of the
+//! outline, so they count in the ideal hull, but not in the body.
 
+mod look;
 mod organs;
+mod pectoral;
 mod shape;
 mod skin;
 
@@ -20,6 +22,7 @@ use super::hull::ideal_hull;
 use super::truth::AskedTruth;
 use super::{Mesh, Part, Placement, Specimen, Truth, Within};
 use crate::scene::seeded::Seeded;
+pub use look::{Condition, Look};
 use organs::EYE_AT;
 use shape::{Age, Shape};
 use std::f64::consts::{PI, TAU};
@@ -30,8 +33,8 @@ const MEASURED: (u32, u32) = (1600, 400);
 
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum LarvaError {
-    #[error("a larva of {found} dpf was asked for; there are phantoms of 3, 4 and 5 dpf")]
-    Age { found: u8 },
+    #[error("a larva of {found} dpf was asked for; there are phantoms of {first} to {last} dpf")]
+    Age { found: u8, first: u8, last: u8 },
 }
 
 /// One individual.
@@ -54,6 +57,7 @@ pub struct Larva {
     twist_phase: f64,
     fin_um: f64,
     finned: bool,
+    look: Look,
 }
 
 /// Size of the bulges of the eyes, along the body and outwards.
@@ -62,34 +66,62 @@ const EYE_BULGE: f64 = 7.0;
 
 impl Larva {
     /// # Errors
-    /// The age is not 3, 4 or 5 dpf.
+    /// The age is not 2 to 7 dpf.
     pub fn new(dpf: u8, seed: u64) -> Result<Self, LarvaError> {
-        let age = Age::of(dpf).ok_or(LarvaError::Age { found: dpf })?;
+        let age = Age::of(dpf).ok_or(LarvaError::Age { found: dpf, first: Age::FIRST, last: Age::LAST })?;
+        Ok(Self::individual(dpf, &age, seed, Look::default()))
+    }
+
+    /// The same individual with another appearance.
+    #[must_use]
+    pub fn with_look(self, look: Look) -> Self {
+        match Age::of(self.dpf) {
+            Some(age) => Self { finned: self.finned, ..Self::individual(self.dpf, &age, self.seed, look) },
+            None => self,
+        }
+    }
+
+    fn individual(dpf: u8, age: &Age, seed: u64, look: Look) -> Self {
         let mut s = Seeded::new(seed ^ (u64::from(dpf) << 56));
         let mut vary = |sd: f64| 1.0 + s.normal(sd);
         let volume_um3 = age.volume_um3 * vary(0.05);
-        let youth = (age.youth + 0.12 * (vary(1.0) - 1.0)).clamp(0.0, 1.1);
+        let youth = (age.youth + 0.12 * (vary(1.0) - 1.0)).clamp(0.0, age.youth.max(1.0) + 0.1);
+        let length_um = age.length_um * vary(0.018);
+        let [dorsal, ventral, width] = [swelling(&mut vary), swelling(&mut vary), swelling(&mut vary)];
+        let trunk = |s: f64| 1.0 - (1.0 - look.trunk) * smooth_step((s - EYE_AT - 0.015) / 0.06);
+        let shape = |swollen: f64| {
+            let vary: [Box<dyn Fn(f64) -> f64>; 3] = [
+                Box::new(|s| look.height * dorsal(s)),
+                Box::new(|s| look.height * ventral(s) * (1.0 + swollen * look.condition.swelling(s))),
+                Box::new(|s| trunk(s) * width(s)),
+            ];
+            Shape::new(youth, &vary)
+        };
+        let (shorter, smaller) = if look.condition == Condition::Short { (0.8, 0.75) } else { (1.0, 1.0) };
         let mut larva = Self {
             dpf,
             seed,
-            length_um: age.length_um * vary(0.018),
-            shape: Shape::new(youth, &[swelling(&mut vary), swelling(&mut vary), swelling(&mut vary)]),
-            bladder: age.bladder,
-            yolk: 0.35 + 0.65 * youth,
+            length_um: shorter * length_um,
+            shape: shape(0.0),
+            bladder: if look.condition == Condition::NoSwimBladder { 0.0 } else { age.bladder },
+            yolk: (0.35 + 0.65 * youth) * age.yolk_left,
             girth: 1.0,
-            opacity: 1.35 * vary(0.12),
+            opacity: 1.35 * vary(0.12) * look.density,
             bend_y_um: 22.0 * (vary(1.0) - 1.0),
             bend_z_um: 22.0 * (vary(1.0) - 1.0),
             twist_phase: TAU * vary(0.3),
             fin_um: 85.0 * vary(0.08),
             finned: true,
+            look,
         };
         // The area of sections grows with the square of the girth. The volume is computed from the mesh.
-        larva.girth = (volume_um3 / larva.body(DRAWN).volume()).sqrt();
-        Ok(larva)
+        larva.girth = (smaller * volume_um3 / larva.body(DRAWN).volume()).sqrt();
+        // Fluid is added to the volume.
+        larva.shape = shape(1.0);
+        larva
     }
 
-    /// The same individual without its fin fold. Body and hull then differ only by the hollows of the body.
+    /// The same individual without its fin fold and pectoral fins. Body and hull then differ only by the hollows of the body.
     #[must_use]
     pub fn without_fins(mut self) -> Self {
         self.finned = false;
@@ -107,7 +139,20 @@ impl Larva {
         let wave = (TAU * s + self.twist_phase).sin();
         // Where the body is deepest, its middle is on the axis of the specimen.
         let y = self.bend_y_um * arch + self.unit_um() * (height - self.shape.middle);
-        [self.length_um * (s - 0.5), y, self.bend_z_um * wave]
+        let [bent_y, bent_z] = self.bend_of_condition(s);
+        [self.length_um * (s - 0.5), y + bent_y, self.bend_z_um * wave + bent_z]
+    }
+
+    /// Shift of the body at `s` by a bent tail or a curled body.
+    fn bend_of_condition(&self, s: f64) -> [f64; 2] {
+        let off_um = match self.look.condition {
+            Condition::BentTail => BENT_TAIL_UM * ((s - BENT_FROM) / (1.0 - BENT_FROM)).max(0.0).powi(2),
+            Condition::Curled => CURLED_UM * ((2.0 * s - 1.0).powi(2) - 1.0 / 3.0),
+            _ => return [0.0, 0.0],
+        };
+        // Each individual is bent to its own side: towards the belly or sideways, because the tail is high in the bore.
+        let (sin, cos) = (1.4 * (self.twist_phase * 3.0).sin()).sin_cos();
+        [off_um * cos, off_um * sin]
     }
 
     /// Centre of the slice at `s`.
@@ -201,6 +246,7 @@ impl Larva {
             .map(|s| {
                 let mut points = if s <= 1.0 { flat(self.ring(s, segments)) } else { Vec::new() };
                 points.extend(flat(self.fin_ring(s, segments)));
+                points.extend(flat(self.pectoral_points(s, segments)));
                 (self.length_um * (s - 0.5), points)
             })
             .collect();
@@ -228,12 +274,18 @@ impl Larva {
 
     pub fn specimen(&self) -> Specimen {
         let mut parts = vec![Part { mesh: self.body(DRAWN), material: self.tinged(organs::BODY), within_body: Within::Added }];
-        parts.extend(self.fin(160, 48).map(|mesh| Part { mesh, material: organs::FIN, within_body: Within::Replaced }));
+        let fin = organs::FIN.times(self.look.fin_contrast);
+        parts.extend(self.fin(160, 48).map(|mesh| Part { mesh, material: fin, within_body: Within::Replaced }));
+        parts.extend(self.pectorals(120, 32));
         parts.extend(self.organs());
         let measured = self.clone();
         let fins = if self.finned { "" } else { " without fins" };
+        let sick = match self.look.condition {
+            Condition::Healthy => String::new(),
+            condition => format!(", {condition:?}"),
+        };
         Specimen {
-            name: format!("larva of {} dpf{fins}, seed {}", self.dpf, self.seed),
+            name: format!("larva of {} dpf{fins}{sick}, seed {}", self.dpf, self.seed),
             parts,
             spots: self.spots(),
             placement: Placement::default(),
@@ -261,6 +313,12 @@ impl Outline {
         self.scale * (ellipse + self.bulge * around)
     }
 }
+
+/// Where a bent tail begins, and how far the end of the tail is from its place.
+const BENT_FROM: f64 = 0.5;
+const BENT_TAIL_UM: f64 = 330.0;
+/// Distance between the ends and the middle of a curled body, in the direction of the bend, times 2/3.
+const CURLED_UM: f64 = 240.0;
 
 const FIN_FROM: f64 = 0.40;
 const FIN_TO: f64 = 1.03;
@@ -347,7 +405,8 @@ mod tests {
         let volume = |seed| Larva::new(4, seed).unwrap().truth().volume_um3;
         assert!((volume(1) - volume(2)).abs() > 1e5);
         assert!((volume(1) - volume(1)).abs() < f64::EPSILON);
-        assert_eq!(Larva::new(6, 0).unwrap_err(), LarvaError::Age { found: 6 });
+        assert_eq!(Larva::new(8, 0).unwrap_err(), LarvaError::Age { found: 8, first: 2, last: 7 });
+        assert!(Larva::new(1, 0).is_err());
     }
 
     #[test]
@@ -364,8 +423,11 @@ mod tests {
 
     #[test]
     fn organs_lie_inside_the_body_and_all_parts_are_closed() {
-        for (dpf, seed) in [(3, 1), (4, 2), (5, 3), (5, 4)] {
-            let larva = Larva::new(dpf, seed).unwrap();
+        let reference = [(3, 1), (4, 2), (5, 3), (5, 4)].map(|(dpf, seed)| (dpf, seed, Look::default()));
+        let drawn = (2..=7).map(|dpf| (dpf, 5, Look::healthy(dpf, 5)));
+        let sick = Condition::SICK.map(|condition| (4, 6, Look { condition, ..Look::healthy(4, 6) }));
+        for (dpf, seed, look) in reference.into_iter().chain(drawn).chain(sick) {
+            let larva = Larva::new(dpf, seed).unwrap().with_look(look);
             for part in larva.organs() {
                 let mesh = part.mesh.closed().unwrap();
                 for v in &mesh.vertices {
@@ -378,6 +440,104 @@ mod tests {
             }
             larva.body(DRAWN).closed().unwrap();
             larva.fin(160, 48).unwrap().closed().unwrap();
+            for part in larva.pectorals(120, 32) {
+                part.mesh.closed().unwrap();
+            }
         }
+    }
+
+    #[test]
+    fn the_default_look_is_the_reference_larva() {
+        let larva = Larva::new(4, 8).unwrap();
+        let again = larva.clone().with_look(Look::healthy(4, 8)).with_look(Look::default());
+        assert_eq!(again.truth(), larva.truth());
+        let (one, other) = (larva.specimen(), again.specimen());
+        assert_eq!(one.spots, other.spots);
+        assert!(one.parts.iter().zip(&other.parts).all(|(a, b)| a.mesh.vertices == b.mesh.vertices && a.material == b.material));
+        // A body, a fin fold, six kinds of organs and a swim bladder, as before there were looks.
+        assert_eq!([one.parts.len(), other.parts.len()], [9, 9]);
+        assert_eq!(one.spots.len(), 22_842, "the spots of the reference larva have changed");
+    }
+
+    /// The part of a slice of a pectoral fin that lies in the body, in points of its outline.
+    fn rooted(larva: &Larva, s: f64, side: f64) -> usize {
+        let [_, y, z] = larva.centre(s);
+        let ring = larva.pectoral_ring(s, side, 64);
+        ring.iter().filter(|p| (p[1] - y).hypot(p[2] - z) < larva.radius(s, (p[2] - z).atan2(p[1] - y))).count()
+    }
+
+    #[test]
+    fn each_slice_of_a_pectoral_fin_is_rooted_in_the_body_and_most_reach_out_of_it() {
+        for (dpf, seed) in [(3, 1), (4, 2), (5, 3), (7, 4)] {
+            let larva = Larva::new(dpf, seed).unwrap().with_look(Look::healthy(dpf, seed));
+            for side in [1.0, -1.0] {
+                let inside: Vec<usize> = (1..100).map(|i| rooted(&larva, 0.175 + 0.080 * f64::from(i) / 100.0, side)).collect();
+                assert!(inside.iter().all(|&n| n > 0), "{dpf} dpf: a slice of the fin is apart from the body: {inside:?}");
+                assert!(inside.iter().filter(|&&n| n < 60).count() > 60, "{dpf} dpf: the fin hardly leaves the body: {inside:?}");
+            }
+        }
+        let bud = Larva::new(2, 1).unwrap().with_look(Look::healthy(2, 1));
+        assert!(bud.pectorals(120, 32).is_empty());
+    }
+
+    #[test]
+    fn the_hull_with_pectoral_fins_is_that_of_the_meshes() {
+        for (dpf, condition) in [(4, Condition::Healthy), (5, Condition::BentTail)] {
+            let larva = Larva::new(dpf, 3).unwrap().with_look(Look { condition, ..Look::healthy(dpf, 3) });
+            let truth = larva.truth();
+            // Slices of the meshes that are drawn, which the exact values do not use.
+            let mut meshes = vec![larva.body((500, 160)), larva.fin(500, 64).unwrap()];
+            meshes.extend(larva.pectorals(200, 64).into_iter().map(|part| part.mesh));
+            let [low, high] = [0, 1].map(|end| {
+                meshes.iter().map(|m| m.bounds()[0][end]).fold(larva.centre(0.0)[0], if end == 0 { f64::min } else { f64::max })
+            });
+            let cuts = 1500;
+            let sections: Vec<(f64, Vec<[f64; 2]>)> = (0..cuts)
+                .map(|i| low + (high - low) * (f64::from(i) + 0.5) / f64::from(cuts))
+                .map(|x| (x, meshes.iter().flat_map(|mesh| mesh.section(x)).collect()))
+                .collect();
+            let hull = ideal_hull(&sections);
+            let off = hull.volume_um3 / truth.hull_volume_um3 - 1.0;
+            assert!(off.abs() < 6e-4, "{dpf} dpf, {condition:?}: {off:.1e}");
+            let without = Larva { look: Look { pectoral_per_mm: None, ..larva.look }, ..larva.clone() };
+            let added = truth.hull_volume_um3 / without.truth().hull_volume_um3 - 1.0;
+            assert!(added > 0.002, "{dpf} dpf: the fins add {added:.1e} to the hull");
+            assert!((without.truth().volume_um3 - truth.volume_um3).abs() < 1.0, "pectoral fins do not belong to the body");
+        }
+    }
+
+    #[test]
+    fn each_condition_changes_what_it_names() {
+        let larva = |condition| Larva::new(5, 2).unwrap().with_look(Look { condition, ..Look::healthy(5, 2) });
+        let healthy = larva(Condition::Healthy);
+        let (volume, specimen) = (healthy.truth().volume_um3, healthy.specimen());
+        for condition in [Condition::HeartOedema, Condition::YolkOedema] {
+            let more = larva(condition).truth().volume_um3 / volume - 1.0;
+            assert!((0.01..0.3).contains(&more), "{condition:?} adds {more:.3}");
+        }
+        for condition in [Condition::BentTail, Condition::Curled] {
+            let bent = larva(condition);
+            assert!((bent.truth().volume_um3 / volume - 1.0).abs() < 1e-9, "a bend keeps the volume");
+            let tail = [bent.centre(1.0), healthy.centre(1.0)];
+            assert!((tail[0][1] - tail[1][1]).hypot(tail[0][2] - tail[1][2]) > 100.0, "{condition:?}: {tail:?}");
+        }
+        let short = larva(Condition::Short).truth();
+        assert!((short.length_um / healthy.truth().length_um - 0.8).abs() < 1e-9 && short.volume_um3 < 0.8 * volume, "{short:?}");
+        let black = |specimen: &Specimen| specimen.spots.iter().filter(|spot| spot.density > 0.6).count();
+        assert!(black(&larva(Condition::Unpigmented).specimen()) * 20 < black(&specimen));
+        assert_eq!(larva(Condition::NoSwimBladder).specimen().parts.len() + 1, specimen.parts.len());
+    }
+
+    #[test]
+    fn a_quarter_of_the_drawn_larvae_is_sick_and_all_conditions_occur() {
+        let drawn: Vec<Condition> = (0..400).map(|seed| Look::drawn(4, seed).condition).collect();
+        let sick = drawn.iter().filter(|&&c| c != Condition::Healthy).count();
+        // 100 with a standard deviation of 9.
+        assert!((70..130).contains(&sick), "{sick}");
+        assert!(Condition::SICK.iter().all(|c| drawn.contains(c)));
+        let contrast: Vec<f64> = (0..400).map(|seed| Look::drawn(4, seed).fin_contrast).collect();
+        assert!(
+            contrast.iter().all(|c| (0.249..2.51).contains(c)) && contrast.iter().any(|&c| c < 0.35) && contrast.iter().any(|&c| c > 1.8)
+        );
     }
 }

@@ -21,7 +21,7 @@ mod spline;
 mod truth;
 
 pub use hull::{Hull, ideal_hull};
-pub use larva::{Larva, LarvaError};
+pub use larva::{Condition, Larva, LarvaError, Look};
 pub use mesh::{Mesh, MeshError};
 pub use pigment::Spot;
 pub use placement::{Narrowest, Placement, PlacementError};
@@ -48,6 +48,14 @@ impl Material {
     pub const AIR: Self = Self { absorption_per_mm: [0.0; 3], index_step: -0.333 };
     /// Opaque chips and fibres: 30 um transmit a third of the light.
     pub const DEBRIS: Self = Self { absorption_per_mm: [34.0, 37.0, 42.0], index_step: 0.1 };
+}
+
+impl Material {
+    /// The same material with its absorption times `factor`.
+    #[must_use]
+    pub fn times(self, factor: f64) -> Self {
+        Self { absorption_per_mm: self.absorption_per_mm.map(|a| factor * a), ..self }
+    }
 }
 
 /// A closed surface of one material.
@@ -84,7 +92,7 @@ pub struct Specimen {
 }
 
 impl Specimen {
-    /// A larva of 3, 4 or 5 days, with its own variation by `seed`.
+    /// A larva of 2 to 7 days, with its own variation by `seed`.
     ///
     /// # Errors
     /// Refuses other ages.

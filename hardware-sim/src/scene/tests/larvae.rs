@@ -81,3 +81,29 @@ fn a_larva_nearly_as_thick_as_the_bore_touches_both_walls() {
         }
     }
 }
+
+#[test]
+fn pectoral_fins_from_above_are_as_large_and_as_dark_as_real_ones() {
+    for seed in 0..3 {
+        let look = Look::healthy(5, seed);
+        let larva = Larva::new(5, seed).unwrap().with_look(look);
+        let none = larva.clone().with_look(Look { pectoral_per_mm: None, ..look });
+        // From above the back faces the camera.
+        let above = |larva: &Larva| loaded(exact(), larva.specimen()).truth_mask(-PI / 2.0);
+        let (with, without) = (above(&larva), above(&none));
+        let body = moments(&above(&none.clone().without_fins())).0;
+        let share = (moments(&with).0 - moments(&without).0) / body;
+        // Real ones: 5 % of the area of the body.
+        assert!((0.02..0.07).contains(&share), "seed {seed}: {share:.3} of the body");
+        let near_body = near(&without, 4);
+        let dark: Vec<f64> = taken(&larva, -PI / 2.0)
+            .into_iter()
+            .zip(&near_body)
+            .zip(&with.data)
+            .filter(|((_, body), c)| !**body && **c == 255)
+            .map(|((t, _), _)| t / 246.0)
+            .collect();
+        let mean = dark.iter().sum::<f64>() / dark.len() as f64;
+        assert!(dark.len() > 200 && (0.08..0.27).contains(&mean), "seed {seed}: {mean:.3} dark over {} px", dark.len());
+    }
+}

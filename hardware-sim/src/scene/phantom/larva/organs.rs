@@ -1,7 +1,7 @@
 //! The visible organs of a larva: eyes, brain, ear, yolk, pericardium, notochord, swim bladder. All lie inside the body, so they change
 //! the brightness and never the outline.
 
-use super::{Larva, cap, smooth_step, stations};
+use super::{Condition, Larva, cap, smooth_step, stations};
 use crate::scene::phantom::solid::ellipsoid_mesh;
 use crate::scene::phantom::{Material, Mesh, Part, Within};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -47,7 +47,7 @@ impl Larva {
 
     /// A material with the tissue density of this individual.
     pub(super) fn tinged(&self, material: Material) -> Material {
-        Material { absorption_per_mm: material.absorption_per_mm.map(|a| self.opacity * a), ..material }
+        material.times(self.opacity)
     }
 
     /// Yolk is paler when less of it is left.
@@ -85,7 +85,15 @@ impl Larva {
         let belly = |s: f64| self.shape.centre.at(s) + self.shape.ventral.at(s);
         let jaw = 0.094;
         let size = 0.55 + 0.45 * self.yolk;
-        let rooms = room(self.heart(), [0.034 * size, 38.0 * size, 44.0 * size]);
+        let mut rooms = room(self.heart(), [0.034 * size, 38.0 * size, 44.0 * size]);
+        // Fluid lies between the organ and the moved belly.
+        for (condition, s, half) in
+            [(Condition::HeartOedema, 0.148, [0.040, 36.0, 52.0]), (Condition::YolkOedema, 0.25, [0.085, 26.0, 54.0])]
+        {
+            if self.look.condition == condition {
+                rooms = rooms.with(&room(self.lateral(s, belly(s) - 0.8 * half[1]), half));
+            }
+        }
         rooms.with(&room(self.lateral(jaw, belly(jaw) - 14.0), [0.030, 4.0, 14.0]))
     }
 

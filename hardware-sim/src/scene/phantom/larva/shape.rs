@@ -1,4 +1,4 @@
-//! The drawing of a larva from its side, and its change from 3 to 5 dpf.
+//! The drawing of a larva from its side, and its change from 2 to 7 dpf.
 //!
 //! ```text
 //!            __-------- back ________________
@@ -8,24 +8,34 @@
 //!              jaw\___belly___/
 //! ```
 //! Heights are in thousandths of the body length, downwards from the line along the tail. At 3 dpf the head is bowed and the yolk is a
-//! ball. At 5 dpf the larva is straight and its yolk is nearly used up.
+//! ball. At 5 dpf the larva is straight and its yolk is nearly used up. At 2 dpf the change between them is continued backwards by a fifth.
 
 use super::super::spline::Spline;
 
-/// Properties of an age: body length, body volume, swim bladder, and the part of the drawing at 3 dpf in its shape.
+/// Properties of an age: body length, body volume, swim bladder, and the part of the drawing at 3 dpf in
+/// its shape.
 pub struct Age {
     pub length_um: f64,
     pub volume_um3: f64,
     pub bladder: f64,
     pub youth: f64,
+    /// The amount of yolk over that of the drawing. At 6 and 7 dpf the drawing is that of 5 dpf.
+    pub yolk_left: f64,
 }
 
 impl Age {
+    pub const FIRST: u8 = 2;
+    pub const LAST: u8 = 7;
+
     pub fn of(dpf: u8) -> Option<Self> {
+        let age = |length_um, volume_um3, bladder, youth, yolk_left| Self { length_um, volume_um3, bladder, youth, yolk_left };
         Some(match dpf {
-            3 => Self { length_um: 3500.0, volume_um3: 2.40e8, bladder: 0.0, youth: 1.0 },
-            4 => Self { length_um: 3900.0, volume_um3: 2.66e8, bladder: 0.75, youth: 0.5 },
-            5 => Self { length_um: 4100.0, volume_um3: 3.05e8, bladder: 1.0, youth: 0.0 },
+            2 => age(3000.0, 2.20e8, 0.0, 1.2, 1.0),
+            3 => age(3500.0, 2.40e8, 0.0, 1.0, 1.0),
+            4 => age(3900.0, 2.66e8, 0.75, 0.5, 1.0),
+            5 => age(4100.0, 3.05e8, 1.0, 0.0, 1.0),
+            6 => age(4200.0, 3.20e8, 1.1, 0.0, 0.6),
+            7 => age(4300.0, 3.40e8, 1.2, 0.0, 0.3),
             _ => return None,
         })
     }

@@ -1,7 +1,7 @@
 //! Marks on and in a larva: pigment cells, the grain of its tissue, the borders of its muscle segments, the edge of the fin.
 
 use super::organs::BLADDER_AT;
-use super::{Larva, smooth_step};
+use super::{Condition, Larva, smooth_step};
 use crate::scene::phantom::pigment::{Spot, melanophore};
 use crate::scene::seeded::{Seeded, mixed};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -41,6 +41,23 @@ const FIELDS: [Field; 12] = [
     field(-FRAC_PI_2 - 0.5, 0.2, [0.13, 0.2], 2, 12.0, 1.0),
 ];
 
+/// The pigment that larvae have in addition to [`FIELDS`] at [`super::Look::stripes`] 1.
+const STRIPES: [Field; 9] = [
+    // The stripe along the back, nearly without gaps, and the wider one over head and gut.
+    field(PI, 0.16, [0.15, 0.97], 260, 15.0, 2.2),
+    field(PI, 0.35, [0.10, 0.42], 90, 19.0, 1.6),
+    // The stripe along the belly.
+    field(0.0, 0.22, [0.40, 0.97], 120, 13.0, 2.0),
+    // Rows of blots on both flanks.
+    field(FRAC_PI_2 + 0.40, 0.14, [0.17, 0.88], 30, 15.0, 1.8),
+    field(-FRAC_PI_2 - 0.40, 0.14, [0.17, 0.88], 30, 15.0, 1.8),
+    field(FRAC_PI_2 - 0.45, 0.18, [0.20, 0.80], 14, 14.0, 1.6),
+    field(-FRAC_PI_2 + 0.45, 0.18, [0.20, 0.80], 14, 14.0, 1.6),
+    // The head between and before the eyes.
+    field(PI, 0.60, [0.02, 0.15], 40, 20.0, 1.0),
+    field(PI, 0.25, [0.08, 0.20], 40, 24.0, 1.2),
+];
+
 impl Larva {
     pub(super) fn spots(&self) -> Vec<Spot> {
         let mut seeded = Seeded::new(mixed(self.seed ^ 0x5107));
@@ -57,11 +74,27 @@ impl Larva {
         }
         self.add_gut_line(&mut seeded, &mut spots);
         self.add_yolk_blotches(&mut seeded, &mut spots);
+        self.add_stripes(dispersed, &mut spots);
+        if self.look.condition == Condition::Unpigmented {
+            spots.clear();
+        }
         self.add_ears_and_heart(&mut seeded, &mut spots);
         self.add_grain(&mut seeded, &mut spots);
         self.add_seams(&mut spots);
         self.add_fin_edge(&mut seeded, &mut spots);
         spots
+    }
+
+    /// The pigment of [`super::Look::stripes`]. Its numbers come from their own stream, so that the other marks do not change.
+    fn add_stripes(&self, dispersed: f64, spots: &mut Vec<Spot>) {
+        let mut seeded = Seeded::new(mixed(self.seed ^ 0x5712));
+        for field in &STRIPES {
+            for _ in 0..(f64::from(field.count) * self.look.stripes * seeded.between(0.8, 1.2)).round() as u32 {
+                let s = seeded.between(field.s[0], field.s[1]);
+                let theta = field.theta + seeded.normal(field.spread);
+                self.add_cell(s, theta, field.size_um * dispersed * seeded.between(0.7, 1.3), field.stretch, &mut seeded, spots);
+            }
+        }
     }
 
     /// A pigment cell under the skin.
@@ -226,7 +259,7 @@ impl Larva {
 
     /// The edge of the fin: a line of a few grey levels. Its darkness does not depend on the spacing of the stations.
     fn add_fin_edge(&self, seeded: &mut Seeded, spots: &mut Vec<Spot>) {
-        let density_per_um = seeded.between(0.005, 0.010);
+        let density_per_um = self.look.fin_contrast * seeded.between(0.005, 0.010);
         let rings: Vec<(f64, Vec<[f64; 3]>)> = self.fin_stations(900).map(|s| (s, self.fin_ring(s, 48))).collect();
         for (p, theta) in [(0usize, 0.0), (24, PI)] {
             for pair in rings.windows(2) {
