@@ -1,7 +1,8 @@
 //! Writes the frames with which segmentation and detection are evaluated, with their ground truth.
 //!
-//! `frame_set OUT [SEED] [clean|dust|real]`. Seed 1 is the set on which methods are tuned. `clean` frames have a clean capillary. `dust` gives
-//! the same frames with as much dust as real VAST frames have, and `real` also their light, walls, blur and noise. Per frame:
+//! `frame_set OUT [SEED] [clean|dust|real|vast]`. Seed 1 is the set on which methods are tuned. `clean` frames have a clean capillary.
+//! `dust` gives the same frames with as much dust as real VAST frames have, and `real` also their light, walls, blur, noise and larvae.
+//! `vast` gives other frames: 48 larvae in crops of 1024 x 200 px as a VAST stores them, and 500 labelled frames. Per frame:
 //!
 //! ```text
 //!   NAME.png        image of the camera, RGB         NAME.truth.png   coverage by the specimens, 0 to 255
@@ -12,7 +13,7 @@
 //! Frames for segmentation are written to OUT, labelled examples for detection to OUT/detection.
 
 use hardware_sim::scene::Outline;
-use hardware_sim::scene::frame_set::{FrameSpec, Realism, detection_set_of, frame_set_of};
+use hardware_sim::scene::frame_set::{FrameSpec, Realism, detection_set_of, frame_set_of, vast_detection_set, vast_frame_set};
 use image::ColorType::{L8, Rgb8};
 use rayon::prelude::*;
 use std::error::Error;
@@ -24,14 +25,19 @@ type Failure = Box<dyn Error + Send + Sync>;
 fn main() -> Result<(), Failure> {
     let mut args = std::env::args().skip(1);
     let Some(out) = args.next().map(PathBuf::from) else {
-        return Err("frame_set OUT [SEED] [clean|dust|real]".into());
+        return Err("frame_set OUT [SEED] [clean|dust|real|vast]".into());
     };
     let seed: u64 = args.next().map(|s| s.parse()).transpose()?.unwrap_or(1);
-    let realism = match args.next().as_deref() {
+    let kind = args.next();
+    if kind.as_deref() == Some("vast") {
+        write_all(&out, &vast_frame_set(seed)?)?;
+        return write_all(&out.join("detection"), &vast_detection_set(seed)?);
+    }
+    let realism = match kind.as_deref() {
         None | Some("clean") => Realism::Clean,
         Some("dust") => Realism::Dust,
         Some("real") => Realism::Real,
-        Some(other) => return Err(format!("{other} is no kind of frames; choose clean, dust or real").into()),
+        Some(other) => return Err(format!("{other} is no kind of frames; choose clean, dust, real or vast").into()),
     };
     write_all(&out, &frame_set_of(seed, realism)?)?;
     write_all(&out.join("detection"), &detection_set_of(seed, realism)?)

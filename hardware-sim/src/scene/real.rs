@@ -12,8 +12,10 @@ use super::seeded::{Seeded, mixed};
 use super::{Camera, SceneSettings};
 
 /// A capillary of 600 um is 112 px wide in VAST frames.
-const UM_PER_PX: f64 = 5.4;
-const BORE_UM: f64 = 112.0 * UM_PER_PX;
+const BORE_PX: f64 = 112.0;
+const BORE_UM: f64 = 5.4 * BORE_PX;
+/// Height of a VAST frame.
+const HEIGHT: u32 = 200;
 /// Level of the empty field. The light of a VAST is yellowish: blue is 10 levels below red.
 const LIGHT_RGB: [f64; 3] = [222.0, 226.0, 213.0];
 /// Noise of a VAST camera over that of the default optics.
@@ -25,14 +27,21 @@ impl SceneSettings {
     /// A scene as a real VAST shows it. The seed draws light, walls and dust. The camera takes frames of 1024 x 200 px with a bore of
     /// 112 px.
     pub fn real(seed: u64) -> Self {
-        let camera = Camera { kx_px_per_um: 1.0 / UM_PER_PX, ky_px_per_um: 1.0 / UM_PER_PX, uy_px: 99.5, height: 200, ..Camera::default() };
         Self {
-            camera,
+            camera: camera(BORE_UM, &Camera::default()),
             capillary: Capillary { bore_diameter_um: BORE_UM, ..Capillary::default() }.with_real_walls(seed),
             optics: Optics::default().with_real_light(seed).with_noise(NOISE),
             nuisances: Nuisances { seed, ..Nuisances::default() }.with_real_dust(seed),
         }
     }
+}
+
+/// The camera of a VAST: 1024 x 200 px, at a scale at which the bore is 112 px wide. Angles and the position of the axis relative to
+/// the pixels are those of `of`.
+pub fn camera(bore_um: f64, of: &Camera) -> Camera {
+    let px_per_um = BORE_PX / bore_um;
+    let uy_px = f64::from(HEIGHT) / 2.0 - (f64::from(of.height) / 2.0 - of.uy_px);
+    Camera { kx_px_per_um: px_per_um, ky_px_per_um: px_per_um, uy_px, height: HEIGHT, ..of.clone() }
 }
 
 /// An independent stream of numbers for one part of the settings.

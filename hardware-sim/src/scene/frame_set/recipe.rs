@@ -48,7 +48,7 @@ pub struct Beside {
 
 #[derive(Debug, Clone)]
 pub struct Recipe {
-    name: &'static str,
+    name: String,
     difficulty: Difficulty,
     class: Class,
     specimens: Vec<(Kind, Placement)>,
@@ -59,6 +59,8 @@ pub struct Recipe {
     mono: bool,
     settings: SceneSettings,
     noise: f64,
+    /// The frame is a crop of a VAST, whose bore has the same width in all frames.
+    vast: bool,
 }
 
 /// A bore is wider than the narrowest one by at least this factor, because of rounding errors.
@@ -69,9 +71,9 @@ const FILM_UM: f64 = 10.0;
 const FULLEST: f64 = 0.96;
 
 impl Recipe {
-    pub fn empty(name: &'static str) -> Self {
+    pub fn empty(name: impl Into<String>) -> Self {
         Self {
-            name,
+            name: name.into(),
             difficulty: Difficulty::Easy,
             class: Class::Empty,
             specimens: Vec::new(),
@@ -82,22 +84,23 @@ impl Recipe {
             mono: false,
             settings: SceneSettings::default(),
             noise: 1.0,
+            vast: false,
         }
     }
 
-    pub fn of(name: &'static str, class: Class, kind: Kind) -> Self {
+    pub fn of(name: impl Into<String>, class: Class, kind: Kind) -> Self {
         Self { class, ..Self::empty(name) }.with(kind, Placement::default())
     }
 
-    pub fn larva(name: &'static str, dpf: u8) -> Self {
+    pub fn larva(name: impl Into<String>, dpf: u8) -> Self {
         Self::of(name, Class::Larva, Kind::Larva { dpf, fins: true })
     }
 
-    pub fn bare_larva(name: &'static str, dpf: u8) -> Self {
+    pub fn bare_larva(name: impl Into<String>, dpf: u8) -> Self {
         Self::of(name, Class::Larva, Kind::Larva { dpf, fins: false })
     }
 
-    pub fn bead(name: &'static str, diameter_um: f64) -> Self {
+    pub fn bead(name: impl Into<String>, diameter_um: f64) -> Self {
         Self::of(name, Class::Bead, Kind::Bead { diameter_um })
     }
 
@@ -226,6 +229,11 @@ impl Recipe {
         self
     }
 
+    /// A frame of a VAST: 1024 x 200 px, with a bore of 112 px.
+    pub fn vast(self) -> Self {
+        Self { vast: true, ..self }
+    }
+
     pub fn mono(self) -> Self {
         Self { mono: true, ..self }
     }
@@ -236,7 +244,7 @@ impl Recipe {
         let seed = mixed(mixed(list_seed) ^ index) & 0xFFFF_FFFF;
         let mut draw = Seeded::new(seed);
         let mut spec = FrameSpec {
-            name: self.name.to_owned(),
+            name: self.name,
             difficulty: self.difficulty,
             class: self.class,
             specimens: Vec::new(),
@@ -272,6 +280,9 @@ impl Recipe {
                 item.placement = one.placement();
             }
             (several, _) => widen(several, &mut spec.settings.capillary.bore_diameter_um),
+        }
+        if self.vast {
+            spec.settings.camera = real::camera(spec.settings.capillary.bore_diameter_um, &spec.settings.camera);
         }
         for (i, beside) in self.beside.iter().enumerate() {
             let kind = match beside.kind {

@@ -1,7 +1,7 @@
 //! Tests of the lists, for the seed on which methods are tuned and for another one.
 
 use super::*;
-use crate::scene::Nuisances;
+use crate::scene::{Condition, Nuisances};
 use std::collections::HashSet;
 use std::sync::LazyLock;
 
@@ -116,4 +116,61 @@ fn the_list_with_dust_differs_from_the_clean_one_by_its_dust_only() {
         cleaned.settings.nuisances = clean.settings.nuisances.clone();
         assert_eq!(&cleaned, clean);
     }
+}
+
+#[test]
+fn vast_frames_have_the_bore_the_fill_the_views_and_the_larvae_of_real_ones() {
+    let specs = vast_frame_set(1).unwrap();
+    assert_eq!(specs.len(), 48);
+    let names: HashSet<_> = specs.iter().map(|s| &s.name).collect();
+    assert_eq!(names.len(), specs.len());
+    let count = |is: &dyn Fn(&FrameSpec) -> bool| specs.iter().filter(|s| is(s)).count();
+    for s in &specs {
+        let SceneSettings { camera, capillary, .. } = &s.settings;
+        assert_eq!((camera.width, camera.height, s.demosaicked), (1024, 200, true));
+        assert!((capillary.bore_diameter_um * camera.ky_px_per_um - 112.0).abs() < 1e-9, "{}", s.name);
+        assert!(s.labels.clipped.is_empty(), "{} is clipped", s.name);
+    }
+    for s in specs.iter().step_by(5) {
+        let narrowest = s.contents().unwrap().specimens[0].narrowest_bore().diameter_um;
+        assert!((0.849..0.971).contains(&(narrowest / s.settings.capillary.bore_diameter_um)), "{}", s.name);
+    }
+    for dpf in 2..=7 {
+        assert_eq!(count(&|s| s.specimens[0].kind == Kind::Larva { dpf, fins: true }), 8, "{dpf} dpf");
+    }
+    assert_eq!(count(&|s| s.name.contains("above") || s.name.contains("below")), 12);
+    let sick = count(&|s| s.specimens[0].look.condition != Condition::Healthy);
+    // A quarter of 48, with a standard deviation of 3.
+    assert!((4..21).contains(&sick), "{sick}");
+    for side in [Side::Left, Side::Right] {
+        assert!(count(&|s| s.labels.head == Some(side)) >= 12, "heads {side:?}");
+    }
+    assert_ne!(specs[0], vast_frame_set(2).unwrap()[0]);
+}
+
+#[test]
+fn vast_detection_has_500_frames_whose_labels_are_those_of_their_contents() {
+    let specs = vast_detection_set(1).unwrap();
+    assert_eq!(specs.len(), 500);
+    let names: HashSet<_> = specs.iter().map(|s| &s.name).collect();
+    assert_eq!(names.len(), specs.len());
+    let count = |is: &dyn Fn(&FrameSpec) -> bool| specs.iter().filter(|s| is(s)).count();
+    for (class, expected) in [(Class::Empty, 80), (Class::Larva, 170), (Class::DeadLarva, 50), (Class::Bead, 50)] {
+        assert_eq!(count(&|s| s.class == class), expected, "{class:?}");
+    }
+    for s in &specs {
+        let objects = match s.class {
+            Class::Empty => 0,
+            Class::TwoLarvae => 2,
+            _ => 1,
+        };
+        assert_eq!(s.specimens.len(), objects, "{}", s.name);
+        if s.class == Class::Larva {
+            assert_eq!(s.name.contains("clipped"), !s.labels.clipped.is_empty(), "{}: {:?}", s.name, s.labels.clipped);
+        }
+        let dust = s.settings.nuisances.glass_dust.specks_per_1000px;
+        assert!(dust > 20.0, "{} is clean", s.name);
+    }
+    assert_eq!(count(&|s| s.class == Class::Larva && !s.labels.clipped.is_empty()), 50);
+    assert!(count(&|s| s.class == Class::TwoLarvae && s.labels.fill > 0.3) == 50);
 }
