@@ -25,7 +25,7 @@ fn profiles(c: &mut Criterion) {
         Ok(frames) => frames,
         Err(error) => panic!("the scene gave no frames: {error}"),
     };
-    let methods = [("hybrid", Method::Hybrid), ("mean-shift", Method::MeanShift), ("level-set", Method::LevelSet)];
+    let methods = [("hybrid", Method::Hybrid), ("level-set", Method::LevelSet)];
     let mut segmenter = Segmenter::default();
     let mut group = c.benchmark_group("profile");
     for (name, frame) in &frames {

@@ -126,6 +126,9 @@ impl Config {
         }
         breaches.extend(too_near(&raw.methods, "optics", &optics));
         for (name, method) in &raw.methods {
+            let retired = method.segment.retired_keys();
+            breaches
+                .extend(retired.map(|key| format!("  methods.{name}.segment.{key} is no longer a setting and has no effect; remove it")));
             breaches.extend(method.check().iter().map(|e| format!("  methods.{name}.{e}")));
         }
         let CameraDriver::Aravis(camera) = &drivers.camera;

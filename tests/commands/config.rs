@@ -67,7 +67,7 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
     // Each fault has a line of its own, with key, value, range and unit.
     let mut broken = text.replace("\"127.0.0.1:8420\"", "\"0.0.0.0:8420\"\nmax_connections = 0\nallowed_hosts = [\"http://x\"]");
     broken += "[methods.standard.surface]\nfairing_lambda = -1.0\n";
-    broken += "[methods.standard.segment]\nclosing_px = 100000\nlow_sigma = 9.0\n";
+    broken += "[methods.standard.segment]\nclosing_px = 100000\nfaint_sigma = 0.0\nlow_sigma = 1.3\n";
     broken += "[methods.standard.segment.fringe]\nalong_px = 0.0\n[methods.standard.segment.walls]\nmin_depth = -2.0\n";
     broken += "[methods.standard.segment.edge]\nblur_px = 0.0\nalong_px = nan\nsearch_inside_px = 8.0\n";
     let said = check(&broken);
@@ -76,7 +76,8 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
         "methods.standard.surface.fairing_lambda = -1; expected 0 to 100 (weight)",
         "methods.standard.segment.fringe.along_px = 0; expected 0.3 to 30 px",
         "methods.standard.segment.closing_px = 100000; expected 0 to 30 px",
-        "methods.standard.segment.low_sigma = 9; expected 0.1 to 8 standard deviations of the noise",
+        "methods.standard.segment.faint_sigma = 0; expected 0.1 to 100 standard deviations of the noise",
+        "methods.standard.segment.low_sigma is no longer a setting and has no effect; remove it",
         "methods.standard.segment.walls.min_depth = -2; expected 0.5 to 100 grey values",
         "methods.standard.segment.edge.blur_px = 0; expected 0.3 to 4 px",
         "methods.standard.segment.edge.along_px = NaN; expected 0.3 to 10 px",
@@ -85,7 +86,7 @@ fn breaches_name_file_key_value_and_expectation_all_at_once() {
         assert!(said.lines().any(|l| l.trim() == line.trim()), "{line} is not in: {said}");
     }
     assert!(said.contains("refuses to listen on 0.0.0.0:8420") && said.contains("\"http://x\" in allowed_hosts"), "{said}");
-    assert!(said.contains("11 value(s)"), "{said}");
+    assert!(said.contains("12 value(s)"), "{said}");
     let said = check(&text.replace("[store]", "token_file = \"/no/such/token\"\n[store]"));
     assert!(said.contains("cannot read token_file /no/such/token") && said.contains("1 value(s)"), "{said}");
     let said = stderr(&run(&["config", "check", "/no/such/file.toml"]));

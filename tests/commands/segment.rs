@@ -263,13 +263,17 @@ fn a_call_that_would_lose_a_result_is_refused_whole() {
     for name in ["a.png", "a.bmp", "a.edge.png", "a.mask.png"] {
         colour(&frame).save(dir.path().join(name)).unwrap();
     }
-    std::fs::write(dir.path().join("bad.toml"), "high_sigma = 0.05\n").unwrap();
+    std::fs::write(dir.path().join("bad.toml"), "faint_sigma = 0.05\nlow_sigma = 1.3\n").unwrap();
     std::fs::write(dir.path().join("unknown.toml"), "clip = 4\n").unwrap();
     let (bad, unknown) = (dir.path().join("bad.toml").display().to_string(), dir.path().join("unknown.toml").display().to_string());
     let refusals: [(&[&str], &[&str], &str); 5] = [
         (&[], &["a.png", "a.bmp"], "a.mask.png"),
         (&[], &["a.png", "a.edge.png"], "a.edge.json"),
-        (&["--settings", &bad], &["a.png"], "high_sigma = 0.05; expected 0.1 to 100"),
+        (
+            &["--settings", &bad],
+            &["a.png"],
+            "faint_sigma = 0.05; expected 0.1 to 100 standard deviations of the noise; low_sigma is no longer a setting",
+        ),
         (&["--settings", &unknown], &["a.png"], "unknown field `clip`"),
         (&["--settings", "absent.toml"], &["a.png"], "absent.toml"),
     ];
@@ -294,7 +298,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
     let (frame, _) = larva();
     colour(&frame).save(dir.path().join("a.png")).unwrap();
     grey(&frame, frame.to_mono8()).save(dir.path().join("b.png")).unwrap();
-    std::fs::write(dir.path().join("s.toml"), "method = \"hybrid\"\nlow_sigma = 4.0\n[edge]\nblur_px = 0.9\n").unwrap();
+    std::fs::write(dir.path().join("s.toml"), "method = \"hybrid\"\nfaint_sigma = 4.0\n[edge]\nblur_px = 0.9\n").unwrap();
     let results = |threads: &str| {
         let output = crate::common::carved()
             .env("RAYON_NUM_THREADS", threads)
@@ -312,6 +316,6 @@ fn results_do_not_depend_on_the_number_of_threads() {
     assert!(one == results("4"));
     let report = json(&dir.path().join("out/a.json"));
     assert_eq!(report["settings"]["method"], "hybrid");
-    assert_eq!(report["settings"]["low_sigma"], 4.0);
+    assert_eq!(report["settings"]["faint_sigma"], 4.0);
     assert_eq!(report["settings"]["edge"]["blur_px"], 0.9);
 }

@@ -7,9 +7,7 @@
 //! ```
 
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::profile::{
-    EdgeSettings, FringeSettings, LevelSetSettings, MeanShiftSettings, Method, Picture, SegmentSettings, WallSettings, segment,
-};
+use carved_core::profile::{EdgeSettings, FringeSettings, LevelSetSettings, Method, Picture, SegmentSettings, WallSettings, segment};
 use carved_core::range::Ranged;
 use proptest::prelude::*;
 use proptest::test_runner::TestRunner;
@@ -89,8 +87,8 @@ impl Drawing {
 /// Random settings: most keep their default, the others lie anywhere in their ranges.
 fn settings() -> impl Strategy<Value = SegmentSettings> {
     let drawn = (prop::bool::weighted(0.2), 0.0..=1.0f64);
-    (prop::sample::select(vec![Method::Hybrid, Method::Hybrid, Method::MeanShift, Method::LevelSet]), prop::collection::vec(drawn, 64))
-        .prop_map(|(method, drawn)| {
+    (prop::sample::select(vec![Method::Hybrid, Method::Hybrid, Method::LevelSet]), prop::collection::vec(drawn, 64)).prop_map(
+        |(method, drawn)| {
             let mut drawn = drawn.into_iter();
             let mut number = |default: f64, least: f64, most: f64| match drawn.next() {
                 Some((true, share)) => least + share * (most - least),
@@ -103,7 +101,6 @@ fn settings() -> impl Strategy<Value = SegmentSettings> {
                 LevelSetSettings::default(),
                 SegmentSettings::default(),
             );
-            let high_sigma = number(s.high_sigma, 0.1, 100.0);
             SegmentSettings {
                 method,
                 walls: WallSettings {
@@ -115,7 +112,6 @@ fn settings() -> impl Strategy<Value = SegmentSettings> {
                     min_bore_share: number(w.min_bore_share, 0.01, 0.95),
                     max_wall_share: number(w.max_wall_share, 0.01, 0.45),
                 },
-                mean_shift: MeanShiftSettings { range_sigma: number(MeanShiftSettings::default().range_sigma, 0.5, 100.0) },
                 level_set: LevelSetSettings {
                     level_share: number(l.level_share, 0.01, 1.0),
                     least_sigma: number(l.least_sigma, 0.1, 100.0),
@@ -142,8 +138,7 @@ fn settings() -> impl Strategy<Value = SegmentSettings> {
                     shift_smoothing_px: number(e.shift_smoothing_px, 0.3, 10.0),
                     stiffness: number(e.stiffness, 0.0, 1000.0),
                 },
-                high_sigma,
-                low_sigma: number(s.low_sigma.min(high_sigma), 0.1, high_sigma),
+                faint_sigma: number(s.faint_sigma, 0.1, 100.0),
                 closing_px: number(s.closing_px as f64, 0.0, 30.0) as usize,
                 opening_px: number(s.opening_px as f64, 0.0, 30.0) as usize,
                 wall_margin_px: number(s.wall_margin_px, 0.0, 20.0),
@@ -152,8 +147,12 @@ fn settings() -> impl Strategy<Value = SegmentSettings> {
                 join_gap_bore: number(s.join_gap_bore, 0.0, 1.0),
                 black_below: number(f64::from(s.black_below), 0.0, 254.0) as u8,
                 max_saturated_share: number(s.max_saturated_share, 0.0, 1.0),
+                mean_shift: s.mean_shift,
+                high_sigma: s.high_sigma,
+                low_sigma: s.low_sigma,
             }
-        })
+        },
+    )
 }
 
 /// At least one picture in ten must give an outline (a quarter does): a test in which all drawings are refused would prove nothing.

@@ -201,6 +201,27 @@ fn frames_that_show_nothing_are_refused_by_name() {
     );
 }
 
+/// Walls as on real frames: a dark line 9 px wide, as two lines 5 px apart that the blur joins. The darkest row lies off its middle.
+#[test]
+fn broad_double_walls_are_found() {
+    let (width, height) = (1024u32, 200u32);
+    let mut state = 11u64;
+    let bytes = (0..width * height).map(|i| {
+        let v = f64::from(i / width);
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let line = |at: f64, depth: f64| 1.0 - depth * (-0.5 * ((v - at) / 2.2).powi(2)).exp();
+        // The inner line is the fainter one.
+        let glass = line(40.0, 0.6) * line(45.0, 0.5) * line(155.0, 0.5) * line(160.0, 0.6);
+        (222.0 * glass + (state >> 62) as f64) as u8
+    });
+    let frame = RawFrame::new(width, height, PixelFormat::Mono8, bytes.collect()).unwrap();
+    let walls = segment(&Picture::from_frame(&frame), &SegmentSettings::default()).unwrap().walls;
+    for (name, found, true_v) in [("upper", walls.upper.inner.v_mid, 45.0), ("lower", walls.lower.inner.v_mid, 155.0)] {
+        // Both lines are one for the finder, whose inner line may lie anywhere within the wall.
+        assert!((found - true_v).abs() < 6.0, "{name} wall at {found}, expected {true_v}");
+    }
+}
+
 /// A trunk that fills the picture, without walls. Its edges are dark lines, but not straight enough for a wall.
 #[test]
 fn a_specimens_own_edges_are_no_walls() {
@@ -239,7 +260,7 @@ fn a_frame_gives_the_same_whatever_came_before() {
     let reference = carved_core::profile::EmptyCapillary::new(empty.clone(), &SegmentSettings::default().walls).unwrap();
     let steps = [
         (read(PixelFormat::BayerRG8, (bubble.width, bubble.height), bubble.to_bayer_rg8()), Method::Hybrid, None),
-        (read(PixelFormat::RGB8Packed, size, larva.data.clone()), Method::MeanShift, None),
+        (read(PixelFormat::RGB8Packed, size, larva.data.clone()), Method::LevelSet, None),
         (read(PixelFormat::RGB8Packed, (larva.width, low as u32), cut), Method::LevelSet, None),
         (read(PixelFormat::Mono8, size, larva.to_mono8()), Method::Hybrid, None),
         (empty, Method::Hybrid, Some(&reference)),

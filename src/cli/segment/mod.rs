@@ -52,7 +52,6 @@ pub struct Args {
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
 enum MethodName {
     Hybrid,
-    MeanShift,
     LevelSet,
 }
 
@@ -60,7 +59,6 @@ impl From<MethodName> for Method {
     fn from(name: MethodName) -> Self {
         match name {
             MethodName::Hybrid => Self::Hybrid,
-            MethodName::MeanShift => Self::MeanShift,
             MethodName::LevelSet => Self::LevelSet,
         }
     }
@@ -139,7 +137,8 @@ pub(super) fn read_settings(file: &Path) -> anyhow::Result<SegmentSettings> {
     let name = || format!("--settings {}", file.display());
     let text = carved_files::read_to_string(file).with_context(|| format!("{}: cannot be read", name()))?;
     let settings: SegmentSettings = toml::from_str(&text).with_context(name)?;
-    let breaches: Vec<String> = settings.outside().iter().map(ToString::to_string).collect();
+    let retired = settings.retired_keys().map(|key| format!("{key} is no longer a setting and has no effect; remove it"));
+    let breaches: Vec<String> = settings.outside().iter().map(ToString::to_string).chain(retired).collect();
     if !breaches.is_empty() {
         bail!("{}: {}", name(), breaches.join("; "));
     }

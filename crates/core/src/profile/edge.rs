@@ -13,7 +13,7 @@
 
 use super::blur::{self, Models, SAME_BLUR};
 use super::bubble::Disc;
-use super::onset::{Kind, Onsets, PER_PX, REACH_PX, SAMPLES, SHIFTS_PER_PX};
+use super::onset::{Kind, NEAR, Onsets, PER_PX, REACH_PX, SAMPLES, SHIFTS_PER_PX};
 use super::outline::{Outlines, Polygon, normals, smooth_cyclic};
 use super::path::Path;
 use super::plane::{Plane, gaussian};
@@ -264,7 +264,6 @@ fn noise2(settings: &EdgeSettings) -> f32 {
 /// Follows the residual from shift `k` down to its least value near by, in one window for all shifts, so that they explain
 /// the same samples; then between the shifts by a parabola. Gives the place, in shifts, and the residual there.
 fn settle(model: &Onsets, k: usize, samples: &[f32]) -> (f64, f32) {
-    const NEAR: usize = 5;
     const ROUNDS: usize = 4;
     let (mut window, mut found) = (k, (k as f64, 0.0));
     for _ in 0..ROUNDS {

@@ -168,7 +168,7 @@ impl Fringe {
         self.runs.extend((0..steps).map(|i| {
             let near = (0..=2 * window).map(|k| (i + k + steps * (window / steps + 1) - window) % steps);
             let (sum, n) = near.filter(|&j| self.path.chosen[j] > 0).fold((0.0, 0), |(s, n), j| (s + found(j), n + 1));
-            if self.path.chosen[i] > 0 && 2 * n > window { sum / n as f32 } else { 0.0 }
+            if self.path.chosen[i] > 0 && n > window { sum / n as f32 } else { 0.0 }
         }));
         // An accepted border is continued in both directions as long as some border is left.
         let least = settings.least as f32;

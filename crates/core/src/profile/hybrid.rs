@@ -1,19 +1,26 @@
-//! Mean shift and level set combined: which blocks of the bore belong to the specimen.
+//! Which blocks of the bore belong to the specimen.
 //!
 //! ```text
-//!   mean shift: whole, soft   --+-- what of it hangs together with --> closing -> holes -> opening -> pieces -> the specimen
-//!   level set: compact, sharp --+   the level set's body
+//!   level set -> pieces as large as a body -> the body --+--> closing -> holes -> opening -> pieces -> the specimen
+//!                                  |                     |
+//!                                  +-> specks beside it -+-> means of what is left: what is faint and connected to the body
 //! ```
-//! Mean shift alone includes every shade that the background's model leaves; level set alone loses what is transparent.
-//! Combined, a faint piece counts where it is connected to a certain one.
+//! The level set is compact and sharp. Dust does not disturb it, but it loses what is transparent. Means over many blocks show
+//! what is transparent, but a speck has as much contrast as a fin. So the specks beside the body are found first and not
+//! averaged. Whatever is fainter still has only its border, which [`super::fringe`] follows.
 
 use super::background::Bore;
 use super::bubble::{Bubbles, Disc};
 use super::coarse::{Coarse, bent};
+use super::faint::Faint;
 use super::level_set::LevelSet;
-use super::mean_shift::MeanShift;
+use super::plane::Plane;
 use super::region::{Pieces, Region, Scratch};
 use super::settings::{Method, SegmentSettings};
+use super::specks::Specks;
+
+/// Smallest piece of the level set that counts as body, share of the squared bore. Smaller ones are dust and debris.
+const BODY_BORE2: f64 = 0.015;
 
 /// The contrast of a faint piece falls at its border by at least this share of the contrast at which foreground is continued.
 const OWN_EDGE: f32 = 0.6;
@@ -24,8 +31,9 @@ const RIM_BLOCKS: usize = 2;
 /// Finds the blocks of the specimen. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Hybrid {
-    mean_shift: MeanShift,
     level_set: LevelSet,
+    specks: Specks,
+    faint: Faint,
     /// The specimen with its holes filled. Empty where nothing is large enough.
     pub specimen: Region,
     /// All foreground that is larger than a speck: the pieces of the specimen and others.
@@ -39,30 +47,18 @@ pub(super) struct Hybrid {
 
 impl Hybrid {
     pub fn find(&mut self, coarse: &Coarse, bore: &Bore, settings: &SegmentSettings) {
-        let w = coarse.width;
-        let (low, high) = (bent(settings.low_sigma as f32), bent(settings.high_sigma as f32));
-        if settings.method != Method::LevelSet {
-            self.mean_shift.run(coarse, &settings.mean_shift);
-        }
-        if settings.method != Method::MeanShift {
-            self.level_set.run(coarse, &settings.level_set);
-        }
-        let (ms, ls) = (&self.mean_shift, &self.level_set);
-        let mode = |i: usize| if coarse.within[i] { ms.lightness[i].abs().max(ms.colour[i].abs()) } else { 0.0 };
-        let inside = |i: usize| coarse.within[i] && ls.phi[i] > 0.0;
-        let all = 0..coarse.within.len();
-        match settings.method {
-            Method::MeanShift => {
-                self.specimen.take(w, all.map(|i| mode(i) >= high));
-                self.specimen.grow(|i| mode(i) >= low, &mut self.scratch);
-            }
-            Method::LevelSet => self.specimen.take(w, all.map(inside)),
-            Method::Hybrid => {
-                self.specimen.take(w, all.map(|i| inside(i) || mode(i) >= high));
-                self.near.copy(&self.specimen);
-                self.specimen.grow(|i| mode(i) >= low, &mut self.scratch);
-                self.drop_shades(coarse, low);
-            }
+        self.level_set.run(coarse, &settings.level_set);
+        let phi = &self.level_set.phi;
+        self.specimen.take(coarse.width, coarse.within.iter().zip(phi).map(|(within, phi)| *within && *phi > 0.0));
+        if settings.method == Method::Hybrid {
+            self.keep_bodies(coarse, bore);
+            self.specks.find(coarse, bore, &self.specimen, &mut self.scratch);
+            self.near.copy(&self.specimen);
+            let (body, specks) = (&self.specks.body.set, &self.specks.blocks.set);
+            self.faint.find(coarse, |i| coarse.within[i] && !body[i] && !specks[i]);
+            let (faint, least) = (&self.faint.contrast, bent(settings.faint_sigma as f32));
+            self.specimen.grow(|i| coarse.within[i] && faint[i] >= least, &mut self.scratch);
+            self.drop_shades(coarse, least);
         }
         self.tidy(coarse, settings);
         self.keep_specimen(coarse, bore, settings);
@@ -72,6 +68,23 @@ impl Hybrid {
             let least = settings.min_area_bore2 * (bore.mean_px / coarse.step as f64).powi(2);
             self.bubbles.cut(&mut self.specimen, least, &mut self.scratch);
         }
+    }
+
+    /// Removes what is too small for a body.
+    fn keep_bodies(&mut self, coarse: &Coarse, bore: &Bore) {
+        let least = BODY_BORE2 * (bore.mean_px / coarse.step as f64).powi(2);
+        self.pieces.find(&self.specimen, &mut self.scratch);
+        // The pieces are sorted by size, and their labels are not.
+        let bodies = self.pieces.sizes.partition_point(|(_, size)| *size as f64 >= least);
+        let bodies = &self.pieces.sizes[..bodies];
+        for (set, label) in self.specimen.set.iter_mut().zip(&self.pieces.labels) {
+            *set &= bodies.iter().any(|(body, _)| body == label);
+        }
+    }
+
+    /// Removes the specks that were found from the pixels of the bore's window.
+    pub fn remove_specks(&mut self, plane: &mut Plane, coarse: &Coarse) {
+        self.specks.remove_from(plane, coarse, &mut self.scratch);
     }
 
     /// Bubbles in the way of the specimen's edge, px of the picture.

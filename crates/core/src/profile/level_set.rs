@@ -24,9 +24,13 @@ pub(super) struct LevelSet {
     pub phi: Vec<f32>,
     stop: Vec<f32>,
     next: Vec<f32>,
-    /// `grad phi / |grad phi|` and its length.
+    /// `grad phi / |grad phi|` and its length. They are up to date at the blocks in `front` and beside them.
     normal: [Vec<f32>; 2],
     slope: Vec<f32>,
+    /// The blocks that a step moves.
+    front: Vec<usize>,
+    /// Whether the normal of a block is up to date.
+    known: Vec<bool>,
     scratch: Vec<f32>,
 }
 
@@ -72,40 +76,58 @@ impl LevelSet {
     fn step(&mut self, coarse: &Coarse, mu: f32, settings: &LevelSetSettings) {
         let (w, h) = (coarse.width, coarse.height);
         let (region, edge) = (settings.region as f32, settings.edge as f32);
-        let phi = &self.phi;
-        let at = |u: usize, v: usize| phi[v * w + u];
-        for v in 0..h {
-            let (v0, v1) = (v.saturating_sub(1), (v + 1).min(h - 1));
-            for u in 0..w {
-                let i = v * w + u;
-                let (u0, u1) = (u.saturating_sub(1), (u + 1).min(w - 1));
-                let (du, dv) = ((at(u1, v) - at(u0, v)) / 2.0, (at(u, v1) - at(u, v0)) / 2.0);
-                let length = (du * du + dv * dv).sqrt();
-                let unit = 1.0 / length.max(1e-3);
-                (self.normal[0][i], self.normal[1][i], self.slope[i]) = (du * unit, dv * unit, length);
-            }
-        }
-        let [nu, nv] = &self.normal;
-        for v in 0..h {
-            let (v0, v1) = (v.saturating_sub(1), (v + 1).min(h - 1));
-            for u in 0..w {
-                let i = v * w + u;
-                self.next[i] = phi[i];
-                let (left, right, above, below) = (v * w + u.saturating_sub(1), v * w + (u + 1).min(w - 1), v0 * w + u, v1 * w + u);
-                let far = [i, left, right, above, below].iter().all(|&i| phi[i].abs() >= BAND);
-                if !coarse.within[i] || far {
+        self.find_front(coarse);
+        let Self { phi, stop, next, normal: [nu, nv], slope, front, known, .. } = self;
+        let beside = |i: usize| {
+            let (u, v) = (i % w, i / w);
+            [i - usize::from(u > 0), i + usize::from(u + 1 < w), i - if v > 0 { w } else { 0 }, i + if v + 1 < h { w } else { 0 }]
+        };
+        known.clear();
+        known.resize(w * h, false);
+        for &at in &*front {
+            for i in beside(at).into_iter().chain([at]) {
+                if std::mem::replace(&mut known[i], true) {
                     continue;
                 }
-                let flow = |i: usize, n: &[f32]| self.stop[i] * n[i];
-                let curvature = (flow(right, nu) - flow(left, nu) + flow(below, nv) - flow(above, nv)) / 2.0;
-                let pressure = ((coarse.smooth[0][i] - mu) / mu).clamp(-1.0, 1.0);
-                let laplace = phi[left] + phi[right] + phi[above] + phi[below] - 4.0 * phi[i];
-                let bend = (nu[right] - nu[left] + nv[below] - nv[above]) / 2.0;
-                let change = self.slope[i].max(0.2) * (region * pressure + edge * curvature) + DISTANCE_PULL * (laplace - bend);
-                self.next[i] = (phi[i] + TIME_STEP * change).clamp(-BAND, BAND);
+                let [left, right, above, below] = beside(i);
+                let (du, dv) = ((phi[right] - phi[left]) / 2.0, (phi[below] - phi[above]) / 2.0);
+                let length = (du * du + dv * dv).sqrt();
+                let unit = 1.0 / length.max(1e-3);
+                (nu[i], nv[i], slope[i]) = (du * unit, dv * unit, length);
             }
         }
-        std::mem::swap(&mut self.phi, &mut self.next);
+        next.copy_from_slice(phi);
+        for &i in &*front {
+            let [left, right, above, below] = beside(i);
+            let flow = |i: usize, n: &[f32]| stop[i] * n[i];
+            let curvature = (flow(right, nu) - flow(left, nu) + flow(below, nv) - flow(above, nv)) / 2.0;
+            let pressure = ((coarse.smooth[0][i] - mu) / mu).clamp(-1.0, 1.0);
+            let laplace = phi[left] + phi[right] + phi[above] + phi[below] - 4.0 * phi[i];
+            let bend = (nu[right] - nu[left] + nv[below] - nv[above]) / 2.0;
+            let change = slope[i].max(0.2) * (region * pressure + edge * curvature) + DISTANCE_PULL * (laplace - bend);
+            next[i] = (phi[i] + TIME_STEP * change).clamp(-BAND, BAND);
+        }
+        std::mem::swap(phi, next);
+    }
+
+    /// Lists the blocks within the band, and those beside them, in the order of the map.
+    fn find_front(&mut self, coarse: &Coarse) {
+        let (w, h) = (coarse.width, coarse.height);
+        self.front.clear();
+        for v in 0..h {
+            let row = |v: usize| &self.phi[v * w..(v + 1) * w];
+            let (above, here, below) = (row(v.saturating_sub(1)), row(v), row((v + 1).min(h - 1)));
+            let within = &coarse.within[v * w..(v + 1) * w];
+            let near = |phi: f32| phi.abs() < BAND;
+            self.front.extend(
+                (0..w)
+                    .filter(|&u| {
+                        let beside = near(here[u.saturating_sub(1)]) | near(here[(u + 1).min(w - 1)]) | near(above[u]) | near(below[u]);
+                        within[u] & (near(here[u]) | beside)
+                    })
+                    .map(|u| v * w + u),
+            );
+        }
     }
 }
 

@@ -52,7 +52,12 @@ struct Shift {
     courses: [Vector; SAMPLES],
     /// `grams[n]`: products of the profiles over the first `n` samples of the window, and their sums.
     grams: Vec<(Matrix, Vector)>,
+    /// The same over all samples of the windows of the shifts from [`NEAR`] before to `NEAR` after this one.
+    near: Vec<(Matrix, Vector)>,
 }
+
+/// How far the window of a fit lies from its shift, in shifts.
+pub(super) const NEAR: usize = 5;
 
 /// The blurred profiles at every shift.
 pub(super) struct Onsets {
@@ -77,12 +82,20 @@ impl Onsets {
         let (first, last) = ((-search_px[0] * per_px).round() as i32, (search_px[1] * per_px).round() as i32);
         let courses = Courses::new(sigma);
         let index = |s: f64| ((s + REACH_PX as f64) * PER_PX as f64).round().clamp(0.0, (SAMPLES - 1) as f64) as usize;
+        let window = |k: i32| {
+            let e = f64::from(k) / per_px;
+            (index(e - (WINDOW_PX + 1.5 * sigma)), index(e + WINDOW_PX + sigma) + 1)
+        };
         let shifts = (first..=last.max(first))
             .map(|k| {
                 let e = f64::from(k) / per_px;
-                let (from, upto) = (index(e - (WINDOW_PX + 1.5 * sigma)), index(e + WINDOW_PX + sigma) + 1);
+                let (from, upto) = window(k);
                 let courses = courses.at(|i| i as f64 / PER_PX as f64 - REACH_PX as f64 - e);
-                Shift { from, upto, grams: grams(&courses, from, upto), courses }
+                let near = (k - NEAR as i32..=k + NEAR as i32).map(|other| {
+                    let (from, upto) = window(other);
+                    gram_over(&courses, from, upto)
+                });
+                Shift { from, upto, grams: grams(&courses, from, upto), near: near.collect(), courses }
             })
             .collect();
         Self { shifts, first_px: f64::from(first) / per_px, used: [true, true, true, kind == Kind::Rounded] }
@@ -103,7 +116,11 @@ impl Onsets {
         let w = &self.shifts[window];
         let (from, upto) = (w.from.min(samples.len()), w.upto.min(samples.len()));
         let n = upto - from;
-        let (gram, sums) = if k == window { shift.grams[n] } else { gram_over(&shift.courses, from, upto) };
+        let (gram, sums) = match (window + NEAR).checked_sub(k).and_then(|off| shift.near.get(off)) {
+            _ if k == window => shift.grams[n],
+            Some(near) if n == w.upto - w.from => *near,
+            _ => gram_over(&shift.courses, from, upto),
+        };
         let seen = &samples[from..upto];
         let (mut sum, mut yy) = (0.0f32, 0.0f32);
         for &y in seen {

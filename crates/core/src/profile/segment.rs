@@ -122,8 +122,7 @@ const LEAST_CRACKS: usize = 12;
 const SATURATED: u8 = 254;
 
 /// Segments frames. It keeps its memory from frame to frame, so that a warm one allocates only what it returns: the mask, and
-/// the outlines with their points. (The rows of the mean shift go to rayon's pool, which has its own memory.) It keeps no
-/// findings: the same frame always gives the same profile.
+/// the outlines with their points. It keeps no findings: the same frame always gives the same profile.
 #[derive(Default)]
 pub struct Segmenter {
     walls: WallFinder,
@@ -177,11 +176,14 @@ impl Segmenter {
         }
         let bore = Bore::of(picture, walls);
         self.background.take_away(&bore, picture, empty);
-        let contrast = &self.background.contrast;
-        self.coarse.fill(&bore, contrast, settings.wall_margin_px);
+        self.coarse.fill(&bore, &self.background.contrast, settings.wall_margin_px);
         self.hybrid.find(&self.coarse, &bore, settings);
         self.hybrid.to_pixels(&self.coarse, &bore, &mut self.inside);
 
+        if settings.method == Method::Hybrid {
+            self.hybrid.remove_specks(&mut self.background.contrast.lightness, &self.coarse);
+        }
+        let contrast = &self.background.contrast;
         let rows = |u: f64| (walls.upper.inner.at(u), walls.lower.inner.at(u));
         self.bubbles.clear();
         self.bubbles.extend(self.hybrid.bubbles(&self.coarse, &bore));

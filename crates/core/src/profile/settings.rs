@@ -85,29 +85,11 @@ impl Default for EdgeSettings {
 #[cfg_attr(feature = "schema", derive(schemars::JsonSchema))]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Mean shift and level set combined, then refined: for measurements.
+    /// The level set, and what is faint around it: for measurements.
     #[default]
     Hybrid,
-    /// Mean shift alone: keeps the whole larva, soft at its edge.
-    MeanShift,
     /// Level set alone: compact and sharp, leaks where the larva is transparent.
     LevelSet,
-}
-
-/// The mean shift.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(feature = "schema", derive(schemars::JsonSchema), schemars(transform = crate::range::in_schema::<Self>))]
-#[serde(default, deny_unknown_fields)]
-pub struct MeanShiftSettings {
-    /// Bandwidth of contrast, standard deviations of a block's noise. High contrast counts by its logarithm. A larger bandwidth merges more
-    /// grey values into one mode.
-    pub range_sigma: f64,
-}
-
-impl Default for MeanShiftSettings {
-    fn default() -> Self {
-        Self { range_sigma: 3.5 }
-    }
 }
 
 /// The level set.
@@ -174,19 +156,15 @@ pub struct SegmentSettings {
     pub method: Method,
     /// How walls are found.
     pub walls: WallSettings,
-    /// The mean shift.
-    pub mean_shift: MeanShiftSettings,
     /// The level set.
     pub level_set: LevelSetSettings,
     /// The transparent fringe.
     pub fringe: FringeSettings,
     /// How the edge is placed.
     pub edge: EdgeSettings,
-    /// Contrast of a mode that starts foreground, standard deviations of a block's noise. A larger value starts foreground in fewer places.
-    pub high_sigma: f64,
-    /// Contrast of a mode that continues foreground, standard deviations of a block's noise, at most `high_sigma`. A larger value gives a
-    /// smaller outline.
-    pub low_sigma: f64,
+    /// Mean contrast of many blocks that belongs to the specimen if it is connected to its body, standard deviations of one block's noise. A
+    /// larger value gives a smaller outline.
+    pub faint_sigma: f64,
     /// Gaps narrower than twice this are bridged, px. With 0 none is.
     pub closing_px: usize,
     /// Whiskers narrower than twice this are removed, px. With 0 none is.
@@ -203,6 +181,39 @@ pub struct SegmentSettings {
     pub black_below: u8,
     /// A frame with more saturated pixels than this share is over-exposed.
     pub max_saturated_share: f64,
+    /// A key of earlier versions.
+    #[serde(skip_serializing)]
+    #[cfg_attr(feature = "schema", schemars(skip))]
+    pub mean_shift: Retired,
+    /// A key of earlier versions.
+    #[serde(skip_serializing)]
+    #[cfg_attr(feature = "schema", schemars(skip))]
+    pub high_sigma: Retired,
+    /// A key of earlier versions.
+    #[serde(skip_serializing)]
+    #[cfg_attr(feature = "schema", schemars(skip))]
+    pub low_sigma: Retired,
+}
+
+/// A key that earlier versions had. Stored methods still have it. It is read, whatever its value, and has no effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Retired {
+    found: bool,
+}
+
+impl<'de> Deserialize<'de> for Retired {
+    fn deserialize<D: serde::Deserializer<'de>>(value: D) -> Result<Self, D::Error> {
+        serde::de::IgnoredAny::deserialize(value).map(|_| Self { found: true })
+    }
+}
+
+impl SegmentSettings {
+    /// Keys that were given although they have no effect any more. In a file that somebody writes they are a mistake.
+    pub fn retired_keys(&self) -> impl Iterator<Item = &'static str> {
+        [("mean_shift", self.mean_shift), ("high_sigma", self.high_sigma), ("low_sigma", self.low_sigma)]
+            .into_iter()
+            .filter_map(|(key, retired)| retired.found.then_some(key))
+    }
 }
 
 impl Default for SegmentSettings {
@@ -210,12 +221,10 @@ impl Default for SegmentSettings {
         Self {
             method: Method::default(),
             walls: WallSettings::default(),
-            mean_shift: MeanShiftSettings::default(),
             level_set: LevelSetSettings::default(),
             fringe: FringeSettings::default(),
             edge: EdgeSettings::default(),
-            high_sigma: 8.0,
-            low_sigma: 1.3,
+            faint_sigma: 2.0,
             closing_px: 3,
             opening_px: 2,
             wall_margin_px: 2.5,
@@ -224,6 +233,9 @@ impl Default for SegmentSettings {
             join_gap_bore: 0.06,
             black_below: 30,
             max_saturated_share: 0.8,
+            mean_shift: Retired::default(),
+            high_sigma: Retired::default(),
+            low_sigma: Retired::default(),
         }
     }
 }
@@ -261,10 +273,6 @@ impl Ranged for EdgeSettings {
     ];
 }
 
-impl Ranged for MeanShiftSettings {
-    const RANGES: &'static [Range<Self>] = ranges![range_sigma: 0.5, 100.0, NOISE;];
-}
-
 impl Ranged for LevelSetSettings {
     const RANGES: &'static [Range<Self>] = ranges![
         level_share: 0.01, 1.0, "of the body's contrast";
@@ -290,8 +298,7 @@ impl Ranged for FringeSettings {
 
 impl Ranged for SegmentSettings {
     const RANGES: &'static [Range<Self>] = ranges![
-        high_sigma: 0.1, 100.0, NOISE;
-        low_sigma: 0.1, 100.0, NOISE;
+        faint_sigma: 0.1, 100.0, NOISE;
         closing_px: 0.0, 30.0, "px";
         opening_px: 0.0, 30.0, "px";
         wall_margin_px: 0.0, 20.0, "px";
@@ -303,21 +310,28 @@ impl Ranged for SegmentSettings {
     ];
 
     fn outside_below(&self) -> Vec<OutOfRange> {
-        // Foreground is not continued by what would start it.
-        let (least, most) = (0.1, self.high_sigma.clamp(0.1, 100.0));
-        let continued = (self.low_sigma > most && self.low_sigma <= 100.0).then(|| OutOfRange {
-            key: "low_sigma".into(),
-            found: self.low_sigma,
-            least,
-            most,
-            unit: NOISE,
-        });
-        (continued.into_iter())
-            .chain(outside_in("walls", &self.walls))
-            .chain(outside_in("mean_shift", &self.mean_shift))
+        outside_in("walls", &self.walls)
             .chain(outside_in("level_set", &self.level_set))
             .chain(outside_in("fringe", &self.fringe))
             .chain(outside_in("edge", &self.edge))
             .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A method that an earlier version stored is read. It is not written with its old keys again.
+    #[test]
+    fn keys_of_earlier_versions_are_read_and_named() {
+        let stored = r#"{"method": "hybrid", "mean_shift": {"range_sigma": 3.5}, "high_sigma": 8.0, "low_sigma": 1.3, "closing_px": 4}"#;
+        let settings: SegmentSettings = serde_json::from_str(stored).unwrap();
+        assert_eq!(settings.closing_px, 4);
+        assert_eq!(settings.retired_keys().collect::<Vec<_>>(), ["mean_shift", "high_sigma", "low_sigma"]);
+        let written = serde_json::to_string(&settings).unwrap();
+        assert!(!written.contains("mean_shift") && !written.contains("low_sigma"), "{written}");
+        let again: SegmentSettings = serde_json::from_str(&written).unwrap();
+        assert_eq!(again.retired_keys().count(), 0);
     }
 }

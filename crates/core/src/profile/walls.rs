@@ -224,7 +224,8 @@ struct Votes {
     course: Line,
     /// Share of strips that are dark there.
     support: Vec<f32>,
-    /// Mean depth of the dips, each counted up to a limit.
+    /// Mean depth of the dips. Each counts by its logarithm, so that an eye weighs little more than a wall, and so that the middle of a
+    /// broad wall is still darker than its flanks.
     depth: Vec<f32>,
 }
 
@@ -295,7 +296,7 @@ impl Votes {
             for (v, sum) in self.depth.iter_mut().enumerate() {
                 let from = v as isize + shift;
                 if (0..height as isize).contains(&from) {
-                    *sum += dip[from as usize].min(12.0 * settings.min_depth) / count;
+                    *sum += (1.0 + dip[from as usize] / settings.min_depth).ln() / count;
                 }
             }
         }
