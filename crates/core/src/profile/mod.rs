@@ -12,6 +12,7 @@ mod bubble;
 mod chamfer;
 mod coarse;
 mod columns;
+mod compare;
 mod detection;
 mod edge;
 mod empty_capillary;
@@ -39,6 +40,7 @@ mod synthetic;
 mod walls;
 
 pub use columns::{ColumnEdges, Columns};
+pub use compare::{Annotation, Comparison, EdgeError, SizesDiffer, TOLERANCE_PX};
 pub use detection::{Detection, Head, Kind, Likelihoods, Side};
 pub use edge::EdgePoint;
 pub use empty_capillary::EmptyCapillary;
