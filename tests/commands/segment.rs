@@ -2,10 +2,11 @@
 
 use crate::common::{run, stderr};
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::profile::{Mask, Picture, SegmentSettings, segment};
+use carved_core::profile::{Annotation, Mask, Picture, SegmentSettings, segment};
 use hardware_sim::scene::{Exposure, Placement, Rgb, Scene, SceneSettings, Specimen};
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage};
 use serde_json::Value;
+use std::collections::HashMap;
 use std::path::Path;
 use std::process::Output;
 
@@ -318,4 +319,279 @@ fn results_do_not_depend_on_the_number_of_threads() {
     assert_eq!(report["settings"]["method"], "hybrid");
     assert_eq!(report["settings"]["faint_sigma"], 4.0);
     assert_eq!(report["settings"]["edge"]["blur_px"], 0.9);
+}
+
+/// The rows of `compare.csv`: by picture, the values by column.
+fn compared(dir: &Path) -> HashMap<String, HashMap<String, String>> {
+    let mut table = csv::Reader::from_path(dir.join("out/compare.csv")).unwrap();
+    let rows = table.deserialize().map(|row: Result<HashMap<String, String>, _>| row.unwrap());
+    rows.map(|row| (row["picture"].clone(), row)).collect()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+fn numbers(value: &Value) -> Vec<f64> {
+    value.as_array().unwrap_or_else(|| panic!("{value}")).iter().map(|x| x.as_f64().unwrap()).collect()
+}
+
+/// The file is what FishInspector's own reader expects: it takes the file by the name of the picture, the capillary by the names of its lines
+/// with a row for each column of the picture, the outline by the name `fineContour`, and all positions counted from 1.
+#[test]
+fn outlines_go_to_fishinspector_and_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, _) = larva();
+    colour(&frame).save(dir.path().join("day 3.b.tif")).unwrap();
+    let output = segment_files(dir.path(), &["--shapes"], &["day 3.b.tif"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let written = dir.path().join("out/day 3.b__SHAPES.json");
+    let file = json(&written);
+    assert_eq!((&file["version"], &file["enabled"]), (&Value::from(0.99), &Value::from(1)));
+    assert_eq!(numbers(&file["imageDimensions"]), [513.0, 301.0, 3.0]);
+
+    let report = json(&dir.path().join("out/day 3.b.json"));
+    let lines = file["capillary"]["shape"].as_array().unwrap();
+    assert_eq!(lines.len(), 4);
+    let walls = [("upper", "upper", "outer"), ("upper_in", "upper", "inner"), ("lower", "lower", "outer"), ("lower_in", "lower", "inner")];
+    for (line, (name, wall, side)) in lines.iter().zip(walls) {
+        assert_eq!(line["name"], name);
+        assert_eq!(numbers(&line["x"]), (1..=513).map(f64::from).collect::<Vec<_>>());
+        let (rows, expected) = (numbers(&line["y"]), &report["profile"]["walls"][wall][side]);
+        assert_eq!(rows.len(), 513);
+        // In the middle column, to 0.1 px.
+        assert!((rows[256] - 1.0 - expected["v_mid"].as_f64().unwrap()).abs() < 0.06, "{name}: {} for {expected}", rows[256]);
+    }
+    let contour = &file["fishContour"];
+    assert_eq!(contour["mode"], "manual");
+    for (feature, parameters) in [
+        ("capillary", &["threshMultiplier", "vertCutoff", "horizCutoff", "steps"][..]),
+        (
+            "fishContour",
+            &["auto_thresh_multiplier", "width_of_capillary_wall", "imclose_disksize", "binary_contour_smoothing", "min_peak_width"],
+        ),
+    ] {
+        assert!(parameters.iter().all(|key| file[feature]["parameter"][key].is_f64()), "{feature}: {}", file[feature]["parameter"]);
+    }
+    let edge = json(&dir.path().join("out/day 3.b.edge.json"));
+    let ours = edge["polygons"][0]["vertices"].as_array().unwrap();
+    for (shape, name) in contour["shape"].as_array().unwrap().iter().zip(["binaryShape", "fineContour"]) {
+        assert_eq!(shape["name"], name);
+        let (x, y) = (numbers(&shape["x"]), numbers(&shape["y"]));
+        assert_eq!((x.len(), y.len()), (ours.len(), ours.len()));
+        for ((x, y), vertex) in x.iter().zip(&y).zip(ours) {
+            let expected = numbers(vertex);
+            assert!((x - 1.0 - expected[0]).abs() < 1e-6 && (y - 1.0 - expected[1]).abs() < 1e-6, "{x}, {y} for {vertex}");
+        }
+    }
+
+    // Corrections are not replaced, and nothing is written before that is clear.
+    let before = std::fs::read(&written).unwrap();
+    std::fs::remove_file(dir.path().join("out/day 3.b.json")).unwrap();
+    let output = segment_files(dir.path(), &["--shapes"], &["day 3.b.tif"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("corrected by hand; move it, or give another --out"), "{}", stderr(&output));
+    assert!(!dir.path().join("out/day 3.b.json").exists() && std::fs::read(&written).unwrap() == before);
+
+    // Back again, without a correction.
+    let folder = dir.path().join("out").display().to_string();
+    let output = segment_files(dir.path(), &["--compare", &folder], &["day 3.b.tif"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let row = &compared(dir.path())["day 3.b.tif"];
+    for (column, expected) in [
+        ("outline", "fishContour"),
+        ("iou", "1.0000"),
+        ("edge_error_abs_mean_px", "0.0000"),
+        ("edge_error_abs_p95_px", "0.0000"),
+        ("false_area_px", "0"),
+        ("missed_area_px", "0"),
+        ("humps", "0"),
+        ("largest_hump_area_px", "0"),
+        ("fins_found_share", ""),
+        ("error", ""),
+    ] {
+        assert_eq!(row[column], expected, "{column}");
+    }
+    assert!(row["edge_error_mean_px"].trim_start_matches('-') == "0.0000", "{row:?}");
+    assert_eq!(row["area_px"], row["annotation_area_px"]);
+    assert!(row["annotation"].ends_with("day 3.b__SHAPES.json"), "{row:?}");
+}
+
+/// The tail is cut off by hand: the part of the profile behind the cut, beyond 2 px, is one hump.
+#[test]
+fn a_corrected_outline_is_compared_by_known_geometry() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, _) = larva();
+    colour(&frame).save(dir.path().join("a.png")).unwrap();
+    let output = segment_files(dir.path(), &["--shapes"], &["a.png"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let ours = json(&dir.path().join("out/a__SHAPES.json"));
+    let fine = &ours["fishContour"]["shape"][1];
+    let (x, y) = (numbers(&fine["x"]), numbers(&fine["y"]));
+    // Between columns 399 and 400 counted from 0, as FishInspector saves it: columns of numbers, 0.1 px, no size of the picture.
+    let cut = 400.5;
+    let column = |values: &[f64]| values.iter().map(|x| vec![(x * 10.0).round() / 10.0]).collect::<Vec<_>>();
+    let x: Vec<f64> = x.into_iter().map(|x| x.min(cut)).collect();
+    let corrected = serde_json::json!({
+        "version": 0.99, "enabled": true, "fishEye": {"shape": {"name": "fishEye", "x": 4, "y": 5}},
+        "fishContour": {"mode": "manual", "shape": [{"name": "fineContour", "x": column(&x), "y": column(&y)}]},
+    });
+    std::fs::create_dir(dir.path().join("corrected")).unwrap();
+    let file = dir.path().join("corrected/a__SHAPES.json");
+    std::fs::write(&file, corrected.to_string()).unwrap();
+    let output = segment_files(dir.path(), &["--compare", &file.display().to_string()], &["a.png"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+
+    let found = mask(&dir.path().join("out/a.mask.png"));
+    let behind = |first: usize| (0..found.height()).map(|v| (first..found.width()).filter(|&u| found.get(u, v)).count()).sum::<usize>();
+    let row = &compared(dir.path())["a.png"];
+    let number = |column: &str| row[column].parse::<f64>().unwrap_or_else(|e| panic!("{column} {:?}: {e}", row[column]));
+    assert!(behind(400) > 200, "the tail is behind the cut: {}", behind(400));
+    // Column 402 is 2.5 px behind the cut at 399.5, column 401 is 1.5 px.
+    assert_eq!((number("humps"), number("false_area_px"), number("largest_hump_area_px")), (1.0, behind(402) as f64, behind(402) as f64));
+    assert_eq!((number("missed_area_px"), number("area_px")), (0.0, found.area_px() as f64));
+    // Rounded to 0.1 px, the outline passes a few centres of pixels on the other side.
+    assert!((number("annotation_area_px") - (found.area_px() - behind(400)) as f64).abs() < 0.01 * found.area_px() as f64, "{row:?}");
+    let iou = 1.0 - behind(400) as f64 / found.area_px() as f64;
+    assert!((number("iou") - iou).abs() < 0.01, "{row:?} for {iou}");
+    assert!(number("edge_error_mean_px") > 0.5 && number("edge_error_abs_p95_px") > 2.0, "{row:?}");
+    let told = stdout(&output);
+    assert!(told.contains("1 of 1 pictures compared; 0 without a profile") && told.contains("largest hump, px: median"), "{told}");
+}
+
+/// Masks as annotations, with the figures of the library.
+#[test]
+fn masks_of_the_larva_and_its_body_are_compared() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, truth) = larva();
+    for name in ["a.png", "b.png"] {
+        colour(&frame).save(dir.path().join(name)).unwrap();
+    }
+    let annotated = dir.path().join("annotated");
+    std::fs::create_dir(&annotated).unwrap();
+    let save = |mask: &Mask, name: &str| {
+        GrayImage::from_raw(mask.width() as u32, mask.height() as u32, mask.data().to_vec()).unwrap().save(annotated.join(name)).unwrap();
+    };
+    // A body without the back half, so that there are fins by definition.
+    let mut body = truth.clone();
+    (0..truth.height()).for_each(|v| (256..truth.width()).for_each(|u| body.set(u, v, false)));
+    save(&truth, "a.truth.png");
+    save(&body, "a.body.png");
+    save(&truth, "b.png");
+    // A mask is preferred by its name.
+    save(&Mask::empty(3, 3), "a.mask.png");
+    let output = segment_files(dir.path(), &["--compare", &annotated.display().to_string()], &["b.png", "a.png"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let found = mask(&dir.path().join("out/a.mask.png"));
+    let raw = RawFrame::new(frame.width, frame.height, PixelFormat::RGB8Packed, frame.data.clone()).unwrap();
+    let profile = segment(&Picture::from_frame(&raw), &SegmentSettings::default()).unwrap();
+    let annotation = Annotation::from_mask(truth.clone());
+    let expected = annotation.compare(&profile.mask, &profile.edge).unwrap();
+    let rows = compared(dir.path());
+    for picture in ["a.png", "b.png"] {
+        let row = &rows[picture];
+        let edge = expected.edge.unwrap();
+        assert_eq!(row["outline"], "mask");
+        assert_eq!(row["iou"], format!("{:.4}", found.iou(&truth)));
+        assert_eq!(row["edge_error_mean_px"], format!("{:.4}", edge.mean_px));
+        assert_eq!(row["edge_error_abs_p95_px"], format!("{:.4}", edge.p95_abs_px));
+        assert_eq!(row["missed_area_px"], expected.missed_px.to_string());
+    }
+    let fins = annotation.fins_found(&body, &found).unwrap().unwrap();
+    assert!(fins > 0.5 && fins < 1.0, "{fins}");
+    assert_eq!((&rows["a.png"]["fins_found_share"], rows["b.png"]["fins_found_share"].as_str()), (&format!("{fins:.4}"), ""));
+    // In the order of the command, with the figures of both pictures.
+    let told = stdout(&output);
+    let lines: Vec<&str> = told.lines().collect();
+    assert!(lines[0].starts_with("picture") && lines[1].starts_with("b.png") && lines[2].starts_with("a.png"), "{told}");
+    assert!(lines[3].starts_with("2 of 2 pictures compared"), "{told}");
+}
+
+#[test]
+fn annotations_that_cannot_be_used_say_why_and_the_others_are_compared() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, truth) = larva();
+    let annotated = dir.path().join("annotated");
+    std::fs::create_dir(&annotated).unwrap();
+    let grey = |name: &str, width: u32, height: u32, value: u8| {
+        GrayImage::from_pixel(width, height, image::Luma([value])).save(annotated.join(name)).unwrap();
+    };
+    let text = |name: &str, text: &str| std::fs::write(annotated.join(name), text).unwrap();
+    let contour = r#""fishContour": {"shape": {"name": "fineContour", "x": [3, 9, 9], "y": [4, 4, 12]}}"#;
+    GrayImage::from_raw(513, 301, truth.data().to_vec()).unwrap().save(annotated.join("good.mask.png")).unwrap();
+    grey("size.mask.png", 512, 301, 255);
+    grey("labels.png", 513, 301, 1);
+    grey("body.body.png", 513, 300, 255);
+    grey("body.png", 513, 301, 255);
+    text("damaged__SHAPES.json", &format!("{{{contour}"));
+    text("other__SHAPES.json", &format!(r#"{{"imageDimensions": [1024, 200, 3], {contour}}}"#));
+    text("outside__SHAPES.json", r#"{"fishContour": {"shape": {"name": "fineContour", "x": [3, 900, 9], "y": [4, 4, 12]}}}"#);
+    text("excluded__SHAPES.json", &format!(r#"{{"enabled": 0, {contour}}}"#));
+    text("text.mask.png", "no picture");
+    colour(&frame).save(annotated.join("colour.truth.png")).unwrap();
+    image::ImageBuffer::<image::Luma<u16>, _>::from_pixel(513, 301, image::Luma([9])).save(annotated.join("deep.png")).unwrap();
+    let cases = [
+        ("absent", "no annotation; --compare has none of absent__SHAPES.json, absent.truth.png, absent.mask.png, absent.png"),
+        ("size", "size.mask.png: it is 512 x 301 px, the picture is 513 x 301 px"),
+        ("labels", "its largest value is 1"),
+        ("body", "body.body.png: it is 513 x 300 px"),
+        ("damaged", "damaged__SHAPES.json: it is not readable JSON"),
+        ("other", "it is of a picture of 1024 x 200 px, this picture is 513 x 301 px"),
+        ("outside", "fishContour goes to x = 900, y = 4, this picture is 513 x 301 px"),
+        ("excluded", "excluded this picture"),
+        ("text", "not a readable PNG"),
+        ("colour", "found 8 bits in 3 channels, expected a grey mask of 8 bits"),
+        ("deep", "found 16 bits in 1 channels"),
+        ("black", "no profile: "),
+    ];
+    let images: Vec<String> = cases.iter().map(|(name, _)| format!("{name}.bmp")).chain(["good.bmp".to_owned()]).collect();
+    for image in &images {
+        colour(&frame).save(dir.path().join(image)).unwrap();
+    }
+    GrayImage::from_pixel(513, 301, image::Luma([2])).save(dir.path().join("black.bmp")).unwrap();
+    let images: Vec<&str> = images.iter().map(String::as_str).collect();
+    let output = segment_files(dir.path(), &["--method", "level-set", "--compare", &annotated.display().to_string()], &images);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(stderr(&output).contains("1 of 13 pictures have no profile"), "{}", stderr(&output));
+    assert!(stderr(&output).contains("11 of 13 pictures have no annotation that can be used"), "{}", stderr(&output));
+    let told = stdout(&output);
+    let counts = "1 of 13 pictures compared; 1 without a profile, 1 without an annotation, 10 with an annotation that cannot be used";
+    assert!(told.contains(counts), "{told}");
+    let rows = compared(dir.path());
+    for (name, why) in cases {
+        let row = &rows[&format!("{name}.bmp")];
+        assert!(row["error"].contains(why) && row["iou"].is_empty(), "{name}: {}", row["error"]);
+        assert!(told.lines().any(|line| line.starts_with(name) && line.contains(why)), "{name}: {told}");
+    }
+    let good = &rows["good.bmp"];
+    assert!(good["iou"].parse::<f64>().unwrap() > 0.7 && good["error"].is_empty(), "{good:?}");
+}
+
+#[test]
+fn annotations_that_would_be_ambiguous_or_replaced_are_refused_whole() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, truth) = larva();
+    colour(&frame).save(dir.path().join("a.png")).unwrap();
+    for folder in ["one", "two", "out"] {
+        std::fs::create_dir(dir.path().join(folder)).unwrap();
+        GrayImage::from_raw(513, 301, truth.data().to_vec()).unwrap().save(dir.path().join(folder).join("a.mask.png")).unwrap();
+    }
+    std::fs::write(dir.path().join("a.txt"), "").unwrap();
+    let path = |name: &str| dir.path().join(name).display().to_string();
+    for (named, why) in [
+        (&["none"][..], "No such file or directory"),
+        (&["a.txt"], "expected the name STEM__SHAPES.json, STEM.truth.png, STEM.mask.png, STEM.png or STEM.body.png"),
+        (&["one", "two/a.mask.png"], "have the same name; leave one of them out"),
+        (&["out"], "a.mask.png is a result of this call and would be replaced; give another --out"),
+    ] {
+        let options: Vec<String> = named.iter().flat_map(|name| ["--compare".to_owned(), path(name)]).collect();
+        let output = segment_files(dir.path(), &options.iter().map(String::as_str).collect::<Vec<_>>(), &["a.png"]);
+        assert_eq!(output.status.code(), Some(1));
+        assert!(stderr(&output).contains(why), "{named:?}: {}", stderr(&output));
+        assert_eq!(std::fs::read_dir(dir.path().join("out")).unwrap().count(), 1, "nothing is written");
+    }
+    // The folder of the pictures: the picture itself is no annotation of it.
+    let output = segment_files(dir.path(), &["--compare", &dir.path().display().to_string()], &["a.png"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(compared(dir.path())["a.png"]["error"].contains("no annotation"), "{:?}", compared(dir.path()));
 }

@@ -4,21 +4,28 @@
 //!  IMAGES ── input ── RawFrame ── profile::segment ─┬─ STEM.mask.png     8 bit grey, inside 255
 //!  --settings, --method, --reference ─────┘         ├─ STEM.edge.json    sub-pixel outlines
 //!                                                   ├─ STEM.overlay.png  the picture with outline and walls
-//!                                                   └─ STEM.json         numbers, or why there is no profile; written last
+//!                                                   ├─ STEM__SHAPES.json outline and walls for FishInspector (--shapes)
+//!                                                   ├─ STEM.json         numbers, or why there is no profile; written last
+//!  --compare ── annotation of the same name ────────┴─ compare.csv       how far each outline is from its annotation
 //! ```
 //! Errors of the whole call (settings, names, the empty capillary) are reported before anything is written. A picture that fails does not
 //! stop the others.
 
+mod annotation;
 pub(super) mod blocks;
+mod compare;
 mod empty;
 pub(super) mod input;
 mod mosaic;
 mod output;
 mod overlay;
+mod shapes;
 
+use annotation::Annotations;
 use anyhow::{Context, bail};
 use carved_core::profile::{Method, Picture, SegmentSettings, Segmenters};
 use carved_core::range::Ranged;
+use carved_store::durable;
 use empty::Empty;
 use output::{Names, Report};
 use rayon::prelude::*;
@@ -47,6 +54,14 @@ pub struct Args {
     /// Grey pictures are Bayer mosaics whose first row reads R G R G
     #[arg(long)]
     bayer: bool,
+    /// Write STEM__SHAPES.json too: outline and walls for FishInspector, to be corrected by hand; a file that is there is not replaced
+    #[arg(long)]
+    shapes: bool,
+    /// Compare each outline with the annotation of its picture: STEM__SHAPES.json, or a mask (8 bit grey, inside from 128 on) STEM.truth.png,
+    /// STEM.mask.png or STEM.png, in a folder or by itself; with a mask of the body STEM.body.png also the fins. Prints a table and writes
+    /// compare.csv. Can be repeated
+    #[arg(long, value_name = "ANNOTATIONS")]
+    compare: Vec<PathBuf>,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -67,44 +82,87 @@ impl From<MethodName> for Method {
 /// Segments every picture and writes the results.
 ///
 /// # Errors
-/// At the beginning, a wrong call. At the end, pictures without a profile; each one's own file has the reason.
+/// At the beginning, a wrong call. At the end, pictures without a profile, whose own files have the reason, and pictures that were to be
+/// compared and have no annotation that can be used.
 pub fn run(args: &Args) -> anyhow::Result<()> {
     let settings = settings(args)?;
     let empty = args.reference.as_deref().map(|file| Empty::read(file, &settings, args.bayer)).transpose()?;
     let segmenters = Segmenters::default();
-    let names = Names::choose(&args.images, &args.out)?;
+    let names = Names::choose(&args.images, &args.out, args.shapes)?;
+    let annotations = if args.compare.is_empty() { None } else { Some(Annotations::find(&args.compare)?) };
+    if let Some(annotations) = &annotations {
+        annotations.check_results(args.images.iter().map(PathBuf::as_path), &Names::there(&names))?;
+    }
+    durable::create_folder(&args.out).with_context(|| format!("--out {}", args.out.display()))?;
     let done = AtomicUsize::new(0);
-    let unwritten = AtomicUsize::new(0);
-    let failed = names
+    let outcomes: Vec<Outcome> = names
         .par_iter()
         .map(|names| {
             let report = one(names, &settings, args.bayer, empty.as_ref(), &segmenters);
             let written = report.write(names);
             let told = match &written {
-                Ok(()) => report.told(),
+                Ok(()) => report.told(names),
                 Err(e) => format!("not written: {e}"),
             };
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             // Progress on stderr may have no reader any more. Only the results count.
             let _ = writeln!(std::io::stderr(), "[{count}/{}] {}: {told}", args.images.len(), names.image.display());
-            if written.is_err() {
-                unwritten.fetch_add(1, Ordering::Relaxed);
-            }
-            usize::from(written.is_ok() && report.failed())
+            let compared = annotations.as_ref().map(|annotations| compare::row(&names.image, report.profile(), annotations));
+            Outcome { failed: report.failed(), written: written.is_ok(), compared }
         })
-        .sum::<usize>();
-    failure(failed, unwritten.into_inner(), args.images.len()).map_or(Ok(()), |why| bail!("{why}"))
+        .collect();
+    let failures = Failures::count(&outcomes);
+    if annotations.is_some() {
+        let rows: Vec<compare::Row> = outcomes.into_iter().filter_map(|outcome| outcome.compared).collect();
+        compare::write(&rows, &args.out)?;
+        for line in compare::told(&rows) {
+            say!("{line}");
+        }
+    }
+    failures.told().map_or(Ok(()), |why| bail!("{why}"))
 }
 
-/// The message at the end. `None` if all pictures succeeded.
-fn failure(failed: usize, unwritten: usize, of: usize) -> Option<String> {
-    let no_profile = format!("{failed} of {of} pictures have no profile; the lines above and their JSON files say why");
-    let not_written = format!("the results of {unwritten} of {of} pictures could not be written; the lines above say why");
-    match (failed, unwritten) {
-        (0, 0) => None,
-        (_, 0) => Some(no_profile),
-        (0, _) => Some(not_written),
-        _ => Some(format!("{no_profile}. And {not_written}")),
+/// What became of a picture.
+struct Outcome {
+    failed: bool,
+    written: bool,
+    compared: Option<compare::Row>,
+}
+
+/// How many pictures went wrong.
+struct Failures {
+    of: usize,
+    /// Without a profile.
+    failed: usize,
+    unwritten: usize,
+    /// With a profile and without an annotation that can be used.
+    uncompared: usize,
+}
+
+impl Failures {
+    fn count(outcomes: &[Outcome]) -> Self {
+        let count = |is: fn(&Outcome) -> bool| outcomes.iter().filter(|outcome| is(outcome)).count();
+        Self {
+            of: outcomes.len(),
+            failed: count(|o| o.written && o.failed),
+            unwritten: count(|o| !o.written),
+            uncompared: count(|o| o.compared.as_ref().is_some_and(compare::Row::lacks_annotation)),
+        }
+    }
+
+    /// The message at the end. `None` if all pictures succeeded.
+    fn told(&self) -> Option<String> {
+        let Self { of, failed, unwritten, uncompared } = self;
+        let told = [
+            (failed, format!("{failed} of {of} pictures have no profile; the lines above and their JSON files say why")),
+            (unwritten, format!("the results of {unwritten} of {of} pictures could not be written; the lines above say why")),
+            (
+                uncompared,
+                format!("{uncompared} of {of} pictures have no annotation that can be used; the table and {} say why", compare::TABLE),
+            ),
+        ];
+        let told: Vec<String> = told.into_iter().filter(|(count, _)| **count > 0).map(|(_, why)| why).collect();
+        (!told.is_empty()).then(|| told.join(". And "))
     }
 }
 

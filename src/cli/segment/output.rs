@@ -1,15 +1,15 @@
-//! The results of a picture: names without conflicts, and the four files.
+//! The results of a picture: names without conflicts, and the files.
 
 use super::blocks;
 use super::input::Input;
-use super::overlay;
+use super::{overlay, shapes};
 use anyhow::{Context, bail};
 use carved_core::profile::{Detection, EdgePoint, Picture, Polygon, Profile, ProfileError, ProfileQuality, SegmentSettings, Walls};
 use carved_store::{Software, StoreError, durable};
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use serde::Serialize;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -25,12 +25,14 @@ pub(super) struct Names {
     edge: PathBuf,
     overlay: PathBuf,
     report: PathBuf,
+    /// Where the outline is written for FishInspector, if it is.
+    shapes: Option<PathBuf>,
 }
 
 impl Names {
-    /// Chooses all names and makes the folder. Refuses names by which a result would replace another result or a picture.
-    pub fn choose(images: &[PathBuf], out: &Path) -> anyhow::Result<Vec<Self>> {
-        let chosen: Vec<Self> = images.iter().map(|image| Self::of(image, out)).collect::<anyhow::Result<_>>()?;
+    /// Chooses all names. Refuses names by which a result would replace another result, a picture, or outlines that may have been corrected.
+    pub fn choose(images: &[PathBuf], out: &Path, shapes: bool) -> anyhow::Result<Vec<Self>> {
+        let chosen: Vec<Self> = images.iter().map(|image| Self::of(image, out, shapes)).collect::<anyhow::Result<_>>()?;
         let mut taken: HashMap<&Path, &Path> = HashMap::new();
         for names in &chosen {
             for file in names.files() {
@@ -50,11 +52,13 @@ impl Names {
                 bail!("--out {}: a result would replace the picture {}; give another folder", out.display(), image.display());
             }
         }
-        durable::create_folder(out).with_context(|| format!("--out {}", out.display()))?;
+        if let Some(file) = chosen.iter().filter_map(|names| names.shapes.as_deref()).find(|file| file.symlink_metadata().is_ok()) {
+            bail!("--shapes: {} is there already and may have been corrected by hand; move it, or give another --out", file.display());
+        }
         Ok(chosen)
     }
 
-    fn of(image: &Path, out: &Path) -> anyhow::Result<Self> {
+    fn of(image: &Path, out: &Path, shapes: bool) -> anyhow::Result<Self> {
         let stem = image.file_stem().with_context(|| format!("{}: found no name of a file", image.display()))?;
         let name = |suffix: &str| {
             let mut name = OsString::from(stem);
@@ -67,11 +71,17 @@ impl Names {
             edge: name(".edge.json"),
             overlay: name(".overlay.png"),
             report: name(".json"),
+            shapes: shapes.then(|| name(shapes::SUFFIX)),
         })
     }
 
-    fn files(&self) -> [&Path; 4] {
-        [&self.mask, &self.edge, &self.overlay, &self.report]
+    fn files(&self) -> impl Iterator<Item = &Path> {
+        [&self.mask, &self.edge, &self.overlay, &self.report].into_iter().chain(&self.shapes).map(PathBuf::as_path)
+    }
+
+    /// The results that are in the folder already.
+    pub fn there(all: &[Self]) -> HashSet<PathBuf> {
+        all.iter().flat_map(Self::files).filter_map(|file| file.canonicalize().ok()).collect()
     }
 }
 
@@ -196,17 +206,28 @@ impl<'a> Report<'a> {
         }
     }
 
+    /// The profile, or why there is none.
+    pub fn profile(&self) -> Result<&Profile, &str> {
+        let why = || self.error.as_deref().unwrap_or("not looked at");
+        self.drawn.as_ref().map(|(_, profile)| profile).ok_or_else(why)
+    }
+
     pub fn failed(&self) -> bool {
         self.error.is_some()
     }
 
-    /// A line of text for the user.
-    pub fn told(&self) -> String {
+    /// A line of text for the user about a picture whose results were written.
+    pub fn told(&self, names: &Names) -> String {
         match (&self.error, &self.profile) {
             (Some(error), _) => error.clone(),
             (None, Some(p)) => {
                 let warning = self.warning.as_ref().map(|w| format!("; {w}")).unwrap_or_default();
-                format!("{} ({:.2}), {} px{warning}", p.detection.kind.name(), p.detection.confidence, p.area_px)
+                let outlines = self.drawn.as_ref().map_or(0, |(_, profile)| profile.edge.len());
+                let left_out = match (&names.shapes, outlines) {
+                    (Some(_), 2..) => format!("; {} has room for the largest of {outlines} outlines only", shapes::SUFFIX),
+                    _ => String::new(),
+                };
+                format!("{} ({:.2}), {} px{warning}{left_out}", p.detection.kind.name(), p.detection.confidence, p.area_px)
             }
             (None, None) => "not looked at".into(),
         }
@@ -230,6 +251,9 @@ impl<'a> Report<'a> {
                 let mut text = serde_json::to_vec(&edge)?;
                 text.push(b'\n');
                 durable::write(&names.edge, &text)?;
+                if let Some(file) = &names.shapes {
+                    durable::write(file, &shapes::write(profile, picture.colours(), &self.input.name)?)?;
+                }
             }
             None => [&names.mask, &names.edge, &names.overlay].into_iter().try_for_each(|file| remove(file))?,
         }
