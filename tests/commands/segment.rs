@@ -417,6 +417,31 @@ fn outlines_go_to_fishinspector_and_back() {
     assert!(row["annotation"].ends_with("day 3.b__SHAPES.json"), "{row:?}");
 }
 
+/// The structure of the published files of releases with neural networks.
+#[test]
+fn outlines_go_to_releases_with_neural_networks() {
+    let dir = tempfile::tempdir().unwrap();
+    let (frame, _) = larva();
+    colour(&frame).save(dir.path().join("a.png")).unwrap();
+    let output = segment_files(dir.path(), &["--shapes=contourDV_net"], &["a.png"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let file = json(&dir.path().join("out/a__SHAPES.json"));
+    let keys: Vec<&str> = file.as_object().unwrap().keys().map(String::as_str).collect();
+    assert_eq!(keys, ["carved", "contourDV_net", "enabled", "imageDimensions", "version"]);
+    let feature = &file["contourDV_net"];
+    assert_eq!(feature["parameter"], serde_json::json!({ "disksize_CloseOpen": 0, "min_peak_width": 0, "contour_smoothing": 0 }));
+    assert_eq!((&feature["mode"], &feature["shape"]["name"]), (&Value::from("manual"), &Value::from("fineContour")));
+    assert!(numbers(&feature["shape"]["x"]).len() > 100);
+    let folder = dir.path().join("out").display().to_string();
+    let output = segment_files(dir.path(), &["--compare", &folder], &["a.png"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let row = &compared(dir.path())["a.png"];
+    assert_eq!((row["outline"].as_str(), row["iou"].as_str()), ("contourDV_net", "1.0000"));
+    let output = segment_files(dir.path(), &["--shapes=fishEye"], &["a.png"]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains("fishContour, contour_net, contourDV_net"), "{}", stderr(&output));
+}
+
 /// The tail is cut off by hand: the part of the profile behind the cut, beyond 2 px, is one hump.
 #[test]
 fn a_corrected_outline_is_compared_by_known_geometry() {

@@ -54,12 +54,13 @@ pub struct Args {
     /// Grey pictures are Bayer mosaics whose first row reads R G R G
     #[arg(long)]
     bayer: bool,
-    /// Write STEM__SHAPES.json too: outline and walls for FishInspector, to be corrected by hand; a file that is there is not replaced
-    #[arg(long)]
-    shapes: bool,
-    /// Compare each outline with the annotation of its picture: STEM__SHAPES.json, or a mask (8 bit grey, inside from 128 on) STEM.truth.png,
-    /// STEM.mask.png or STEM.png, in a folder or by itself; with a mask of the body STEM.body.png also the fins. Prints a table and writes
-    /// compare.csv. Can be repeated
+    /// Write `STEM__SHAPES.json` too: the outline as a feature of FishInspector, to be corrected by hand; a file that is there is not replaced
+    /// [default: fishContour]
+    #[arg(long, value_enum, value_name = "FEATURE", num_args = 0..=1, require_equals = true, default_missing_value = "fishContour")]
+    shapes: Option<shapes::Feature>,
+    /// Compare each outline with the annotation of its picture in a folder or file, and write a table too (`compare.csv`). Annotations are
+    /// `STEM__SHAPES.json` or a mask (8 bit grey, inside from 128 on) `STEM.truth.png`, `STEM.mask.png` or `STEM.png`; `STEM.body.png`
+    /// is a mask without fins. Can be repeated
     #[arg(long, value_name = "ANNOTATIONS")]
     compare: Vec<PathBuf>,
 }

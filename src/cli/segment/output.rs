@@ -25,13 +25,13 @@ pub(super) struct Names {
     edge: PathBuf,
     overlay: PathBuf,
     report: PathBuf,
-    /// Where the outline is written for FishInspector, if it is.
-    shapes: Option<PathBuf>,
+    /// Where and as which feature the outline is written for FishInspector, if it is.
+    shapes: Option<(PathBuf, shapes::Feature)>,
 }
 
 impl Names {
     /// Chooses all names. Refuses names by which a result would replace another result, a picture, or outlines that may have been corrected.
-    pub fn choose(images: &[PathBuf], out: &Path, shapes: bool) -> anyhow::Result<Vec<Self>> {
+    pub fn choose(images: &[PathBuf], out: &Path, shapes: Option<shapes::Feature>) -> anyhow::Result<Vec<Self>> {
         let chosen: Vec<Self> = images.iter().map(|image| Self::of(image, out, shapes)).collect::<anyhow::Result<_>>()?;
         let mut taken: HashMap<&Path, &Path> = HashMap::new();
         for names in &chosen {
@@ -52,13 +52,13 @@ impl Names {
                 bail!("--out {}: a result would replace the picture {}; give another folder", out.display(), image.display());
             }
         }
-        if let Some(file) = chosen.iter().filter_map(|names| names.shapes.as_deref()).find(|file| file.symlink_metadata().is_ok()) {
+        if let Some(file) = chosen.iter().filter_map(Self::shapes).find(|file| file.symlink_metadata().is_ok()) {
             bail!("--shapes: {} is there already and may have been corrected by hand; move it, or give another --out", file.display());
         }
         Ok(chosen)
     }
 
-    fn of(image: &Path, out: &Path, shapes: bool) -> anyhow::Result<Self> {
+    fn of(image: &Path, out: &Path, shapes: Option<shapes::Feature>) -> anyhow::Result<Self> {
         let stem = image.file_stem().with_context(|| format!("{}: found no name of a file", image.display()))?;
         let name = |suffix: &str| {
             let mut name = OsString::from(stem);
@@ -71,12 +71,16 @@ impl Names {
             edge: name(".edge.json"),
             overlay: name(".overlay.png"),
             report: name(".json"),
-            shapes: shapes.then(|| name(shapes::SUFFIX)),
+            shapes: shapes.map(|feature| (name(shapes::SUFFIX), feature)),
         })
     }
 
     fn files(&self) -> impl Iterator<Item = &Path> {
-        [&self.mask, &self.edge, &self.overlay, &self.report].into_iter().chain(&self.shapes).map(PathBuf::as_path)
+        [&self.mask, &self.edge, &self.overlay, &self.report].into_iter().map(PathBuf::as_path).chain(self.shapes())
+    }
+
+    fn shapes(&self) -> Option<&Path> {
+        self.shapes.as_ref().map(|(file, _)| file.as_path())
     }
 
     /// The results that are in the folder already.
@@ -251,8 +255,8 @@ impl<'a> Report<'a> {
                 let mut text = serde_json::to_vec(&edge)?;
                 text.push(b'\n');
                 durable::write(&names.edge, &text)?;
-                if let Some(file) = &names.shapes {
-                    durable::write(file, &shapes::write(profile, picture.colours(), &self.input.name)?)?;
+                if let Some((file, feature)) = &names.shapes {
+                    durable::write(file, &shapes::write(profile, *feature, picture.colours(), &self.input.name)?)?;
                 }
             }
             None => [&names.mask, &names.edge, &names.overlay].into_iter().try_for_each(|file| remove(file))?,

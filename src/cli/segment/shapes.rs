@@ -11,10 +11,11 @@
 //! with one shape each. jsonlab, which FishInspector writes with, leaves a list of one entry out, writes columns as lists of lists and NaN as
 //! `"_NaN_"`.
 
-use carved_core::profile::{Line, Polygon, Profile};
+use carved_core::profile::{Line, Polygon, Profile, Walls};
 use carved_store::Software;
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// How the names of these files end, after the picture's name without its ending.
 pub(super) const SUFFIX: &str = "__SHAPES.json";
@@ -101,8 +102,8 @@ pub(super) fn read(text: &[u8], size: [usize; 2]) -> Result<Outline, ShapesError
 fn check_size(file: &Value, expected: [usize; 2]) -> Result<(), ShapesError> {
     let stated = numbers(&file["imageDimensions"]).unwrap_or_default();
     if let [width, height, ..] = stated[..] {
-        // MATLAB's own order is rows, columns; files of the wild have columns first.
-        let is = |a: f64, b: f64| [a, b] == expected.map(|x| x as f64);
+        // Published files have columns first. MATLAB's own order is rows, columns.
+        let is = |columns: f64, rows: f64| (columns - expected[0] as f64).abs() < 0.5 && (rows - expected[1] as f64).abs() < 0.5;
         return if is(width, height) || is(height, width) {
             Ok(())
         } else {
@@ -153,6 +154,30 @@ fn numbers(value: &Value) -> Result<Vec<f64>, (usize, &Value)> {
     collect(value, &mut numbers).map(|()| numbers)
 }
 
+/// The feature that the outline is written as.
+#[derive(Debug, Clone, Copy, PartialEq, clap::ValueEnum)]
+pub(super) enum Feature {
+    /// Of the releases of 2018; with the walls of the capillary
+    #[value(name = "fishContour")]
+    FishContour,
+    /// Of releases with neural networks, larva seen from the side
+    #[value(name = "contour_net")]
+    ContourNet,
+    /// Of releases with neural networks, larva seen from above or below
+    #[value(name = "contourDV_net")]
+    ContourDvNet,
+}
+
+impl Feature {
+    fn key(self) -> &'static str {
+        match self {
+            Self::FishContour => "fishContour",
+            Self::ContourNet => "contour_net",
+            Self::ContourDvNet => "contourDV_net",
+        }
+    }
+}
+
 /// A file as FishInspector writes it.
 #[derive(Serialize)]
 #[serde(rename_all = "camelCase")]
@@ -160,17 +185,25 @@ struct File<'a> {
     version: f64,
     enabled: u8,
     image_dimensions: [usize; 3],
-    capillary: Feature<CapillaryParameter>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    fish_contour: Option<Feature<ContourParameter>>,
+    #[serde(flatten)]
+    features: BTreeMap<&'static str, Found>,
     carved: Origin<'a>,
 }
 
+/// What was found of a feature.
 #[derive(Serialize)]
-struct Feature<P> {
+struct Found {
     mode: &'static str,
-    parameter: P,
-    shape: Vec<Shape>,
+    /// The editor of a feature opens only if its parameters are in the file. These are FishInspector's own defaults.
+    parameter: Value,
+    shape: Shapes,
+}
+
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Shapes {
+    One(Shape),
+    Many(Vec<Shape>),
 }
 
 #[derive(Serialize)]
@@ -187,72 +220,59 @@ struct Origin<'a> {
     picture: &'a str,
 }
 
-/// The editor of a feature opens only if its parameters are in the file. These are FishInspector's own defaults.
-#[derive(Serialize)]
-#[serde(rename_all = "camelCase")]
-struct CapillaryParameter {
-    thresh_multiplier: f64,
-    vert_cutoff: f64,
-    horiz_cutoff: f64,
-    steps: f64,
-}
-
-#[derive(Serialize)]
-struct ContourParameter {
-    auto_thresh_multiplier: f64,
-    width_of_capillary_wall: f64,
-    imclose_disksize: f64,
-    binary_contour_smoothing: f64,
-    min_peak_width: f64,
-}
-
-/// The text of a file with the largest outline of a profile and the walls. A FishInspector file has room for one outline.
-pub(super) fn write(profile: &Profile, channels: usize, picture: &str) -> serde_json::Result<Vec<u8>> {
+/// The text of a file with the largest outline of a profile; a file has room for one. With `fishContour`, the walls are written too.
+pub(super) fn write(profile: &Profile, feature: Feature, channels: usize, picture: &str) -> serde_json::Result<Vec<u8>> {
     let size = [profile.mask.width(), profile.mask.height()];
-    let largest = profile.edge.iter().max_by(|a, b| a.area_px2().total_cmp(&b.area_px2()));
-    let wall = |name: &'static str, line: &Line| Shape {
-        name,
-        x: (1..=size[0]).map(|x| x as f64).collect(),
-        y: (0..size[0]).map(|u| ((line.at(u as f64) + 1.0) * 10.0).round() / 10.0).map(|y| y.clamp(1.0, size[1] as f64)).collect(),
-    };
-    let outline = |name: &'static str, polygon: &Polygon| {
-        let along = |axis: usize| polygon.vertices.iter().map(|vertex| ((vertex[axis] + 1.0) * 1e4).round() / 1e4).collect();
-        Shape { name, x: along(0), y: along(1) }
-    };
-    let walls = &profile.walls;
-    let file = File {
-        version: 0.99,
-        enabled: 1,
-        image_dimensions: [size[0], size[1], channels],
-        capillary: Feature {
-            // FishInspector has no manual mode for the capillary.
-            mode: "auto",
-            parameter: CapillaryParameter { thresh_multiplier: 0.95, vert_cutoff: 0.075, horiz_cutoff: 0.25, steps: 0.0125 },
-            shape: vec![
-                wall("upper", &walls.upper.outer),
-                wall("upper_in", &walls.upper.inner),
-                wall("lower", &walls.lower.outer),
-                wall("lower_in", &walls.lower.inner),
-            ],
-        },
-        fish_contour: largest.map(|polygon| Feature {
-            // FishInspector computes an outline of the mode "auto" anew when features are updated.
-            mode: "manual",
-            parameter: ContourParameter {
-                auto_thresh_multiplier: 0.35,
-                width_of_capillary_wall: 0.11,
-                imclose_disksize: 0.06,
-                binary_contour_smoothing: 0.21,
-                min_peak_width: 0.01,
-            },
-            // A manual outline has the line as drawn beside the refined one.
-            shape: vec![outline("binaryShape", polygon), outline(FINE, polygon)],
-        }),
-        carved: Origin { software: Software::this(), picture },
-    };
+    let mut features = BTreeMap::new();
+    if feature == Feature::FishContour {
+        features.insert("capillary", capillary(&profile.walls, size));
+    }
+    if let Some(largest) = profile.edge.iter().max_by(|a, b| a.area_px2().total_cmp(&b.area_px2())) {
+        features.insert(feature.key(), contour(largest, feature));
+    }
+    let image_dimensions = [size[0], size[1], channels];
+    let file = File { version: 0.99, enabled: 1, image_dimensions, features, carved: Origin { software: Software::this(), picture } };
     let mut text = serde_json::to_vec(&file)?;
     text.push(b'\n');
     Ok(text)
+}
+
+fn capillary(walls: &Walls, [width, height]: [usize; 2]) -> Found {
+    let row = |line: &Line, u: usize| (((line.at(u as f64) + 1.0) * 10.0).round() / 10.0).clamp(1.0, height as f64);
+    let line = |name: &'static str, line: &Line| Shape {
+        name,
+        x: (1..=width).map(|x| x as f64).collect(),
+        y: (0..width).map(|u| row(line, u)).collect(),
+    };
+    Found {
+        // FishInspector has no manual mode for the capillary.
+        mode: "auto",
+        parameter: json!({ "threshMultiplier": 0.95, "vertCutoff": 0.075, "horizCutoff": 0.25, "steps": 0.0125 }),
+        shape: Shapes::Many(vec![
+            line("upper", &walls.upper.outer),
+            line("upper_in", &walls.upper.inner),
+            line("lower", &walls.lower.outer),
+            line("lower_in", &walls.lower.inner),
+        ]),
+    }
+}
+
+fn contour(polygon: &Polygon, feature: Feature) -> Found {
+    let along = |axis: usize| polygon.vertices.iter().map(|vertex| ((vertex[axis] + 1.0) * 1e4).round() / 1e4).collect();
+    let shape = |name: &'static str| Shape { name, x: along(0), y: along(1) };
+    let (parameter, shape) = match feature {
+        // A manual outline has the line as drawn beside the refined one.
+        Feature::FishContour => (
+            json!({ "auto_thresh_multiplier": 0.35, "width_of_capillary_wall": 0.11, "imclose_disksize": 0.06,
+                "binary_contour_smoothing": 0.21, "min_peak_width": 0.01 }),
+            Shapes::Many(vec![shape("binaryShape"), shape(FINE)]),
+        ),
+        Feature::ContourNet | Feature::ContourDvNet => {
+            (json!({ "disksize_CloseOpen": 0, "min_peak_width": 0, "contour_smoothing": 0 }), Shapes::One(shape(FINE)))
+        }
+    };
+    // FishInspector computes an outline of the mode "auto" anew when features are updated.
+    Found { mode: "manual", parameter, shape }
 }
 
 #[cfg(test)]

@@ -107,7 +107,7 @@ impl Annotation {
         let beyond = |in_one: &Mask, in_other: &Mask| -> Vec<bool> {
             let width = in_one.width();
             let differs = |at: usize| in_one.data()[at] != 0 && in_other.data()[at] == 0;
-            let far = |at: usize| self.sides.distance([(at % width) as f64, (at / width) as f64]) > TOLERANCE_PX;
+            let far = |at: usize| self.sides.distance([(at % width) as f64, (at / width) as f64], TOLERANCE_PX) > TOLERANCE_PX;
             (0..in_one.data().len()).map(|at| differs(at) && far(at)).collect()
         };
         let outside = beyond(found, &self.mask);
@@ -143,6 +143,9 @@ impl Annotation {
     }
 
     fn edge_error(&self, outline: &[Polygon]) -> Option<EdgeError> {
+        if self.sides.list.is_empty() {
+            return None;
+        }
         let mut samples: Vec<(f64, f64)> = Vec::new();
         for side in outline.iter().flat_map(clockwise_sides) {
             let [from, to] = side;
@@ -152,12 +155,12 @@ impl Annotation {
                 let part = (k as f64 + 0.5) / count as f64;
                 let at = [from[0] + part * (to[0] - from[0]), from[1] + part * (to[1] - from[1])];
                 if self.is_off_the_border(at) && length > 0.0 {
-                    let distance = self.sides.distance(at);
+                    let distance = self.sides.distance(at, f64::INFINITY);
                     samples.push((if self.sides.enclose(at) { -distance } else { distance }, length / count as f64));
                 }
             }
         }
-        if samples.is_empty() || self.sides.sides.is_empty() {
+        if samples.is_empty() {
             return None;
         }
         samples.sort_unstable_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
@@ -252,7 +255,7 @@ fn piece_sizes(mut set: Vec<bool>, width: usize) -> Vec<usize> {
 /// picture belongs to the cells at its border; clamping moves no two points away from each other, so bounds by cells stay valid.
 #[derive(Debug, Clone)]
 struct Sides {
-    sides: Vec<Side>,
+    list: Vec<Side>,
     cells: Vec<Vec<u32>>,
     columns: usize,
 }
@@ -263,8 +266,8 @@ impl Sides {
         let (columns, rows) = (count(of.width()), count(of.height()));
         // Long sides are cut, so that each is in few cells.
         let short: Vec<Side> = sides.into_iter().flat_map(cut).collect();
-        let mut all = Self { sides: short, cells: vec![Vec::new(); columns * rows], columns };
-        for (k, [from, to]) in all.sides.iter().enumerate() {
+        let mut all = Self { list: short, cells: vec![Vec::new(); columns * rows], columns };
+        for (k, [from, to]) in all.list.iter().enumerate() {
             let ([c0, r0], [c1, r1]) = (cell_of(*from, columns, rows), cell_of(*to, columns, rows));
             for row in r0.min(r1)..=r0.max(r1) {
                 for column in c0.min(c1)..=c0.max(c1) {
@@ -279,21 +282,21 @@ impl Sides {
         self.cells.len() / self.columns
     }
 
-    /// Distance to the nearest side, px; infinite if there is none.
-    fn distance(&self, at: [f64; 2]) -> f64 {
+    /// Distance to the nearest side, px. If no side is nearer than `limit`: any number from `limit` on, or infinity.
+    fn distance(&self, at: [f64; 2], limit: f64) -> f64 {
         let (columns, rows) = (self.columns, self.rows());
         let [column, row] = cell_of(at, columns, rows);
         let mut nearest = f64::INFINITY;
         for ring in 0..columns.max(rows) {
             // Sides that are in no ring so far are at least this far away.
-            if nearest <= (ring as f64 - 1.0).max(0.0) * CELL_PX {
+            if nearest.min(limit) <= (ring as f64 - 1.0) * CELL_PX {
                 break;
             }
             for r in row.saturating_sub(ring)..=(row + ring).min(rows - 1) {
                 let whole = r.abs_diff(row) == ring;
                 for c in column.saturating_sub(ring)..=(column + ring).min(columns - 1) {
                     if whole || c.abs_diff(column) == ring {
-                        let sides = self.cells[r * columns + c].iter().map(|&k| distance(&self.sides[k as usize], at));
+                        let sides = self.cells[r * columns + c].iter().map(|&k| distance(&self.list[k as usize], at));
                         nearest = sides.fold(nearest, f64::min);
                     }
                 }
@@ -305,7 +308,7 @@ impl Sides {
     /// Whether the outlines wind around a point.
     fn enclose(&self, [u, v]: [f64; 2]) -> bool {
         let mut winding = 0;
-        for [a, b] in &self.sides {
+        for [a, b] in &self.list {
             // Half open: a vertex on the row belongs to the side below it only.
             if (a[1] <= v) != (b[1] <= v) && a[0] + (v - a[1]) / (b[1] - a[1]) * (b[0] - a[0]) > u {
                 winding += if a[1] <= v { 1 } else { -1 };
@@ -420,7 +423,7 @@ mod tests {
     #[test]
     fn humps_that_touch_at_a_corner_are_one() {
         let set = |rows: &[&str]| rows.iter().flat_map(|row| row.chars().map(|c| c == '#')).collect::<Vec<_>>();
-        assert_eq!(piece_sizes(set(&["#..#", ".#..", "...#"]), 4), [2, 1, 1]);
+        assert_eq!(piece_sizes(set(&["#..#", ".#..", "#..#"]), 4), [3, 1, 1]);
         assert!(piece_sizes(Vec::new(), 0).is_empty());
     }
 
@@ -500,9 +503,15 @@ mod tests {
             for _ in 0..400 {
                 let at = [any(-30.0, 150.0), any(-30.0, 120.0)];
                 let expected = sides.iter().map(|side| distance(side, at)).fold(f64::INFINITY, f64::min);
-                assert!((index.distance(at) - expected).abs() < 1e-9, "{at:?}: {} for {expected}", index.distance(at));
+                let found = index.distance(at, f64::INFINITY);
+                assert!((found - expected).abs() < 1e-9, "{at:?}: {found} for {expected}");
+                let limited = index.distance(at, 5.0);
+                assert!(
+                    if expected < 5.0 { (limited - expected).abs() < 1e-9 } else { limited >= 5.0 },
+                    "{at:?}: {limited} for {expected}"
+                );
             }
         }
-        assert!(Sides::new(Vec::new(), &Mask::empty(0, 0)).distance([3.0, 4.0]).is_infinite());
+        assert!(Sides::new(Vec::new(), &Mask::empty(0, 0)).distance([3.0, 4.0], f64::INFINITY).is_infinite());
     }
 }
