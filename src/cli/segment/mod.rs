@@ -115,10 +115,12 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let failures = Failures::count(&outcomes);
     if annotations.is_some() {
         let rows: Vec<compare::Row> = outcomes.into_iter().filter_map(|outcome| outcome.compared).collect();
-        compare::write(&rows, &args.out)?;
+        // The table is kept without a reader of the output, and printed without room on the disk.
+        let written = compare::write(&rows, &args.out);
         for line in compare::told(&rows) {
             say!("{line}");
         }
+        written?;
     }
     failures.told().map_or(Ok(()), |why| bail!("{why}"))
 }
