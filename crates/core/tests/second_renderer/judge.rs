@@ -1,8 +1,9 @@
 //! A profile of carved compared with the truth of its frame.
 
 use crate::scene::Frame;
+use crate::truth::{mask, outlines};
 use carved_core::frame::{PixelFormat, RawFrame};
-use carved_core::profile::{Mask, Profile};
+use carved_core::profile::{Polygon, Profile};
 
 /// Larger distances count as this one, px.
 const FARTHEST_PX: f64 = 8.0;
@@ -31,15 +32,6 @@ pub fn raw_frame(frame: &Frame, format: PixelFormat) -> RawFrame {
     RawFrame::new(frame.width as u32, frame.height as u32, format, bytes).unwrap()
 }
 
-/// The pixels of which the specimen covers at least half.
-pub fn mask(frame: &Frame, covered: &[f32]) -> Mask {
-    let mut mask = Mask::empty(frame.width, frame.height);
-    for (i, _) in covered.iter().enumerate().filter(|(_, c)| **c >= 0.5) {
-        mask.set(i % frame.width, i / frame.width, true);
-    }
-    mask
-}
-
 pub fn judge(profile: &Profile, frame: &Frame) -> Judged {
     let (truth, body) = (mask(frame, &frame.covered), mask(frame, &frame.body));
     let distances = distances(profile, frame);
@@ -59,31 +51,16 @@ pub fn judge(profile: &Profile, frame: &Frame) -> Judged {
     }
 }
 
-/// Where the coverage is one half: the line through each square of four pixel centres, by the left column of the square.
-fn outline(frame: &Frame) -> Vec<Vec<[[f64; 2]; 2]>> {
-    let mut lines = vec![Vec::new(); frame.width];
-    for v in 0..frame.height - 1 {
-        for (u, lines) in lines.iter_mut().enumerate().take(frame.width - 1) {
-            let corners = [(u, v), (u + 1, v), (u + 1, v + 1), (u, v + 1)];
-            let value = corners.map(|(u, v)| f64::from(frame.covered[v * frame.width + u]) - 0.5);
-            let crossings: Vec<[f64; 2]> = (0..4)
-                .filter(|&i| (value[i] >= 0.0) != (value[(i + 1) % 4] >= 0.0))
-                .map(|i| {
-                    let ((a, b), (c, d)) = (corners[i], corners[(i + 1) % 4]);
-                    let part = value[i] / (value[i] - value[(i + 1) % 4]);
-                    [a as f64 + part * (c as f64 - a as f64), b as f64 + part * (d as f64 - b as f64)]
-                })
-                .collect();
-            lines.extend(crossings.chunks_exact(2).map(|pair| [pair[0], pair[1]]));
-        }
-    }
-    lines
-}
-
 /// Signed distances (px) of all vertices from the true outline.
 fn distances(profile: &Profile, frame: &Frame) -> Vec<f64> {
-    let lines = outline(frame);
-    let reach = FARTHEST_PX as usize + 1;
+    let reach = FARTHEST_PX as usize + 2;
+    // The sides of the true outline by the column in which they begin. They are shorter than two pixels.
+    let mut sides = vec![Vec::new(); frame.width];
+    for Polygon { vertices } in outlines(frame) {
+        for (i, &a) in vertices.iter().enumerate() {
+            sides[a[0] as usize].push((a, vertices[(i + 1) % vertices.len()]));
+        }
+    }
     let coverage = |u: f64, v: f64| {
         let at = |u: f64, v: f64| {
             let (u, v) = (u.clamp(0.0, frame.width as f64 - 1.0) as usize, v.clamp(0.0, frame.height as f64 - 1.0) as usize);
@@ -97,14 +74,14 @@ fn distances(profile: &Profile, frame: &Frame) -> Vec<f64> {
     let vertices = profile.edge.iter().flat_map(|polygon| &polygon.vertices);
     let distance = |&[u, v]: &[f64; 2]| {
         let column = u.max(0.0) as usize;
-        let near = lines[column.saturating_sub(reach).min(frame.width)..(column + reach).min(frame.width)].iter().flatten();
-        let distance = near.map(|line| from_line([u, v], *line)).fold(FARTHEST_PX, f64::min);
+        let near = sides[column.saturating_sub(reach).min(frame.width)..(column + reach).min(frame.width)].iter().flatten();
+        let distance = near.map(|side| from_side([u, v], *side)).fold(FARTHEST_PX, f64::min);
         if coverage(u, v) >= 0.5 { -distance } else { distance }
     };
     vertices.map(distance).collect()
 }
 
-fn from_line(p: [f64; 2], [a, b]: [[f64; 2]; 2]) -> f64 {
+fn from_side(p: [f64; 2], (a, b): ([f64; 2], [f64; 2])) -> f64 {
     let (along, to) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let length2 = along[0] * along[0] + along[1] * along[1];
     let part = if length2 > 0.0 { ((along[0] * to[0] + along[1] * to[1]) / length2).clamp(0.0, 1.0) } else { 0.0 };

@@ -1,4 +1,13 @@
-//! A second renderer of frames.
+//! A second renderer of frames, to judge the science by pictures that it was not tuned on.
+//!
+//! ```text
+//!   shape ──> optics ──┐                                  checks         the renderer itself
+//!   specimen  chords   ├──> scene ──> frame, truth ──┬──> segmentation   profiles against the true silhouette
+//!   dust ──────────────┘    lamp, glass, sensor      └──> volume         whole turns against the ideal hull
+//!      cases: the scenes of the tests by seed
+//! ```
+//! `random`, `shape`, `optics`, `dust` and `scene` are the renderer. They use the standard library and rayon, and no code of carved or of
+//! `hardware-sim`. docs/second-renderer.md has the model and the results.
 
 #![allow(clippy::unwrap_used, clippy::expect_used)] // a test may panic; its helpers are part of it
 
@@ -12,4 +21,5 @@ mod random;
 mod scene;
 mod segmentation;
 mod shape;
+mod truth;
 mod volume;

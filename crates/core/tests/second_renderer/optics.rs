@@ -219,11 +219,11 @@ fn blurred(light: &Lattice, radius: f64) -> Lattice {
             // The interval `row - half .. row + half` of unit cells centred at integers.
             let edge = half - 0.5;
             let (whole, part) = (edge.floor() as usize, (edge - edge.floor()) as f32);
-            for (row, value) in out.iter_mut().enumerate() {
-                let (low, high) = (row + pad - whole, row + pad + whole + 1);
-                let upper = sums[high] + part * (sums[high + 1] - sums[high]);
-                let lower = sums[low] - part * (sums[low] - sums[low - 1]);
-                *value += weight * (upper - lower);
+            let from = |start: usize| &sums[start..start + rows];
+            let (upper, next) = (from(pad + whole + 1), from(pad + whole + 2));
+            let (lower, previous) = (from(pad - whole), from(pad - whole - 1));
+            for ((((value, u), n), l), p) in out.iter_mut().zip(upper).zip(next).zip(lower).zip(previous) {
+                *value += weight * ((u - l) + part * ((n - u) + (l - p)));
             }
         }
     });

@@ -3,6 +3,7 @@
 use crate::cases::{Kind, Size, scene};
 use crate::dust::Dirt;
 use crate::judge::{Judged, judge, raw_frame};
+use crate::pictures::write_profile;
 use carved_core::frame::PixelFormat;
 use carved_core::profile::{Picture, SegmentSettings, segment};
 use rayon::prelude::*;
@@ -69,7 +70,12 @@ impl Row {
             let judged = (0..Self::VIEWS).map(|view| {
                 let frame = scene.render(0.4 * *seed as f64 + (60.0 * view as f64).to_radians(), view);
                 let picture = Picture::from_frame(&raw_frame(&frame, self.format));
-                judge(&segment(&picture, &SegmentSettings::default()).unwrap(), &frame)
+                let profile = segment(&picture, &SegmentSettings::default()).unwrap();
+                let judged = judge(&profile, &frame);
+                if judged.false_px > 200 {
+                    write_profile(&format!("false {} {seed} {view}", self.name), &frame, &profile.mask);
+                }
+                judged
             });
             judged.collect::<Vec<_>>()
         };

@@ -477,9 +477,9 @@ pub fn convex_hull(mut points: Vec<[f64; 2]>) -> Section {
             hull.push(p);
         };
         if pass == 0 {
-            points.iter().copied().for_each(&mut add)
+            points.iter().copied().for_each(&mut add);
         } else {
-            points.iter().rev().copied().for_each(&mut add)
+            points.iter().rev().copied().for_each(&mut add);
         }
         hull.pop();
     }

@@ -3,12 +3,14 @@
 use crate::cases::{Kind, Size, scene};
 use crate::dust::Dirt;
 use crate::judge::raw_frame;
+use crate::truth::{mask, outlines};
+use carved_core::carver::Leaves;
 use carved_core::frame::PixelFormat;
 use carved_core::geometry::{BoxUm, Camera, VoxelGrid};
 use carved_core::pipeline::{Pipeline, PipelineSettings, SpecimenRecord};
 use carved_core::profile::SegmentSettings;
 use carved_core::quality::QualitySettings;
-use carved_core::reconstruction::ReconstructionSettings;
+use carved_core::reconstruction::{Reconstruction, ReconstructionSettings};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -41,6 +43,8 @@ const ROWS: [Row; 8] = [
 
 struct Turn {
     seed: u64,
+    /// Volume of the true silhouettes' reconstruction, um^3.
+    exact_um3: f64,
     /// Volume of the ideal hull and of the body without fins, um^3.
     hull_um3: f64,
     body_um3: f64,
@@ -61,9 +65,11 @@ impl Turn {
         let across_um = scene.glass.bore_um + 30.0;
         let region =
             BoxUm { min: [along(span.start, -250.0), -across_um, -across_um], max: [along(span.end, 250.0), across_um, across_um] };
+        let grid = VoxelGrid::new(region, VOXEL_UM).unwrap();
+        let mut exact = Reconstruction::new(&camera, grid, VIEWS as usize, ReconstructionSettings::default()).unwrap();
         let settings = PipelineSettings {
             camera,
-            grid: VoxelGrid::new(region, VOXEL_UM).unwrap(),
+            grid,
             planned_views: VIEWS,
             segment: SegmentSettings::default(),
             empty_capillary: None,
@@ -73,29 +79,37 @@ impl Turn {
         };
         let mut pipeline = Pipeline::new(settings).unwrap();
         let omega = |view: u32| TAU * f64::from(view) / f64::from(VIEWS);
-        let look = |view: u32| pipeline.look(&raw_frame(&scene.render(omega(view), u64::from(view)), PixelFormat::RGB8Packed)).unwrap();
+        let look = |view: u32| {
+            let frame = scene.render(omega(view), u64::from(view));
+            let seen = pipeline.look(&raw_frame(&frame, PixelFormat::RGB8Packed)).unwrap();
+            (seen, mask(&frame, &frame.covered), outlines(&frame))
+        };
         let seen: Vec<_> = (0..VIEWS).into_par_iter().map(look).collect();
-        for (view, frame) in (0..).zip(&seen) {
+        for (view, (frame, mask, outlines)) in (0..).zip(&seen) {
             pipeline.observe(view, omega(view), frame).unwrap();
+            exact.observe(mask, outlines, omega(view), Leaves::default()).unwrap();
         }
+        let exact_um3 = exact.finish(kind == Kind::Bead).unwrap().model.measurement.volume_um3;
         let (_, record) = pipeline.finish().unwrap();
-        Self { seed, hull_um3: specimen.hull_um3(), body_um3: specimen.body_um3(), record }
+        Self { seed, exact_um3, hull_um3: specimen.hull_um3(), body_um3: specimen.body_um3(), record }
     }
 
-    /// Error of the measured volume, its stated standard deviation, and the error of the voxels' volume, %.
-    fn percent(&self) -> [f64; 3] {
+    /// Error of the measured volume, its stated standard deviation, the error of the voxels' volume, and that of the volume from the true
+    /// silhouettes, %.
+    fn percent(&self) -> [f64; 4] {
         let of_hull = |um3: f64| 100.0 * um3 / self.hull_um3;
         let m = &self.record.measurement;
-        [of_hull(m.volume_um3) - 100.0, of_hull(m.volume_sd_um3.unwrap_or(0.0)), of_hull(m.estimators.voxel.volume_um3) - 100.0]
+        let voxel = of_hull(m.estimators.voxel.volume_um3) - 100.0;
+        [of_hull(m.volume_um3) - 100.0, of_hull(m.volume_sd_um3.unwrap_or(0.0)), voxel, of_hull(self.exact_um3) - 100.0]
     }
 
     fn print(&self, name: &str) {
-        let [error, sd, voxel] = self.percent();
+        let [error, sd, voxel, exact] = self.percent();
         let covered = if error.abs() <= 2.0 * sd { "yes" } else { "no" };
         let hull = 100.0 * (self.hull_um3 / self.body_um3 - 1.0);
         let flags: Vec<&str> = self.record.flags.iter().map(String::as_str).filter(|f| *f != "no_closure").collect();
         println!(
-            "| {name:20} | {:4} | {hull:4.1} | {error:+5.2} | {sd:4.2} | {covered:3} | {voxel:+5.2} | {:?} | {} |",
+            "| {name:20} | {:4} | {hull:4.1} | {error:+5.2} | {sd:4.2} | {covered:3} | {voxel:+5.2} | {exact:+5.2} | {:?} | {} |",
             self.seed,
             self.record.measurement.estimator,
             flags.join(" "),
@@ -103,7 +117,8 @@ impl Turn {
     }
 }
 
-const HEAD: &str = "| specimen | seed | hull over body, % | error, % | stated SD, % | within 2 SD | voxels, % | estimator | flags |";
+const HEAD: &str =
+    "| specimen | seed | hull over body, % | error, % | stated SD, % | within 2 SD | voxels, % | true silhouettes, % | estimator | flags |";
 /// Seed of the first turn that the bounds are checked on.
 const FIRST_SEED: u64 = 700;
 
