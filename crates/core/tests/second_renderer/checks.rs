@@ -162,9 +162,25 @@ fn specks_are_as_many_and_as_deep_as_asked() {
     // The truncation at 2 % takes the lower 9.5 % of the distribution: the median lies at its quantile 0.548.
     let median = 4.5 * (0.62f64 * 0.1194).exp();
     assert!((quantile(&mut depths, 0.5) / median - 1.0).abs() < 0.08, "median depth {} %", quantile(&mut depths, 0.5));
+    // Its upper tenth begins at the normal distribution's 0.9095.
+    let high = 4.5 * (0.62f64 * 1.338).exp();
+    assert!((quantile(&mut depths, 0.9) / high - 1.0).abs() < 0.12, "depth at 90 %: {} %, expected {high}", quantile(&mut depths, 0.9));
     for (share, px) in [(0.1, 2.1), (0.5, 3.6), (0.9, 5.1)] {
         assert!((quantile(&mut widths, share) - px).abs() < 0.2, "width {} px at {share}, expected {px}", quantile(&mut widths, share));
     }
+}
+
+/// No speck lies in a specimen: a ball of 200 um that does not reach the bore of 300 um. Where there is no ball, some do. Its polygons lie up to 0.1 um inside
+/// the ball, and a slice stands for 0.9 um to either side.
+#[test]
+fn no_speck_lies_in_a_specimen() {
+    let specimen = ball(200.0, CLEAR);
+    let inside = |specimen: Option<&Specimen>| {
+        let specks = (0..10).flat_map(|seed| Dirt::MEASURED.specks(seed, [1024, 200], 300.0, 5.4, specimen));
+        specks.filter(|s| matches!(s.place, Place::Turning([x, y, z]) if (x - 40.0).hypot(y + 30.0).hypot(z - 60.0) < 195.0)).count()
+    };
+    assert_eq!(inside(Some(&specimen)), 0);
+    assert!(inside(None) > 10, "{} specks where the ball would be", inside(None));
 }
 
 /// A speck in the picture has its depth, its width and its place.
