@@ -28,23 +28,26 @@ struct Row {
     specimens: u64,
     /// Largest accepted error of any turn's volume, %.
     most_percent: f64,
-    /// The same with the true silhouettes.
+    /// The same in stated standard deviations. Above 2 to 3 the stated one is too small.
+    most_sds: f64,
+    /// Largest accepted error with the true silhouettes, %.
     most_exact_percent: f64,
 }
 
-const fn row(name: &'static str, kind: Kind, dirt: Dirt, specimens: u64, most_percent: f64, most_exact_percent: f64) -> Row {
-    Row { name, kind, dirt, specimens, most_percent, most_exact_percent }
+const fn row(name: &'static str, kind: Kind, dirt: Dirt, specimens: u64, most_percent: f64, most_sds: f64, exact: f64) -> Row {
+    Row { name, kind, dirt, specimens, most_percent, most_sds, most_exact_percent: exact }
 }
 
+/// The bounds lie a little above the worst of the four turns of `survey`, which has other seeds.
 const ROWS: [Row; 8] = [
-    row("bead", Kind::Bead, Dirt::NONE, 1, 99.0, 99.0),
-    row("bead, dust", Kind::Bead, Dirt::MEASURED, 1, 99.0, 99.0),
-    row("ellipsoid", Kind::Ellipsoid, Dirt::NONE, 1, 99.0, 99.0),
-    row("ellipsoid, dust", Kind::Ellipsoid, Dirt::MEASURED, 1, 99.0, 99.0),
-    row("finless larva", Kind::Finless, Dirt::NONE, 1, 99.0, 99.0),
-    row("finless larva, dust", Kind::Finless, Dirt::MEASURED, 1, 99.0, 99.0),
-    row("finned larva", Kind::Finned, Dirt::NONE, 2, 99.0, 99.0),
-    row("finned larva, dust", Kind::Finned, Dirt::MEASURED, 2, 99.0, 99.0),
+    row("bead", Kind::Bead, Dirt::NONE, 1, 1.2, 3.0, 0.1),
+    row("bead, dust", Kind::Bead, Dirt::MEASURED, 1, 1.2, 3.0, 0.1),
+    row("ellipsoid", Kind::Ellipsoid, Dirt::NONE, 1, 2.5, 5.0, 0.1),
+    row("ellipsoid, dust", Kind::Ellipsoid, Dirt::MEASURED, 1, 2.5, 5.0, 0.1),
+    row("finless larva", Kind::Finless, Dirt::NONE, 1, 1.2, 3.0, 0.4),
+    row("finless larva, dust", Kind::Finless, Dirt::MEASURED, 1, 1.2, 3.0, 0.4),
+    row("finned larva", Kind::Finned, Dirt::NONE, 2, 10.0, 6.0, 8.0),
+    row("finned larva, dust", Kind::Finned, Dirt::MEASURED, 2, 10.0, 7.0, 8.0),
 ];
 
 struct Turn {
@@ -148,10 +151,15 @@ fn volumes_are_those_of_the_ideal_hull() {
         for seed in FIRST_SEED..FIRST_SEED + row.specimens {
             let turn = Turn::of(row.kind, row.dirt, seed).unwrap();
             turn.print(row.name);
-            let Percent { error, exact, .. } = turn.percent();
-            for (what, error, most) in [("frames", Some(error), row.most_percent), ("true silhouettes", exact, row.most_exact_percent)] {
+            let Percent { error, sd, exact, .. } = turn.percent();
+            let figures = [
+                (Some(error), row.most_percent, "%"),
+                (Some(error / sd), row.most_sds, "stated standard deviations"),
+                (exact, row.most_exact_percent, "% with the true silhouettes"),
+            ];
+            for (error, most, unit) in figures {
                 if let Some(error) = error.filter(|e| e.abs() > most) {
-                    beyond.push(format!("{}, seed {seed}, {what}: {error:+.2} %, {most} % allowed", row.name));
+                    beyond.push(format!("{}, seed {seed}: {error:+.2} {unit}, {most} allowed", row.name));
                 }
             }
         }
