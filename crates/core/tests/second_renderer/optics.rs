@@ -16,7 +16,7 @@ pub const FINE: usize = 3;
 /// How the specimen is imaged.
 #[derive(Debug, Clone, Copy)]
 pub struct Optics {
-    /// Distance between the focus and the middle of the specimen, um. Positive values gather light in dense parts.
+    /// Distance from the middle of the specimen to the focus, um, positive towards the lens. Positive values gather light in dense parts.
     pub defocus_um: f64,
     /// Steepest ray that the lens accepts, rad. What a specimen bends further is lost, which makes a dark rim of its own.
     pub aperture_rad: f64,
