@@ -6,7 +6,7 @@
 //!   |___/ found \__|
 //! ```
 
-use carved_core::profile::{Mask, Profile};
+use carved_core::profile::{Annotation, Mask, Profile};
 use hardware_sim::scene::Outline;
 use hardware_sim::scene::frame_set::Rendered;
 
@@ -24,6 +24,9 @@ pub struct Judged {
     pub within_share: f64,
     /// Found share of the specimen outside its body (its fins). `None` if there is next to nothing outside.
     pub fins: Option<f64>,
+    /// Pixels of the profile more than 2 px outside the truth, and those of the largest connected piece of them.
+    pub false_px: usize,
+    pub largest_hump_px: usize,
 }
 
 pub fn judge(profile: &Profile, truth: &Rendered) -> Judged {
@@ -31,11 +34,14 @@ pub fn judge(profile: &Profile, truth: &Rendered) -> Judged {
     let mask = Mask::from_coverage(width, height, truth.truth.data.clone()).unwrap();
     let distances = distances(profile, truth);
     let n = distances.len() as f64;
+    let compared = Annotation::from_mask(mask.clone()).compare(&profile.mask, &profile.edge).unwrap();
     Judged {
         iou: profile.mask.iou(&mask),
         signed_px: (n > 0.0).then(|| distances.iter().sum::<f64>() / n),
         within_share: distances.iter().filter(|d| d.abs() <= 1.0).count() as f64 / n.max(1.0),
         fins: fins(&profile.mask, &mask, &truth.body_edge),
+        false_px: compared.false_px,
+        largest_hump_px: compared.largest_hump_px,
     }
 }
 

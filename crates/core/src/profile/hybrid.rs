@@ -22,12 +22,6 @@ use super::specks::Specks;
 /// Smallest piece of the level set that counts as body, share of the squared bore. Smaller ones are dust and debris.
 const BODY_BORE2: f64 = 0.015;
 
-/// The contrast of a faint piece falls at its border by at least this share of the contrast at which foreground is continued.
-const OWN_EDGE: f32 = 0.6;
-
-/// Blur of a body's edge, blocks. It would connect all faint pieces around the body.
-const RIM_BLOCKS: usize = 2;
-
 /// Finds the blocks of the specimen. The memory is reused from frame to frame.
 #[derive(Debug, Default)]
 pub(super) struct Hybrid {
@@ -40,8 +34,6 @@ pub(super) struct Hybrid {
     pub pieces: Pieces,
     bubbles: Bubbles,
     near: Region,
-    /// Sum and number of the steps around each piece.
-    steps: Vec<(f32, u32)>,
     scratch: Scratch,
 }
 
@@ -53,12 +45,10 @@ impl Hybrid {
         if settings.method == Method::Hybrid {
             self.keep_bodies(coarse, bore);
             self.specks.find(coarse, bore, &self.specimen, &mut self.scratch);
-            self.near.copy(&self.specimen);
             let (body, specks) = (&self.specks.body.set, &self.specks.blocks.set);
             self.faint.find(coarse, |i| coarse.within[i] && !body[i] && !specks[i]);
             let (faint, least) = (&self.faint.contrast, bent(settings.faint_sigma as f32));
             self.specimen.grow(|i| coarse.within[i] && faint[i] >= least, &mut self.scratch);
-            self.drop_shades(coarse, least);
         }
         self.tidy(coarse, settings);
         self.keep_specimen(coarse, bore, settings);
@@ -92,50 +82,6 @@ impl Hybrid {
         let (step, middle, top) = (coarse.step as f64, (coarse.step - 1) as f64 / 2.0, bore.top as f64);
         let discs: &[Disc] = &self.bubbles.discs;
         discs.iter().map(move |d| Disc { u: d.u * step + middle, v: d.v * step + middle + top, radius: d.radius * step })
-    }
-
-    /// Removes what was added to the certain part, `near`, and has no edge of its own. Where the background's model has an
-    /// error, contrast fades slowly into the bore; where a fin ends, it falls in a step.
-    fn drop_shades(&mut self, coarse: &Coarse, low: f32) {
-        let (w, len) = (coarse.width, coarse.within.len());
-        self.near.dilate(RIM_BLOCKS, &mut self.scratch);
-        for (certain, set) in self.near.set.iter_mut().zip(&self.specimen.set) {
-            *certain = *set && !*certain;
-        }
-        self.pieces.find(&self.near, &mut self.scratch);
-        self.steps.clear();
-        self.steps.resize(self.pieces.sizes.len() + 1, (0.0, 0));
-        let score = |i: usize| coarse.smooth[0][i].abs().max(coarse.smooth[1][i].abs());
-        let (w, h) = (w as isize, (len / w) as isize);
-        for v in 0..h {
-            for u in 0..w {
-                let at = (v * w + u) as usize;
-                let label = self.pieces.labels[at] as usize;
-                if label == 0 {
-                    continue;
-                }
-                for (du, dv) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
-                    // Two blocks outside against one inside. The blur of the blocks lies in between.
-                    let (one, two, back) = ((u + du, v + dv), (u + 2 * du, v + 2 * dv), (u - du, v - dv));
-                    let index = |(u, v): (isize, isize)| {
-                        ((0..w).contains(&u) && (0..h).contains(&v)).then_some((v * w + u) as usize).filter(|&i| coarse.within[i])
-                    };
-                    if let (Some(one), Some(two), Some(back)) = (index(one), index(two), index(back))
-                        && !self.specimen.set[one]
-                        && !self.specimen.set[two]
-                    {
-                        self.steps[label].0 += score(back) - score(two);
-                        self.steps[label].1 += 1;
-                    }
-                }
-            }
-        }
-        for (set, &label) in self.specimen.set.iter_mut().zip(&self.pieces.labels) {
-            let (sum, n) = self.steps[label as usize];
-            if label != 0 && sum < OWN_EDGE * low * n.max(1) as f32 {
-                *set = false;
-            }
-        }
     }
 
     fn tidy(&mut self, coarse: &Coarse, settings: &SegmentSettings) {
@@ -201,37 +147,6 @@ impl Hybrid {
 mod tests {
     use super::super::synthetic::bore;
     use super::*;
-
-    const WIDTH: usize = 60;
-    const HEIGHT: usize = 40;
-
-    /// A body in columns 10..20 from wall to wall; to its right, as far as `beside` is above 1, something faint that was grown on to it. Gives
-    /// the number of its columns that are kept.
-    fn kept(beside: impl Fn(f32) -> f32) -> usize {
-        let contrast = |u: usize| {
-            if (10..20).contains(&u) {
-                30.0
-            } else if u >= 20 {
-                beside(u as f32 - 19.5)
-            } else {
-                0.0
-            }
-        };
-        let map = (0..WIDTH * HEIGHT).map(|i| contrast(i % WIDTH)).collect();
-        let coarse = Coarse::of_lightness(WIDTH, map);
-        let mut hybrid = Hybrid::default();
-        let set = |least: f32| (0..WIDTH * HEIGHT).map(move |i| (i, least));
-        hybrid.near.take(WIDTH, set(20.0).map(|(i, least)| coarse.lightness[i] > least));
-        hybrid.specimen.take(WIDTH, set(1.0).map(|(i, least)| coarse.lightness[i] > least));
-        hybrid.drop_shades(&coarse, 1.3);
-        (20 + RIM_BLOCKS..WIDTH).filter(|u| hybrid.specimen.set[20 * WIDTH + u]).count()
-    }
-
-    #[test]
-    fn a_shade_that_fades_is_dropped_and_what_ends_in_a_step_is_kept() {
-        assert_eq!(kept(|out| 3.0 - 0.1 * out), 0, "a ramp has no edge of its own");
-        assert_eq!(kept(|out| if out < 15.0 { 2.0 } else { 0.0 }), 15 - RIM_BLOCKS, "a fin of 2 sigma has");
-    }
 
     /// Between two blocks a mask rounds corners and moves no edge by more than half a pixel.
     #[test]
