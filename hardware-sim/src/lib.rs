@@ -15,6 +15,7 @@
 pub mod analytic;
 pub mod bridge;
 pub mod clock;
+pub mod frame_statistics;
 pub mod gige;
 pub mod grbl;
 pub mod motion;

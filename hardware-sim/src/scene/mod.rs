@@ -34,6 +34,7 @@ pub use optics::Optics;
 pub use outline::Outline;
 pub use phantom::{Condition, Larva, Look, Mesh, Narrowest, Placement, PlacementError, Specimen, Truth};
 
+use nuisance::Turned;
 use optics::{Window, background, blur_reach, blurred, covered, exposed, thickness, transmission};
 use phantom::{Material, Part, Within};
 use rayon::prelude::*;
@@ -85,7 +86,7 @@ impl Scene {
     /// A scene with an empty capillary.
     pub fn new(settings: SceneSettings) -> Self {
         let mut sharp = background(&settings.camera, &settings.capillary, &settings.optics);
-        settings.nuisances.shade_field(&mut sharp, &settings.camera, &settings.capillary);
+        settings.nuisances.shade_field(&mut sharp, &settings.camera, &settings.capillary, settings.optics.blur_px);
         let soft = blurred(&sharp, settings.camera.width as usize, settings.optics.blur_px);
         Self { settings, sharp, soft, loaded: RwLock::default() }
     }
@@ -141,7 +142,7 @@ impl Scene {
     fn lit(&self, contents: &Contents, angle_rad: f64) -> Vec<[f32; 3]> {
         let SceneSettings { camera, capillary, optics, nuisances } = &self.settings;
         let width = camera.width as usize;
-        let mut marked = nuisances.marked(&self.sharp, camera, capillary, angle_rad);
+        let mut marked = nuisances.marked(&self.sharp, &Turned { camera, capillary, blur_px: optics.blur_px, angle_rad });
         if let Some(ink) = &capillary.ink {
             let light = marked.get_or_insert_with(|| self.sharp.clone());
             ink.shade(light, camera, capillary.outer_radius_um(), optics, angle_rad);

@@ -36,6 +36,13 @@ impl SceneSettings {
     }
 }
 
+/// The walls at the scale of [`camera`]: as many px wide as they are at a bore of 600 um.
+pub fn scaled_walls(capillary: &Capillary) -> Capillary {
+    let scale = capillary.bore_diameter_um / BORE_UM;
+    let lower = capillary.lower.map(|wall| Wall { glass_um: scale * wall.glass_um, ..wall });
+    Capillary { glass_um: scale * capillary.glass_um, lower, ..capillary.clone() }
+}
+
 /// The camera of a VAST: 1024 x 200 px, at a scale at which the bore is 112 px wide. Angles and the position of the axis relative to
 /// the pixels are those of `of`.
 pub fn camera(bore_um: f64, of: &Camera) -> Camera {
@@ -54,18 +61,22 @@ impl Capillary {
     #[must_use]
     pub fn with_real_walls(self, seed: u64) -> Self {
         let mut draw = stream(seed, 1);
-        let [upper, lower] = [(); 2].map(|()| Wall {
-            glass_um: draw.between(15.0, 36.0),
-            line_px: draw.between(0.8, 2.2),
-            bore_shade: draw.between(0.12, 0.25),
+        let [upper, lower] = [(); 2].map(|()| {
+            // Half of the walls show one line, the others two that blend.
+            let (glass, line) = if draw.between(0.0, 1.0) < 0.5 { ([16.0, 21.0], [1.5, 2.1]) } else { ([26.0, 34.0], [0.8, 1.1]) };
+            Wall {
+                glass_um: draw.between(glass[0], glass[1]),
+                line_px: draw.between(line[0], line[1]),
+                bore_shade: draw.between(0.12, 0.25),
+            }
         });
         Self {
             glass_um: upper.glass_um,
             wall_line_px: upper.line_px,
             bore_shade: upper.bore_shade,
             lower: Some(lower),
-            lower_share: draw.between(0.7, 1.3),
-            bore_loss: draw.between(0.02, 0.04),
+            lower_share: draw.between(0.85, 1.15),
+            bore_loss: draw.between(0.012, 0.03),
             ..self
         }
     }
@@ -76,9 +87,14 @@ impl Optics {
     #[must_use]
     pub fn with_real_light(self, seed: u64) -> Self {
         let mut draw = stream(seed, 2);
-        let level = draw.between(0.97, 1.03);
-        let more_blur_px = draw.between(1.0, 1.2) - Self::default().blur_px;
-        Self { light_rgb: LIGHT_RGB.map(|light| light * level), blur_px: self.blur_px + more_blur_px, ..self }
+        let level = draw.between(0.99, 1.05);
+        let more_blur_px = draw.between(1.05, 1.3) - Self::default().blur_px;
+        Self {
+            light_rgb: LIGHT_RGB.map(|light| light * level),
+            blur_px: self.blur_px + more_blur_px,
+            vignetting: 0.4 * self.vignetting,
+            ..self
+        }
     }
 }
 

@@ -282,6 +282,7 @@ impl Recipe {
             (several, _) => widen(several, &mut spec.settings.capillary.bore_diameter_um),
         }
         if self.vast {
+            spec.settings.capillary = real::scaled_walls(&spec.settings.capillary);
             spec.settings.camera = real::camera(spec.settings.capillary.bore_diameter_um, &spec.settings.camera);
         }
         for (i, beside) in self.beside.iter().enumerate() {

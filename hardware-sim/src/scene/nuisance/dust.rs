@@ -26,24 +26,40 @@ pub struct Dust {
     pub faint_per_1000px: f64,
 }
 
-/// Depth of a visible speck: median and standard deviation of the logarithm, measured on lossless VAST frames, with limits.
+/// Depth of a visible speck in the image: median and standard deviation of the logarithm, measured on lossless VAST frames, with limits.
 const DEPTH_MEDIAN: f64 = 0.045;
-const DEPTH_SIGMA: f64 = 0.62;
+const DEPTH_SIGMA: f64 = 0.75;
 const DEPTH_LIMITS: [f64; 2] = [0.02, 0.5];
 /// Depth of a faint speck.
 const FAINT_DEPTH: [f64; 2] = [0.004, 0.024];
-/// Distance from the middle of a speck to its border, px. The full width at half maximum is 1.08 of it.
-const RADIUS_PX: [f64; 2] = [2.0, 7.0];
+/// Distance from the middle of a speck to its border before blur, px: most specks are small. The full width at half maximum is 1.08 of
+/// it. The blur adds to it.
+const SMALLEST_PX: f64 = 1.5;
+const LARGER_PX: f64 = 3.4;
+/// Standard deviation of a Gaussian of the same width, in radii.
+const SPREAD: f64 = 0.46;
+/// A speck absorbs at most this part of the light before blur.
+const DARKEST: f64 = 0.95;
 
-/// A speck without its position.
+/// A speck without its position. The depth is that in the image before blur.
 struct Speck {
     radius_px: f64,
     depth: f64,
 }
 
+/// How a turning layer is seen.
+#[derive(Debug, Clone, Copy)]
+pub struct Turned<'a> {
+    pub camera: &'a Camera,
+    pub capillary: &'a Capillary,
+    pub blur_px: f64,
+    pub angle_rad: f64,
+}
+
 impl Dust {
-    /// The density of all layers together that VAST frames have: 76 to 82 visible specks per 1000 px.
-    pub const USUAL: Self = Self { specks_per_1000px: 80.0, faint_per_1000px: 230.0 };
+    /// The density of all layers together that VAST frames have. 76 to 82 visible specks are counted per 1000 px: some overlap, and
+    /// noise hides some of the shallowest.
+    pub const USUAL: Self = Self { specks_per_1000px: 92.0, faint_per_1000px: 230.0 };
 
     pub fn none(self) -> bool {
         self.specks_per_1000px <= 0.0 && self.faint_per_1000px <= 0.0
@@ -56,38 +72,39 @@ impl Dust {
     }
 
     /// Specks of a layer of which the image of the bore shows the part `1 / spread`, over a length of `length_px`.
-    fn specks(self, length_px: f64, spread: f64, draw: &mut Seeded) -> Vec<Speck> {
+    fn specks(self, length_px: f64, spread: f64, blur_px: f64, draw: &mut Seeded) -> Vec<Speck> {
         let count = |per_1000px: f64| (per_1000px * spread * length_px / 1000.0).round().max(0.0) as usize;
         let mut specks = Vec::new();
         for _ in 0..count(self.specks_per_1000px) {
             let depth = (DEPTH_MEDIAN * draw.normal(DEPTH_SIGMA).exp()).clamp(DEPTH_LIMITS[0], DEPTH_LIMITS[1]);
-            specks.push(Speck { radius_px: draw.between(RADIUS_PX[0], RADIUS_PX[1]), depth });
+            specks.push(Speck::seen(depth, blur_px, draw));
         }
         for _ in 0..count(self.faint_per_1000px) {
             let depth = draw.between(FAINT_DEPTH[0], FAINT_DEPTH[1]);
-            specks.push(Speck { radius_px: draw.between(RADIUS_PX[0], RADIUS_PX[1]), depth });
+            specks.push(Speck::seen(depth, blur_px, draw));
         }
         specks
     }
 
     /// Dust on the window. It covers the whole image.
-    pub fn shade_fixed(self, light: &mut [[f32; 3]], camera: &Camera, capillary: &Capillary, seed: u64) {
+    pub fn shade_fixed(self, light: &mut [[f32; 3]], camera: &Camera, capillary: &Capillary, blur_px: f64, seed: u64) {
         let (width, height) = (f64::from(camera.width), f64::from(camera.height));
         let mut draw = Seeded::new(mixed(seed ^ 0xD057_0001));
-        for speck in self.specks(width, height / bore_px(camera, capillary), &mut draw) {
+        for speck in self.specks(width, height / bore_px(camera, capillary), blur_px, &mut draw) {
             let at = [draw.between(0.0, width), draw.between(0.0, height)];
             speck.shade(at, light, camera);
         }
     }
 
     /// Dust on the outside of the glass, over the length that the camera sees.
-    pub fn shade_on_glass(self, light: &mut [[f32; 3]], camera: &Camera, capillary: &Capillary, angle_rad: f64, seed: u64) {
+    pub fn shade_on_glass(self, light: &mut [[f32; 3]], view: &Turned<'_>, seed: u64) {
+        let Turned { camera, capillary, blur_px, angle_rad } = *view;
         let outer_um = capillary.outer_radius_um();
         // The bore hides behind four arcs of this length, two of the near side and two of the far side.
         let arc = (capillary.bore_radius_um() / outer_um).asin();
         let mut draw = Seeded::new(mixed(seed ^ 0xD057_0002));
         let view = camera.view(angle_rad);
-        for speck in self.specks(f64::from(camera.width), TAU / (4.0 * arc), &mut draw) {
+        for speck in self.specks(f64::from(camera.width), TAU / (4.0 * arc), blur_px, &mut draw) {
             let x = seen_x(camera, &mut draw);
             let (sin, cos) = draw.between(0.0, TAU).sin_cos();
             let p = view.project([x, outer_um * cos, outer_um * sin]);
@@ -96,10 +113,11 @@ impl Dust {
     }
 
     /// Dust in the water of the bore, over the length that the camera sees.
-    pub fn shade_in_water(self, light: &mut [[f32; 3]], camera: &Camera, capillary: &Capillary, angle_rad: f64, seed: u64) {
+    pub fn shade_in_water(self, light: &mut [[f32; 3]], view: &Turned<'_>, seed: u64) {
+        let Turned { camera, capillary, blur_px, angle_rad } = *view;
         let mut draw = Seeded::new(mixed(seed ^ 0xD057_0003));
         let view = camera.view(angle_rad);
-        for speck in self.specks(f64::from(camera.width), 1.0, &mut draw) {
+        for speck in self.specks(f64::from(camera.width), 1.0, blur_px, &mut draw) {
             let x = seen_x(camera, &mut draw);
             // Uniform over the section of the bore.
             let from_axis = capillary.bore_radius_um() * draw.between(0.0, 1.0).sqrt();
@@ -111,6 +129,13 @@ impl Dust {
 }
 
 impl Speck {
+    /// A speck that has this depth in the image after blur.
+    fn seen(depth: f64, blur_px: f64, draw: &mut Seeded) -> Self {
+        let radius_px = SMALLEST_PX + LARGER_PX * draw.between(0.0, 1.0).powi(2);
+        let own = (SPREAD * radius_px).powi(2);
+        Self { radius_px, depth: (depth * (1.0 + blur_px * blur_px / own)).min(DARKEST) }
+    }
+
     fn shade(&self, at_px: [f64; 2], light: &mut [[f32; 3]], camera: &Camera) {
         let mark = Mark { points_px: vec![at_px], radius_px: self.radius_px, depth: self.depth };
         shade(&mark, light, camera.width as usize);

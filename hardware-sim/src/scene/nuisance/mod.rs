@@ -16,6 +16,7 @@ mod motion;
 mod sensor;
 
 pub use dust::Dust;
+pub(super) use dust::Turned;
 pub use lamp::{Drift, LightCentre};
 pub use marks::Marks;
 pub use motion::Motion;
@@ -59,20 +60,20 @@ impl Nuisances {
     }
 
     /// Applies what does not depend on the exposure to the sharp image of the empty capillary.
-    pub(super) fn shade_field(&self, light: &mut [[f32; 3]], camera: &Camera, capillary: &Capillary) {
+    pub(super) fn shade_field(&self, light: &mut [[f32; 3]], camera: &Camera, capillary: &Capillary, blur_px: f64) {
         self.light_centre.shade(light, camera);
         self.window.shade_fixed(light, camera, self.seed);
-        self.window_dust.shade_fixed(light, camera, capillary, self.seed);
+        self.window_dust.shade_fixed(light, camera, capillary, blur_px, self.seed);
     }
 
     /// The sharp image of the empty capillary with the marks and the dust that turn with the shaft. `None` if there are none.
-    pub(super) fn marked(&self, light: &[[f32; 3]], camera: &Camera, capillary: &Capillary, angle_rad: f64) -> Option<Vec<[f32; 3]>> {
+    pub(super) fn marked(&self, light: &[[f32; 3]], seen: &Turned<'_>) -> Option<Vec<[f32; 3]>> {
         let none = self.glass.none() && self.glass_dust.none() && self.water_dust.none();
         (!none).then(|| {
             let mut light = light.to_vec();
-            self.glass.shade_turning(&mut light, camera, capillary, angle_rad, self.seed);
-            self.glass_dust.shade_on_glass(&mut light, camera, capillary, angle_rad, self.seed);
-            self.water_dust.shade_in_water(&mut light, camera, capillary, angle_rad, self.seed);
+            self.glass.shade_turning(&mut light, seen.camera, seen.capillary, seen.angle_rad, self.seed);
+            self.glass_dust.shade_on_glass(&mut light, seen, self.seed);
+            self.water_dust.shade_in_water(&mut light, seen, self.seed);
             light
         })
     }

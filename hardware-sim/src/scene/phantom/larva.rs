@@ -170,7 +170,7 @@ impl Larva {
             width: self.shape.width.at(s),
             dorsal: self.shape.dorsal.at(s),
             ventral: self.shape.ventral.at(s),
-            bulge: EYE_BULGE * (-((s - EYE_AT) / EYE_SPAN).powi(2)).exp(),
+            bulge: EYE_BULGE * self.look.eyes * (-((s - EYE_AT) / EYE_SPAN).powi(2)).exp(),
             scale: self.unit_um() * cap(s),
         }
     }

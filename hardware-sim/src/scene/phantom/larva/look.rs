@@ -25,6 +25,8 @@ pub struct Look {
     pub height: f64,
     /// Factor on the width of the body behind the eyes.
     pub trunk: f64,
+    /// Factor on how far the eyes bulge.
+    pub eyes: f64,
     pub condition: Condition,
 }
 
@@ -37,6 +39,7 @@ impl Default for Look {
             pectoral_per_mm: None,
             height: 1.0,
             trunk: 1.0,
+            eyes: 1.0,
             condition: Condition::Healthy,
         }
     }
@@ -101,8 +104,8 @@ impl Look {
         let grown = if dpf < 3 { 0.4 } else { 1.0 };
         let pectoral = draw.between(11.0, 28.0);
         Self {
-            density: draw.between(1.3, 1.9),
-            stripes: grown * draw.between(0.6, 1.2),
+            density: draw.between(1.0, 1.5),
+            stripes: grown * draw.between(0.5, 1.0),
             // Equally often fainter and stronger: a quarter to 2.5 times the reference.
             fin_contrast: 0.79 * 3.16f64.powf(draw.between(-1.0, 1.0)),
             // At 2 dpf they are buds. At 3 dpf they are small and clear.
@@ -111,8 +114,9 @@ impl Look {
                 3 => Some(0.3 * pectoral),
                 _ => Some(pectoral),
             },
-            height: draw.between(0.86, 0.92),
+            height: draw.between(0.80, 0.88),
             trunk: draw.between(0.80, 0.90),
+            eyes: draw.between(1.4, 2.2),
             condition: Condition::Healthy,
         }
     }
