@@ -63,7 +63,7 @@ impl Capillary {
         let mut draw = stream(seed, 1);
         let [upper, lower] = [(); 2].map(|()| {
             // Half of the walls show one line, the others two that blend.
-            let (glass, line) = if draw.between(0.0, 1.0) < 0.5 { ([16.0, 21.0], [1.5, 2.1]) } else { ([26.0, 34.0], [0.8, 1.1]) };
+            let (glass, line) = if draw.between(0.0, 1.0) < 0.5 { ([14.0, 18.0], [1.2, 1.7]) } else { ([26.0, 34.0], [0.8, 1.1]) };
             Wall {
                 glass_um: draw.between(glass[0], glass[1]),
                 line_px: draw.between(line[0], line[1]),
