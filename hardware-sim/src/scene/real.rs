@@ -133,8 +133,8 @@ mod tests {
             let rows = rows(settings);
             let bore = rows[95..105].iter().sum::<f64>() / 10.0;
             let field = rows[3..13].iter().chain(&rows[187..197]).sum::<f64>() / 20.0;
-            // The table of real frames has 0.96.
-            assert!((0.945..0.985).contains(&(bore / field)), "seed {seed}: {bore} of {field}");
+            // The whole bore of real frames has 0.96. Its middle is lighter than the parts beside the walls.
+            assert!((0.955..0.992).contains(&(bore / field)), "seed {seed}: {bore} of {field}");
             // The upper and the lower wall are 56 px from the middle.
             for line in [&rows[36..50], &rows[150..164]] {
                 let darkest = line.iter().copied().fold(f64::INFINITY, f64::min);
