@@ -28,7 +28,7 @@ use hardware_sim::{Rig, RigSettings, ShaftSettings, Sight, SlideSettings};
 use holds::Holds;
 use job::Job;
 use sampler::{Outside, Who};
-use scenery::{SceneSampler, Scenery};
+use scenery::{Appearance, SceneSampler, Scenery};
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -71,6 +71,9 @@ pub struct Args {
     /// Add a translation of the capillary to the emulated rig: a second axis of the Grbl controller, with limits and a reference.
     #[arg(long, conflicts_with = "replay")]
     translation: bool,
+    /// How the emulated frames look: the clean reference scene, or light, walls, dust and larvae as on frames of a real VAST.
+    #[arg(long, value_enum, default_value_t = Appearance::Clean, conflicts_with = "replay")]
+    frames: Appearance,
     /// Add a second emulated camera for fluorescence.
     #[arg(long, conflicts_with = "replay")]
     second_camera: bool,

@@ -7,28 +7,59 @@ use crate::config::Config;
 use carved_devices::cancel::CancelToken;
 use carved_devices::sampler::{Expected, Loaded, Sampler};
 use carved_devices::{DeviceError, RotationAxis};
-use hardware_sim::scene::{Contents, Scene, SceneSettings, Specimen};
+use hardware_sim::scene::phantom::LarvaError;
+use hardware_sim::scene::{Capillary, Contents, Larva, Look, Scene, SceneSettings, Specimen};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+/// How the emulated frames look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Appearance {
+    /// The clean reference scene.
+    Clean,
+    /// Light, walls, dust and larvae as on frames of a real VAST.
+    Real,
+}
+
 /// A scene that is filled according to the plate map.
 pub fn of_phantoms(args: &Args, config: &Config) -> Before {
-    let scene = Arc::new(Scene::new(scene_settings(config)));
+    let scene = Arc::new(Scene::new(scene_settings(config, args.frames)));
     let holds = args.holds.iter().map(|h| (h.well.clone(), h.what)).collect();
-    let scenery = Scenery { scene: scene.clone(), empty: args.empty.iter().cloned().collect(), holds };
+    let scenery = Scenery { scene: scene.clone(), appearance: args.frames, empty: args.empty.iter().cloned().collect(), holds };
     Before { sight: scene, content: Content::Scene(scenery), job: if args.no_demo { Job::Serve } else { Job::Demo } }
 }
 
-/// The settings of the scene, with the camera of the configuration.
-fn scene_settings(config: &Config) -> SceneSettings {
+/// Seed of light, walls and dust of a real-looking scene.
+const REAL_SEED: u64 = 1;
+
+/// The settings of the scene, with the camera of the configuration. The bore is that of the reference scene.
+fn scene_settings(config: &Config, appearance: Appearance) -> SceneSettings {
     let camera = emulated::scene_camera(&config.optics);
-    SceneSettings { camera, ..SceneSettings::default() }
+    match appearance {
+        Appearance::Clean => SceneSettings { camera, ..SceneSettings::default() },
+        Appearance::Real => {
+            let real = SceneSettings::real(REAL_SEED);
+            let capillary = Capillary { bore_diameter_um: Capillary::default().bore_diameter_um, ..real.capillary };
+            SceneSettings { camera, capillary, ..real }
+        }
+    }
+}
+
+/// The larva of a well.
+fn larva(dpf: u8, seed: u64, appearance: Appearance) -> Result<Specimen, LarvaError> {
+    let larva = Larva::new(dpf, seed)?;
+    Ok(match appearance {
+        Appearance::Clean => larva.specimen(),
+        // It nearly fills the bore, so it lies in the middle.
+        Appearance::Real => larva.with_look(Look::healthy(dpf, seed)).specimen().centred(),
+    })
 }
 
 /// The contents of the wells of every plate, and the scene in which they appear.
 #[derive(Clone)]
 pub struct Scenery {
     scene: Arc<Scene>,
+    appearance: Appearance,
     empty: BTreeSet<String>,
     holds: BTreeMap<String, Surprise>,
 }
@@ -62,7 +93,7 @@ impl Scenery {
         } else if expected.bead {
             Specimen::bead(BEAD_UM).map_err(|e| refused(&e))?.into()
         } else {
-            Specimen::larva(dpf, seed).map_err(|e| refused(&e))?.into()
+            larva(dpf, seed, self.appearance).map_err(|e| refused(&e))?.into()
         };
         // Only a single specimen can be compared with its truth.
         let truth = match contents.specimens.as_slice() {
@@ -112,5 +143,24 @@ impl Sampler for SceneSampler {
     }
     fn wash(&mut self, _axis: &mut dyn RotationAxis, _well: &str, _cancel: &CancelToken) -> Result<(), DeviceError> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_larva_of_the_demo_fits_the_real_looking_bore() {
+        let settings =
+            scene_settings(&Config::parse(super::super::CONFIG, std::path::Path::new("simulated.toml")).unwrap(), Appearance::Real);
+        assert_ne!(settings.capillary, Capillary::default());
+        let scene = Scene::new(settings);
+        for dpf in 3..=5 {
+            for well in ["A01", "A02", "A03", "A04", "B07", "H12", "P24"] {
+                let larva = larva(dpf, seed_of(well), Appearance::Real).unwrap();
+                scene.load(larva).unwrap_or_else(|why| panic!("{well}, {dpf} dpf: {why}"));
+            }
+        }
     }
 }
