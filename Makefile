@@ -6,6 +6,8 @@
 CARGO ?= cargo
 # Arguments for `carved simulate`: make run ARGS="--listen 127.0.0.1:8085"
 ARGS ?=
+# The look of the emulated frames: real or clean.
+FRAMES ?= real
 TARGET_DIR := $(or $(CARGO_TARGET_DIR),target)
 CARGO_DENY_VERSION := 0.20.2
 WASM := wasm32-unknown-unknown
@@ -22,7 +24,7 @@ build: deps-build $(PAGE) ## the daemon, release, with the operator's page insid
 	scripts/split-symbols $(TARGET_DIR)/release/carved
 
 run: build ## build, then the emulated rig with its demo plate (ARGS="..." goes to carved simulate)
-	$(TARGET_DIR)/release/carved simulate $(ARGS)
+	$(TARGET_DIR)/release/carved simulate --frames $(FRAMES) $(ARGS)
 
 # The daemon that the page and the Python client are tested against is the one that `cargo test` has built for the
 # integration tests, so that nothing is compiled twice.

@@ -68,8 +68,8 @@ impl Piece {
         let air = full * any([lit, large]);
         // A dead larva is opaque too, and long. Bubbles that touch are not.
         let long = above((along / across).ln(), 2.5f64.ln(), 0.3);
-        // One or two cells may be the noise of a bad pixel.
-        let there = above(self.area_bore2.ln(), 0.000_7f64.ln(), 0.7);
+        // Dust on the glass and in the water is up to 6 px wide in a bore of 112 px.
+        let there = above(self.area_bore2.ln(), 0.004f64.ln(), 0.5);
         Looks {
             bubble: there * opaque * (air + (1.0 - full) * large * (1.0 - long)),
             bead: there * clear * ball,

@@ -110,6 +110,20 @@ impl Strips {
         self.centres_u.extend((0..count).map(|k| (bound(k) + bound(k + 1) - 1) as f64 / 2.0));
     }
 
+    /// Blurs the strips across the capillary by a Gaussian of about 2 px.
+    fn blur(&mut self, scratch: &mut Vec<f32>) {
+        for rows in &mut self.rows {
+            for _ in 0..8 {
+                scratch.clear();
+                scratch.extend_from_slice(rows);
+                let last = rows.len() - 1;
+                for (v, row) in rows.iter_mut().enumerate() {
+                    *row = (scratch[v.saturating_sub(1)] + 2.0 * scratch[v] + scratch[(v + 1).min(last)]) / 4.0;
+                }
+            }
+        }
+    }
+
     /// How much darker each row is than the brightest row within `reach` above and the brightest within `reach` below.
     fn dips(&self, reach: usize, dips: &mut Vec<Vec<f32>>) {
         let brightest = |rows: &[f32]| rows.iter().copied().fold(f32::MIN, f32::max);
@@ -180,6 +194,17 @@ impl WallFinder {
 
     fn search(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
         self.strips.read(picture);
+        let found = self.choose(picture, settings);
+        if !matches!(found, Err(ProfileError::CrookedWalls { .. })) {
+            return found;
+        }
+        // Of two lines that nearly blend, each strip may show another one as the darker. Blurred further they are one.
+        self.strips.blur(&mut self.scratch.greys);
+        self.choose(picture, settings).or(found)
+    }
+
+    /// The four lines that the strips vote for.
+    fn choose(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
         let reach = (settings.line_reach_share * picture.height() as f64).round().max(4.0) as usize;
         self.strips.dips(reach, &mut self.dips);
         // A dip of half the least depth does not count; one of the least depth or more counts 1.
@@ -189,11 +214,6 @@ impl WallFinder {
             weights.clear();
             weights.extend(dips.iter().map(|d| ((d - half) / half).clamp(0.0, 1.0)));
         }
-        self.choose(picture, settings)
-    }
-
-    /// The four lines that the strips vote for.
-    fn choose(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
         let height = picture.height();
         let mid_u = (picture.width() - 1) as f64 / 2.0;
         self.votes.cast(&self.strips, &self.dips, &self.weights, mid_u, settings);
