@@ -40,21 +40,21 @@ pub(super) struct Specks {
     /// The body and its blur.
     pub body: Region,
     pieces: Pieces,
-    boxes: Vec<Box>,
+    bounds: Vec<Bounds>,
     is_speck: Vec<bool>,
     around: Vec<f32>,
 }
 
 /// The blocks `left ..= right`, `top ..= bottom` around a piece.
 #[derive(Debug, Clone, Copy)]
-struct Box {
+struct Bounds {
     left: usize,
     right: usize,
     top: usize,
     bottom: usize,
 }
 
-impl Box {
+impl Bounds {
     const NONE: Self = Self { left: usize::MAX, right: 0, top: usize::MAX, bottom: 0 };
 
     fn add(&mut self, u: usize, v: usize) {
@@ -66,7 +66,7 @@ impl Box {
         (self.right - self.left).max(self.bottom - self.top) + 1
     }
 
-    /// The rows and columns from `reach` before to `reach` beyond the box, in a map of that size.
+    /// The rows and columns from `reach` before to `reach` beyond the bounds, in a map of that size.
     fn wider(&self, reach: usize, width: usize, height: usize) -> (std::ops::Range<usize>, std::ops::Range<usize>) {
         let span = |from: usize, to: usize, end: usize| from.saturating_sub(reach)..(to + reach + 1).min(end);
         (span(self.top, self.bottom, height), span(self.left, self.right, width))
@@ -85,22 +85,22 @@ impl Specks {
         let dark = bent(DARK_SIGMA);
         self.blocks.take(w, (0..w * h).map(|i| coarse.within[i] && !beside[i] && contrast(i) >= dark));
         self.pieces.find(&self.blocks, scratch);
-        boxes(&self.pieces, w, &mut self.boxes);
+        bounds(&self.pieces, w, &mut self.bounds);
         self.is_speck.clear();
-        self.is_speck.resize(self.boxes.len(), false);
+        self.is_speck.resize(self.bounds.len(), false);
         let labels = &self.pieces.labels;
         for &(label, size) in &self.pieces.sizes {
-            let own = self.boxes[label as usize];
+            let own = self.bounds[label as usize];
             let (extent, area) = (own.extent() as f64, size as f64);
             let compact = own.extent() <= SMALL || area >= COMPACT * extent * extent;
             if area > MOST_BORE2 * bore_blocks * bore_blocks || extent > MOST_BORE * bore_blocks || !compact {
                 continue;
             }
             let (rows, columns) = own.wider(RING, w, h);
-            let in_box = |u: usize, v: usize| (own.left..=own.right).contains(&u) && (own.top..=own.bottom).contains(&v);
+            let inside = |u: usize, v: usize| (own.left..=own.right).contains(&u) && (own.top..=own.bottom).contains(&v);
             self.around.clear();
             for v in rows {
-                let ring = columns.clone().filter(|&u| !in_box(u, v)).map(|u| v * w + u);
+                let ring = columns.clone().filter(|&u| !inside(u, v)).map(|u| v * w + u);
                 self.around.extend(ring.filter(|&i| coarse.within[i] && !beside[i]).map(contrast));
             }
             self.is_speck[label as usize] = self.around.len() >= LEAST_RING && quantile(&mut self.around, 0.5) <= CLEAR_SIGMA;
@@ -116,11 +116,11 @@ impl Specks {
     pub fn remove_from(&mut self, plane: &mut Plane, coarse: &Coarse, scratch: &mut Scratch) {
         let (w, h, step) = (coarse.width, coarse.height, coarse.step);
         self.pieces.find(&self.blocks, scratch);
-        boxes(&self.pieces, w, &mut self.boxes);
+        bounds(&self.pieces, w, &mut self.bounds);
         let labels = &self.pieces.labels;
         let pixels = |block: usize, end: usize| block * step..((block + 1) * step).min(end);
         for &(label, _) in &self.pieces.sizes {
-            let own = self.boxes[label as usize];
+            let own = self.bounds[label as usize];
             self.around.clear();
             let (rows, columns) = own.wider(RING - SPECK_RIM, w, h);
             for t in rows {
@@ -143,12 +143,12 @@ impl Specks {
     }
 }
 
-/// The box around each piece, by its label. Label 0 has none.
-fn boxes(pieces: &Pieces, width: usize, boxes: &mut Vec<Box>) {
-    boxes.clear();
-    boxes.resize(pieces.sizes.len() + 1, Box::NONE);
+/// The bounds of each piece, by its label. Label 0 has none.
+fn bounds(pieces: &Pieces, width: usize, bounds: &mut Vec<Bounds>) {
+    bounds.clear();
+    bounds.resize(pieces.sizes.len() + 1, Bounds::NONE);
     for (i, &label) in pieces.labels.iter().enumerate().filter(|(_, label)| **label > 0) {
-        boxes[label as usize].add(i % width, i / width);
+        bounds[label as usize].add(i % width, i / width);
     }
 }
 
