@@ -264,8 +264,9 @@ fn a_run_on_the_wires_with_a_second_camera_and_a_translation() {
     let dir = tempfile::tempdir().unwrap();
     let options = ["--no-demo", "--time-scale", "20", "--sampler", "trigger", "--second-camera", "--translation"];
     let daemon = crate::common::Daemon::start(dir.path(), &options);
-    let at_rest = daemon.status()["hardware"].clone();
-    assert_eq!((&at_rest["translation"]["connected"], &at_rest["translation"]["referenced"]), (&json!(true), &json!(false)));
+    // The status answers before all devices are open.
+    let at_rest = daemon.wait("the translation axis", |status| status["hardware"]["translation"]["connected"] == true);
+    assert_eq!(at_rest["hardware"]["translation"]["referenced"], false);
     let plan = json!({"plate_barcode": "P-1", "method": "standard", "operator": "t", "plate_map": [{"well": "A01", "specimen": "bead"}]});
     assert_eq!(daemon.put_run("r1", &plan), 201);
     let status = daemon.wait_for_outcome();
