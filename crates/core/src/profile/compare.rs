@@ -12,6 +12,7 @@
 
 use super::Mask;
 use super::outline::{Crossings, Polygon, rasterise};
+use super::region::{Pieces, Region, Scratch};
 
 /// Pixels nearer than this to the annotated outline are neither false nor missed, px. A person places an outline to about 1 px, and the
 /// edge error has the rest.
@@ -104,23 +105,24 @@ impl Annotation {
     /// The mask has another size than the annotation.
     pub fn compare(&self, found: &Mask, outline: &[Polygon]) -> Result<Comparison, SizesDiffer> {
         self.check(found, "the mask of the profile")?;
-        let beyond = |in_one: &Mask, in_other: &Mask| -> Vec<bool> {
+        let beyond = |in_one: &Mask, in_other: &Mask| -> Region {
             let width = in_one.width();
             let differs = |at: usize| in_one.data()[at] != 0 && in_other.data()[at] == 0;
             let far = |at: usize| self.sides.distance([(at % width) as f64, (at / width) as f64], TOLERANCE_PX) > TOLERANCE_PX;
-            (0..in_one.data().len()).map(|at| differs(at) && far(at)).collect()
+            Region { width, set: (0..in_one.data().len()).map(|at| differs(at) && far(at)).collect() }
         };
-        let outside = beyond(found, &self.mask);
-        let humps = piece_sizes(outside.clone(), found.width());
+        let mut pieces = Pieces::default();
+        pieces.find(&beyond(found, &self.mask), &mut Scratch::default());
+        let humps = pieces.sizes.iter().map(|(_, size)| *size);
         Ok(Comparison {
             iou: found.iou(&self.mask),
             area_px: found.area_px(),
             annotation_area_px: self.mask.area_px(),
             edge: self.edge_error(outline),
-            false_px: humps.iter().sum(),
-            missed_px: beyond(&self.mask, found).iter().filter(|far| **far).count(),
+            false_px: humps.clone().sum(),
+            missed_px: beyond(&self.mask, found).set.iter().filter(|far| **far).count(),
             humps: humps.len(),
-            largest_hump_px: humps.into_iter().max().unwrap_or(0),
+            largest_hump_px: humps.max().unwrap_or(0),
         })
     }
 
@@ -222,33 +224,6 @@ fn marching_squares(mask: &Mask) -> Vec<Side> {
         }
     }
     sides
-}
-
-/// The numbers of pixels of the connected pieces of a set.
-fn piece_sizes(mut set: Vec<bool>, width: usize) -> Vec<usize> {
-    let mut sizes = Vec::new();
-    let mut stack = Vec::new();
-    for start in 0..set.len() {
-        if !std::mem::take(&mut set[start]) {
-            continue;
-        }
-        stack.push(start);
-        let mut size = 0;
-        while let Some(at) = stack.pop() {
-            size += 1;
-            let (u, v) = (at % width, at / width);
-            for near_v in v.saturating_sub(1)..=(v + 1).min(set.len() / width - 1) {
-                for near_u in u.saturating_sub(1)..=(u + 1).min(width - 1) {
-                    let near = near_v * width + near_u;
-                    if std::mem::take(&mut set[near]) {
-                        stack.push(near);
-                    }
-                }
-            }
-        }
-        sizes.push(size);
-    }
-    sizes
 }
 
 /// The sides of outlines, with a grid of cells over the picture: each cell has the sides that may pass through it. What is beyond the
@@ -418,13 +393,6 @@ mod tests {
         assert_eq!((without.false_px, without.humps), (0, 0));
         // 10 x 6 px, open towards the body: 2 px less at the top and at both sides.
         assert_eq!(without.missed_px, 6 * 4);
-    }
-
-    #[test]
-    fn humps_that_touch_at_a_corner_are_one() {
-        let set = |rows: &[&str]| rows.iter().flat_map(|row| row.chars().map(|c| c == '#')).collect::<Vec<_>>();
-        assert_eq!(piece_sizes(set(&["#..#", ".#..", "#..#"]), 4), [3, 1, 1]);
-        assert!(piece_sizes(Vec::new(), 0).is_empty());
     }
 
     /// The staircase of a mask is up to half a pixel off its outline. The middles of its sides are unbiased.
