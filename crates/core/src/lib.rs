@@ -14,6 +14,7 @@
 
 pub mod calibration;
 pub mod carver;
+pub mod fins;
 pub mod frame;
 pub mod geometry;
 pub mod measure;

@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 mod calibrated;
 mod estimated;
+mod finned;
 mod refined;
 mod turn;
 

@@ -43,7 +43,8 @@ pub(crate) use slices::{Fit, Slice, SliceError, fit, harmonics};
 pub use slices::{HARMONICS_MOST, SlicesLost, directions, widest_gap};
 #[cfg(test)]
 pub(crate) use support::series_of;
-pub(crate) use support::{Support, area_loss};
+pub(crate) use support::{Support, area_loss, basis};
+pub(crate) use tangents::Side;
 pub use tangents::{Pose, TurnView};
 pub use turn::{Calibration, CalibrationError, PsiSd, VIEWS_LEAST, ViewState, calibrate};
 pub use vrv_check::{VrvCheck, VrvVerdict, check_vrv};

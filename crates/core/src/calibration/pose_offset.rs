@@ -72,18 +72,18 @@ struct Pair {
 }
 
 /// The pose in view `again` less that in view `first`. `None` where the views share no slices.
-pub(crate) fn pose_offset<'a>(
+pub(crate) fn pose_offset(
     pose: &Pose,
     first: &TurnView,
     again: &TurnView,
-    slices: impl ExactSizeIterator<Item = (f64, &'a Support)>,
+    slices: impl ExactSizeIterator<Item = (f64, Support)>,
 ) -> Option<PoseOffset> {
     let ky = pose.camera().ky;
     let per_stretch = slices.len().div_ceil(STRETCHES).max(1);
     let (mut pairs, mut left_px): (Vec<Pair>, Vec<f64>) = (Vec::new(), Vec::new());
     for (at, (x_um, support)) in slices.enumerate() {
         for (number, side) in Side::BOTH.into_iter().enumerate() {
-            let [before, after] = [first, again].map(|view| pose.tangent(x_um, view, side, Some(support)));
+            let [before, after] = [first, again].map(|view| pose.tangent(x_um, view, side, Some(&support)));
             let (Some(before), Some(after)) = (before, after) else { continue };
             let [off_before, off_after] = [before, after].map(|t| (t.offset_um - support.at(t.theta)[0]) * ky);
             let edge_slope = f64::midpoint(before.edge_slope, after.edge_slope);

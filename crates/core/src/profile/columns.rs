@@ -92,6 +92,12 @@ impl Columns {
         Self { edges, height }
     }
 
+    /// The same with other edges, by column, where there are any.
+    pub(crate) fn mapped(&self, edges: impl Fn(usize, ColumnEdges) -> ColumnEdges) -> Self {
+        let edges = self.edges.iter().enumerate().map(|(u, own)| own.map(|own| edges(u, own))).collect();
+        Self { edges, height: self.height }
+    }
+
     /// Columns of the image.
     pub fn width(&self) -> usize {
         self.edges.len()

@@ -82,6 +82,8 @@ pub(super) struct EdgeFinder {
     shifts: Vec<f64>,
     smooth: Vec<f64>,
     models: Models,
+    /// Blur of the newest frame, px, and the kind of its edges.
+    seen_as: (f64, Kind),
 }
 
 /// What [`EdgeFinder::refine`] finds.
@@ -111,9 +113,28 @@ impl EdgeFinder {
                 }
             }
         }
-        let (edge, points) =
-            outlines.ranges.iter().map(|range| self.place(range.clone(), darkness.width, limits, settings, sigma, kind)).unzip();
+        self.seen_as = (sigma, kind);
+        let (edge, points) = self.placed(outlines, darkness, limits, settings);
         Refined { edge, points, blur_px }
+    }
+
+    /// Moves other outlines of the same frame, with the blur that [`Self::refine`] found in it.
+    pub fn refine_again(&mut self, outlines: &Outlines, darkness: &Plane, limits: &Limits, settings: &EdgeSettings) -> Vec<Polygon> {
+        self.look(outlines, darkness, limits, settings);
+        let (sigma, kind) = self.seen_as;
+        self.choose(outlines, sigma, kind, settings);
+        self.placed(outlines, darkness, limits, settings).0
+    }
+
+    fn placed(
+        &mut self,
+        outlines: &Outlines,
+        darkness: &Plane,
+        limits: &Limits,
+        settings: &EdgeSettings,
+    ) -> (Vec<Polygon>, Vec<Vec<EdgePoint>>) {
+        let (sigma, kind) = self.seen_as;
+        outlines.ranges.iter().map(|range| self.place(range.clone(), darkness.width, limits, settings, sigma, kind)).unzip()
     }
 
     /// Reads the darkness along all normals, averaged along the outlines.

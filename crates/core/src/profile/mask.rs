@@ -1,5 +1,7 @@
 //! A binary mask: the pixels that a profile covers.
 
+use super::Columns;
+
 /// A mask. Pixel (u, v) is at `v * width + u`; inside is 255, outside 0.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Mask {
@@ -60,6 +62,24 @@ impl Mask {
     /// The pixels of row `v`.
     pub fn row(&self, v: usize) -> &[u8] {
         &self.data[v * self.width..(v + 1) * self.width]
+    }
+
+    /// The mask with other edges: what lies beyond `new` is removed, and what lies between `old` and `new` is added.
+    pub(crate) fn with_edges(&self, old: &Columns, new: &Columns) -> Self {
+        let mut mask = self.clone();
+        for u in 0..self.width {
+            let (Some(old), Some(new)) = (old.get(u), new.get(u)) else { continue };
+            if old == new {
+                continue;
+            }
+            for v in 0..self.height {
+                let row = v as f64;
+                let within = new.upper <= row && row <= new.lower;
+                let kept = self.get(u, v) || row < old.upper || row > old.lower;
+                mask.set(u, v, within && kept);
+            }
+        }
+        mask
     }
 
     /// Whether the pixel whose centre is nearest to `(u, v)` is inside. Outside the image none is.

@@ -67,9 +67,10 @@ pub(super) struct Onsets {
 }
 
 /// The profiles that the edges of a frame show.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) enum Kind {
     /// Step and rims: the edge refracts the light.
+    #[default]
     Sharp,
     /// Root as well: nothing refracts the light, and the darkness grows with the thickness alone.
     Rounded,

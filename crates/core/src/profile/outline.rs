@@ -5,9 +5,13 @@
 //!   polygons --winding number--> pixels whose centres they enclose
 //! ```
 
+use super::Columns;
 use super::plane::gaussian;
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
+
+/// A vertex within this distance of a column's edge lies on it, px.
+const ON_EDGE_PX: f64 = 1.0;
 
 /// A closed outline in pixel coordinates (pixel centres at integers). The last vertex is joined to the first.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,6 +21,24 @@ pub struct Polygon {
 }
 
 impl Polygon {
+    /// The outline with other edges by column: what lay on an edge of `old` lies on that of `new`, and nothing lies beyond.
+    pub(crate) fn with_edges(&self, old: &Columns, new: &Columns) -> Self {
+        let moved = |&[u, v]: &[f64; 2]| {
+            let column = u.round().max(0.0) as usize;
+            let (Some(from), Some(to)) = (old.at(u).or(old.get(column)), new.at(u).or(new.get(column))) else { return [u, v] };
+            let near = |edge: f64| (v - edge).abs() < ON_EDGE_PX;
+            let v = if near(from.upper) {
+                v + to.upper - from.upper
+            } else if near(from.lower) {
+                v + to.lower - from.lower
+            } else {
+                v
+            };
+            [u, v.max(to.upper).min(to.lower)]
+        };
+        Self { vertices: self.vertices.iter().map(moved).collect() }
+    }
+
     /// Area enclosed, px^2.
     pub fn area_px2(&self) -> f64 {
         let n = self.vertices.len();

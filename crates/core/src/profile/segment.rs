@@ -19,6 +19,8 @@ pub struct Profile {
     pub mask: Mask,
     /// Closed outlines at sub-pixel positions. Empty in an empty capillary.
     pub edge: Vec<Polygon>,
+    /// The outlines without the fins that only their border shows: the same as `edge` where none was found.
+    pub body: Vec<Polygon>,
     /// The certainty of each vertex of each outline.
     pub edge_points: Vec<Vec<EdgePoint>>,
     /// The walls of the capillary.
@@ -204,6 +206,14 @@ impl Segmenter {
         outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.smoother, &mut self.outlines);
         let limits = Limits { inside: &self.inside, body: &self.body, bubbles: &self.bubbles, rows: &rows };
         let Refined { edge, points, blur_px } = self.edge.refine(&self.outlines, &contrast.darkness, &limits, &settings.edge);
+        let body = if self.body == self.inside {
+            edge.clone()
+        } else {
+            outline::trace(&self.body, width, bore.top, LEAST_CRACKS, &mut self.used, &mut self.cracks);
+            outline::smoothed(&self.cracks, settings.edge.outline_smoothing_px, edge::STEP_PX, &mut self.smoother, &mut self.outlines);
+            let limits = Limits { inside: &self.body, ..limits };
+            self.edge.refine_again(&self.outlines, &contrast.darkness, &limits, &settings.edge)
+        };
         let mut mask = Mask::empty(width, height);
         outline::rasterise(&edge, &mut mask, &mut self.crossings);
         let quality = ProfileQuality {
@@ -214,7 +224,7 @@ impl Segmenter {
             ..quality::of_edge(&edge, &points, &bore, &mut self.contrasts)
         };
         let detection = self.detector.detect(&mask, &bore, &contrast.darkness, contrast.all_light, &self.bubbles);
-        Ok(Profile { mask, edge, edge_points: points, walls, quality, detection })
+        Ok(Profile { mask, edge, body, edge_points: points, walls, quality, detection })
     }
 }
 

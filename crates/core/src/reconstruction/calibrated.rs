@@ -1,6 +1,7 @@
 //! The calibration of a turn from its own views, compared with the given camera.
 
 use super::Reconstruction;
+use super::turn::ObservedView;
 use crate::calibration::{Calibration, CalibrationError, GivenView, Moved, Priors, ViewState, VrvCheck, VrvVerdict, calibrate, check_vrv};
 use crate::geometry::{Camera, Projection};
 use crate::range::{Range, Ranged};
@@ -123,18 +124,23 @@ impl Calibrated {
     }
 }
 
-impl Reconstruction {
-    /// The views so far, sorted by angle.
-    pub(super) fn given(&self, order: &[usize]) -> Vec<GivenView<'_>> {
-        order.iter().map(|&i| GivenView { columns: &self.observed[i].columns, omega: self.observed[i].omega }).collect()
-    }
+/// Views sorted by angle.
+pub(super) fn given<'a>(observed: &'a [ObservedView], order: &[usize]) -> Vec<GivenView<'a>> {
+    order.iter().map(|&i| GivenView { columns: &observed[i].columns, omega: observed[i].omega }).collect()
+}
 
+impl Reconstruction {
     /// Calibrates on the views so far and compares the result with the given camera.
     pub fn calibrate(&self) -> Calibrated {
+        self.calibrate_on(&self.observed)
+    }
+
+    /// The same on the views with other edges.
+    pub(super) fn calibrate_on(&self, observed: &[ObservedView]) -> Calibrated {
         let settings = &self.settings.calibration;
-        let mut order: Vec<usize> = (0..self.observed.len()).collect();
-        order.sort_by(|&a, &b| self.observed[a].omega.total_cmp(&self.observed[b].omega));
-        let given = self.given(&order);
+        let mut order: Vec<usize> = (0..observed.len()).collect();
+        order.sort_by(|&a, &b| observed[a].omega.total_cmp(&observed[b].omega));
+        let given = given(observed, &order);
         let judged = || {
             if !settings.enabled {
                 return Err(NotCalibrated::NotAsked);

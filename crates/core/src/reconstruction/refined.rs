@@ -57,7 +57,7 @@ impl Reconstruction {
     pub fn refine(&mut self) -> Option<Estimate> {
         self.refined_at = self.observed.len();
         let calibrated = self.calibrate();
-        let estimate = self.estimated(&calibrated);
+        let estimate = self.estimated(calibrated.clone());
         let views = calibrated.used(self);
         self.refined = match calibrated.found {
             Ok(Judged { calibration, .. }) => Some(Refined { calibration, carver: self.hull.carver().through(&views) }),

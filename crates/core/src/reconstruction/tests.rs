@@ -1,3 +1,4 @@
+use super::calibrated::given;
 use super::*;
 use crate::geometry::BoxUm;
 use crate::geometry::Camera;
@@ -144,7 +145,7 @@ fn a_calibration_that_leaves_less_than_the_camera_as_given_is_not_used() {
         model.observe(&mask, &[], omega, Leaves::default()).unwrap();
     }
     let mut calibrated = model.calibrate();
-    let given = model.given(&calibrated.order);
+    let given = given(&model.observed, &calibrated.order);
     let Judged { calibration, vrv } = calibrated.found.clone().unwrap();
     assert!(vrv.solution_um3 > 0.99 * vrv.given_um3 && model.judge(calibration.clone(), &given).is_ok());
     let mut wrong = calibration;

@@ -1,22 +1,29 @@
 //! A turn of one camera: profiles and angles in, calibrated and measured.
 
-use super::calibrated::{Calibrated, Judged, NotCalibrated};
+use super::calibrated::{Calibrated, Judged, NotCalibrated, given};
+use super::finned::Finned;
 use super::refined::Refined;
 use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
 use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView, pose_offset, reprojected_areas};
 use crate::carver::Leaves;
+use crate::fins::Fin;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
 use crate::measure::{Estimator, Measurement, NOT_CONVEX, SphereFit, Spread};
 use crate::profile::{Columns, Mask, Polygon};
 use crate::surface::{self, Coarse, Mesh};
+use std::borrow::Cow;
 
 /// A view as it was observed. Its mask is in the carver.
 #[derive(Debug, Clone)]
 pub(super) struct ObservedView {
     pub columns: Columns,
-    outlines: Vec<Polygon>,
+    /// The edges without fins. `None` where they are not known apart.
+    pub body: Option<Columns>,
+    pub outlines: Vec<Polygon>,
     pub omega: f64,
+    /// The mask, where it is not that of the carver.
+    pub mask: Option<Mask>,
 }
 
 /// A measured turn.
@@ -36,6 +43,8 @@ pub struct TurnModel {
     /// Pose of the specimen in the closure view minus that in the view at 0 deg. `None` without a closure view or a
     /// calibration.
     pub closure: Option<PoseOffset>,
+    /// The free edges of the fins that the views agree on.
+    pub fins: Vec<Fin>,
 }
 
 /// The view at 360 deg, which is never carved.
@@ -120,6 +129,25 @@ impl Reconstruction {
         self.observe_edges(mask, outlines, columns_of(mask, outlines), omega, leaves)
     }
 
+    /// The same with the outlines of the body alone, so that fins can be told from it.
+    ///
+    /// # Errors
+    /// # Errors
+    ///
+    /// As [`Self::observe`].
+    pub fn observe_outlines(
+        &mut self,
+        mask: &Mask,
+        outlines: &[Polygon],
+        body: &[Polygon],
+        omega: f64,
+        leaves: Leaves,
+    ) -> Result<LiveVolume, ReconstructionError> {
+        let columns = columns_of(mask, outlines);
+        let body = Some(if body == outlines { columns.clone() } else { columns_of(mask, body) });
+        self.observe_view(mask, ObservedView { columns, body, outlines: outlines.to_vec(), omega, mask: None }, leaves)
+    }
+
     /// Observes the view at 360 deg, which is compared with the view that was observed as number `first`.
     pub fn observe_closure(&mut self, mask: &Mask, outlines: &[Polygon], first: usize) {
         self.closure = Some(ClosureView { columns: columns_of(mask, outlines), first });
@@ -166,6 +194,11 @@ impl Reconstruction {
         omega: f64,
         leaves: Leaves,
     ) -> Result<LiveVolume, ReconstructionError> {
+        self.observe_view(mask, ObservedView { columns, body: None, outlines: outlines.to_vec(), omega, mask: None }, leaves)
+    }
+
+    fn observe_view(&mut self, mask: &Mask, view: ObservedView, leaves: Leaves) -> Result<LiveVolume, ReconstructionError> {
+        let omega = view.omega;
         let Camera { width, height, .. } = self.camera;
         if (mask.width(), mask.height()) != (width as usize, height as usize) {
             return Err(ReconstructionError::MaskSize {
@@ -178,8 +211,8 @@ impl Reconstruction {
         if !omega.is_finite() {
             return Err(ReconstructionError::Omega { found: omega });
         }
-        self.hull.observe(mask, outlines, &self.camera.projection(omega), leaves)?;
-        self.observed.push(ObservedView { columns, outlines: outlines.to_vec(), omega });
+        self.hull.observe(mask, &view.outlines, &self.camera.projection(omega), leaves)?;
+        self.observed.push(view);
         if let Some(refined) = &mut self.refined {
             refined.observe(mask, omega, leaves)?;
         }
@@ -226,16 +259,17 @@ impl Reconstruction {
     ///
     /// As [`HullModel::finish`].
     pub fn measure(&self, calibrated: Calibrated, sphere: bool) -> Result<TurnModel, ReconstructionError> {
+        let Finned { views: observed, fins, calibrated } = self.finned(calibrated, sphere);
         let used = calibrated.used(self);
         let Calibrated { order, found } = calibrated;
-        let given = self.given(&order);
-        let mut projections: Vec<Projection> = self.observed.iter().map(|s| self.camera.projection(s.omega)).collect();
+        let given = given(&observed, &order);
+        let mut projections: Vec<Projection> = observed.iter().map(|s| self.camera.projection(s.omega)).collect();
         if let Ok(Judged { calibration: c, .. }) = &found {
             for (at, &i) in order.iter().enumerate() {
-                projections[i] = c.projection(at, self.observed[i].omega);
+                projections[i] = c.projection(at, observed[i].omega);
             }
         }
-        let hull = self.carved_again(&used)?;
+        let hull = self.carved_again(&observed, &used)?;
         let mut model = hull.finish(sphere)?;
         let open = self.open(&used.iter().map(|&(i, _)| i));
         let (pose, views, sd_um) = match &found {
@@ -248,11 +282,13 @@ impl Reconstruction {
             ),
         };
         let mut closure = None;
-        match Sections::of(&pose, &views, sd_um, open) {
+        match Sections::with_fins(&pose, &views, sd_um, open, &fins) {
             Ok(sections) => {
                 closure = self.closure.as_ref().and_then(|closure| {
                     let at = used.iter().position(|(i, _)| *i == closure.first)?;
-                    closed(&pose, &sections, &views[at], &closure.columns)
+                    // The closure view is compared with view 0 as it was found: only one of them would have the fins of all views.
+                    let first = TurnView { columns: &self.observed[closure.first].columns, ..views[at] };
+                    closed(&pose, &sections, &first, &closure.columns)
                 });
                 let calibration = found.as_ref().ok().and_then(|judged| calibration_sd(&judged.calibration, &given).ok());
                 let fitted = sphere.then(|| sections.sphere()).flatten();
@@ -260,7 +296,7 @@ impl Reconstruction {
             }
             Err(why) => model.measurement.fallback = Some(why.to_string()),
         }
-        let mut again = vec![None; self.observed.len()];
+        let mut again = vec![None; observed.len()];
         if let Ok(Judged { calibration: c, .. }) = &found {
             for (&(i, _), areas) in used.iter().zip(again_of(c, &given)) {
                 again[i] = Some(areas);
@@ -272,11 +308,11 @@ impl Reconstruction {
             order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
             judged
         });
-        Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure })
+        Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure, fins: fins.fins })
     }
 
     /// The hull of some of the views through these projections. The tolerance is a share of the views that count.
-    fn carved_again(&self, used: &[(usize, Projection)]) -> Result<HullModel, ReconstructionError> {
+    fn carved_again(&self, observed: &[ObservedView], used: &[(usize, Projection)]) -> Result<HullModel, ReconstructionError> {
         let carver = self.hull.carver();
         if used.is_empty() {
             return Err(ReconstructionError::NoViews { observed: 0, planned: carver.planned_views() });
@@ -284,7 +320,9 @@ impl Reconstruction {
         let mut hull = HullModel::new(*carver.grid(), used.len(), self.settings)?;
         for (i, projection) in used {
             let view = &carver.views()[*i];
-            hull.observe(&view.runs.mask(), &self.observed[*i].outlines, projection, view.leaves)?;
+            let seen = &observed[*i];
+            let mask = seen.mask.as_ref().map_or_else(|| Cow::Owned(view.runs.mask()), Cow::Borrowed);
+            hull.observe(&mask, &seen.outlines, projection, view.leaves)?;
         }
         Ok(hull)
     }
@@ -362,5 +400,5 @@ fn again_of(found: &Calibration, given: &[GivenView]) -> Vec<[f64; 2]> {
 
 /// Pose of the specimen in the closure view minus that in view 0.
 fn closed(pose: &Pose, sections: &Sections, first: &TurnView, columns: &Columns) -> Option<PoseOffset> {
-    pose_offset(pose, first, &TurnView { columns, ..*first }, sections.slices.iter().map(|s| (s.x_um, &s.support)))
+    pose_offset(pose, first, &TurnView { columns, ..*first }, sections.slices.iter().map(|s| (s.x_um, s.outline())))
 }

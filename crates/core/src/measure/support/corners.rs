@@ -8,6 +8,7 @@
 
 use super::sections::{Section, Sections};
 use crate::calibration::{HARMONICS_MOST, Support, area_loss};
+use crate::parallel::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
 /// The area that the harmonics beyond the eighth subtract, as a multiple of the square of the eighth.
@@ -51,15 +52,9 @@ impl Corners {
 }
 
 impl Sections {
-    /// How the slices' areas treat the corners of fins.
-    pub(super) fn corners(&self) -> Corners {
-        Corners::of(self.harmonics)
-    }
-
     /// Area of each slice, um^2.
     pub(super) fn areas_um2(&self) -> Vec<f64> {
-        let corners = self.corners();
-        self.slices.iter().map(|s| corners.area_um2(&s.support)).collect()
+        self.slices.par_iter().map(Section::area_um2).collect()
     }
 
     /// What the corners of fins that a short series leaves out would take off the volume, um^3, if the last even harmonic were
@@ -68,14 +63,14 @@ impl Sections {
     /// harmonics, where it is taken off already.
     pub fn left_out_um3(&self) -> f64 {
         let last = self.harmonics / 2 * 2;
-        if last == 0 || self.corners() == Corners::TakenOff {
+        if last == 0 || Corners::of(self.harmonics) == Corners::TakenOff {
             return 0.0;
         }
         let share = |k: usize| area_loss(k) * (last as f64 / k as f64).powi(4);
         // The harmonics from 200 on add 1 % of it.
         let beyond: f64 = (last + 2..200).step_by(2).map(share).sum();
         let squares = |s: &Section| s.support.coefficients[2 * last - 1].powi(2) + s.support.coefficients[2 * last].powi(2);
-        1.5 * FRAC_PI_2 * beyond * self.slices.iter().map(squares).sum::<f64>() * self.step_um
+        1.5 * FRAC_PI_2 * beyond * self.slices.iter().filter(|s| s.fins.is_none()).map(squares).sum::<f64>() * self.step_um
     }
 }
 

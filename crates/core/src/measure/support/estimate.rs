@@ -61,7 +61,7 @@ impl SupportEstimate {
             area_um2,
             area_sd_um2: sections.area_sd_um2().hypot(area_method * area_um2),
             length_um: sections.length_um(),
-            mean_radius_um: sections.slices.iter().map(|s| s.support.coefficients[0]).fold(0.0, f64::max),
+            mean_radius_um: sections.slices.iter().map(|s| s.outline().coefficients[0]).fold(0.0, f64::max),
             slices: sections.slices.len(),
             harmonics: sections.harmonics,
             residual_um: sections.residual_sd_um,

@@ -1,8 +1,8 @@
 //! Volume and area of slices.
 
 use super::cap::Cap;
-use super::sections::Sections;
-use crate::calibration::{Support, area_loss};
+use super::sections::{Section, Sections, all_around};
+use crate::calibration::area_loss;
 use crate::parallel::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -58,31 +58,35 @@ impl Sections {
         const DIRECTIONS: u32 = 96;
         let n = self.slices.len();
         let (before, after) = (at.saturating_sub(1), (at + 1).min(n - 1));
-        let (a, here, b) = (&self.slices[before].support, &self.slices[at].support, &self.slices[after].support);
+        let (a, here, b) = (&self.slices[before], &self.slices[at], &self.slices[after]);
         let across = (after - before) as f64 * self.step_um;
         // About its own centre the squared distance of a round outline falls evenly up to the very end of the specimen, where
         // its radius falls as a root.
-        let centred = |support: &Support, (sin, cos): (f64, f64), theta: f64| {
-            support.at(theta)[0] - support.coefficients[1] * cos - support.coefficients[2] * sin
+        let centred = |section: &Section, (sin, cos): (f64, f64), theta: f64| {
+            section.at(theta) - section.support.coefficients[1] * cos - section.support.coefficients[2] * sin
         };
-        let moves = [1, 2].map(|k| (b.coefficients[k] - a.coefficients[k]) / across);
-        (0..DIRECTIONS)
-            .map(|i| {
-                let theta = TAU * f64::from(i) / f64::from(DIRECTIONS);
+        let moves = [1, 2].map(|k| (b.support.coefficients[k] - a.support.coefficients[k]) / across);
+        let step = TAU / f64::from(DIRECTIONS);
+        all_around(DIRECTIONS)
+            .map(|theta| {
                 let (sin, cos) = theta.sin_cos();
-                let [before, own, after] = [a, here, b].map(|support| centred(support, (sin, cos), theta));
-                let shrinks = if own > ROUND * here.coefficients[0] {
+                let [before, own, after] = [a, here, b].map(|section| centred(section, (sin, cos), theta));
+                let shrinks = if own > ROUND * here.support.coefficients[0] {
                     (after * after - before * before) / (2.0 * own)
                 } else {
                     // The squared distance of a fin's edge is hardly different from 0.
                     after - before
                 };
                 let slope = shrinks / across + moves[0] * cos + moves[1] * sin;
-                here.curvature_radius(theta) * slope.hypot(1.0)
+                // A fin's corner is spread over a step, which keeps its length.
+                let fins = here.fins.as_ref().map_or(0.0, |fins| {
+                    let [left, middle, right] = [theta - step, theta, theta + step].map(|theta| fins.at(theta));
+                    middle + (left - 2.0 * middle + right) / (step * step)
+                });
+                (here.support.curvature_radius(theta) + fins) * slope.hypot(1.0)
             })
             .sum::<f64>()
-            * TAU
-            / f64::from(DIRECTIONS)
+            * step
     }
 
     /// From end to end along the capillary.
@@ -98,7 +102,7 @@ impl Sections {
                 return Cap { square_um2: 0.0, length_um: 0.0 };
             }
             let fall = ((squares(next) - squares(end)) / self.step_um).max(1e-9);
-            let square = self.corners().area_um2(&self.slices[end].support).max(0.0) / PI;
+            let square = self.slices[end].area_um2().max(0.0) / PI;
             Cap { square_um2: square, length_um: (square / fall).min(2.0 * self.step_um) }
         })
     }

@@ -2,8 +2,10 @@
 
 use super::corners::Corners;
 use super::smoothing::{Change, Smoother};
-use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, fit, harmonics};
+use crate::calibration::{Fit, Pose, Slice, SliceError, SlicesLost, Support, TurnView, basis, fit, harmonics};
+use crate::fins::{Found, Standing};
 use crate::parallel::prelude::*;
+use std::f64::consts::TAU;
 
 /// Slices to either side that the smoothing uses.
 const REACH: usize = 8;
@@ -12,7 +14,10 @@ const REACH: usize = 8;
 #[derive(Debug, Clone)]
 pub(crate) struct Section {
     pub x_um: f64,
+    /// Its outline without the fins that are known.
     pub support: Support,
+    /// What these add. `None` where there are none.
+    pub fins: Option<Standing>,
     /// Share of the slice's extent that is hollow, in the view that shows most of it.
     pub gap_share: f64,
 }
@@ -32,6 +37,52 @@ pub struct Sections {
     pub(super) shift_variance_um2: f64,
     /// What leaving out each view changes.
     pub(super) without: Vec<Change>,
+}
+
+/// Directions in which the outline of a slice with fins is taken.
+const DIRECTIONS: u32 = 360;
+
+/// The directions, rad.
+pub(super) fn all_around(directions: u32) -> impl Iterator<Item = f64> {
+    (0..directions).map(move |i| TAU * f64::from(i) / f64::from(directions))
+}
+
+impl Section {
+    /// Distance of the tangent of the outline whose normal points to `theta` from the axis, um.
+    pub fn at(&self, theta: f64) -> f64 {
+        self.support.at(theta)[0] + self.fins.as_ref().map_or(0.0, |fins| fins.at(theta))
+    }
+
+    /// The series nearest to the outline with its fins, of as many harmonics as that without.
+    pub fn outline(&self) -> Support {
+        let Some(fins) = &self.fins else { return self.support.clone() };
+        let mut coefficients = self.support.coefficients.clone();
+        let mut row = vec![0.0; coefficients.len()];
+        for theta in all_around(DIRECTIONS) {
+            let added = fins.at(theta) / f64::from(DIRECTIONS);
+            basis(theta, &mut row);
+            for (at, (sum, value)) in coefficients.iter_mut().zip(&row).enumerate() {
+                *sum += added * value * if at == 0 { 1.0 } else { 2.0 };
+            }
+        }
+        Support { coefficients }
+    }
+
+    /// How its area treats corners. Those of fins that are known are in the outline.
+    pub(super) fn corners(&self) -> Corners {
+        if self.fins.is_some() { Corners::NotEstimated } else { Corners::of(self.support.coefficients.len() / 2) }
+    }
+
+    /// Area, um^2: `1/2 Int (h^2 - h'^2) dtheta`.
+    pub fn area_um2(&self) -> f64 {
+        if self.fins.is_none() {
+            return self.corners().area_um2(&self.support);
+        }
+        let step = TAU / f64::from(DIRECTIONS);
+        let h: Vec<f64> = all_around(DIRECTIONS).map(|theta| self.at(theta)).collect();
+        let next = h.iter().skip(1).chain(&h[..1]);
+        h.iter().zip(next).map(|(a, b)| a * a - ((b - a) / step).powi(2)).sum::<f64>() * step / 2.0
+    }
 }
 
 /// Least slices of a specimen.
@@ -71,6 +122,15 @@ impl Sections {
     /// # Errors
     /// [`SectionsError`], with the cause.
     pub fn of(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2]) -> Result<Self, SectionsError> {
+        Self::with_fins(pose, views, sd_um, open, &Found::default())
+    }
+
+    /// The same with fins, by which the edges of the views were amended. The series then describes the body alone, so it needs no
+    /// harmonics for their corners.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub(crate) fn with_fins(pose: &Pose, views: &[TurnView], sd_um: f64, open: [bool; 2], fins: &Found) -> Result<Self, SectionsError> {
         let (series, from, to) = span(views)?;
         let coarse: Vec<Option<Support>> = (from..to + 2 * COARSE)
             .into_par_iter()
@@ -89,7 +149,10 @@ impl Sections {
                     (None, Some(b)) => Some(b.clone()),
                     (None, None) => None,
                 };
-                let slice = Slice::of(pose.slice(u as f64), pose, views, near.as_ref())?;
+                let mut slice = Slice::of(pose.slice(u as f64), pose, views, near.as_ref())?;
+                if let Some(fins) = fins.standing(slice.x_um) {
+                    slice.sights.iter_mut().for_each(|s| s.tangent.offset_um -= fins.at(s.tangent.theta));
+                }
                 let fit = fit(&slice, series, sd_um, 2)?;
                 if fit.support.coefficients[0] > 0.0 { Ok((slice, fit)) } else { Err(SliceError::Empty) }
             })
@@ -113,9 +176,12 @@ impl Sections {
                 let support = smoother.support()?;
                 let slice = &found[at].0;
                 let gap = slice.sights.iter().map(|s| s.tangent.gap_px).fold(0.0, f64::max);
-                let gap_share = gap / pose.camera().ky / (2.0 * support.coefficients[0]);
-                let changes = (0..views.len()).map(|view| smoother.change(&support, |j| &changes[j][view])).collect();
-                Some((Section { x_um: slice.x_um, support, gap_share }, changes))
+                let fins = fins.standing(slice.x_um).cloned();
+                let mut section = Section { x_um: slice.x_um, support, fins, gap_share: 0.0 };
+                let outline = section.outline();
+                section.gap_share = gap / pose.camera().ky / (2.0 * outline.coefficients[0]);
+                let changes = (0..views.len()).map(|view| smoother.change(&section, &outline, |j| &changes[j][view])).collect();
+                Some((section, changes))
             })
             .collect();
         let mut without = vec![Change::default(); views.len()];

@@ -1,6 +1,6 @@
 //! Slices smoothed along the capillary, and what leaving out a view does to them.
 
-use super::corners::Corners;
+use super::sections::Section;
 use crate::calibration::Support;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::PI;
@@ -63,17 +63,19 @@ impl<'a> Smoother<'a> {
     }
 
     /// The change of the smoothed slice's area and perimeter that follows from changes of the raw coefficients.
-    pub fn change<'c>(&self, smooth: &Support, raw_change: impl Fn(usize) -> &'c [f64]) -> Change {
+    /// `outline` is the smoothed one with its fins.
+    pub fn change<'c>(&self, section: &Section, outline: &Support, raw_change: impl Fn(usize) -> &'c [f64]) -> Change {
+        let smooth = &section.support;
         let radius = smooth.coefficients[0];
         let near = || self.near.iter().enumerate().map(|(j, s)| (&s.coefficients, raw_change(self.first + j)));
         let wider = Self::mean(&self.even, near().map(|(c, d)| c[0] * d[0])) / radius;
-        let corners = Corners::of(smooth.coefficients.len() / 2);
-        let mut change = Change { linear: 2.0 * radius * wider, square: wider * wider, outline: 2.0 * PI * wider };
+        let corners = section.corners();
+        let mut change = Change { linear: 2.0 * outline.coefficients[0] * wider, square: wider * wider, outline: 2.0 * PI * wider };
         for k in 3..smooth.coefficients.len() {
             let shape = Self::mean(&self.by_size, near().map(|(c, d)| (d[k] - c[k] / c[0] * d[0]) / c[0]));
             let by = radius * shape + wider * smooth.coefficients[k] / radius;
             let loss = corners.area_loss(k.div_ceil(2));
-            change.linear -= loss * smooth.coefficients[k] * by;
+            change.linear -= loss * outline.coefficients[k] * by;
             change.square -= loss / 2.0 * by * by;
         }
         change.linear *= PI;

@@ -1,0 +1,60 @@
+//! The views of a turn with the fins that they agree on.
+//!
+//! ```text
+//!   found edges, body edges ── calibrated ── fins ── edges amended ── calibrated again ── carved and measured
+//! ```
+
+use super::Reconstruction;
+use super::calibrated::{Calibrated, Judged};
+use super::turn::ObservedView;
+use crate::calibration::{Pose, TurnView};
+use crate::fins::{self, FinView, Found};
+use crate::parallel::prelude::*;
+
+/// Views amended by the fins, and their calibration.
+pub(super) struct Finned {
+    /// In the order of observing.
+    pub views: Vec<ObservedView>,
+    pub fins: Found,
+    pub calibrated: Calibrated,
+}
+
+impl Reconstruction {
+    /// Finds fins, amends the views by them and calibrates again. A sphere has no fins. The views of a specimen that moved
+    /// have none in common, and without a calibration it is not known where they meet: such views stay as they are.
+    pub(super) fn finned(&self, calibrated: Calibrated, sphere: bool) -> Finned {
+        let unchanged = |calibrated| Finned { views: self.observed.clone(), fins: Found::default(), calibrated };
+        let Ok(Judged { calibration, .. }) = &calibrated.found else { return unchanged(calibrated) };
+        if sphere || calibration.moved.is_some() {
+            return unchanged(calibrated);
+        }
+        let mut turned: Vec<FinView> = Vec::with_capacity(self.observed.len());
+        for (&i, state) in calibrated.order.iter().zip(&calibration.views) {
+            let seen = &self.observed[i];
+            let turn = TurnView { columns: &seen.columns, omega: calibration.angle(seen.omega), dy_px: state.dy_px };
+            turned.push(FinView { turn, body: seen.body.as_ref() });
+        }
+        let used: Vec<FinView> =
+            turned.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none()).map(|(view, _)| *view).collect();
+        let found = fins::find(&Pose::new(&calibration.camera), &used);
+        let mut views = self.observed.clone();
+        let amended: Vec<(usize, ObservedView)> = calibrated
+            .order
+            .par_iter()
+            .zip(&turned)
+            .enumerate()
+            .map(|(at, (&i, view))| {
+                let seen = &self.observed[i];
+                let columns = found.amended(view, &calibration.projection(at, seen.omega));
+                let outlines = seen.outlines.iter().map(|outline| outline.with_edges(&seen.columns, &columns)).collect();
+                let mask = self.hull.carver().views()[i].runs.mask().with_edges(&seen.columns, &columns);
+                (i, ObservedView { columns, body: seen.body.clone(), outlines, omega: seen.omega, mask: Some(mask) })
+            })
+            .collect();
+        for (i, view) in amended {
+            views[i] = view;
+        }
+        let calibrated = self.calibrate_on(&views);
+        Finned { views, fins: found, calibrated }
+    }
+}
