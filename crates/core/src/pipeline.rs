@@ -9,6 +9,7 @@
 
 use crate::calibration::{Calibration, PoseOffset, ViewState};
 use crate::carver::Leaves;
+use crate::fins::Fin;
 use crate::frame::RawFrame;
 use crate::geometry::{Camera, GridError, VoxelGrid};
 use crate::measure::Measurement;
@@ -89,6 +90,10 @@ pub struct ViewRecord {
     /// That area over the profile's, %. `None` without calibration.
     #[serde(default)]
     pub overlap_percent: Option<f64>,
+    /// Where the view sees the fins of [`SpecimenRecord::fins`], point by point: `[u, v]`, px to a tenth. Empty for a view that does not
+    /// count.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fins_px: Vec<Vec<[f64; 2]>>,
 }
 
 /// The walls in one frame as a ruler for the rig, in the column of the principal point. The walls are the same glass in every
@@ -153,6 +158,9 @@ pub struct SpecimenRecord {
     /// Which views show a larva's back, belly and sides. `None` for a bead, and where the shape does not determine a back.
     #[serde(default)]
     pub facing: Option<Facing>,
+    /// The free edges of the fins that the views agree on.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fins: Vec<Fin>,
     /// The views, by number.
     pub views: Vec<ViewRecord>,
     /// The closure view. `None` where it or the view at 0 deg has no profile.
@@ -170,7 +178,7 @@ pub struct SpecimenRecord {
     /// closure is over a limit, but by less than two standard deviations), `no_closure` (the
     /// view at 360 deg has no profile, so that a specimen that moved would show only in the residuals), `dead_looking` (opaque
     /// throughout in most views), `blur_mismatch` (the frames are not as sharp as configured), `few_views`, `nonconvex` (the
-    /// voxels are trusted), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
+    /// voxels are trusted), `fins_unseen` (a long specimen without any fin: see [`Spread::volume_fins_unseen_um3`](crate::measure::Spread)), `uncalibrated` (measured with the rig's camera), `calibration_gate` (another axis leaves a larger
     /// hull: the views do not quite agree), `wrong_steps` (the capillary did not turn as far as the ledger says), and those of
     /// [`Quality`]: `unusable_views`, `residual`, `overlap`, `uncertain`, `calibration_off`, `volume_off_references`,
     /// `area_off_references`.
@@ -477,12 +485,18 @@ impl Pipeline {
         if let (Some(last), Some(first)) = (&self.closure, self.carved.iter().position(|view| *view == 0)) {
             self.reconstruction.observe_closure(&last.mask, &last.edge, first);
         }
-        let TurnModel { model, calibration, reprojected_areas, closure: pose_offset, .. } = {
+        let TurnModel { model, calibration, projections, reprojected_areas, closure: pose_offset, fins, .. } = {
             let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
             self.reconstruction.measure(calibrated, self.settings.sphere)?
         };
+        let fins: Vec<Fin> = fins.iter().map(Fin::recorded).collect();
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
+        }
+        for (index, projection) in self.carved.iter().zip(&projections) {
+            if let Some(record) = self.views.iter_mut().find(|v| v.index == *index && v.used) {
+                record.fins_px = fins.iter().map(|fin| fin.seen(projection)).collect();
+            }
         }
         if let Some(record) = &mut closure {
             record.pose_offset = pose_offset;
@@ -498,6 +512,7 @@ impl Pipeline {
             measurement: model.measurement,
             shape: Some(shape),
             facing,
+            fins,
             views: self.views,
             closure,
             calibration: calibration.as_ref().ok().map(CalibrationRecord::from),
@@ -548,6 +563,7 @@ impl Pipeline {
             blurs_px: &blurs_px,
             configured_blur_px: self.settings.segment.edge.blur_px,
             is_nonconvex: model.measurement.is_nonconvex(),
+            misses_fins: model.measurement.spread.is_some_and(|spread| spread.volume_fins_unseen_um3 > 0.0),
             vrv: calibration.map(|judged| judged.vrv.verdict),
         };
         flags(&facts, quality)

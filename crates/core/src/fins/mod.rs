@@ -15,6 +15,7 @@ mod chain;
 mod points;
 
 use crate::calibration::{Pose, Side, Support, TurnView, directions};
+use crate::geometry::Projection;
 use crate::parallel::prelude::*;
 use crate::profile::Columns;
 use body::bodies;
@@ -28,6 +29,24 @@ pub struct Fin {
     pub points_um: Vec<[f64; 3]>,
     /// Number of edges of single views that stand out there, in the median of the slices.
     pub edges: usize,
+}
+
+/// Every so many slices a fin has a point in a record.
+const RECORDED: usize = 8;
+
+impl Fin {
+    /// The same with every eighth point and the last one, as it is stored.
+    pub(crate) fn recorded(&self) -> Self {
+        let last = self.points_um.len().saturating_sub(1);
+        let points = self.points_um.iter().enumerate().filter(|(i, _)| i % RECORDED == 0 || *i == last);
+        Self { points_um: points.map(|(_, p)| *p).collect(), edges: self.edges }
+    }
+
+    /// Its points in a view, px to a tenth.
+    pub(crate) fn seen(&self, projection: &Projection) -> Vec<[f64; 2]> {
+        let tenth = |px: f64| (10.0 * px).round() / 10.0;
+        self.points_um.iter().filter_map(|&p| projection.project(p)).map(|(u, v)| [tenth(u), tenth(v)]).collect()
+    }
 }
 
 /// A view with what its frame shows of the body alone.
@@ -92,6 +111,19 @@ impl Standing {
         let (sin, cos) = theta.sin_cos();
         let reach = self.points_um.iter().map(|[y, z]| y * cos + z * sin).fold(f64::NEG_INFINITY, f64::max);
         (reach - self.body.at(theta)[0]).max(0.0)
+    }
+}
+
+impl Standing {
+    /// The same with the points of the fins further from the body's centre.
+    pub fn further_out(&self, by_um: f64) -> Self {
+        let [y, z] = centre(&self.body);
+        let moved = |p: &[f64; 2]| {
+            let (dy, dz) = (p[0] - y, p[1] - z);
+            let part = by_um / dy.hypot(dz).max(by_um);
+            [p[0] + part * dy, p[1] + part * dz]
+        };
+        Self { points_um: self.points_um.iter().map(moved).collect(), ..self.clone() }
     }
 }
 

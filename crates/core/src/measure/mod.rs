@@ -149,6 +149,16 @@ pub struct Spread {
     /// amount.
     #[serde(default)]
     pub volume_corners_um3: f64,
+    /// Volume: all fins half a pixel too far out or in.
+    #[serde(default)]
+    pub volume_fins_um3: f64,
+    /// Area: the same.
+    #[serde(default)]
+    pub area_fins_um2: f64,
+    /// Volume: what fins that no view shows may add to it. It is one-sided and no part of the standard deviation. 0 where fins were found,
+    /// and for a specimen that has none.
+    #[serde(default)]
+    pub volume_fins_unseen_um3: f64,
     /// Volume: the rig's scale, three times its relative standard deviation.
     pub volume_scale_um3: f64,
     /// Area: the rig's scale, twice its relative standard deviation.
@@ -167,12 +177,12 @@ impl Spread {
 
     /// Standard deviation of the volume without the causes that are the same in every turn on the rig: its scale and edges.
     pub fn volume_of_turn_um3(&self) -> f64 {
-        root_of_squares([self.volume_views_um3, self.volume_calibration_um3, self.volume_corners_um3])
+        root_of_squares([self.volume_views_um3, self.volume_calibration_um3, self.volume_corners_um3, self.volume_fins_um3])
     }
 
     /// Standard deviation of the area.
     pub fn area_um2(&self) -> f64 {
-        root_of_squares([self.area_views_um2, self.area_calibration_um2, self.area_scale_um2, self.area_edge_um2])
+        root_of_squares([self.area_views_um2, self.area_calibration_um2, self.area_fins_um2, self.area_scale_um2, self.area_edge_um2])
     }
 }
 

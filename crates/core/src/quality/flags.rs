@@ -37,6 +37,8 @@ pub(crate) struct FlagFacts<'a> {
     pub configured_blur_px: f64,
     /// Whether the voxels' numbers are given because slices are not convex.
     pub is_nonconvex: bool,
+    /// Whether the specimen may have fins, and no view shows any.
+    pub misses_fins: bool,
     /// The VRV check of the turn's calibration. `None` where the turn is measured with the rig's camera.
     pub vrv: Option<VrvVerdict>,
 }
@@ -61,6 +63,7 @@ pub(crate) fn flags(facts: &FlagFacts, quality: &Quality) -> Vec<String> {
     flag(most(facts.looks_dead), "dead_looking");
     flag(is_blur_off(facts.blurs_px, facts.configured_blur_px), "blur_mismatch");
     flag(facts.is_nonconvex, "nonconvex");
+    flag(facts.misses_fins, "fins_unseen");
     flag(facts.vrv.is_none(), "uncalibrated");
     flag(facts.vrv == Some(VrvVerdict::NotLargest), "calibration_gate");
     flag(quality.raises("wrong_steps"), "wrong_steps");
@@ -109,6 +112,7 @@ mod tests {
         blurs_px: &[1.0, 1.1, 2.0],
         configured_blur_px: 1.1,
         is_nonconvex: false,
+        misses_fins: false,
         vrv: Some(VrvVerdict::Passed),
     };
 
@@ -152,6 +156,7 @@ mod tests {
             (FlagFacts { looks_dead: &[true, true, false], ..GOOD }, "dead_looking"),
             (FlagFacts { configured_blur_px: 0.9, ..GOOD }, "blur_mismatch"),
             (FlagFacts { is_nonconvex: true, ..GOOD }, "nonconvex"),
+            (FlagFacts { misses_fins: true, ..GOOD }, "fins_unseen"),
             (FlagFacts { vrv: None, ..GOOD }, "uncalibrated"),
             (FlagFacts { vrv: Some(VrvVerdict::NotLargest), ..GOOD }, "calibration_gate"),
         ] {

@@ -55,6 +55,13 @@ struct ClosureView {
     first: usize,
 }
 
+/// Standard deviation of the free edge of a fin, px: two renderers' fins lie within this of where they are found.
+const FINS_SD_PX: f64 = 0.5;
+/// Length over the width of the thickest slice from which on a specimen may have fins. Larvae have 6 and more.
+const FINNED: f64 = 5.0;
+/// Share of the volume that the fins of an emulated larva add to its ideal hull at most, without pectoral fins 2 %.
+const UNSEEN: f64 = 0.05;
+
 /// A hull that allows misses contains its specimen. One that is smaller than this share has slices that are hollow, which no
 /// single view shows.
 pub(super) const HULL_LEAST: f64 = 0.95;
@@ -372,12 +379,17 @@ impl Reconstruction {
         let scale = settings.scale_sd_percent / 100.0;
         let edge_um = settings.edge_sd_px / self.camera.ky;
         let [volume_calibration_um3, area_calibration_um2] = calibration;
+        let [volume_fins_um3, area_fins_um2] = sections.with_fins_further_out(FINS_SD_PX / self.camera.ky);
+        let may_have_fins = support.length_um > FINNED * 2.0 * support.mean_radius_um;
         Spread {
             volume_views_um3: support.volume_sd_um3,
             area_views_um2: support.area_sd_um2,
             volume_calibration_um3,
             area_calibration_um2,
             volume_corners_um3: sections.left_out_um3(),
+            volume_fins_um3,
+            area_fins_um2,
+            volume_fins_unseen_um3: if may_have_fins && !sections.have_fins() { UNSEEN * volume_um3 } else { 0.0 },
             volume_scale_um3: 3.0 * scale * volume_um3,
             area_scale_um2: 2.0 * scale * area_um2,
             volume_edge_um3: edge_um * area_um2,

@@ -89,6 +89,25 @@ impl Sections {
             * step
     }
 
+    /// Whether any slice has a fin.
+    pub(crate) fn have_fins(&self) -> bool {
+        self.slices.iter().any(|s| s.fins.is_some())
+    }
+
+    /// What fins that stand out further by so many um add to volume (um^3) and area (um^2).
+    pub(crate) fn with_fins_further_out(&self, by_um: f64) -> [f64; 2] {
+        let changes: Vec<[f64; 2]> = self
+            .slices
+            .par_iter()
+            .filter_map(|slice| {
+                let fins = slice.fins.as_ref()?.further_out(by_um);
+                let moved = Section { fins: Some(fins), ..slice.clone() };
+                Some([moved.area_um2() - slice.area_um2(), moved.perimeter_um() - slice.perimeter_um()])
+            })
+            .collect();
+        changes.iter().fold([0.0; 2], |sum, change| [0, 1].map(|i| sum[i] + change[i] * self.step_um))
+    }
+
     /// From end to end along the capillary.
     pub(super) fn length_um(&self) -> f64 {
         (self.slices.len() as f64 - 1.0) * self.step_um + self.caps().iter().map(|c| c.length_um).sum::<f64>()

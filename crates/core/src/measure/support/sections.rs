@@ -68,6 +68,12 @@ impl Section {
         Support { coefficients }
     }
 
+    /// Perimeter, um: `Int h dtheta`.
+    pub fn perimeter_um(&self) -> f64 {
+        let fins = self.fins.as_ref().map_or(0.0, |fins| all_around(DIRECTIONS).map(|theta| fins.at(theta)).sum());
+        self.support.perimeter_um() + fins * TAU / f64::from(DIRECTIONS)
+    }
+
     /// How its area treats corners. Those of fins that are known are in the outline.
     pub(super) fn corners(&self) -> Corners {
         if self.fins.is_some() { Corners::NotEstimated } else { Corners::of(self.support.coefficients.len() / 2) }
