@@ -1,17 +1,45 @@
 //! The edges of a view, amended by the fins that all views share.
 
 use super::{FinView, Found, SAME_PX, centre};
+use crate::calibration::Side;
 use crate::geometry::Projection;
 use crate::profile::{ColumnEdges, Columns};
+use std::f64::consts::PI;
 
-/// An own edge that stands out of the body by more than this is one of a fin, px.
+/// An own edge that stands out of the view's own body by more than this is one of a fin, px.
 const OWN_PX: f64 = 2.5;
+/// The same where only the body by all views is known, which is a short series.
+const OWN_OF_MODEL_PX: f64 = 4.0;
 
-/// The outermost fins of a view in one column.
-#[derive(Clone, Copy, Default)]
-struct Outermost {
-    upper: Option<f64>,
-    lower: Option<f64>,
+/// One row per column and side, px. `None` where there is none.
+struct Rows([Vec<Option<f64>>; 2]);
+
+impl Rows {
+    fn new(width: usize) -> Self {
+        Self([vec![None; width], vec![None; width]])
+    }
+
+    fn get(&self, u: usize, side: Side) -> Option<f64> {
+        self.0[side as usize][u]
+    }
+
+    /// Adds a curve, given by its points `(u, v)` from left to right, where it lies further out than what is there.
+    fn add(&mut self, points: impl Iterator<Item = (f64, f64)>, side_of: impl Fn(usize) -> Side) {
+        let points: Vec<(f64, f64)> = points.collect();
+        let [upper, _] = &self.0;
+        let last = upper.len() as f64 - 1.0;
+        for (at, pair) in points.windows(2).enumerate() {
+            let ((u0, v0), (u1, v1)) = (pair[0], pair[1]);
+            let side = side_of(at);
+            let mut u = u0.ceil().max(0.0);
+            while u <= u1.min(last) {
+                let v = if u1 > u0 { v0 + (u - u0) / (u1 - u0) * (v1 - v0) } else { v0 };
+                let here = &mut self.0[side as usize][u as usize];
+                *here = Some(here.map_or(v, |w| if side.sign() * (v - w) > 0.0 { v } else { w }));
+                u += 1.0;
+            }
+        }
+    }
 }
 
 impl Found {
@@ -19,62 +47,58 @@ impl Found {
     /// dropped.
     pub fn amended(&self, view: &FinView, projection: &Projection) -> Columns {
         let width = view.turn.columns.width();
-        let mut fins = vec![Outermost::default(); width];
+        let mut fins = Rows::new(width);
         for fin in &self.fins {
-            let seen: Vec<[f64; 3]> = fin
-                .points_um
-                .iter()
-                .filter_map(|&[x, y, z]| {
-                    let [centre_y, centre_z] = centre(&self.slice(x)?.body);
-                    let ((u, v), (_, middle)) = (projection.project([x, y, z])?, projection.project([x, centre_y, centre_z])?);
-                    Some([u, v, middle])
-                })
-                .collect();
-            for pair in seen.windows(2) {
-                let ([u0, v0, m0], [u1, v1, m1]) = (pair[0], pair[1]);
-                let (from, to) = (u0.ceil().max(0.0), u1.floor().min(width as f64 - 1.0));
-                let mut u = from;
-                while u <= to {
-                    let part = if u1 > u0 { (u - u0) / (u1 - u0) } else { 0.0 };
-                    let (v, middle) = (v0 + part * (v1 - v0), m0 + part * (m1 - m0));
-                    let here = &mut fins[u as usize];
-                    if v < middle {
-                        here.upper = Some(here.upper.map_or(v, |w: f64| w.min(v)));
-                    } else {
-                        here.lower = Some(here.lower.map_or(v, |w: f64| w.max(v)));
-                    }
-                    u += 1.0;
-                }
-            }
+            let seen = fin.points_um.iter().filter_map(|&[x, y, z]| {
+                let [centre_y, centre_z] = centre(&self.slice(x)?.body);
+                Some((projection.project([x, y, z])?, projection.project([x, centre_y, centre_z])?))
+            });
+            let (points, middles): (Vec<(f64, f64)>, Vec<(f64, f64)>) = seen.unzip();
+            let side_of = |at: usize| if points[at].1 < middles[at].1 { Side::Upper } else { Side::Lower };
+            fins.add(points.iter().copied(), side_of);
         }
+        let bodies = self.body_of(view.turn.omega, projection, width);
         view.turn.columns.mapped(|u, own| {
-            let body = view.body.and_then(|body| body.get(u));
-            let side = |own: f64, body: Option<f64>, fin: Option<f64>, sign: f64| {
-                let Some(body) = body else {
-                    return fin.map_or(own, |fin| if sign * (fin - own) > 0.0 || (fin - own).abs() < SAME_PX { fin } else { own });
+            let row = |side: Side| {
+                let by_all = bodies.get(u, side);
+                let by_itself = view.body.and_then(|columns| columns.get(u)).map(|edges| side.of(edges));
+                // What all views see is the body where the view's own one stands out of it, as at a speck.
+                let is_off = |row: f64| by_all.is_some_and(|body| side.sign() * (row - body) > OWN_OF_MODEL_PX);
+                let (body, least_px) = match by_itself.filter(|row| !is_off(*row)) {
+                    Some(row) => (Some(row), OWN_PX),
+                    None => (by_all, OWN_OF_MODEL_PX),
                 };
-                let own_fin = sign * (own - body) > OWN_PX;
-                match fin {
-                    Some(fin) if own_fin && (own - fin).abs() < SAME_PX && sign * (fin - body) > 1.0 => fin,
-                    Some(fin) => {
-                        if sign * (fin - body) > 0.0 {
-                            fin
-                        } else {
-                            body
-                        }
-                    }
-                    None => {
-                        if own_fin {
-                            body
-                        } else {
-                            own
-                        }
-                    }
-                }
+                amended(side, side.of(own), body, fins.get(u, side), least_px)
             };
-            let upper = side(own.upper, body.map(|b| b.upper), fins[u].upper, -1.0);
-            let lower = side(own.lower, body.map(|b| b.lower), fins[u].lower, 1.0);
-            ColumnEdges { upper, lower, gap: own.gap }
+            ColumnEdges { upper: row(Side::Upper), lower: row(Side::Lower), gap: own.gap }
         })
+    }
+
+    /// The edges of the body by all views in a view at angle `omega` (rad).
+    fn body_of(&self, omega: f64, projection: &Projection, width: usize) -> Rows {
+        let mut rows = Rows::new(width);
+        for side in Side::BOTH {
+            let theta = if side == Side::Upper { PI } else { 0.0 } - omega;
+            let (sin, cos) = theta.sin_cos();
+            let touch = self.slices.iter().filter(|slice| slice.body.coefficients[0] > 0.0).filter_map(|slice| {
+                let [h, slope] = slice.body.at(theta);
+                projection.project([slice.x_um, h * cos - slope * sin, h * sin + slope * cos])
+            });
+            rows.add(touch, |_| side);
+        }
+        rows
+    }
+}
+
+/// The edge of a view in a column. `own` is what the view shows, `body` its body, `fin` the fins of all views, as rows in px; an own
+/// edge that stands out of the body by more than `least_px` is one of a fin.
+fn amended(side: Side, own: f64, body: Option<f64>, fin: Option<f64>, least_px: f64) -> f64 {
+    let out = |row: f64, of: f64| side.sign() * (row - of);
+    // The joint edge of a fin is better known than that of a single view, be it further out or in.
+    let joint = fin.filter(|&fin| out(fin, own) > 0.0 || (fin - own).abs() < SAME_PX);
+    match body {
+        None => joint.unwrap_or(own),
+        Some(body) if out(own, body) > least_px => fin.filter(|&fin| out(fin, body) > 0.0).unwrap_or(body),
+        Some(_) => fin.filter(|&fin| out(fin, own) > 0.0).unwrap_or(own),
     }
 }

@@ -27,7 +27,11 @@ const END: usize = 25;
 /// The coefficients of a body's outline.
 type Coefficients = SVector<f64, SIZE>;
 
-/// The outline nearest to a slice's edges, of which fins stand out. `None` where too few views show a body.
+/// A body that has edges so far inside its outline, px root mean square, is no short series: the slice is bent or has two parts.
+const INWARD_MOST_PX: f64 = 1.5;
+
+/// The outline nearest to a slice's edges, of which fins stand out. `None` where too few views show a body, and where no outline of
+/// these harmonics describes it.
 fn nearest(edges: &[Edge], half_views: usize, px_um: f64) -> Option<Coefficients> {
     let row = |theta: f64| {
         let mut row = Coefficients::zeros();
@@ -68,7 +72,9 @@ fn nearest(edges: &[Edge], half_views: usize, px_um: f64) -> Option<Coefficients
             };
         }
     }
-    Some(found)
+    let inward = |(row, h): &(Coefficients, f64)| ((row.dot(&found) - h) / px_um).max(0.0).powi(2);
+    let mean_square = seen.iter().map(inward).sum::<f64>() / seen.len() as f64;
+    (mean_square <= INWARD_MOST_PX * INWARD_MOST_PX).then_some(found)
 }
 
 /// The body of every slice, smoothed along the capillary. Beyond the ends of the body its centre goes on straight, with nothing around

@@ -13,7 +13,7 @@ const GAP_MOST: usize = 20;
 /// Points at the end of a chain whose median is its end.
 const END: usize = 5;
 /// Least points of a fin.
-const POINTS_LEAST: usize = 25;
+const POINTS_LEAST: usize = 30;
 /// Slices over which a chain's points are the median, and those of the mean after it.
 const MEDIAN: usize = 9;
 const SIGMA: f64 = 5.0;

@@ -189,3 +189,163 @@ impl Slice {
         Self { x_um, edges }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Camera;
+    use crate::measure::support::{Sections, SupportEstimate};
+    use crate::profile::ColumnEdges;
+    use std::f64::consts::{PI, TAU};
+
+    const WIDTH: usize = 200;
+    const HEIGHT: usize = 160;
+    const BODY_UM: f64 = 130.0;
+
+    fn camera() -> Camera {
+        Camera::published(WIDTH as u32, HEIGHT as u32)
+    }
+
+    /// The free edge of a fin between columns 40 and 160: it rises to 60 um above the body, in direction 0.4 rad.
+    fn fin_um(x_um: f64) -> Option<[f64; 2]> {
+        let part = (x_um * camera().kx + 60.0) / 120.0;
+        let reach = BODY_UM + 60.0 * (PI * part).sin();
+        (0.0..=1.0).contains(&part).then(|| [reach * 0.4f64.cos(), reach * 0.4f64.sin()])
+    }
+
+    /// Exact edges of a cylinder in the view at `omega` (rad), with what of its fin stands out by at least `seen_px`.
+    fn edges(omega: f64, seen_px: Option<f64>) -> Columns {
+        let camera = camera();
+        let pose = Pose::new(&camera);
+        let projection = camera.projection(omega);
+        let body = Columns::from_coverage(WIDTH, HEIGHT, &vec![255; WIDTH * HEIGHT]);
+        body.mapped(|u, _| {
+            let x_um = pose.slice(u as f64);
+            let row = |side: Side| {
+                let theta = if side == Side::Upper { PI } else { 0.0 } - omega;
+                let (sin, cos) = theta.sin_cos();
+                let at = |h: f64| projection.project([x_um, h * cos, h * sin]).unwrap().1;
+                let body = at(BODY_UM);
+                let fin = seen_px.zip(fin_um(x_um)).map(|(px, [y, z])| (px, at(y * cos + z * sin)));
+                fin.filter(|(px, fin)| side.sign() * (fin - body) >= *px).map_or(body, |(_, fin)| fin)
+            };
+            ColumnEdges { upper: row(Side::Upper), lower: row(Side::Lower), gap: 0.0 }
+        })
+    }
+
+    /// The columns of all views: as found, without fins, and true.
+    struct Turn {
+        omegas: Vec<f64>,
+        found: Vec<Columns>,
+        body: Vec<Columns>,
+        truth: Vec<Columns>,
+    }
+
+    impl Turn {
+        fn new(views: u32) -> Self {
+            let omegas: Vec<f64> = (0..views).map(|i| TAU * f64::from(i) / f64::from(views)).collect();
+            let all = |seen_px: Option<f64>| omegas.iter().map(|&omega| edges(omega, seen_px)).collect();
+            Self { found: all(Some(4.0)), body: all(None), truth: all(Some(0.0)), omegas }
+        }
+
+        fn view(&self, i: usize, knows_body: bool) -> FinView<'_> {
+            let turn = TurnView { columns: &self.found[i], omega: self.omegas[i], dy_px: 0.0 };
+            FinView { turn, body: knows_body.then_some(&self.body[i]) }
+        }
+
+        fn find(&self, knows_body: bool) -> Found {
+            let views: Vec<FinView> = (0..self.omegas.len()).map(|i| self.view(i, knows_body)).collect();
+            find(&Pose::new(&camera()), &views)
+        }
+
+        /// Largest distance of the amended edges from the true ones between two columns, px.
+        fn worst_px(&self, found: &Found, knows_body: bool, columns: std::ops::Range<usize>) -> f64 {
+            let off = |i: usize| {
+                let amended = found.amended(&self.view(i, knows_body), &camera().projection(self.omegas[i]));
+                let truth = &self.truth[i];
+                let (amended, columns) = (&amended, columns.clone());
+                columns
+                    .map(|u| {
+                        let (a, b) = (amended.get(u).unwrap(), truth.get(u).unwrap());
+                        (a.upper - b.upper).abs().max((a.lower - b.lower).abs())
+                    })
+                    .fold(0.0, f64::max)
+            };
+            (0..self.omegas.len()).map(off).fold(0.0, f64::max)
+        }
+    }
+
+    #[test]
+    fn views_that_miss_a_fin_get_it_from_the_others() {
+        let turn = Turn::new(21);
+        for knows_body in [true, false] {
+            let found = turn.find(knows_body);
+            assert_eq!(found.fins.len(), 1, "body known: {knows_body}");
+            let unseen = turn.worst_px(&Found::default(), knows_body, 70..130);
+            let worst = turn.worst_px(&found, knows_body, 70..130);
+            assert!(unseen > 3.0 && worst < 0.5, "body known: {knows_body}: {unseen} px before, {worst} px after");
+        }
+    }
+
+    #[test]
+    fn the_free_edge_is_where_it_is() {
+        let found = Turn::new(12).find(true);
+        let px_um = 1.0 / camera().ky;
+        for &[x, y, z] in &found.fins[0].points_um {
+            let [true_y, true_z] = fin_um(x).unwrap();
+            assert!((y - true_y).hypot(z - true_z) < 0.5 * px_um, "at x = {x} um: {y}, {z} um for {true_y}, {true_z} um");
+        }
+    }
+
+    /// What only one view shows is no fin: the edge there becomes that of the body.
+    #[test]
+    fn a_spur_of_one_view_is_dropped() {
+        let mut turn = Turn::new(21);
+        let spur = |columns: &Columns| {
+            columns.mapped(|u, own| if (10..30).contains(&u) { ColumnEdges { upper: own.upper - 9.0, ..own } } else { own })
+        };
+        turn.found[5] = spur(&turn.found[5]);
+        for knows_body in [true, false] {
+            let found = turn.find(knows_body);
+            let worst = turn.worst_px(&found, knows_body, 5..35);
+            assert!(worst < 0.5, "body known: {knows_body}: {worst} px");
+        }
+        // The body's own search may show the spur as well.
+        turn.body[5] = spur(&turn.body[5]);
+        let worst = turn.worst_px(&turn.find(true), true, 5..35);
+        assert!(worst < 0.5, "spur in the body: {worst} px");
+    }
+
+    #[test]
+    fn a_body_without_fins_has_none_and_keeps_its_edges() {
+        let mut turn = Turn::new(21);
+        turn.found.clone_from(&turn.body);
+        let found = turn.find(true);
+        assert_eq!(found.fins, []);
+        assert_eq!(found.amended(&turn.view(3, true), &camera().projection(turn.omegas[3])), turn.body[3]);
+    }
+    /// Slices of 12 views have four harmonics, which cannot describe a fin. With the fins in closed form their area is exact.
+    #[test]
+    fn few_views_have_the_area_of_fins() {
+        let turn = Turn::new(12);
+        let found = turn.find(true);
+        let pose = Pose::new(&camera());
+        let amended: Vec<Columns> = (0..12).map(|i| found.amended(&turn.view(i, true), &camera().projection(turn.omegas[i]))).collect();
+        let views: Vec<TurnView> =
+            amended.iter().zip(&turn.omegas).map(|(columns, &omega)| TurnView { columns, omega, dy_px: 0.0 }).collect();
+        let estimate = |fins: &Found| SupportEstimate::of(&Sections::with_fins(&pose, &views, 0.5, [true; 2], fins).unwrap());
+        let flank = |x_um: f64| {
+            fin_um(x_um).map_or(0.0, |[y, z]| {
+                let reach = y.hypot(z);
+                BODY_UM * ((reach * reach - BODY_UM * BODY_UM).max(0.0).sqrt() - BODY_UM * (BODY_UM / reach).min(1.0).acos())
+            })
+        };
+        let step_um = 1.0 / camera().kx;
+        let truth: f64 = (0..WIDTH).map(|u| PI * BODY_UM * BODY_UM + flank(pose.slice(u as f64))).sum::<f64>() * step_um;
+        let cylinder = PI * BODY_UM * BODY_UM * step_um * WIDTH as f64;
+        let off = |volume_um3: f64| 100.0 * (volume_um3 / truth * WIDTH as f64 / (WIDTH - 1) as f64 - 1.0);
+        let (with, without) = (off(estimate(&found).volume_um3), off(estimate(&Found::default()).volume_um3));
+        assert!(with.abs() < 0.1, "{with} % with fins, {without} % without; the fin is {} %", 100.0 * (truth / cylinder - 1.0));
+        assert!(without.abs() > 5.0 * with.abs(), "{with} % with fins, {without} % without");
+    }
+}
