@@ -1,6 +1,9 @@
 // Converts stored frames and masks to visible pictures: a mosaic to colour, a mask to its outline.
 
+import type { FinCurve } from "./status.ts";
+
 const EDGE = [255, 64, 160, 255] as const;
+const FIN = "rgb(64, 220, 255)";
 
 interface Pixels {
   width: number;
@@ -19,11 +22,19 @@ async function pixelsOf(file: Blob): Promise<Pixels> {
   return { width, height, data: context.getImageData(0, 0, width, height).data };
 }
 
-function pictureOf({ width, height, data }: Pixels): Promise<Blob> {
+function pictureOf({ width, height, data }: Pixels, fins: readonly FinCurve[] = []): Promise<Blob> {
   const canvas = new OffscreenCanvas(width, height);
   const image = new ImageData(width, height);
   image.data.set(data);
-  canvas.getContext("2d")!.putImageData(image, 0, 0);
+  const drawing = canvas.getContext("2d")!;
+  drawing.putImageData(image, 0, 0);
+  drawing.strokeStyle = FIN;
+  drawing.lineWidth = 2;
+  drawing.beginPath();
+  // Pixel centres are at integers, those of the canvas half a pixel further.
+  for (const fin of fins)
+    fin.forEach(([u, v], i) => (i === 0 ? drawing.moveTo(u + 0.5, v + 0.5) : drawing.lineTo(u + 0.5, v + 0.5)));
+  drawing.stroke();
   return canvas.convertToBlob({ type: "image/png" });
 }
 
@@ -54,8 +65,8 @@ export function colours({ width, height, data }: Pixels, first: string): Pixels 
   return { width: w, height: h, data: out };
 }
 
-/** The outline of a mask on a transparent background, wide enough to be visible after scaling down. */
-export async function outlined(file: Blob): Promise<Blob> {
+/** The outline of a mask and fins on a transparent background, wide enough to be visible after scaling down. */
+export async function outlined(file: Blob, fins: readonly FinCurve[]): Promise<Blob> {
   const { width, height, data } = await pixelsOf(file);
   const out = new Uint8ClampedArray(width * height * 4);
   const inside = (u: number, v: number) => u < width && v < height && data[(v * width + u) * 4]! > 127;
@@ -72,5 +83,5 @@ export async function outlined(file: Blob): Promise<Blob> {
       }
     }
   }
-  return pictureOf({ width, height, data: out });
+  return pictureOf({ width, height, data: out }, fins);
 }

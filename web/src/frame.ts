@@ -171,9 +171,11 @@ export class FrameView {
       // Found by its view number: a view without a profile is missing from the list.
       const name = views[index]!.split("/").at(-1)!;
       const mask = specimen.links.profiles.find((link) => link.split("/").at(-1) === name);
+      const number = Number(/\d+/.exec(name)?.[0]);
+      const fins = specimen.measurement?.views?.find(({ index }) => index === number)?.fins_px ?? [];
       const [frame, profile] = await Promise.all([
         fetchFile(views[index]!).then((file) => developed(file, format)),
-        mask === undefined ? null : fetchFile(mask).then(outlined),
+        mask === undefined ? null : fetchFile(mask).then((file) => outlined(file, fins)),
       ]);
       const swaps = [await this.#frame.prepare(frame, null), await this.#profile.prepare(profile, null)];
       for (const swap of swaps) swap();

@@ -4,5 +4,11 @@ import type { SpecimenDetail } from "./contract.ts";
 
 export type * from "./contract.ts";
 
-/** `GET /v1/runs/{run_id}/specimens/{well}`, with the parts of `recording.json` that the page reads. */
-export type Specimen = Omit<SpecimenDetail, "recording"> & { recording: { rig?: { pixel_format?: string } } };
+/** The free edge of a fin in a view: `[u, v]`, px. */
+export type FinCurve = [number, number][];
+
+/** `GET /v1/runs/{run_id}/specimens/{well}`, with the parts of `recording.json` and `measurement.json` that the page reads. */
+export type Specimen = Omit<SpecimenDetail, "recording" | "measurement"> & {
+  recording: { rig?: { pixel_format?: string } };
+  measurement: { views?: { index: number; fins_px?: FinCurve[] }[] } | null;
+};

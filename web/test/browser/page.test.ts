@@ -177,7 +177,17 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   // The second view has no profile.
   const profiles = [0, 2].map((i) => `${base}/profiles/${i}.png`);
   const links = { ...NO_FILES, mesh_glb: `${base}/mesh.glb`, views, profiles };
-  server.answers[base] = kept({ recording: { rig: { pixel_format: "BayerRG8" } }, hull_volumes_um3: late, links });
+  const fin: [number, number][] = [
+    [100, 180],
+    [400, 180],
+  ];
+  const measurement = { views: [{ index: 0, fins_px: [fin] }] };
+  server.answers[base] = kept({
+    recording: { rig: { pixel_format: "BayerRG8" } },
+    measurement,
+    hull_volumes_um3: late,
+    links,
+  });
   for (const path of views) server.files[path] = frame;
   for (const path of profiles)
     server.files[path] = png(512, 512, (x, y) =>
@@ -203,6 +213,18 @@ test("a chosen well shows what is stored of it, and the page says whose pictures
   assert.equal(await page.locator("#profile-image").isVisible(), true);
   // A mosaic's four pixels are one in colour.
   assert.equal(await page.locator("#frame-image").evaluate((image: HTMLImageElement) => image.naturalWidth), 256);
+  // The fin that all views share is drawn above the specimen, and nothing beside it.
+  const drawn = (u: number, v: number) =>
+    page.locator("#profile-image").evaluate(
+      (image: HTMLImageElement, [x, y]) => {
+        const canvas = new OffscreenCanvas(image.naturalWidth, image.naturalHeight).getContext("2d")!;
+        canvas.drawImage(image, 0, 0);
+        return [...canvas.getImageData(x!, y!, 1, 1).data];
+      },
+      [u, v],
+    );
+  assert.deepEqual(await drawn(250, 180), [64, 220, 255, 255]);
+  assert.deepEqual(await drawn(250, 190), [0, 0, 0, 0]);
   await shoot(page, "stored");
   await page.locator("#frame-view").focus();
   await page.keyboard.press("ArrowRight");
