@@ -22,6 +22,8 @@ pub struct Effort {
     pub orders: usize,
     pub early: usize,
     pub live: usize,
+    /// Rendered turns with fins, of each age.
+    pub finned_frames: usize,
     pub coverage: usize,
     /// Edge of a voxel for the larvae that are carved, um.
     pub voxel_um: f64,
@@ -40,13 +42,23 @@ impl Effort {
         orders: 30,
         early: 1000,
         live: 60,
+        finned_frames: 20,
         coverage: 1000,
         voxel_um: 6.93,
     };
 
     /// Enough to check that every part works.
-    pub const QUICK: Self =
-        Self { beads: 1, larvae: [1; 3], rendered: 0, finned: 2, calibrated: 4, coverage: 8, voxel_um: 17.1, ..Self::FULL.with_seeds(1) };
+    pub const QUICK: Self = Self {
+        beads: 1,
+        larvae: [1; 3],
+        rendered: 0,
+        finned: 2,
+        calibrated: 4,
+        finned_frames: 0,
+        coverage: 8,
+        voxel_um: 17.1,
+        ..Self::FULL.with_seeds(1)
+    };
 
     /// The same with `seeds` phantoms in every part that draws phantoms. The paper's own counts do not change.
     #[must_use]
@@ -60,6 +72,7 @@ impl Effort {
             orders: seeds,
             early: seeds,
             live: seeds,
+            finned_frames: seeds,
             coverage: seeds,
             ..self
         }

@@ -1,7 +1,7 @@
 //! `carved validate`: the paper's tables and the method's goals, on simulated specimens of known size.
 //!
 //! ```text
-//!   theory ─┐        beads, larvae by frames and segmentation ─┐
+//!   theory ─┐  beads, larvae, fins by frames and segmentation ─┐
 //!   paper ──┼─ beside ─ larvae, solids by exact outlines ──────┼─ goals, tables ── validation.md, validation/*.svg
 //!           └────────── calibration, faults, ablation, ────────┘
 //!                       orders, coverage, early stop, live estimates over many seeds
@@ -16,6 +16,7 @@ mod document;
 mod early;
 mod effort;
 mod faults;
+mod fins;
 mod frames;
 mod larvae;
 mod live;
@@ -62,11 +63,12 @@ enum Part {
     Coverage,
     Early,
     Live,
+    Fins,
 }
 
 type Run = fn(&Work) -> anyhow::Result<Section>;
 
-const PARTS: [(Part, Run); 10] = [
+const PARTS: [(Part, Run); 11] = [
     (Part::Beads, beads::run),
     (Part::Larvae, larvae::run),
     (Part::Solids, solids::run),
@@ -77,6 +79,7 @@ const PARTS: [(Part, Run); 10] = [
     (Part::Coverage, coverage::run),
     (Part::Early, early::run),
     (Part::Live, live::run),
+    (Part::Fins, fins::run),
 ];
 
 pub fn run(args: &Args) -> anyhow::Result<()> {
