@@ -34,6 +34,9 @@ pub(super) struct Hybrid {
     pub pieces: Pieces,
     bubbles: Bubbles,
     near: Region,
+    /// Blocks around each column of pixels, and how far it lies between them; one row of blocks.
+    columns: Vec<(usize, usize, f32)>,
+    across: Vec<f32>,
     scratch: Scratch,
 }
 
@@ -122,23 +125,26 @@ impl Hybrid {
     }
 
     /// Marks the pixels of the bore's window that the specimen's blocks cover, with rounded corners.
-    pub fn to_pixels(&self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
+    pub fn to_pixels(&mut self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
         let (w, h, step) = (coarse.width, coarse.height, coarse.step);
         let middle = (step - 1) as f32 / 2.0;
         // Between the middles of blocks, a pixel is inside by bilinear interpolation of the four around it.
         let place = |at: usize, last: usize| {
             let x = ((at as f32 - middle) / step as f32).clamp(0.0, (last - 1) as f32);
-            (x as usize, (x as usize + 1).min(last - 1), x.fract())
+            (x as usize, (x as usize + 1).min(last - 1), x - (x as usize) as f32)
         };
+        let columns = &mut self.columns;
+        columns.clear();
+        columns.extend((0..bore.width).map(|u| place(u, w)));
         inside.clear();
         for v in 0..bore.height() {
             let (v0, v1, fv) = place(v, h);
-            for u in 0..bore.width {
-                let (u0, u1, fu) = place(u, w);
-                let is = |u: usize, v: usize| f32::from(self.specimen.set[v * w + u]);
-                let (upper, lower) = (is(u0, v0) + fu * (is(u1, v0) - is(u0, v0)), is(u0, v1) + fu * (is(u1, v1) - is(u0, v1)));
-                inside.push(upper + fv * (lower - upper) > 0.5 - 1e-3);
-            }
+            let (upper, lower) = (&self.specimen.set[v0 * w..][..w], &self.specimen.set[v1 * w..][..w]);
+            let between = |(upper, lower): (&bool, &bool)| f32::from(*upper) + fv * (f32::from(*lower) - f32::from(*upper));
+            self.across.clear();
+            self.across.extend(upper.iter().zip(lower).map(between));
+            let across = &self.across[..w];
+            inside.extend(columns.iter().map(|&(u0, u1, fu)| across[u0] + fu * (across[u1] - across[u0]) > 0.5 - 1e-3));
         }
     }
 }

@@ -19,7 +19,7 @@ const TIME_STEP: f32 = 0.3;
 const DISTANCE_PULL: f32 = 0.3;
 
 /// Blocks of a row that are moved together where the front passes through one of them.
-const CHUNK: usize = 16;
+const CHUNK: usize = 8;
 
 /// All maps have one more column on either side, which repeats its neighbour.
 #[derive(Debug, Default)]
@@ -38,8 +38,9 @@ pub(super) struct LevelSet {
     /// The blocks within the band, and the blocks that a step moves.
     near: Vec<bool>,
     front: Vec<bool>,
-    /// Whether a chunk contains a part of the front.
+    /// Whether a chunk contains a part of the front, and whether one of the chunks around it does.
     active: Vec<bool>,
+    beside: Vec<bool>,
     scratch: Vec<f32>,
 }
 
@@ -140,34 +141,36 @@ impl LevelSet {
             }
             self.active.extend(front.chunks(CHUNK).map(|chunk| chunk.iter().fold(false, |any, front| any | front)));
         }
+        let chunks = w.div_ceil(CHUNK);
+        self.beside.clear();
+        self.beside.resize(self.active.len(), false);
+        for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
+            let (v, chunk) = (at / chunks, at % chunks);
+            for row in v.saturating_sub(1)..(v + 2).min(coarse.height) {
+                self.beside[row * chunks..][chunk.saturating_sub(1)..(chunk + 2).min(chunks)].fill(true);
+            }
+        }
     }
 
     fn find_normals(&mut self, coarse: &Coarse) {
         let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));
         let [nu, nv] = &mut self.normal;
         let [fu, fv] = &mut self.flow;
-        for v in 0..coarse.height {
-            let rows = Rows::of(v, coarse);
-            let near = v.saturating_sub(1)..(v + 2).min(coarse.height);
-            for chunk in 0..chunks {
-                let beside = chunk.saturating_sub(1)..(chunk + 2).min(chunks);
-                if !near.clone().any(|v| self.active[v * chunks..][beside.clone()].contains(&true)) {
-                    continue;
-                }
-                let (from, n) = (chunk * CHUNK, CHUNK.min(w - chunk * CHUNK));
-                let own = rows.here + from..rows.here + from + n;
-                let (phi, stop) = (&self.phi[own.clone()], &self.stop[own.clone()]);
-                let [left, right, above, below] = rows.beside(&self.phi, from, n);
-                let (nu, nv, fu, fv) = (&mut nu[own.clone()], &mut nv[own.clone()], &mut fu[own.clone()], &mut fv[own.clone()]);
-                let (slope, laplace) = (&mut self.slope[own.clone()], &mut self.laplace[own]);
-                for i in 0..n {
-                    let (du, dv) = ((right[i] - left[i]) * 0.5, (below[i] - above[i]) * 0.5);
-                    let length = (du * du + dv * dv).sqrt();
-                    let unit = 1.0 / if length > 1e-3 { length } else { 1e-3 };
-                    (nu[i], nv[i], slope[i]) = (du * unit, dv * unit, length);
-                    (fu[i], fv[i]) = (stop[i] * nu[i], stop[i] * nv[i]);
-                    laplace[i] = left[i] + right[i] + above[i] + below[i] - 4.0 * phi[i];
-                }
+        for (at, _) in self.beside.iter().enumerate().filter(|(_, beside)| **beside) {
+            let (rows, from) = (Rows::of(at / chunks, coarse), at % chunks * CHUNK);
+            let n = CHUNK.min(w - from);
+            let own = rows.here + from..rows.here + from + n;
+            let (phi, stop) = (&self.phi[own.clone()], &self.stop[own.clone()]);
+            let [left, right, above, below] = rows.beside(&self.phi, from, n);
+            let (nu, nv, fu, fv) = (&mut nu[own.clone()], &mut nv[own.clone()], &mut fu[own.clone()], &mut fv[own.clone()]);
+            let (slope, laplace) = (&mut self.slope[own.clone()], &mut self.laplace[own]);
+            for i in 0..n {
+                let (du, dv) = ((right[i] - left[i]) * 0.5, (below[i] - above[i]) * 0.5);
+                let length = (du * du + dv * dv).sqrt();
+                let unit = 1.0 / if length > 1e-3 { length } else { 1e-3 };
+                (nu[i], nv[i], slope[i]) = (du * unit, dv * unit, length);
+                (fu[i], fv[i]) = (stop[i] * nu[i], stop[i] * nv[i]);
+                laplace[i] = left[i] + right[i] + above[i] + below[i] - 4.0 * phi[i];
             }
         }
         repeat_ends(nu, w);

@@ -55,10 +55,11 @@ impl Grid {
             self.covered.resize(width, 0);
             let sums = &mut self.opacity[row * width..(row + 1) * width];
             for v in row * cell..(row + 1) * cell {
-                let covered = &mask.data()[(bore.top + v) * bore.width..];
-                for (u, (dark, inside)) in darkness.row(v).iter().zip(covered).take(width * cell).enumerate() {
-                    sums[u / cell] += share * dark;
-                    self.covered[u / cell] += usize::from(*inside != 0);
+                let covered = mask.row(bore.top + v).chunks_exact(cell);
+                let dark = darkness.row(v).chunks_exact(cell);
+                for (((sum, n), dark), covered) in sums.iter_mut().zip(&mut self.covered).zip(dark).zip(covered) {
+                    *sum += share * dark.iter().sum::<f32>();
+                    *n += covered.iter().filter(|inside| **inside != 0).count();
                 }
             }
             for (column, covered) in self.covered.iter().enumerate() {

@@ -25,15 +25,18 @@ impl Plane {
     }
 
     /// Bilinear value at `(u, v)` in picture coordinates. Beyond the window its border is continued.
+    #[inline]
     pub fn sample(&self, u: f64, v: f64) -> f32 {
-        let u = u.clamp(0.0, (self.width - 1) as f64);
-        let v = (v - self.top as f64).clamp(0.0, (self.height - 1) as f64);
+        let u = (u as f32).max(0.0).min((self.width - 1) as f32);
+        let v = ((v - self.top as f64) as f32).max(0.0).min((self.height - 1) as f32);
         let (u0, v0) = (u as usize, v as usize);
-        let (u1, v1) = ((u0 + 1).min(self.width - 1), (v0 + 1).min(self.height - 1));
-        let (fu, fv) = ((u - u0 as f64) as f32, (v - v0 as f64) as f32);
-        let p = |u: usize, v: usize| self.data[v * self.width + u];
-        let upper = p(u0, v0) + fu * (p(u1, v0) - p(u0, v0));
-        let lower = p(u0, v1) + fu * (p(u1, v1) - p(u0, v1));
+        let (fu, fv) = (u - u0 as f32, v - v0 as f32);
+        let right = usize::from(u0 + 1 < self.width);
+        let at = v0 * self.width + u0;
+        let below = if v0 + 1 < self.height { at + self.width } else { at };
+        let (upper, lower) = (&self.data[at..=at + right], &self.data[below..=below + right]);
+        let upper = upper[0] + fu * (upper[right] - upper[0]);
+        let lower = lower[0] + fu * (lower[right] - lower[0]);
         upper + fv * (lower - upper)
     }
 }
@@ -45,6 +48,30 @@ pub(super) fn gaussian(sigma: f64, kernel: &mut Vec<f32>) {
     let sum: f64 = (-reach..=reach).map(weight).sum();
     kernel.clear();
     kernel.extend((-reach..=reach).map(|k| (weight(k) / sum) as f32));
+}
+
+/// Sums that are computed at once. One sum would have to wait for each addition.
+const LANES: usize = 8;
+
+/// The sum of `value` over the values.
+pub(super) fn sum_of(values: &[f32], value: impl Fn(f32) -> f32) -> f32 {
+    sum_of_pairs(values, values, |a, _| value(a))
+}
+
+/// The sum of `value` over the pairs of values at the same places of two slices of the same length.
+#[inline]
+pub(super) fn sum_of_pairs(a: &[f32], b: &[f32], value: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut sums = [0.0f32; LANES];
+    let ((chunks, rest), (other_chunks, other_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in chunks.iter().zip(other_chunks) {
+        for k in 0..LANES {
+            sums[k] += value(a[k], b[k]);
+        }
+    }
+    for (sum, (a, b)) in sums.iter_mut().zip(rest.iter().zip(other_rest)) {
+        *sum += value(*a, *b);
+    }
+    sums.iter().sum()
 }
 
 /// The value at `share` (0 to 1) of the sorted values; 0 for none. Reorders its input.

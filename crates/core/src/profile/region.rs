@@ -138,15 +138,26 @@ impl Region {
                 open[v * w + u] |= !self.set[v * w + u];
             }
         }
-        let stack = &mut scratch.stack;
-        stack.clear();
-        stack.extend((0..len).filter(|&i| open[i]));
-        while let Some(at) = stack.pop() {
-            for next in neighbours(at, w, len, false) {
-                if !open[next] && !self.set[next] {
-                    open[next] = true;
-                    stack.push(next);
+        // The water flows along and down the rows, and then up, until it flows no further.
+        let mut flows = true;
+        while flows {
+            flows = false;
+            for v in (0..h).chain((0..h).rev()) {
+                let beside = [v.saturating_sub(1), (v + 1).min(h - 1)].map(|row| row * w);
+                let row = v * w..(v + 1) * w;
+                for u in 0..w {
+                    let enters = !self.set[row.start + u] & !open[row.start + u] & (open[beside[0] + u] | open[beside[1] + u]);
+                    open[row.start + u] |= enters;
+                    flows |= enters;
                 }
+                let (set, open) = (&self.set[row.clone()], &mut open[row]);
+                let mut along = |u: usize, from: usize| {
+                    let enters = !set[u] & !open[u] & open[from];
+                    open[u] |= enters;
+                    flows |= enters;
+                };
+                (1..w).for_each(|u| along(u, u - 1));
+                (1..w).rev().for_each(|u| along(u - 1, u));
             }
         }
         for (set, open) in self.set.iter_mut().zip(open) {
