@@ -38,7 +38,7 @@ pub(super) struct LevelSet {
     /// The blocks within the band, and the blocks that a step moves.
     near: Vec<bool>,
     front: Vec<bool>,
-    /// Whether a chunk contains a part of the front, and whether one of the chunks around it does.
+    /// Whether a chunk contains a part of the front, and whether it or one of the chunks around it does.
     active: Vec<bool>,
     beside: Vec<bool>,
     scratch: Vec<f32>,
@@ -102,6 +102,7 @@ impl LevelSet {
                 *stop = 1.0 / (1.0 + (du * du + dv * dv) / (mu * mu));
             }
         }
+        self.keep_away_from_background(coarse);
         repeat_ends(&mut self.phi, w);
         for _ in 0..settings.steps {
             self.find_front(coarse);
@@ -124,6 +125,38 @@ impl LevelSet {
         (settings.level_share as f32 * quantile(&mut self.scratch, 0.5)).max(clear)
     }
 
+    /// Leaves out what is further than `REACH` from every block that is darker than `mu`. The front never gets there, but the
+    /// noise of the background is within the band.
+    fn keep_away_from_background(&mut self, coarse: &Coarse) {
+        const REACH: usize = 6;
+        let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));
+        self.active.clear();
+        for v in 0..coarse.height {
+            let at = Rows::of(v, coarse).here;
+            self.active.extend(self.phi[at..at + w].chunks(CHUNK).map(|chunk| chunk.iter().any(|phi| *phi > 0.0)));
+        }
+        self.mark_beside(chunks, REACH);
+        for (at, _) in self.beside.iter().enumerate().filter(|(_, beside)| !**beside) {
+            let (here, from) = (Rows::of(at / chunks, coarse).here, at % chunks * CHUNK);
+            let own = here + from..here + (from + CHUNK).min(w);
+            self.phi[own.clone()].fill(-BAND);
+            self.within[own].fill(false);
+        }
+    }
+
+    /// Marks the chunks up to `reach` rows above or below an active one, and those left and right of them.
+    fn mark_beside(&mut self, chunks: usize, reach: usize) {
+        let rows = self.active.len() / chunks;
+        self.beside.clear();
+        self.beside.resize(self.active.len(), false);
+        for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
+            let (v, chunk) = (at / chunks, at % chunks);
+            for row in v.saturating_sub(reach)..(v + reach + 1).min(rows) {
+                self.beside[row * chunks..][chunk.saturating_sub(1)..(chunk + 2).min(chunks)].fill(true);
+            }
+        }
+    }
+
     /// Finds the blocks within the band, and those beside them.
     fn find_front(&mut self, coarse: &Coarse) {
         let w = coarse.width;
@@ -141,15 +174,7 @@ impl LevelSet {
             }
             self.active.extend(front.chunks(CHUNK).map(|chunk| chunk.iter().fold(false, |any, front| any | front)));
         }
-        let chunks = w.div_ceil(CHUNK);
-        self.beside.clear();
-        self.beside.resize(self.active.len(), false);
-        for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
-            let (v, chunk) = (at / chunks, at % chunks);
-            for row in v.saturating_sub(1)..(v + 2).min(coarse.height) {
-                self.beside[row * chunks..][chunk.saturating_sub(1)..(chunk + 2).min(chunks)].fill(true);
-            }
-        }
+        self.mark_beside(w.div_ceil(CHUNK), 1);
     }
 
     fn find_normals(&mut self, coarse: &Coarse) {

@@ -60,8 +60,8 @@ struct Shift {
 /// explained energy `z z`. So a fit needs no equations to be solved.
 #[derive(Debug, Clone, Copy)]
 struct Basis {
-    /// The columns of `W`: coefficient `i` is `columns[i] z`.
-    columns: [Vector; COURSES],
+    /// The rows of `W`.
+    rows: [Vector; COURSES],
     /// Sums of the profiles times the inverse of the level's weight.
     level: Vector,
 }
@@ -152,10 +152,14 @@ impl Onsets {
         };
         let mut right: Vector = [0.0; COURSES];
         for (y, courses) in seen.values.iter().zip(courses) {
-            right.iter_mut().zip(courses).for_each(|(sum, c)| *sum += y * c);
+            for i in 0..COURSES {
+                right[i] += y * courses[i];
+            }
         }
-        right.iter_mut().zip(&basis.level).for_each(|(right, level)| *right -= level * seen.sum);
-        let (height, explained) = basis.non_negative(&right, self.used);
+        for i in 0..COURSES {
+            right[i] -= basis.level[i] * seen.sum;
+        }
+        let (height, explained) = basis.non_negative(&right);
         Fit { energy: seen.energy, residual: (seen.energy - explained).max(0.0), height, samples: n }
     }
 }
@@ -199,41 +203,53 @@ impl Basis {
             }
         }
         Self {
-            columns: std::array::from_fn(|i| std::array::from_fn(|row| inverse[row][i] as f32)),
+            rows: inverse.map(|row| row.map(|value| value as f32)),
             level: sums.map(|sum| (sum * free) as f32),
         }
     }
 
     /// Non-negative least squares: the solution without constraint, and again without the most negative coefficient until none is
-    /// negative. A coefficient stays 0 where its column is projected out of `z` and of the other columns. Returns the sum of the
-    /// coefficients and the energy that they explain.
-    fn non_negative(&self, right: &Vector, mut used: [bool; COURSES]) -> (f32, f32) {
-        let mut columns = self.columns;
-        let mut z: Vector = [0.0; COURSES];
-        for (column, right) in columns.iter().zip(right) {
-            z.iter_mut().zip(column).for_each(|(z, w)| *z += w * right);
-        }
-        loop {
-            let x = columns.map(|column| dot(&column, &z));
-            let (worst, least) = x.iter().enumerate().fold((0, 0.0), |least, (i, &x)| if used[i] && x < least.1 { (i, x) } else { least });
-            if least >= 0.0 {
-                return (x.iter().zip(used).map(|(x, used)| if used { *x } else { 0.0 }).sum(), dot(&z, &z));
+    /// negative. A coefficient stays 0 where its column of `W` is projected out of `z` and of the other columns. Returns the sum of
+    /// the coefficients and the energy that they explain.
+    fn non_negative(&self, right: &Vector) -> (f32, f32) {
+        let mut rows = self.rows;
+        let mut z = rows.map(|row| dot(&row, right));
+        // Without the coefficients that were negative, the others may become so one after the other.
+        for _ in 0..COURSES {
+            let x = sum_of_rows(&rows, &z);
+            let worst = (1..COURSES).fold(0, |worst, i| if x[i] < x[worst] { i } else { worst });
+            if x[worst] >= 0.0 {
+                return (x.iter().sum(), dot(&z, &z));
             }
-            used[worst] = false;
-            let out = columns[worst];
+            let out = rows.map(|row| row[worst]);
             let scale = 1.0 / dot(&out, &out);
-            let remove = |from: &mut Vector| {
-                let share = dot(&out, from) * scale;
-                from.iter_mut().zip(&out).for_each(|(value, out)| *value -= share * out);
-            };
-            columns.iter_mut().for_each(remove);
-            remove(&mut z);
+            let shares = sum_of_rows(&rows, &out).map(|share| share * scale);
+            let share_of_z = dot(&out, &z) * scale;
+            for ((row, z), out) in rows.iter_mut().zip(&mut z).zip(out) {
+                for i in 0..COURSES {
+                    row[i] -= out * shares[i];
+                }
+                row[worst] = 0.0;
+                *z -= out * share_of_z;
+            }
         }
+        (0.0, 0.0)
     }
 }
 
+/// Rows times their weights, summed.
+fn sum_of_rows(rows: &[Vector; COURSES], weights: &Vector) -> Vector {
+    let mut sum: Vector = [0.0; COURSES];
+    for (row, weight) in rows.iter().zip(weights) {
+        for i in 0..COURSES {
+            sum[i] += weight * row[i];
+        }
+    }
+    sum
+}
+
 fn dot(a: &Vector, b: &Vector) -> f32 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
+    a[0] * b[0] + a[1] * b[1] + (a[2] * b[2] + a[3] * b[3])
 }
 
 /// The blurred profiles over the depth, at every distance that samples and shifts can have.

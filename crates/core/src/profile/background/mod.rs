@@ -177,7 +177,8 @@ impl Background {
                 }
             }
             for u in 0..width {
-                let below = t[u] as usize;
+                // A signed number of 32 bits is what the processor converts to.
+                let below = t[u] as i32 as usize;
                 let part = t[u] - below as f32;
                 let [l, s, next_l, next_s] = self.rungs[below];
                 (level[u], slope[u]) = (l + part * next_l, s + part * next_s);

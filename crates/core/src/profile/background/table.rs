@@ -19,6 +19,8 @@ pub(super) struct Table {
     sums: Vec<u32>,
     /// Picture row of each column's upper wall, and picture rows per table row.
     courses: Vec<(f64, f64)>,
+    /// The light beside the capillary in each column of cells: at table row 0, and its slope per row.
+    beside: Vec<[f32; 2]>,
 }
 
 impl Table {
@@ -38,17 +40,25 @@ impl Table {
         for row in plane[bore.top * bore.width..bore.bottom * bore.width].chunks_exact(bore.width) {
             self.sums.extend(row.chunks_exact(stride).take(cols).map(|cell| cell.iter().map(|&p| u32::from(p)).sum::<u32>()));
         }
+        self.beside.clear();
+        if let KnownLight::Surroundings(beside) = known {
+            let mean = |cell: &[[f32; 2]]| [0, 1].map(|i| cell.iter().map(|column| column[i]).sum::<f32>() / stride as f32);
+            self.beside.extend(beside.columns.chunks_exact(stride).take(cols).map(mean));
+        }
         self.values.clear();
         let (last, share) = ((bore.height() - 1) as f64, 1.0 / stride as f32);
         let mut sum = 0.0f64;
         for t in 0..self.rows {
             for (k, &(first, per_row)) in self.courses.iter().enumerate() {
                 let v = (first + t as f64 * per_row - bore.top as f64).clamp(0.0, last);
-                let v0 = v as usize;
+                let v0 = v as i32 as usize;
                 let part = (v - v0 as f64) as f32;
                 let v1 = (v0 + 1).min(bore.height() - 1);
                 let (a, b) = (self.sums[v0 * cols + k] as f32, self.sums[v1 * cols + k] as f32);
-                let before = (k * stride..(k + 1) * stride).map(|u| known.at(t as f64, u)).sum::<f32>() * share;
+                let before = match known {
+                    KnownLight::Surroundings(_) => self.beside[k][0] + t as f32 * self.beside[k][1],
+                    KnownLight::EmptyCapillary { .. } => (k * stride..(k + 1) * stride).map(|u| known.at(t as f64, u)).sum::<f32>() * share,
+                };
                 sum += f64::from(before);
                 self.values.push((a + part * (b - a)) * share / before.max(1.0));
             }
