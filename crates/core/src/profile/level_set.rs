@@ -18,6 +18,9 @@ const TIME_STEP: f32 = 0.3;
 /// Weight of the pull towards slope 1. It is stable where its product with `TIME_STEP` is below 1/4.
 const DISTANCE_PULL: f32 = 0.3;
 
+/// The front rests where in so many steps less than this share of its blocks, one in so many, came to lie on its other side.
+const REST_STEPS: usize = 5;
+const REST_SHARE: usize = 1000;
 /// Blocks of a row that are moved together where the front passes through one of them.
 const CHUNK: usize = 8;
 
@@ -38,7 +41,7 @@ pub(super) struct LevelSet {
     /// The blocks within the band, and the blocks that a step moves.
     near: Vec<bool>,
     front: Vec<bool>,
-    /// Whether a chunk contains a part of the front, and whether it or one of the chunks around it does.
+    /// Whether a chunk contains a part of the front, and whether it contains that or a block beside it.
     active: Vec<bool>,
     beside: Vec<bool>,
     scratch: Vec<f32>,
@@ -104,10 +107,17 @@ impl LevelSet {
         }
         self.keep_away_from_background(coarse);
         repeat_ends(&mut self.phi, w);
-        for _ in 0..settings.steps {
+        let mut flipped = 0;
+        for step in 1..=settings.steps {
             self.find_front(coarse);
             self.find_normals(coarse);
-            self.move_front(coarse, settings.edge as f32);
+            flipped += self.move_front(coarse, settings.edge as f32);
+            if step % REST_STEPS == 0 {
+                if flipped * REST_SHARE < self.front.iter().filter(|front| **front).count() {
+                    break;
+                }
+                flipped = 0;
+            }
         }
         // Without the additional columns from here on.
         for v in 0..h {
@@ -135,25 +145,19 @@ impl LevelSet {
             let at = Rows::of(v, coarse).here;
             self.active.extend(self.phi[at..at + w].chunks(CHUNK).map(|chunk| chunk.iter().any(|phi| *phi > 0.0)));
         }
-        self.mark_beside(chunks, REACH);
+        self.beside.clear();
+        self.beside.resize(self.active.len(), false);
+        for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
+            let (v, chunk) = (at / chunks, at % chunks);
+            for row in v.saturating_sub(REACH)..(v + REACH + 1).min(coarse.height) {
+                (chunk.saturating_sub(1)..(chunk + 2).min(chunks)).for_each(|near| self.beside[row * chunks + near] = true);
+            }
+        }
         for (at, _) in self.beside.iter().enumerate().filter(|(_, beside)| !**beside) {
             let (here, from) = (Rows::of(at / chunks, coarse).here, at % chunks * CHUNK);
             let own = here + from..here + (from + CHUNK).min(w);
             self.phi[own.clone()].fill(-BAND);
             self.within[own].fill(false);
-        }
-    }
-
-    /// Marks the chunks up to `reach` rows above or below an active one, and those left and right of them.
-    fn mark_beside(&mut self, chunks: usize, reach: usize) {
-        let rows = self.active.len() / chunks;
-        self.beside.clear();
-        self.beside.resize(self.active.len(), false);
-        for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
-            let (v, chunk) = (at / chunks, at % chunks);
-            for row in v.saturating_sub(reach)..(v + reach + 1).min(rows) {
-                self.beside[row * chunks..][chunk.saturating_sub(1)..(chunk + 2).min(chunks)].fill(true);
-            }
         }
     }
 
@@ -174,8 +178,20 @@ impl LevelSet {
             }
             self.active.extend(front.chunks(CHUNK).map(|chunk| chunk.iter().fold(false, |any, front| any | front)));
         }
-        self.mark_beside(w.div_ceil(CHUNK), 1);
+        let chunks = w.div_ceil(CHUNK);
+        self.beside.clear();
+        self.beside.extend_from_slice(&self.active);
+        for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
+            let (v, chunk) = (at / chunks, at % chunks);
+            let row = Rows::of(v, coarse).here;
+            let (from, last) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(w) - 1);
+            self.beside[at - if v > 0 { chunks } else { 0 }] = true;
+            self.beside[at + if v + 1 < coarse.height { chunks } else { 0 }] = true;
+            self.beside[at - usize::from(chunk > 0 && self.front[row + from])] = true;
+            self.beside[at + usize::from(chunk + 1 < chunks && self.front[row + last])] = true;
+        }
     }
+
 
     fn find_normals(&mut self, coarse: &Coarse) {
         let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));
@@ -202,7 +218,9 @@ impl LevelSet {
         repeat_ends(fu, w);
     }
 
-    fn move_front(&mut self, coarse: &Coarse, edge: f32) {
+    /// Moves the front by one step. Returns the number of blocks that then lie on its other side.
+    fn move_front(&mut self, coarse: &Coarse, edge: f32) -> usize {
+        let mut flipped = 0;
         let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));
         for (at, _) in self.active.iter().enumerate().filter(|(_, active)| **active) {
             let (rows, from) = (Rows::of(at / chunks, coarse), at % chunks * CHUNK);
@@ -220,10 +238,13 @@ impl LevelSet {
                 let steep = if slope[i] > 0.2 { slope[i] } else { 0.2 };
                 let change = steep * (pressure[i] + edge * curvature) + DISTANCE_PULL * (laplace[i] - bend);
                 let moved = (phi[i] + TIME_STEP * change).clamp(-BAND, BAND);
-                phi[i] = if front[i] { moved } else { phi[i] };
+                let moved = if front[i] { moved } else { phi[i] };
+                flipped += u32::from((moved > 0.0) != (phi[i] > 0.0));
+                phi[i] = moved;
             }
         }
         repeat_ends(&mut self.phi, w);
+        flipped as usize
     }
 }
 
