@@ -138,26 +138,30 @@ impl Region {
                 open[v * w + u] |= !self.set[v * w + u];
             }
         }
-        // The water flows along and down the rows, and then up, until it flows no further.
-        let mut flows = true;
-        while flows {
-            flows = false;
+        // The water flows down and along the rows, and then up, until it flows no further.
+        for round in 0.. {
+            let mut flows = round == 0;
             for v in (0..h).chain((0..h).rev()) {
-                let beside = [v.saturating_sub(1), (v + 1).min(h - 1)].map(|row| row * w);
-                let row = v * w..(v + 1) * w;
-                for u in 0..w {
-                    let enters = !self.set[row.start + u] & !open[row.start + u] & (open[beside[0] + u] | open[beside[1] + u]);
-                    open[row.start + u] |= enters;
-                    flows |= enters;
+                let (before, rest) = open.split_at_mut(v * w);
+                let (row, after) = rest.split_at_mut(w);
+                let set = &self.set[v * w..(v + 1) * w];
+                let mut enters = round == 0;
+                for beside in [before.rchunks_exact(w).next(), after.chunks_exact(w).next()].into_iter().flatten() {
+                    for u in 0..w {
+                        let new = beside[u] & !set[u] & !row[u];
+                        row[u] |= new;
+                        enters |= new;
+                    }
                 }
-                let (set, open) = (&self.set[row.clone()], &mut open[row]);
-                let mut along = |u: usize, from: usize| {
-                    let enters = !set[u] & !open[u] & open[from];
-                    open[u] |= enters;
-                    flows |= enters;
-                };
-                (1..w).for_each(|u| along(u, u - 1));
-                (1..w).rev().for_each(|u| along(u - 1, u));
+                if enters {
+                    let mut along = |u: usize, from: usize| row[u] |= row[from] & !set[u];
+                    (1..w).for_each(|u| along(u, u - 1));
+                    (1..w).rev().for_each(|u| along(u - 1, u));
+                    flows = true;
+                }
+            }
+            if !flows {
+                break;
             }
         }
         for (set, open) in self.set.iter_mut().zip(open) {
