@@ -101,10 +101,12 @@ impl Levels {
             let mut support = 0.0;
             for _ in 0..3 {
                 let (sum, n) = agreeing(row, *level, first, 2.5 * sigma);
-                if n > 0.0 {
-                    *level = (first + sum / n).clamp(first - sigma, first + sigma);
-                }
                 support = n;
+                let mean = if n > 0.0 { (first + sum / n).clamp(first - sigma, first + sigma) } else { *level };
+                if (mean - *level).abs() < 1e-3 * sigma {
+                    break;
+                }
+                *level = mean;
             }
             *level = level.max(1.0);
             self.support.push(support);
