@@ -72,6 +72,7 @@ impl Levels {
     fn brightest(&mut self, table: &Table) {
         let cols = table.cols;
         let reach = (cols / 64).max(1);
+        let share = 1.0 / (2 * reach + 1) as f32;
         self.profile.clear();
         for row in self.even.chunks_exact(cols) {
             self.smooth.clear();
@@ -84,7 +85,7 @@ impl Levels {
                     sum -= row[k - reach - 1];
                 }
                 let n = (k + reach + 1).min(cols) - k.saturating_sub(reach);
-                self.smooth.push(sum / n as f32);
+                self.smooth.push(sum * if n == 2 * reach + 1 { share } else { 1.0 / n as f32 });
             }
             // A specimen that nearly fills the picture leaves some 4 % of a row free. The edge of that part must not count as
             // brighter than empty.
