@@ -68,7 +68,7 @@ impl Models {
 /// the place and the smallest residual.
 fn least_near(start: i32, mut residual: impl FnMut(i32) -> f64) -> (f64, f64) {
     let bounds = Models::step(Models::RANGE_PX.0)..=Models::step(Models::RANGE_PX.1);
-    // The residuals that are known: the last ones are asked for twice.
+    // The neighbours of the best step are asked for twice.
     let mut known = [None; 64];
     let mut residual = |step: i32| *known[(step - bounds.start()) as usize % known.len()].get_or_insert_with(|| residual(step));
     let mut best = (start, residual(start));

@@ -34,8 +34,9 @@ pub(super) struct Hybrid {
     pub pieces: Pieces,
     bubbles: Bubbles,
     near: Region,
-    /// Blocks around each column of pixels, and how far it lies between them; one row of blocks.
+    /// For each column of pixels, the blocks on both sides and its place between their middles.
     columns: Vec<(usize, usize, f32)>,
+    /// One row of blocks, interpolated between two rows.
     across: Vec<f32>,
     scratch: Scratch,
 }
@@ -125,7 +126,7 @@ impl Hybrid {
     }
 
     /// Marks the pixels of the bore's window that the specimen's blocks cover, with rounded corners.
-    pub fn to_pixels(&mut self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
+    pub fn mark_pixels(&mut self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
         let (w, h, step) = (coarse.width, coarse.height, coarse.step);
         let middle = (step - 1) as f32 / 2.0;
         // Between the middles of blocks, a pixel is inside by bilinear interpolation of the four around it.
@@ -162,7 +163,7 @@ mod tests {
         let mut hybrid = Hybrid::default();
         hybrid.specimen.take(10, (0..100).map(|i| (3..7).contains(&(i % 10)) && (2..6).contains(&(i / 10))));
         let mut inside = Vec::new();
-        hybrid.to_pixels(&coarse, &bore(30, 30), &mut inside);
+        hybrid.mark_pixels(&coarse, &bore(30, 30), &mut inside);
         let pixels = inside.iter().filter(|i| **i).count();
         assert!((4 * 4 * 9 - 8..=4 * 4 * 9 + 28).contains(&pixels), "{pixels}");
         assert!(inside[10 * 30 + 14] && !inside[10 * 30 + 7] && !inside[3 * 30 + 14]);

@@ -18,7 +18,7 @@ const TIME_STEP: f32 = 0.3;
 /// Weight of the pull towards slope 1. It is stable where its product with `TIME_STEP` is below 1/4.
 const DISTANCE_PULL: f32 = 0.3;
 
-/// The front rests where in so many steps less than this share of its blocks, one in so many, came to lie on its other side.
+/// The front rests when in `REST_STEPS` steps fewer than one in `REST_SHARE` of its blocks change sides.
 const REST_STEPS: usize = 5;
 const REST_SHARE: usize = 1000;
 /// Blocks of a row that are moved together where the front passes through one of them.
@@ -135,8 +135,8 @@ impl LevelSet {
         (settings.level_share as f32 * quantile(&mut self.scratch, 0.5)).max(clear)
     }
 
-    /// Leaves out what is further than `REACH` from every block that is darker than `mu`. The front never gets there, but the
-    /// noise of the background is within the band.
+    /// Leaves out the blocks that are further than `REACH` from every block above `mu`. The front never gets there, but the noise
+    /// of the background is within the band.
     fn keep_away_from_background(&mut self, coarse: &Coarse) {
         const REACH: usize = 6;
         let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));
@@ -174,7 +174,8 @@ impl LevelSet {
             let [left, right, above, below] = rows.beside(&self.near, 0, w);
             let front = &mut self.front[rows.here..rows.here + w];
             for u in 0..w {
-                front[u] = within[u] & (near[u] | left[u] | right[u] | above[u] | below[u]);
+                let in_reach = near[u] | left[u] | right[u] | above[u] | below[u];
+                front[u] = within[u] & in_reach;
             }
             self.active.extend(front.chunks(CHUNK).map(|chunk| chunk.iter().fold(false, |any, front| any | front)));
         }
@@ -192,7 +193,7 @@ impl LevelSet {
         }
     }
 
-
+    /// Computes the maps that a step needs, at the front and beside it.
     fn find_normals(&mut self, coarse: &Coarse) {
         let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));
         let [nu, nv] = &mut self.normal;
@@ -218,7 +219,7 @@ impl LevelSet {
         repeat_ends(fu, w);
     }
 
-    /// Moves the front by one step. Returns the number of blocks that then lie on its other side.
+    /// Moves the front by one step. Returns the number of blocks that change sides.
     fn move_front(&mut self, coarse: &Coarse, edge: f32) -> usize {
         let mut flipped = 0;
         let (w, chunks) = (coarse.width, coarse.width.div_ceil(CHUNK));

@@ -62,7 +62,7 @@ struct Shift {
 struct Basis {
     /// The rows of `W`.
     rows: [Vector; COURSES],
-    /// Sums of the profiles times the inverse of the level's weight.
+    /// Sums of the profiles times the inverse weight of the level.
     level: Vector,
 }
 
@@ -156,9 +156,7 @@ impl Onsets {
                 right[i] += y * courses[i];
             }
         }
-        for i in 0..COURSES {
-            right[i] -= basis.level[i] * seen.sum;
-        }
+        right.iter_mut().zip(&basis.level).for_each(|(right, level)| *right -= level * seen.sum);
         let (height, explained) = basis.non_negative(&right);
         Fit { energy: seen.energy, residual: (seen.energy - explained).max(0.0), height, samples: n }
     }
@@ -175,7 +173,7 @@ pub(super) struct Seen<'a> {
     energy: f32,
 }
 
-/// Weight of the free level that is projected out. A ridge keeps the level near 0.
+/// Inverse weight of the free level, which is projected out. A ridge keeps the level near 0.
 fn free(samples: usize) -> f32 {
     1.0 / (samples as f32 + 1.0 / (LEVEL_SIGMA * LEVEL_SIGMA))
 }
@@ -197,15 +195,10 @@ impl Basis {
             }
             let normal = sum(&|c| c[i] * c[i]) - sums[i] * sums[i] * free + RIDGE;
             lower[i][i] = (normal - (0..i).map(|k| lower[i][k] * lower[i][k]).sum::<f64>()).max(1e-6).sqrt();
-            inverse[i][i] = 1.0 / lower[i][i];
-            for j in 0..i {
-                inverse[i][j] = -(j..i).map(|k| lower[i][k] * inverse[k][j]).sum::<f64>() / lower[i][i];
-            }
+            let unit = |j: usize| if j == i { 1.0 } else { 0.0 };
+            inverse[i] = std::array::from_fn(|j| (unit(j) - (0..i).map(|k| lower[i][k] * inverse[k][j]).sum::<f64>()) / lower[i][i]);
         }
-        Self {
-            rows: inverse.map(|row| row.map(|value| value as f32)),
-            level: sums.map(|sum| (sum * free) as f32),
-        }
+        Self { rows: inverse.map(|row| row.map(|value| value as f32)), level: sums.map(|sum| (sum * free) as f32) }
     }
 
     /// Non-negative least squares: the solution without constraint, and again without the most negative coefficient until none is
@@ -214,7 +207,6 @@ impl Basis {
     fn non_negative(&self, right: &Vector) -> (f32, f32) {
         let mut rows = self.rows;
         let mut z = rows.map(|row| dot(&row, right));
-        // Without the coefficients that were negative, the others may become so one after the other.
         for _ in 0..COURSES {
             let x = sum_of_rows(&rows, &z);
             let worst = (1..COURSES).fold(0, |worst, i| if x[i] < x[worst] { i } else { worst });

@@ -58,7 +58,7 @@ pub(super) fn trace(inside: &[bool], width: usize, top: usize, least: usize, use
     used.clear();
     used.resize(inside.len(), false);
     for start in 0..inside.len() {
-        // Most pixels begin no outline, and to tell where they are would take longer than all else.
+        // Most pixels start no outline. A position needs a division, so it is computed only for those that do.
         if !inside[start] || used[start] || (start >= width && inside[start - width]) {
             continue;
         }

@@ -47,7 +47,9 @@ impl Path {
             }
             // Only differences matter.
             let level = next[0];
-            next.iter_mut().for_each(|cost| *cost -= level);
+            for cost in next {
+                *cost -= level;
+            }
             std::mem::swap(&mut self.before, &mut self.next);
         }
         let mut k = (0..states).min_by(|&a, &b| self.before[REACH + a].total_cmp(&self.before[REACH + b])).unwrap_or(0);

@@ -50,7 +50,7 @@ pub(super) fn gaussian(sigma: f64, kernel: &mut Vec<f32>) {
     kernel.extend((-reach..=reach).map(|k| (weight(k) / sum) as f32));
 }
 
-/// Sums that are computed at once. One sum would have to wait for each addition.
+/// Number of interleaved sums. The processor computes them at once, whereas a single sum waits for each addition.
 const LANES: usize = 8;
 
 /// The sum of `value` over the values.
@@ -74,7 +74,7 @@ pub(super) fn sum_of_pairs(a: &[f32], b: &[f32], value: impl Fn(f32, f32) -> f32
     sums.iter().sum()
 }
 
-/// The value at `share` (0 to 1) of the sorted values; 0 for none. Its input is memory afterwards.
+/// The value at `share` (0 to 1) of the sorted values; 0 for none. Overwrites its input.
 pub(super) fn quantile(values: &mut [f32], share: f64) -> f32 {
     /// Buckets, by the leading bits of a value. Sorting fewer values than that takes no longer than counting.
     const BUCKETS: usize = 4096;
@@ -90,7 +90,9 @@ pub(super) fn quantile(values: &mut [f32], share: f64) -> f32 {
             ((if value.is_sign_negative() { !bits } else { bits | 1 << 31 }) >> (u32::BITS - BUCKETS.ilog2())) as usize
         };
         let mut counts = [0u32; BUCKETS];
-        values.iter().for_each(|value| counts[bucket(*value)] += 1);
+        for value in &*values {
+            counts[bucket(*value)] += 1;
+        }
         let mut chosen = 0;
         while rank >= counts[chosen] as usize {
             rank -= counts[chosen] as usize;

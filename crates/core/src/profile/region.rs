@@ -148,13 +148,14 @@ impl Region {
                 let mut enters = round == 0;
                 for beside in [before.rchunks_exact(w).next(), after.chunks_exact(w).next()].into_iter().flatten() {
                     for u in 0..w {
-                        let new = beside[u] & !set[u] & !row[u];
+                        let free = !(set[u] | row[u]);
+                        let new = beside[u] & free;
                         row[u] |= new;
                         enters |= new;
                     }
                 }
                 if enters {
-                    let mut along = |u: usize, from: usize| row[u] |= row[from] & !set[u];
+                    let mut along = |u: usize, from: usize| row[u] = row[u] || row[from] && !set[u];
                     (1..w).for_each(|u| along(u, u - 1));
                     (1..w).rev().for_each(|u| along(u - 1, u));
                     flows = true;

@@ -178,7 +178,7 @@ impl Segmenter {
         self.background.take_away(&bore, picture, empty);
         self.coarse.fill(&bore, &self.background.contrast, settings.wall_margin_px);
         self.hybrid.find(&self.coarse, &bore, settings);
-        self.hybrid.to_pixels(&self.coarse, &bore, &mut self.inside);
+        self.hybrid.mark_pixels(&self.coarse, &bore, &mut self.inside);
 
         if settings.method == Method::Hybrid {
             self.hybrid.remove_specks(&mut self.background.contrast.lightness, &self.coarse);

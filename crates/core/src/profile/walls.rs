@@ -326,7 +326,7 @@ impl Votes {
         }
         let (course, count) = (best.2, dips.len() as f32);
         score(course);
-        // As nearly as the share can be rounded.
+        // With a tolerance for the rounding of the share.
         let least = 0.999 * settings.min_support as f32 * count;
         // The depth is needed where a line may be, and beside it.
         self.asked.clear();

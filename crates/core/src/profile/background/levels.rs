@@ -149,7 +149,7 @@ impl Levels {
         let cols = table.cols;
         let inner = MARGIN_PX + 2..table.rows.saturating_sub(MARGIN_PX + 2);
         self.scratch.clear();
-        // Half of the rows determine it to a hundredth.
+        // Half of the rows determine it to 1 %.
         for t in inner.step_by(2) {
             let level = self.profile[t];
             self.scratch.extend(self.even[t * cols..(t + 1) * cols].iter().map(|e| (e - level).abs()).filter(|off| *off <= 3.0 * sigma));

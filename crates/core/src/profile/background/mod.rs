@@ -92,7 +92,7 @@ pub(in crate::profile) struct Contrast {
 pub(super) struct Background {
     table: Table,
     levels: Levels,
-    /// The level of each row of the table, its slope from row to row, and how much both differ in the next row.
+    /// The level of each row of the table, its slope from row to row, and the changes of both to the next row.
     rungs: Vec<[f32; 4]>,
     columns: Columns,
     row: Row,
@@ -177,7 +177,7 @@ impl Background {
                 }
             }
             for u in 0..width {
-                // A signed number of 32 bits is what the processor converts to.
+                // The processor converts directly to signed integers of 32 bits.
                 let below = t[u] as i32 as usize;
                 let part = t[u] - below as f32;
                 let [l, s, next_l, next_s] = self.rungs[below];

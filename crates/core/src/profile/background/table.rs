@@ -17,7 +17,7 @@ pub(super) struct Table {
     pub along: Vec<[f64; ALONG]>,
     /// Sums of the pixels of each cell, for every row of the picture in the window.
     sums: Vec<u32>,
-    /// Picture row of each column's upper wall, and picture rows per table row.
+    /// Picture row of table row 0 in each column of cells, and picture rows per table row.
     courses: Vec<(f64, f64)>,
     /// The light beside the capillary in each column of cells: at table row 0, and its slope per row.
     beside: Vec<[f32; 2]>,
