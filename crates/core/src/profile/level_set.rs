@@ -18,9 +18,8 @@ const TIME_STEP: f32 = 0.3;
 /// Weight of the pull towards slope 1. It is stable where its product with `TIME_STEP` is below 1/4.
 const DISTANCE_PULL: f32 = 0.3;
 
-/// The front rests when in `REST_STEPS` steps fewer than one in `REST_SHARE` of its blocks change sides.
+/// The front rests when no block changes sides in so many steps.
 const REST_STEPS: usize = 5;
-const REST_SHARE: usize = 1000;
 /// Blocks of a row that are moved together where the front passes through one of them.
 const CHUNK: usize = 8;
 
@@ -113,7 +112,7 @@ impl LevelSet {
             self.find_normals(coarse);
             flipped += self.move_front(coarse, settings.edge as f32);
             if step % REST_STEPS == 0 {
-                if flipped * REST_SHARE < self.front.iter().filter(|front| **front).count() {
+                if flipped == 0 {
                     break;
                 }
                 flipped = 0;
