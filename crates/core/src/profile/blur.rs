@@ -17,8 +17,15 @@ const READ_HIGH: f64 = 1.05;
 /// The blur, px, near an expected one, and the kind of edges, with the smallest residual. Rounded edges are accepted where they
 /// explain `rounded_better` times more than sharp ones.
 pub(super) fn estimated(near_px: f64, rounded_better: f64, mut residual: impl FnMut(f64, Kind) -> f64) -> (f64, Kind) {
-    let mut least = |kind: Kind| least_near(Models::step(near_px), |step| residual(Models::blur_px(step), kind));
-    let (sharp, rounded) = (least(Kind::Sharp), least(Kind::Rounded));
+    /// The right blur lowers the residual of rounded edges by this factor at most.
+    const BETTER_BLUR: f64 = 4.0;
+    let start = Models::step(near_px);
+    let sharp = least_near(start, |step| residual(Models::blur_px(step), Kind::Sharp));
+    let rounded = residual(Models::blur_px(sharp.0.round() as i32), Kind::Rounded);
+    if rounded * rounded_better > BETTER_BLUR * sharp.1 {
+        return (Models::blur_px_between(sharp.0) / READ_HIGH, Kind::Sharp);
+    }
+    let rounded = least_near(start, |step| residual(Models::blur_px(step), Kind::Rounded));
     let (best, kind) = if rounded.1 * rounded_better < sharp.1 { (rounded, Kind::Rounded) } else { (sharp, Kind::Sharp) };
     (Models::blur_px_between(best.0) / READ_HIGH, kind)
 }
@@ -61,6 +68,9 @@ impl Models {
 /// the place and the smallest residual.
 fn least_near(start: i32, mut residual: impl FnMut(i32) -> f64) -> (f64, f64) {
     let bounds = Models::step(Models::RANGE_PX.0)..=Models::step(Models::RANGE_PX.1);
+    // The neighbours of the best step are asked for twice.
+    let mut known = [None; 64];
+    let mut residual = |step: i32| *known[(step - bounds.start()) as usize % known.len()].get_or_insert_with(|| residual(step));
     let mut best = (start, residual(start));
     for stride in [4, -4, 2, -2] {
         while bounds.contains(&(best.0 + stride)) {

@@ -16,24 +16,30 @@ pub(super) fn depth(width: usize, set: impl ExactSizeIterator<Item = bool>, dept
     let far = (w + len / w.max(1)) as f32;
     depth.clear();
     depth.extend(set.map(|set| if set { far } else { 0.0 }));
-    let mut relax = |at: usize, from: Option<usize>, step: f32| {
-        if let Some(from) = from {
-            depth[at] = depth[at].min(depth[from] + step);
-        }
+    // What comes from the row before depends on no other cell of the row, so that many cells are computed at once.
+    let from_row = |row: &mut [f32], before: &[f32]| {
+        let relax = |depth: &mut f32, other: f32| *depth = if other < *depth { other } else { *depth };
+        row.iter_mut().zip(before).for_each(|(depth, other)| relax(depth, other + 1.0));
+        row[1..].iter_mut().zip(before).for_each(|(depth, other)| relax(depth, other + ASLANT));
+        row.iter_mut().zip(&before[1..]).for_each(|(depth, other)| relax(depth, other + ASLANT));
     };
-    for at in 0..len {
-        let (up, left, right) = (at >= w, at % w > 0, at % w + 1 < w);
-        relax(at, left.then(|| at - 1), 1.0);
-        relax(at, up.then(|| at - w), 1.0);
-        relax(at, (up && left).then(|| at - w - 1), ASLANT);
-        relax(at, (up && right).then(|| at - w + 1), ASLANT);
+    let step = |before: f32, depth: &mut f32| {
+        *depth = depth.min(before + 1.0);
+        *depth
+    };
+    for at in (0..len).step_by(w.max(1)) {
+        let (before, row) = depth.split_at_mut(at);
+        if at > 0 {
+            from_row(&mut row[..w], &before[at - w..]);
+        }
+        row[..w].iter_mut().fold(far, step);
     }
-    for at in (0..len).rev() {
-        let (down, left, right) = (at + w < len, at % w > 0, at % w + 1 < w);
-        relax(at, right.then(|| at + 1), 1.0);
-        relax(at, down.then(|| at + w), 1.0);
-        relax(at, (down && right).then(|| at + w + 1), ASLANT);
-        relax(at, (down && left).then(|| at + w - 1), ASLANT);
+    for at in (0..len).step_by(w.max(1)).rev() {
+        let (row, next) = depth[at..].split_at_mut(w);
+        if !next.is_empty() {
+            from_row(row, &next[..w]);
+        }
+        row.iter_mut().rev().fold(far, step);
     }
 }
 

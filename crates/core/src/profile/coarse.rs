@@ -43,14 +43,14 @@ impl Coarse {
         self.step = ((bore.mean_px / ROWS).round() as usize).max(1);
         (self.width, self.height) = (bore.width.div_ceil(self.step), bore.height().div_ceil(self.step));
         let grey = contrast.colour.is_empty();
-        average(&contrast.lightness.data, bore, self.step, &mut self.lightness);
-        average(&contrast.darkness.data, bore, self.step, &mut self.opacity);
+        average(&contrast.lightness.data, bore, self.step, &mut self.scratch, &mut self.lightness);
+        average(&contrast.darkness.data, bore, self.step, &mut self.scratch, &mut self.opacity);
         self.opacity.iter_mut().for_each(|o| *o /= contrast.all_light);
         if grey {
             self.colour.clear();
             self.colour.resize(self.lightness.len(), 0.0);
         } else {
-            average(&contrast.colour, bore, self.step, &mut self.colour);
+            average(&contrast.colour, bore, self.step, &mut self.scratch, &mut self.colour);
         }
         self.mark_within(bore, wall_margin_px);
         // The error of the model in the unit of the maps, which is a pixel's noise.
@@ -92,21 +92,22 @@ impl Coarse {
     }
 }
 
-/// Means of blocks. Those at the far ends are means of the pixels that exist.
-fn average(data: &[f32], bore: &Bore, step: usize, out: &mut Vec<f32>) {
-    let width = bore.width.div_ceil(step);
+/// Means of blocks. Those at the far ends are means of the pixels that exist. `across` is memory.
+fn average(data: &[f32], bore: &Bore, step: usize, across: &mut Vec<f32>, out: &mut Vec<f32>) {
     out.clear();
-    out.resize(width * bore.height().div_ceil(step), 0.0);
-    for (t, row) in out.chunks_exact_mut(width).enumerate() {
-        let lines = t * step..((t + 1) * step).min(bore.height());
-        for v in lines.clone() {
-            for (sum, block) in row.iter_mut().zip(data[v * bore.width..(v + 1) * bore.width].chunks(step)) {
-                *sum += block.iter().sum::<f32>();
-            }
+    for rows in data[..bore.width * bore.height()].chunks(bore.width * step) {
+        let height = rows.len() / bore.width;
+        across.clear();
+        across.extend_from_slice(&rows[..bore.width]);
+        for row in rows[bore.width..].chunks_exact(bore.width) {
+            across.iter_mut().zip(row).for_each(|(sum, x)| *sum += x);
         }
-        for (k, sum) in row.iter_mut().enumerate() {
-            let columns = ((k + 1) * step).min(bore.width) - k * step;
-            *sum /= (columns * lines.len()) as f32;
+        let whole = across.chunks_exact(step);
+        let rest = whole.remainder();
+        let share = 1.0 / (step * height) as f32;
+        out.extend(whole.map(|block| block.iter().sum::<f32>() * share));
+        if !rest.is_empty() {
+            out.push(rest.iter().sum::<f32>() / (rest.len() * height) as f32);
         }
     }
 }
@@ -145,7 +146,7 @@ mod tests {
     fn blocks_are_means_also_where_they_are_cut() {
         let data: Vec<f32> = (0..5 * 3).map(|i| i as f32).collect();
         let mut out = Vec::new();
-        average(&data, &bore(5, 3), 2, &mut out);
+        average(&data, &bore(5, 3), 2, &mut Vec::new(), &mut out);
         assert_eq!(out, [3.0, 5.0, 6.5, 10.5, 12.5, 14.0]);
     }
 

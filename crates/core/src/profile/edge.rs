@@ -186,7 +186,7 @@ impl EdgeFinder {
                     } else if place.fringe && model.place_px(k as f64).abs() > FRINGE_PX {
                         (OUT_OF_REACH, 0.0)
                     } else {
-                        let fit = model.fit(k, k, &self.samples[i][..place.seen]);
+                        let fit = model.fit(k, &model.seen(k, &self.samples[i][..place.seen]));
                         if fit.samples == 0 {
                             // Beyond the middle of something thin.
                             self.path.costs.push(OUT_OF_REACH);
@@ -282,29 +282,44 @@ fn noise2(settings: &EdgeSettings) -> f32 {
     1.0 / (2.0 * std::f32::consts::PI.sqrt() * settings.along_px as f32).max(1.0)
 }
 
-/// Follows the residual from shift `k` down to its least value near by, in one window for all shifts, so that they explain
+/// Follows the residual from shift `k` downhill to its least value near by, in one window for all shifts, so that they explain
 /// the same samples; then between the shifts by a parabola. Gives the place, in shifts, and the residual there.
 fn settle(model: &Onsets, k: usize, samples: &[f32]) -> (f64, f32) {
     const ROUNDS: usize = 4;
     let (mut window, mut found) = (k, (k as f64, 0.0));
     for _ in 0..ROUNDS {
         let (first, last) = (window.saturating_sub(NEAR), (window + NEAR).min(model.count() - 1));
-        let mut row = [f32::INFINITY; 2 * NEAR + 1];
-        for (residual, j) in row.iter_mut().zip(first..=last) {
-            *residual = model.fit(j, window, samples).residual;
+        let seen = model.seen(window, samples);
+        let mut row = [f32::NAN; 2 * NEAR + 1];
+        let mut residual = |j: usize| {
+            let known = &mut row[j - first];
+            if known.is_nan() {
+                *known = model.fit(j, &seen).residual;
+            }
+            *known
+        };
+        let mut best = window;
+        loop {
+            let here = residual(best);
+            if best > first && residual(best - 1) < here {
+                best -= 1;
+            } else if best < last && residual(best + 1) < here {
+                best += 1;
+            } else {
+                break;
+            }
         }
-        let best = (0..row.len()).min_by(|&a, &b| row[a].total_cmp(&row[b])).unwrap_or(0);
-        found = ((first + best) as f64, row[best]);
-        if 0 < best && first + best < last {
-            let (a, b, c) = (row[best - 1], row[best], row[best + 1]);
+        found = (best as f64, residual(best));
+        if first < best && best < last {
+            let (a, b, c) = (residual(best - 1), residual(best), residual(best + 1));
             let bend = a - 2.0 * b + c;
             let part = if bend <= 1e-9 { 0.0 } else { (0.5 * (a - c) / bend).clamp(-0.5, 0.5) };
             found = (found.0 + f64::from(part), (b - 0.25 * (a - c) * part).max(0.0));
         }
-        if first + best == window {
+        if best == window {
             break;
         }
-        window = first + best;
+        window = best;
     }
     found
 }
@@ -415,7 +430,7 @@ mod tests {
     fn placed(model: &Onsets, samples: &[f32]) -> f64 {
         let noise2 = noise2(&EdgeSettings::default());
         let cost = |k: usize| {
-            let fit = model.fit(k, k, samples);
+            let fit = model.fit(k, &model.seen(k, samples));
             (2.0 * fit.residual - fit.energy) / (noise2 * fit.samples as f32 + fit.energy)
         };
         let first = (0..model.count()).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap();

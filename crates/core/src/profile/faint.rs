@@ -13,7 +13,9 @@ pub(super) struct Faint {
     /// Lightness or colour, whichever is the greater. 0 where too few blocks count.
     pub contrast: Vec<f32>,
     /// Sums of lightness and colour, and number of blocks, over the columns of the window.
-    rows: Vec<[f32; 3]>,
+    rows: [Vec<f32>; 3],
+    /// The same over the rows of the window as well.
+    sums: [Vec<f32>; 3],
 }
 
 impl Faint {
@@ -21,19 +23,44 @@ impl Faint {
     /// everything faint around it.
     pub fn find(&mut self, coarse: &Coarse, counts: impl Fn(usize) -> bool) {
         let (w, h) = (coarse.width, coarse.height);
-        let window = |at: usize, end: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(end);
-        let sum = |values: &mut dyn Iterator<Item = [f32; 3]>| values.fold([0.0; 3], |s, x| [s[0] + x[0], s[1] + x[1], s[2] + x[2]]);
-        self.rows.clear();
+        self.rows.iter_mut().for_each(Vec::clear);
         for v in 0..h {
             let block = |u: usize| if counts(v * w + u) { [coarse.lightness[v * w + u], coarse.colour[v * w + u], 1.0] } else { [0.0; 3] };
-            self.rows.extend((0..w).map(|u| sum(&mut window(u, w).map(block))));
+            // The sum moves with the window: the block that enters it is added, the one that leaves it is subtracted.
+            let mut sum = [0.0f32; 3];
+            let add = |sum: &mut [f32; 3], sign: f32, u: usize| sum.iter_mut().zip(block(u)).for_each(|(sum, x)| *sum += sign * x);
+            (0..REACH.min(w)).for_each(|u| add(&mut sum, 1.0, u));
+            for u in 0..w {
+                if u + REACH < w {
+                    add(&mut sum, 1.0, u + REACH);
+                }
+                if u > REACH {
+                    add(&mut sum, -1.0, u - REACH - 1);
+                }
+                self.rows.iter_mut().zip(sum).for_each(|(row, sum)| row.push(sum));
+            }
+        }
+        for (sums, rows) in self.sums.iter_mut().zip(&self.rows) {
+            sums.clear();
+            sums.resize(w, 0.0);
+            let row = |v: usize| &rows[v * w..(v + 1) * w];
+            (0..REACH.min(h)).for_each(|v| sums.iter_mut().zip(row(v)).for_each(|(sum, x)| *sum += x));
         }
         self.contrast.clear();
         for v in 0..h {
-            self.contrast.extend((0..w).map(|u| {
-                let [lightness, colour, n] = sum(&mut window(v, h).map(|y| self.rows[y * w + u]));
-                if n < LEAST { 0.0 } else { lightness.max(colour.abs()) / n }
-            }));
+            for (sums, rows) in self.sums.iter_mut().zip(&self.rows) {
+                let row = |v: usize| &rows[v * w..(v + 1) * w];
+                if v + REACH < h {
+                    sums.iter_mut().zip(row(v + REACH)).for_each(|(sum, x)| *sum += x);
+                }
+                if v > REACH {
+                    sums.iter_mut().zip(row(v - REACH - 1)).for_each(|(sum, x)| *sum -= x);
+                }
+            }
+            let [lightness, colour, n] = &self.sums;
+            let places = lightness.iter().zip(colour).zip(n);
+            // The number of blocks is a sum of ones and is exact.
+            self.contrast.extend(places.map(|((l, c), n)| if *n < LEAST { 0.0 } else { l.max(c.abs()) / n }));
         }
     }
 }

@@ -34,6 +34,10 @@ pub(super) struct Hybrid {
     pub pieces: Pieces,
     bubbles: Bubbles,
     near: Region,
+    /// For each column of pixels, the blocks on both sides and its place between their middles.
+    columns: Vec<(usize, usize, f32)>,
+    /// One row of blocks, interpolated between two rows.
+    across: Vec<f32>,
     scratch: Scratch,
 }
 
@@ -122,23 +126,26 @@ impl Hybrid {
     }
 
     /// Marks the pixels of the bore's window that the specimen's blocks cover, with rounded corners.
-    pub fn to_pixels(&self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
+    pub fn mark_pixels(&mut self, coarse: &Coarse, bore: &Bore, inside: &mut Vec<bool>) {
         let (w, h, step) = (coarse.width, coarse.height, coarse.step);
         let middle = (step - 1) as f32 / 2.0;
         // Between the middles of blocks, a pixel is inside by bilinear interpolation of the four around it.
         let place = |at: usize, last: usize| {
             let x = ((at as f32 - middle) / step as f32).clamp(0.0, (last - 1) as f32);
-            (x as usize, (x as usize + 1).min(last - 1), x.fract())
+            (x as usize, (x as usize + 1).min(last - 1), x - (x as usize) as f32)
         };
+        let columns = &mut self.columns;
+        columns.clear();
+        columns.extend((0..bore.width).map(|u| place(u, w)));
         inside.clear();
         for v in 0..bore.height() {
             let (v0, v1, fv) = place(v, h);
-            for u in 0..bore.width {
-                let (u0, u1, fu) = place(u, w);
-                let is = |u: usize, v: usize| f32::from(self.specimen.set[v * w + u]);
-                let (upper, lower) = (is(u0, v0) + fu * (is(u1, v0) - is(u0, v0)), is(u0, v1) + fu * (is(u1, v1) - is(u0, v1)));
-                inside.push(upper + fv * (lower - upper) > 0.5 - 1e-3);
-            }
+            let (upper, lower) = (&self.specimen.set[v0 * w..][..w], &self.specimen.set[v1 * w..][..w]);
+            let between = |(upper, lower): (&bool, &bool)| f32::from(*upper) + fv * (f32::from(*lower) - f32::from(*upper));
+            self.across.clear();
+            self.across.extend(upper.iter().zip(lower).map(between));
+            let across = &self.across[..w];
+            inside.extend(columns.iter().map(|&(u0, u1, fu)| across[u0] + fu * (across[u1] - across[u0]) > 0.5 - 1e-3));
         }
     }
 }
@@ -156,7 +163,7 @@ mod tests {
         let mut hybrid = Hybrid::default();
         hybrid.specimen.take(10, (0..100).map(|i| (3..7).contains(&(i % 10)) && (2..6).contains(&(i / 10))));
         let mut inside = Vec::new();
-        hybrid.to_pixels(&coarse, &bore(30, 30), &mut inside);
+        hybrid.mark_pixels(&coarse, &bore(30, 30), &mut inside);
         let pixels = inside.iter().filter(|i| **i).count();
         assert!((4 * 4 * 9 - 8..=4 * 4 * 9 + 28).contains(&pixels), "{pixels}");
         assert!(inside[10 * 30 + 14] && !inside[10 * 30 + 7] && !inside[3 * 30 + 14]);

@@ -30,7 +30,6 @@ const WINDOW_PX: f64 = 1.5;
 /// The profiles of darkness: step, two rims, root.
 const COURSES: usize = 4;
 type Vector = [f32; COURSES];
-type Matrix = [[f32; COURSES]; COURSES];
 
 /// The fit of one shift at one place.
 #[derive(Debug, Clone, Copy)]
@@ -50,10 +49,21 @@ struct Shift {
     upto: usize,
     /// By sample, so that all profiles are summed together.
     courses: [Vector; SAMPLES],
-    /// `grams[n]`: products of the profiles over the first `n` samples of the window, and their sums.
-    grams: Vec<(Matrix, Vector)>,
-    /// The same over all samples of the windows of the shifts from [`NEAR`] before to `NEAR` after this one.
-    near: Vec<(Matrix, Vector)>,
+    /// `first[n]`: the basis over the first `n` samples of the window.
+    first: Vec<Basis>,
+    /// The bases over all samples of the windows of the shifts from [`NEAR`] before to `NEAR` after this one.
+    near: Vec<Basis>,
+}
+
+/// The profiles of a shift over the samples of a window, with the free level projected out. Their products are the matrix `N` of
+/// the normal equations. With `N = L L'` and `W = L^-1`, a right-hand side `r` gives `z = W r`, the solution `x = W' z`, and the
+/// explained energy `z z`. So a fit needs no equations to be solved.
+#[derive(Debug, Clone, Copy)]
+struct Basis {
+    /// The rows of `W`.
+    rows: [Vector; COURSES],
+    /// Sums of the profiles times the inverse weight of the level.
+    level: Vector,
 }
 
 /// How far the window of a fit lies from its shift, in shifts.
@@ -82,6 +92,7 @@ impl Onsets {
         let per_px = SHIFTS_PER_PX as f64;
         let (first, last) = ((-search_px[0] * per_px).round() as i32, (search_px[1] * per_px).round() as i32);
         let courses = Courses::new(sigma);
+        let used = [true, true, true, kind == Kind::Rounded];
         let index = |s: f64| ((s + REACH_PX as f64) * PER_PX as f64).round().clamp(0.0, (SAMPLES - 1) as f64) as usize;
         let window = |k: i32| {
             let e = f64::from(k) / per_px;
@@ -94,12 +105,13 @@ impl Onsets {
                 let courses = courses.at(|i| i as f64 / PER_PX as f64 - REACH_PX as f64 - e);
                 let near = (k - NEAR as i32..=k + NEAR as i32).map(|other| {
                     let (from, upto) = window(other);
-                    gram_over(&courses, from, upto)
+                    Basis::over(&courses[from..upto], used)
                 });
-                Shift { from, upto, grams: grams(&courses, from, upto), near: near.collect(), courses }
+                let first = (from..=upto).map(|end| Basis::over(&courses[from..end], used)).collect();
+                Shift { from, upto, first, near: near.collect(), courses }
             })
             .collect();
-        Self { shifts, first_px: f64::from(first) / per_px, used: [true, true, true, kind == Kind::Rounded] }
+        Self { shifts, first_px: f64::from(first) / per_px, used }
     }
 
     pub fn count(&self) -> usize {
@@ -111,101 +123,126 @@ impl Onsets {
         self.first_px + shift / SHIFTS_PER_PX as f64
     }
 
-    /// Least-squares fit of the profiles of shift `k` to the samples, over the window of shift `window`.
-    pub fn fit(&self, k: usize, window: usize, samples: &[f32]) -> Fit {
-        let shift = &self.shifts[k];
+    /// The samples that the window of a shift contains.
+    pub fn seen<'a>(&self, window: usize, samples: &'a [f32]) -> Seen<'a> {
         let w = &self.shifts[window];
         let (from, upto) = (w.from.min(samples.len()), w.upto.min(samples.len()));
-        let n = upto - from;
-        let (gram, sums) = match (window + NEAR).checked_sub(k).and_then(|off| shift.near.get(off)) {
-            _ if k == window => shift.grams[n],
-            Some(near) if n == w.upto - w.from => *near,
-            _ => gram_over(&shift.courses, from, upto),
-        };
-        let seen = &samples[from..upto];
-        let (mut sum, mut yy) = (0.0f32, 0.0f32);
-        for &y in seen {
+        let values = &samples[from..upto];
+        let (mut sum, mut squares) = (0.0f32, 0.0f32);
+        for &y in values {
             sum += y;
-            yy += y * y;
+            squares += y * y;
         }
-        let mut right: Vector = [0.0; COURSES];
-        for (y, courses) in seen.iter().zip(&shift.courses[from..upto]) {
-            right.iter_mut().zip(courses).for_each(|(sum, c)| *sum += y * c);
-        }
-        // The free level is projected out; a ridge keeps it near 0.
-        let free = 1.0 / (n as f32 + 1.0 / (LEVEL_SIGMA * LEVEL_SIGMA));
-        let mut normal = gram;
-        for i in 0..COURSES {
-            for j in 0..COURSES {
-                normal[i][j] -= sums[i] * sums[j] * free;
+        let energy = (squares - sum * sum * free(values.len())).max(0.0);
+        Seen { window, from, complete: upto == w.upto, values, sum, energy }
+    }
+
+    /// Least-squares fit of the profiles of shift `k` to the samples of a window.
+    pub fn fit(&self, k: usize, seen: &Seen) -> Fit {
+        let shift = &self.shifts[k];
+        let n = seen.values.len();
+        let courses = &shift.courses[seen.from..seen.from + n];
+        let built;
+        let basis = match (seen.window + NEAR).checked_sub(k).and_then(|off| shift.near.get(off)) {
+            Some(near) if seen.complete => near,
+            _ if k == seen.window => &shift.first[n],
+            _ => {
+                built = Basis::over(courses, self.used);
+                &built
             }
-            normal[i][i] += 2e-5;
-            right[i] -= sums[i] * sum * free;
+        };
+        let mut right: Vector = [0.0; COURSES];
+        for (y, courses) in seen.values.iter().zip(courses) {
+            for i in 0..COURSES {
+                right[i] += y * courses[i];
+            }
         }
-        let energy = (yy - sum * sum * free).max(0.0);
-        let (heights, explained) = non_negative(&normal, &right, self.used);
-        Fit { energy, residual: (energy - explained).max(0.0), height: heights.iter().sum(), samples: n }
+        right.iter_mut().zip(&basis.level).for_each(|(right, level)| *right -= level * seen.sum);
+        let (height, explained) = basis.non_negative(&right);
+        Fit { energy: seen.energy, residual: (seen.energy - explained).max(0.0), height, samples: n }
     }
 }
 
-/// Products of the profiles over the first samples of a window, for every number of them.
-fn grams(courses: &[Vector; SAMPLES], from: usize, upto: usize) -> Vec<(Matrix, Vector)> {
-    let mut gram = ([[0.0; COURSES]; COURSES], [0.0; COURSES]);
-    let mut all = vec![gram];
-    for at in &courses[from..upto] {
-        add_to(&mut gram, at);
-        all.push(gram);
+/// The samples in a window.
+pub(super) struct Seen<'a> {
+    window: usize,
+    from: usize,
+    /// Whether the window has no samples beyond these.
+    complete: bool,
+    values: &'a [f32],
+    sum: f32,
+    energy: f32,
+}
+
+/// Inverse weight of the free level, which is projected out. A ridge keeps the level near 0.
+fn free(samples: usize) -> f32 {
+    1.0 / (samples as f32 + 1.0 / (LEVEL_SIGMA * LEVEL_SIGMA))
+}
+
+impl Basis {
+    /// The basis of the profiles in use over these samples.
+    fn over(courses: &[Vector], used: [bool; COURSES]) -> Self {
+        const RIDGE: f64 = 2e-5;
+        let free = f64::from(free(courses.len()));
+        let sum = |of: &dyn Fn(&Vector) -> f32| courses.iter().map(|c| f64::from(of(c))).sum::<f64>();
+        let sums: [f64; COURSES] = std::array::from_fn(|i| sum(&|c| c[i]));
+        // By Cholesky decomposition, row by row: `lower` is L, and `inverse` is W.
+        let (mut lower, mut inverse) = ([[0.0f64; COURSES]; COURSES], [[0.0f64; COURSES]; COURSES]);
+        for i in (0..COURSES).filter(|&i| used[i]) {
+            for j in 0..i {
+                let normal = sum(&|c| c[i] * c[j]) - sums[i] * sums[j] * free;
+                let known: f64 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
+                lower[i][j] = (normal - known) / lower[j][j];
+            }
+            let normal = sum(&|c| c[i] * c[i]) - sums[i] * sums[i] * free + RIDGE;
+            lower[i][i] = (normal - (0..i).map(|k| lower[i][k] * lower[i][k]).sum::<f64>()).max(1e-6).sqrt();
+            let unit = |j: usize| if j == i { 1.0 } else { 0.0 };
+            inverse[i] = std::array::from_fn(|j| (unit(j) - (0..i).map(|k| lower[i][k] * inverse[k][j]).sum::<f64>()) / lower[i][i]);
+        }
+        Self { rows: inverse.map(|row| row.map(|value| value as f32)), level: sums.map(|sum| (sum * free) as f32) }
     }
-    all
-}
 
-fn gram_over(courses: &[Vector; SAMPLES], from: usize, upto: usize) -> (Matrix, Vector) {
-    let mut gram = ([[0.0; COURSES]; COURSES], [0.0; COURSES]);
-    courses[from..upto].iter().for_each(|at| add_to(&mut gram, at));
-    gram
-}
-
-fn add_to((gram, sums): &mut (Matrix, Vector), at: &Vector) {
-    for (row, a) in gram.iter_mut().zip(at) {
-        row.iter_mut().zip(at).for_each(|(product, b)| *product += a * b);
+    /// Non-negative least squares: the solution without constraint, and again without the most negative coefficient until none is
+    /// negative. A coefficient stays 0 where its column of `W` is projected out of `z` and of the other columns. Returns the sum of
+    /// the coefficients and the energy that they explain.
+    fn non_negative(&self, right: &Vector) -> (f32, f32) {
+        let mut rows = self.rows;
+        let mut z = rows.map(|row| dot(&row, right));
+        for _ in 0..COURSES {
+            let x = sum_of_rows(&rows, &z);
+            let worst = (1..COURSES).fold(0, |worst, i| if x[i] < x[worst] { i } else { worst });
+            if x[worst] >= 0.0 {
+                return (x.iter().sum(), dot(&z, &z));
+            }
+            let out = rows.map(|row| row[worst]);
+            let scale = 1.0 / dot(&out, &out);
+            let shares = sum_of_rows(&rows, &out).map(|share| share * scale);
+            let share_of_z = dot(&out, &z) * scale;
+            for ((row, z), out) in rows.iter_mut().zip(&mut z).zip(out) {
+                for i in 0..COURSES {
+                    row[i] -= out * shares[i];
+                }
+                row[worst] = 0.0;
+                *z -= out * share_of_z;
+            }
+        }
+        (0.0, 0.0)
     }
-    sums.iter_mut().zip(at).for_each(|(sum, value)| *sum += value);
 }
 
-/// Non-negative least squares: solved without constraint, and again without the most negative coefficient until none is
-/// negative. Returns the solution and the energy that it explains.
-fn non_negative(normal: &Matrix, right: &Vector, mut used: [bool; COURSES]) -> (Vector, f32) {
-    for _ in 0..COURSES {
-        let x = solved(normal, right, used);
-        let worst = (0..COURSES).filter(|&i| used[i]).min_by(|&i, &j| x[i].total_cmp(&x[j]));
-        match worst {
-            Some(i) if x[i] < 0.0 => used[i] = false,
-            _ => return (x, x.iter().zip(right).map(|(a, b)| a * b).sum()),
+/// Rows times their weights, summed.
+fn sum_of_rows(rows: &[Vector; COURSES], weights: &Vector) -> Vector {
+    let mut sum: Vector = [0.0; COURSES];
+    for (row, weight) in rows.iter().zip(weights) {
+        for i in 0..COURSES {
+            sum[i] += weight * row[i];
         }
     }
-    ([0.0; COURSES], 0.0)
+    sum
 }
 
-/// Solves the equations of the unknowns in use by Cholesky decomposition. The others are 0.
-fn solved(normal: &Matrix, right: &Vector, used: [bool; COURSES]) -> Vector {
-    let mut lower = [[0.0f32; COURSES]; COURSES];
-    let mut x = [0.0f32; COURSES];
-    for i in (0..COURSES).filter(|&i| used[i]) {
-        let mut y = right[i];
-        for j in (0..i).filter(|&j| used[j]) {
-            let sum: f32 = (0..j).map(|k| lower[i][k] * lower[j][k]).sum();
-            lower[i][j] = (normal[i][j] - sum) / lower[j][j];
-            y -= lower[i][j] * x[j];
-        }
-        let sum: f32 = (0..i).map(|k| lower[i][k] * lower[i][k]).sum();
-        lower[i][i] = (normal[i][i] - sum).max(1e-6).sqrt();
-        x[i] = y / lower[i][i];
-    }
-    for i in (0..COURSES).rev().filter(|&i| used[i]) {
-        let sum: f32 = (i + 1..COURSES).filter(|&k| used[k]).map(|k| lower[k][i] * x[k]).sum();
-        x[i] = (x[i] - sum) / lower[i][i];
-    }
-    x
+fn dot(a: &Vector, b: &Vector) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + (a[2] * b[2] + a[3] * b[3])
 }
 
 /// The blurred profiles over the depth, at every distance that samples and shifts can have.

@@ -33,6 +33,9 @@ pub(super) struct Grid {
     pub filled: Vec<bool>,
     /// Pixels of the mask in each cell of a row.
     covered: Vec<usize>,
+    /// Darkness and number of pixels of the mask, of each column of pixels in a row of cells.
+    dark: Vec<f32>,
+    inside: Vec<u16>,
 }
 
 impl Grid {
@@ -51,16 +54,19 @@ impl Grid {
         let least = BODY.max(6.0 / all_light / cell as f32);
         let specimen = mask.data().iter().any(|&p| p != 0);
         for row in 0..height {
-            self.covered.clear();
-            self.covered.resize(width, 0);
-            let sums = &mut self.opacity[row * width..(row + 1) * width];
+            // First the sums of each column of pixels, many at once.
+            self.dark.clear();
+            self.dark.resize(width * cell, 0.0);
+            self.inside.clear();
+            self.inside.resize(width * cell, 0);
             for v in row * cell..(row + 1) * cell {
-                let covered = &mask.data()[(bore.top + v) * bore.width..];
-                for (u, (dark, inside)) in darkness.row(v).iter().zip(covered).take(width * cell).enumerate() {
-                    sums[u / cell] += share * dark;
-                    self.covered[u / cell] += usize::from(*inside != 0);
-                }
+                self.dark.iter_mut().zip(darkness.row(v)).for_each(|(sum, dark)| *sum += dark);
+                self.inside.iter_mut().zip(mask.row(bore.top + v)).for_each(|(n, inside)| *n += u16::from(*inside != 0));
             }
+            let dark = self.dark.chunks_exact(cell).map(|pixels| share * pixels.iter().sum::<f32>());
+            self.opacity[row * width..(row + 1) * width].iter_mut().zip(dark).for_each(|(opacity, dark)| *opacity = dark);
+            self.covered.clear();
+            self.covered.extend(self.inside.chunks_exact(cell).map(|pixels| pixels.iter().map(|n| usize::from(*n)).sum::<usize>()));
             for (column, covered) in self.covered.iter().enumerate() {
                 let at = row * width + column;
                 let (u, v) = ((column * cell + cell / 2) as f64, (bore.top + row * cell + cell / 2) as f64);

@@ -80,10 +80,11 @@ pub(super) fn trace(inside: &[bool], width: usize, top: usize, least: usize, use
     used.clear();
     used.resize(inside.len(), false);
     for start in 0..inside.len() {
-        let (u, v) = ((start % width) as isize, (start / width) as isize);
-        if used[start] || !is(u, v) || is(u, v - 1) {
+        // Most pixels start no outline. A position needs a division, so it is computed only for those that do.
+        if !inside[start] || used[start] || (start >= width && inside[start - width]) {
             continue;
         }
+        let (u, v) = ((start % width) as isize, (start / width) as isize);
         let first = out.points.len();
         let (mut corner, mut way) = ((u, v), (1isize, 0isize));
         // Twice the area enclosed, positive clockwise.

@@ -1,56 +1,66 @@
 //! The cheapest closed path along an outline: one state for every step, with small changes between neighbours.
 
+/// Greatest change of the state from step to step.
+const REACH: usize = 3;
+/// Steps after which the influence of the path's start has vanished.
+const RUN_IN: usize = 60;
+
 /// One state per step of a closed outline.
 #[derive(Debug, Default)]
 pub(super) struct Path {
     /// `costs[step * states + state]`.
     pub costs: Vec<f32>,
+    /// Cost of the cheapest way to each state, with `REACH` states of infinite cost before and after.
     before: Vec<f32>,
     next: Vec<f32>,
     came: Vec<u8>,
-    around: Vec<usize>,
     pub chosen: Vec<usize>,
 }
 
 impl Path {
-    /// The cheapest closed path in which neighbours differ by at most `REACH` states, at a cost of `kink` per squared state.
+    /// The cheapest closed path in which neighbours differ by at most [`REACH`] states, at a cost of `kink` per squared state.
     pub fn cheapest(&mut self, steps: usize, states: usize, kink: f32) {
-        const REACH: usize = 3;
-        // The path runs around twice and its second half is kept, which closes it: the influence of the start vanishes within a
-        // few steps.
-        self.before.clear();
-        self.before.resize(states, 0.0);
-        self.next.resize(states, 0.0);
+        // The path starts before the first step and ends after the last one, which closes it: the influence of either end vanishes
+        // within a few steps.
+        let run_in = RUN_IN.min(steps / 2);
+        let changes: [f32; 2 * REACH + 1] = std::array::from_fn(|j| kink * (j as f32 - REACH as f32).powi(2));
+        for costs in [&mut self.before, &mut self.next] {
+            costs.clear();
+            costs.resize(states + 2 * REACH, f32::INFINITY);
+        }
+        self.before[REACH..REACH + states].fill(0.0);
         self.came.clear();
-        for step in 0..2 * steps {
-            let costs = &self.costs[step % steps * states..][..states];
-            for (k, cost) in costs.iter().enumerate() {
-                let (mut least, mut from) = (f32::INFINITY, 0u8);
-                for j in k.saturating_sub(REACH)..(k + REACH + 1).min(states) {
-                    let apart = j as f32 - k as f32;
-                    let total = self.before[j] + kink * apart * apart;
-                    if total < least {
-                        (least, from) = (total, (j + REACH - k) as u8);
-                    }
+        self.came.resize((steps + 2 * run_in) * states, 0);
+        let step_at = |at: usize| (at + steps - run_in) % steps.max(1);
+        for (at, came) in self.came.chunks_exact_mut(states).enumerate() {
+            let costs = &self.costs[step_at(at) * states..][..states];
+            let before: [&[f32]; 2 * REACH + 1] = std::array::from_fn(|j| &self.before[j..j + states]);
+            let next = &mut self.next[REACH..REACH + states];
+            for k in 0..states {
+                let (mut least, mut from) = (f32::INFINITY, 0u32);
+                for j in 0..=2 * REACH {
+                    let total = before[j][k] + changes[j];
+                    (least, from) = if total < least { (total, j as u32) } else { (least, from) };
                 }
-                self.next[k] = least + cost;
-                self.came.push(from);
+                next[k] = least + costs[k];
+                came[k] = from as u8;
             }
-            let least = self.next.iter().copied().fold(f32::INFINITY, f32::min);
-            self.next.iter_mut().for_each(|cost| *cost -= least);
+            // Only differences matter.
+            let level = next[0];
+            for cost in next {
+                *cost -= level;
+            }
             std::mem::swap(&mut self.before, &mut self.next);
         }
-        let mut k = (0..states).min_by(|&a, &b| self.before[a].total_cmp(&self.before[b])).unwrap_or(0);
-        self.around.clear();
-        self.around.resize(2 * steps, 0);
-        for step in (0..2 * steps).rev() {
-            self.around[step] = k;
-            k = k + usize::from(self.came[step * states + k]) - REACH;
-        }
-        // The middle of the two rounds depends on neither end.
-        let half = steps / 2;
+        let mut k = (0..states).min_by(|&a, &b| self.before[REACH + a].total_cmp(&self.before[REACH + b])).unwrap_or(0);
         self.chosen.clear();
-        self.chosen.extend((0..steps).map(|i| self.around[if i >= half { i } else { i + steps }]));
+        self.chosen.resize(steps, 0);
+        for (at, came) in self.came.chunks_exact(states).enumerate().rev() {
+            if (run_in..run_in + steps).contains(&at) {
+                self.chosen[step_at(at)] = k;
+            }
+            k = k + usize::from(came[k]) - REACH;
+        }
     }
 }
 

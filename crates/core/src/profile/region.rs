@@ -138,15 +138,31 @@ impl Region {
                 open[v * w + u] |= !self.set[v * w + u];
             }
         }
-        let stack = &mut scratch.stack;
-        stack.clear();
-        stack.extend((0..len).filter(|&i| open[i]));
-        while let Some(at) = stack.pop() {
-            for next in neighbours(at, w, len, false) {
-                if !open[next] && !self.set[next] {
-                    open[next] = true;
-                    stack.push(next);
+        // The water flows down and along the rows, and then up, until it flows no further.
+        for round in 0.. {
+            let mut flows = round == 0;
+            for v in (0..h).chain((0..h).rev()) {
+                let (before, rest) = open.split_at_mut(v * w);
+                let (row, after) = rest.split_at_mut(w);
+                let set = &self.set[v * w..(v + 1) * w];
+                let mut enters = round == 0;
+                for beside in [before.rchunks_exact(w).next(), after.chunks_exact(w).next()].into_iter().flatten() {
+                    for u in 0..w {
+                        let free = !(set[u] | row[u]);
+                        let new = beside[u] & free;
+                        row[u] |= new;
+                        enters |= new;
+                    }
                 }
+                if enters {
+                    let mut along = |u: usize, from: usize| row[u] = row[u] || row[from] && !set[u];
+                    (1..w).for_each(|u| along(u, u - 1));
+                    (1..w).rev().for_each(|u| along(u - 1, u));
+                    flows = true;
+                }
+            }
+            if !flows {
+                break;
             }
         }
         for (set, open) in self.set.iter_mut().zip(open) {

@@ -180,7 +180,7 @@ impl Segmenter {
         self.background.take_away(&bore, picture, empty);
         self.coarse.fill(&bore, &self.background.contrast, settings.wall_margin_px);
         self.hybrid.find(&self.coarse, &bore, settings);
-        self.hybrid.to_pixels(&self.coarse, &bore, &mut self.inside);
+        self.hybrid.mark_pixels(&self.coarse, &bore, &mut self.inside);
 
         if settings.method == Method::Hybrid {
             self.hybrid.remove_specks(&mut self.background.contrast.lightness, &self.coarse);
@@ -240,18 +240,11 @@ fn check_surroundings(walls: &Walls, width: usize, height: usize) -> Result<(), 
 }
 
 fn check_exposure(picture: &Picture, settings: &SegmentSettings) -> Result<(), ProfileError> {
-    let mut counts = [0usize; 256];
-    for &grey in &picture.planes()[1] {
-        counts[usize::from(grey)] += 1;
-    }
-    let total: usize = counts.iter().sum();
-    let mut above = 0;
-    let brightest = (0..=255u8).rev().find(|&grey| {
-        above += counts[usize::from(grey)];
-        above * 100 >= total
-    });
-    let brightest = brightest.unwrap_or(0);
-    if brightest < settings.black_below {
+    let green = &picture.planes()[1];
+    // The brightest percent starts above that value. Only a frame that is refused needs to know where.
+    if 100 * count(green.chunks(LANES).map(|chunk| chunk.iter().map(|&grey| u8::from(grey >= settings.black_below)).sum())) < green.len() {
+        let bright = |least: u8| 100 * green.iter().filter(|&&grey| grey >= least).count() >= green.len();
+        let brightest = (0..settings.black_below).rev().find(|&least| bright(least)).unwrap_or(0);
         return Err(ProfileError::Black { brightest, needed: settings.black_below });
     }
     let share = saturated_share(picture, 0, picture.height());
@@ -263,10 +256,18 @@ fn check_exposure(picture: &Picture, settings: &SegmentSettings) -> Result<(), P
 
 /// Share of the pixels of rows `top .. bottom` that are saturated in every colour.
 fn saturated_share(picture: &Picture, top: usize, bottom: usize) -> f64 {
-    let [red, green, blue] = picture.planes();
     let span = top * picture.width()..bottom * picture.width();
-    let n = span.len().max(1);
-    let colours = red[span.clone()].iter().zip(&green[span.clone()]).zip(&blue[span]);
-    let saturated = colours.filter(|((r, g), b)| *(*r).min(g).min(b) >= SATURATED).count();
-    saturated as f64 / n as f64
+    let [red, green, blue] = picture.planes().each_ref().map(|plane| plane[span.clone()].chunks(LANES));
+    let saturated = red.zip(green).zip(blue).map(|((red, green), blue)| {
+        let colours = red.iter().zip(green).zip(blue);
+        colours.map(|((r, g), b)| u8::from((*r).min(*g).min(*b) >= SATURATED)).sum()
+    });
+    count(saturated) as f64 / span.len().max(1) as f64
+}
+
+/// Pixels that are counted in a byte, so that many are counted at once.
+const LANES: usize = 240;
+
+fn count(chunks: impl Iterator<Item = u8>) -> usize {
+    chunks.map(usize::from).sum()
 }

@@ -105,7 +105,7 @@ pub struct LevelSetSettings {
     pub region: f64,
     /// Weight of the edge term, which pulls the front to the nearest edge.
     pub edge: f64,
-    /// Number of steps of the front. With more steps it moves further and takes longer.
+    /// Greatest number of steps of the front. It stops earlier where it rests. With more steps it moves further and takes longer.
     pub steps: usize,
 }
 

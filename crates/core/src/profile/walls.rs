@@ -14,7 +14,7 @@
 //! strips' half-levels.
 
 use super::Picture;
-use super::plane::quantile;
+use super::plane::{quantile, sum_of, sum_of_pairs};
 use super::segment::ProfileError;
 use super::settings::WallSettings;
 use serde::{Deserialize, Serialize};
@@ -88,6 +88,8 @@ struct Strips {
     centres_u: Vec<f64>,
     /// `rows[strip][v]`.
     rows: Vec<Vec<f32>>,
+    /// The sum of the colours along one row of the picture, green twice.
+    greys: Vec<u16>,
 }
 
 impl Strips {
@@ -99,11 +101,13 @@ impl Strips {
         self.rows.iter_mut().for_each(|rows| rows.resize(h, 0.0));
         let [red, green, blue] = picture.planes();
         for v in 0..h {
+            let row = v * w..(v + 1) * w;
+            let colours = red[row.clone()].iter().zip(&green[row.clone()]).zip(&blue[row]);
+            self.greys.clear();
+            self.greys.extend(colours.map(|((r, g), b)| u16::from(*r) + 2 * u16::from(*g) + u16::from(*b)));
             for (k, strip) in self.rows.iter_mut().enumerate() {
-                let span = v * w + bound(k)..v * w + bound(k + 1);
-                let sum = |plane: &[u8]| plane[span.clone()].iter().map(|&p| u32::from(p)).sum::<u32>();
-                let grey = sum(red) + 2 * sum(green) + sum(blue);
-                strip[v] = grey as f32 / (4 * span.len()) as f32;
+                let span = &self.greys[bound(k)..bound(k + 1)];
+                strip[v] = span.iter().map(|&grey| u32::from(grey)).sum::<u32>() as f32 / (4 * span.len()) as f32;
             }
         }
         self.centres_u.clear();
@@ -125,17 +129,28 @@ impl Strips {
     }
 
     /// How much darker each row is than the brightest row within `reach` above and the brightest within `reach` below.
-    fn dips(&self, reach: usize, dips: &mut Vec<Vec<f32>>) {
-        let brightest = |rows: &[f32]| rows.iter().copied().fold(f32::MIN, f32::max);
+    /// `brightest` is memory.
+    fn dips(&self, reach: usize, brightest: &mut [Vec<f32>; 2], dips: &mut Vec<Vec<f32>>) {
+        let [longest, wider] = brightest;
         dips.resize(self.rows.len(), Vec::new());
         for (rows, dips) in self.rows.iter().zip(dips) {
             let h = rows.len();
+            // `longest[v]` is the brightest of the last `window` rows up to `v`. Two windows together make a longer one.
+            longest.clear();
+            longest.extend_from_slice(rows);
+            longest.resize(h + reach, f32::MIN);
+            let mut window = 1;
+            while window < reach + 1 {
+                let shift = window.min(reach + 1 - window);
+                wider.clear();
+                wider.extend_from_slice(&longest[..shift]);
+                wider.extend(longest[shift..].iter().zip(&*longest).map(|(a, b)| if a > b { *a } else { *b }));
+                std::mem::swap(longest, wider);
+                window += shift;
+            }
             dips.clear();
-            dips.extend((0..h).map(|v| {
-                let above = brightest(&rows[v.saturating_sub(reach)..=v]);
-                let below = brightest(&rows[v..(v + reach + 1).min(h)]);
-                above.min(below) - rows[v]
-            }));
+            let sides = longest[..h].iter().zip(&longest[reach..]);
+            dips.extend(sides.zip(rows).map(|((above, below), own)| if above < below { above - own } else { below - own }));
         }
     }
 }
@@ -159,7 +174,8 @@ pub(super) struct WallFinder {
     strips: Strips,
     /// By strip, as its rows.
     dips: Vec<Vec<f32>>,
-    weights: Vec<Vec<f32>>,
+    /// The dips of each strip that count: row and weight.
+    weights: Vec<Vec<(usize, f32)>>,
     votes: Votes,
     lines: Vec<Candidate>,
     scratch: Scratch,
@@ -173,6 +189,8 @@ struct Scratch {
     /// Grey values of the glass by depth, and those of one depth by strip.
     greys: Vec<f32>,
     across: Vec<f32>,
+    brightest: [Vec<f32>; 2],
+    consensus: Consensus,
 }
 
 impl WallFinder {
@@ -206,13 +224,13 @@ impl WallFinder {
     /// The four lines that the strips vote for.
     fn choose(&mut self, picture: &Picture, settings: &WallSettings) -> Result<Walls, ProfileError> {
         let reach = (settings.line_reach_share * picture.height() as f64).round().max(4.0) as usize;
-        self.strips.dips(reach, &mut self.dips);
+        self.strips.dips(reach, &mut self.scratch.brightest, &mut self.dips);
         // A dip of half the least depth does not count; one of the least depth or more counts 1.
         let half = settings.min_depth / 2.0;
         self.weights.resize(self.dips.len(), Vec::new());
         for (weights, dips) in self.weights.iter_mut().zip(&self.dips) {
             weights.clear();
-            weights.extend(dips.iter().map(|d| ((d - half) / half).clamp(0.0, 1.0)));
+            weights.extend(dips.iter().enumerate().filter(|(_, d)| **d > half).map(|(v, d)| (v, ((d - half) / half).min(1.0))));
         }
         let height = picture.height();
         let mid_u = (picture.width() - 1) as f64 / 2.0;
@@ -221,7 +239,7 @@ impl WallFinder {
         let no_walls = || ProfileError::NoWalls { lines: self.lines.len(), needed_support: settings.min_support };
         let ([upper_outer, upper_inner], [lower_inner, lower_outer]) = pair(&self.lines, height, settings).ok_or_else(no_walls)?;
         let (strips, scratch) = (&self.strips, &mut self.scratch);
-        let mut place = |v: f64| place_line(strips, &self.dips, self.votes.course.through(v), settings, &mut scratch.points);
+        let mut place = |v: f64| place_line(strips, &self.dips, self.votes.course.through(v), settings, scratch);
         let [(upper_outer, a), (upper_inner, b)] = [upper_outer, upper_inner].map(&mut place);
         let [(lower_inner, c), (lower_outer, d)] = [lower_inner, lower_outer].map(place);
         // One of its lines is enough for a wall: dirt or the specimen may hide the other.
@@ -245,13 +263,15 @@ struct Votes {
     /// Share of strips that are dark there.
     support: Vec<f32>,
     /// Mean depth of the dips. Each counts by its logarithm, so that an eye weighs little more than a wall, and so that the middle of a
-    /// broad wall is still darker than its flanks.
+    /// broad wall is still darker than its flanks. It is 0 where too few strips voted.
     depth: Vec<f32>,
+    asked: Vec<bool>,
 }
 
 impl Default for Votes {
     fn default() -> Self {
-        Self { course: Line { u_mid: 0.0, v_mid: 0.0, slope: 0.0, bend: 0.0 }, support: Vec::new(), depth: Vec::new() }
+        let course = Line { u_mid: 0.0, v_mid: 0.0, slope: 0.0, bend: 0.0 };
+        Self { course, support: Vec::new(), depth: Vec::new(), asked: Vec::new() }
     }
 }
 
@@ -260,7 +280,7 @@ const BENT_BETTER: f32 = 1.05;
 
 impl Votes {
     /// The votes along the tilt and bend with the highest maximum.
-    fn cast(&mut self, strips: &Strips, dips: &[Vec<f32>], weights: &[Vec<f32>], mid_u: f64, settings: &WallSettings) {
+    fn cast(&mut self, strips: &Strips, dips: &[Vec<f32>], weights: &[Vec<(usize, f32)>], mid_u: f64, settings: &WallSettings) {
         let height = dips[0].len();
         let half_width = mid_u.max(1.0);
         let steps = ((settings.max_tilt_deg.to_radians().tan() * half_width) / 0.5).ceil() as i32;
@@ -277,12 +297,13 @@ impl Votes {
             votes.fill(0.0);
             for (weight, &u) in weights.iter().zip(&strips.centres_u) {
                 let shift = course.at(u).round() as isize;
-                let (into, from) = ((-shift).max(0) as usize, shift.max(0) as usize);
-                for (vote, w) in votes.iter_mut().skip(into).zip(weight.iter().skip(from)) {
-                    *vote += w;
+                for (v, w) in weight {
+                    if let Some(vote) = votes.get_mut(v.wrapping_add_signed(-shift)) {
+                        *vote += w;
+                    }
                 }
             }
-            votes.iter().map(|v| v * v).sum::<f32>()
+            sum_of(votes, |vote| vote * vote)
         };
         let mut best = (f32::MIN, 0, course(0, 0.0));
         for step in -steps..=steps {
@@ -305,6 +326,14 @@ impl Votes {
         }
         let (course, count) = (best.2, dips.len() as f32);
         score(course);
+        // With a tolerance for the rounding of the share.
+        let least = 0.999 * settings.min_support as f32 * count;
+        // The depth is needed where a line may be, and beside it.
+        self.asked.clear();
+        self.asked.resize(height, false);
+        for (v, _) in votes.iter().enumerate().filter(|(_, vote)| **vote >= least) {
+            self.asked[v.saturating_sub(2 * APART)..(v + 2 * APART + 1).min(height)].fill(true);
+        }
         for vote in votes.iter_mut() {
             *vote /= count;
         }
@@ -313,7 +342,7 @@ impl Votes {
         self.depth.resize(height, 0.0);
         for (dip, &u) in dips.iter().zip(&strips.centres_u) {
             let shift = course.at(u).round() as isize;
-            for (v, sum) in self.depth.iter_mut().enumerate() {
+            for ((v, sum), _) in self.depth.iter_mut().enumerate().zip(&self.asked).filter(|(_, asked)| **asked) {
                 let from = v as isize + shift;
                 if (0..height as isize).contains(&from) {
                     *sum += (1.0 + dip[from as usize] / settings.min_depth).ln() / count;
@@ -323,16 +352,21 @@ impl Votes {
     }
 }
 
-/// Collects the rows that are the darkest within 3 px and for which enough strips voted.
+/// Rows within which two lines are one.
+const APART: usize = 3;
+
+/// Collects the rows that are the darkest within [`APART`] px and for which enough strips voted.
 fn candidates(votes: &Votes, settings: &WallSettings, lines: &mut Vec<Candidate>) {
-    const APART: usize = 3;
     let (support, depth) = (&votes.support, &votes.depth);
     lines.clear();
     for v in 0..support.len() {
         let near = v.saturating_sub(APART)..(v + APART + 1).min(support.len());
         let best = near.clone().map(|k| support[k]).fold(0.0, f32::max);
+        if f64::from(best) < settings.min_support {
+            continue;
+        }
         let darkest = near.clone().all(|k| depth[k] < depth[v] || (depth[k] <= depth[v] && k >= v));
-        if darkest && f64::from(best) >= settings.min_support {
+        if darkest {
             lines.push(Candidate { v: v as f64, support: f64::from(best) });
         }
     }
@@ -401,11 +435,12 @@ fn past_dark_glass(mut walls: Walls, strips: &Strips, settings: &WallSettings, s
 /// Places the dark line near `rough`: the darkest place of each strip that shows it, then the straight line on which most
 /// strips agree. Returns their share too. At the picture's border, where nothing can be placed, all strips are assumed to
 /// agree.
-fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSettings, points: &mut Vec<(f64, f64)>) -> (Line, f64) {
+fn place_line(strips: &Strips, dips: &[Vec<f32>], rough: Line, settings: &WallSettings, scratch: &mut Scratch) -> (Line, f64) {
     let shown = strips.rows.iter().zip(dips).zip(&strips.centres_u);
+    let points = &mut scratch.points;
     points.clear();
     points.extend(shown.filter_map(|((rows, dips), &u)| darkest_near(rows, dips, rough.at(u), settings.min_depth).map(|v| (u, v))));
-    match consensus(points, rough) {
+    match scratch.consensus.find(points, rough) {
         Some(line) => (line, points.len() as f64 / strips.rows.len() as f64),
         None if rough.v_mid < BORDER_PX || rough.v_mid + BORDER_PX + 1.0 > dips[0].len() as f64 => (rough, 1.0),
         None => (rough, 0.0),
@@ -429,35 +464,55 @@ fn darkest_near(rows: &[f32], dips: &[f32], near: f64, min_depth: f32) -> Option
     Some(darkest as f64 + 0.5 * (a - c) / bend)
 }
 
-/// The line through two of the points, bent as `rough` or slightly more or less, with the most others within `AGREE_PX`; then
-/// least squares through those. Only lines within a degree of `rough` are considered.
-fn consensus(points: &mut Vec<(f64, f64)>, rough: Line) -> Option<Line> {
-    const AGREE_PX: f64 = 0.7;
-    const SAG_STEPS: i32 = 3;
-    let half_width = rough.u_mid.max(1.0);
-    let mut best: Option<(f64, Line)> = None;
-    for sag in -SAG_STEPS..=SAG_STEPS {
-        let bend = rough.bend + 0.5 * f64::from(sag) / (half_width * half_width);
-        let curve = |u: f64| bend * (u - rough.u_mid).powi(2);
-        for (i, a) in points.iter().enumerate() {
-            for b in &points[i + 1..] {
-                let slope = ((b.1 - curve(b.0)) - (a.1 - curve(a.0))) / (b.0 - a.0);
-                if (slope - rough.slope).abs() > 0.0175 {
-                    continue;
-                }
-                let line = Line { v_mid: a.1 - curve(a.0) - slope * (a.0 - rough.u_mid), slope, bend, ..rough };
-                let score: f64 = points.iter().map(|p| (1.0 - ((p.1 - line.at(p.0)) / AGREE_PX).powi(2)).max(0.0)).sum();
-                // A penalty: a wall counts as straight unless the points clearly contradict it.
-                let score = score - 0.3 * f64::from(sag.abs());
-                if score > best.map_or(0.0, |b| b.0) {
-                    best = Some((score, line));
+/// The straight line on which most points agree.
+#[derive(Debug, Default)]
+struct Consensus {
+    /// Columns from the middle, and rows less the bend.
+    from_mid: Vec<f32>,
+    straight: Vec<f32>,
+}
+
+impl Consensus {
+    /// The line through two of the points, bent as `rough` or slightly more or less, with the most others within `AGREE_PX`; then
+    /// least squares through those. Only lines within a degree of `rough` are considered.
+    fn find(&mut self, points: &mut Vec<(f64, f64)>, rough: Line) -> Option<Line> {
+        const AGREE_PX: f64 = 0.7;
+        const SAG_STEPS: i32 = 3;
+        let half_width = rough.u_mid.max(1.0);
+        let Self { from_mid, straight } = self;
+        from_mid.clear();
+        from_mid.extend(points.iter().map(|p| (p.0 - rough.u_mid) as f32));
+        let mut best: Option<(f32, Line)> = None;
+        for sag in -SAG_STEPS..=SAG_STEPS {
+            let bend = rough.bend + 0.5 * f64::from(sag) / (half_width * half_width);
+            // In units of the agreement from the rough line.
+            straight.clear();
+            straight.extend(points.iter().map(|p| ((p.1 - Line { bend, ..rough }.at(p.0)) / AGREE_PX) as f32));
+            let places = || from_mid.iter().zip(&*straight);
+            for (i, (x, y)) in places().enumerate() {
+                for (other_x, other_y) in places().skip(i + 1) {
+                    let slope = (other_y - y) / (other_x - x);
+                    if slope.abs() > (0.0175 / AGREE_PX) as f32 {
+                        continue;
+                    }
+                    let v_mid = y - slope * x;
+                    let score = sum_of_pairs(from_mid, straight, |x, y| {
+                        let off = y - v_mid - slope * x;
+                        (1.0 - off * off).max(0.0)
+                    });
+                    // A penalty: a wall counts as straight unless the points clearly contradict it.
+                    let score = score - 0.3 * sag.abs() as f32;
+                    if score > best.map_or(0.0, |b| b.0) {
+                        let unit = |of: f32| f64::from(of) * AGREE_PX;
+                        best = Some((score, Line { v_mid: rough.v_mid + unit(v_mid), slope: rough.slope + unit(slope), bend, ..rough }));
+                    }
                 }
             }
         }
+        let line = best?.1;
+        points.retain(|p| (p.1 - line.at(p.0)).abs() < AGREE_PX);
+        Some(straightened(points, line))
     }
-    let line = best?.1;
-    points.retain(|p| (p.1 - line.at(p.0)).abs() < AGREE_PX);
-    Some(straightened(points, line))
 }
 
 /// Shifts and tilts a line to the least-squares fit of the points.

@@ -18,7 +18,8 @@ impl KnownLight<'_> {
                 let width = bore.width;
                 let last = plane.len() / width - 1;
                 let v = bore.v_of(t, u as f64).clamp(0.0, last as f64);
-                let (v0, part) = (v as usize, v.fract() as f32);
+                let v0 = v as usize;
+                let part = (v - v0 as f64) as f32;
                 let (a, b) = (f32::from(plane[v0 * width + u]), f32::from(plane[(v0 + 1).min(last) * width + u]));
                 a + part * (b - a)
             }

@@ -2,7 +2,7 @@
 
 use super::bore::{Bore, MARGIN_PX};
 use super::known_light::KnownLight;
-use super::light::Light;
+use super::light::{ACROSS, Light};
 use super::table::Table;
 use crate::profile::plane::quantile;
 
@@ -23,6 +23,7 @@ pub(super) struct Levels {
     smooth: Vec<f32>,
     /// The light in every cell.
     lit: Vec<f32>,
+    across: [Vec<f32>; ACROSS],
     /// Level of each row.
     pub profile: Vec<f32>,
     /// Number of cells that agree with it.
@@ -50,7 +51,7 @@ impl Levels {
 
     /// Divides the table by the light.
     fn even_out(&mut self, table: &Table, light: &Light) {
-        light.over(table, &mut self.lit);
+        light.over(table, &mut self.across, &mut self.lit);
         self.even.clear();
         self.even.extend(table.values.iter().zip(&self.lit).map(|(grey, light)| grey / light));
     }
@@ -60,7 +61,8 @@ impl Levels {
     fn roughness(&mut self, table: &Table) -> f32 {
         let cols = table.cols;
         self.scratch.clear();
-        self.scratch.extend(self.even.chunks_exact(cols).flat_map(|row| row.windows(2).step_by(2).map(|pair| (pair[1] - pair[0]).abs())));
+        let rows = self.even.chunks_exact(cols).step_by(2);
+        self.scratch.extend(rows.flat_map(|row| row.windows(2).step_by(2).map(|pair| (pair[1] - pair[0]).abs())));
         // A quarter of normally distributed numbers lies within 0.3186 standard deviations; a difference has the noise of two
         // cells.
         (quantile(&mut self.scratch, 0.25) / (0.3186 * std::f32::consts::SQRT_2)).max(LEAST_CELL_NOISE)
@@ -70,6 +72,7 @@ impl Levels {
     fn brightest(&mut self, table: &Table) {
         let cols = table.cols;
         let reach = (cols / 64).max(1);
+        let share = 1.0 / (2 * reach + 1) as f32;
         self.profile.clear();
         for row in self.even.chunks_exact(cols) {
             self.smooth.clear();
@@ -82,7 +85,7 @@ impl Levels {
                     sum -= row[k - reach - 1];
                 }
                 let n = (k + reach + 1).min(cols) - k.saturating_sub(reach);
-                self.smooth.push(sum / n as f32);
+                self.smooth.push(sum * if n == 2 * reach + 1 { share } else { 1.0 / n as f32 });
             }
             // A specimen that nearly fills the picture leaves some 4 % of a row free. The edge of that part must not count as
             // brighter than empty.
@@ -98,16 +101,13 @@ impl Levels {
             let first = *level;
             let mut support = 0.0;
             for _ in 0..3 {
-                let (mut sum, mut n) = (0.0f32, 0.0f32);
-                for &e in row {
-                    let near = f32::from((e - *level).abs() <= 2.5 * sigma);
-                    sum += near * (e - first);
-                    n += near;
-                }
-                if n > 0.0 {
-                    *level = (first + sum / n).clamp(first - sigma, first + sigma);
-                }
+                let (sum, n) = agreeing(row, *level, first, 2.5 * sigma);
                 support = n;
+                let mean = if n > 0.0 { (first + sum / n).clamp(first - sigma, first + sigma) } else { *level };
+                if (mean - *level).abs() < 1e-3 * sigma {
+                    break;
+                }
+                *level = mean;
             }
             *level = level.max(1.0);
             self.support.push(support);
@@ -149,7 +149,8 @@ impl Levels {
         let cols = table.cols;
         let inner = MARGIN_PX + 2..table.rows.saturating_sub(MARGIN_PX + 2);
         self.scratch.clear();
-        for t in inner {
+        // Half of the rows determine it to 1 %.
+        for t in inner.step_by(2) {
             let level = self.profile[t];
             self.scratch.extend(self.even[t * cols..(t + 1) * cols].iter().map(|e| (e - level).abs()).filter(|off| *off <= 3.0 * sigma));
         }
@@ -179,4 +180,22 @@ impl Levels {
         }
         (quantile(&mut self.scratch, 0.5) / 0.6745).max(LEAST_NOISE)
     }
+}
+
+/// The cells of a row within `reach` of the level: the sum of their differences from `first`, and their number.
+fn agreeing(row: &[f32], level: f32, first: f32, reach: f32) -> (f32, f32) {
+    // Interleaved sums are added at once.
+    const LANES: usize = 8;
+    let (mut sums, mut counts) = ([0.0f32; LANES], [0.0f32; LANES]);
+    let (chunks, rest) = row.as_chunks::<LANES>();
+    let mut add = |k: usize, cell: f32| {
+        let near = if (cell - level).abs() <= reach { 1.0 } else { 0.0 };
+        sums[k] += near * (cell - first);
+        counts[k] += near;
+    };
+    for chunk in chunks {
+        (0..LANES).for_each(|k| add(k, chunk[k]));
+    }
+    rest.iter().enumerate().for_each(|(k, cell)| add(k, *cell));
+    (sums.iter().sum(), counts.iter().sum())
 }

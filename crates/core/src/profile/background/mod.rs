@@ -27,24 +27,46 @@ use levels::Levels;
 use light::{ACROSS, Light};
 use table::Table;
 
-/// One column of the bore.
-#[derive(Debug)]
-struct Column {
-    /// Row of the upper wall's inner line.
-    inner_v: f64,
-    bore_px: f64,
+/// The values of each column of the bore, side by side, so that those of many columns are computed at once.
+#[derive(Debug, Default)]
+struct Columns {
+    /// Table row of the window's first row, and table rows per picture row.
+    first_t: Vec<f32>,
+    per_px: Vec<f32>,
     /// The three terms of the light across the bore.
-    light: [f32; ACROSS],
+    light: [Vec<f32>; ACROSS],
     /// The light in the water beside the capillary, where it replaces the empty capillary's picture: at table row 0, and its
     /// slope per row.
-    beside: [f32; 2],
+    beside: [Vec<f32>; 2],
 }
 
-impl Column {
-    /// Table row of picture row `v`.
-    fn t_of(&self, v: f64, mean_px: f64) -> f64 {
-        (v - self.inner_v) * mean_px / self.bore_px + MARGIN_PX as f64
+impl Columns {
+    fn fill(&mut self, bore: &Bore, light: &Light, beside: impl Fn(usize) -> [f32; 2]) {
+        let Self { first_t, per_px, light: terms, beside: sides } = self;
+        [&mut *first_t, &mut *per_px].into_iter().chain(&mut *terms).chain(&mut *sides).for_each(Vec::clear);
+        for u in 0..bore.width {
+            let rate = bore.mean_px / bore.walls.bore_px(u as f64);
+            first_t.push(((bore.top as f64 - bore.walls.upper.inner.at(u as f64)) * rate) as f32 + MARGIN_PX as f32);
+            per_px.push(rate as f32);
+            let along = Light::along(2.0 * u as f64 / (bore.width.max(2) - 1) as f64 - 1.0);
+            terms.iter_mut().zip(light.column(&along)).for_each(|(terms, term)| terms.push(term));
+            sides.iter_mut().zip(beside(u)).for_each(|(sides, side)| sides.push(side));
+        }
     }
+}
+
+/// The values of one row of the window.
+#[derive(Debug, Default)]
+struct Row {
+    /// Table row.
+    t: Vec<f32>,
+    /// Level of the empty bore, and its slope from row to row.
+    level: Vec<f32>,
+    slope: Vec<f32>,
+    /// The empty capillary's picture, share of its typical grey value.
+    known: Vec<f32>,
+    /// Contrast, standard deviations.
+    sigmas: Vec<f32>,
 }
 
 /// The specimen's window after subtraction of the empty bore. Missing light counts positive.
@@ -70,11 +92,10 @@ pub(in crate::profile) struct Contrast {
 pub(super) struct Background {
     table: Table,
     levels: Levels,
-    /// The slope of the level from row to row.
-    slope: Vec<f32>,
-    /// The values of each column.
-    columns: Vec<Column>,
-    known_row: Vec<f32>,
+    /// The level of each row of the table, its slope from row to row, and the changes of both to the next row.
+    rungs: Vec<[f32; 4]>,
+    columns: Columns,
+    row: Row,
     /// Lent to [`KnownLight`] while a colour is read.
     beside: Surroundings,
     pub contrast: Contrast,
@@ -119,53 +140,66 @@ impl Background {
         // Blue counts positive, red negative.
         let colour_sign = if colours == 3 { channel as f32 - 1.0 } else { 0.0 };
         let (rows, profile) = (self.table.rows, &self.levels.profile);
-        self.slope.clear();
-        self.slope.extend((0..rows).map(|t| (profile[(t + 1).min(rows - 1)] - profile[t.saturating_sub(1)]).abs() / 2.0));
-        self.columns.clear();
-        self.columns.extend((0..bore.width).map(|u| Column {
-            inner_v: bore.walls.upper.inner.at(u as f64),
-            bore_px: bore.walls.bore_px(u as f64),
-            light: light.column(2.0 * u as f64 / (bore.width.max(2) - 1) as f64 - 1.0),
-            beside: match known {
-                KnownLight::EmptyCapillary { .. } => [1.0, 0.0],
-                KnownLight::Surroundings(beside) => beside.columns[u].map(|light| light / self.table.typical),
-            },
+        let slope = |t: usize| (profile[(t + 1).min(rows - 1)] - profile[t.saturating_sub(1)]).abs() / 2.0;
+        self.rungs.clear();
+        self.rungs.extend((0..rows).map(|t| {
+            let next = (t + 1).min(rows - 1);
+            [profile[t], slope(t), profile[next] - profile[t], slope(next) - slope(t)]
         }));
-        let mid_level = profile[rows / 2];
-        let unit = share * mid_level / noise;
+        self.columns.fill(bore, light, |u| match known {
+            KnownLight::EmptyCapillary { .. } => [1.0, 0.0],
+            KnownLight::Surroundings(beside) => beside.columns[u].map(|light| light / self.table.typical),
+        });
+        let unit = share * profile[rows / 2] / noise;
         let last = (rows - 1) as f32;
         let per_row = 2.0 / last;
         self.contrast.all_light += unit;
-        let Contrast { lightness, colour, darkness, .. } = &mut self.contrast;
+        let width = bore.width;
+        let Row { t, level, slope, known: known_row, sigmas } = &mut self.row;
+        for row in [&mut *t, &mut *level, &mut *slope, &mut *sigmas] {
+            row.resize(width, 0.0);
+        }
+        let (t, level, slope, sigmas) = (&mut t[..width], &mut level[..width], &mut slope[..width], &mut sigmas[..width]);
+        let Columns { first_t, per_px, light: [c0, c1, c2], beside: [beside, beside_per_row] } = &self.columns;
+        let (first_t, per_px, beside, beside_per_row) = (&first_t[..width], &per_px[..width], &beside[..width], &beside_per_row[..width]);
+        let (c0, c1, c2) = (&c0[..width], &c1[..width], &c2[..width]);
+        known_row.clear();
+        known_row.resize(width, 1.0);
         for v in 0..bore.height() {
-            let row_v = (bore.top + v) as f64;
-            let span = v * bore.width..(v + 1) * bore.width;
-            let seen = &picture.planes()[channel][(bore.top + v) * bore.width..][..bore.width];
-            let (lightness, darkness) = (&mut lightness.data[span.clone()], &mut darkness.data[span.clone()]);
-            self.known_row.clear();
-            if let KnownLight::EmptyCapillary { .. } = known {
-                let typical = self.table.typical;
-                let t = |u: usize| self.columns[u].t_of(row_v, bore.mean_px);
-                self.known_row.extend((0..bore.width).map(|u| known.at(t(u), u) / typical));
+            let span = v * width..(v + 1) * width;
+            let seen = &picture.planes()[channel][(bore.top + v) * width..][..width];
+            for u in 0..width {
+                t[u] = (first_t[u] + v as f32 * per_px[u]).clamp(0.0, last);
             }
-            for u in 0..bore.width {
-                let column = &self.columns[u];
-                let t = (column.t_of(row_v, bore.mean_px) as f32).clamp(0.0, last);
-                let (t0, part) = (t as usize, t.fract());
-                let t1 = (t0 + 1).min(rows - 1);
-                let y = t * per_row - 1.0;
-                let [c0, c1, c2] = column.light;
-                let expected = (column.beside[0] + t * column.beside[1]) * self.known_row.get(u).copied().unwrap_or(1.0);
-                let lit = (c0 + y * c1 + (1.5 * y * y - 0.5) * c2).max(0.1) * expected;
-                let level = ((profile[t0] + part * (profile[t1] - profile[t0])) * lit).max(1.0);
-                let slope = (self.slope[t0] + part * (self.slope[t1] - self.slope[t0])) * lit * MISPLACED_PX;
-                let off = level - f32::from(seen[u]);
-                let sigmas = off / (noise * noise + slope * slope).sqrt();
-                lightness[u] += share * sigmas;
-                darkness[u] += unit * off / level.max(TELLING * noise);
-                if let Some(colour) = colour.get_mut(span.start + u) {
-                    *colour += colour_sign * sigmas;
+            if let KnownLight::EmptyCapillary { .. } = known {
+                for (u, light) in known_row.iter_mut().enumerate() {
+                    *light = known.at(f64::from(first_t[u] + v as f32 * per_px[u]), u) / self.table.typical;
                 }
+            }
+            for u in 0..width {
+                // The processor converts directly to signed integers of 32 bits.
+                let below = t[u] as i32 as usize;
+                let part = t[u] - below as f32;
+                let [l, s, next_l, next_s] = self.rungs[below];
+                (level[u], slope[u]) = (l + part * next_l, s + part * next_s);
+            }
+            let darkness = &mut self.contrast.darkness.data[span.clone()];
+            let known_row = &known_row[..width];
+            for u in 0..width {
+                let y = t[u] * per_row - 1.0;
+                let expected = (beside[u] + t[u] * beside_per_row[u]) * known_row[u];
+                let lit = (c0[u] + y * c1[u] + (1.5 * y * y - 0.5) * c2[u]).max(0.1) * expected;
+                let level = (level[u] * lit).max(1.0);
+                let misplaced = slope[u] * lit * MISPLACED_PX;
+                let off = level - f32::from(seen[u]);
+                sigmas[u] = off / (noise * noise + misplaced * misplaced).sqrt();
+                darkness[u] += unit * off / level.max(TELLING * noise);
+            }
+            let lightness = self.contrast.lightness.data[span.clone()].iter_mut();
+            lightness.zip(&*sigmas).for_each(|(lightness, sigmas)| *lightness += share * sigmas);
+            if colour_sign != 0.0 {
+                let colour = self.contrast.colour[span].iter_mut();
+                colour.zip(&*sigmas).for_each(|(colour, sigmas)| *colour += colour_sign * sigmas);
             }
         }
     }
