@@ -489,7 +489,6 @@ impl Pipeline {
             let calibrated = self.calibrated.take().unwrap_or_else(|| self.reconstruction.calibrate());
             self.reconstruction.measure(calibrated, self.settings.sphere)?
         };
-        let fins: Vec<Fin> = fins.iter().map(Fin::recorded).collect();
         if let Ok(found) = &calibration {
             self.judged(&found.calibration.views, &reprojected_areas);
         }
@@ -563,7 +562,7 @@ impl Pipeline {
             blurs_px: &blurs_px,
             configured_blur_px: self.settings.segment.edge.blur_px,
             is_nonconvex: model.measurement.is_nonconvex(),
-            misses_fins: model.measurement.spread.is_some_and(|spread| spread.volume_fins_unseen_um3 > 0.0),
+            misses_fins: model.measurement.misses_fins(),
             vrv: calibration.map(|judged| judged.vrv.verdict),
         };
         flags(&facts, quality)

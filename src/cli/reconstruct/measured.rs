@@ -5,6 +5,7 @@ use super::report::Clock;
 use super::views::View;
 use carved_core::calibration::{Bad, Calibration, Moved, VIEWS_LEAST, VrvCheck, VrvVerdict, directions, widest_gap};
 use carved_core::carver::Leaves;
+use carved_core::fins::Fin;
 use carved_core::geometry::{Camera, Projection, VoxelGrid};
 use carved_core::measure::Measurement;
 use carved_core::quality::{QualitySettings, tell_little};
@@ -29,6 +30,8 @@ pub(super) struct Measured {
     /// `None` for an empty capillary.
     pub measurement: Option<Measurement>,
     pub mesh: Option<Mesh>,
+    /// The free edges of the fins that the views of a turn agree on.
+    pub fins: Vec<Fin>,
     pub views: Vec<Judged>,
     /// The camera of a turn, with the angles of its views, rad.
     pub psi: Option<(Camera, Vec<f64>)>,
@@ -74,6 +77,7 @@ pub(super) fn empty(views: &[View], cameras: &Cameras) -> Measured {
     Measured {
         measurement: None,
         mesh: None,
+        fins: Vec::new(),
         views: vec![Judged { reason: Some(Bad::Blank.to_string()), ..Judged::default() }; views.len()],
         psi: match cameras {
             Cameras::Psi(psi) => Some((psi.camera.clone(), psi.omega.clone())),
@@ -114,7 +118,7 @@ pub(super) fn turn(
     clock.split("carve");
     let calibrated = reconstruction.calibrate();
     clock.split("calibrate");
-    let TurnModel { model, hull, calibration, projections, .. } = reconstruction.measure(calibrated, sphere)?;
+    let TurnModel { model, hull, calibration, projections, fins, .. } = reconstruction.measure(calibrated, sphere)?;
     let vrv = calibration.as_ref().ok().map(|judged| judged.vrv);
     let calibration = calibration.map(|judged| judged.calibration);
     let shown: Vec<&View> = seen.iter().map(|&i| &views[i]).collect();
@@ -160,6 +164,7 @@ pub(super) fn turn(
     Ok(Measured {
         measurement: Some(model.measurement),
         mesh: Some(model.mesh),
+        fins,
         views: judged,
         psi: Some((camera, omega)),
         calibration: calibration.ok(),
@@ -185,6 +190,7 @@ fn raised_by(shown: &[&View], model: &Model) -> Vec<Raised> {
     }
     raised.extend(model.touches_box.then(|| ("outside_box", Some(BOX.into()))));
     raised.extend(model.measurement.is_nonconvex().then_some(("nonconvex", None)));
+    raised.extend(model.measurement.misses_fins().then_some(("fins_unseen", None)));
     raised
 }
 
@@ -246,6 +252,7 @@ pub(super) fn hull(
     Ok(Measured {
         measurement: Some(model.measurement),
         mesh: Some(model.mesh),
+        fins: Vec::new(),
         views: judged,
         psi: None,
         calibration: None,

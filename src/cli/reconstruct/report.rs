@@ -63,6 +63,7 @@ pub(super) fn report(
                    "residual_px": judged.residual_px, "overlap": judged.overlap})
         })
         .collect();
+    report.insert("fins".into(), json!(measured.fins));
     report.insert("views".into(), json!(listed));
     let overlaps: Vec<f64> = measured.views.iter().filter(|v| v.used).filter_map(|v| v.overlap).collect();
     report.insert("overlap_mean".into(), json!((!overlaps.is_empty()).then(|| mean(&overlaps))));

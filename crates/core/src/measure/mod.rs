@@ -90,6 +90,11 @@ pub struct Measurement {
 pub(crate) const NOT_CONVEX: &str = "they are not convex";
 
 impl Measurement {
+    /// Whether the specimen may have fins, and the views together show none.
+    pub fn misses_fins(&self) -> bool {
+        self.spread.is_some_and(|spread| spread.volume_fins_unseen_um3 > 0.0)
+    }
+
     /// Whether the voxels are trusted because slices are hollow, or two bodies.
     pub fn is_nonconvex(&self) -> bool {
         self.fallback.as_deref().is_some_and(|why| why.ends_with(NOT_CONVEX))

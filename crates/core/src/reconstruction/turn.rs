@@ -43,7 +43,7 @@ pub struct TurnModel {
     /// Pose of the specimen in the closure view minus that in the view at 0 deg. `None` without a closure view or a
     /// calibration.
     pub closure: Option<PoseOffset>,
-    /// The free edges of the fins that the views agree on.
+    /// The free edges of the fins that the views agree on, a point per eight slices.
     pub fins: Vec<Fin>,
 }
 
@@ -315,7 +315,7 @@ impl Reconstruction {
             order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
             judged
         });
-        Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure, fins: fins.fins })
+        Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure, fins: fins.fins.iter().map(Fin::recorded).collect() })
     }
 
     /// The hull of some of the views through these projections. The tolerance is a share of the views that count.
@@ -338,7 +338,9 @@ impl Reconstruction {
     fn trust(&self, m: &mut Measurement, sections: &Sections, calibration: Option<[f64; 2]>, sphere: Option<SphereFit>) {
         let support = SupportEstimate::of(sections);
         let voxel = m.estimators.voxel.volume_um3;
-        m.fallback = if support.is_hollow() {
+        // Where a view shows a slice hollow, filling it makes the volume too large, and so does the tolerance of the voxels: the
+        // smaller one is nearer. The free tips of pectoral fins are hollow slices that add little.
+        m.fallback = if support.is_hollow() && voxel < support.volume_um3 {
             let percent = 100.0 * support.hollow_share;
             Some(format!("{percent:.0} % of the volume lies in slices that a view shows to be hollow, or two bodies: {NOT_CONVEX}"))
         } else if support.is_all_error() {
