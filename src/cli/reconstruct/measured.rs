@@ -190,7 +190,6 @@ fn raised_by(shown: &[&View], model: &Model) -> Vec<Raised> {
     }
     raised.extend(model.touches_box.then(|| ("outside_box", Some(BOX.into()))));
     raised.extend(model.measurement.is_nonconvex().then_some(("nonconvex", None)));
-    raised.extend(model.measurement.misses_fins().then_some(("fins_unseen", None)));
     raised
 }
 

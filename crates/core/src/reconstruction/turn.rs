@@ -382,7 +382,9 @@ impl Reconstruction {
         let edge_um = settings.edge_sd_px / self.camera.ky;
         let [volume_calibration_um3, area_calibration_um2] = calibration;
         let [volume_fins_um3, area_fins_um2] = sections.with_fins_further_out(FINS_SD_PX / self.camera.ky);
-        let may_have_fins = support.length_um > FINNED * 2.0 * support.mean_radius_um;
+        // Silhouettes that are given are taken as they are.
+        let is_segmented = self.observed.iter().any(|view| view.body.is_some());
+        let may_have_fins = is_segmented && support.length_um > FINNED * 2.0 * support.mean_radius_um;
         Spread {
             volume_views_um3: support.volume_sd_um3,
             area_views_um2: support.area_sd_um2,
