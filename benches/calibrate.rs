@@ -78,7 +78,7 @@ fn calibrating(c: &mut Criterion) {
         for ((mask, columns), &omega) in turn.masks.iter().zip(&turn.columns).zip(&turn.ledger) {
             model.observe_edges(mask, &[], columns.clone(), omega, Leaves::default()).unwrap_or_else(|e| panic!("{e}"));
         }
-        group.bench_function(BenchmarkId::new("calibrated and carved again", asd), |b| b.iter(|| model.refine()));
+        group.bench_function(BenchmarkId::new("calibrated and carved again", asd), |b| b.iter(|| model.refine(false)));
     }
     group.finish();
 }

@@ -425,7 +425,7 @@ impl Pipeline {
     /// The volume after the views so far, corrected for their number. `None` where the views do not determine it. It takes as
     /// long as [`Self::refine`].
     pub fn estimate(&self) -> Option<Estimate> {
-        self.reconstruction.estimate()
+        self.reconstruction.estimate(self.settings.sphere)
     }
 
     /// Ends the turn with the views taken so far, with or without a profile: their number becomes the number of planned views.
@@ -453,7 +453,7 @@ impl Pipeline {
     /// Calibrates the live model on the views so far, which takes as long as one or two views. The result of [`Self::finish`]
     /// does not depend on it. Returns what [`Self::estimate`] would.
     pub fn refine(&mut self) -> Option<Estimate> {
-        self.reconstruction.refine()
+        self.reconstruction.refine(self.settings.sphere)
     }
 
     /// Whether the live hull is so small that the end will not use such an estimate.

@@ -304,4 +304,7 @@ impl HullModel {
 
 #[cfg(test)]
 #[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
+mod finned_tests;
+#[cfg(test)]
+#[allow(clippy::float_cmp, reason = "the numbers compared are exact")]
 mod tests;

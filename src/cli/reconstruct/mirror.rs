@@ -55,6 +55,11 @@ pub(super) fn report(mut report: Value, along_axis: bool) -> Value {
             *x = negated(x);
         }
     }
+    for fin in report["fins"].as_array_mut().into_iter().flatten() {
+        for point in fin.get_mut("points_um").and_then(Value::as_array_mut).into_iter().flatten() {
+            point[0] = negated(&point[0]);
+        }
+    }
     if !along_axis {
         let [low, high] = ["min_um", "max_um"].map(|key| negated(&report["grid"][key][0]));
         (report["grid"]["min_um"][0], report["grid"]["max_um"][0]) = (high, low);

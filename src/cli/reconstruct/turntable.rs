@@ -81,10 +81,15 @@ pub(super) fn told(report: Value, table: &Turntable) -> Value {
     let frame = &table.frame;
     let mut report = scaled(report, frame.scale);
     // Positions need the offset, too. They were already scaled like lengths.
+    let in_world = |value: &Value| json!(frame.to_world(std::array::from_fn(|a| value[a].as_f64().unwrap_or(f64::NAN) / frame.scale)));
     for place in ["/centroid_um", "/sphere/centre_um"] {
         if let Some(value) = report.pointer_mut(place).filter(|v| v.is_array()) {
-            let at = std::array::from_fn(|a| value[a].as_f64().unwrap_or(f64::NAN) / frame.scale);
-            *value = json!(frame.to_world(at));
+            *value = in_world(value);
+        }
+    }
+    for fin in report["fins"].as_array_mut().into_iter().flatten() {
+        for point in fin.get_mut("points_um").and_then(Value::as_array_mut).into_iter().flatten() {
+            *point = in_world(point);
         }
     }
     for (key, power) in [("f", 1), ("kx", -1), ("ky", -1)] {

@@ -1,5 +1,6 @@
 //! The edges of a view, amended by the fins that all views share.
 
+use super::body::Known;
 use super::{FinView, Found, SAME_PX, centre};
 use crate::calibration::Side;
 use crate::geometry::Projection;
@@ -43,8 +44,8 @@ impl Rows {
 }
 
 impl Found {
-    /// The edges of a view: of the body, of the fins, and what the view shows besides. An edge of a fin that only this view shows is
-    /// dropped.
+    /// The edges of a view: of the body, and of the fins where they lie further out. An edge that stands out of the body where there is no
+    /// fin becomes that of the body.
     pub fn amended(&self, view: &FinView, projection: &Projection) -> Columns {
         let width = view.turn.columns.width();
         let mut fins = Rows::new(width);
@@ -70,7 +71,13 @@ impl Found {
                 };
                 amended(side, side.of(own), body, fins.get(u, side), least_px)
             };
-            ColumnEdges { upper: row(Side::Upper), lower: row(Side::Lower), gap: own.gap }
+            let (upper, lower) = (row(Side::Upper), row(Side::Lower));
+            if upper > lower {
+                return own;
+            }
+            // What an edge leaves behind when it moves inwards was part of the gap.
+            let inwards = (upper - own.upper).max(0.0) + (own.lower - lower).max(0.0);
+            ColumnEdges { upper, lower, gap: (own.gap - inwards).max(0.0) }
         })
     }
 
@@ -80,7 +87,7 @@ impl Found {
         for side in Side::BOTH {
             let theta = if side == Side::Upper { PI } else { 0.0 } - omega;
             let (sin, cos) = theta.sin_cos();
-            let touch = self.slices.iter().filter(|slice| slice.body.coefficients[0] > 0.0).filter_map(|slice| {
+            let touch = self.slices.iter().filter(|slice| slice.known == Known::Body).filter_map(|slice| {
                 let [h, slope] = slice.body.at(theta);
                 projection.project([slice.x_um, h * cos - slope * sin, h * sin + slope * cos])
             });

@@ -7,7 +7,7 @@
 //!   edges ── points per slice ── chained along the capillary ── smoothed ── Fin ── projected into every view ── amended edges
 //! ```
 //! A single view misses the border of a fin that only just emerges from behind the body, and invents one at a speck. The other
-//! views tell both: a fin has one free edge that all views share, and a speck has none.
+//! views show both errors: a fin has one free edge that all views share, and a speck has none.
 
 mod amend;
 mod body;
@@ -18,7 +18,7 @@ use crate::calibration::{Pose, Side, Support, TurnView, directions};
 use crate::geometry::Projection;
 use crate::parallel::prelude::*;
 use crate::profile::Columns;
-use body::bodies;
+use body::{Known, bodies};
 use points::Point;
 use serde::{Deserialize, Serialize};
 
@@ -86,6 +86,7 @@ pub(crate) struct Found {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Standing {
     x_um: f64,
+    known: Known,
     body: Support,
     /// y and z, um.
     points_um: Vec<[f64; 2]>,
@@ -95,6 +96,11 @@ impl Found {
     /// The fins in the slice at `x_um`. `None` where there are none.
     pub fn standing(&self, x_um: f64) -> Option<&Standing> {
         Some(self.slice(x_um)?).filter(|slice| !slice.points_um.is_empty())
+    }
+
+    /// Whether fins were looked for: some slice shows a body.
+    pub fn is_searched(&self) -> bool {
+        !self.slices.is_empty()
     }
 
     /// The slice nearest to `x_um`.
@@ -134,6 +140,8 @@ fn centre(outline: &Support) -> [f64; 2] {
 
 /// An edge within this distance of a fin is that fin's, px.
 const SAME_PX: f64 = 2.5;
+/// Least share of the edges of a slice that must show a body, where bodies are known apart.
+const SHARE_LEAST: f64 = 0.6;
 /// Where the edges of the body are not known apart, those of fins are taken out of them this many times.
 const ROUNDS: usize = 4;
 
@@ -144,10 +152,16 @@ pub(crate) fn find(pose: &Pose, views: &[FinView]) -> Found {
     let px_um = 1.0 / pose.camera().ky;
     let widest = points::widest_gap(directions(&views.iter().map(|v| v.turn.omega).collect::<Vec<_>>()));
     let mut slices: Vec<Slice> = (first..=last).into_par_iter().map(|u| Slice::of(pose.slice(u as f64), pose, views)).collect();
-    let (mut round, rounds) = (0, if views.iter().all(|view| view.body.is_some()) { 0 } else { ROUNDS });
+    let knows_bodies = views.iter().all(|view| view.body.is_some());
+    let needed = if knows_bodies { (SHARE_LEAST * 2.0 * views.len() as f64).ceil() as usize } else { 0 };
+    let (mut round, rounds) = (0, if knows_bodies { 0 } else { ROUNDS });
     let (bodies, points) = loop {
-        let Some(bodies) = bodies(&slices, 2 * views.len(), px_um) else { return Found::default() };
-        let points: Vec<_> = slices.par_iter().zip(&bodies).map(|(slice, body)| points::of(slice, body, widest, px_um)).collect();
+        let Some(bodies) = bodies(&slices, needed, px_um) else { return Found::default() };
+        let of = |(slice, (known, body)): (&Slice, &(Known, Support))| match known {
+            Known::Nothing => Vec::new(),
+            Known::Body | Known::NoBody => points::of(slice, body, widest, px_um),
+        };
+        let points: Vec<_> = slices.par_iter().zip(&bodies).map(of).collect();
         round += 1;
         if round > rounds {
             break (bodies, points);
@@ -155,9 +169,9 @@ pub(crate) fn find(pose: &Pose, views: &[FinView]) -> Found {
         slices.par_iter_mut().zip(&points).for_each(|(slice, points)| slice.without(points, px_um));
     };
     let fins = chain::chained(&slices, &points, px_um);
-    let slices = slices.iter().zip(bodies).map(|(&Slice { x_um, .. }, body)| {
+    let slices = slices.iter().zip(bodies).map(|(&Slice { x_um, .. }, (known, body))| {
         let near = |fin: &Fin| fin.points_um.iter().find(|p| (p[0] - x_um).abs() < 1e-6).map(|p| [p[1], p[2]]);
-        Standing { x_um, body, points_um: fins.iter().filter_map(near).collect() }
+        Standing { x_um, known, body, points_um: fins.iter().filter_map(near).collect() }
     });
     let slices = slices.collect();
     Found { fins, slices }

@@ -1,6 +1,6 @@
 //! Points of fins in one slice: where the tangents of neighbouring views that stand out of the body meet.
 
-use super::{Edge, Slice, centre};
+use super::{Edge, SAME_PX, Slice, centre};
 use crate::calibration::Support;
 use crate::statistics::median;
 use nalgebra::{Matrix2, Vector2};
@@ -64,8 +64,8 @@ pub(super) fn of(slice: &Slice, body: &Support, widest: f64, px_um: f64) -> Vec<
     for group in out.chunk_by(|a, b| (b.theta - a.theta).rem_euclid(TAU) <= widest) {
         let (first, second) = group.split_at(split(group, px_um));
         for part in [first, second] {
-            if let Some(at) = meeting(part, px_um) {
-                points.push(Point { at_um: [at[0] + y, at[1] + z], edges: part.len() });
+            if let Some((at, edges)) = meeting(part, px_um) {
+                points.push(Point { at_um: [at[0] + y, at[1] + z], edges });
             }
         }
     }
@@ -105,19 +105,20 @@ fn nearest(group: &[Outstanding], weights: &[f64]) -> Option<Vector2<f64>> {
     (normal.determinant() > 1e-6).then(|| normal.cholesky().map(|c| c.solve(&right))).flatten()
 }
 
-/// The point in which these tangents meet, robustly.
-fn meeting(group: &[Outstanding], px_um: f64) -> Option<Vector2<f64>> {
+/// The point in which these tangents meet, robustly, and the number of those that pass by it.
+fn meeting(group: &[Outstanding], px_um: f64) -> Option<(Vector2<f64>, usize)> {
     if group.len() < EDGES_LEAST {
         return None;
     }
     let mut weights = vec![1.0; group.len()];
-    let mut found = None;
+    let mut found = Vector2::zeros();
     for _ in 0..ROUNDS {
         let p = nearest(group, &weights)?;
         let residuals: Vec<f64> = group.iter().map(|e| residual(e, p)).collect();
         let sd = (1.4826 * median(residuals.iter().map(|r| r.abs()).collect())).max(SD_LEAST_PX * px_um);
         weights.iter_mut().zip(&residuals).for_each(|(w, r)| *w = 1.0 / (1.0 + (r / (2.0 * sd)).powi(2)));
-        found = Some(p);
+        found = p;
     }
-    found
+    let edges = group.iter().filter(|e| residual(e, found).abs() < SAME_PX * px_um).count();
+    (edges >= EDGES_LEAST).then_some((found, edges))
 }

@@ -17,19 +17,19 @@ use crate::quality::Estimate;
 impl Reconstruction {
     /// The volume from support functions after the views so far, calibrated on just these. It takes as long as [`Self::refine`]
     /// without its carving. `None` where the views do not determine it or it is not to be trusted.
-    pub fn estimate(&self) -> Option<Estimate> {
-        if self.is_seen_around() { self.estimated(self.calibrate()) } else { None }
+    pub fn estimate(&self, sphere: bool) -> Option<Estimate> {
+        if self.is_seen_around() { self.estimated(&self.finned(self.calibrate(), sphere)) } else { None }
     }
 
     /// The same from a given calibration on the views so far.
-    pub(super) fn estimated(&self, calibrated: Calibrated) -> Option<Estimate> {
-        let Finned { views: observed, fins, calibrated: Calibrated { order, found } } = self.finned(calibrated, false);
-        let Judged { calibration, .. } = &found.ok()?;
-        let given = given(&observed, &order);
+    pub(super) fn estimated(&self, finned: &Finned) -> Option<Estimate> {
+        let Finned { views: observed, fins, calibrated: Calibrated { order, found } } = finned;
+        let Judged { calibration, .. } = found.as_ref().ok()?;
+        let given = given(observed, order);
         let used = || order.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none());
         let open = self.open(&used().map(|(&i, _)| i));
         let views = calibration.turn_views(&given);
-        let sections = Sections::with_fins(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, open, &fins).ok()?;
+        let sections = Sections::with_fins(&Pose::new(&calibration.camera), &views, calibration.residual_sd_um, open, fins).ok()?;
         let support = SupportEstimate::of(&sections);
         let calibration = calibration_sd(calibration, &given).unwrap_or_default();
         let spread = self.spread(&sections, &support, [support.volume_um3, support.area_um2], calibration);

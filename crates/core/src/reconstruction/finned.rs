@@ -38,11 +38,16 @@ impl Reconstruction {
             turned.iter().zip(&calibration.views).filter(|(_, state)| state.bad.is_none()).map(|(view, _)| *view).collect();
         let found = fins::find(&Pose::new(&calibration.camera), &used);
         let mut views = self.observed.clone();
+        if !found.is_searched() {
+            return unchanged(calibrated);
+        }
+        // A view that does not belong stays as it is, so that it is left out again.
         let amended: Vec<(usize, ObservedView)> = calibrated
             .order
             .par_iter()
             .zip(&turned)
             .enumerate()
+            .filter(|(at, _)| calibration.views[*at].bad.is_none())
             .map(|(at, (&i, view))| {
                 let seen = &self.observed[i];
                 let columns = found.amended(view, &calibration.projection(at, seen.omega));
@@ -54,7 +59,10 @@ impl Reconstruction {
         for (i, view) in amended {
             views[i] = view;
         }
-        let calibrated = self.calibrate_on(&views);
-        Finned { views, fins: found, calibrated }
+        let again = self.calibrate_on(&views);
+        if again.found.is_err() || again.has_moved() {
+            return unchanged(calibrated);
+        }
+        Finned { views, fins: found, calibrated: again }
     }
 }

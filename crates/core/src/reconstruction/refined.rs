@@ -9,6 +9,7 @@
 //! anything was refined before.
 
 use super::calibrated::Judged;
+use super::finned::Finned;
 use super::{LiveVolume, Reconstruction};
 use crate::calibration::Calibration;
 use crate::carver::{CarveError, Carver, Leaves};
@@ -51,19 +52,27 @@ impl Reconstruction {
         is_seen_around(self.observed.iter().map(|s| s.omega))
     }
 
-    /// Calibrates on the views so far and carves them again for the live model; with the given camera where they do not
-    /// determine one. A view that does not belong is left out. The result of [`Self::finish`] does not depend on it. The
-    /// estimate is that of [`Self::estimate`].
-    pub fn refine(&mut self) -> Option<Estimate> {
+    /// Calibrates on the views so far and carves them again, with the fins that they share, for the live model; with the given
+    /// camera where they do not determine one. A view that does not belong is left out. `sphere` is that of [`Self::finish`], whose
+    /// result does not depend on this. The estimate is that of [`Self::estimate`].
+    pub fn refine(&mut self, sphere: bool) -> Option<Estimate> {
         self.refined_at = self.observed.len();
-        let calibrated = self.calibrate();
-        let estimate = self.estimated(calibrated.clone());
-        let views = calibrated.used(self);
-        self.refined = match calibrated.found {
-            Ok(Judged { calibration, .. }) => Some(Refined { calibration, carver: self.hull.carver().through(&views) }),
-            Err(_) => None,
-        };
+        let finned = self.finned(self.calibrate(), sphere);
+        let estimate = self.estimated(&finned);
+        self.refined = self.refined_with(finned);
         estimate
+    }
+
+    /// The live model of these views. `None` where they have no calibration.
+    fn refined_with(&self, finned: Finned) -> Option<Refined> {
+        let given = self.hull.carver();
+        let mut carver = given.through(&[]);
+        for (i, projection) in finned.calibrated.used(self) {
+            let view = &given.views()[i];
+            carver.observe(&finned.views[i].mask(view), &projection, view.leaves).ok()?;
+        }
+        let Judged { calibration, .. } = finned.calibrated.found.ok()?;
+        Some(Refined { calibration, carver })
     }
 
     /// The hull that is displayed.

@@ -175,7 +175,7 @@ fn what_few_views_do_not_show_is_in_the_uncertainty_of_the_end_as_in_mid_turn() 
         }
         let measured = model.finish(false).unwrap().model.measurement;
         assert_eq!(measured.spread.unwrap().volume_corners_um3 == 0.0, shown, "{n} views: {:?}", measured.spread);
-        assert_eq!(measured.volume_sd_um3, model.estimate().map(|e| e.stated_sd_um3));
+        assert_eq!(measured.volume_sd_um3, model.estimate(false).map(|e| e.stated_sd_um3));
     }
 }
 
@@ -186,7 +186,7 @@ fn a_live_model_is_refined_from_enough_sides_only_and_not_after_each_view() {
     for (n, (mask, omega)) in (1..).zip(&views) {
         model.observe(mask, &[], *omega, Leaves::default()).unwrap();
         if model.is_refinable() {
-            model.refine();
+            model.refine(false);
             refined_at.push(n);
             assert!(!model.is_refinable(), "nothing is new");
         }

@@ -5,7 +5,7 @@ use super::finned::Finned;
 use super::refined::Refined;
 use super::{HullModel, LiveVolume, Model, ReconstructionError, ReconstructionSettings};
 use crate::calibration::{Calibration, GivenView, Pose, PoseOffset, Psi, TurnView, pose_offset, reprojected_areas};
-use crate::carver::Leaves;
+use crate::carver::{Leaves, Observed};
 use crate::fins::Fin;
 use crate::geometry::{Camera, Projection, VoxelGrid};
 use crate::measure::support::{Sections, SupportEstimate, calibration_sd};
@@ -24,6 +24,13 @@ pub(super) struct ObservedView {
     pub omega: f64,
     /// The mask, where it is not that of the carver.
     pub mask: Option<Mask>,
+}
+
+impl ObservedView {
+    /// Its mask. `carved` is the view in the carver.
+    pub fn mask(&self, carved: &Observed) -> Cow<'_, Mask> {
+        self.mask.as_ref().map_or_else(|| Cow::Owned(carved.runs.mask()), Cow::Borrowed)
+    }
 }
 
 /// A measured turn.
@@ -59,7 +66,7 @@ struct ClosureView {
 const FINS_SD_PX: f64 = 0.5;
 /// Length over the width of the thickest slice from which on a specimen may have fins. Larvae have 6 and more.
 const FINNED: f64 = 5.0;
-/// Share of the volume that the fins of an emulated larva add to its ideal hull at most, without pectoral fins 2 %.
+/// Largest share of the volume that the fins of an emulated larva add to its ideal hull. Without pectoral fins it is 2 %.
 const UNSEEN: f64 = 0.05;
 
 /// A hull that allows misses contains its specimen. One that is smaller than this share has slices that are hollow, which no
@@ -136,9 +143,8 @@ impl Reconstruction {
         self.observe_edges(mask, outlines, columns_of(mask, outlines), omega, leaves)
     }
 
-    /// The same with the outlines of the body alone, so that fins can be told from it.
+    /// The same with the outlines of the body alone, so that fins can be separated from it.
     ///
-    /// # Errors
     /// # Errors
     ///
     /// As [`Self::observe`].
@@ -151,7 +157,7 @@ impl Reconstruction {
         leaves: Leaves,
     ) -> Result<LiveVolume, ReconstructionError> {
         let columns = columns_of(mask, outlines);
-        let body = Some(if body == outlines { columns.clone() } else { columns_of(mask, body) });
+        let body = Some(if body == outlines { columns.clone() } else { Columns::from_outlines(body, mask.width(), mask.height()) });
         self.observe_view(mask, ObservedView { columns, body, outlines: outlines.to_vec(), omega, mask: None }, leaves)
     }
 
@@ -315,7 +321,15 @@ impl Reconstruction {
             order.iter().zip(by_angle).for_each(|(&i, state)| judged.calibration.views[i] = state);
             judged
         });
-        Ok(TurnModel { model, hull, calibration, projections, reprojected_areas: again, closure, fins: fins.fins.iter().map(Fin::recorded).collect() })
+        Ok(TurnModel {
+            model,
+            hull,
+            calibration,
+            projections,
+            reprojected_areas: again,
+            closure,
+            fins: fins.fins.iter().map(Fin::recorded).collect(),
+        })
     }
 
     /// The hull of some of the views through these projections. The tolerance is a share of the views that count.
@@ -328,8 +342,7 @@ impl Reconstruction {
         for (i, projection) in used {
             let view = &carver.views()[*i];
             let seen = &observed[*i];
-            let mask = seen.mask.as_ref().map_or_else(|| Cow::Owned(view.runs.mask()), Cow::Borrowed);
-            hull.observe(&mask, &seen.outlines, projection, view.leaves)?;
+            hull.observe(&seen.mask(view), &seen.outlines, projection, view.leaves)?;
         }
         Ok(hull)
     }
@@ -382,9 +395,9 @@ impl Reconstruction {
         let edge_um = settings.edge_sd_px / self.camera.ky;
         let [volume_calibration_um3, area_calibration_um2] = calibration;
         let [volume_fins_um3, area_fins_um2] = sections.with_fins_further_out(FINS_SD_PX / self.camera.ky);
-        // Silhouettes that are given are taken as they are.
+        // Silhouettes that are given show what there is.
         let is_segmented = self.observed.iter().any(|view| view.body.is_some());
-        let may_have_fins = is_segmented && support.length_um > FINNED * 2.0 * support.mean_radius_um;
+        let may_have_fins = is_segmented && sections.are_searched && support.length_um > FINNED * 2.0 * support.mean_radius_um;
         Spread {
             volume_views_um3: support.volume_sd_um3,
             area_views_um2: support.area_sd_um2,

@@ -35,6 +35,8 @@ pub struct Sections {
     pub(super) open: [bool; 2],
     /// Variance of the views' shifts, where it is known.
     pub(super) shift_variance_um2: f64,
+    /// Whether fins were looked for.
+    pub(crate) are_searched: bool,
     /// What leaving out each view changes.
     pub(super) without: Vec<Change>,
 }
@@ -156,11 +158,14 @@ impl Sections {
                     (None, None) => None,
                 };
                 let mut slice = Slice::of(pose.slice(u as f64), pose, views, near.as_ref())?;
-                if let Some(fins) = fins.standing(slice.x_um) {
+                let standing = fins.standing(slice.x_um);
+                if let Some(fins) = standing {
                     slice.sights.iter_mut().for_each(|s| s.tangent.offset_um -= fins.at(s.tangent.theta));
                 }
                 let fit = fit(&slice, series, sd_um, 2)?;
-                if fit.support.coefficients[0] > 0.0 { Ok((slice, fit)) } else { Err(SliceError::Empty) }
+                let fins_um =
+                    standing.map_or(0.0, |fins| all_around(DIRECTIONS).map(|theta| fins.at(theta)).sum::<f64>() / f64::from(DIRECTIONS));
+                if fit.support.coefficients[0] + fins_um > 0.0 { Ok((slice, fit)) } else { Err(SliceError::Empty) }
             })
             .collect();
         // The longest stretch without a hole is the specimen.
@@ -207,6 +212,7 @@ impl Sections {
             residual_sd_um,
             harmonics: series,
             open,
+            are_searched: fins.is_searched(),
             shift_variance_um2: shift_variance(pose, views, series),
             without,
         })
