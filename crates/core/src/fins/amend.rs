@@ -17,35 +17,20 @@ struct Outermost {
 impl Found {
     /// The edges of a view: of the body, of the fins, and what the view shows besides. An edge of a fin that only this view shows is
     /// dropped.
-    pub fn amended(&self, view: &FinView, projection: &Projection) -> Columns {
+    pub fn amended(&self, view: &FinView) -> Columns {
+        let projection = &view.projection;
         let width = view.turn.columns.width();
         let mut fins = vec![Outermost::default(); width];
         for fin in &self.fins {
-            let seen: Vec<[f64; 3]> = fin
-                .points_um
-                .iter()
-                .filter_map(|&[x, y, z]| {
-                    let [centre_y, centre_z] = centre(&self.slice(x)?.body);
-                    let ((u, v), (_, middle)) = (projection.project([x, y, z])?, projection.project([x, centre_y, centre_z])?);
-                    Some([u, v, middle])
-                })
-                .collect();
-            for pair in seen.windows(2) {
-                let ([u0, v0, m0], [u1, v1, m1]) = (pair[0], pair[1]);
-                let (from, to) = (u0.ceil().max(0.0), u1.floor().min(width as f64 - 1.0));
-                let mut u = from;
-                while u <= to {
-                    let part = if u1 > u0 { (u - u0) / (u1 - u0) } else { 0.0 };
-                    let (v, middle) = (v0 + part * (v1 - v0), m0 + part * (m1 - m0));
-                    let here = &mut fins[u as usize];
-                    if v < middle {
-                        here.upper = Some(here.upper.map_or(v, |w: f64| w.min(v)));
-                    } else {
-                        here.lower = Some(here.lower.map_or(v, |w: f64| w.max(v)));
-                    }
-                    u += 1.0;
+            let centre = |x: f64| self.slice(x).map_or([0.0; 2], |slice| centre(&slice.body));
+            each_column(&fin.points_um, projection, width, &centre, |u, v, middle| {
+                let here = &mut fins[u];
+                if v < middle {
+                    here.upper = Some(here.upper.map_or(v, |w: f64| w.min(v)));
+                } else {
+                    here.lower = Some(here.lower.map_or(v, |w: f64| w.max(v)));
                 }
-            }
+            });
         }
         view.turn.columns.mapped(|u, own| {
             let body = view.body.and_then(|body| body.get(u));
@@ -76,5 +61,34 @@ impl Found {
             let lower = side(own.lower, body.map(|b| b.lower), fins[u].lower, 1.0);
             ColumnEdges { upper, lower, gap: own.gap }
         })
+    }
+}
+
+/// Calls `seen` with each column in which a view shows a curve, the curve's row, and that of the body's centre, which `centre_um` gives at
+/// a place along the capillary.
+pub(super) fn each_column(
+    points_um: &[[f64; 3]],
+    projection: &Projection,
+    width: usize,
+    centre_um: &dyn Fn(f64) -> [f64; 2],
+    mut seen: impl FnMut(usize, f64, f64),
+) {
+    let projected = |&[x, y, z]: &[f64; 3]| {
+        let [centre_y, centre_z] = centre_um(x);
+        let ((u, v), (_, middle)) = (projection.project([x, y, z])?, projection.project([x, centre_y, centre_z])?);
+        Some([u, v, middle])
+    };
+    let mut before: Option<[f64; 3]> = None;
+    for [u1, v1, m1] in points_um.iter().filter_map(projected) {
+        if let Some([u0, v0, m0]) = before {
+            let (from, to) = (u0.ceil().max(0.0), u1.floor().min(width as f64 - 1.0));
+            let mut u = from;
+            while u <= to {
+                let part = if u1 > u0 { (u - u0) / (u1 - u0) } else { 0.0 };
+                seen(u as usize, v0 + part * (v1 - v0), m0 + part * (m1 - m0));
+                u += 1.0;
+            }
+        }
+        before = Some([u1, v1, m1]);
     }
 }

@@ -12,12 +12,15 @@
 mod amend;
 mod body;
 mod chain;
+mod faint;
+mod follow;
 mod points;
+mod pool;
 
 use crate::calibration::{Pose, Side, Support, TurnView, directions};
 use crate::geometry::Projection;
 use crate::parallel::prelude::*;
-use crate::profile::Columns;
+use crate::profile::{Columns, FinBorders};
 use body::bodies;
 use points::Point;
 use serde::{Deserialize, Serialize};
@@ -56,6 +59,10 @@ pub(crate) struct FinView<'a> {
     pub turn: TurnView<'a>,
     /// Edges without fins. `None` where only those with fins are known.
     pub body: Option<&'a Columns>,
+    /// Where borders of fins may be. `None` where only outlines are known.
+    pub borders: Option<&'a FinBorders>,
+    /// The calibrated projection.
+    pub projection: Projection,
 }
 
 /// One edge of one view in one slice, as a tangent. Distances are from the capillary's axis, um.
@@ -155,11 +162,13 @@ pub(crate) fn find(pose: &Pose, views: &[FinView]) -> Found {
         slices.par_iter_mut().zip(&points).for_each(|(slice, points)| slice.without(points, px_um));
     };
     let fins = chain::chained(&slices, &points, px_um);
-    let slices = slices.iter().zip(bodies).map(|(&Slice { x_um, .. }, body)| {
-        let near = |fin: &Fin| fin.points_um.iter().find(|p| (p[0] - x_um).abs() < 1e-6).map(|p| [p[1], p[2]]);
-        Standing { x_um, body, points_um: fins.iter().filter_map(near).collect() }
-    });
-    let slices = slices.collect();
+    let mut slices: Vec<Standing> =
+        slices.iter().zip(bodies).map(|(&Slice { x_um, .. }, body)| Standing { x_um, body, points_um: Vec::new() }).collect();
+    let fins = faint::find(views, &slices, fins, px_um);
+    for slice in &mut slices {
+        let near = |fin: &Fin| fin.points_um.iter().find(|p| (p[0] - slice.x_um).abs() < 1e-6).map(|p| [p[1], p[2]]);
+        slice.points_um = fins.iter().filter_map(near).collect();
+    }
     Found { fins, slices }
 }
 
