@@ -37,7 +37,6 @@ const ON_ANGLE: f64 = 20.0 / 180.0 * PI;
 const RESPONSE_LEAST: f64 = 0.95;
 const RESPONSE_LEAST_FEW: f64 = 1.8;
 const RESPONSE_CLEAR: f64 = 2.5;
-const GAIN_CLEAR: f32 = 80.0;
 /// From the place of the filter's step to the middle of the border's line, px.
 const LINE_PX: f64 = 0.65;
 /// Slices over which a piece is averaged.
@@ -142,10 +141,39 @@ pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_u
     known.iter().for_each(|fin| blocked.fin(fin, &grid));
     let mut evidence: Vec<Evidence> = grid.all(0..stations, &sights).into_iter().map(|(_, e)| e).collect();
     let mut fins = known;
-    for _ in 0..ROUNDS {
+    for round in 0..ROUNDS {
+        // The ends of what is known.
+        if p("EXT", 1.0) > 0.0 { for k in 0..fins.len() {
+            for right in [false, true] {
+                let fin = &fins[k];
+                let Some(&end) = (if right { fin.points_um.last() } else { fin.points_um.first() }) else { continue };
+                let inner = if right { grid.stations.partition_point(|s| s.x_um <= end[0] + 1e-6).checked_sub(1) } else { Some(grid.stations.partition_point(|s| s.x_um < end[0] - 1e-6)) };
+                let Some(inner) = inner.filter(|&at| at < stations) else { continue };
+                let order: Vec<usize> = if right { (inner + 1..stations).collect() } else { (0..inner).rev().collect() };
+                let [y, z] = grid.stations[inner].centre_um;
+                let angle = seen_from([y, z], &end);
+                let radius = ((end[1] - y).hypot(end[2] - z) / px_um - LINE_PX).round().max(0.0) as usize;
+                let from = ((angle.rem_euclid(TAU) / TAU * DIRECTIONS as f64).round() as usize % DIRECTIONS, radius);
+                let mut others = Blocked(vec![vec![false; DIRECTIONS]; stations]);
+                fins.iter().enumerate().filter(|(j, _)| *j != k).for_each(|(_, fin)| others.fin(fin, &grid));
+                let along: Vec<(&Evidence, &[bool])> = order.iter().map(|&at| (&evidence[at], others.0[at].as_slice())).collect();
+                let mut states = super::extend::extended(from, &along, grid.radii, (FEW * 2.0 * sights.len() as f64) as f32);
+                if states.is_empty() { continue; }
+                if std::env::var("FINDBG").is_ok() { eprintln!("   extend fin {k} right {right} from {inner} {from:?} by {} to {:?}", states.len(), states.last()); }
+                let first = if right { inner + 1 } else { states.reverse(); inner - states.len() };
+                let piece = Piece { first, states };
+                blocked.piece(&piece);
+                let more = shaped(&piece, &evidence, &grid, slices);
+                fins[k] = joined(fin, more);
+                let fin = fins[k].clone();
+                amend(&mut sights, &fin, &grid);
+                let near = piece.first.saturating_sub(2)..(piece.stations().end + 2).min(stations);
+                for (at, again) in grid.all(near, &sights) { evidence[at] = again; }
+            }
+        } }
         let scores: Vec<&[f32]> = evidence.iter().map(|e| e.score.as_slice()).collect();
         let pieces = pieces(&followed(&scores, &blocked.0, grid.radii));
-        if pieces.is_empty() {
+        if pieces.is_empty() && round > 0 {
             break;
         }
         let mut changed = vec![false; stations];
@@ -165,6 +193,14 @@ pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_u
         }
         for (at, again) in grid.all((0..stations).filter(|&at| changed[at]), &sights) {
             evidence[at] = again;
+        }
+    }
+    if p("TAPER", 1.0) > 0.0 {
+        for k in 0..fins.len() {
+            let mut fin = fins[k].clone();
+            let others: Vec<Fin> = fins.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, f)| f.clone()).collect();
+            super::taper::taper(&mut fin, &others, slices, px_um);
+            fins[k] = fin;
         }
     }
     fins
@@ -198,11 +234,13 @@ fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize
     let response = median(at(&|e, i| f64::from(e.pooled[i]) / f64::from(e.views[i].max(1)).sqrt()));
     let seen = median(at(&|e, i| f64::from(e.views[i])));
     let is_few = seen < FEW * 2.0 * views as f64;
-    let clear = if is_few {
-        response >= RESPONSE_LEAST_FEW && (goes_on || (response > RESPONSE_CLEAR && gain > GAIN_CLEAR))
-    } else {
-        response >= RESPONSE_LEAST
-    };
+    let length = (piece.states.len() * STEP) as f64;
+    let inner = piece.first > 12 && piece.stations().end + 12 < evidence.len();
+    if is_few && inner && response > p("CLEAR", 2.5) && gain > p("CLEARGAIN", 20.0) as f32 && length >= p("CLEARPX", 24.0) && seen >= p("CLEARN", 3.0) {
+        if std::env::var("FINDBG").is_ok() { eprintln!("   clear {:?} a {} r {} gain {gain:.0} highest {highest:.1} response {response:.2} seen {seen} on {goes_on}", piece.stations(), 2 * piece.states[0].0, piece.states[0].1); }
+        return true;
+    }
+    let clear = response >= if is_few { if goes_on { RESPONSE_LEAST_FEW } else { RESPONSE_CLEAR } } else { RESPONSE_LEAST };
     let gain_least = if goes_on { GAIN_ON } else { GAIN } * GAIN_STEP;
     if std::env::var("FINDBG").is_ok() {
         eprintln!("   try {:?} a {} r {} gain {gain:.0} highest {highest:.1} response {response:.2} seen {seen} on {goes_on} -> {}", piece.stations(), 2 * piece.states[0].0, piece.states[0].1, clear && gain >= gain_least && highest >= RUN_LEAST && (piece.states.len() * STEP) as f64 >= SHORTEST_PX);
@@ -263,4 +301,9 @@ fn amend(sights: &mut [Sight], fin: &Fin, grid: &Grid) {
         });
     }
     let _ = SAME_PX;
+}
+
+/// lab
+pub(super) fn p(name: &str, default: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }

@@ -12,10 +12,12 @@
 mod amend;
 mod body;
 mod chain;
+mod extend;
 mod faint;
 mod follow;
 mod points;
 mod pool;
+mod taper;
 
 use crate::calibration::{Pose, Side, Support, TurnView, directions};
 use crate::geometry::Projection;
