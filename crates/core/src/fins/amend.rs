@@ -59,7 +59,10 @@ impl Found {
             };
             let upper = side(own.upper, body.map(|b| b.upper), fins[u].upper, -1.0);
             let lower = side(own.lower, body.map(|b| b.lower), fins[u].lower, 1.0);
-            ColumnEdges { upper, lower, gap: own.gap }
+            // Between the body and an edge that is another now lies the fin.
+            let same = (upper - own.upper).abs() < 1e-9 && (lower - own.lower).abs() < 1e-9;
+            let gap = if same { own.gap } else { body.map_or(own.gap, |body| body.gap.min(own.gap)) };
+            ColumnEdges { upper, lower, gap }
         })
     }
 }

@@ -24,7 +24,7 @@ pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usiz
     best[BAND * radii + from.1] = 0.0;
     let mut came: Vec<Vec<u32>> = Vec::new();
     let mut end = (p("EXTGAIN", 6.0) as f32, None);
-    let (bar, per_view) = (p("EXTBAR", 1.0) as f32, p("EXTPER", 0.5) as f32);
+    let (bar, per_view) = (p("EXTBAR", 2.2) as f32, p("EXTPER", 0.8) as f32);
     for (evidence, blocked) in slices {
         let (mut next, mut from) = (vec![f32::NEG_INFINITY; width * radii], vec![0u32; width * radii]);
         let mut highest = (f32::NEG_INFINITY, 0);
@@ -55,12 +55,17 @@ pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usiz
                 }
             }
         }
+        if std::env::var("FINDBG2").is_ok() { let k = highest.1 / radii.max(1); let c = direction(k) * radii + highest.1 % radii; eprintln!("      step {} cum {:.1} at {:?} T {:.1} n {}", came.len(), highest.0, (direction(k), highest.1 % radii), evidence.pooled[c], evidence.views[c]); }
         came.push(from);
         if highest.0 == f32::NEG_INFINITY {
             break;
         }
         if highest.0 > end.0 {
             end = (highest.0, Some((came.len() - 1, highest.1)));
+        }
+        // Beyond a gap in the evidence something else begins.
+        if highest.0 < (if end.1.is_some() { end.0 } else { 0.0 }) - p("XDROP", 8.0) as f32 {
+            break;
         }
         best = next;
     }

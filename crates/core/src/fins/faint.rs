@@ -28,8 +28,10 @@ const RUN_LEAST: f64 = 3.0;
 /// Shortest piece, px.
 const SHORTEST_PX: f64 = 45.0;
 /// What a piece must gain over chance, and a piece that goes on where a fin is known.
-const GAIN: f32 = 60.0;
-const GAIN_ON: f32 = 25.0;
+const GAIN: f32 = 45.0;
+const GAIN_ON: f32 = 18.0;
+/// Least share of the half-views whose edges make a known curve a fin.
+const KNOWN_LEAST: f64 = 0.13;
 /// How near the end of a known fin is where a piece goes on: along the capillary, px, and in direction, rad.
 const ON_PX: f64 = 30.0;
 const ON_ANGLE: f64 = 20.0 / 180.0 * PI;
@@ -135,47 +137,18 @@ pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_u
     if grid.radii == 0 {
         return known;
     }
+    // A curve of few edges is found again if the views together show it, and in its right place.
+    let known: Vec<Fin> = known.into_iter().filter(|fin| fin.edges as f64 >= p("WEAK", KNOWN_LEAST) * 2.0 * sights.len() as f64).collect();
     known.iter().for_each(|fin| amend(&mut sights, fin, &grid));
     let stations = grid.stations.len();
     let mut blocked = Blocked(vec![vec![false; DIRECTIONS]; stations]);
     known.iter().for_each(|fin| blocked.fin(fin, &grid));
     let mut evidence: Vec<Evidence> = grid.all(0..stations, &sights).into_iter().map(|(_, e)| e).collect();
     let mut fins = known;
-    for round in 0..ROUNDS {
-        // The ends of what is known.
-        if p("EXT", 1.0) > 0.0 { for k in 0..fins.len() {
-            for right in [false, true] {
-                let fin = &fins[k];
-                let Some(&end) = (if right { fin.points_um.last() } else { fin.points_um.first() }) else { continue };
-                let inner = if right { grid.stations.partition_point(|s| s.x_um <= end[0] + 1e-6).checked_sub(1) } else { Some(grid.stations.partition_point(|s| s.x_um < end[0] - 1e-6)) };
-                let Some(inner) = inner.filter(|&at| at < stations) else { continue };
-                let order: Vec<usize> = if right { (inner + 1..stations).collect() } else { (0..inner).rev().collect() };
-                let [y, z] = grid.stations[inner].centre_um;
-                let angle = seen_from([y, z], &end);
-                let radius = ((end[1] - y).hypot(end[2] - z) / px_um - LINE_PX).round().max(0.0) as usize;
-                let from = ((angle.rem_euclid(TAU) / TAU * DIRECTIONS as f64).round() as usize % DIRECTIONS, radius);
-                let mut others = Blocked(vec![vec![false; DIRECTIONS]; stations]);
-                fins.iter().enumerate().filter(|(j, _)| *j != k).for_each(|(_, fin)| others.fin(fin, &grid));
-                let along: Vec<(&Evidence, &[bool])> = order.iter().map(|&at| (&evidence[at], others.0[at].as_slice())).collect();
-                let mut states = super::extend::extended(from, &along, grid.radii, (FEW * 2.0 * sights.len() as f64) as f32);
-                if states.is_empty() { continue; }
-                if std::env::var("FINDBG").is_ok() { eprintln!("   extend fin {k} right {right} from {inner} {from:?} by {} to {:?}", states.len(), states.last()); }
-                let first = if right { inner + 1 } else { states.reverse(); inner - states.len() };
-                let piece = Piece { first, states };
-                blocked.piece(&piece);
-                let more = shaped(&piece, &evidence, &grid, slices);
-                fins[k] = joined(fin, more);
-                let fin = fins[k].clone();
-                amend(&mut sights, &fin, &grid);
-                let near = piece.first.saturating_sub(2)..(piece.stations().end + 2).min(stations);
-                for (at, again) in grid.all(near, &sights) { evidence[at] = again; }
-            }
-        } }
+    for _ in 0..ROUNDS {
         let scores: Vec<&[f32]> = evidence.iter().map(|e| e.score.as_slice()).collect();
         let pieces = pieces(&followed(&scores, &blocked.0, grid.radii));
-        if pieces.is_empty() && round > 0 {
-            break;
-        }
+        let searched = pieces.is_empty();
         let mut changed = vec![false; stations];
         for piece in pieces {
             blocked.piece(&piece);
@@ -193,6 +166,39 @@ pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_u
         }
         for (at, again) in grid.all((0..stations).filter(|&at| changed[at]), &sights) {
             evidence[at] = again;
+        }
+        // The ends of what is known.
+        if p("EXT", 1.0) > 0.0 { for k in 0..fins.len() {
+            if (fins[k].points_um.len() as f64) < p("EXTLEN", 80.0) { continue; }
+            for right in [false, true] {
+                let fin = &fins[k];
+                let Some(&end) = (if right { fin.points_um.last() } else { fin.points_um.first() }) else { continue };
+                let inner = if right { grid.stations.partition_point(|s| s.x_um <= end[0] + 1e-6).checked_sub(1) } else { Some(grid.stations.partition_point(|s| s.x_um < end[0] - 1e-6)) };
+                let Some(inner) = inner.filter(|&at| at < stations) else { continue };
+                let order: Vec<usize> = if right { (inner + 1..stations).collect() } else { (0..inner).rev().collect() };
+                let [y, z] = grid.stations[inner].centre_um;
+                let angle = seen_from([y, z], &end);
+                let radius = ((end[1] - y).hypot(end[2] - z) / px_um - LINE_PX).round().max(0.0) as usize;
+                let from = ((angle.rem_euclid(TAU) / TAU * DIRECTIONS as f64).round() as usize % DIRECTIONS, radius);
+                let mut others = Blocked(vec![vec![false; DIRECTIONS]; stations]);
+                fins.iter().enumerate().filter(|(j, _)| *j != k).for_each(|(_, fin)| others.fin(fin, &grid));
+                let along: Vec<(&Evidence, &[bool])> = order.iter().map(|&at| (&evidence[at], others.0[at].as_slice())).collect();
+                let mut states = super::extend::extended(from, &along, grid.radii, (p("EXTFEW", 0.0) * FEW * 2.0 * sights.len() as f64) as f32);
+                if states.is_empty() { continue; }
+                if std::env::var("FINDBG").is_ok() { eprintln!("   extend fin {k} right {right} from {inner} {from:?} by {} to {:?}", states.len(), states.last()); }
+                let first = if right { inner + 1 } else { states.reverse(); inner - states.len() };
+                let piece = Piece { first, states };
+                blocked.piece(&piece);
+                let more = shaped(&piece, &evidence, &grid, slices);
+                fins[k] = joined(fin, more);
+                let fin = fins[k].clone();
+                amend(&mut sights, &fin, &grid);
+                let near = piece.first.saturating_sub(2)..(piece.stations().end + 2).min(stations);
+                for (at, again) in grid.all(near, &sights) { evidence[at] = again; }
+            }
+        } }
+        if searched {
+            break;
         }
     }
     if p("TAPER", 1.0) > 0.0 {
@@ -241,13 +247,12 @@ fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize
         return true;
     }
     let clear = response >= if is_few { if goes_on { RESPONSE_LEAST_FEW } else { RESPONSE_CLEAR } } else { RESPONSE_LEAST };
-    let gain_least = if goes_on { GAIN_ON } else { GAIN } * GAIN_STEP;
+    let gain_least = if goes_on { GAIN_ON } else { GAIN };
     if std::env::var("FINDBG").is_ok() {
         eprintln!("   try {:?} a {} r {} gain {gain:.0} highest {highest:.1} response {response:.2} seen {seen} on {goes_on} -> {}", piece.stations(), 2 * piece.states[0].0, piece.states[0].1, clear && gain >= gain_least && highest >= RUN_LEAST && (piece.states.len() * STEP) as f64 >= SHORTEST_PX);
     }
     clear && gain >= gain_least && highest >= RUN_LEAST && (piece.states.len() * STEP) as f64 >= SHORTEST_PX
 }
-const GAIN_STEP: f32 = 0.75;
 
 /// The free edge of a fin along a piece, smoothed, with a point in every slice.
 fn shaped(piece: &Piece, evidence: &[Evidence], grid: &Grid, slices: &[Standing]) -> Fin {

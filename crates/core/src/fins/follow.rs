@@ -34,7 +34,8 @@ pub(super) fn followed(scores: &[&[f32]], blocked: &[Vec<bool>], radii: usize) -
             .into_par_iter()
             .with_min_len(DIRECTIONS / 2)
             .map(|a| {
-                if blocked[at][a] {
+                let scores = &scores[at][a * radii..(a + 1) * radii];
+                if blocked[at][a] || scores.iter().all(|score| *score == none) {
                     return vec![none; radii];
                 }
                 let mut row = vec![entrance; radii];
@@ -44,7 +45,7 @@ pub(super) fn followed(scores: &[&[f32]], blocked: &[Vec<bool>], radii: usize) -
                         row.iter_mut().zip(from).for_each(|(row, from)| *row = row.max(from - cost));
                     }
                 }
-                row.iter_mut().zip(&scores[at][a * radii..(a + 1) * radii]).for_each(|(row, score)| *row += score);
+                row.iter_mut().zip(scores).for_each(|(row, score)| *row += score);
                 row
             })
             .collect();
@@ -68,6 +69,9 @@ fn turns(a: usize) -> impl Iterator<Item = (usize, f32)> {
 fn risen(before: &[f32], radii: usize) -> Vec<f32> {
     let mut risen = before.to_vec();
     for (to, from) in risen.chunks_exact_mut(radii).zip(before.chunks_exact(radii)) {
+        if from.iter().all(|value| *value == f32::NEG_INFINITY) {
+            continue;
+        }
         for rise in 1..=RISE_MOST.min(radii.saturating_sub(1)) {
             let cost = RISE_COST * (rise * rise) as f32;
             to[rise..].iter_mut().zip(from).for_each(|(to, from)| *to = to.max(from - cost));

@@ -13,8 +13,8 @@ const LOW_PX: f64 = 10.0;
 /// Length over which the slope at an end is taken, px.
 const SLOPE_PX: usize = 80;
 /// Least and largest slope, px per px. The fin folds of larvae rise by 1/25 to 1/40.
-const SLOPE_LEAST: f64 = 1.0 / 20.0;
-const SLOPE_MOST: f64 = 1.0 / 10.0;
+const SLOPE_LEAST: f64 = 1.0 / 10.0;
+const SLOPE_MOST: f64 = 1.0 / 5.0;
 
 /// Continues a fin from its low ends down to the body.
 pub(super) fn taper(fin: &mut Fin, others: &[Fin], slices: &[Standing], px_um: f64) {
@@ -22,6 +22,9 @@ pub(super) fn taper(fin: &mut Fin, others: &[Fin], slices: &[Standing], px_um: f
         return;
     }
     for right in [false, true] {
+        if !is_front(fin, right, slices) {
+            continue;
+        }
         // Another fin that goes on from here shows itself where this one goes.
         let end = if right { fin.points_um.last() } else { fin.points_um.first() };
         let beside = |other: &Fin| {
@@ -45,6 +48,16 @@ pub(super) fn taper(fin: &mut Fin, others: &[Fin], slices: &[Standing], px_um: f
             fin.points_um.splice(0..0, added.into_iter().rev());
         }
     }
+}
+
+/// Whether the end of a fin is the one where the body is thicker.
+fn is_front(fin: &Fin, right: bool, slices: &[Standing]) -> bool {
+    let radius = |point: Option<&[f64; 3]>| {
+        let at = slices.partition_point(|slice| slice.x_um < point.map_or(0.0, |p| p[0]) - 1e-6);
+        slices.get(at).map_or(0.0, |slice| slice.body.coefficients[0])
+    };
+    let (left_um, right_um) = (radius(fin.points_um.first()), radius(fin.points_um.last()));
+    (right_um > left_um) == right
 }
 
 /// The points beyond one end, from the end on.
