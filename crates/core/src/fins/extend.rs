@@ -2,7 +2,6 @@
 
 use super::follow::State;
 use super::pool::{DIRECTIONS, Evidence};
-use super::faint::p;
 
 /// Directions on either side of the fin's end that are searched.
 const BAND: usize = 12;
@@ -12,9 +11,18 @@ const RISE_MOST: usize = 2;
 const TURN_COST: f32 = 0.25;
 const RISE_COST: f32 = 0.35;
 
+/// Evidence that neither speaks for a fin nor against it, at least, and per root of the number of half-views. A fin that is known may
+/// show less of itself than one that is not.
+const BAR: f32 = 2.0;
+const BAR_PER_VIEW: f32 = 0.8;
+/// Least gain of what is added.
+const GAIN: f32 = 6.0;
+/// Loss after which the search ends: what lies beyond it is something else.
+const DROP: f32 = 8.0;
+
 /// The states beyond the end `from`, which lies in the slice before the first of `slices`. Empty where the evidence says that the fin
 /// ends there.
-pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usize, few: f32) -> Vec<State> {
+pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usize) -> Vec<State> {
     let width = 2 * BAND + 1;
     let direction = |k: usize| (from.0 + DIRECTIONS + k - BAND) % DIRECTIONS;
     let mut best = vec![f32::NEG_INFINITY; width * radii];
@@ -23,8 +31,7 @@ pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usiz
     }
     best[BAND * radii + from.1] = 0.0;
     let mut came: Vec<Vec<u32>> = Vec::new();
-    let mut end = (p("EXTGAIN", 6.0) as f32, None);
-    let (bar, per_view) = (p("EXTBAR", 2.2) as f32, p("EXTPER", 0.8) as f32);
+    let mut end = (GAIN, None);
     for (evidence, blocked) in slices {
         let (mut next, mut from) = (vec![f32::NEG_INFINITY; width * radii], vec![0u32; width * radii]);
         let mut highest = (f32::NEG_INFINITY, 0);
@@ -34,8 +41,7 @@ pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usiz
                 if evidence.score[cell] == f32::NEG_INFINITY {
                     continue;
                 }
-                let n = f32::from(evidence.views[cell]);
-                let score = if n < few { evidence.score[cell] } else { evidence.pooled[cell] - bar.max(per_view * n.sqrt()) };
+                let score = evidence.pooled[cell] - BAR.max(BAR_PER_VIEW * f32::from(evidence.views[cell]).sqrt());
                 let mut value = (f32::NEG_INFINITY, 0);
                 for j in k.saturating_sub(TURN_MOST)..(k + TURN_MOST + 1).min(width) {
                     for s in r.saturating_sub(RISE_MOST)..(r + RISE_MOST + 1).min(radii) {
@@ -55,7 +61,6 @@ pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usiz
                 }
             }
         }
-        if std::env::var("FINDBG2").is_ok() { let k = highest.1 / radii.max(1); let c = direction(k) * radii + highest.1 % radii; eprintln!("      step {} cum {:.1} at {:?} T {:.1} n {}", came.len(), highest.0, (direction(k), highest.1 % radii), evidence.pooled[c], evidence.views[c]); }
         came.push(from);
         if highest.0 == f32::NEG_INFINITY {
             break;
@@ -63,8 +68,7 @@ pub(super) fn extended(from: State, slices: &[(&Evidence, &[bool])], radii: usiz
         if highest.0 > end.0 {
             end = (highest.0, Some((came.len() - 1, highest.1)));
         }
-        // Beyond a gap in the evidence something else begins.
-        if highest.0 < (if end.1.is_some() { end.0 } else { 0.0 }) - p("XDROP", 8.0) as f32 {
+        if highest.0 < (if end.1.is_some() { end.0 } else { 0.0 }) - DROP {
             break;
         }
         best = next;

@@ -5,14 +5,17 @@
 //!        ▲                                                                                      │
 //!        └───────────────────── edges with the accepted pieces ─────────────────────────────────┘
 //! ```
-//! A fin that is found takes its part of the evidence with it: only what stands out of it is asked for in the next round.
+//! A fin that is found is followed beyond its ends, and takes its part of the evidence with it: only what stands
+//! out of it is searched in the next round.
 
+use super::amend::each_column;
 use super::body::smoothed;
-use super::follow::followed;
+use super::extend::extended;
+use super::follow::{State, followed};
 use super::pool::{DIRECTIONS, Evidence, FEW, Grid, Sight};
-use super::{Fin, FinView, Standing, SAME_PX};
-use super::follow::State;
-use crate::profile::{Columns, FinBorders};
+use super::taper::tapered;
+use super::{Fin, FinView, Standing};
+use crate::profile::FinBorders;
 use crate::statistics::median;
 use std::f64::consts::{PI, TAU};
 
@@ -35,12 +38,21 @@ const KNOWN_LEAST: f64 = 0.13;
 /// How near the end of a known fin is where a piece goes on: along the capillary, px, and in direction, rad.
 const ON_PX: f64 = 30.0;
 const ON_ANGLE: f64 = 20.0 / 180.0 * PI;
-/// Least median response of a half-view to a piece. Where only few show it, it must go on from a fin or be very clear.
+/// Shortest fin that is followed beyond its ends, px. The free edges of pectoral fins are shorter and end where they are seen to end.
+const FOLLOWED_PX: usize = 80;
+/// Least median response of a half-view to a piece. Where only few show it, each must show more.
 const RESPONSE_LEAST: f64 = 0.95;
 const RESPONSE_LEAST_FEW: f64 = 1.8;
 const RESPONSE_CLEAR: f64 = 2.5;
+/// A pectoral fin is short, and only few views show it, but very clearly: its least gain and length, px. At the ends of the body, this
+/// many px, its own rounding looks like that.
+const GAIN_CLEAR: f32 = 20.0;
+const SHORTEST_CLEAR_PX: f64 = 24.0;
+const BODY_END_PX: usize = 48;
 /// From the place of the filter's step to the middle of the border's line, px.
 const LINE_PX: f64 = 0.65;
+/// Slices beside a piece whose evidence it changes, too: a view sees them in the same columns.
+const NEAR: usize = 2;
 /// Slices over which a piece is averaged.
 const SIGMA: f64 = 2.25;
 
@@ -114,102 +126,127 @@ fn goes_on(piece: &Piece, fin: &Fin, grid: &Grid, px_um: f64) -> bool {
     })
 }
 
-fn sighted<'a>(view: &FinView<'a>) -> Option<(&'a FinBorders, &'a Columns)> {
-    Some((view.borders?, view.body?))
-}
-
-/// The fins that only the views together show, besides the `known` ones, which may be continued.
+/// The fins that only the views together show, besides the `known` ones, which are continued.
 pub(super) fn find(views: &[FinView], slices: &[Standing], known: Vec<Fin>, px_um: f64) -> Vec<Fin> {
-    if views.is_empty() || views.iter().any(|view| sighted(view).is_none()) {
-        return known;
-    }
-    let mut sights: Vec<Sight> = views
-        .iter()
-        .filter_map(|view| {
-            let (borders, body) = sighted(view)?;
-            let row = |u: usize| body.get(u).map_or([f64::NAN; 2], |e| [e.upper, e.lower]);
-            Some(Sight { borders, projection: view.projection, edges: (0..borders.width()).map(row).collect() })
-        })
-        .collect();
-    let of_views = |of: &dyn Fn(&FinBorders) -> f64| median(sights.iter().map(|s| of(s.borders)).collect());
-    let (margin_px, bore_um) = (of_views(&FinBorders::margin_px), of_views(&FinBorders::bore_px) / 2.0 * px_um);
-    let grid = Grid::new(slices, STEP, bore_um, margin_px, px_um);
-    if grid.radii == 0 {
-        return known;
-    }
-    // A curve of few edges is found again if the views together show it, and in its right place.
-    let known: Vec<Fin> = known.into_iter().filter(|fin| fin.edges as f64 >= p("WEAK", KNOWN_LEAST) * 2.0 * sights.len() as f64).collect();
-    known.iter().for_each(|fin| amend(&mut sights, fin, &grid));
-    let stations = grid.stations.len();
-    let mut blocked = Blocked(vec![vec![false; DIRECTIONS]; stations]);
-    known.iter().for_each(|fin| blocked.fin(fin, &grid));
-    let mut evidence: Vec<Evidence> = grid.all(0..stations, &sights).into_iter().map(|(_, e)| e).collect();
-    let mut fins = known;
+    let Some(mut search) = Search::new(views, slices, &known, px_um) else { return known };
     for _ in 0..ROUNDS {
-        let scores: Vec<&[f32]> = evidence.iter().map(|e| e.score.as_slice()).collect();
-        let pieces = pieces(&followed(&scores, &blocked.0, grid.radii));
-        let searched = pieces.is_empty();
-        let mut changed = vec![false; stations];
+        let scores: Vec<&[f32]> = search.evidence.iter().map(|e| e.score.as_slice()).collect();
+        let pieces = pieces(&followed(&scores, &search.blocked.0, search.grid.radii));
+        let is_last = pieces.is_empty();
         for piece in pieces {
-            blocked.piece(&piece);
-            let on = fins.iter().position(|fin| goes_on(&piece, fin, &grid, px_um));
-            if is_accepted(&piece, &evidence, on.is_some(), sights.len(), grid.radii) {
-                let fin = shaped(&piece, &evidence, &grid, slices);
-                amend(&mut sights, &fin, &grid);
-                let near = piece.first.saturating_sub(2)..(piece.stations().end + 2).min(stations);
-                changed[near].fill(true);
-                match on {
-                    Some(on) => fins[on] = joined(&fins[on], fin),
-                    None => fins.push(fin),
-                }
-            }
+            search.judge(&piece);
         }
-        for (at, again) in grid.all((0..stations).filter(|&at| changed[at]), &sights) {
-            evidence[at] = again;
+        for fin in 0..search.fins.len() {
+            search.follow_on(fin, false);
+            search.follow_on(fin, true);
         }
-        // The ends of what is known.
-        if p("EXT", 1.0) > 0.0 { for k in 0..fins.len() {
-            if (fins[k].points_um.len() as f64) < p("EXTLEN", 80.0) { continue; }
-            for right in [false, true] {
-                let fin = &fins[k];
-                let Some(&end) = (if right { fin.points_um.last() } else { fin.points_um.first() }) else { continue };
-                let inner = if right { grid.stations.partition_point(|s| s.x_um <= end[0] + 1e-6).checked_sub(1) } else { Some(grid.stations.partition_point(|s| s.x_um < end[0] - 1e-6)) };
-                let Some(inner) = inner.filter(|&at| at < stations) else { continue };
-                let order: Vec<usize> = if right { (inner + 1..stations).collect() } else { (0..inner).rev().collect() };
-                let [y, z] = grid.stations[inner].centre_um;
-                let angle = seen_from([y, z], &end);
-                let radius = ((end[1] - y).hypot(end[2] - z) / px_um - LINE_PX).round().max(0.0) as usize;
-                let from = ((angle.rem_euclid(TAU) / TAU * DIRECTIONS as f64).round() as usize % DIRECTIONS, radius);
-                let mut others = Blocked(vec![vec![false; DIRECTIONS]; stations]);
-                fins.iter().enumerate().filter(|(j, _)| *j != k).for_each(|(_, fin)| others.fin(fin, &grid));
-                let along: Vec<(&Evidence, &[bool])> = order.iter().map(|&at| (&evidence[at], others.0[at].as_slice())).collect();
-                let mut states = super::extend::extended(from, &along, grid.radii, (p("EXTFEW", 0.0) * FEW * 2.0 * sights.len() as f64) as f32);
-                if states.is_empty() { continue; }
-                if std::env::var("FINDBG").is_ok() { eprintln!("   extend fin {k} right {right} from {inner} {from:?} by {} to {:?}", states.len(), states.last()); }
-                let first = if right { inner + 1 } else { states.reverse(); inner - states.len() };
-                let piece = Piece { first, states };
-                blocked.piece(&piece);
-                let more = shaped(&piece, &evidence, &grid, slices);
-                fins[k] = joined(fin, more);
-                let fin = fins[k].clone();
-                amend(&mut sights, &fin, &grid);
-                let near = piece.first.saturating_sub(2)..(piece.stations().end + 2).min(stations);
-                for (at, again) in grid.all(near, &sights) { evidence[at] = again; }
-            }
-        } }
-        if searched {
+        if is_last {
             break;
         }
     }
-    if p("TAPER", 1.0) > 0.0 {
-        for k in 0..fins.len() {
-            let mut fin = fins[k].clone();
-            let others: Vec<Fin> = fins.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, f)| f.clone()).collect();
-            super::taper::taper(&mut fin, &others, slices, px_um);
-            fins[k] = fin;
+    let found = search.fins;
+    (0..found.len()).map(|k| tapered(&found, k, slices, px_um)).collect()
+}
+
+/// A search with what it has found so far.
+struct Search<'a> {
+    sights: Vec<Sight<'a>>,
+    slices: &'a [Standing],
+    grid: Grid,
+    evidence: Vec<Evidence>,
+    blocked: Blocked,
+    fins: Vec<Fin>,
+    px_um: f64,
+}
+
+impl<'a> Search<'a> {
+    /// `None` where a view does not tell its borders, or where there is nothing to search.
+    fn new(views: &'a [FinView<'a>], slices: &'a [Standing], known: &[Fin], px_um: f64) -> Option<Self> {
+        let sight = |view: &'a FinView<'a>| {
+            let (borders, body) = (view.borders?, view.body?);
+            let row = |u: usize| body.get(u).map_or([f64::NAN; 2], |e| [e.upper, e.lower]);
+            Some(Sight { borders, projection: view.projection, edges: (0..borders.width()).map(row).collect() })
+        };
+        let mut sights: Vec<Sight> = views.iter().map(sight).collect::<Option<_>>()?;
+        let of_views = |of: &dyn Fn(&FinBorders) -> f64| median(sights.iter().map(|s| of(s.borders)).collect());
+        let (margin_px, bore_um) = (of_views(&FinBorders::margin_px), of_views(&FinBorders::bore_px) / 2.0 * px_um);
+        let grid = Grid::new(slices, STEP, bore_um, margin_px, px_um);
+        if grid.radii == 0 || sights.is_empty() {
+            return None;
+        }
+        // A curve of few edges is found again if the views together show it, and in its right place.
+        let least = KNOWN_LEAST * 2.0 * sights.len() as f64;
+        let fins: Vec<Fin> = known.iter().filter(|fin| fin.edges as f64 >= least).cloned().collect();
+        let mut blocked = Blocked(vec![vec![false; DIRECTIONS]; grid.stations.len()]);
+        for fin in &fins {
+            amend(&mut sights, fin, &grid);
+            blocked.fin(fin, &grid);
+        }
+        let evidence = grid.all(0..grid.stations.len(), &sights);
+        Some(Self { sights, slices, grid, evidence, blocked, fins, px_um })
+    }
+
+    /// Accepts or refuses a piece. Neither is asked for again.
+    fn judge(&mut self, piece: &Piece) {
+        self.blocked.piece(piece);
+        let on = self.fins.iter().position(|fin| goes_on(piece, fin, &self.grid, self.px_um));
+        if is_accepted(piece, &self.evidence, on.is_some(), self.sights.len(), self.grid.radii) {
+            self.add(piece, on);
         }
     }
-    fins
+
+    /// Follows a known fin beyond one of its ends.
+    fn follow_on(&mut self, fin: usize, right: bool) {
+        let (grid, points) = (&self.grid, &self.fins[fin].points_um);
+        let Some(end) = (if right { points.last() } else { points.first() }) else { return };
+        if points.len() < FOLLOWED_PX {
+            return;
+        }
+        let before = |x_um: f64| grid.stations.partition_point(|station| station.x_um < x_um);
+        // The last station of the fin.
+        let Some(at) = (if right { before(end[0] + 1e-6).checked_sub(1) } else { Some(before(end[0] - 1e-6)) }) else { return };
+        let Some(station) = grid.stations.get(at) else { return };
+        let [y, z] = station.centre_um;
+        let turns = seen_from([y, z], end).rem_euclid(TAU) / TAU;
+        let radius_px = (end[1] - y).hypot(end[2] - z) / self.px_um - LINE_PX;
+        let from = ((turns * DIRECTIONS as f64).round() as usize % DIRECTIONS, radius_px.round().max(0.0) as usize);
+        let mut others = Blocked(vec![vec![false; DIRECTIONS]; grid.stations.len()]);
+        self.fins.iter().enumerate().filter(|(other, _)| *other != fin).for_each(|(_, other)| others.fin(other, grid));
+        let ahead = |at: usize| (&self.evidence[at], others.0[at].as_slice());
+        let mut states = if right {
+            extended(from, &(at + 1..grid.stations.len()).map(ahead).collect::<Vec<_>>(), grid.radii)
+        } else {
+            extended(from, &(0..at).rev().map(ahead).collect::<Vec<_>>(), grid.radii)
+        };
+        if states.is_empty() {
+            return;
+        }
+        let first = if right {
+            at + 1
+        } else {
+            states.reverse();
+            at - states.len()
+        };
+        let piece = Piece { first, states };
+        self.blocked.piece(&piece);
+        self.add(&piece, Some(fin));
+    }
+
+    /// Adds a piece to a fin or as a new one. Its evidence is then explained.
+    fn add(&mut self, piece: &Piece, to: Option<usize>) {
+        let more = shaped(piece, &self.evidence, &self.grid, self.slices);
+        let at = to.unwrap_or(self.fins.len());
+        match to {
+            Some(to) => self.fins[to] = joined(&self.fins[to], more),
+            None => self.fins.push(more),
+        }
+        amend(&mut self.sights, &self.fins[at], &self.grid);
+        let near = piece.first.saturating_sub(NEAR)..(piece.stations().end + NEAR).min(self.grid.stations.len());
+        let first = near.start;
+        for (k, again) in self.grid.all(near, &self.sights).into_iter().enumerate() {
+            self.evidence[first + k] = again;
+        }
+    }
 }
 
 /// The pieces of a chain.
@@ -226,32 +263,31 @@ fn pieces(chain: &[Option<State>]) -> Vec<Piece> {
 }
 
 fn is_accepted(piece: &Piece, evidence: &[Evidence], goes_on: bool, views: usize, radii: usize) -> bool {
-    let at = |of: &dyn Fn(&Evidence, usize) -> f64| -> Vec<f64> {
+    let along = |of: &dyn Fn(&Evidence, usize) -> f64| -> Vec<f64> {
         piece.stations().zip(&piece.states).map(|(at, &(a, r))| of(&evidence[at], a * radii + r)).collect()
     };
     let gain: f32 = piece.stations().zip(&piece.states).map(|(at, &(a, r))| evidence[at].score[a * radii + r]).sum();
-    let pooled = at(&|e, i| f64::from(e.pooled[i]));
+    let response = median(along(&|e, i| f64::from(e.pooled[i]) / f64::from(e.views[i].max(1)).sqrt()));
+    let is_few = median(along(&|e, i| f64::from(e.views[i]))) < FEW * 2.0 * views as f64;
+    let length_px = (piece.states.len() * STEP) as f64;
+    let end = BODY_END_PX / STEP;
+    let beside_ends = piece.first > end && piece.stations().end + end < evidence.len();
+    if is_few && beside_ends && response > RESPONSE_CLEAR && gain > GAIN_CLEAR && length_px >= SHORTEST_CLEAR_PX {
+        return true;
+    }
+    let pooled = along(&|e, i| f64::from(e.pooled[i]));
     let reach = (RUN_PX / STEP as f64 / 2.0) as usize;
     let mean = |i: usize| {
         let near = &pooled[i.saturating_sub(reach)..(i + reach + 1).min(pooled.len())];
         near.iter().sum::<f64>() / near.len() as f64
     };
     let highest = (0..pooled.len()).map(mean).fold(f64::NEG_INFINITY, f64::max);
-    let response = median(at(&|e, i| f64::from(e.pooled[i]) / f64::from(e.views[i].max(1)).sqrt()));
-    let seen = median(at(&|e, i| f64::from(e.views[i])));
-    let is_few = seen < FEW * 2.0 * views as f64;
-    let length = (piece.states.len() * STEP) as f64;
-    let inner = piece.first > 12 && piece.stations().end + 12 < evidence.len();
-    if is_few && inner && response > p("CLEAR", 2.5) && gain > p("CLEARGAIN", 20.0) as f32 && length >= p("CLEARPX", 24.0) && seen >= p("CLEARN", 3.0) {
-        if std::env::var("FINDBG").is_ok() { eprintln!("   clear {:?} a {} r {} gain {gain:.0} highest {highest:.1} response {response:.2} seen {seen} on {goes_on}", piece.stations(), 2 * piece.states[0].0, piece.states[0].1); }
-        return true;
-    }
-    let clear = response >= if is_few { if goes_on { RESPONSE_LEAST_FEW } else { RESPONSE_CLEAR } } else { RESPONSE_LEAST };
-    let gain_least = if goes_on { GAIN_ON } else { GAIN };
-    if std::env::var("FINDBG").is_ok() {
-        eprintln!("   try {:?} a {} r {} gain {gain:.0} highest {highest:.1} response {response:.2} seen {seen} on {goes_on} -> {}", piece.stations(), 2 * piece.states[0].0, piece.states[0].1, clear && gain >= gain_least && highest >= RUN_LEAST && (piece.states.len() * STEP) as f64 >= SHORTEST_PX);
-    }
-    clear && gain >= gain_least && highest >= RUN_LEAST && (piece.states.len() * STEP) as f64 >= SHORTEST_PX
+    let least = match (is_few, goes_on) {
+        (false, _) => RESPONSE_LEAST,
+        (true, true) => RESPONSE_LEAST_FEW,
+        (true, false) => RESPONSE_CLEAR,
+    };
+    response >= least && gain >= if goes_on { GAIN_ON } else { GAIN } && highest >= RUN_LEAST && length_px >= SHORTEST_PX
 }
 
 /// The free edge of a fin along a piece, smoothed, with a point in every slice.
@@ -266,24 +302,25 @@ fn shaped(piece: &Piece, evidence: &[Evidence], grid: &Grid, slices: &[Standing]
         .collect();
     let smooth = [0, 1].map(|k| smoothed(&offsets.iter().map(|p| p[k]).collect::<Vec<_>>(), SIGMA));
     let node = |i: usize| {
-        let station = &grid.stations[piece.first + i];
-        [station.x_um, station.centre_um[0] + smooth[0][i], station.centre_um[1] + smooth[1][i]]
+        let [y, z] = grid.stations[piece.first + i].centre_um;
+        [y + smooth[0][i], z + smooth[1][i]]
     };
     let last = piece.states.len() - 1;
     let points_um = (0..=last * STEP)
         .map(|k| {
             let (i, part) = (k / STEP, (k % STEP) as f64 / STEP as f64);
             let (a, b) = (node(i), node((i + 1).min(last)));
-            [slices[(piece.first + i) * STEP + k % STEP].x_um, a[1] + part * (b[1] - a[1]), a[2] + part * (b[2] - a[2])]
+            [slices[piece.first * STEP + k].x_um, a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1])]
         })
         .collect();
-    let edges = median(piece.stations().zip(&piece.states).map(|(at, &(a, r))| f64::from(evidence[at].views[a * grid.radii + r])).collect());
-    Fin { points_um, edges: edges as usize }
+    let views = |(at, &(a, r)): (usize, &State)| f64::from(evidence[at].views[a * grid.radii + r]);
+    Fin { points_um, edges: median(piece.stations().zip(&piece.states).map(views).collect()) as usize }
 }
 
-/// Two parts of a fin as one. Between them it is straight.
+/// Two parts of a fin as one, with a point in every slice. Between the parts it is straight.
 fn joined(one: &Fin, other: Fin) -> Fin {
-    let (left, right) = if one.points_um[0][0] <= other.points_um[0][0] { (one, &other) } else { (&other, one) };
+    let begin = |fin: &Fin| fin.points_um.first().map_or(0.0, |p| p[0]);
+    let (left, right) = if begin(one) <= begin(&other) { (one, &other) } else { (&other, one) };
     let mut points_um = left.points_um.clone();
     let end = points_um.last().map_or(f64::NEG_INFINITY, |p| p[0]);
     points_um.extend(right.points_um.iter().filter(|p| p[0] > end));
@@ -292,23 +329,17 @@ fn joined(one: &Fin, other: Fin) -> Fin {
 
 /// Moves the known edges of each view out to a fin.
 fn amend(sights: &mut [Sight], fin: &Fin, grid: &Grid) {
-    for sight in sights {
-        let centre = |x: f64| {
-            let after = grid.stations.partition_point(|s| s.x_um < x).min(grid.stations.len() - 1);
-            grid.stations[after].centre_um
-        };
-        super::amend::each_column(&fin.points_um, &sight.projection, sight.edges.len(), &centre, |u, v, middle| {
+    let centre = |x_um: f64| {
+        let after = grid.stations.partition_point(|station| station.x_um < x_um);
+        grid.stations.get(after).or(grid.stations.last()).map_or([0.0; 2], |station| station.centre_um)
+    };
+    for Sight { projection, edges, .. } in sights {
+        each_column(&fin.points_um, projection, edges.len(), &centre, |u, v, middle| {
             let lower = v >= middle;
-            let edge = &mut sight.edges[u][usize::from(lower)];
-            if edge.is_nan() || if lower { v > *edge } else { v < *edge } {
+            let edge = &mut edges[u][usize::from(lower)];
+            if edge.is_nan() || (v > *edge) == lower {
                 *edge = v;
             }
         });
     }
-    let _ = SAME_PX;
-}
-
-/// lab
-pub(super) fn p(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }

@@ -5,8 +5,7 @@
 //!            from the body outwards             T = sum of responses / sqrt(views)
 //! ```
 
-use super::Standing;
-use super::centre;
+use super::{Standing, centre};
 use crate::geometry::Projection;
 use crate::parallel::prelude::*;
 use crate::profile::FinBorders;
@@ -192,8 +191,7 @@ impl Grid {
     }
 
     /// The evidence in these stations.
-    pub fn all(&self, stations: impl IntoIterator<Item = usize>, sights: &[Sight]) -> Vec<(usize, Evidence)> {
-        let stations: Vec<usize> = stations.into_iter().collect();
-        stations.into_par_iter().map(|at| (at, self.pooled(at, sights))).collect()
+    pub fn all(&self, stations: std::ops::Range<usize>, sights: &[Sight]) -> Vec<Evidence> {
+        stations.into_par_iter().map(|at| self.pooled(at, sights)).collect()
     }
 }

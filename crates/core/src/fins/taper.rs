@@ -1,63 +1,63 @@
-//! The low ends of fins.
+//! The low front ends of fins.
 //!
 //! ```text
 //!   height over the body   ____----     A fold rises slowly from the body. Where it stands out by less than the body's blur, no view
 //!        ..... taper  ----'             shows its border: its last slope is continued down to the body.
 //! ```
 
-use super::faint::p;
 use super::{Fin, Standing, centre};
 
 /// Largest height of an end that is low, px.
 const LOW_PX: f64 = 10.0;
 /// Length over which the slope at an end is taken, px.
 const SLOPE_PX: usize = 80;
-/// Least and largest slope, px per px. The fin folds of larvae rise by 1/25 to 1/40.
+/// Least and largest slope, px per px. A fold that is seen down to 5 px goes on for 30 to 100 px in emulated larvae; by the least
+/// slope it is not made longer than it is.
 const SLOPE_LEAST: f64 = 1.0 / 10.0;
 const SLOPE_MOST: f64 = 1.0 / 5.0;
+/// Shortest fin that is a fold, px.
+const LONG_PX: usize = 150;
+/// How far another fin must reach beyond an end, and how far from it it may begin, px.
+const AHEAD_PX: (f64, f64) = (20.0, 100.0);
+/// Cosine of the angle within which two fins have the same direction.
+const SAME_DIRECTION: f64 = 0.8;
 
-/// Continues a fin from its low ends down to the body.
-pub(super) fn taper(fin: &mut Fin, others: &[Fin], slices: &[Standing], px_um: f64) {
-    if (fin.points_um.len() as f64) < p("TAPERLEN", 150.0) {
-        return;
+/// A fin, continued from its low front end down to the body. Where another of the `fins` goes on, that one shows where it goes.
+pub(super) fn tapered(fins: &[Fin], which: usize, slices: &[Standing], px_um: f64) -> Fin {
+    let fin = fins[which].clone();
+    if fin.points_um.len() < LONG_PX {
+        return fin;
     }
-    for right in [false, true] {
-        if !is_front(fin, right, slices) {
-            continue;
-        }
-        // Another fin that goes on from here shows itself where this one goes.
-        let end = if right { fin.points_um.last() } else { fin.points_um.first() };
-        let beside = |other: &Fin| {
-            let (Some(end), Some(first), Some(last)) = (end, other.points_um.first(), other.points_um.last()) else { return false };
-            let ahead = if right { last[0] > end[0] + 20.0 * px_um && first[0] < end[0] + 100.0 * px_um } else { first[0] < end[0] - 20.0 * px_um && last[0] > end[0] - 100.0 * px_um };
-            let near = other.points_um.iter().min_by(|a, b| (a[0] - end[0]).abs().total_cmp(&(b[0] - end[0]).abs()));
-            ahead && near.is_some_and(|q| {
-                let Some(slice) = slices.iter().min_by(|a, b| (a.x_um - end[0]).abs().total_cmp(&(b.x_um - end[0]).abs())) else { return false };
-                let (_, a) = from_centre(slice, end);
-                let (_, b) = from_centre(slice, q);
-                (a - b).cos() > 0.8
-            })
-        };
-        if others.iter().any(beside) {
-            continue;
-        }
-        let Some(added) = beyond(fin, right, slices, px_um) else { continue };
-        if right {
-            fin.points_um.extend(added);
-        } else {
-            fin.points_um.splice(0..0, added.into_iter().rev());
-        }
+    let right = is_right_front(&fin, slices);
+    let goes_on = |(k, other): (usize, &Fin)| k != which && is_ahead(&fin, other, right, slices, px_um);
+    if fins.iter().enumerate().any(goes_on) {
+        return fin;
     }
+    let Some(added) = beyond(&fin, right, slices, px_um) else { return fin };
+    let points_um = if right { [fin.points_um, added].concat() } else { added.into_iter().rev().chain(fin.points_um).collect() };
+    Fin { points_um, edges: fin.edges }
 }
 
-/// Whether the end of a fin is the one where the body is thicker.
-fn is_front(fin: &Fin, right: bool, slices: &[Standing]) -> bool {
+/// Whether another fin continues where a fin ends: ahead of the end, near it, and in its direction.
+fn is_ahead(fin: &Fin, other: &Fin, right: bool, slices: &[Standing], px_um: f64) -> bool {
+    let end = if right { fin.points_um.last() } else { fin.points_um.first() };
+    let (Some(end), Some(first), Some(last)) = (end, other.points_um.first(), other.points_um.last()) else { return false };
+    let (far, near) = if right { (last[0] - end[0], first[0] - end[0]) } else { (end[0] - first[0], end[0] - last[0]) };
+    if far < AHEAD_PX.0 * px_um || near > AHEAD_PX.1 * px_um {
+        return false;
+    }
+    let Some(slice) = slices.get(slices.partition_point(|slice| slice.x_um < end[0] - 1e-6)) else { return false };
+    let beside = other.points_um.iter().min_by(|a, b| (a[0] - end[0]).abs().total_cmp(&(b[0] - end[0]).abs()));
+    beside.is_some_and(|point| (from_centre(slice, point).1 - from_centre(slice, end).1).cos() > SAME_DIRECTION)
+}
+
+/// Whether the right end of a fin is the one where the body is thicker.
+fn is_right_front(fin: &Fin, slices: &[Standing]) -> bool {
     let radius = |point: Option<&[f64; 3]>| {
         let at = slices.partition_point(|slice| slice.x_um < point.map_or(0.0, |p| p[0]) - 1e-6);
         slices.get(at).map_or(0.0, |slice| slice.body.coefficients[0])
     };
-    let (left_um, right_um) = (radius(fin.points_um.first()), radius(fin.points_um.last()));
-    (right_um > left_um) == right
+    radius(fin.points_um.last()) > radius(fin.points_um.first())
 }
 
 /// The points beyond one end, from the end on.
@@ -69,7 +69,7 @@ fn beyond(fin: &Fin, right: bool, slices: &[Standing], px_um: f64) -> Option<Vec
         y.hypot(z) / px_um - reach_px(slice, theta, px_um)
     };
     let last = height(slices.get(at)?, &end);
-    if !(0.0..p("TAPERLOW", LOW_PX)).contains(&last) {
+    if !(0.0..LOW_PX).contains(&last) {
         return None;
     }
     // Heights inwards from the end, by least squares.
@@ -91,7 +91,7 @@ fn beyond(fin: &Fin, right: bool, slices: &[Standing], px_um: f64) -> Option<Vec
         let dx = k as f64 - middle;
         (xy + dx * (h - mean), xx + dx * dx)
     });
-    let slope = (xy / xx).clamp(p("TAPERLEAST", SLOPE_LEAST), SLOPE_MOST);
+    let slope = (xy / xx).clamp(SLOPE_LEAST, SLOPE_MOST);
     let (_, theta) = from_centre(&slices[at], &end);
     let mut added = Vec::new();
     for k in 1.. {

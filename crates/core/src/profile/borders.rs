@@ -45,7 +45,7 @@ pub struct FinBorders {
 
 /// What the responses are made from.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Window<'a> {
+pub(crate) struct Window<'a> {
     /// Contrast in standard deviations of a pixel's noise, row by row.
     pub lightness: &'a [f32],
     pub width: usize,
@@ -56,24 +56,17 @@ pub(super) struct Window<'a> {
 }
 
 impl FinBorders {
-    /// lab
-    #[doc(hidden)]
-    pub fn lab(lightness: &[f32], width: usize, top: usize, all_light: f32, blur_px: Option<f64>, body: &[Polygon], picture_height: usize, walls: impl Fn(usize) -> [f64; 2]) -> Self {
-        Self::beside(&Window { lightness, width, top, mark: mark(all_light), blur_px }, &Columns::from_outlines(body, width, picture_height), walls)
-    }
-
     /// The responses beside the outlines of a body.
     pub(super) fn of(contrast: &Contrast, bore: &Bore, body: &[Polygon], picture_height: usize, blur_px: Option<f64>) -> Self {
         let body = Columns::from_outlines(body, bore.width, picture_height);
         let plane = &contrast.lightness;
-        let window =
-            Window { lightness: &plane.data, width: plane.width, top: plane.top, mark: mark(contrast.all_light), blur_px };
+        let window = Window { lightness: &plane.data, width: plane.width, top: plane.top, mark: mark(contrast.all_light), blur_px };
         let inner = |u: usize| [bore.walls.upper.inner.at(u as f64), bore.walls.lower.inner.at(u as f64)];
         Self::beside(&window, &body, inner)
     }
 
     /// The same where `walls` gives the rows of the walls' inner lines in a column.
-    pub(super) fn beside(window: &Window, body: &Columns, walls: impl Fn(usize) -> [f64; 2]) -> Self {
+    pub(crate) fn beside(window: &Window, body: &Columns, walls: impl Fn(usize) -> [f64; 2]) -> Self {
         let &Window { lightness, width, top, mark, blur_px } = window;
         let height = lightness.len() / width.max(1);
         let margin_px = BODY_BLURS * blur_px.unwrap_or(BLUR_PX).clamp(BLUR_RANGE_PX.0, BLUR_RANGE_PX.1);
@@ -186,7 +179,9 @@ fn mean_along(raw: &[f32], weight: &[f32], height: usize, kernel: &[f32]) -> Vec
             }
         }
         let own = &weight[u * height..(u + 1) * height];
-        means.extend(own.iter().zip(sum.iter().zip(&total)).map(|(own, (s, t))| if *own > 0.0 && *t > WEIGHT_LEAST { s / t } else { f32::NAN }));
+        means.extend(
+            own.iter().zip(sum.iter().zip(&total)).map(|(own, (s, t))| if *own > 0.0 && *t > WEIGHT_LEAST { s / t } else { f32::NAN }),
+        );
     }
     means
 }

@@ -156,7 +156,11 @@ impl Reconstruction {
     ) -> Result<LiveVolume, ReconstructionError> {
         let columns = columns_of(mask, outlines);
         let body = Some(if body == outlines { columns.clone() } else { columns_of(mask, body) });
-        self.observe_view(mask, ObservedView { columns, body, borders: borders.cloned(), outlines: outlines.to_vec(), omega, mask: None }, leaves)
+        self.observe_view(
+            mask,
+            ObservedView { columns, body, borders: borders.cloned(), outlines: outlines.to_vec(), omega, mask: None },
+            leaves,
+        )
     }
 
     /// Observes the view at 360 deg, which is compared with the view that was observed as number `first`.
